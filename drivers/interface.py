@@ -1,0 +1,186 @@
+"""The one door to servos and robots: what a driver can do, and the messages that pass through it.
+
+The loop calls `open`, then every tick `read` and `write`, then `close`. Messages are allocated once and filled in
+place, so that a tick allocates nothing that grows. Joints are in the order of the robot file.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from configs.robot import Robot
+
+Float = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Capabilities:
+    """What a driver offers; the loop asks before it relies on anything.
+
+    Attributes:
+        imu: an inertial measurement unit is read with the joints.
+        effort: `JointState.effort` is measured.
+        torque_bound: `JointCommand.torque_bound` reaches the servo.
+        lockstep: time stands still between `advance` calls (simulation in this process).
+        truth: `truth()` tells the robot's real pose (simulation).
+    """
+
+    imu: bool = False
+    effort: bool = False
+    torque_bound: bool = False
+    lockstep: bool = False
+    truth: bool = False
+
+
+@dataclass
+class RobotState:
+    """What a driver measured, filled in place by `Driver.read`.
+
+    Attributes:
+        stamp_ns: `time.perf_counter_ns` (or simulated time) of the measurement.
+        position, velocity: joint angles and speeds, (n,) [rad, rad/s].
+        effort: joint torque estimated from current, (n,) [N·m]; NaN where unknown.
+        voltage, temperature: per servo, (n,) [V, °C]; NaN where unknown.
+        hardware_error: per servo, (n,) bits as the servo reports them; 0 is healthy.
+        stale: reads in a row that each joint's values are old, (n,) int; 0 is fresh.
+        gyro: angular velocity in the IMU's frame as mounted and calibrated to the torso frame, (3,) [rad/s].
+        accel: specific force in the torso frame, (3,) [m/s²] (at rest: +9.81 along up).
+        imu_stale: reads in a row without a fresh IMU sample; -1 where there is no IMU.
+    """
+
+    n: int
+    stamp_ns: int = 0
+    position: Float = field(init=False)
+    velocity: Float = field(init=False)
+    effort: Float = field(init=False)
+    voltage: Float = field(init=False)
+    temperature: Float = field(init=False)
+    hardware_error: NDArray[np.int64] = field(init=False)
+    stale: NDArray[np.int64] = field(init=False)
+    gyro: Float = field(default_factory=lambda: np.zeros(3))
+    accel: Float = field(default_factory=lambda: np.array([0.0, 0.0, 9.81]))
+    imu_stale: int = -1
+
+    def __post_init__(self) -> None:
+        self.position, self.velocity = np.zeros(self.n), np.zeros(self.n)
+        self.effort, self.voltage, self.temperature = (np.full(self.n, np.nan) for _ in range(3))
+        self.hardware_error, self.stale = np.zeros(self.n, np.int64), np.zeros(self.n, np.int64)
+
+
+@dataclass
+class JointCommand:
+    """What the loop asks of the servos in one tick.
+
+    Attributes:
+        position: goal positions, (n,) [rad].
+        torque_bound: upper bound of each servo's torque, (n,) [N·m]; NaN leaves the servo's own limit. Only
+            drivers with `Capabilities.torque_bound` obey it.
+    """
+
+    n: int
+    position: Float = field(init=False)
+    torque_bound: Float = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.position, self.torque_bound = np.zeros(self.n), np.full(self.n, np.nan)
+
+
+@dataclass(frozen=True)
+class Truth:
+    """The simulated robot's real state, for reports and pictures, never for control.
+
+    Attributes:
+        base_position, base_quaternion: torso in the world, (3,) [m] and (4,) w x y z.
+        joint_position: (n,) [rad], without sensor quantisation.
+        foot_position: centre of each sole in the world, left then right, (2, 3) [m].
+        foot_velocity: velocity of that point, (2, 3) [m/s].
+        foot_force: ground force on each foot, world frame, (2, 3) [N].
+        torque: torque each servo made, averaged over the tick, (n,) [N·m].
+        saturated: share of the tick in which each servo was at its torque limit, (n,) in [0, 1].
+        com: centre of mass of the whole robot, (3,) [m].
+        self_contact: whether two links of the robot touch (feet on the floor do not count).
+    """
+
+    base_position: Float
+    base_quaternion: Float
+    joint_position: Float
+    foot_position: Float
+    foot_velocity: Float
+    foot_force: Float
+    torque: Float
+    saturated: Float
+    com: Float
+    self_contact: bool
+
+
+class Driver(ABC):
+    """A robot, or its servo bus, behind one interface. Used as a context manager it opens and closes itself.
+
+    Class attributes:
+        name: the entry-point name in group `flexmotion.drivers`.
+
+    Every method raises `configs.errors.DriverError` naming joint, servo id and port where hardware fails.
+    """
+
+    name: str
+
+    def __init__(self, robot: Robot) -> None:
+        self.robot = robot
+
+    @property
+    @abstractmethod
+    def capabilities(self) -> Capabilities:
+        """What this driver offers, known before `open`."""
+
+    @property
+    @abstractmethod
+    def delay_s(self) -> float:
+        """Time from `write` to the servo acting on it [s], measured where the driver can, else assumed."""
+
+    @abstractmethod
+    def open(self) -> None:
+        """Connect and audit; torque stays off. Raises if a servo is missing or not what the robot file says."""
+
+    @abstractmethod
+    def read(self, state: RobotState) -> None:
+        """Fill `state` with the newest measurement; never blocks past the tick's budget."""
+
+    @abstractmethod
+    def write(self, command: JointCommand) -> None:
+        """Send the goals; ignored by servos whose torque is off."""
+
+    @abstractmethod
+    def set_torque(self, on: bool) -> None:
+        """Switch all servos. Switching on pins every goal to its present position first."""
+
+    @abstractmethod
+    def damp(self) -> None:
+        """Let the joints give way softly, within what the servos can (after a detected fall only)."""
+
+    @property
+    def violations(self) -> int:
+        """Goals received outside a servo's envelope, counted at the receiving end after quantisation."""
+        return 0
+
+    def truth(self) -> Truth:
+        """The real pose. Only with `Capabilities.truth`."""
+        raise NotImplementedError(f"driver {self.name!r} has no ground truth")
+
+    def advance(self, seconds: float) -> None:
+        """Let simulated time pass. Only with `Capabilities.lockstep`."""
+        raise NotImplementedError(f"driver {self.name!r} does not run in lockstep")
+
+    @abstractmethod
+    def close(self) -> None:
+        """Leave the robot safe (torque off) and release the port. May be called twice."""
+
+    def __enter__(self) -> Driver:
+        self.open()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()

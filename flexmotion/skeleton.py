@@ -1,0 +1,33 @@
+"""The human skeleton: which joint coordinates there are, in which order, and what their signs mean.
+
+Twenty-nine degrees of freedom as in the full-body models of biomechanics (6 of the pelvis, 3 lumbar, 5 a leg, 5 an
+arm) and 3 more at the neck, because robots have heads. Positive: extension of lumbar and neck leans back, bending
+leans to the right, rotation turns to the left; flexion of hip, shoulder and elbow brings the limb forward, knee
+flexion brings the heel to the seat, ankle dorsiflexion lifts the toes; adduction brings a limb to the midline, and
+rotation and pronation are internal (the front of the limb turns towards the midline).
+"""
+
+LEFT, RIGHT = 0, 1
+SIDES = ("l", "r")
+"""Every array with an axis of two sides is ordered left, right."""
+
+TRUNK_JOINTS = (
+    "lumbar_extension",
+    "lumbar_bending",
+    "lumbar_rotation",
+    "neck_extension",
+    "neck_bending",
+    "neck_rotation",
+)
+LEG_JOINTS = ("hip_flexion", "hip_adduction", "hip_rotation", "knee_flexion", "ankle_dorsiflexion")
+ARM_JOINTS = ("shoulder_flexion", "shoulder_adduction", "shoulder_rotation", "elbow_flexion", "forearm_pronation")
+
+JOINTS: tuple[str, ...] = TRUNK_JOINTS + tuple(
+    f"{joint}_{side}" for side in SIDES for joint in LEG_JOINTS + ARM_JOINTS
+)
+"""The 26 joint coordinates, in the order of `Motion.joints`."""
+
+ROOT_DOFS = ("pelvis_tx", "pelvis_ty", "pelvis_tz", "pelvis_list", "pelvis_tilt", "pelvis_rotation")
+"""Linear, then angular degrees of freedom of the root, in the order of `Motion.torques`."""
+
+DOF_COUNT = len(ROOT_DOFS) + len(JOINTS)
