@@ -1,0 +1,298 @@
+"""`Robot`: a robot file and its MJCF, checked against each other and against the servo catalogue."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from difflib import get_close_matches
+from functools import cached_property
+from pathlib import Path
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from configs.errors import ConfigError
+from configs.robot_file import Gait, JointConfig, Mapping, RobotFile
+from configs.schema import load
+from configs.servo import Servo, find_servo
+
+Float = NDArray[np.float64]
+
+ROBOTS = Path(__file__).parent / "robots"
+
+
+def list_robots() -> tuple[str, ...]:
+    """Names of the robots that come with the project."""
+    return tuple(sorted(folder.name for folder in ROBOTS.iterdir() if (folder / f"{folder.name}.yaml").is_file()))
+
+
+def load_robot(name_or_folder: str | Path) -> Robot:
+    """A robot that comes with the project, by name, or a user's own, by folder.
+
+    A folder holds `robot.yaml` or `FOLDERNAME.yaml` and the MJCF that it names. Raises `ConfigError`.
+    """
+    shipped = ROBOTS / str(name_or_folder)
+    if isinstance(name_or_folder, str) and name_or_folder in list_robots():
+        return Robot(shipped / f"{name_or_folder}.yaml")
+    folder = Path(name_or_folder).expanduser()
+    if not folder.is_dir():
+        raise ConfigError(
+            f"unknown robot {str(name_or_folder)!r}: neither a folder nor one of: {', '.join(list_robots())}"
+        )
+    candidates = (folder / f"{folder.resolve().name}.yaml", folder / "robot.yaml")
+    for file in candidates:
+        if file.is_file():
+            return Robot(file)
+    raise ConfigError(f"{folder}: no robot file, expected {candidates[0].name} or {candidates[1].name}")
+
+
+class Robot:
+    """A robot, read-only. Arrays over joints are (n,), in the order of the robot file.
+
+    Attributes:
+        file, folder: the YAML file and where it lies.
+        config: the file's content.
+        name, rate_hz, gait, mapping, safety: parts of it.
+        joints: joint configurations; `joint_names` their names; `servos` their servos; `n` how many.
+        lower, upper: limits [rad].
+        kp: stiffness of the position loop at nominal voltage and the joint's gain [N·m/rad].
+        back_emf: b, torque lost per speed [N·m·s/rad].
+        stall_torque, usable_torque: at nominal voltage [N·m].
+        no_load_speed: [rad/s].
+        nominal_voltage: [V].
+        tick_rad: position unit [rad].
+        direction, zero: servo angle = direction * joint angle + zero [rad].
+        stand_pose, rest_pose: [rad].
+        model: the compiled MJCF, without floor; treat as read-only (`compile` makes one to edit).
+        qpos_address, dof_address: index of each joint in MuJoCo's qpos and qvel.
+        torso_id: id of the torso's body.
+        foot_ids: ids of the left and right foot's body.
+        soles: centre of the left and right sole in the foot's body frame, (2, 3) [m].
+        sole_half_size: usable half extents of the soles, (2, 2) [m].
+    """
+
+    def __init__(self, file: Path) -> None:
+        """Load and check `file`. Raises `ConfigError` naming file, field and what would be valid."""
+        self.file, self.folder = file, file.parent
+        self.config = load(RobotFile, file)
+        self.name, self.rate_hz = self.config.name, self.config.rate_hz
+        self.gait: Gait = self.config.gait
+        self.mapping: Mapping = self.config.mapping
+        self.safety = self.config.safety
+        self.joints: tuple[JointConfig, ...] = tuple(self.config.joints)
+        self.joint_names = tuple(joint.name for joint in self.joints)
+        self.n = len(self.joints)
+        self._check_addresses()
+        self.servos: tuple[Servo, ...] = tuple(self._servo(joint) for joint in self.joints)
+
+        self.lower = _array(joint.limits[0] for joint in self.joints)
+        self.upper = _array(joint.limits[1] for joint in self.joints)
+        self.direction = _array(joint.direction for joint in self.joints)
+        self.zero = _array(joint.zero for joint in self.joints)
+        self.kp = _array(
+            servo.kp * (joint.p_gain or servo.gain_register) / servo.gain_register
+            for joint, servo in zip(self.joints, self.servos, strict=True)
+        )
+        self.back_emf = _array(servo.back_emf for servo in self.servos)
+        self.stall_torque = _array(servo.stall_torque for servo in self.servos)
+        self.usable_torque = _array(servo.usable_torque for servo in self.servos)
+        self.no_load_speed = _array(servo.no_load_speed for servo in self.servos)
+        self.nominal_voltage = _array(servo.nominal_voltage for servo in self.servos)
+        self.tick_rad = _array(servo.tick_rad for servo in self.servos)
+        self._centre_tick = _array(servo.centre_tick for servo in self.servos)
+        self._min_tick = _array(servo.min_tick for servo in self.servos)
+        self._max_tick = _array(servo.max_tick for servo in self.servos)
+        self._check_servo_ranges()
+        self.stand_pose = self._pose("stand_pose", self.config.stand_pose)
+        self.rest_pose = self._pose("rest_pose", self.config.rest_pose)
+
+        self.model = self.compile()
+        self._check_joints()
+        self._check_mapping()
+        self.qpos_address = _frozen(np.array([self.model.joint(j).qposadr[0] for j in self.joint_names]))
+        self.dof_address = _frozen(np.array([self.model.joint(j).dofadr[0] for j in self.joint_names]))
+        feet = (self.config.feet.left, self.config.feet.right)
+        self.torso_id = self._body("torso", self.config.torso)
+        self._check_free_torso()
+        self.foot_ids = (self._body("feet.left.body", feet[0].body), self._body("feet.right.body", feet[1].body))
+        self.soles = _frozen(np.array([foot.sole for foot in feet]))
+        self.sole_half_size = _frozen(np.array([foot.half_size for foot in feet]))
+        if self.config.imu is not None:
+            self._body("imu.body", self.config.imu.body)
+        if self.config.hands is not None:
+            self._body("hands.left.body", self.config.hands.left.body)
+            self._body("hands.right.body", self.config.hands.right.body)
+
+    def __repr__(self) -> str:
+        return f"Robot({self.name!r}, {self.n} joints, {self.file})"
+
+    @cached_property
+    def mass(self) -> float:
+        """Mass of the whole robot [kg]."""
+        return float(self.model.body_mass.sum())
+
+    def index(self, joint: str) -> int:
+        """Position of a joint in every (n,) array. Raises `ConfigError` naming the closest joints."""
+        if joint not in self.joint_names:
+            raise ConfigError(f"{self.file}: unknown joint {joint!r}, {self._alternatives(joint, self.joint_names)}")
+        return self.joint_names.index(joint)
+
+    def servo(self, joint: str) -> Servo:
+        """The servo that drives a joint. Raises `ConfigError` where there is no such joint."""
+        return self.servos[self.index(joint)]
+
+    def chain(self, name: str) -> dict[str, int]:
+        """Part -> joint index of a chain of the mapping (`left_leg`, …, `head`). Raises `ConfigError`."""
+        chains = self.mapping.chains()
+        if name not in chains:
+            raise ConfigError(f"{self.file}: mapping has no {name!r}, it has: {', '.join(chains)}")
+        return {part: self.index(joint) for part, joint in chains[name]}
+
+    def spec(self) -> mujoco.MjSpec:
+        """A fresh MjSpec of the MJCF, to add to. Raises `ConfigError` where MuJoCo cannot read it."""
+        file = self.folder / self.config.mjcf
+        if not file.is_file():
+            raise ConfigError(f"{self.file}: field mjcf: no such file: {file}")
+        try:
+            return mujoco.MjSpec.from_file(str(file))
+        except ValueError as error:
+            raise ConfigError(f"{file}: not a valid MJCF: {' '.join(str(error).split())}") from error
+
+    def compile(self, edit: Callable[[mujoco.MjSpec], None] | None = None) -> mujoco.MjModel:
+        """A new MjModel, after `edit` changed the MjSpec (a floor, another mass). Raises `ConfigError`."""
+        spec = self.spec()
+        if edit is not None:
+            edit(spec)
+        try:
+            return spec.compile()
+        except ValueError as error:
+            raise ConfigError(f"{self.folder / self.config.mjcf}: {' '.join(str(error).split())}") from error
+
+    def to_ticks(self, position: Float, out: Float | None = None) -> Float:
+        """Joint angles [rad] -> servo position units (whole numbers, in the servos' range), (n,)."""
+        out = np.multiply(position, self.direction, out=out)
+        out += self.zero
+        out /= self.tick_rad
+        out += self._centre_tick
+        np.rint(out, out=out)
+        return np.clip(out, self._min_tick, self._max_tick, out=out)
+
+    def from_ticks(self, ticks: Float, out: Float | None = None) -> Float:
+        """Servo position units -> joint angles [rad], (n,)."""
+        out = np.subtract(ticks, self._centre_tick, out=out)
+        out *= self.tick_rad
+        out -= self.zero
+        out *= self.direction
+        return out
+
+    def _alternatives(self, name: str, known: Iterable[str]) -> str:
+        known = tuple(known)
+        close = get_close_matches(name, known, n=3)
+        return f"did you mean: {', '.join(close)}" if close else f"expected one of: {', '.join(known)}"
+
+    def _servo(self, joint: JointConfig) -> Servo:
+        try:
+            return find_servo(joint.servo)
+        except ConfigError as error:
+            raise ConfigError(f"{self.file}: joint {joint.name!r}: {error}") from error
+
+    def _check_addresses(self) -> None:
+        names: set[str] = set()
+        owners: dict[tuple[str, int], str] = {}
+        for joint in self.joints:
+            if joint.name in names:
+                raise ConfigError(f"{self.file}: joint {joint.name!r} is listed twice")
+            names.add(joint.name)
+            if joint.bus not in self.config.buses:
+                raise ConfigError(
+                    f"{self.file}: joint {joint.name!r}: unknown bus {joint.bus!r}, "
+                    f"expected one of: {', '.join(self.config.buses)}"
+                )
+            other = owners.setdefault((joint.bus, joint.id), joint.name)
+            if other != joint.name:
+                raise ConfigError(
+                    f"{self.file}: joint {joint.name!r}: id {joint.id} on bus {joint.bus!r} "
+                    f"already belongs to {other!r}"
+                )
+
+    def _check_servo_ranges(self) -> None:
+        for joint, servo in zip(self.joints, self.servos, strict=True):
+            ends = sorted((angle - joint.zero) * joint.direction for angle in servo.range)
+            if joint.limits[0] < ends[0] - 1e-9 or joint.limits[1] > ends[1] + 1e-9:
+                raise ConfigError(
+                    f"{self.file}: joint {joint.name!r}: limits {list(joint.limits)} leave what {servo.name} reaches, "
+                    f"[{ends[0]:.3f}, {ends[1]:.3f}] rad"
+                )
+
+    def _pose(self, field: str, pose: dict[str, float]) -> Float:
+        """(n,) array of a pose given by joint name; joints not named are at 0."""
+        values = np.zeros(self.n)
+        for joint, value in pose.items():
+            if joint not in self.joint_names:
+                raise ConfigError(
+                    f"{self.file}: field {field}: unknown joint {joint!r}, "
+                    f"{self._alternatives(joint, self.joint_names)}"
+                )
+            values[self.joint_names.index(joint)] = value
+        outside = np.flatnonzero((values < self.lower) | (values > self.upper))
+        if len(outside):
+            joint_config = self.joints[outside[0]]
+            raise ConfigError(
+                f"{self.file}: field {field}.{joint_config.name}: {values[outside[0]]:g} is outside the joint's limits "
+                f"{list(joint_config.limits)}"
+            )
+        return _frozen(values)
+
+    def _check_joints(self) -> None:
+        """Every joint of the file is a hinge of the MJCF, and every hinge is in the file."""
+        model, mjcf = self.model, self.config.mjcf
+        kinds = {model.joint(i).name: model.jnt_type[i] for i in range(model.njnt)}
+        hinges = [name for name, kind in kinds.items() if kind == mujoco.mjtJoint.mjJNT_HINGE]
+        for name in self.joint_names:
+            if name not in hinges:
+                raise ConfigError(
+                    f"{self.file}: joint {name!r} is no hinge of {mjcf}, {self._alternatives(name, hinges)}"
+                )
+        for name, kind in kinds.items():
+            if kind == mujoco.mjtJoint.mjJNT_FREE:
+                continue
+            if name not in self.joint_names:
+                raise ConfigError(f"{self.file}: field joints: {mjcf} has joint {name!r} that the robot file lacks")
+
+    def _check_mapping(self) -> None:
+        owners: dict[str, str] = {}
+        for chain, parts in self.mapping.chains().items():
+            for part, joint in parts:
+                field = f"mapping.{chain}.{part}"
+                if joint not in self.joint_names:
+                    raise ConfigError(
+                        f"{self.file}: field {field}: unknown joint {joint!r}, "
+                        f"{self._alternatives(joint, self.joint_names)}"
+                    )
+                other = owners.setdefault(joint, field)
+                if other != field:
+                    raise ConfigError(f"{self.file}: field {field}: joint {joint!r} is already {other}")
+
+    def _body(self, field: str, name: str) -> int:
+        body = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_BODY, name)
+        if body < 1:
+            bodies = [self.model.body(i).name for i in range(1, self.model.nbody)]
+            raise ConfigError(
+                f"{self.file}: field {field}: no body {name!r} in {self.config.mjcf}, "
+                f"{self._alternatives(name, bodies)}"
+            )
+        return int(body)
+
+    def _check_free_torso(self) -> None:
+        address = self.model.body_jntadr[self.torso_id]
+        if address < 0 or self.model.jnt_type[address] != mujoco.mjtJoint.mjJNT_FREE:
+            raise ConfigError(f"{self.file}: field torso: body {self.config.torso!r} must have the MJCF's free joint")
+
+
+def _array(values: Iterable[float]) -> Float:
+    return _frozen(np.fromiter(values, np.float64))
+
+
+def _frozen(array: NDArray) -> NDArray:
+    array.setflags(write=False)
+    return array

@@ -1,0 +1,224 @@
+"""The robot file as written: the pydantic models of `NAME.yaml` (`configs.robot` loads it beside its MJCF)."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from configs.schema import Strict
+
+Vector = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]
+Name = Annotated[str, Field(min_length=1)]
+
+
+class JointConfig(Strict):
+    """One joint and the servo that drives it.
+
+    Attributes:
+        name: of the joint in the MJCF.
+        servo: model in the catalogue.
+        id, bus: address on the bus of that name.
+        direction, zero: servo angle = direction * joint angle + zero [rad].
+        limits: lowest and highest angle ever commanded [rad].
+        p_gain: register value of the position gain; the catalogue's where not given.
+    """
+
+    name: Name
+    servo: Name
+    id: int = Field(ge=0, le=252)
+    bus: Name = "main"
+    direction: Literal[1, -1] = 1
+    zero: float = 0.0
+    limits: tuple[float, float]
+    p_gain: int | None = Field(default=None, gt=0)
+
+    @model_validator(mode="after")
+    def _ordered(self) -> JointConfig:
+        if not self.limits[0] < self.limits[1]:
+            raise ValueError(f"joint {self.name!r}: limits {list(self.limits)} must be [lower, higher]")
+        return self
+
+
+class Bus(Strict):
+    """One servo bus: its baud rate [bit/s] and each servo's return delay [us]."""
+
+    baud: int = Field(default=1_000_000, gt=0)
+    return_delay_us: float = Field(default=0.0, ge=0)
+
+
+class Foot(Strict):
+    """A foot: its body, the centre of the sole in the body frame [m] and the sole's usable half extents x, y [m]."""
+
+    body: Name
+    sole: Vector
+    half_size: tuple[Annotated[float, Field(gt=0)], Annotated[float, Field(gt=0)]]
+
+
+class Feet(Strict):
+    """Both feet."""
+
+    left: Foot
+    right: Foot
+
+
+class Hand(Strict):
+    """The point of an arm that hand targets mean: its body and the point in the body frame [m]."""
+
+    body: Name
+    point: Vector
+
+
+class Hands(Strict):
+    """Both hands."""
+
+    left: Hand
+    right: Hand
+
+
+class Imu(Strict):
+    """The inertial measurement unit.
+
+    Attributes:
+        body: body that carries it.
+        position: in the body frame [m].
+        quaternion: its frame in the body frame, w x y z.
+        driver: name of its driver where it has one of its own.
+        id, bus: address on a servo bus where it sits on one.
+        required: without it the robot must not stream (else it runs open loop with a warning).
+    """
+
+    body: Name
+    position: Vector = (0.0, 0.0, 0.0)
+    quaternion: Quaternion = (1.0, 0.0, 0.0, 0.0)
+    driver: str | None = None
+    id: int | None = Field(default=None, ge=0, le=252)
+    bus: str | None = None
+    required: bool = False
+
+    @model_validator(mode="after")
+    def _unit(self) -> Imu:
+        norm = sum(c * c for c in self.quaternion) ** 0.5
+        if abs(norm - 1) > 1e-3:
+            raise ValueError(f"quaternion {list(self.quaternion)} has norm {norm:.4g}, expected 1")
+        return self
+
+
+class Leg(Strict):
+    """Joint names of a six-axis leg, from hip to sole."""
+
+    hip_yaw: Name
+    hip_roll: Name
+    hip_pitch: Name
+    knee: Name
+    ankle_pitch: Name
+    ankle_roll: Name
+
+
+class Arm(Strict):
+    """Joint names of a three-axis arm."""
+
+    sho_pitch: Name
+    sho_roll: Name
+    el: Name
+
+
+class Head(Strict):
+    """Joint names of the neck."""
+
+    pan: Name
+    tilt: Name
+
+
+class Mapping(Strict):
+    """Which joint plays which part; `None` where the robot lacks it."""
+
+    left_leg: Leg
+    right_leg: Leg
+    left_arm: Arm | None = None
+    right_arm: Arm | None = None
+    head: Head | None = None
+
+    def chains(self) -> dict[str, Strict]:
+        """The chains that the robot has, by field name."""
+        return {name: chain for name, chain in self if chain is not None}
+
+
+class Gait(Strict):
+    """What walking may ask of this robot.
+
+    Attributes:
+        stand_hip_height, walk_hip_height: hip pitch axis above ankle pitch axis, standing and around steps [m].
+        leg_length_ratio: this robot's leg length over the default human's.
+        stride_factor: share of the leg-scaled human step that is asked for.
+        max_stride: longest |dx| from stance foot to foothold [m].
+        lateral: least and greatest distance between the soles' centres across [m].
+        max_foot_yaw: greatest turn of a foot against the stance foot [rad].
+        swing_min_s, double_support_min_s: shortest swing and double support [s].
+        swing_max_foot_speed: foothold travel over swing time [m/s].
+        clearance: height of the swing foot in mid-swing [m].
+        zmp_margin: how far the ZMP may leave the middle of a sole, x and y [m].
+    """
+
+    stand_hip_height: float = Field(gt=0)
+    walk_hip_height: float = Field(gt=0)
+    leg_length_ratio: float = Field(gt=0)
+    stride_factor: float = Field(gt=0, le=1.5)
+    max_stride: float = Field(gt=0)
+    lateral: tuple[float, float]
+    max_foot_yaw: float = Field(gt=0)
+    swing_min_s: float = Field(gt=0)
+    double_support_min_s: float = Field(ge=0)
+    swing_max_foot_speed: float = Field(gt=0)
+    clearance: float = Field(gt=0)
+    zmp_margin: tuple[Annotated[float, Field(ge=0)], Annotated[float, Field(ge=0)]]
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Gait:
+        if self.walk_hip_height > self.stand_hip_height:
+            raise ValueError("walk_hip_height must not exceed stand_hip_height")
+        if not 0 < self.lateral[0] < self.lateral[1]:
+            raise ValueError(f"lateral {list(self.lateral)} must be [least, greatest]")
+        return self
+
+
+class SafetyLimits(Strict):
+    """When the ladder acts.
+
+    Attributes:
+        max_stale_reads: reads in a row that one servo may miss before FAULT.
+        fall_tilt: torso tilt that counts as a fall [rad].
+        voltage_warn, voltage_min: supply below which it warns, and parks [V].
+        temperature_warn_margin: it slows this far below a servo's own temperature limit [K].
+        park_s: time to lower itself to the rest pose [s].
+        soft_start_speed: greatest joint speed of the way to the stand pose [rad/s].
+    """
+
+    max_stale_reads: int = Field(default=5, ge=1)
+    fall_tilt: float = Field(default=0.785, gt=0)
+    voltage_warn: float | None = Field(default=None, gt=0)
+    voltage_min: float | None = Field(default=None, gt=0)
+    temperature_warn_margin: float = Field(default=15.0, ge=0)
+    park_s: float = Field(default=2.0, gt=0)
+    soft_start_speed: float = Field(default=0.8, gt=0)
+
+
+class RobotFile(Strict):
+    """The whole robot file (see each part)."""
+
+    name: Name
+    description: str
+    mjcf: Name
+    rate_hz: float = Field(gt=0, le=2000)
+    torso: Name
+    imu: Imu | None = None
+    buses: dict[str, Bus] = Field(default_factory=lambda: {"main": Bus()})
+    joints: list[JointConfig] = Field(min_length=1)
+    feet: Feet
+    hands: Hands | None = None
+    mapping: Mapping
+    stand_pose: dict[str, float]
+    rest_pose: dict[str, float]
+    gait: Gait
+    safety: SafetyLimits = SafetyLimits()

@@ -1,0 +1,57 @@
+"""What every configuration file shares: a strict pydantic base and one way to read YAML into it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, TypeVar
+
+import yaml
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from configs.errors import ConfigError
+
+
+class Strict(BaseModel):
+    """Refuses unknown fields, NaN and infinity; read-only once loaded."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+Model = TypeVar("Model", bound=Strict)
+
+
+def read_yaml(file: Path) -> dict[str, Any]:
+    """The mapping in a YAML file. Raises `ConfigError` where it is missing, not YAML, or not a mapping."""
+    try:
+        content = yaml.safe_load(file.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ConfigError(f"{file}: cannot be read: {error.strerror}") from error
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{file}: not valid YAML: {' '.join(str(error).split())}") from error
+    if not isinstance(content, dict):
+        raise ConfigError(f"{file}: expected a mapping of fields, found {type(content).__name__}")
+    return content
+
+
+def parse(model: type[Model], content: dict[str, Any], file: Path) -> Model:
+    """`content` as a `model`. Raises `ConfigError`, one line with the first wrong field and what it may be."""
+    try:
+        return model.model_validate(content)
+    except ValidationError as error:
+        raise ConfigError(f"{file}: {_one_line(model, error)}") from error
+
+
+def load(model: type[Model], file: Path) -> Model:
+    """A YAML file as a `model`. Raises `ConfigError` (see `read_yaml` and `parse`)."""
+    return parse(model, read_yaml(file), file)
+
+
+def _one_line(model: type[Strict], error: ValidationError) -> str:
+    problems = error.errors()
+    first = problems[0]
+    field = ".".join(str(part) for part in first["loc"]) or "(file)"
+    message = first["msg"].removeprefix("Value error, ")
+    if first["type"] == "extra_forbidden" and len(first["loc"]) == 1:
+        message = f"unknown field, expected one of: {', '.join(model.model_fields)}"
+    more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
+    return f"field {field}: {message}{more}"

@@ -1,0 +1,161 @@
+"""The servo catalogue: what each servo model can do, every figure with its source or marked an assumption.
+
+A file of `configs/servos/` holds one family: `defaults` that its servos share, the servos themselves, and
+`provenance`, which names for every figure an entry of `sources`.
+"""
+
+from __future__ import annotations
+
+import math
+from difflib import get_close_matches
+from functools import cache
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import Field, model_validator
+
+from configs.errors import ConfigError
+from configs.schema import Strict, parse, read_yaml
+
+FOLDER = Path(__file__).parent / "servos"
+
+Protocol = Literal["dynamixel2", "feetech", "lx16a"]
+
+
+class Source(Strict):
+    """Where a figure comes from; `assumption` marks one that no published source backs."""
+
+    text: str
+    assumption: bool = False
+
+
+class Servo(Strict):
+    """One servo model.
+
+    Torque and speed are of the output shaft at `nominal_voltage`; both scale with the supply. Angles are counted from
+    `centre_tick`, positive with rising ticks.
+
+    Attributes:
+        name, family, protocol: model name, catalogue file, wire protocol.
+        model_number: what the servo answers to a ping; None where not known.
+        nominal_voltage, min_voltage, max_voltage: supply [V].
+        stall_torque: torque at standstill, for moments [N·m].
+        usable_torque: torque it may make while it drives the load, torque and speed of the same sign [N·m].
+        no_load_speed: [rad/s].
+        stall_current: [A].
+        gain_register, kp: register value of the position gain and the stiffness it gives [N·m/rad]; proportional.
+        ticks_per_turn, centre_tick, min_tick, max_tick: position units.
+        armature: inertia of rotor and gears as felt at the output [kg·m²].
+        frictionloss: dry friction at the output [N·m].
+        current_unit: one unit of the current registers [A]; None where it measures no current.
+        torque_constant: output torque per motor current [N·m/A].
+        temperature_limit: the servo shuts down above it [°C].
+        stall_temperature_rise, thermal_time_constant: first-order heating, final rise at stall [K] and time [s].
+        provenance: for every figure, where it comes from.
+    """
+
+    name: str
+    family: str
+    protocol: Protocol
+    model_number: int | None = None
+    nominal_voltage: float = Field(gt=0)
+    min_voltage: float = Field(gt=0)
+    max_voltage: float = Field(gt=0)
+    stall_torque: float = Field(gt=0)
+    usable_torque: float = Field(gt=0)
+    no_load_speed: float = Field(gt=0)
+    stall_current: float = Field(gt=0)
+    gain_register: int = Field(gt=0)
+    kp: float = Field(gt=0)
+    ticks_per_turn: int = Field(gt=1)
+    centre_tick: int
+    min_tick: int
+    max_tick: int
+    armature: float = Field(ge=0)
+    frictionloss: float = Field(ge=0)
+    current_unit: float | None = Field(default=None, gt=0)
+    torque_constant: float | None = Field(default=None, gt=0)
+    temperature_limit: float
+    stall_temperature_rise: float = Field(gt=0)
+    thermal_time_constant: float = Field(gt=0)
+    provenance: dict[str, Source]
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Servo:
+        if self.usable_torque > self.stall_torque:
+            raise ValueError(f"usable_torque {self.usable_torque} exceeds stall_torque {self.stall_torque}")
+        if not self.min_voltage <= self.nominal_voltage <= self.max_voltage:
+            raise ValueError("voltages must be ordered min_voltage <= nominal_voltage <= max_voltage")
+        if not self.min_tick <= self.centre_tick <= self.max_tick:
+            raise ValueError("ticks must be ordered min_tick <= centre_tick <= max_tick")
+        missing = [name for name in self.figures() if name not in self.provenance]
+        if missing:
+            raise ValueError(f"no source for {', '.join(missing)}; name one under provenance")
+        return self
+
+    def figures(self) -> dict[str, float]:
+        """The numbers by name, without those that are not known."""
+        return {name: value for name, value in self if isinstance(value, (int, float))}
+
+    @property
+    def back_emf(self) -> float:
+        """b = stall torque / no-load speed [N·m·s/rad]: at full supply the torque is stall - b·qd."""
+        return self.stall_torque / self.no_load_speed
+
+    @property
+    def tick_rad(self) -> float:
+        """Angle of one position unit [rad]."""
+        return 2 * math.pi / self.ticks_per_turn
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """Lowest and highest angle that a goal can ask for [rad]."""
+        return (
+            (self.min_tick - self.centre_tick) * self.tick_rad,
+            (self.max_tick - self.centre_tick) * self.tick_rad,
+        )
+
+
+class Family(Strict):
+    """One catalogue file as written; `Servo`s are made from it."""
+
+    protocol: Protocol
+    sources: dict[str, Source]
+    provenance: dict[str, str]
+    defaults: dict[str, Any]
+    servos: dict[str, dict[str, Any]]
+
+    def servo(self, name: str, file: Path) -> Servo:
+        """The servo `name`, defaults filled in and sources resolved. Raises `ConfigError`."""
+        own = dict(self.servos[name])
+        keys = self.provenance | own.pop("provenance", {})
+        unknown = sorted(set(keys.values()) - set(self.sources))
+        if unknown:
+            raise ConfigError(
+                f"{file}: servos.{name}: unknown source {unknown[0]!r}, expected one of: {', '.join(self.sources)}"
+            )
+        content = self.defaults | own
+        if "no_load_rpm" in content:
+            content["no_load_speed"] = content.pop("no_load_rpm") * 2 * math.pi / 60
+        provenance = {figure: self.sources[key] for figure, key in keys.items()}
+        identity = {"name": name, "family": file.stem, "protocol": self.protocol}
+        return parse(Servo, content | identity | {"provenance": provenance}, file.with_name(f"{file.name}#{name}"))
+
+
+@cache
+def catalogue() -> dict[str, Servo]:
+    """All servos by name. Raises `ConfigError` where a file is malformed."""
+    servos: dict[str, Servo] = {}
+    for file in sorted(FOLDER.glob("*.yaml")):
+        family = parse(Family, read_yaml(file), file)
+        servos |= {name: family.servo(name, file) for name in family.servos}
+    return servos
+
+
+def find_servo(name: str) -> Servo:
+    """The servo `name`. Raises `ConfigError` naming the closest models."""
+    servos = catalogue()
+    if name not in servos:
+        close = get_close_matches(name.upper(), servos, n=3, cutoff=0.4) or sorted(servos)
+        raise ConfigError(f"unknown servo {name!r}, did you mean: {', '.join(close)}")
+    return servos[name]

@@ -1,0 +1,71 @@
+"""Stream settings: how plans are made, joined and timed, and the budgets that `check latency` holds them to."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pydantic import Field, model_validator
+
+from configs.schema import Strict, load
+
+FOLDER = Path(__file__).parent / "stream"
+
+
+class Budgets(Strict):
+    """Upper bounds on timing.
+
+    Attributes:
+        target_to_command_ms: from a target's arrival to the first command computed from it, 99th percentile.
+        loop_work_p99_ms: work of one loop tick, 99th percentile.
+        wake_lateness_p99_ms: how late the loop wakes, 99th percentile.
+        missed_deadlines: ticks that may overrun in a run.
+        underruns: times that the loop may run out of plan.
+    """
+
+    target_to_command_ms: float = Field(default=60.0, gt=0)
+    loop_work_p99_ms: float = Field(default=2.0, gt=0)
+    wake_lateness_p99_ms: float = Field(default=1.0, gt=0)
+    missed_deadlines: int = Field(default=0, ge=0)
+    underruns: int = Field(default=0, ge=0)
+
+
+class StreamSettings(Strict):
+    """How the live system streams. Times in seconds.
+
+    Attributes:
+        horizon_s: length of a plan.
+        replan_s: time between plans where no new target asks for one.
+        commit_s: first part of a running plan that no successor may change.
+        min_unplayed_s: plan that must always be left to play.
+        first_part_s: part of a plan that may be published before the rest.
+        foothold_freeze_s: before lift-off, when a foothold is settled.
+        dcm_absorb_s: over which a new plan absorbs the jump of the divergent component of motion.
+        blend_frames: frames of human motion over which a new plan is blended in.
+        budgets: timing bounds.
+    """
+
+    horizon_s: float = Field(default=1.0, gt=0)
+    replan_s: float = Field(default=0.25, gt=0)
+    commit_s: float = Field(default=0.04, ge=0)
+    min_unplayed_s: float = Field(default=0.6, ge=0)
+    first_part_s: float = Field(default=0.3, gt=0)
+    foothold_freeze_s: float = Field(default=0.15, ge=0)
+    dcm_absorb_s: float = Field(default=0.15, gt=0)
+    blend_frames: int = Field(default=8, ge=0)
+    budgets: Budgets = Budgets()
+
+    @model_validator(mode="after")
+    def _fits(self) -> StreamSettings:
+        if self.replan_s + self.min_unplayed_s > self.horizon_s:
+            raise ValueError(
+                f"replan_s {self.replan_s} + min_unplayed_s {self.min_unplayed_s} must not exceed "
+                f"horizon_s {self.horizon_s}"
+            )
+        if self.commit_s > self.replan_s:
+            raise ValueError(f"commit_s {self.commit_s} must not exceed replan_s {self.replan_s}")
+        return self
+
+
+def load_stream(file: str | Path | None = None) -> StreamSettings:
+    """Stream settings from a YAML file, or the ones that come with the project. Raises `ConfigError`."""
+    return load(StreamSettings, FOLDER / "default.yaml" if file is None else Path(file))
