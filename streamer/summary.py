@@ -1,0 +1,124 @@
+"""A report as a person reads it in a terminal: the verdict first, then short tables."""
+
+from __future__ import annotations
+
+import math
+
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from streamer.report import Latency, Report
+
+WORST_JOINTS = 5
+"""Joints shown in the terminal; the others are in `report.json`."""
+
+
+def failures(report: Report) -> list[str]:
+    """Every reason why the run is not ok, in plain words; empty when it is."""
+    reasons = []
+    motion, loop = report.motion, report.loop
+    if motion.fell:
+        reasons.append("fell" if motion.time_to_fall_s is None else f"fell after {motion.time_to_fall_s:.2f} s")
+    reasons += [f"fault: {fault}" for fault in report.safety.faults]
+    if report.limits.violations_sent:
+        reasons.append(f"{report.limits.violations_sent} goals outside a servo's envelope reached the driver")
+    if loop.missed_deadlines > loop.missed_allowed:
+        reasons.append(f"{loop.missed_deadlines} of {loop.cycles} deadlines missed, {loop.missed_allowed} allowed")
+    return reasons
+
+
+def verdict(report: Report) -> str:
+    """One sentence: what was done, and whether it went well."""
+    what = f"{report.robot} on {report.driver}, {report.source}, {report.duration_s:.1f} s"
+    return f"{what}: upright, no fault, no limit passed" if report.ok else f"{what}: {'; '.join(failures(report))}"
+
+
+def render(report: Report) -> RenderableType:
+    """The report for a `rich` console."""
+    mark = Text("PASS ", style="bold green") if report.ok else Text("FAIL ", style="bold red")
+    parts: list[RenderableType] = [mark + Text(verdict(report), style="bold"), Text()]
+    for section in (_motion(report), _joints(report), _timing(report)):
+        parts += [*section, Text()]
+    return Group(*parts[:-1])
+
+
+def motion_rows(report: Report) -> list[tuple[str, str, str]]:
+    """Name, value with unit, and what it says, of every motion figure that is known."""
+    m = report.motion
+    collisions = "-" if m.self_collisions is None else str(m.self_collisions)
+    rows = [
+        ("leg tracking error", _show(m.joint_rmse_rad, "°", math.degrees(1)), "RMS, measured against reference"),
+        ("lag", _show(m.lag_s, "ms", 1e3, 0), "measured behind reference, taken out of the error"),
+        ("foot slip", _show(m.foot_slip_mm_s, "mm/s"), "mean speed of feet that carry load"),
+        ("net path", _show(m.net_path_ratio, "", 1.0, 2), "robot over human, scaled by leg length"),
+        ("heading error", _show(m.heading_rms_rad, "°", math.degrees(1), 1), "RMS, robot against human"),
+        ("hand error", _show(m.hand_error_share, "%", 100, 1), "median, of arm length, where within reach"),
+        ("steps", f"{m.steps_planned}", f"planned; the human made {m.human_steps}, {m.steps_dropped} dropped"),
+        ("self-collisions", collisions, "separate touches of two links"),
+    ]
+    return [row for row in rows if row[1] != "-"]
+
+
+def _motion(report: Report) -> list[RenderableType]:
+    table = _table("Motion", "", "", "")
+    for name, value, meaning in motion_rows(report):
+        table.add_row(name, value, Text(meaning, style="dim"))
+    return [table]
+
+
+def _joints(report: Report) -> list[RenderableType]:
+    limits = report.limits
+    columns = ("joint", "rms", "of stall", "peak", "limit", "speed", "at limit")
+    table = _table(f"Hardest worked of {len(limits.joints)} joints", *columns)
+    hardest = sorted(limits.joints.items(), key=lambda item: -(item[1].rms_share_of_stall or 0.0))
+    for name, joint in hardest[:WORST_JOINTS]:
+        table.add_row(
+            name,
+            _show(joint.rms_torque_nm, "N·m", 1, 2),
+            _show(joint.rms_share_of_stall, "%", 100, 0),
+            _show(joint.peak_torque_nm, "N·m", 1, 2),
+            _show(joint.torque_limit_nm, "N·m", 1, 2),
+            _show(joint.peak_speed_rad_s, "rad/s", 1, 1),
+            _show(joint.saturated_share, "%", 100, 1),
+        )
+    repairs = ", ".join(f"{count} {kind}" for kind, count in limits.repairs.items() if count) or "none"
+    note = f"goals outside the envelope that were sent: {limits.violations_sent}; repairs: {repairs}"
+    return [table, Text(note, style="dim")]
+
+
+def _timing(report: Report) -> list[RenderableType]:
+    loop, planner = report.loop, report.planner
+    table = _table("Time", "", "p50", "p99", "max")
+    rows: list[tuple[str, Latency | None, str]] = [
+        ("loop work", loop.work_us, "µs"),
+        ("wake lateness", loop.wake_lateness_us, "µs"),
+        ("sample", planner.sample_ms, "ms"),
+        ("retarget", planner.retarget_ms, "ms"),
+        ("target to command", planner.target_to_command_ms, "ms"),
+        ("target to effect", planner.target_to_effect_ms, "ms"),
+    ]
+    for name, latency, unit in rows:
+        if latency is not None:
+            table.add_row(name, *(_show(value, unit) for value in (latency.p50, latency.p99, latency.max)))
+    speed = f"{loop.realtime_factor:.1f} times real time; " if loop.realtime_factor else ""
+    note = (
+        f"{report.clock} clock, {loop.rate_hz:g} Hz, {loop.cycles} cycles; {speed}{planner.plans} plans, "
+        f"{planner.underruns} under-runs, {loop.missed_deadlines} missed deadlines; ended {report.safety.final_state}"
+    )
+    return [table, Text(note, style="dim")]
+
+
+def _table(title: str, *columns: str) -> Table:
+    table = Table(title=title, title_justify="left", title_style="bold", box=None, pad_edge=False)
+    table.show_header = any(columns)
+    for index, column in enumerate(columns):
+        table.add_column(column, justify="left" if index == 0 or not any(columns) else "right", header_style="dim")
+    return table
+
+
+def _show(value: float | None, unit: str, scale: float = 1.0, digits: int | None = None) -> str:
+    if value is None:
+        return "-"
+    text = f"{value * scale:.3g}" if digits is None else f"{value * scale:.{digits}f}"
+    return text + ("" if unit in ("", "°") else " ") + unit

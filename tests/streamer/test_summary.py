@@ -1,0 +1,53 @@
+"""What a person reads in the terminal."""
+
+from __future__ import annotations
+
+import io
+
+import pytest
+from rich.console import Console
+
+from streamer.metrics import HumanTrack, RobotFigures
+from streamer.record import Event, RunRecord
+from streamer.report import RunInfo, build_report
+from streamer.summary import failures, render, verdict
+
+INFO = RunInfo(robot="op3", driver="sim", source="walk.bvh", elapsed_s=1.0)
+
+
+def text_of(record: RunRecord, figures: RobotFigures, human: HumanTrack | None, width: int = 100) -> str:
+    console = Console(file=io.StringIO(), width=width)
+    console.print(render(build_report(record, INFO, figures, human=human)))
+    assert isinstance(console.file, io.StringIO)
+    return console.file.getvalue()
+
+
+def test_verdict_comes_first(record: RunRecord, figures: RobotFigures, human: HumanTrack) -> None:
+    text = text_of(record, figures, human)
+    assert text.startswith("PASS op3 on sim, walk.bvh, 8.0 s: upright, no fault, no limit passed")
+    for word in ("leg tracking error", "mm/s", "l_knee", "retarget", "8.0 times real time", "ended HOLD", "3 speed"):
+        assert word in text
+
+
+def test_every_reason_for_failing_is_named(record: RunRecord, figures: RobotFigures) -> None:
+    record.true_base[500:, 2] = 0.0
+    record.violations_sent, record.missed_deadlines = 2, 3
+    record.events.append(Event(1, "fault", "l_knee: lost"))
+    report = build_report(record, INFO, figures)
+    assert failures(report) == [
+        "fell after 4.00 s",
+        "fault: l_knee: lost",
+        "2 goals outside a servo's envelope reached the driver",
+        "3 of 1000 deadlines missed, 0 allowed",
+    ]
+    assert text_of(record, figures, None).startswith("FAIL")
+    assert "fell after 4.00 s; fault: l_knee" in verdict(report)
+
+
+@pytest.mark.parametrize("width", [40, 80, 200])
+def test_fits_any_terminal(width: int, record: RunRecord, figures: RobotFigures, human: HumanTrack) -> None:
+    assert max(map(len, text_of(record, figures, human, width).splitlines())) <= width
+
+
+def test_unknown_figures_are_left_out(record: RunRecord, figures: RobotFigures) -> None:
+    assert "net path" not in text_of(record, figures, None)
