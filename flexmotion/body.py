@@ -24,6 +24,7 @@ class Segments:
         ankle_height: ankle centre above the sole.
         foot: heel to toe tip along the sole.
         heel: ankle centre to the back of the heel, along the sole.
+        ball: ankle centre to the toe joint, along the sole.
         lumbar_height, lumbar_forward: lumbar joint relative to the midpoint of the hips.
         neck_height, neck_forward: neck joint relative to the lumbar joint.
         head: neck joint to vertex.
@@ -40,6 +41,7 @@ class Segments:
     ankle_height: float
     foot: float
     heel: float
+    ball: float
     lumbar_height: float
     lumbar_forward: float
     neck_height: float

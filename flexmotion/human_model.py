@@ -54,8 +54,8 @@ SEGMENTS: tuple[str, ...] = (
 )
 """The 21 bodies of the model."""
 
-SITES: tuple[str, ...] = ("heel_l", "heel_r", "toe_l", "toe_r", "hand_l", "hand_r", "vertex")
-"""Points on the model: heels and toe tips at sole level, centres of the closed fists, top of the head."""
+SITES: tuple[str, ...] = (*(f"{site}_{side}" for side in SIDES for site in ("heel", "toe", "tip", "hand")), "vertex")
+"""Points on the model: the sole under heel, toe joint and toe tip, the centre of the fist, the top of the head."""
 
 RGBA = (0.55, 0.65, 0.8, 1.0)
 
@@ -168,14 +168,15 @@ def _leg(pelvis: mujoco.MjsBody, body: Body, side: str, sign: float) -> None:
     yaw = sign * size.toe_out
     sole = -size.ankle_height
     calcaneus = talus.add_body(name=f"calcaneus_{side}", quat=[math.cos(yaw / 2), 0, 0, math.sin(yaw / 2)])
-    heel, toe = (-size.heel, 0.0, sole), (size.foot - size.heel, 0.0, sole)
+    tip = size.foot - size.heel - size.ball
     _foot_inertia(calcaneus, body)
-    _capsule(calcaneus, (0.02 - size.heel, 0, sole + 0.02), (0.6 * toe[0], 0, sole + 0.02), 0.02)
-    calcaneus.add_site(name=f"heel_{side}", pos=heel)
+    _capsule(calcaneus, (0.02 - size.heel, 0, sole + 0.02), (size.ball, 0, sole + 0.02), 0.02)
+    calcaneus.add_site(name=f"heel_{side}", pos=[-size.heel, 0, sole])
 
-    toes = calcaneus.add_body(name=f"toes_{side}", pos=[0.6 * toe[0], 0, sole])
-    _capsule(toes, (0, 0, 0.015), (0.4 * toe[0] - 0.015, 0, 0.015), 0.015)
-    toes.add_site(name=f"toe_{side}", pos=[0.4 * toe[0], 0, 0])
+    toes = calcaneus.add_body(name=f"toes_{side}", pos=[size.ball, 0, sole])
+    _capsule(toes, (0, 0, 0.015), (max(tip - 0.015, 0.01), 0, 0.015), 0.015)
+    toes.add_site(name=f"toe_{side}")
+    toes.add_site(name=f"tip_{side}", pos=[tip, 0, 0])
 
 
 def _arm(torso: mujoco.MjsBody, body: Body, side: str, sign: float) -> None:

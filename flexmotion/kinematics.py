@@ -41,7 +41,7 @@ class HumanKinematics:
         pelvis_position: midpoint of the hips, (T, 3).
         pelvis_rotation, torso_rotation, head_rotation: (T, 3, 3).
         hip, knee, ankle: joint centres, (T, 2, 3).
-        heel, toe: back of the heel and tip of the toes at the level of the sole, (T, 2, 3).
+        heel, toe: the sole at the back of the heel and under the toe joint, about which the foot rolls off, (T, 2, 3).
         foot_rotation: x along the foot to the toes, z up when it stands flat, (T, 2, 3, 3).
         shoulder, elbow, wrist: joint centres, (T, 2, 3).
         hand: centre of the closed fist, (T, 2, 3).

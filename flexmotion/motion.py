@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,4 +79,5 @@ class Motion:
 
     def _map(self, function: Callable[[NDArray], NDArray]) -> Motion:
         arrays = ("root_position", "root_quaternion", "joints", "torques", "wrenches", "activations", "contacts")
-        return replace(self, **{n: function(getattr(self, n)) for n in arrays if getattr(self, n) is not None})
+        changed: dict[str, Any] = {n: function(getattr(self, n)) for n in arrays if getattr(self, n) is not None}
+        return replace(self, **changed)
