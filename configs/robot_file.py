@@ -150,11 +150,11 @@ class Gait(Strict):
 
     Attributes:
         stand_hip_height, walk_hip_height: hip pitch axis above ankle pitch axis, standing and around steps [m].
-        leg_length_ratio: this robot's leg length over the default human's.
+        min_hip_height: lowest that a human's squat may bring the hips [m].
         stride_factor: share of the leg-scaled human step that is asked for.
         max_stride: longest |dx| from stance foot to foothold [m].
         lateral: least and greatest distance between the soles' centres across [m].
-        max_foot_yaw: greatest turn of a foot against the stance foot [rad].
+        max_foot_yaw, max_toe_in: greatest turn of a foot against the stance foot, outward and inward [rad].
         swing_min_s, double_support_min_s: shortest swing and double support [s].
         swing_max_foot_speed: foothold travel over swing time [m/s].
         clearance: height of the swing foot in mid-swing [m].
@@ -163,11 +163,12 @@ class Gait(Strict):
 
     stand_hip_height: float = Field(gt=0)
     walk_hip_height: float = Field(gt=0)
-    leg_length_ratio: float = Field(gt=0)
+    min_hip_height: float = Field(gt=0)
     stride_factor: float = Field(gt=0, le=1.5)
     max_stride: float = Field(gt=0)
     lateral: tuple[float, float]
     max_foot_yaw: float = Field(gt=0)
+    max_toe_in: float = Field(gt=0)
     swing_min_s: float = Field(gt=0)
     double_support_min_s: float = Field(ge=0)
     swing_max_foot_speed: float = Field(gt=0)
@@ -176,8 +177,8 @@ class Gait(Strict):
 
     @model_validator(mode="after")
     def _ordered(self) -> Gait:
-        if self.walk_hip_height > self.stand_hip_height:
-            raise ValueError("walk_hip_height must not exceed stand_hip_height")
+        if not self.min_hip_height <= self.walk_hip_height <= self.stand_hip_height:
+            raise ValueError("expected min_hip_height <= walk_hip_height <= stand_hip_height")
         if not 0 < self.lateral[0] < self.lateral[1]:
             raise ValueError(f"lateral {list(self.lateral)} must be [least, greatest]")
         return self

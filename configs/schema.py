@@ -33,12 +33,12 @@ def read_yaml(file: Path) -> dict[str, Any]:
     return content
 
 
-def parse(model: type[Model], content: dict[str, Any], file: Path) -> Model:
-    """`content` as a `model`. Raises `ConfigError`, one line with the first wrong field and what it may be."""
+def parse(model: type[Model], content: dict[str, Any], origin: Path | str) -> Model:
+    """`content` of `origin` as a `model`. Raises `ConfigError` with the first wrong field and what it may be."""
     try:
         return model.model_validate(content)
     except ValidationError as error:
-        raise ConfigError(f"{file}: {_one_line(model, error)}") from error
+        raise ConfigError(f"{origin}: {_one_line(model, error)}") from error
 
 
 def load(model: type[Model], file: Path) -> Model:

@@ -99,7 +99,7 @@ class Servo(Strict):
 
     @property
     def back_emf(self) -> float:
-        """b = stall torque / no-load speed [N·m·s/rad]: at full supply the torque is stall - b·qd."""
+        """Stall torque / no-load speed [N·m·s/rad]: at full supply and speed qd, back_emf * qd of the stall is lost."""
         return self.stall_torque / self.no_load_speed
 
     @property

@@ -8,11 +8,13 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from configs.robot import Robot
+from configs.schema import Strict
 
 Float = NDArray[np.float64]
 
@@ -122,14 +124,17 @@ class Driver(ABC):
 
     Class attributes:
         name: the entry-point name in group `flexmotion.drivers`.
+        Options: what may be set when it is created; `drivers.registry.create` checks its options against it.
 
     Every method raises `configs.errors.DriverError` naming joint, servo id and port where hardware fails.
     """
 
-    name: str
+    name: ClassVar[str]
+    Options: ClassVar[type[Strict]] = Strict
 
-    def __init__(self, robot: Robot) -> None:
+    def __init__(self, robot: Robot, *, options: Strict | None = None) -> None:
         self.robot = robot
+        self.options = self.Options() if options is None else options
 
     @property
     @abstractmethod

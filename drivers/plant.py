@@ -1,0 +1,160 @@
+"""The servo plant: what torque position servos make, one piece of code for the simulated robot and the emulated bus.
+
+A servo with a proportional position loop drives its motor with a voltage in proportion to the error, so for supply
+V and nominal supply Vn, stall torque s, stiffness kp and back-EMF constant b = s / no-load speed:
+
+    tau = clip(kp (goal - q), -s, s) V/Vn - b qd
+
+bounded by the stall torque while it brakes (tau qd <= 0) and by the usable torque while it drives (tau qd > 0).
+Friction and rotor inertia are not here: they belong to the joint (MJCF `frictionloss`, `armature`).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from configs.robot import Robot
+
+Float = NDArray[np.float64]
+
+AMBIENT = 25.0
+"""Room temperature [°C]."""
+
+DAMPED_SHARE = 0.1
+"""Damped: position gain and voltage (PWM limit) are lowered to this share. Back-EMF brakes what gives way."""
+
+
+class ServoPlant:
+    """All servos of a robot. Every array is (n,), in robot order; `step` fills them in place and allocates nothing.
+
+    Attributes:
+        goal: goal position in force, quantised by whoever sets it [rad].
+        enabled: torque is on, bool.
+        torque_bound: bound on the torque, infinite where there is none [N·m].
+        supply: voltage of the source at no current [V].
+        resistance: of source and wiring [Ohm].
+        torque: last torque [N·m].
+        saturated: whether any limit held the last torque down, bool.
+        voltage: at the servos [V], one number.
+        current: of the source [A], one number.
+        temperature: of the windings [°C].
+    """
+
+    def __init__(self, robot: Robot, *, kp_scale: float = 1.0, supply: float | None = None, resistance: float = 0.0):
+        """`supply` is the lowest nominal voltage of the servos where not given."""
+        n = robot.n
+        self.goal = np.zeros(n)
+        self.enabled = np.zeros(n, np.bool_)
+        self.torque_bound = np.full(n, np.inf)
+        self.supply = float(robot.nominal_voltage.min()) if supply is None else supply
+        self.resistance = resistance
+        self.torque = np.zeros(n)
+        self.saturated = np.zeros(n, np.bool_)
+        self.voltage, self.current = self.supply, 0.0
+        self.temperature = np.full(n, AMBIENT)
+
+        self._robot = robot
+        self._kp = robot.kp * kp_scale
+        self._drive_share, self._gain_share = np.ones(n), 1.0
+        servos = robot.servos
+        self._rise = np.array([servo.stall_temperature_rise for servo in servos])
+        self._time_constant = np.array([servo.thermal_time_constant for servo in servos])
+        self._torque_constant = np.array(
+            [servo.torque_constant or servo.stall_torque / servo.stall_current for servo in servos]
+        )
+        self._gain, self._drive_peak, self._peak, self._motoring_peak = (np.zeros(n) for _ in range(4))
+        self._asked, self._drive, self._limit, self._scratch = (np.zeros(n) for _ in range(4))
+        self._flag = np.zeros(n, np.bool_)
+        self._refresh()
+
+    def set_gain(self, kp: Float) -> None:
+        """Stiffness at nominal supply, (n,) [N·m/rad]."""
+        self._kp[:] = kp
+        self._refresh()
+
+    def set_drive_share(self, share: Float | float) -> None:
+        """Share of the supply that may drive the motors (the PWM limit), (n,) or one number in [0, 1]."""
+        self._drive_share[:] = share
+        self._refresh()
+
+    def damp(self) -> None:
+        """Give way softly: gain and PWM limit at `DAMPED_SHARE`, so that back-EMF does most of the work."""
+        self._gain_share = DAMPED_SHARE
+        self.set_drive_share(DAMPED_SHARE)
+
+    def stiffen(self) -> None:
+        """Full gain and drive again."""
+        self._gain_share = 1.0
+        self.set_drive_share(1.0)
+
+    def step(self, position: Float, velocity: Float) -> Float:
+        """Torque at joint `position` [rad] and `velocity` [rad/s]; (n,) [N·m], overwritten by the next call."""
+        asked, drive, limit, scratch, flag, torque = (
+            self._asked,
+            self._drive,
+            self._limit,
+            self._scratch,
+            self._flag,
+            self.torque,
+        )
+        # PWM stage: proportional to the error, saturating at its limit.
+        np.subtract(self.goal, position, out=asked)
+        asked *= self._gain
+        np.minimum(asked, self._drive_peak, out=drive)
+        np.negative(self._drive_peak, out=scratch)
+        np.maximum(drive, scratch, out=drive)
+        np.not_equal(drive, asked, out=self.saturated)
+
+        # Motor: back-EMF takes its share, then the envelope.
+        np.multiply(self._robot.back_emf, velocity, out=scratch)
+        np.subtract(drive, scratch, out=asked)
+        np.multiply(asked, velocity, out=scratch)
+        np.greater(scratch, 0.0, out=flag)
+        np.copyto(limit, self._peak)
+        np.copyto(limit, self._motoring_peak, where=flag)
+        np.minimum(limit, self.torque_bound, out=limit)
+        np.minimum(asked, limit, out=torque)
+        np.negative(limit, out=limit)
+        np.maximum(torque, limit, out=torque)
+        np.not_equal(torque, asked, out=flag)
+        self.saturated |= flag
+
+        torque *= self.enabled
+        self.saturated &= self.enabled
+        return torque
+
+    def draw(self, torque: Float, seconds: float) -> None:
+        """Heat the windings and load the supply with `torque`, the mean over the last `seconds`, (n,) [N·m].
+
+        Assumptions, both first order: windings warm with (torque / stall)²; the source gives each motor its current
+        times its share of the supply, and sags from then on.
+        """
+        robot, load = self._robot, self._scratch
+        np.divide(torque, robot.stall_torque, out=load)
+        load *= load
+        load *= self._rise
+        load -= self.temperature
+        load += AMBIENT
+        load /= self._time_constant
+        load *= seconds
+        self.temperature += load
+
+        if self.resistance:
+            np.divide(torque, self._torque_constant, out=load)
+            load *= self._drive
+            load /= robot.stall_torque
+            np.maximum(load, 0.0, out=load)  # what braking gives back is not counted
+            self.current = float(load.sum())
+            self.voltage = self.supply - self.resistance * self.current
+            self._refresh()
+
+    def _refresh(self) -> None:
+        """Gain and limits at the present supply."""
+        robot = self._robot
+        np.divide(self.voltage, robot.nominal_voltage, out=self._scratch)
+        np.multiply(robot.stall_torque, self._scratch, out=self._peak)
+        np.minimum(self._peak, robot.usable_torque, out=self._motoring_peak)
+        np.multiply(self._peak, self._drive_share, out=self._drive_peak)
+        np.multiply(self._kp, self._scratch, out=self._gain)
+        self._gain *= self._gain_share

@@ -1,0 +1,288 @@
+"""`SimDriver`: the robot in MuJoCo, floating freely on a floor, behind the same door as a real one."""
+
+from __future__ import annotations
+
+import logging
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from configs.robot import Robot
+from configs.schema import Strict
+from drivers.delay import DelayLine
+from drivers.interface import Capabilities, Driver, JointCommand, RobotState, Truth
+from drivers.plant import ServoPlant
+from drivers.receiver import Receiver
+from drivers.sim.imu import SimImu
+from drivers.sim.options import SimOptions
+from drivers.sim.pushes import PushSchedule
+from drivers.sim.world import FLOOR, HOLDER, build_model, start_qpos
+
+Float = NDArray[np.float64]
+
+OVERHEATED = 0x04
+"""Hardware error bit of a servo that shut down hot (bit 2 of Dynamixel's hardware error status)."""
+
+UNBOUND = 1e6
+"""Torque bound that binds nothing [N·m]; finite, for the delay line takes means."""
+
+log = logging.getLogger(__name__)
+
+
+class SimDriver(Driver):
+    """Physics in this process, in lockstep: time passes only in `advance`.
+
+    A tick is `read`, `write`, `advance(1 / rate)`. Equal options and commands give equal runs, bit for bit.
+
+    Attributes:
+        model, data: MuJoCo's, for viewers; `data` belongs to the driver.
+        plant: the servos.
+        time: simulated time since `open` [s].
+    """
+
+    name = "sim"
+    Options = SimOptions
+
+    def __init__(self, robot: Robot, *, options: Strict | None = None) -> None:
+        super().__init__(robot, options=options)
+        if not isinstance(self.options, SimOptions):
+            raise TypeError(f"SimDriver takes SimOptions, not {type(self.options).__name__}")
+        self._settings: SimOptions = self.options
+        self.model = build_model(robot, self._settings)
+        self.data = mujoco.MjData(self.model)
+        self._torso = robot.torso_id
+        self._feet = np.array(robot.foot_ids)
+        self._qpos, self._dof = _index(robot.qpos_address), _index(robot.dof_address)
+        self._soles = robot.soles[:, :, None]
+        self._floor = self.model.geom(FLOOR).id
+        self._weld = self.model.equality(HOLDER).id
+        self._has_current = np.array([servo.current_unit is not None for servo in robot.servos])
+        self._open = False
+        self._reset()
+
+    @property
+    def capabilities(self) -> Capabilities:
+        """An IMU where robot file and options have one, effort where servos measure current, and all of simulation."""
+        return Capabilities(
+            imu=self._imu is not None,
+            effort=bool(self._has_current.any()),
+            torque_bound=True,
+            lockstep=True,
+            truth=True,
+        )
+
+    @property
+    def delay_s(self) -> float:
+        """The command delay without `extra_latency_s`, which is a mismatch nobody is told of."""
+        return self._settings.command_delay_s
+
+    @property
+    def violations(self) -> int:
+        """Goals outside the servos' envelope (see `drivers.receiver`)."""
+        return self._receiver.violations
+
+    @property
+    def time(self) -> float:
+        """Simulated time since `open` [s]."""
+        return self._steps * self._settings.timestep
+
+    def open(self) -> None:
+        """Put the robot on the floor in its start pose, torque off, held by the torso unless told otherwise."""
+        self._reset()
+        self._open = True
+
+    def close(self) -> None:
+        """Torque off. May be called twice."""
+        if self._open:
+            self.set_torque(False)
+            self._open = False
+
+    def set_torque(self, on: bool) -> None:
+        """Switch all servos at once; on: goals are pinned, damping ends, and whoever held the robot lets go."""
+        if on:
+            self._pin_goals()
+            self.plant.stiffen()
+            self.plant.enabled[:] = self._hardware_error == 0
+            if not self._settings.suspended:
+                self.data.eq_active[self._weld] = 0
+        else:
+            self.plant.enabled[:] = False
+
+    def damp(self) -> None:
+        """Pin the goals and give way softly (see `ServoPlant.damp`)."""
+        self._pin_goals()
+        self.plant.damp()
+
+    def write(self, command: JointCommand) -> None:
+        """Send goals: quantised and counted against the envelope now, in force after the delay."""
+        n = self.robot.n
+        row = self._command_row
+        self._receiver.receive(
+            command.position,
+            self._newest[:n],
+            self._newest[n : 2 * n],
+            self.plant.voltage,
+            self.plant.enabled,
+        )
+        row[:n] = self._receiver.goal
+        np.copyto(row[n:], command.torque_bound)
+        row[n:][np.isnan(row[n:])] = UNBOUND
+        self._delay.push(row)
+
+    def read(self, state: RobotState) -> None:
+        """Fill `state` with what the sensors saw `read_delay_s` ago; effort, supply and heat are of now."""
+        robot, row = self.robot, self._history[(self._steps - self._read_steps) % len(self._history)]
+        n = robot.n
+        robot.from_ticks(robot.to_ticks(row[:n], out=state.position), out=state.position)
+        state.velocity[:] = row[n : 2 * n]
+        np.copyto(state.effort, self.plant.torque, where=self._has_current)
+        state.voltage.fill(round(self.plant.voltage, 1))
+        np.rint(self.plant.temperature, out=state.temperature)
+        state.hardware_error[:] = self._hardware_error
+        state.stale.fill(0)
+        if self._imu is None:
+            state.imu_stale = -1
+        else:
+            self._imu.read(row[2 * n :], state.gyro, state.accel)
+            state.imu_stale = 0
+        state.stamp_ns = round(max(self._steps - self._read_steps, 0) * self._settings.timestep * 1e9)
+
+    def advance(self, seconds: float) -> None:
+        """Simulate `seconds`, in whole physics steps; what is left over is carried to the next call."""
+        self._owed += seconds / self._settings.timestep
+        steps = int(self._owed + 1e-6)
+        self._owed -= steps
+        if not steps:
+            return
+        self._torque.fill(0.0)
+        self._saturated.fill(0.0)
+        for _ in range(steps):
+            self._step()
+        self._torque /= steps
+        self._saturated /= steps
+        self.plant.draw(self._torque, steps * self._settings.timestep)
+        hot = self.plant.temperature > self._temperature_limit
+        if hot.any():
+            self._shut_down(hot)
+
+    def truth(self) -> Truth:
+        """The real state now; forces are of the last physics step, torque and saturation of the last `advance`."""
+        model, data, robot = self.model, self.data, self.robot
+        # mj_step leaves positions of before its integration: bring what is reported here up to the present.
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_comVel(model, data)
+        arm = np.matmul(data.xmat[self._feet].reshape(2, 3, 3), self._soles)[:, :, 0]
+        soles = data.xpos[self._feet] + arm
+        # cvel: rotation, then velocity of the body's point at the centre of mass of its whole tree.
+        twist = data.cvel[self._feet]
+        arm = soles - data.subtree_com[self._torso]
+        return Truth(
+            base_position=data.xpos[self._torso].copy(),
+            base_quaternion=data.xquat[self._torso].copy(),
+            joint_position=data.qpos[robot.qpos_address],
+            foot_position=soles,
+            foot_velocity=twist[:, 3:] + _cross(twist[:, :3], arm),
+            foot_force=data.cfrc_ext[self._feet, 3:],
+            torque=self._torque.copy(),
+            saturated=self._saturated.copy(),
+            com=data.subtree_com[self._torso].copy(),
+            self_contact=self._touches_itself(),
+        )
+
+    def _reset(self) -> None:
+        robot, options = self.robot, self._settings
+        n = robot.n
+        sensors, pushes = (np.random.default_rng([options.seed, stream]) for stream in (0, 1))
+        imu = robot.config.imu if options.imu else None
+        self._imu = None if imu is None else SimImu(imu, self.model, options, sensors)
+        self._pushes = PushSchedule(options, pushes)
+        self.plant = ServoPlant(
+            robot, kp_scale=options.kp_scale, supply=options.voltage, resistance=options.supply_resistance
+        )
+        self._receiver = Receiver(robot)
+        self._hardware_error = np.zeros(n, np.int64)
+        self._temperature_limit = np.array([servo.temperature_limit for servo in robot.servos])
+
+        mujoco.mj_resetData(self.model, self.data)
+        pose = robot.stand_pose if options.start == "stand" else robot.rest_pose
+        self.data.qpos[:] = start_qpos(robot, self.model, pose, options)
+        self.data.mocap_pos[0] = self.data.qpos[:3]
+        self.data.mocap_quat[0] = self.data.qpos[3:7]
+        self.data.eq_active[self._weld] = options.suspended or options.held
+        mujoco.mj_forward(self.model, self.data)
+
+        self._command_row = np.concatenate([pose, np.full(n, UNBOUND)])
+        self._delay = DelayLine(self._command_row, options.command_delay_s + options.extra_latency_s)
+        self._read_steps = round(options.read_delay_s / options.timestep)
+        self._history = np.zeros((self._read_steps + 1, 2 * n + 6))
+        self._torque, self._saturated = np.zeros(n), np.zeros(n)
+        self._steps, self._owed, self._pushed = 0, 0.0, False
+        if imu is not None and self._imu is not None:
+            carrier = self.data.xmat[self.model.body(imu.body).id].reshape(3, 3)
+            self._imu.reset(carrier[2])
+        self._remember()
+        self._history[:] = self._newest
+        self._pin_goals()
+
+    def _step(self) -> None:
+        data, n, plant, row = self.data, self.robot.n, self.plant, self._newest
+        plant.goal[:] = self._delay.advance(self._settings.timestep)[:n]
+        plant.torque_bound[:] = self._delay.value[n:]
+        data.qfrc_applied[self._dof] = plant.step(row[:n], row[n : 2 * n])
+        self._push()
+        mujoco.mj_step(self.model, data)
+        self._steps += 1
+        self._torque += plant.torque
+        self._saturated += plant.saturated
+        if self._imu is not None:
+            self._imu.step(data)
+        self._remember()
+
+    def _push(self) -> None:
+        force = self._pushes.force(self._steps)
+        if force is not None:
+            self.data.xfrc_applied[self._torso, :3] = force
+        elif self._pushed:
+            self.data.xfrc_applied[self._torso] = 0.0
+        self._pushed = force is not None
+
+    def _remember(self) -> None:
+        """Keep what the sensors see now: joint positions, speeds, IMU; `read` returns it `read_delay_s` later."""
+        n = self.robot.n
+        row = self._newest = self._history[self._steps % len(self._history)]
+        row[:n] = self.data.qpos[self._qpos]
+        row[n : 2 * n] = self.data.qvel[self._dof]
+        if self._imu is not None:
+            row[2 * n :] = self._imu.sample
+
+    def _pin_goals(self) -> None:
+        """Goals at the present position, and nothing on its way."""
+        n = self.robot.n
+        self._receiver.pin(self._newest[:n])
+        self._command_row[:n] = self._receiver.goal
+        self._command_row[n:] = UNBOUND
+        self._delay.reset(self._command_row)
+
+    def _shut_down(self, hot: NDArray[np.bool_]) -> None:
+        """A servo past its temperature limit turns its own torque off, as real ones do."""
+        for index in np.flatnonzero(hot & (self._hardware_error == 0)):
+            log.warning("joint %s: servo overheated and shut down", self.robot.joint_names[index])
+        self._hardware_error[hot] |= OVERHEATED
+        self.plant.enabled[hot] = False
+
+    def _touches_itself(self) -> bool:
+        contacts = self.data.contact.geom
+        return bool((contacts != self._floor).all(axis=1).any()) if len(contacts) else False
+
+
+def _index(addresses: NDArray[np.int64]) -> slice | NDArray[np.int64]:
+    """Where joints lie in `qpos` or `qvel`; a slice if they follow one another, which numpy takes without a copy."""
+    first, n = int(addresses[0]), len(addresses)
+    return slice(first, first + n) if np.array_equal(addresses, np.arange(first, first + n)) else addresses
+
+
+def _cross(a: Float, b: Float) -> Float:
+    """Cross products by row, (m, 3); numpy's own takes longer than the physics step that this follows."""
+    return a[:, [1, 2, 0]] * b[:, [2, 0, 1]] - a[:, [2, 0, 1]] * b[:, [1, 2, 0]]
