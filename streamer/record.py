@@ -47,6 +47,8 @@ class RunRecord:
         foot_ref: planned sole centre and yaw of the left and right foot, (T, 2, 4) [m, m, m, rad].
         contact_ref: planned contact of left and right foot, (T, 2) bool.
         base_ref: planned torso position and quaternion (w x y z), (T, 7).
+        hand_error: distance of each hand's reference from where the human's hand maps to, (T, 2) [m]; NaN where out
+            of reach or between two frames of the source.
         true_*: ground truth from a simulation (see `drivers.interface.Truth`), NaN elsewhere:
             true_base (T, 7), true_q (T, n), true_foot (T, 2, 3), true_foot_velocity (T, 2, 3),
             true_foot_force (T, 2, 3), true_torque (T, n), true_saturated (T, n), true_com (T, 3),
@@ -54,7 +56,8 @@ class RunRecord:
         work_s, lateness_s: time the tick's work took and how late it woke, (T,) [s].
         events, plans: in order of tick.
         repairs: count of repairs by kind (position, speed, acceleration, torque), of planner and loop together.
-        steps_planned, steps_dropped, human_steps: footsteps that the robot planned, gave up, and the human made.
+        steps_planned, steps_inserted, steps_dropped, human_steps: footsteps that the robot made, those of them that it
+            made to set its feet right, those of the human that it left out, and those that the human made.
         missed_deadlines, underruns, violations_sent: counts.
     """
 
@@ -68,6 +71,7 @@ class RunRecord:
         default_factory=lambda: {"position": 0, "speed": 0, "acceleration": 0, "torque": 0}
     )
     steps_planned: int = 0
+    steps_inserted: int = 0
     steps_dropped: int = 0
     human_steps: int = 0
     missed_deadlines: int = 0
@@ -87,6 +91,7 @@ class RunRecord:
         self.com_ref, self.com, self.dcm_ref, self.dcm, self.zmp_ref = (rows(2) for _ in range(5))
         self.foot_ref, self.contact_ref = rows(2, 4), np.zeros((t, 2), np.bool_)
         self.base_ref = rows(7)
+        self.hand_error = rows(2)
         self.true_base, self.true_q, self.true_com = rows(7), rows(n), rows(3)
         self.true_foot, self.true_foot_velocity, self.true_foot_force = rows(2, 3), rows(2, 3), rows(2, 3)
         self.true_torque, self.true_saturated = rows(n), rows(n)

@@ -1,0 +1,72 @@
+"""Zero-moment point, divergent component of motion, and the centre of mass that follows from them.
+
+The linear inverted pendulum with natural frequency w = sqrt(g / h): the divergent component xi = c + c'/w obeys
+xi' = w (xi - p) and so is fixed by the *future* of the zero-moment point p, and c' = w (xi - c) brings the centre of
+mass after it (Englsberger et al. 2015, IEEE T-RO 31(2), eqs. 6, 7 and 15).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+Float = NDArray[np.float64]
+
+GRAVITY = 9.81
+
+
+def smoothstep(s: Float) -> Float:
+    """Minimum-jerk rise from 0 to 1 for s in [0, 1] (clipped outside)."""
+    s = np.clip(s, 0.0, 1.0)
+    return s**3 * (10.0 + s * (6.0 * s - 15.0))
+
+
+def divergent_component(zmp: Float, omega: float, dt: float) -> Float:
+    """The bounded solution of xi' = omega (xi - p) for a piecewise constant p that stays at its last row.
+
+    Args:
+        zmp: (T, 2) [m]; omega: [1/s]; dt: time a row [s].
+
+    Returns:
+        xi at the start of each row, (T, 2) [m].
+    """
+    decay = np.exp(-omega * dt)
+    backwards, _ = lfilter([1.0 - decay], [1.0, -decay], zmp[::-1], axis=0, zi=decay * zmp[-1:])
+    return backwards[::-1]
+
+
+def absorb(zmp: Float, dcm: Float, error: Float, omega: float, dt: float, seconds: float) -> tuple[Float, Float]:
+    """Let a jump of the divergent component at row 0 die away instead of happening.
+
+    The error e(t) = e0 s(t) falls smoothly to zero, which asks for a zero-moment point offset e - e'/omega.
+
+    Args:
+        zmp, dcm: the plan, (T, 2) [m]; error: DCM now minus DCM of row 0, (2,) [m].
+        seconds: how long the error may live [s].
+
+    Returns:
+        zmp and dcm, (T, 2) [m].
+    """
+    t = np.arange(len(zmp)) * dt
+    share = 1.0 - smoothstep(t / seconds)
+    # The derivative over the row that follows, so that the discrete recursion holds too.
+    following = 1.0 - smoothstep((t + dt) / seconds)
+    growth = np.exp(omega * dt)
+    offset = (growth * share - following) / (growth - 1.0)
+    return zmp + offset[:, None] * error, dcm + share[:, None] * error
+
+
+def centre_of_mass(dcm: Float, start: Float, omega: float, dt: float) -> tuple[Float, Float]:
+    """Centre of mass that follows the divergent component from `start`.
+
+    Args:
+        dcm: (T, 2) [m]; start: centre of mass at row 0, (2,) [m].
+
+    Returns:
+        Position (T, 2) [m] and velocity (T, 2) [m/s].
+    """
+    decay = np.exp(-omega * dt)
+    tail, _ = lfilter([1.0 - decay], [1.0, -decay], dcm[:-1], axis=0, zi=decay * start[None])
+    com = np.concatenate([start[None], tail])
+    return com, omega * (dcm - com)

@@ -1,0 +1,111 @@
+"""Joint torques of a planned motion under its planned ground forces.
+
+Inverse dynamics gives the wrench that the ground must supply in all; it is shared between the feet by load, each
+foot's part acting as near the middle of its sole as the whole allows; what the feet supply is taken off the legs:
+tau = (M q'' + h)_joints - sum_feet J^T w  (Featherstone 2008, *Rigid Body Dynamics Algorithms*, eq. 5.22).
+"""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from configs.robot import Robot
+from retarget.legs import Leg
+
+Float = NDArray[np.float64]
+
+
+class RobotDynamics:
+    """Kinematics and inverse dynamics of the robot over the rows of a plan; holds its own MuJoCo data."""
+
+    def __init__(self, robot: Robot, legs: tuple[Leg, Leg]) -> None:
+        self.robot = robot
+        # A copy without contacts, limits and dry friction: the ground is ours to plan.
+        self.model = robot.compile()
+        disable = mujoco.mjtDisableBit
+        self.model.opt.disableflags |= int(disable.mjDSBL_CONSTRAINT)
+        self.data = mujoco.MjData(self.model)
+        self.torso = robot.torso_id
+        self.leg_joints = [
+            np.array([self.model.joint(robot.joint_names[i]).id for i in leg.indices]) for leg in legs
+        ]
+        self.leg_columns = [leg.indices for leg in legs]
+        self.half_sizes = robot.sole_half_size
+        self.mass = float(self.model.body_subtreemass[self.torso])
+
+    def centre_of_mass(self, base: Float, q: Float) -> Float:
+        """Centre of mass of each row, (T, 3) [m], for torso poses (T, 7) and joints (T, n)."""
+        data, model = self.data, self.model
+        com = np.empty((len(q), 3))
+        rows = np.empty((len(q), model.nq))
+        rows[:, :7] = base
+        rows[:, self.robot.qpos_address] = q
+        for k, row in enumerate(rows):
+            data.qpos[:] = row
+            mujoco.mj_kinematics(model, data)
+            mujoco.mj_comPos(model, data)
+            com[k] = data.subtree_com[self.torso]
+        return com
+
+    def inverse(
+        self, base: Float, base_velocity: Float, base_acceleration: Float, q: Float, qd: Float, qdd: Float,
+        feet: Float, share: Float,
+    ) -> tuple[Float, Float]:
+        """Joint torques and the zero-moment point that the whole body really asks for.
+
+        Args:
+            base: torso poses (T, 7); base_velocity, base_acceleration: (T, 6), linear in the world, angular in the
+                torso frame (MuJoCo's free joint) [m/s, rad/s, m/s², rad/s²].
+            q, qd, qdd: (T, n).
+            feet: sole centres and yaw, (T, 2, 4); share: load on the right foot, (T,) in [0, 1].
+
+        Returns:
+            torque (T, n) [N·m] and zmp (T, 2) [m] before it is held inside the soles.
+        """
+        data, model, robot = self.data, self.model, self.robot
+        rows = len(q)
+        qpos, qvel, qacc = np.empty((rows, model.nq)), np.empty((rows, model.nv)), np.empty((rows, model.nv))
+        qpos[:, :7], qpos[:, robot.qpos_address] = base, q
+        qvel[:, :6], qvel[:, robot.dof_address] = base_velocity, qd
+        qacc[:, :6], qacc[:, robot.dof_address] = base_acceleration, qdd
+        force = np.empty((rows, model.nv))
+        axes, anchors = np.empty((rows, 2, 6, 3)), np.empty((rows, 2, 6, 3))
+        for k in range(rows):
+            data.qpos[:], data.qvel[:], data.qacc[:] = qpos[k], qvel[k], qacc[k]
+            mujoco.mj_inverse(model, data)
+            force[k] = data.qfrc_inverse
+            for side, ids in enumerate(self.leg_joints):
+                axes[k, side], anchors[k, side] = data.xaxis[ids], data.xanchor[ids]
+        torque = force[:, robot.dof_address].copy()
+        # Root rows: force in the world, moment in the torso frame about its origin.
+        total = force[:, :3]
+        moment = Rotation.from_quat(base[:, [4, 5, 6, 3]]).apply(force[:, 3:6])
+        moment = moment + np.cross(base[:, :3], total)
+        zmp = np.column_stack([-moment[:, 1], moment[:, 0]]) / np.maximum(total[:, 2:], 1e-6)
+        weights = np.column_stack([1.0 - share, share])
+        centres = feet[:, :, :3]
+        left_over = moment - sum(
+            np.cross(centres[:, side], weights[:, side : side + 1] * total) for side in (0, 1)
+        )
+        for side in (0, 1):
+            push = weights[:, side : side + 1] * total
+            turn = weights[:, side : side + 1] * left_over
+            turn = self._inside_sole(turn, push[:, 2], feet[:, side, 3], self.half_sizes[side])
+            arm = centres[:, side, None] - anchors[:, side]
+            at_joint = turn[:, None] + np.cross(arm, np.broadcast_to(push[:, None], arm.shape))
+            torque[:, self.leg_columns[side]] -= np.einsum("tji,tji->tj", axes[:, side], at_joint)
+        return torque, zmp
+
+    @staticmethod
+    def _inside_sole(moment: Float, load: Float, yaw: Float, half: Float) -> Float:
+        """Bound a foot's horizontal moment so that its centre of pressure stays on the sole."""
+        cos, sin = np.cos(yaw), np.sin(yaw)
+        about_x = cos * moment[:, 0] + sin * moment[:, 1]
+        about_y = cos * moment[:, 1] - sin * moment[:, 0]
+        bound = np.maximum(load, 0.0)
+        about_x = np.clip(about_x, -half[1] * bound, half[1] * bound)
+        about_y = np.clip(about_y, -half[0] * bound, half[0] * bound)
+        return np.column_stack([cos * about_x - sin * about_y, sin * about_x + cos * about_y, moment[:, 2]])

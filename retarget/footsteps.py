@@ -1,0 +1,257 @@
+"""Which steps the robot makes, when, and where to: the human's, at human time, as far as its legs allow.
+
+A step is a human foot's swing that moves, turns or lifts it enough to matter. It starts when the human's does, or as
+soon as the robot's other foot has landed and taken the weight; it lands with the human's or when the robot's foot
+can be there. Where a human turns on planted feet the robot cannot: steps are inserted until its feet agree again.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from configs.robot import Gait
+from retarget.human import HumanWindow, Swing
+
+Float = NDArray[np.float64]
+
+_WORTH_DISTANCE = 0.06
+"""A human foot that moves less [m], turns less and lifts less than these only shuffles."""
+_WORTH_YAW = 0.2
+_WORTH_LIFT = 0.04
+_TOO_LATE_S = 0.30
+"""A step whose human foot landed longer ago is dropped: catching up would trip the next one."""
+_INSERT_YAW = 0.26
+_INSERT_DISTANCE = 0.045
+"""Feet further from where they belong (robot scale) are set right by an inserted step."""
+_INSERT_SWING_S = 0.40
+_UNKNOWN_SWING_S = 0.42
+_FIRST_STEP_S = 0.45
+"""From rest the centre of mass needs this long to reach the stance foot."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """One footstep of the robot, in loop ticks.
+
+    Attributes:
+        side: foot that moves, 0 left, 1 right.
+        lift, land: ticks of lift-off and touch-down.
+        start, target: x, y, z, yaw of the sole centre, (4,) [m, m, m, rad].
+        consumed_s: source time up to which human swings of this foot are done with.
+        dropped: human steps left out before this one.
+        inserted: set right by the robot, not made by the human.
+    """
+
+    side: int
+    lift: int
+    land: int
+    start: Float
+    target: Float
+    consumed_s: float
+    dropped: int = 0
+    inserted: bool = False
+
+    @property
+    def stance(self) -> int:
+        """The foot that carries the robot meanwhile."""
+        return 1 - self.side
+
+
+@dataclass(frozen=True)
+class Scaling:
+    """How human lengths and headings become the robot's.
+
+    Attributes:
+        ratio: robot leg length over human leg length.
+        heading: robot yaw minus human yaw [rad].
+        human_width: distance between the human's feet in quiet stance [m].
+    """
+
+    ratio: float
+    heading: float
+    human_width: float
+
+
+class FootstepPlanner:
+    """Chooses steps over a window of human motion.
+
+    Args:
+        gait: the robot's gait limits.
+        stand_width: distance between the robot's sole centres at its stand pose [m].
+        rate_hz: loop ticks a second.
+    """
+
+    def __init__(self, gait: Gait, stand_width: float, rate_hz: float) -> None:
+        self.gait = gait
+        self.stand_width = stand_width
+        self.rate = rate_hz
+
+    def worth(self, window: HumanWindow, swing: Swing) -> bool:
+        """Whether a human swing is a step, rather than a shuffle or a lifted heel."""
+        start, end = window.foot(swing.side, swing.lift_s), window.foot(swing.side, swing.land_s)
+        return bool(
+            np.hypot(*(end - start)[:2]) > _WORTH_DISTANCE
+            or abs(end[2] - start[2]) > _WORTH_YAW
+            or window.foot_height(swing.side, swing.lift_s, swing.land_s) > _WORTH_LIFT
+        )
+
+    def target(self, window: HumanWindow, scaling: Scaling, side: int, second: float, stance: Float) -> Float:
+        """Where foot `side` belongs at a source time, given where the robot's other foot stands.
+
+        Args:
+            stance: pose of the other foot, (4,) [m, m, m, rad].
+
+        Returns:
+            x, y, z, yaw of the sole centre within the robot's limits, (4,).
+        """
+        gait = self.gait
+        human, human_stance = window.foot(side, second), window.foot(1 - side, second)
+        human_yaw = 0.5 * (human[2] + human_stance[2])
+        inward = -1.0 if side == 0 else 1.0
+        turn = np.clip(human_yaw + scaling.heading - stance[3], -gait.max_foot_yaw, gait.max_foot_yaw)
+        # Toes that turn in meet the other foot sooner than toes that turn out.
+        turn = max(turn, -gait.max_toe_in) if inward < 0 else min(turn, gait.max_toe_in)
+        yaw = stance[3] + turn
+        cos, sin = np.cos(human_yaw), np.sin(human_yaw)
+        dx, dy = human[:2] - human_stance[:2]
+        forward, sideways = cos * dx + sin * dy, cos * dy - sin * dx
+        forward = np.clip(gait.stride_factor * scaling.ratio * forward, -gait.max_stride, gait.max_stride)
+        apart = self.stand_width + scaling.ratio * (-inward * sideways - scaling.human_width)
+        apart = np.clip(apart, *gait.lateral)
+        frame = stance[3] + 0.5 * turn
+        cos, sin = np.cos(frame), np.sin(frame)
+        sideways = -inward * apart
+        return np.array(
+            [
+                stance[0] + cos * forward - sin * sideways,
+                stance[1] + sin * forward + cos * sideways,
+                0.0,
+                yaw,
+            ]
+        )
+
+    def swing_ticks(self, start: Float, target: Float) -> int:
+        """Shortest swing between two poses within the foot's speed, in ticks."""
+        distance = float(np.hypot(*(target - start)[:2]))
+        seconds = max(self.gait.swing_min_s, distance / self.gait.swing_max_foot_speed)
+        return int(np.ceil(seconds * self.rate))
+
+    def plan(
+        self,
+        window: HumanWindow,
+        scaling: Scaling,
+        feet: Float,
+        current: Step | None,
+        consumed: Float,
+        free: int,
+        now: int,
+        source_tick: int,
+    ) -> list[Step]:
+        """The steps from `now` to the end of the window.
+
+        Args:
+            feet: pose of both feet on the ground (a foot in the air: where it will land), (2, 4).
+            current: the step that is under way or frozen, if any; it is kept.
+            consumed: source time up to which each foot's human swings are done with, (2,) [s].
+            free: tick from which a new foot may lift.
+            now: first tick of the plan.
+            source_tick: loop tick of source time 0.
+
+        Returns:
+            Steps in order of time, the current one first.
+        """
+        gait = self.gait
+        steps: list[Step] = []
+        feet, consumed = feet.copy(), consumed.copy()
+        pause = int(round(gait.double_support_min_s * self.rate))
+        if current is not None:
+            steps.append(current)
+            feet[current.side] = current.target
+            consumed[current.side] = max(consumed[current.side], current.consumed_s)
+            free = max(free, current.land + pause)
+
+        def tick(second: float) -> int:
+            return source_tick + int(round(second * self.rate))
+
+        end = tick(window.end_s)
+        dropped = 0
+        for swing in window.swings:
+            if swing.land_s <= consumed[swing.side] + 1e-6:
+                continue
+            if not self.worth(window, swing):
+                continue
+            lift = max(tick(swing.lift_s), free, now + 1)
+            if lift >= end:
+                break
+            if swing.landed and lift > tick(swing.land_s) + _TOO_LATE_S * self.rate:
+                dropped += 1
+                consumed[swing.side] = swing.land_s
+                continue
+            self._insert(window, scaling, steps, feet, consumed, free, lift - pause, now, source_tick)
+            if steps:
+                free = max(free, steps[-1].land + pause)
+                lift = max(lift, free)
+            land_s = swing.land_s
+            target = self.target(window, scaling, swing.side, land_s, feet[1 - swing.side])
+            shortest = self.swing_ticks(feet[swing.side], target)
+            land = tick(land_s) if swing.landed else max(end, tick(swing.lift_s + _UNKNOWN_SWING_S))
+            land = max(land, lift + shortest)
+            step = Step(swing.side, lift, land, feet[swing.side], target, land_s, dropped)
+            dropped = 0
+            steps.append(step)
+            feet[swing.side] = target
+            consumed[swing.side] = land_s
+            free = land + pause
+        self._insert(window, scaling, steps, feet, consumed, free, end, now, source_tick)
+        return steps
+
+    def _insert(
+        self,
+        window: HumanWindow,
+        scaling: Scaling,
+        steps: list[Step],
+        feet: Float,
+        consumed: Float,
+        free: int,
+        until: int,
+        now: int,
+        source_tick: int,
+    ) -> None:
+        """Append steps that set feet right between `free` and `until`, if there is time for them."""
+        gait = self.gait
+        pause = int(round(gait.double_support_min_s * self.rate))
+        ticks = int(round(_INSERT_SWING_S * self.rate))
+        lift = max(free, now + pause)
+        while lift + ticks + pause <= until:
+            second = (lift - source_tick) / self.rate
+            frame = int(window.frame_before(np.array([second]))[0])
+            if not window.contacts[frame].all():
+                lift += max(1, int(self.rate / window.motion.fps))
+                continue
+            errors = []
+            for side in (0, 1):
+                target = self.target(window, scaling, side, second, feet[1 - side])
+                gap = target - feet[side]
+                errors.append(max(abs(gap[3]) / _INSERT_YAW, float(np.hypot(*gap[:2])) / _INSERT_DISTANCE))
+            side = int(np.argmax(errors))
+            if errors[side] <= 1.0:
+                lift += ticks // 2
+                continue
+            target = self.target(window, scaling, side, second, feet[1 - side])
+            step = Step(side, lift, lift + ticks, feet[side].copy(), target, consumed[side], inserted=True)
+            steps.append(step)
+            feet[side] = target
+            lift = step.land + pause
+
+
+def first_lift(now: int, rate_hz: float) -> int:
+    """Earliest tick at which a foot may leave the ground after standing at rest."""
+    return now + int(round(_FIRST_STEP_S * rate_hz))
+
+
+def resumed(step: Step, lift: int) -> Step:
+    """The same step, lifted at another tick."""
+    return replace(step, lift=lift, land=step.land + lift - step.lift)

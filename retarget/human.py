@@ -1,0 +1,117 @@
+"""`HumanWindow`: what the retargeter sees of the human, from now to as far ahead as it was given."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from flexmotion.contacts import ContactDetector
+from flexmotion.kinematics import HumanKinematics, forward
+from flexmotion.motion import Motion
+from flexmotion.skeleton import SIDES
+
+Float = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Swing:
+    """A stretch in which a human foot carries no load.
+
+    Attributes:
+        side: 0 left, 1 right.
+        lift_s, land_s: source time [s]; the window's edge where the event lies outside it.
+        landed: whether the landing lies inside the window.
+    """
+
+    side: int
+    lift_s: float
+    land_s: float
+    landed: bool
+
+
+class HumanWindow:
+    """Features of a stretch of human motion over source time.
+
+    Args:
+        motion: the frames.
+        start_s: source time of the first frame [s].
+        detector_state: contact detector's state before the first frame.
+        yaws: yaw of left foot, right foot and pelvis before the first frame, (3,) [rad]: angles are unwrapped
+            to follow on from these, so that turns add up over windows. None starts anew.
+    """
+
+    def __init__(self, motion: Motion, start_s: float, detector_state: Float, yaws: Float | None) -> None:
+        self.motion = motion
+        self.times = start_s + np.arange(len(motion)) / motion.fps
+        self.kinematics: HumanKinematics = forward(motion)
+        self.contacts, self.detector_states = ContactDetector(motion.body).detect(
+            self.kinematics, motion.fps, detector_state
+        )
+        kin = self.kinematics
+        feet = 0.5 * (kin.heel + kin.toe)
+        along = kin.toe - kin.heel
+        yaw = np.column_stack(
+            [
+                np.arctan2(along[:, :, 1], along[:, :, 0]),
+                np.arctan2(kin.pelvis_rotation[:, 1, 0], kin.pelvis_rotation[:, 0, 0]),
+            ]
+        )
+        if yaws is not None:
+            yaw = np.concatenate([yaws[None], yaw])
+        self.yaws = np.unwrap(yaw, axis=0)[(yaws is not None) :]
+        self.feet = np.concatenate([feet[:, :, :2], self.yaws[:, :2, None]], axis=2)
+        self.swings = self._swings()
+
+    @property
+    def end_s(self) -> float:
+        """Source time of the last frame [s]."""
+        return float(self.times[-1])
+
+    def _swings(self) -> list[Swing]:
+        found = []
+        half = 0.5 / self.motion.fps
+        for side in range(len(SIDES)):
+            free = np.concatenate([[False], ~self.contacts[:, side], [False]]).astype(int)
+            edges = np.diff(free)
+            for lift, land in zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1), strict=True):
+                landed = land < len(self.times)
+                found.append(
+                    Swing(
+                        side,
+                        float(self.times[lift] - (half if lift else 0.0)),
+                        float(self.times[land] - half) if landed else self.end_s,
+                        landed,
+                    )
+                )
+        return sorted(found, key=lambda swing: swing.lift_s)
+
+    def frame_before(self, seconds: Float) -> NDArray[np.int64]:
+        """Index of the last frame at or before each time, clipped to the window."""
+        return np.clip(np.searchsorted(self.times, seconds + 1e-9, side="right") - 1, 0, len(self.times) - 1)
+
+    def at(self, values: Float, seconds: Float) -> Float:
+        """Linear interpolation of per-frame `values` (F, ...) at source times (T,); the ends are held."""
+        place = np.clip((seconds - self.times[0]) * self.motion.fps, 0.0, len(self.times) - 1)
+        low = np.minimum(place.astype(int), max(len(self.times) - 2, 0))
+        share = (place - low).reshape(-1, *[1] * (values.ndim - 1))
+        return values[low] + share * (values[np.minimum(low + 1, len(values) - 1)] - values[low])
+
+    def foot(self, side: int, second: float) -> Float:
+        """Ground pose x, y, yaw of a foot, (3,) [m, m, rad]."""
+        return self.at(self.feet[:, side], np.array([second]))[0]
+
+    def foot_height(self, side: int, start_s: float, end_s: float) -> float:
+        """How high the foot is lifted between two times over where it stood at the first [m]."""
+        rows = (self.times >= start_s - 1e-9) & (self.times <= end_s + 1e-9)
+        if not rows.any():
+            return 0.0
+        height = 0.5 * (self.kinematics.heel[:, side, 2] + self.kinematics.toe[:, side, 2])
+        return float(height[rows].max() - self.at(height, np.array([start_s]))[0])
+
+    def tilt(self) -> Float:
+        """Roll (to the right positive) and pitch (forward positive) of the torso, (F, 2) [rad]."""
+        angles = Rotation.from_matrix(self.kinematics.torso_rotation).as_euler("ZYX")
+        return angles[:, [2, 1]]

@@ -1,0 +1,161 @@
+"""Closed-form inverse kinematics of a six-axis leg: hip yaw, roll, pitch, knee, ankle pitch, ankle roll.
+
+After Kajita et al., *Introduction to Humanoid Robotics* (2014), section 2.5.2: where the three hip axes meet in one
+point and the two ankle axes in another, knee and ankle follow from the triangle hip-knee-ankle and the hip from the
+rotation that is left. Vectorised over any number of ticks.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from configs.errors import RetargetError
+from configs.robot import Robot
+
+Float = NDArray[np.float64]
+
+CHAIN = ("hip_yaw", "hip_roll", "hip_pitch", "knee", "ankle_pitch", "ankle_roll")
+_AXES = np.array([[0, 0, 1], [1, 0, 0], [0, 1, 0], [0, 1, 0], [0, 1, 0], [1, 0, 0]], dtype=float)
+SIDE_NAMES = ("left", "right")
+_OFFSET_TOLERANCE = 1e-3
+"""How far [m] the axes of a real leg may miss one another: the error it leaves at the foot is of that size."""
+_REACH = 0.9985
+"""Share of the leg's full length that is used: at 1 the knee's speed is unbounded."""
+
+
+@dataclass(frozen=True)
+class Leg:
+    """Geometry of one leg, read from the robot's model in its zero pose.
+
+    Attributes:
+        indices: columns of the six joints in the robot's order, (6,).
+        signs: +1 or -1 a joint: the model's axis against the canonical one (z, x, y, y, y, x).
+        hip: centre of the hip axes in the torso frame, (3,) [m].
+        thigh, shank: lengths [m].
+        sole: centre of the sole in the frame of the ankle centre, (3,) [m].
+    """
+
+    indices: NDArray[np.int64]
+    signs: Float
+    hip: Float
+    thigh: float
+    shank: float
+    sole: Float
+
+    @classmethod
+    def of(cls, robot: Robot, side: str) -> Leg:
+        """Read the leg of `side` ("left" or "right").
+
+        Raises:
+            RetargetError: the leg's axes are not yaw-roll-pitch-pitch-pitch-roll or do not meet within 1 mm.
+        """
+        chain = robot.chain(f"{side}_leg")
+        indices = np.array([chain[part] for part in CHAIN])
+        names = [robot.joint_names[i] for i in indices]
+        model = robot.model
+        data = mujoco.MjData(model)
+        mujoco.mj_kinematics(model, data)
+        torso = robot.torso_id
+        to_torso = data.xmat[torso].reshape(3, 3).T
+        joints = [model.joint(name).id for name in names]
+        axes = data.xaxis[joints] @ to_torso.T
+        anchors = (data.xanchor[joints] - data.xpos[torso]) @ to_torso.T
+        signs = np.sum(axes * _AXES, axis=1)
+        if np.any(np.abs(np.abs(signs) - 1.0) > 1e-6):
+            worst = names[int(np.argmin(np.abs(signs)))]
+            raise RetargetError(
+                f"{robot.file}: joint {worst!r} of the {side} leg does not turn about the axis of a "
+                "yaw-roll-pitch-knee-pitch-roll leg in the model's zero pose; this retargeter needs such legs"
+            )
+        yaw, roll, pitch, knee, ankle_pitch, ankle_roll = anchors
+        hip = np.array([yaw[0], yaw[1], roll[2]])
+        ankle = np.array([ankle_pitch[0], ankle_roll[1], ankle_roll[2]])
+        misses = {
+            "hip_roll": roll[1] - hip[1],
+            "hip_pitch (fore-aft)": pitch[0] - hip[0],
+            "hip_pitch (height)": pitch[2] - hip[2],
+            "knee": knee[0] - hip[0],
+            "ankle_pitch (fore-aft)": ankle_pitch[0] - hip[0],
+            "ankle_pitch (height)": ankle_pitch[2] - ankle[2],
+            "ankle_roll": ankle[1] - hip[1],
+        }
+        for joint, miss in misses.items():
+            if abs(miss) > _OFFSET_TOLERANCE:
+                raise RetargetError(
+                    f"{robot.file}: {side} {joint} misses the leg's common axis by {1e3 * miss:.1f} mm; "
+                    "the closed-form leg allows 1 mm"
+                )
+        foot = SIDE_NAMES.index(side)
+        body = robot.foot_ids[foot]
+        sole = (data.xpos[body] + data.xmat[body].reshape(3, 3) @ robot.soles[foot] - data.xpos[torso]) @ to_torso.T
+        return cls(
+            indices=indices,
+            signs=np.sign(signs),
+            hip=hip,
+            thigh=float(hip[2] - knee[2]),
+            shank=float(knee[2] - ankle[2]),
+            sole=sole - ankle,
+        )
+
+    @property
+    def length(self) -> float:
+        """Longest hip-to-ankle distance that is used [m]."""
+        return _REACH * (self.thigh + self.shank)
+
+    def solve(
+        self, torso_position: Float, torso_rotation: Float, sole_position: Float, sole_rotation: Float
+    ) -> tuple[Float, Float]:
+        """Joint angles that put the sole where it is asked.
+
+        Args:
+            torso_position: (T, 3) [m]; torso_rotation: (T, 3, 3), both in the world.
+            sole_position: centre of the sole, (T, 3) [m]; sole_rotation: (T, 3, 3).
+
+        Returns:
+            Angles in the model's signs, (T, 6) [rad], and by how much [m] the leg was too short, (T,) (0 where the
+            target is within reach; the sole then stays on the line to its target).
+        """
+        ankle = sole_position - sole_rotation @ self.sole
+        hip = torso_position + torso_rotation @ self.hip
+        r = np.einsum("tji,tj->ti", sole_rotation, hip - ankle)
+        distance = np.linalg.norm(r, axis=1)
+        reach = np.clip(distance, abs(self.thigh - self.shank) + 1e-3, self.length)
+        knee = np.arccos(
+            np.clip((reach**2 - self.thigh**2 - self.shank**2) / (2 * self.thigh * self.shank), -1.0, 1.0)
+        )
+        ankle_roll = np.arctan2(r[:, 1], r[:, 2])
+        lean = np.arctan2(-r[:, 0], np.hypot(r[:, 1], r[:, 2]))
+        ankle_pitch = lean - np.arctan2(self.thigh * np.sin(knee), self.shank + self.thigh * np.cos(knee))
+        hip_rotation = (
+            np.swapaxes(torso_rotation, 1, 2)
+            @ sole_rotation
+            @ _rotation_x(-ankle_roll)
+            @ _rotation_y(-ankle_pitch - knee)
+        )
+        yaw = np.arctan2(-hip_rotation[:, 0, 1], hip_rotation[:, 1, 1])
+        roll = np.arcsin(np.clip(hip_rotation[:, 2, 1], -1.0, 1.0))
+        pitch = np.arctan2(-hip_rotation[:, 2, 0], hip_rotation[:, 2, 2])
+        angles = np.stack([yaw, roll, pitch, knee, ankle_pitch, ankle_roll], axis=1)
+        return angles * self.signs, np.abs(distance - reach)
+
+
+def _rotation_x(angle: Float) -> Float:
+    out = np.zeros((len(angle), 3, 3))
+    out[:, 0, 0] = 1.0
+    out[:, 1, 1] = out[:, 2, 2] = np.cos(angle)
+    out[:, 2, 1] = np.sin(angle)
+    out[:, 1, 2] = -out[:, 2, 1]
+    return out
+
+
+def _rotation_y(angle: Float) -> Float:
+    out = np.zeros((len(angle), 3, 3))
+    out[:, 1, 1] = 1.0
+    out[:, 0, 0] = out[:, 2, 2] = np.cos(angle)
+    out[:, 0, 2] = np.sin(angle)
+    out[:, 2, 0] = -out[:, 0, 2]
+    return out

@@ -1,0 +1,92 @@
+"""What the human's trunk, arms and head ask of the robot's, before anything is smoothed."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from configs.robot import Gait, Robot
+from retarget.footsteps import Scaling
+from retarget.human import HumanWindow
+from retarget.schedule import Schedule
+from retarget.smoothing import Follower
+from retarget.whole_body import POSTURE, WholeBody
+
+Float = NDArray[np.float64]
+
+_OMEGA = np.array([9.0, 12.0, 12.0, 12.0])
+_SPEED = np.array([0.25, 1.5, 1.5, 2.0])
+_ACCELERATION = np.array([3.0, 20.0, 20.0, 20.0])
+"""Trunk channels: natural frequency [1/s] and bounds [m/s, rad/s and per second]."""
+_UPPER_OMEGA, _UPPER_ACCELERATION, _UPPER_SPEED_SHARE = 22.0, 80.0, 0.8
+"""Arms and head: natural frequency [1/s], bound [rad/s²], and share of the servo's no-load speed."""
+_TILT_LIMITS = np.array([[-0.20, 0.20], [-0.20, 0.90]])
+"""Torso roll and pitch that the robot may take over [rad]."""
+_WALKING_TILT = 0.35
+"""Share of the human's trunk tilt that the robot takes over around steps."""
+_TWIST = 0.35
+"""Torso yaw against the feet [rad]."""
+_STANDING_SHARE = (0.3, 0.7)
+"""Bounds of the load share that follows the human's sway on two feet."""
+
+
+def follower(robot: Robot, body: WholeBody) -> Follower:
+    """The smoother of trunk and upper body for one robot."""
+    upper = body.upper.joints
+    count = len(upper)
+    return Follower(
+        omega=np.concatenate([_OMEGA, np.full(count, _UPPER_OMEGA)]),
+        speed=np.concatenate([_SPEED, _UPPER_SPEED_SHARE * robot.no_load_speed[upper]]),
+        acceleration=np.concatenate([_ACCELERATION, np.full(count, _UPPER_ACCELERATION)]),
+        dt=1.0 / robot.rate_hz,
+    )
+
+
+def quiet_share(window: HumanWindow, seconds: Float, rows: int, fade_rows: float) -> Float:
+    """Load on the right foot while both feet stand: the human's, fading to the middle once nothing is known.
+
+    Args:
+        seconds: source time of the rows that follow the human, (F,); rows: rows in all.
+    """
+    left, right = window.feet[:, 0, :2], window.feet[:, 1, :2]
+    across = right - left
+    share = np.sum((window.kinematics.com[:, :2] - left) * across, axis=1) / np.maximum(np.sum(across**2, axis=1), 1e-4)
+    known = window.at(np.clip(share, *_STANDING_SHARE), seconds)
+    fade = np.clip(1.0 - np.arange(rows - len(seconds)) / fade_rows, 0.0, 1.0)
+    return np.concatenate([known, 0.5 + fade * (known[-1] - 0.5)])
+
+
+def trunk_targets(gait: Gait, schedule: Schedule) -> Float:
+    """Upright over the feet, at the height that standing or walking needs, (T, 4)."""
+    targets = np.zeros((len(schedule.share), len(POSTURE)))
+    targets[:, 0] = np.where(schedule.walking, gait.walk_hip_height, gait.stand_hip_height)
+    targets[:, 3] = schedule.feet[:, :, 3].mean(axis=1)
+    return targets
+
+
+def human_trunk(
+    gait: Gait, schedule: Schedule, window: HumanWindow, scaling: Scaling, seconds: Float, omega: Float
+) -> Float:
+    """The human's trunk within what the robot can carry, seen ahead by each channel's lag, (T, 4).
+
+    Args:
+        seconds: source time of each row, held at the last that is known, (T,).
+        omega: natural frequency a channel of the follower to come, (>= 4,).
+    """
+    targets = trunk_targets(gait, schedule)
+    lead = 2.0 / omega
+    last = seconds[-1]
+
+    def ahead(values: Float, channel: int) -> Float:
+        return window.at(values, np.minimum(seconds + lead[channel], last))
+
+    hips = (window.kinematics.hip.mean(axis=1) - window.kinematics.ankle.min(axis=1))[:, 2]
+    crouch = ahead(hips, 0) * scaling.ratio
+    targets[:, 0] = np.clip(np.minimum(targets[:, 0], crouch), gait.min_hip_height, None)
+    gain = np.where(schedule.walking, _WALKING_TILT, 1.0)
+    tilt = window.tilt()
+    for axis, channel in ((0, 1), (1, 2)):
+        targets[:, channel] = np.clip(gain * ahead(tilt[:, axis], channel), *_TILT_LIMITS[axis])
+    yaw = ahead(window.yaws[:, 2], 3) + scaling.heading
+    targets[:, 3] += np.clip(yaw - targets[:, 3], -_TWIST, _TWIST)
+    return targets

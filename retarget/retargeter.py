@@ -1,0 +1,406 @@
+"""Human motion to this robot's motion: one `Plan` from a state and the human's next second.
+
+Causal and streaming: a plan uses the past only through the state it resumes from, and the future only as far as the
+frames reach that it is given. Every plan ends in a balanced stop on two feet.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import butter, sosfilt, sosfilt_zi
+from scipy.spatial.transform import Rotation
+
+from configs.robot import Robot
+from configs.stream import StreamSettings
+from flexmotion.contacts import ContactDetector
+from flexmotion.motion import Motion
+from retarget import balance, posture
+from retarget.footsteps import FootstepPlanner, Scaling, Step, first_lift
+from retarget.human import HumanWindow
+from retarget.plan import Plan
+from retarget.schedule import SHIFT_S, Schedule
+from retarget.state import StateLayout, pack_step
+from retarget.whole_body import POSTURE, WholeBody
+
+Float = NDArray[np.float64]
+
+_STOP_S = 0.8
+"""Length of the stop tail after the last step has landed: five time constants of a small robot's pendulum."""
+
+
+@dataclass(frozen=True)
+class _View:
+    """What a plan follows: the human as far as it was given, on the loop's clock.
+
+    Attributes:
+        window: features of the frames; None where there are none.
+        scaling: human to robot.
+        ticks: loop tick of each row, (T,); seconds: its source time, (T,) [s], NaN without a source.
+        follow: rows that follow the human; the rest is the stop tail.
+    """
+
+    window: HumanWindow | None
+    scaling: Scaling
+    source_tick: float
+    tick: int
+    follow: int
+
+
+class Retargeter:
+    """Turns windows of human motion into plans for one robot.
+
+    Args:
+        robot: the robot file; its legs must be of the closed-form kind (see `legs.Leg`).
+        settings: how far a plan follows the human before its stop tail, and how joins are absorbed.
+
+    Raises:
+        configs.errors.RetargetError: the robot's legs cannot be solved.
+    """
+
+    def __init__(self, robot: Robot, settings: StreamSettings) -> None:
+        self.robot, self.gait, self.rate = robot, robot.gait, robot.rate_hz
+        self.dt = 1.0 / robot.rate_hz
+        self.settings = settings
+        self.horizon = int(round(settings.horizon_s * self.rate))
+        self.body = WholeBody(robot)
+        self.layout = StateLayout(robot.n, len(self.body.upper.joints))
+        self.follower = posture.follower(robot, self.body)
+        self.footsteps = FootstepPlanner(self.gait, self.body.stand_width, self.rate)
+        walking = self._upright(self.gait.walk_hip_height)
+        base, q, _, _ = self.body.solve(self.body.home_feet[None], np.zeros((1, 2)), walking[None], np.zeros(2), 4)
+        self.com_height = float(self.body.dynamics.centre_of_mass(base, q)[0, 2])
+        self.omega = float(np.sqrt(balance.GRAVITY / self.com_height))
+
+    def _upright(self, height: float) -> Float:
+        return np.concatenate([[height, 0.0, 0.0, 0.0], self.robot.stand_pose[self.body.upper.joints]])
+
+    def standing(self) -> Float:
+        """State of the robot at rest, hips at standing height, feet around the origin, facing +x, (S,)."""
+        layout, body = self.layout, self.body
+        state = np.zeros(layout.size)
+        channels = self._upright(self.gait.stand_hip_height)
+        base, q, offset, _ = body.solve(body.home_feet[None], np.zeros((1, 2)), channels[None], np.zeros(2), 6)
+        layout.set(state, "feet", body.home_feet)
+        layout.set(state, "com_offset", offset[0])
+        layout.set(state, "position", channels)
+        layout.set(state, "q", np.stack([q[0], q[0]]))
+        layout.set(state, "base", np.stack([_vectors(base, np.zeros(3))[0]] * 2))
+        layout.set(state, "step", pack_step(None))
+        layout.set(state, "consumed", np.full(2, -np.inf))
+        layout.set(state, "landed", -1e9)
+        for name in ("source_tick", "heading"):
+            layout.set(state, name, np.nan)
+        layout.set(state, "yaws", np.full(3, np.nan))
+        layout.set(state, "detector", ContactDetector.initial_state())
+        return state
+
+    def next_frame(self, state: Float, tick: int, fps: float) -> int:
+        """Index of the first source frame that a plan resumed from `state` at `tick` must be given.
+
+        It is the frame at or before that tick: between it and the next the human is interpolated.
+        """
+        source_tick = self.layout.scalar(state, "source_tick")
+        if np.isnan(source_tick):
+            return 0
+        return max(int(np.floor((tick - source_tick) / self.rate * fps + 1e-6)), 0)
+
+    def plan(self, state: Float, motion: Motion | None, first_frame: int, tick: int) -> Plan:
+        """The plan that starts at `tick`.
+
+        Args:
+            state: where to resume, (S,): `standing()` or a row of an earlier plan's `states`.
+            motion: the human's frames from source frame `first_frame` on; None or empty: stop.
+            first_frame: index of the motion's first frame on the source's own clock (frame 0 at its time 0).
+            tick: loop tick of the first row.
+
+        Returns:
+            A plan of up to the horizon, as far as the motion reaches, and its stop tail.
+        """
+        layout = self.layout
+        state = state.copy()
+        view = self._view(state, motion, first_frame, tick)
+        steps = self._steps(state, view)
+        last = max([tick + view.follow, *[step.land for step in steps]])
+        ticks = tick + np.arange(last - tick + int(round(_STOP_S * self.rate)), dtype=float)
+        seconds = (ticks - view.source_tick) / self.rate
+        known = seconds[: view.follow]
+        schedule = self._schedule(state, view, steps, ticks, known)
+        zmp, dcm, com, com_velocity = self._balance(state, schedule)
+        targets, hands = self._targets(state, view, schedule, known)
+        position, velocity, slow, soft = self.follower.follow(
+            targets, layout.get(state, "position"), layout.get(state, "velocity")
+        )
+        base, q, offset, short = self.body.solve(schedule.feet, com, position, layout.get(state, "com_offset"))
+        outside = (q < self.robot.lower) | (q > self.robot.upper)
+        q = np.clip(q, self.robot.lower, self.robot.upper)
+        vectors, qd, qdd, torque = self._torque(state, schedule, base, q)
+        upper = slice(len(POSTURE), None)
+        fresh = [step for step in steps if step.lift >= tick]
+        rows = len(ticks)
+        plan = Plan(
+            start_tick=tick,
+            stop_row=view.follow,
+            source_s=np.where(np.arange(rows) < view.follow, seconds, np.nan),
+            q=q,
+            qd=qd,
+            qdd=qdd,
+            torque=torque,
+            contacts=schedule.contacts,
+            feet=schedule.feet,
+            base=base,
+            com=np.column_stack([com, np.full(rows, self.com_height)]),
+            com_velocity=np.column_stack([com_velocity, np.zeros(rows)]),
+            zmp=zmp,
+            dcm=dcm,
+            load_share=schedule.share,
+            states=np.broadcast_to(state, (rows, layout.size)).copy(),
+            hand_error=self._hand_error(view, q, hands),
+            repairs={
+                "position": outside.sum(axis=1) + (short > 1e-4),
+                "speed": slow[:, upper].sum(axis=1),
+                "acceleration": soft[:, upper].sum(axis=1),
+                "torque": np.zeros(rows, np.int64),
+            },
+            steps=fresh,
+        )
+        self._remember(plan, state, view, steps, ticks, position, velocity, vectors, offset)
+        return plan
+
+    def _view(self, state: Float, motion: Motion | None, first_frame: int, tick: int) -> _View:
+        """Read the frames; a state that has never seen a human starts its clock, heading and feet here."""
+        layout = self.layout
+        source_tick = layout.scalar(state, "source_tick")
+        if motion is None or len(motion) < 2:
+            return _View(None, Scaling(1.0, 0.0, 0.0), source_tick, tick, 0)
+        yaws = layout.get(state, "yaws")
+        start = np.isnan(source_tick)
+        window = HumanWindow(
+            motion, first_frame / motion.fps, layout.get(state, "detector"), None if start else yaws.copy()
+        )
+        if start:
+            source_tick = float(tick - round(first_frame / motion.fps * self.rate))
+            robot_yaw = layout.get(state, "feet")[:, 3].mean()
+            layout.set(state, "source_tick", source_tick)
+            layout.set(state, "heading", robot_yaw - window.yaws[0, :2].mean())
+            layout.set(state, "yaws", window.yaws[0])
+            layout.set(state, "free", float(first_lift(tick, self.rate)))
+            layout.set(state, "consumed", np.full(2, window.times[0]))
+        scaling = Scaling(
+            ratio=self.body.leg_length / motion.body.leg,
+            heading=layout.scalar(state, "heading"),
+            human_width=motion.body.segments.hip_width,
+        )
+        follow = int(np.floor(source_tick + window.end_s * self.rate + 1e-6)) + 1 - tick
+        follow = min(max(follow, 0), self.horizon)
+        return _View(window if follow else None, scaling, source_tick, tick, follow)
+
+    def _steps(self, state: Float, view: _View) -> list[Step]:
+        layout = self.layout
+        current = layout.step(state)
+        if view.window is None:
+            return [] if current is None else [current]
+        feet = layout.get(state, "feet").copy()
+        feet[:, 2] = 0.0
+        return self.footsteps.plan(
+            view.window,
+            view.scaling,
+            feet,
+            current,
+            layout.get(state, "consumed"),
+            int(layout.scalar(state, "free")),
+            view.tick,
+            int(view.source_tick),
+        )
+
+    def _schedule(self, state: Float, view: _View, steps: list[Step], ticks: Float, known: Float) -> Schedule:
+        layout = self.layout
+        quiet = np.full(len(ticks), 0.5)
+        if view.window is not None:
+            quiet = posture.quiet_share(view.window, known, len(ticks), SHIFT_S * self.rate)
+        return Schedule.of(
+            layout.get(state, "feet"),
+            layout.scalar(state, "landed"),
+            layout.scalar(state, "stance"),
+            steps,
+            ticks,
+            quiet,
+            self.rate,
+            self.gait.clearance,
+        )
+
+    def _balance(self, state: Float, schedule: Schedule) -> tuple[Float, Float, Float, Float]:
+        share = schedule.share[:, None]
+        zmp = (1.0 - share) * schedule.feet[:, 0, :2] + share * schedule.feet[:, 1, :2]
+        dcm = balance.divergent_component(zmp, self.omega, self.dt)
+        jump = self.layout.get(state, "dcm") - dcm[0]
+        zmp, dcm = balance.absorb(zmp, dcm, jump, self.omega, self.dt, self.settings.dcm_absorb_s)
+        com, velocity = balance.centre_of_mass(dcm, self.layout.get(state, "com"), self.omega, self.dt)
+        return zmp, dcm, com, velocity
+
+    def _targets(self, state: Float, view: _View, schedule: Schedule, known: Float) -> tuple[Float, Float | None]:
+        """Targets of trunk and upper body, (T, C), and of the hands, (F, 2, 3) by source frame."""
+        start = self.layout.get(state, "position")
+        trunk = posture.trunk_targets(self.gait, schedule)
+        upper = np.broadcast_to(start[len(POSTURE) :], (len(trunk), len(start) - len(POSTURE)))
+        if view.window is None:
+            return np.hstack([trunk, upper]), None
+        window = view.window
+        held = np.concatenate([known, np.full(len(trunk) - len(known), known[-1])])
+        trunk[: view.follow] = posture.human_trunk(
+            self.gait, schedule, window, view.scaling, held, self.follower.omega
+        )[: view.follow]
+        q = self.robot.stand_pose.copy()
+        q[self.body.upper.joints] = start[len(POSTURE) :]
+        angles, arms = self.body.upper.solve(window.kinematics, q)
+        ahead = np.minimum(held + 2.0 / self.follower.omega[-1], known[-1])
+        return np.hstack([trunk, window.at(angles, ahead)]), np.where(arms.reachable[..., None], arms.hand, np.nan)
+
+    def _hand_error(self, view: _View, q: Float, hands: Float | None) -> Float:
+        """Distance of the hands from where the human's map to, on one row a source frame, (T, 2) [m]."""
+        errors = np.full((len(q), 2), np.nan)
+        if view.window is None or hands is None:
+            return errors
+        rows = np.rint(view.source_tick + view.window.times * self.rate).astype(int) - view.tick
+        for frame in np.flatnonzero((rows >= 0) & (rows < view.follow)):
+            reached = self.body.upper.hand_positions(q[rows[frame]])
+            errors[rows[frame]] = np.linalg.norm(reached - hands[frame], axis=1)
+        return errors
+
+    def _torque(self, state: Float, schedule: Schedule, base: Float, q: Float) -> tuple[Float, Float, Float, Float]:
+        """Derivatives by differences that reach into the rows before, and the torques that they ask for."""
+        layout = self.layout
+        before = layout.get(state, "base")
+        vectors = _vectors(base, before[0, 3:])
+        joints = np.concatenate([layout.get(state, "q")[::-1], q])
+        torso = np.concatenate([before[::-1], vectors])
+        qd, qdd = _derivatives(joints, self.dt)
+        bd, bdd = _derivatives(torso, self.dt)
+        rotation = Rotation.from_rotvec(vectors[:, 3:])
+        spin, spin_rate = _body_rates(rotation, vectors[:, 3:], bd[:, 3:], bdd[:, 3:])
+        torque, _ = self.body.dynamics.inverse(
+            base,
+            np.hstack([bd[:, :3], spin]),
+            np.hstack([bdd[:, :3], spin_rate]),
+            q,
+            qd,
+            qdd,
+            schedule.feet,
+            schedule.share,
+        )
+        return vectors, qd, qdd, torque
+
+    def _remember(
+        self,
+        plan: Plan,
+        state: Float,
+        view: _View,
+        steps: list[Step],
+        ticks: Float,
+        position: Float,
+        velocity: Float,
+        vectors: Float,
+        offset: Float,
+    ) -> None:
+        """Fill `plan.states`: row k holds what a plan that joins at row k resumes from."""
+        layout, states = self.layout, plan.states
+        rows = len(ticks)
+        layout.set(states, "feet", plan.feet)
+        layout.set(states, "com", plan.com[:, :2])
+        layout.set(states, "dcm", plan.dcm)
+        for name, values in (("com_offset", offset), ("position", position), ("velocity", velocity)):
+            layout.set(states, name, np.concatenate([layout.get(state, name)[None], values[:-1]]))
+        for name, values in (("q", plan.q), ("base", vectors)):
+            line = np.concatenate([layout.get(state, name)[::-1], values])
+            layout.set(states, name, np.stack([line[1 : rows + 1], line[:rows]], axis=1))
+        pause = int(round(self.gait.double_support_min_s * self.rate))
+        consumed = layout.get(state, "consumed").copy()
+        for step in steps:
+            fixed = ticks >= step.lift - SHIFT_S * self.rate
+            if layout.step(state) is not None and step is steps[0]:
+                fixed[:] = True
+            consumed[step.side] = max(consumed[step.side], step.consumed_s)
+            layout.set(states, "step", pack_step(step), fixed)
+            layout.set(states, "consumed", consumed, fixed)
+            landed = ticks >= step.land
+            layout.set(states, "landed", float(step.land), landed)
+            layout.set(states, "stance", float(step.stance), landed)
+            layout.set(states, "free", float(step.land + pause), landed)
+            layout.set(states, "step", pack_step(None), landed)
+        if view.window is not None:
+            self._remember_human(states, view.window, (ticks - view.source_tick) / self.rate)
+
+    def _remember_human(self, states: Float, window: HumanWindow, seconds: Float) -> None:
+        """What was seen before the frame at or before each row: `next_frame` gives that frame again."""
+        frames = window.frame_before(seconds)
+        known = frames >= 1
+        for name, values in (("detector", window.detector_states), ("yaws", window.yaws)):
+            kept = self.layout.get(states, name).copy()
+            kept[known] = values[frames[known] - 1]
+            self.layout.set(states, name, kept)
+
+
+_SMOOTHER = {"order": 2, "cutoff_hz": 20.0}
+"""Low-pass of the acceleration: keeps the differences' noise out of the torques."""
+
+
+def _derivatives(rows: Float, dt: float) -> tuple[Float, Float]:
+    """Speed and low-passed acceleration of all but the first two rows.
+
+    Args:
+        rows: (T + 2, C), the two rows before the plan first.
+
+    Returns:
+        Both (T, C): central differences inside, one-sided at the last row.
+    """
+    speed = np.empty((len(rows) - 2, rows.shape[1]))
+    speed[:-1] = (rows[3:] - rows[1:-2]) / (2 * dt)
+    speed[-1] = (rows[-1] - rows[-2]) / dt
+    acceleration = np.empty_like(speed)
+    acceleration[:-1] = (rows[3:] - 2 * rows[2:-1] + rows[1:-2]) / dt**2
+    acceleration[-1] = 0.0
+    if len(acceleration) > 1:
+        sections = butter(_SMOOTHER["order"], _SMOOTHER["cutoff_hz"], fs=1.0 / dt, output="sos")
+        before = (rows[2] - 2 * rows[1] + rows[0]) / dt**2
+        start = sosfilt_zi(sections)[:, :, None] * before
+        acceleration, _ = sosfilt(sections, acceleration, axis=0, zi=start)
+    return speed, acceleration
+
+
+def _vectors(base: Float, before: Float) -> Float:
+    """Torso poses as position and rotation vector, (T, 6), continuous with the rotation vector before."""
+    vectors = Rotation.from_quat(base[:, 3:], scalar_first=True).as_rotvec()
+    previous = before
+    for row in vectors:
+        angle = np.linalg.norm(row)
+        if angle > 1e-9:
+            turns = np.round((previous @ row / angle - angle) / (2 * np.pi))
+            row *= 1.0 + turns * 2 * np.pi / angle
+        previous = row
+    return np.hstack([base[:, :3], vectors])
+
+
+def _body_rates(rotation: Rotation, vectors: Float, rate: Float, acceleration: Float) -> tuple[Float, Float]:
+    """Angular velocity and acceleration in the torso frame from a rotation vector's derivatives.
+
+    omega = J_r(v) v' with the right Jacobian of SO(3) (Chirikjian 2012, eq. 10.86); its derivative by the product
+    rule, J_r' taken along the motion.
+    """
+    jacobian = _right_jacobian(vectors)
+    spin = np.einsum("tij,tj->ti", jacobian, rate)
+    step = 1e-4
+    change = (_right_jacobian(vectors + step * rate) - jacobian) / step
+    return spin, np.einsum("tij,tj->ti", jacobian, acceleration) + np.einsum("tij,tj->ti", change, rate)
+
+
+def _right_jacobian(vectors: Float) -> Float:
+    angle = np.linalg.norm(vectors, axis=1)[:, None, None]
+    cross = np.zeros((len(vectors), 3, 3))
+    cross[:, 0, 1], cross[:, 0, 2], cross[:, 1, 2] = -vectors[:, 2], vectors[:, 1], -vectors[:, 0]
+    cross -= cross.swapaxes(1, 2)
+    safe = np.maximum(angle, 1e-6)
+    first = np.where(angle < 1e-4, 0.5, (1.0 - np.cos(safe)) / safe**2)
+    second = np.where(angle < 1e-4, 1.0 / 6.0, (safe - np.sin(safe)) / safe**3)
+    return np.eye(3) - first * cross + second * cross @ cross

@@ -1,0 +1,88 @@
+"""When each foot is where: foot paths, contacts and load share over the rows of a plan, from its footsteps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from retarget.balance import smoothstep
+from retarget.footsteps import Step
+from retarget.swing import swing_path
+
+Float = NDArray[np.float64]
+
+SHIFT_S = 0.25
+"""Time in which the weight moves on or off a foot when nothing hurries it; a step is fixed that long before."""
+_CROUCH_BEFORE_S, _CROUCH_AFTER_S = 0.7, 0.6
+"""The hips come down to walking height this long before a step, and rise again this long after."""
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """Feet over the rows of a plan.
+
+    Attributes:
+        feet: sole centres and yaw, (T, 2, 4) [m, m, m, rad].
+        contacts: which feet carry load, (T, 2) bool.
+        share: load on the right foot, (T,) in [0, 1].
+        walking: whether a step is near, (T,) bool.
+    """
+
+    feet: Float
+    contacts: NDArray[np.bool_]
+    share: Float
+    walking: NDArray[np.bool_]
+
+    @classmethod
+    def of(
+        cls, feet: Float, landed: float, last_stance: float, steps: list[Step], ticks: Float, quiet: Float,
+        rate: float, clearance: float,
+    ) -> Schedule:
+        """Lay out `steps`.
+
+        Args:
+            feet: where the soles are at the first row, (2, 4).
+            landed, last_stance: tick of the last touch-down before the first row, and its stance foot.
+            ticks: loop tick of each row, (T,).
+            quiet: load share wanted while both feet stand, (T,).
+            clearance: height of a swing [m].
+        """
+        paths = np.broadcast_to(feet, (len(ticks), 2, 4)).copy()
+        contacts = np.ones((len(ticks), 2), np.bool_)
+        walking = ticks < landed + _CROUCH_AFTER_S * rate
+        for step in steps:
+            moving = ticks >= step.lift
+            phase = (ticks - step.lift) / (step.land - step.lift)
+            paths[moving, step.side] = swing_path(phase[moving], step.start, step.target, clearance)
+            contacts[moving & (ticks < step.land), step.side] = False
+            walking |= (ticks >= step.lift - _CROUCH_BEFORE_S * rate) & (ticks < step.land + _CROUCH_AFTER_S * rate)
+        return cls(paths, contacts, _load_share(landed, last_stance, steps, ticks, quiet, SHIFT_S * rate), walking)
+
+
+def _load_share(
+    landed: float, last_stance: float, steps: list[Step], ticks: Float, quiet: Float, shift: float
+) -> Float:
+    share = np.empty(len(ticks))
+    edges = [*steps, None]
+    begin = -np.inf
+    for step in edges:
+        lift = step.lift if step is not None else np.inf
+        gap = (ticks >= begin) & (ticks < lift)
+        t = ticks[gap]
+        if lift - landed <= shift:
+            towards = smoothstep((t - landed) / max(lift - landed, 1))
+            share[gap] = last_stance + towards * (step.stance - last_stance)
+        else:
+            leaving = 1.0 - smoothstep((t - landed) / shift)
+            coming = smoothstep((t - lift + shift) / shift) if step is not None else np.zeros(len(t))
+            total = np.maximum(leaving + coming, 1.0)
+            leaving, coming = leaving / total, coming / total
+            next_stance = step.stance if step is not None else 0.0
+            share[gap] = leaving * last_stance + coming * next_stance + (1.0 - leaving - coming) * quiet[gap]
+        if step is None:
+            break
+        share[(ticks >= lift) & (ticks < step.land)] = step.stance
+        begin, landed, last_stance = step.land, step.land, step.stance
+    return share

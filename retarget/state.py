@@ -1,0 +1,91 @@
+"""`RetargetState`: all that the retargeter must remember to go on from a tick, as one fixed-size vector.
+
+A state per tick travels with each plan (and later through shared memory), so that the next plan can resume from
+whichever tick it joins at.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexmotion.contacts import ContactDetector
+from retarget.footsteps import Step
+from retarget.whole_body import POSTURE
+
+Float = NDArray[np.float64]
+
+
+class StateLayout:
+    """Names slices of the state vector of a robot with `joints` joints, `followed` of them in the upper body."""
+
+    def __init__(self, joints: int, followed: int) -> None:
+        channels = len(POSTURE) + followed
+        sizes: dict[str, tuple[int, ...]] = {
+            "feet": (2, 4),  # where both soles are: x, y, z, yaw
+            "com": (2,),
+            "dcm": (2,),
+            "com_offset": (2,),  # centre of mass minus torso one row before: first guess of the base shift
+            "position": (channels,),  # followers of trunk and upper body, one row before
+            "velocity": (channels,),
+            "q": (2, joints),  # the two rows before this one, newest first: for derivatives
+            "base": (2, 6),  # torso position and rotation vector of those rows
+            "step": (13,),  # the step under way or frozen, as `pack_step` writes it
+            "consumed": (2,),  # source time up to which human swings of each foot are done with
+            "free": (),  # tick from which a foot may lift
+            "landed": (),  # tick of the last touch-down
+            "stance": (),  # the foot that carried the robot until then
+            "source_tick": (),  # loop tick of source time 0; NaN before the first human frame
+            "heading": (),  # robot yaw minus human yaw; NaN before the first human frame
+            "yaws": (3,),  # last unwrapped yaw of left foot, right foot, pelvis; NaN before the first frame
+            "detector": (ContactDetector.STATE_SIZE,),
+        }
+        self._slices: dict[str, tuple[slice, tuple[int, ...]]] = {}
+        start = 0
+        for name, shape in sizes.items():
+            end = start + int(np.prod(shape, dtype=int))
+            self._slices[name] = (slice(start, end), shape)
+            start = end
+        self.size = start
+
+    def get(self, vector: Float, name: str) -> Float:
+        """A field of one state (S,) or of many (T, S)."""
+        cut, shape = self._slices[name]
+        return vector[..., cut].reshape(*vector.shape[:-1], *shape)
+
+    def scalar(self, vector: Float, name: str) -> float:
+        """A field without axes, of one state (S,)."""
+        return float(vector[self._slices[name][0]][0])
+
+    def set(self, vector: Float, name: str, value: Float | float, rows: NDArray[np.bool_] | None = None) -> None:
+        """Write a field of one state (S,), or of many (T, S), all or those that `rows` (T,) marks.
+
+        Where `rows` is given, `value` belongs to one state and is written to each.
+        """
+        cut, _ = self._slices[name]
+        flat = np.asarray(value, dtype=float)
+        if rows is not None:
+            vector[rows, cut] = flat.reshape(-1)
+        elif vector.ndim == 1:
+            vector[cut] = flat.reshape(-1)
+        else:
+            vector[:, cut] = flat.reshape(len(vector), -1)
+
+    def step(self, vector: Float) -> Step | None:
+        """The step that is under way or frozen in one state."""
+        packed = self.get(vector, "step")
+        if packed[0] < 0:
+            return None
+        side, lift, land = (int(value) for value in packed[:3])
+        return Step(
+            side, lift, land, packed[3:7].copy(), packed[7:11].copy(), float(packed[11]), inserted=bool(packed[12])
+        )
+
+
+def pack_step(step: Step | None) -> Float:
+    """A step as a state holds it: side (-1: none), lift, land, start, target, consumed, inserted; (13,)."""
+    if step is None:
+        return np.concatenate([[-1.0], np.zeros(12)])
+    return np.concatenate(
+        [[step.side, step.lift, step.land], step.start, step.target, [step.consumed_s, step.inserted]]
+    )

@@ -1,0 +1,33 @@
+"""The path of a foot through the air."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from retarget.balance import smoothstep
+
+Float = NDArray[np.float64]
+
+_CUBIC_SHARE = 0.7
+"""A cubic keeps the top speed low, a minimum-jerk profile lands softly; this mix saturated the knees least."""
+
+
+def swing_path(phase: Float, start: Float, target: Float, clearance: float) -> Float:
+    """Sole centre and yaw during a swing.
+
+    Args:
+        phase: 0 at lift-off, 1 at touch-down, (T,).
+        start, target: x, y, z, yaw, (4,) [m, m, m, rad].
+        clearance: height of the path's top over the straight line [m].
+
+    Returns:
+        (T, 4) [m, m, m, rad].
+    """
+    s = np.clip(phase, 0.0, 1.0)
+    quintic = smoothstep(s)
+    progress = _CUBIC_SHARE * (s * s * (3.0 - 2.0 * s)) + (1.0 - _CUBIC_SHARE) * quintic
+    path = start + np.outer(progress, target - start)
+    path[:, 2] = start[2] + quintic * (target[2] - start[2]) + clearance * 16.0 * (s * (1.0 - s)) ** 2
+    path[:, 3] = start[3] + quintic * (target[3] - start[3])
+    return path

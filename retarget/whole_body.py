@@ -1,0 +1,79 @@
+"""Whole-body inverse kinematics: feet where they stand, the centre of mass where it balances, torso as asked."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from configs.robot import Robot
+from retarget.arms import UpperBody
+from retarget.dynamics import RobotDynamics
+from retarget.legs import Leg
+
+Float = NDArray[np.float64]
+
+POSTURE = ("height", "roll", "pitch", "yaw")
+"""Channels of the trunk: hips above ankles [m], torso roll, pitch and yaw [rad]."""
+
+
+class WholeBody:
+    """One robot's legs, upper body and dynamics, solved together over many rows."""
+
+    def __init__(self, robot: Robot) -> None:
+        self.robot = robot
+        self.legs = (Leg.of(robot, "left"), Leg.of(robot, "right"))
+        self.upper = UpperBody(robot)
+        self.dynamics = RobotDynamics(robot, self.legs)
+        left, right = self.legs
+        self.leg_length = left.thigh + left.shank
+        self.ankle_height = -float(left.sole[2])
+        self.hip_middle = 0.5 * (left.hip + right.hip)
+        self.home_feet = np.zeros((2, 4))
+        """Soles under straight legs, torso frame's yaw, the middle between them at the origin, (2, 4)."""
+        self.home_feet[:, :2] = (np.stack([left.hip + left.sole, right.hip + right.sole]))[:, :2]
+        self.home_feet[:, :2] -= self.home_feet[:, :2].mean(axis=0)
+
+    @property
+    def stand_width(self) -> float:
+        """Distance between the sole centres with the ankles under the hips [m]."""
+        return float(self.home_feet[0, 1] - self.home_feet[1, 1])
+
+    def solve(
+        self, feet: Float, com: Float, channels: Float, offset: Float, passes: int = 2
+    ) -> tuple[Float, Float, Float, Float]:
+        """Torso poses and joints that bring the true centre of mass over `com`.
+
+        The torso's shift against the centre of mass depends on the joints, which depend on the shift: a fixed
+        point, found in two passes along a motion whose shift is known from the row before.
+
+        Args:
+            feet: sole centres and yaw, (T, 2, 4); com: (T, 2) [m].
+            channels: posture, then upper-body joints, (T, 4 + U).
+            offset: first guess of the centre of mass minus the torso, (2,) or (T, 2) [m].
+
+        Returns:
+            base (T, 7) position and w x y z, q (T, n), offset (T, 2) [m], missing leg length (T,) [m].
+        """
+        height, roll, pitch, yaw = channels[:, : len(POSTURE)].T
+        rotation = Rotation.from_euler("ZYX", np.column_stack([yaw, pitch, roll])).as_matrix()
+        q = np.broadcast_to(self.robot.stand_pose, (len(feet), self.robot.n)).copy()
+        q[:, self.upper.joints] = channels[:, len(POSTURE) :]
+        torso = np.empty((len(feet), 3))
+        torso[:, 2] = self.ankle_height + height - (rotation @ self.hip_middle)[:, 2]
+        soles = [yaw_rotation(feet[:, side, 3]) for side in (0, 1)]
+        for remaining in range(passes, -1, -1):
+            torso[:, :2] = com - offset
+            short = np.zeros(len(feet))
+            for side, leg in enumerate(self.legs):
+                q[:, leg.indices], missing = leg.solve(torso, rotation, feet[:, side, :3], soles[side])
+                short = np.maximum(short, missing)
+            base = np.column_stack([torso, Rotation.from_matrix(rotation).as_quat(scalar_first=True)])
+            if remaining:
+                offset = self.dynamics.centre_of_mass(base, q)[:, :2] - torso[:, :2]
+        return base, q, np.broadcast_to(offset, (len(feet), 2)), short
+
+
+def yaw_rotation(yaw: Float) -> Float:
+    """Rotations about the vertical, (T, 3, 3)."""
+    return Rotation.from_euler("z", yaw[:, None]).as_matrix().reshape(-1, 3, 3)

@@ -1,0 +1,195 @@
+"""The control loop: one `tick` reads the robot, decides, and sends goals. Lockstep and the real clock share it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from configs.robot import Robot
+from drivers.interface import Driver, JointCommand, RobotState
+from retarget.plan import Plan
+from retarget.retargeter import Retargeter
+from streamer.estimator import Estimator
+from streamer.ladder import Inputs, Ladder, Playback, State
+from streamer.posture_move import PostureMove
+from streamer.record import Event, RunRecord
+from streamer.reference import Reference
+from streamer.servo_command import ServoCommand
+from streamer.stabiliser import Stabiliser
+
+Float = NDArray[np.float64]
+
+_STAND_MOVE_S = 0.5
+"""Shortest move to the stand pose, also when the robot already stands there."""
+
+
+class ControlLoop:
+    """Ladder, reference, estimator, stabiliser, servo command and driver, in the order in which a tick needs them.
+
+    Args:
+        feedback: whether balance feedback acts.
+
+    Attributes:
+        tick_count: ticks done; the next `tick` is that number.
+        inputs: requests for the next tick; cleared after it.
+        plan: the plan that plays; `pending` the one that takes over at its start tick.
+    """
+
+    def __init__(
+        self, robot: Robot, driver: Driver, retargeter: Retargeter, record: RunRecord, *, feedback: bool = True
+    ) -> None:
+        self.robot, self.driver, self.record = robot, driver, record
+        self.ladder = Ladder(robot.safety, robot.rate_hz)
+        self.inputs = Inputs()
+        self.state = RobotState(robot.n)
+        self.command = JointCommand(robot.n)
+        self.now, self.ahead = Reference(robot.n), Reference(robot.n)
+        self.estimator = Estimator(robot, retargeter.omega)
+        self.stabiliser = Stabiliser(robot, enabled=feedback)
+        self.servo = ServoCommand(robot, driver.delay_s)
+        self.move = PostureMove(robot, retargeter.body.dynamics)
+        self.stand_pose = retargeter.layout.get(retargeter.standing(), "q")[0].copy()
+        self.plan: Plan | None = None
+        self.pending: Plan | None = None
+        self.tick_count = 0
+        self._lead = driver.delay_s * robot.rate_hz
+        self._warned: set[str] = set()
+
+    @property
+    def ready(self) -> bool:
+        """Whether the robot stands and waits for its first plan."""
+        return self.ladder.state is State.READY and self.move.done
+
+    @property
+    def plan_over(self) -> bool:
+        """Whether the plan has been played to its last row."""
+        return self.plan is not None and self.tick_count >= self.plan.end_tick - 1
+
+    def tick(self) -> None:
+        """One period: read, decide, send, record."""
+        self.driver.read(self.state)
+        self._join()
+        self.estimator.update(self.state, self.now)
+        before = self.ladder.state
+        self._look(before)
+        playback = self.ladder.step(self.inputs)
+        if self.ladder.state is not before:
+            self._enter(self.ladder.state, before)
+        self._play(playback)
+        self._write_record(playback)
+        self.inputs.reset()
+        self.tick_count += 1
+
+    def _join(self) -> None:
+        if self.pending is not None and self.tick_count >= self.pending.start_tick:
+            self.plan, self.pending = self.pending, None
+
+    def _look(self, state: State) -> None:
+        """Fill what the ladder must know from what was measured."""
+        inputs, robot, measured = self.inputs, self.robot, self.state
+        limits = robot.safety
+        inputs.plan_ready = self.plan is not None and not self.plan_over
+        inputs.plan_over = self.plan_over
+        inputs.move_done = self.move.done
+        if state is State.OFF:
+            return
+        tilted = np.hypot(*self.estimator.tilt) > limits.fall_tilt
+        inputs.fallen = bool(self.estimator.has_imu and tilted)
+        if measured.stale.min() > limits.max_stale_reads:
+            inputs.bus_lost = f"bus lost: no joint has answered for {int(measured.stale.min())} reads"
+        elif measured.stale.max() > limits.max_stale_reads:
+            inputs.fault = self._name("does not answer", int(np.argmax(measured.stale)))
+        elif measured.hardware_error.any():
+            worst = int(np.flatnonzero(measured.hardware_error)[0])
+            bits = int(measured.hardware_error[worst])
+            inputs.fault = self._name(f"reports hardware error 0x{bits:02x}", worst)
+        elif limits.voltage_min is not None and np.nanmin(measured.voltage, initial=np.inf) < limits.voltage_min:
+            inputs.fault = f"supply at {np.nanmin(measured.voltage):.1f} V, below {limits.voltage_min:.1f} V"
+        if not self.estimator.has_imu:
+            self._warn("imu", "no IMU: the robot runs open loop, falls are not detected")
+
+    def _name(self, what: str, joint: int) -> str:
+        return f"servo of {self.robot.joint_names[joint]} (id {self.robot.joints[joint].id}) {what}"
+
+    def _warn(self, kind: str, message: str) -> None:
+        if kind not in self._warned:
+            self._warned.add(kind)
+            self._event("warning", message)
+
+    def _event(self, kind: str, message: str) -> None:
+        self.record.events.append(Event(self.tick_count, kind, message))
+
+    def _enter(self, state: State, before: State) -> None:
+        """What happens once when a state begins."""
+        cause = f": {self.ladder.fault}" if self.ladder.fault else ""
+        self._event("fault" if state is State.FAULT else "state", f"{before.name} -> {state.name}{cause}")
+        robot = self.robot
+        if state is State.READY:
+            self.driver.set_torque(True)
+            self.move.begin(
+                self.state.position, self.stand_pose, least_s=_STAND_MOVE_S, speed=robot.safety.soft_start_speed
+            )
+        elif state is State.PARK:
+            self.plan = self.pending = None
+            # From the goals' reference, not from the measurement: the servos hold the one, not the other.
+            start = self.now.q if before is not State.OFF else self.state.position
+            self.move.begin(
+                start, robot.rest_pose, least_s=robot.safety.park_s, speed=2 * robot.safety.soft_start_speed
+            )
+        elif state is State.DAMPED:
+            self.plan = self.pending = None
+            self.driver.damp()
+        elif state in (State.OFF, State.FAULT):
+            self.plan = self.pending = None
+            self.driver.set_torque(False)
+
+    def _play(self, playback: Playback) -> None:
+        if playback in (Playback.NOTHING, Playback.DAMP):
+            self.now.balanced = False
+            return
+        if playback is Playback.FREEZE:
+            self.driver.write(self.command)
+            return
+        if playback is Playback.PLAN and self.plan is not None:
+            place = float(self.tick_count - self.plan.start_tick)
+            self.now.take(self.plan, place)
+            self.ahead.take(self.plan, place + self._lead)
+        else:
+            self.move.step(self.now)
+            self.ahead.copy(self.now)
+        self.stabiliser.update(self.estimator, self.now)
+        torque = self.ahead.torque + self.stabiliser.torque
+        goal = self.servo.update(self.ahead.q, self.ahead.qd, torque, self.state)
+        self.command.position[:] = goal
+        self.record.repairs["position"] += self.servo.position_clamps
+        self.record.repairs["torque"] += self.servo.torque_clamps
+        self.driver.write(self.command)
+
+    def _write_record(self, playback: Playback) -> None:
+        record, row = self.record, self.tick_count
+        if row >= record.ticks:
+            return
+        record.used = row + 1
+        record.state[row] = self.ladder.state
+        record.q[row], record.qd[row] = self.state.position, self.state.velocity
+        if playback in (Playback.NOTHING, Playback.DAMP):
+            return
+        record.q_cmd[row] = self.command.position
+        now = self.now
+        record.q_ref[row], record.qd_ref[row], record.torque_ref[row] = now.q, now.qd, now.torque
+        if not now.balanced:
+            return
+        record.com_ref[row], record.dcm_ref[row], record.zmp_ref[row] = now.com, now.dcm, now.zmp
+        record.com[row], record.dcm[row] = self.estimator.com, self.estimator.dcm
+        record.foot_ref[row], record.contact_ref[row], record.base_ref[row] = now.feet, now.contacts, now.base
+        if self.plan is not None and playback is Playback.PLAN:
+            place = row - self.plan.start_tick
+            if 0 <= place < len(self.plan):
+                record.source_s[row] = self.plan.source_s[place]
+                record.hand_error[row] = self.plan.hand_error[place]
+                for kind, counts in self.plan.repairs.items():
+                    record.repairs[kind] += int(counts[place])
+                for step in self.plan.steps:
+                    if step.lift == row:
+                        record.steps_planned += 1
+                        record.steps_inserted += int(step.inserted)

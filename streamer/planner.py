@@ -1,0 +1,61 @@
+"""The planner: asks the source for the next second of human motion and turns it into the plan that plays next."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from configs.stream import StreamSettings
+from retarget.plan import Plan
+from retarget.retargeter import Retargeter
+from streamer.sources import Source
+
+
+@dataclass(frozen=True)
+class Planned:
+    """A plan and what it cost.
+
+    Attributes:
+        plan: joins at `plan.start_tick`.
+        sample_s, retarget_s: time to get the human motion, and to retarget it [s].
+        source_over: the source has nothing after this plan.
+    """
+
+    plan: Plan
+    sample_s: float
+    retarget_s: float
+    source_over: bool
+
+
+class Planner:
+    """Makes plans that each resume the last one's state at the join."""
+
+    def __init__(self, retargeter: Retargeter, source: Source, settings: StreamSettings) -> None:
+        self.retargeter, self.source, self.settings = retargeter, source, settings
+        self.rate = retargeter.rate
+        self.over = False
+
+    def plan(self, join: int, current: Plan | None, *, stop: bool = False) -> Planned:
+        """The plan that plays from tick `join` on.
+
+        Args:
+            current: the plan that plays until then; None when the robot stands at its stand pose.
+            stop: come to a balanced stop from there, whatever the source has.
+        """
+        begin = time.perf_counter()
+        retargeter = self.retargeter
+        if current is None:
+            state = retargeter.standing()
+        else:
+            state = current.states[min(max(join - current.start_tick, 0), len(current) - 1)]
+        first = retargeter.next_frame(state, join, self.source.fps)
+        motion = None
+        if not (stop or self.over):
+            frames = int(np.ceil(self.settings.horizon_s * self.source.fps)) + 2
+            motion = self.source.window(first, frames)
+            self.over = motion is None or len(motion) < frames
+        sampled = time.perf_counter()
+        plan = retargeter.plan(state, motion, first, join)
+        return Planned(plan, sampled - begin, time.perf_counter() - sampled, self.over)

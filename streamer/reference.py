@@ -1,0 +1,53 @@
+"""`Reference`: what the loop wants of the robot in one tick, whether a plan, a slow move or a hold asks for it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from retarget.plan import Plan
+
+Float = NDArray[np.float64]
+
+
+class Reference:
+    """One tick's reference; allocated once and filled in place.
+
+    Attributes:
+        q, qd, torque: (n,) [rad, rad/s, N·m].
+        feet: sole centres and yaw, (2, 4); contacts: (2,) bool; share: load on the right foot.
+        base: torso position and quaternion w x y z, (7,).
+        com, dcm, zmp: (2,) [m].
+        balanced: whether feet, com, dcm and zmp mean anything, so that balance feedback may act.
+    """
+
+    def __init__(self, n: int) -> None:
+        self.q, self.qd, self.torque = np.zeros(n), np.zeros(n), np.zeros(n)
+        self.feet, self.contacts, self.share = np.zeros((2, 4)), np.ones(2, np.bool_), 0.5
+        self.base = np.array([0.0, 0, 0, 1, 0, 0, 0])
+        self.com, self.dcm, self.zmp = np.zeros(2), np.zeros(2), np.zeros(2)
+        self.balanced = False
+
+    def take(self, plan: Plan, place: float) -> None:
+        """Read `plan` at a row that may lie between two (linear); past its end the last row is held at rest."""
+        last = len(plan) - 1
+        row = int(min(max(place, 0.0), last))
+        following = min(row + 1, last)
+        part = min(max(place - row, 0.0), 1.0)
+        for name in ("q", "qd", "torque", "feet"):
+            rows = getattr(plan, name)
+            np.multiply(rows[following] - rows[row], part, out=getattr(self, name))
+            getattr(self, name)[...] += rows[row]
+        if place > last:
+            self.qd[:] = 0.0
+        self.contacts[:] = plan.contacts[row]
+        self.share = float(plan.load_share[row])
+        self.base[:] = plan.base[row]
+        self.com[:], self.dcm[:], self.zmp[:] = plan.com[row, :2], plan.dcm[row], plan.zmp[row]
+        self.balanced = True
+
+    def copy(self, other: Reference) -> None:
+        """Take over another reference's joints (a slow move needs no look ahead)."""
+        for name in ("q", "qd", "torque"):
+            getattr(self, name)[:] = getattr(other, name)
+        self.balanced = other.balanced
