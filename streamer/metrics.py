@@ -9,10 +9,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
+from configs.robot import Robot
+from flexmotion.body import Body
+from flexmotion.motion import Motion
+from retarget.balance import GRAVITY
+from retarget.whole_body import WholeBody
 from streamer.record import RunRecord
 
 Float = NDArray[np.float64]
@@ -45,6 +50,11 @@ class HumanTrack:
     pelvis_position: Float
     heading: Float
 
+    @classmethod
+    def of(cls, motion: Motion) -> HumanTrack:
+        """The path of a whole motion, its first frame at time 0."""
+        return cls(np.arange(len(motion)) / motion.fps, motion.root_position, heading(motion.root_quaternion))
+
     def at(self, source_s: Float) -> tuple[Float, Float]:
         """Pelvis position (K, 3) and heading (K,) at the given times (K,), held constant outside the track."""
         position = [np.interp(source_s, self.t, axis) for axis in self.pelvis_position.T]
@@ -62,7 +72,7 @@ class RobotFigures:
         leg_ratio: leg length of the robot over the human's [1].
         torque_limit: what each servo may use, (n,) [N·m].
         stall_torque: what each servo holds for a moment at its rated voltage, (n,) [N·m].
-        speed_limit: (n,) [rad/s].
+        speed_limit: no-load speed, (n,) [rad/s].
         arm_length: shoulder to hand [m]; NaN for a robot without arms.
     """
 
@@ -74,6 +84,29 @@ class RobotFigures:
     stall_torque: Float
     speed_limit: Float
     arm_length: float = float("nan")
+
+    @classmethod
+    def of(cls, robot: Robot, human_leg: float | None = None) -> RobotFigures:
+        """Read from the robot's model; `human_leg` is the human's leg length [m], the default human's where None."""
+        body = WholeBody(robot)
+        data = mujoco.MjData(robot.model)
+        data.qpos[:7] = (0, 0, 0, 1, 0, 0, 0)
+        data.qpos[robot.qpos_address] = robot.stand_pose
+        mujoco.mj_kinematics(robot.model, data)
+        soles = [
+            data.xpos[foot] + data.xmat[foot].reshape(3, 3) @ sole
+            for foot, sole in zip(robot.foot_ids, robot.soles, strict=True)
+        ]
+        return cls(
+            legs=np.sort(np.concatenate([leg.indices for leg in body.legs])),
+            standing_height=-min(float(sole[2]) for sole in soles),
+            weight=robot.mass * GRAVITY,
+            leg_ratio=body.leg_length / (human_leg or Body().leg),
+            torque_limit=robot.usable_torque,
+            stall_torque=robot.stall_torque,
+            speed_limit=robot.no_load_speed,
+            arm_length=float(body.upper.lengths.sum(axis=1).mean()),
+        )
 
 
 @dataclass(frozen=True)
@@ -111,9 +144,11 @@ def tilt(quaternion: Float) -> Float:
 
 
 def heading(quaternion: Float) -> Float:
-    """Yaw of a body's forward axis, unwrapped, (T,) [rad], from finite unit quaternions w x y z (T, 4)."""
-    forward = Rotation.from_quat(quaternion, scalar_first=True).apply([1.0, 0.0, 0.0])
-    return np.unwrap(np.arctan2(forward[:, 1], forward[:, 0]))
+    """Yaw about the world's z, unwrapped, (T,) [rad], from finite unit quaternions w x y z (T, 4).
+
+    The twist of the swing-twist decomposition, which stays defined when a torso bows past the horizontal.
+    """
+    return np.unwrap(2.0 * np.arctan2(quaternion[:, 3], quaternion[:, 0]))
 
 
 def first_fall(base: Float, standing_height: float, should_stand: Mask) -> int | None:

@@ -60,6 +60,42 @@ def motion_rows(report: Report) -> list[tuple[str, str, str]]:
     return [row for row in rows if row[1] != "-"]
 
 
+def joint_rows(report: Report) -> list[tuple[str, ...]]:
+    """Name, RMS torque, its share of stall, peak, limit, peak speed, time at the limit; hardest worked first."""
+    hardest = sorted(report.limits.joints.items(), key=lambda item: -(item[1].rms_share_of_stall or 0.0))
+    return [
+        (
+            name,
+            _show(joint.rms_torque_nm, "N·m", 1, 2),
+            _show(joint.rms_share_of_stall, "%", 100, 0),
+            _show(joint.peak_torque_nm, "N·m", 1, 2),
+            _show(joint.torque_limit_nm, "N·m", 1, 2),
+            _show(joint.peak_speed_rad_s, "rad/s", 1, 1),
+            _show(joint.saturated_share, "%", 100, 1),
+        )
+        for name, joint in hardest
+    ]
+
+
+def timing_rows(report: Report) -> list[tuple[str, ...]]:
+    """Name, median, 99th percentile and maximum of every time that was measured."""
+    loop, planner = report.loop, report.planner
+    latencies: list[tuple[str, Latency | None, str]] = [
+        ("loop work", loop.work_us, "µs"),
+        ("wake lateness", loop.wake_lateness_us, "µs"),
+        ("robot lateness", loop.robot_lateness_us, "µs"),
+        ("sample", planner.sample_ms, "ms"),
+        ("retarget", planner.retarget_ms, "ms"),
+        ("target to command", planner.target_to_command_ms, "ms"),
+        ("target to effect", planner.target_to_effect_ms, "ms"),
+    ]
+    return [
+        (name, *(_show(value, unit) for value in (latency.p50, latency.p99, latency.max)))
+        for name, latency, unit in latencies
+        if latency is not None
+    ]
+
+
 def _motion(report: Report) -> list[RenderableType]:
     table = _table("Motion", "", "", "")
     for name, value, meaning in motion_rows(report):
@@ -71,17 +107,8 @@ def _joints(report: Report) -> list[RenderableType]:
     limits = report.limits
     columns = ("joint", "rms", "of stall", "peak", "limit", "speed", "at limit")
     table = _table(f"Hardest worked of {len(limits.joints)} joints", *columns)
-    hardest = sorted(limits.joints.items(), key=lambda item: -(item[1].rms_share_of_stall or 0.0))
-    for name, joint in hardest[:WORST_JOINTS]:
-        table.add_row(
-            name,
-            _show(joint.rms_torque_nm, "N·m", 1, 2),
-            _show(joint.rms_share_of_stall, "%", 100, 0),
-            _show(joint.peak_torque_nm, "N·m", 1, 2),
-            _show(joint.torque_limit_nm, "N·m", 1, 2),
-            _show(joint.peak_speed_rad_s, "rad/s", 1, 1),
-            _show(joint.saturated_share, "%", 100, 1),
-        )
+    for row in joint_rows(report)[:WORST_JOINTS]:
+        table.add_row(*row)
     repairs = ", ".join(f"{count} {kind}" for kind, count in limits.repairs.items() if count) or "none"
     note = f"goals outside the envelope that were sent: {limits.violations_sent}; repairs: {repairs}"
     return [table, Text(note, style="dim")]
@@ -90,17 +117,8 @@ def _joints(report: Report) -> list[RenderableType]:
 def _timing(report: Report) -> list[RenderableType]:
     loop, planner = report.loop, report.planner
     table = _table("Time", "", "p50", "p99", "max")
-    rows: list[tuple[str, Latency | None, str]] = [
-        ("loop work", loop.work_us, "µs"),
-        ("wake lateness", loop.wake_lateness_us, "µs"),
-        ("sample", planner.sample_ms, "ms"),
-        ("retarget", planner.retarget_ms, "ms"),
-        ("target to command", planner.target_to_command_ms, "ms"),
-        ("target to effect", planner.target_to_effect_ms, "ms"),
-    ]
-    for name, latency, unit in rows:
-        if latency is not None:
-            table.add_row(name, *(_show(value, unit) for value in (latency.p50, latency.p99, latency.max)))
+    for row in timing_rows(report):
+        table.add_row(*row)
     speed = f"{loop.realtime_factor:.1f} times real time; " if loop.realtime_factor else ""
     note = (
         f"{report.clock} clock, {loop.rate_hz:g} Hz, {loop.cycles} cycles; {speed}{planner.plans} plans, "

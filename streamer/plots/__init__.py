@@ -1,0 +1,35 @@
+"""Pictures of a run, one module each; `write_plots` draws them all."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from configs.robot import Robot
+from flexmotion.motion import Motion
+from streamer.metrics import HumanTrack, RobotFigures
+from streamer.plots.filmstrip import draw_filmstrip
+from streamer.plots.footsteps import draw_footsteps
+from streamer.plots.style import save, styled
+from streamer.plots.timeline import draw_timeline
+from streamer.plots.torque import draw_torque
+from streamer.plots.tracking import draw_tracking
+from streamer.record import RunRecord
+
+__all__ = ["draw_filmstrip", "draw_footsteps", "draw_timeline", "draw_torque", "draw_tracking", "write_plots"]
+
+
+def write_plots(
+    folder: Path, record: RunRecord, robot: Robot, figures: RobotFigures, motion: Motion | None = None
+) -> list[Path]:
+    """Draw every picture of a run into `folder`, which is made if need be; returns the PNGs, most telling first."""
+    folder.mkdir(parents=True, exist_ok=True)
+    human = HumanTrack.of(motion) if motion is not None else None
+    with styled():
+        drawn = {
+            "robot.png": draw_filmstrip(record, robot, motion),
+            "footsteps.png": draw_footsteps(record, robot, figures, human),
+            "timeline.png": draw_timeline(record, figures, human),
+            "tracking.png": draw_tracking(record, robot),
+            "torque.png": draw_torque(record, robot),
+        }
+        return [save(figure, folder / name) for name, figure in drawn.items()]

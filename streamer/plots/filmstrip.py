@@ -1,0 +1,108 @@
+"""`robot.png`: the human and the robot at a few moments of the run."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from configs.robot import Robot
+from flexmotion.kinematics import HumanKinematics, forward
+from flexmotion.motion import Motion
+from streamer.plots.solid import Camera, draw_solid, shapes
+from streamer.plots.style import HUMAN, LEFT, MUTED, RIGHT, empty, new_figure
+from streamer.record import RunRecord
+
+Float = NDArray[np.float64]
+
+FRAMES = 8
+_AZIMUTH_DEG, _ELEVATION_DEG = -55.0, 12.0
+_SPACING = 0.75
+"""Distance between neighbouring frames, in robot heights."""
+
+
+def draw_filmstrip(record: RunRecord, robot: Robot, motion: Motion | None = None) -> Figure:
+    """The robot as simulated (as planned where there is no simulation), each frame centred on itself.
+
+    Above it the human at the same moment, drawn as tall as the robot and seen from the same side.
+    """
+    figure = new_figure(11, 4.4 if motion is not None else 2.7, "Human and robot", "same moment, same side")
+    axes = figure.subplots()
+    axes.set_axis_off()
+    base = np.where(np.isfinite(record.true_base), record.true_base, record.base_ref)[: record.used]
+    ticks = moments(record, np.isfinite(np.concatenate([base, record.q[: record.used]], axis=1)).all(axis=1))
+    if not len(ticks):
+        empty(axes, "no tick has a known pose")
+        return figure
+    camera, hulls = Camera.at(_AZIMUTH_DEG, _ELEVATION_DEG), shapes(robot.model)
+    data = mujoco.MjData(robot.model)
+    height = _standing_height(robot)
+    for place, tick in enumerate(ticks):
+        data.qpos[:7] = base[tick]
+        data.qpos[:2] = 0.0
+        data.qpos[robot.qpos_address] = record.q[tick]
+        mujoco.mj_kinematics(robot.model, data)
+        offset = np.array([place * _SPACING * height, 0.0])
+        for collection in draw_solid(robot.model, data, hulls, camera, offset):
+            axes.add_collection(collection)
+        label = f"{tick / record.rate_hz:.1f} s"
+        axes.text(offset[0], -0.2 * height, label, ha="center", va="top", color=MUTED, fontsize=8.5)
+    top = 1.15
+    if motion is not None:
+        top = 2.3
+        _humans(axes, record, motion, ticks, camera, height)
+    axes.set(xlim=(-0.55 * height, (len(ticks) * _SPACING - 0.2) * height), ylim=(-0.3 * height, top * height))
+    axes.set_aspect("equal")
+    return figure
+
+
+def moments(record: RunRecord, known: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Up to `FRAMES` ticks spread over the part in which the source plays (over the whole run if it never does)."""
+    playing = np.flatnonzero(known & np.isfinite(record.source_s[: record.used]))
+    candidates = playing if len(playing) else np.flatnonzero(known)
+    if not len(candidates):
+        return candidates
+    return np.unique(candidates[np.linspace(0, max(len(candidates) - 1, 0), FRAMES).round().astype(int)])
+
+
+def _standing_height(robot: Robot) -> float:
+    data = mujoco.MjData(robot.model)
+    data.qpos[robot.qpos_address] = robot.stand_pose
+    mujoco.mj_kinematics(robot.model, data)
+    extent = robot.model.geom_rbound
+    return float((data.geom_xpos[:, 2] + extent).max() - (data.geom_xpos[:, 2]).min())
+
+
+def _humans(
+    axes: Axes, record: RunRecord, motion: Motion, ticks: NDArray[np.int64], camera: Camera, height: float
+) -> None:
+    scale = height / motion.body.height
+    for place, tick in enumerate(ticks):
+        source_s = record.source_s[tick]
+        if not np.isfinite(source_s):
+            continue
+        frame = int(np.clip(round(source_s * motion.fps), 0, len(motion) - 1))
+        pose = forward(motion[frame : frame + 1])
+        centre = np.array([*pose.pelvis_position[0, :2], 0.0])
+        offset = np.array([place * _SPACING * height, 1.2 * height])
+        for points, colour in limbs(pose):
+            line = camera.project((points - centre) * scale)[:, :2] + offset
+            axes.add_collection(LineCollection([line], colors=colour, linewidths=2.6, capstyle="round", zorder=3))
+
+
+def limbs(pose: HumanKinematics) -> list[tuple[Float, str]]:
+    """Polylines of the first frame with their colours: trunk and head, then legs and arms a side; (K, 3) [m]."""
+    hips, shoulders = pose.hip[0].mean(axis=0), pose.shoulder[0].mean(axis=0)
+    lines: list[tuple[Float, str]] = [
+        (np.stack([hips, shoulders, pose.vertex[0]]), HUMAN),
+        (pose.shoulder[0], HUMAN),
+        (pose.hip[0], HUMAN),
+    ]
+    for side, colour in enumerate((LEFT, RIGHT)):
+        leg = (pose.hip, pose.knee, pose.ankle, pose.heel, pose.toe)
+        arm = (pose.shoulder, pose.elbow, pose.wrist, pose.hand)
+        lines += [(np.stack([joint[0, side] for joint in limb]), colour) for limb in (leg, arm)]
+    return lines

@@ -1,0 +1,76 @@
+"""One look for every picture, by matplotlib's object interface alone: no global state, no screen."""
+
+from __future__ import annotations
+
+from contextlib import AbstractContextManager
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+INK, MUTED, FAINT = "#1f2937", "#6b7280", "#e5e7eb"
+LEFT, RIGHT, MIDDLE = "#0072b2", "#d55e00", "#00795c"
+"""Left, right and what has no side; told apart with any colour vision (after Okabe and Ito, 2008)."""
+HUMAN, WARN = "#9b59b6", "#c0392b"
+
+_STYLE: Any = {
+    "figure.dpi": 110,
+    "figure.facecolor": "white",
+    "font.size": 9,
+    "axes.edgecolor": MUTED,
+    "axes.labelcolor": INK,
+    "axes.titlesize": 9,
+    "axes.titlelocation": "left",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.linewidth": 0.8,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": FAINT,
+    "grid.linewidth": 0.7,
+    "xtick.color": MUTED,
+    "ytick.color": MUTED,
+    "text.color": INK,
+    "legend.frameon": False,
+    "lines.linewidth": 1.2,
+}
+
+
+def styled() -> AbstractContextManager[None]:
+    """Context in which figures take the project's look."""
+    return mpl.rc_context(_STYLE)
+
+
+def new_figure(width: float, height: float, title: str, subtitle: str) -> Figure:
+    """An empty figure [inch] with a title and, below it, a line that tells how to read it."""
+    figure = Figure(figsize=(width, height), layout="constrained")
+    FigureCanvasAgg(figure)
+    # The second line of the title is left empty for the subtitle, so that the layout keeps its place free.
+    figure.suptitle(f"{title}\n ", x=0.01, ha="left", fontsize=11, fontweight="bold")
+    figure.text(0.01, 1 - 0.27 / height, subtitle, ha="left", va="top", fontsize=9, color=MUTED)
+    return figure
+
+
+def save(figure: Figure, file: Path) -> Path:
+    """Write a PNG whose bytes depend on the picture alone (no date, no version)."""
+    figure.savefig(file, metadata={"Software": None})
+    return file
+
+
+def side_colour(joint: str) -> str:
+    """Colour of a joint by its name."""
+    name = joint.lower()
+    if name.startswith(("l_", "left")):
+        return LEFT
+    if name.startswith(("r_", "right")):
+        return RIGHT
+    return MIDDLE
+
+
+def empty(axes: Axes, text: str) -> None:
+    """Say in a panel why it shows nothing."""
+    axes.set_axis_off()
+    axes.text(0.5, 0.5, text, ha="center", va="center", color=MUTED, transform=axes.transAxes)

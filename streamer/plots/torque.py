@@ -1,0 +1,86 @@
+"""`torque.png`: how hard each servo worked, beside what it can."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from configs.robot import Robot
+from streamer.plots.panels import joint_columns, joint_panels
+from streamer.plots.style import FAINT, INK, MUTED, WARN, empty, new_figure, side_colour
+from streamer.record import RunRecord
+
+Float = NDArray[np.float64]
+
+CONTINUOUS_SHARE = 0.3
+"""Share of stall torque that a servo's RMS should stay under to run for long (the aim of the project's robots)."""
+
+
+def draw_torque(record: RunRecord, robot: Robot) -> Figure:
+    """RMS and peak of every joint, then every tick of every joint in the torque-speed plane."""
+    rows = max(map(len, joint_columns(robot)))
+    figure = new_figure(
+        11,
+        3.6 + 1.5 * rows,
+        "Torque",
+        "bars: RMS and peak against stall, usable and continuous torque; below: torque [N·m] over speed [rad/s], "
+        "the shaded region is what the servo can do",
+    )
+    grid = figure.add_gridspec(2, 1, height_ratios=(2.8, 1.5 * rows))
+    top, bottom = figure.add_subfigure(grid[0]), figure.add_subfigure(grid[1])
+    torque, speed = record.true_torque[: record.used], record.qd[: record.used]
+    order = [i for column in joint_columns(robot) for i in column]
+    _bars(top.subplots(), robot, torque, order)
+    panels = joint_panels(bottom, robot, sharex=True, sharey=True)
+    for joint, axes in panels.items():
+        _plane(axes, robot, joint, torque[:, joint], speed[:, joint])
+    fastest, strongest = 1.15 * robot.no_load_speed.max(), 1.1 * robot.stall_torque.max()
+    panels[0].set(xlim=(-fastest, fastest), ylim=(-strongest, strongest))
+    return figure
+
+
+def _bars(axes: Axes, robot: Robot, torque: Float, order: list[int]) -> None:
+    known = np.isfinite(torque).all(axis=1)
+    if not known.any():
+        empty(axes, "this driver does not tell torque")
+        return
+    rms, peak = np.sqrt(np.mean(torque[known] ** 2, axis=0))[order], np.abs(torque[known]).max(axis=0)[order]
+    x = np.arange(len(order))
+    colours = [side_colour(robot.joint_names[i]) for i in order]
+    axes.bar(x, peak, width=0.72, color=colours, alpha=0.25)
+    axes.bar(x, rms, width=0.72, color=colours)
+    lines = {
+        "stall": (robot.stall_torque[order], INK, "-"),
+        "usable": (robot.usable_torque[order], MUTED, "-"),
+        f"{CONTINUOUS_SHARE:.0%} of stall": (CONTINUOUS_SHARE * robot.stall_torque[order], WARN, "--"),
+    }
+    for label, (level, colour, style) in lines.items():
+        axes.hlines(level, x - 0.5, x + 0.5, color=colour, linestyle=style, linewidth=1)
+        axes.text(x[-1] + 0.6, level[-1], label, color=colour, va="center", fontsize=8)
+    axes.set_xticks(x, [robot.joint_names[i] for i in order], rotation=35, ha="right", fontsize=8)
+    axes.set_xlim(-0.6, len(order) + 1.2)
+    axes.set_ylabel("N·m")
+    axes.set_ylim(0, 1.06 * max(robot.stall_torque.max(), peak.max()))
+    axes.grid(axis="x", visible=False)
+
+
+def _plane(axes: Axes, robot: Robot, joint: int, torque: Float, speed: Float) -> None:
+    axes.fill(*envelope(robot, joint), color=FAINT, linewidth=0)
+    axes.axhline(0, color=MUTED, linewidth=0.5)
+    axes.axvline(0, color=MUTED, linewidth=0.5)
+    axes.grid(visible=False)
+    axes.scatter(speed, torque, s=2.5, color=side_colour(robot.joint_names[joint]), alpha=0.25, linewidths=0)
+
+
+def envelope(robot: Robot, joint: int) -> tuple[Float, Float]:
+    """Corners of what a servo can do: speeds [rad/s] and torques [N·m], (K,) each.
+
+    Motoring, the lower of usable torque and what back-EMF leaves; braking, up to stall.
+    """
+    stall, usable, fastest = robot.stall_torque[joint], robot.usable_torque[joint], robot.no_load_speed[joint]
+    knee = (stall - usable) / robot.back_emf[joint]
+    speed = np.array([0.0, knee, fastest, fastest, 0.0])
+    torque = np.array([usable, usable, 0.0, -stall, -stall])
+    return np.concatenate([speed, -speed]), np.concatenate([torque, -torque])
