@@ -26,9 +26,7 @@ TRUNK_JOINTS = (
 LEG_JOINTS = ("hip_flexion", "hip_adduction", "hip_rotation", "knee_flexion", "ankle_dorsiflexion")
 ARM_JOINTS = ("shoulder_flexion", "shoulder_adduction", "shoulder_rotation", "elbow_flexion", "forearm_pronation")
 
-JOINTS: tuple[str, ...] = TRUNK_JOINTS + tuple(
-    f"{joint}_{side}" for side in SIDES for joint in LEG_JOINTS + ARM_JOINTS
-)
+JOINTS: tuple[str, ...] = TRUNK_JOINTS + tuple(f"{joint}_{side}" for side in SIDES for joint in LEG_JOINTS + ARM_JOINTS)
 """The 26 joint coordinates, in the order of `Motion.joints`."""
 
 ROOT_DOFS = ("pelvis_tx", "pelvis_ty", "pelvis_tz", "pelvis_list", "pelvis_tilt", "pelvis_rotation")

@@ -1,0 +1,5 @@
+"""Motion files of any kind to `Motion`."""
+
+from flexmotion.importers.load import Import, load, read
+
+__all__ = ["Import", "load", "read"]

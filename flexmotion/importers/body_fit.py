@@ -1,0 +1,81 @@
+"""Size of the human in a clip, from its joint centres."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexmotion.body import Body, Segments
+from flexmotion.importers.foot import FlatFoot
+from flexmotion.importers.landmarks import Landmarks
+from flexmotion.vectors import in_frame
+
+Float = NDArray[np.float64]
+
+LEG_SHARE = 0.491
+"""Thigh and shank as a share of stature (`data/proportions.yaml`)."""
+
+BALL_HEIGHT = 0.018
+"""Toe joint's centre above the sole as a share of stature: about 3 cm with a shoe [assumption]."""
+
+ANKLE_RANGE = (0.03, 0.07)
+"""Plausible heights of the ankle above the sole, as shares of stature."""
+
+
+def fit_body(found: Landmarks, pelvis: Float, flat: tuple[FlatFoot, FlatFoot], mass: float = 70.0) -> Body:
+    """A symmetric body with the bone lengths of a clip (medians over frames, means of both sides).
+
+    What joint centres do not tell (head, heel, toes, hands) is in proportion to the legs; so is the stature.
+
+    Args:
+        found: joint centres.
+        pelvis: rotation of the pelvis, (T, 3, 3).
+        flat: left and right foot (see `flat_foot`).
+        mass: of the human; no motion file tells it [kg].
+    """
+    points = found.points
+    thigh, shank = _bone(points, "hip", "knee"), _bone(points, "knee", "ankle")
+    height = (thigh + shank) / LEG_SHARE
+    usual = Segments.of_height(height)
+    foot = _bone(points, "ankle", "toe")
+    slope = float(np.mean([side.elevation for side in flat]))
+    ball = max(foot * np.cos(slope), 0.5 * usual.ball)
+    drop = -foot * np.sin(slope)
+    low, high = ANKLE_RANGE
+
+    lumbar = np.array([usual.lumbar_forward, 0.0, usual.lumbar_height])
+    if "lumbar" in points:
+        offset = points["lumbar"] - (points["hip_l"] + points["hip_r"]) / 2
+        lumbar = np.median(in_frame(pelvis, offset), axis=0)
+        lumbar[2] = max(lumbar[2], 0.5 * usual.lumbar_height)
+    hips = (points["hip_l"] + points["hip_r"]) / 2
+    neck = np.linalg.norm(points["neck"] - hips - pelvis @ lumbar, axis=-1)
+    segments = replace(
+        usual,
+        hip_width=_distance(points["hip_l"], points["hip_r"]),
+        thigh=thigh,
+        shank=shank,
+        ankle_height=float(np.clip(drop + BALL_HEIGHT * height, low * height, high * height)),
+        ball=float(ball),
+        foot=float((usual.heel + ball) * usual.foot / (usual.heel + usual.ball)),
+        lumbar_forward=float(lumbar[0]),
+        lumbar_height=float(lumbar[2]),
+        neck_height=float(np.median(neck)),
+        shoulder_width=_distance(points["shoulder_l"], points["shoulder_r"]),
+        upper_arm=_bone(points, "shoulder", "elbow"),
+        forearm=_bone(points, "elbow", "wrist"),
+    )
+    stature = sum((segments.ankle_height, segments.leg, segments.lumbar_height, segments.neck_height, segments.head))
+    return Body(height=float(stature), mass=mass, fitted=segments)
+
+
+def _distance(first: Float, second: Float) -> float:
+    return float(np.median(np.linalg.norm(first - second, axis=-1)))
+
+
+def _bone(points: dict[str, Float], first: str, second: str) -> float:
+    return (
+        _distance(points[f"{first}_l"], points[f"{second}_l"]) + _distance(points[f"{first}_r"], points[f"{second}_r"])
+    ) / 2

@@ -1,0 +1,58 @@
+"""`Capture`: what a motion file says, in its own skeleton, units and axes, before a human is fitted to it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Float = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Capture:
+    """Named points of a moving skeleton, with orientations where the format has them.
+
+    Attributes:
+        path: the file, for messages.
+        fps: frames per second.
+        names: of the points, J of them.
+        positions: in the world of the file, (T, J, 3) [file units].
+        rotations: of each point's own frame in the world of the file, (T, J, 3, 3); None for bare points.
+        parents: index of each point's parent, -1 for a root; None where the format has no hierarchy.
+        zero_positions: positions with every rotation at zero and the root at the origin, (J, 3); None where the format
+            has no such pose.
+    """
+
+    path: str
+    fps: float
+    names: tuple[str, ...]
+    positions: Float
+    rotations: Float | None = None
+    parents: tuple[int, ...] | None = None
+    zero_positions: Float | None = None
+
+    def __len__(self) -> int:
+        return len(self.positions)
+
+    def select(self, names: Sequence[str]) -> NDArray[np.intp]:
+        """Columns of the points of these names."""
+        column = {name: index for index, name in enumerate(self.names)}
+        return np.array([column[name] for name in names], dtype=np.intp)
+
+    def common_ancestor(self, first: str, second: str) -> str:
+        """The lowest joint of the hierarchy that carries both points."""
+        parents = self.parents
+        if parents is None:
+            raise ValueError("this capture has no hierarchy")
+
+        def ancestors(name: str) -> list[int]:
+            chain = [self.names.index(name)]
+            while parents[chain[-1]] >= 0:
+                chain.append(parents[chain[-1]])
+            return chain
+
+        others = set(ancestors(second))
+        return self.names[next(joint for joint in ancestors(first) if joint in others)]

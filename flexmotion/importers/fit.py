@@ -1,0 +1,186 @@
+"""From joint centres (and segment orientations) of a clip to `Motion`: a body of its size and the angles of its joints.
+
+Ankles are met exactly as far as the leg reaches, wrists as far as the arm reaches from shoulders that are fixed in the
+torso. Where a limb is straight the axis of its hinge is carried over from where it is bent (`limb`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from flexmotion.angles import rotation_about, three_angles
+from flexmotion.body import Segments
+from flexmotion.importers.body_fit import fit_body
+from flexmotion.importers.foot import FlatFoot, dorsiflexion, flat_foot, toe_out
+from flexmotion.importers.landmarks import Landmarks
+from flexmotion.importers.limb import hinge_axis, solve_limb
+from flexmotion.importers.trunk import head_rotation, neck_tilt, pelvis_rotation, torso_rotation
+from flexmotion.kinematics import HumanKinematics, forward
+from flexmotion.motion import Motion
+from flexmotion.signals import continuous_quaternions, fill, smoothstep
+from flexmotion.skeleton import JOINTS, SIDES
+from flexmotion.vectors import in_frame, unit
+
+Float = NDArray[np.float64]
+
+TOE_OUT_LIMIT = np.radians(35)
+
+PRONATION_AT_REST = np.pi / 2
+"""Of a hanging arm whose palm faces the thigh; taken where a file tells nothing of the hands."""
+
+
+@dataclass(frozen=True)
+class FitError:
+    """Distance between a point of the file and the same point of the fitted human over a clip [m]."""
+
+    rms: float
+    max: float
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A fitted motion and how far it is from its file, for `ankle`, `wrist` and (where the file has it) `head`."""
+
+    motion: Motion
+    errors: dict[str, FitError]
+
+
+def fit(found: Landmarks) -> Fit:
+    """Fit a human to a clip; position, heading and floor stay as in the file."""
+    points = found.points
+    root = (points["hip_l"] + points["hip_r"]) / 2
+    pelvis = pelvis_rotation(found)
+    flat = (flat_foot(found, "l"), flat_foot(found, "r"))
+    body = fit_body(found, pelvis, flat)
+    lumbar = root + pelvis @ np.array([body.segments.lumbar_forward, 0.0, body.segments.lumbar_height])
+    chord = points["neck"] - lumbar
+    tilt = neck_tilt(found, pelvis, chord)
+    torso = torso_rotation(found, chord, tilt)
+    size = _with_shoulders(body.segments, found, lumbar, torso, tilt)
+
+    angles: dict[str, Float] = {}
+    _store(angles, ("lumbar_extension", "lumbar_bending", "lumbar_rotation"), pelvis, torso)
+    _store(angles, ("neck_extension", "neck_bending", "neck_rotation"), torso, head_rotation(found, torso))
+    tibiae = [_leg(angles, found, side, root, pelvis, size) for side in SIDES]
+    size = replace(size, toe_out=_toe_out(found, tibiae, flat))
+    for side, sign, tibia, foot in zip(SIDES, (1.0, -1.0), tibiae, flat, strict=True):
+        line = points[f"toe_{side}"] - points[f"ankle_{side}"]
+        angles[f"ankle_dorsiflexion_{side}"] = dorsiflexion(tibia, line, foot.elevation, sign * size.toe_out)
+        _arm(angles, found, side, lumbar, torso, size)
+
+    quaternions = Rotation.from_matrix(pelvis).as_quat(scalar_first=True)
+    motion = Motion(
+        fps=found.fps,
+        root_position=root,
+        root_quaternion=continuous_quaternions(quaternions),
+        joints=np.stack([angles[joint] for joint in JOINTS], axis=1),
+        body=replace(body, fitted=size),
+        source=found.path,
+    )
+    return Fit(motion, _errors(found, forward(motion)))
+
+
+def _with_shoulders(size: Segments, found: Landmarks, lumbar: Float, torso: Float, tilt: float) -> Segments:
+    """Neck and shoulders in the torso's axes: where they are in the median."""
+    middle = (found.points["shoulder_l"] + found.points["shoulder_r"]) / 2 - lumbar
+    forward_by, _, above = np.median(in_frame(torso, middle), axis=0)
+    return replace(
+        size,
+        neck_forward=size.neck_height * np.sin(tilt),
+        neck_height=size.neck_height * np.cos(tilt),
+        shoulder_forward=float(forward_by),
+        shoulder_height=float(max(above, 0.5 * size.neck_height)),
+    )
+
+
+def _leg(angles: dict[str, Float], found: Landmarks, side: str, root: Float, pelvis: Float, size: Segments) -> Float:
+    """Hip and knee angles of one leg; returns the rotation of the shank, (T, 3, 3)."""
+    sign = 1.0 if side == "l" else -1.0
+    points = found.points
+    hip = root + pelvis @ np.array([0.0, sign * size.hip_width / 2, 0.0])
+    knee, ankle = points[f"knee_{side}"], points[f"ankle_{side}"]
+    # A straight leg's knee looks where the foot points; a foot that hangs along the shank points nowhere.
+    guess = np.cross(unit(knee - ankle), unit(points[f"toe_{side}"] - ankle)) + 0.2 * pelvis[:, :, 1]
+    axis = hinge_axis(points[f"hip_{side}"], knee, ankle, 1.0, guess, found.attached.get(f"hip_{side}"))
+    leg = solve_limb(hip, ankle, axis, (size.thigh, size.shank), 1.0)
+    _store(angles, ("hip_flexion", "hip_adduction", "hip_rotation"), pelvis, leg.rotation, side)
+    angles[f"knee_flexion_{side}"] = leg.flexion
+    return leg.rotation @ rotation_about("y", leg.flexion)
+
+
+def _toe_out(found: Landmarks, tibiae: list[Float], flat: tuple[FlatFoot, FlatFoot]) -> float:
+    """Mean of both feet, outwards positive [rad]."""
+    outward = []
+    for side, sign, tibia, foot in zip(SIDES, (1.0, -1.0), tibiae, flat, strict=True):
+        line = found.points[f"toe_{side}"] - found.points[f"ankle_{side}"]
+        outward.append(sign * toe_out(tibia, line, foot.frames))
+    return float(np.clip(np.mean(outward), -TOE_OUT_LIMIT, TOE_OUT_LIMIT))
+
+
+def _arm(angles: dict[str, Float], found: Landmarks, side: str, lumbar: Float, torso: Float, size: Segments) -> None:
+    sign = 1.0 if side == "l" else -1.0
+    points = found.points
+    offset = np.array([size.shoulder_forward, sign * size.shoulder_width / 2, size.shoulder_height])
+    shoulder = lumbar + torso @ offset
+    elbow, wrist = points[f"elbow_{side}"], points[f"wrist_{side}"]
+    # A straight arm's elbow axis, where nothing better is known: that of an arm which was lifted from hanging straight
+    # to where it is by the shortest way.
+    guess = _lifted(torso, wrist - points[f"shoulder_{side}"])
+    axis = hinge_axis(points[f"shoulder_{side}"], elbow, wrist, -1.0, guess, found.attached.get(f"shoulder_{side}"))
+    arm = solve_limb(shoulder, wrist, axis, (size.upper_arm, size.forearm), -1.0)
+    _store(angles, ("shoulder_flexion", "shoulder_adduction", "shoulder_rotation"), torso, arm.rotation, side)
+    angles[f"elbow_flexion_{side}"] = arm.flexion
+    ulna = arm.rotation @ rotation_about("y", -arm.flexion)
+    angles[f"forearm_pronation_{side}"] = _pronation(ulna, found.orientations.get(f"hand_{side}"), sign)
+
+
+def _lifted(torso: Float, reach: Float) -> Float:
+    """The torso's left axis turned by the least rotation that takes its downward axis to `reach`, (T, 3)."""
+    down, left = -torso[:, :, 2], torso[:, :, 1]
+    target = unit(reach)
+    cross, cosine = np.cross(down, target), np.sum(down * target, axis=-1, keepdims=True)
+    turned = cosine * left + np.cross(cross, left)
+    # Rodrigues' formula; the last term has no limit for an arm straight up, where any choice is as good.
+    return turned + cross * np.sum(cross * left, axis=-1, keepdims=True) / np.maximum(1 + cosine, 1e-3)
+
+
+def _pronation(ulna: Float, hand: Float | None, sign: float) -> Float:
+    """Angle of the palm about the forearm, (T,) [rad]; carried over where a bent wrist hides it."""
+    if hand is None:
+        return np.full(len(ulna), PRONATION_AT_REST)
+    palm = in_frame(ulna, hand[:, :, 0])[:, :2] * [1.0, -sign]
+    length = np.linalg.norm(palm, axis=-1)
+    weight = smoothstep(length, 0.2, 0.5)
+    direction = unit(palm)
+    if weight.min() < 1:
+        direction = weight[:, None] * direction + (1 - weight)[:, None] * fill(direction, weight, sigma=5.0)
+    angle = np.unwrap(np.arctan2(direction[:, 1], direction[:, 0]))
+    return angle - 2 * np.pi * np.round((np.median(angle) - PRONATION_AT_REST) / (2 * np.pi))
+
+
+def _store(
+    angles: dict[str, Float], joints: tuple[str, str, str], proximal: Float, distal: Float, side: str = ""
+) -> None:
+    values = three_angles(proximal.swapaxes(1, 2) @ distal, joints, side)
+    angles.update({f"{joint}_{side}" if side else joint: values[:, i] for i, joint in enumerate(joints)})
+
+
+def _errors(found: Landmarks, human: HumanKinematics) -> dict[str, FitError]:
+    pairs = {
+        name: np.stack([found.points[f"{name}_l"], found.points[f"{name}_r"]], axis=1) - getattr(human, name)
+        for name in ("ankle", "wrist")
+    }
+    if "head" in found.points:
+        # The file's point may lie anywhere in the head: compared with where it is in the median.
+        offset = found.points["head"] - human.vertex
+        local = in_frame(human.head_rotation, offset)
+        pairs["head"] = local - np.median(local, axis=0)
+    errors = {}
+    for name, difference in pairs.items():
+        distance = np.linalg.norm(difference, axis=-1)
+        errors[name] = FitError(rms=float(np.sqrt(np.mean(distance**2))), max=float(distance.max()))
+    return errors

@@ -1,0 +1,102 @@
+"""When a foot stands flat, how it is turned out, and the ankle's angle."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexmotion.importers.landmarks import Landmarks
+from flexmotion.signals import smoothstep
+from flexmotion.vectors import in_frame, unit
+
+Float = NDArray[np.float64]
+
+STANCE_HEIGHT, STANCE_SPEED = 0.03, 0.15
+"""A foot whose ankle and toe joint are no higher above their lowest [m] and no faster [m/s] stands flat."""
+
+PITCH_CORRECTION = 0.35
+"""Most by which the ankle gives way so that the sole has the file's pitch in the world [rad]."""
+
+
+@dataclass(frozen=True)
+class FlatFoot:
+    """How the line from the ankle to the toe joint lies while a foot stands flat; medians over those frames.
+
+    Attributes:
+        elevation: above the horizontal (negative: it slopes down to the toes) [rad].
+        frames: whether the foot stands flat, (T,) bool.
+    """
+
+    elevation: float
+    frames: NDArray[np.bool_]
+
+
+def flat_foot(found: Landmarks, side: str) -> FlatFoot:
+    """When a foot stands flat, and how its ankle-to-toe line then slopes.
+
+    Low and slow frames; without any (a clip of nothing but running) the lowest tenth.
+    """
+    ankle, toe = found.points[f"ankle_{side}"], found.points[f"toe_{side}"]
+    height = np.maximum(_above_lowest(ankle), _above_lowest(toe))
+    speed = np.maximum(_speed(ankle, found.fps), _speed(toe, found.fps))
+    frames = (height < STANCE_HEIGHT) & (speed < STANCE_SPEED)
+    if frames.sum() < 3:
+        frames = height <= np.quantile(height, 0.1)
+    line = toe - ankle
+    elevation = np.arctan2(line[:, 2], np.linalg.norm(line[:, :2], axis=-1))
+    return FlatFoot(float(np.median(elevation[frames])), frames)
+
+
+def toe_out(tibia: Float, line: Float, frames: NDArray[np.bool_]) -> float:
+    """Angle about the shank's axis from the knee's plane to the foot, to the left [rad]; median of the given frames.
+
+    Args:
+        tibia: rotation of the shank, (T, 3, 3).
+        line: from the ankle to the toe joint, (T, 3).
+        frames: those in which the foot stands flat, (T,) bool.
+    """
+    local = in_frame(tibia[frames], line[frames])
+    return float(np.median(np.arctan2(local[:, 1], local[:, 0])))
+
+
+def dorsiflexion(tibia: Float, line: Float, elevation: float, yaw: float) -> Float:
+    """Ankle angle that gives the foot the file's direction, (T,) [rad].
+
+    In the shank's sagittal plane first; then, unless the foot points steeply up or down, moved so that the sole's
+    pitch in the world is that of the file: a planted sole stays flat although the model's ankle has one axis.
+
+    Args:
+        tibia: rotation of the shank, (T, 3, 3).
+        line: from the ankle to the toe joint, (T, 3).
+        elevation: of that line while the sole is flat [rad].
+        yaw: of the foot about the shank's axis, to the left [rad].
+    """
+    direction = unit(line)
+    local = in_frame(tibia, direction)
+    angle = np.unwrap(np.arctan2(local[:, 2], local[:, 0])) - elevation
+    # World height of the model's line as a function of the angle d: a cos d + b sin d + c.
+    x, y, z = np.cos(elevation) * np.cos(yaw), np.cos(elevation) * np.sin(yaw), np.sin(elevation)
+    row = tibia[:, 2]
+    a, b, c = row[:, 0] * x + row[:, 2] * z, row[:, 2] * x - row[:, 0] * z, row[:, 1] * y
+    amplitude = np.maximum(np.hypot(a, b), 1e-9)
+    cosine = np.clip((direction[:, 2] - c) / amplitude, -1.0, 1.0)
+    half = np.arccos(cosine)
+    best = np.stack([np.arctan2(b, a) + half, np.arctan2(b, a) - half]) - angle
+    best = (best + np.pi) % (2 * np.pi) - np.pi
+    nearest = np.where(np.abs(best[0]) < np.abs(best[1]), best[0], best[1])
+    # Where the line is steep both solutions meet and say little.
+    trust = smoothstep(np.sqrt(1 - cosine**2), 0.3, 0.6)
+    return angle + trust * np.clip(nearest, -PITCH_CORRECTION, PITCH_CORRECTION)
+
+
+def _above_lowest(point: Float) -> Float:
+    return point[:, 2] - np.quantile(point[:, 2], 0.05)
+
+
+def _speed(point: Float, fps: float) -> Float:
+    if len(point) < 2:
+        return np.zeros(len(point))
+    speed: Float = np.linalg.norm(np.gradient(point, axis=0), axis=-1) * fps
+    return speed

@@ -1,0 +1,171 @@
+"""`Landmarks`: a capture brought to our names, axes and metres; what the human is fitted to."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from configs.errors import MotionFormatError
+from flexmotion.importers.capture import Capture
+from flexmotion.importers.mapping import SkeletonMapping, Units, Up
+from flexmotion.importers.zero_pose import zero_pose_orientations
+from flexmotion.signals import resample_rotations, resample_signal
+
+Float = NDArray[np.float64]
+
+METRES: dict[Units, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001, "inch": 0.0254}
+
+LEG_RANGE = (0.45, 1.25)
+"""Hip to ankle over the knee of any human who can walk by himself [m]; a file's units are those that bring it here."""
+
+LEG_TYPICAL = 0.83
+"""The same of an adult [m]; decides where two units are possible."""
+
+TO_Z_UP: dict[Up, Float] = {
+    "z": np.eye(3),
+    # y up, z forward, x left becomes z up, x forward, y left.
+    "y": np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]),
+}
+
+SETTLE_S = 0.25
+"""Jumps are looked for in so long a beginning [s]."""
+
+JUMP_SPEED = 8.0
+"""A joint that moves faster than this against the pelvis [m/s] in the first frames has not settled: conversions begin
+with a T pose and filters run in. (A boxer's fist reaches 9 m/s, but not in the first quarter second.)"""
+
+
+@dataclass(frozen=True)
+class Landmarks:
+    """Joint centres of a human over time, z up, metres.
+
+    Attributes:
+        path: the file, for messages.
+        fps: frames per second.
+        points: position of each of `mapping.POINTS` that the file has, (T, 3) [m].
+        orientations: of each of `mapping.SEGMENTS` that the file tells (x forward, y left, z up in upright stance;
+            hand: x out of the palm, z towards the elbow), (T, 3, 3).
+        attached: some frame that moves rigidly with the thigh (`hip_l`, `hip_r`) or upper arm (`shoulder_l`,
+            `shoulder_r`), (T, 3, 3); empty for formats without rotations.
+    """
+
+    path: str
+    fps: float
+    points: dict[str, Float]
+    orientations: dict[str, Float] = field(default_factory=dict)
+    attached: dict[str, Float] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(self.points["hip_l"])
+
+    def __getitem__(self, frames: slice) -> Landmarks:
+        return replace(
+            self,
+            points={name: value[frames] for name, value in self.points.items()},
+            orientations={name: value[frames] for name, value in self.orientations.items()},
+            attached={name: value[frames] for name, value in self.attached.items()},
+        )
+
+    def resampled(self, fps: float) -> Landmarks:
+        """The same at another frame rate, low-passed where it goes down."""
+        return replace(
+            self,
+            fps=fps,
+            points={n: resample_signal(v, self.fps, fps) for n, v in self.points.items()},
+            orientations={n: resample_rotations(v, self.fps, fps) for n, v in self.orientations.items()},
+            attached={n: resample_rotations(v, self.fps, fps) for n, v in self.attached.items()},
+        )
+
+
+def landmarks(
+    capture: Capture, mapping: SkeletonMapping, *, units: Units | None = None, up: Up | None = None
+) -> Landmarks:
+    """A capture in our names, axes and metres, without the frames at its beginning that are no motion.
+
+    Args:
+        capture: as read from the file.
+        mapping: which of its joints is what.
+        units, up: of the file; None takes the mapping's, or guesses from leg length and from where the head is.
+
+    Raises:
+        MotionFormatError: units or upward axis make no human of it, or nothing but a T pose is in it.
+    """
+    columns = dict(zip(mapping.joints, capture.select(list(mapping.joints.values())), strict=True))
+    raw = {point: capture.positions[:, column] for point, column in columns.items()}
+    up = up or mapping.up or _guess_up(raw)
+    scale = METRES[units or mapping.units or _guess_units(raw, capture.path)]
+    turn = TO_Z_UP[up]
+    points = {point: scale * value @ turn.T for point, value in raw.items()}
+    _check_leg(points, capture.path)
+
+    orientations: dict[str, Float] = {}
+    attached: dict[str, Float] = {}
+    if capture.rotations is not None:
+        aligned = {name: (item.joint, item.matrix()) for name, item in mapping.orientations.items()}
+        if not aligned:
+            aligned = zero_pose_orientations(capture, mapping.joints, turn)
+        for segment, (joint, axes) in aligned.items():
+            orientations[segment] = turn @ capture.rotations[:, capture.names.index(joint)] @ axes
+        for point in ("hip_l", "hip_r", "shoulder_l", "shoulder_r"):
+            attached[point] = turn @ capture.rotations[:, columns[point]]
+    found = Landmarks(capture.path, capture.fps, points, orientations, attached)
+    return found[_settled(found) :]
+
+
+def _guess_up(raw: dict[str, Float]) -> Up:
+    """The axis along which the neck is above the feet for most of the time."""
+    rise = raw["neck"] - (raw["ankle_l"] + raw["ankle_r"]) / 2
+    return "y" if np.median(rise[:, 1]) >= np.median(rise[:, 2]) else "z"
+
+
+def _leg(points: dict[str, Float]) -> float:
+    """Hip to ankle over the knee, median over frames, mean of both sides."""
+    bones = [
+        np.median(np.linalg.norm(points[f"{b}_{side}"] - points[f"{a}_{side}"], axis=-1))
+        for a, b in (("hip", "knee"), ("knee", "ankle"))
+        for side in "lr"
+    ]
+    return float(sum(bones)) / 2
+
+
+def _guess_units(raw: dict[str, Float], path: str) -> Units:
+    leg = _leg(raw)
+    if not leg > 0:
+        raise MotionFormatError(f"{path}: the legs have no length, hips, knees and ankles coincide")
+    possible = {unit: leg * metres for unit, metres in METRES.items() if LEG_RANGE[0] <= leg * metres <= LEG_RANGE[1]}
+    if not possible:
+        raise MotionFormatError(
+            f"{path}: a leg of {leg:.4g} is no human's in any of {', '.join(get_args(Units))}; is the mapping right?"
+        )
+    return min(possible, key=lambda unit: abs(np.log(possible[unit] / LEG_TYPICAL)))
+
+
+def _check_leg(points: dict[str, Float], path: str) -> None:
+    leg = _leg(points)
+    if not LEG_RANGE[0] <= leg <= LEG_RANGE[1]:
+        low, high = LEG_RANGE
+        raise MotionFormatError(f"{path}: a leg of {leg:.3g} m, expected {low} to {high} m; other units?")
+
+
+def _settled(found: Landmarks) -> int:
+    """First frame after any jump at the beginning."""
+    beginning = min(len(found) - 1, max(2, round(SETTLE_S * found.fps)))
+    if beginning < 1:
+        return 0
+    middle = (found.points["hip_l"] + found.points["hip_r"]) / 2
+    joints = np.stack([value - middle for value in found.points.values()], axis=1)
+    speed = np.linalg.norm(np.diff(joints, axis=0), axis=-1).max(axis=-1) * found.fps
+    jumps = np.flatnonzero(speed[:beginning] > JUMP_SPEED)
+    if not len(jumps):
+        return 0
+    # Motion that is fast all the time is no jump.
+    if len(speed) > beginning and np.median(speed[beginning:]) > JUMP_SPEED / 3:
+        return 1
+    settle = int(np.ceil(0.03 * found.fps))
+    first = int(jumps[-1]) + 1 + (settle if found.fps > 60 else 0)
+    if first >= len(found) - 1:
+        raise MotionFormatError(f"{found.path}: nothing but a T pose and a jump in {len(found)} frames")
+    return first

@@ -1,0 +1,184 @@
+"""Which joint of a file's skeleton is which of the human's: shipped mappings, a user's own, or a guess by name."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from functools import lru_cache
+from importlib import resources
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+from pydantic import Field, field_validator
+
+from configs.errors import ConfigError, MotionFormatError
+from configs.schema import Strict, load
+from flexmotion.skeleton import SIDES
+
+Units = Literal["m", "cm", "mm", "inch"]
+Up = Literal["y", "z"]
+
+SIDED_POINTS = ("hip", "knee", "ankle", "toe", "shoulder", "elbow", "wrist")
+REQUIRED_POINTS: tuple[str, ...] = ("neck", *(f"{point}_{side}" for side in SIDES for point in SIDED_POINTS))
+OPTIONAL_POINTS = ("lumbar", "head")
+POINTS = REQUIRED_POINTS + OPTIONAL_POINTS
+"""Points that a mapping names: joint centres; `toe` is the toe joint (or the end of a foot without toes), `lumbar`
+the lowest joint of the spine above the pelvis, `neck` its uppermost below the head."""
+
+SEGMENTS = ("pelvis", "chest", "head", "hand_l", "hand_r")
+"""Segments whose orientation a mapping may declare."""
+
+AXES = {
+    f"{sign}{axis}": value * np.eye(3)["xyz".index(axis)] for axis in "xyz" for sign, value in (("+", 1), ("-", -1))
+}
+
+
+class Orientation(Strict):
+    """The axes of a joint's own frame that point forward and up while the human stands with hanging arms.
+
+    For a hand, forward is out of the palm and up is towards the elbow.
+    """
+
+    joint: str
+    forward: str
+    up: str
+
+    @field_validator("forward", "up")
+    @classmethod
+    def _is_axis(cls, value: str) -> str:
+        if value not in AXES:
+            raise ValueError(f"{value!r} is no axis, expected one of {', '.join(AXES)}")
+        return value
+
+    def matrix(self) -> NDArray[np.float64]:
+        """Columns: the segment's x (forward), y (left), z (up) in the joint's frame, (3, 3)."""
+        forward, up = AXES[self.forward], AXES[self.up]
+        return np.stack([forward, np.cross(up, forward), up], axis=1)
+
+
+class SkeletonMapping(Strict):
+    """A named mapping; `up` and `units` are guessed from the motion where they are left out."""
+
+    name: str
+    up: Up | None = None
+    units: Units | None = None
+    joints: dict[str, str]
+    orientations: dict[str, Orientation] = Field(default_factory=dict)
+
+    @field_validator("joints")
+    @classmethod
+    def _has_points(cls, value: dict[str, str]) -> dict[str, str]:
+        unknown = sorted(set(value) - set(POINTS))
+        if unknown:
+            raise ValueError(f"unknown point {unknown[0]!r}, expected one of {', '.join(POINTS)}")
+        missing = [point for point in REQUIRED_POINTS if point not in value]
+        if missing:
+            raise ValueError(f"missing {', '.join(missing)}")
+        return value
+
+    @field_validator("orientations")
+    @classmethod
+    def _has_segments(cls, value: dict[str, Orientation]) -> dict[str, Orientation]:
+        unknown = sorted(set(value) - set(SEGMENTS))
+        if unknown:
+            raise ValueError(f"unknown segment {unknown[0]!r}, expected one of {', '.join(SEGMENTS)}")
+        return value
+
+    def missing(self, names: Iterable[str]) -> list[str]:
+        """Joints of this mapping that a skeleton with these names lacks."""
+        used = {*self.joints.values(), *(item.joint for item in self.orientations.values())}
+        return sorted(used - set(names))
+
+
+def shipped_mappings() -> dict[str, SkeletonMapping]:
+    """The mappings that come with the package, by name."""
+    folder = resources.files("configs").joinpath("skeletons")
+    with resources.as_file(folder) as path:
+        mappings = [load(SkeletonMapping, file) for file in sorted(path.glob("*.yaml"))]
+    return {mapping.name: mapping for mapping in mappings}
+
+
+def find_mapping(names: tuple[str, ...], path: str, wanted: str | Path | None = None) -> SkeletonMapping:
+    """The mapping for a skeleton with joints of these names.
+
+    Args:
+        names: joints of the skeleton.
+        path: the motion file, for messages.
+        wanted: name of a shipped mapping, or path of a YAML file; None picks a shipped one that fits, else guesses.
+
+    Raises:
+        ConfigError: there is no such mapping, or its file is wrong.
+        MotionFormatError: the skeleton lacks joints that the mapping names, or some could not be guessed.
+    """
+    shipped = shipped_mappings()
+    if wanted is None:
+        fitting = (mapping for mapping in shipped.values() if not mapping.missing(names))
+        return next(fitting, None) or guess_mapping(names, path)
+    if str(wanted) in shipped:
+        mapping = shipped[str(wanted)]
+    elif Path(wanted).suffix in (".yaml", ".yml"):
+        mapping = load(SkeletonMapping, Path(wanted))
+    else:
+        raise ConfigError(f"skeleton mapping {str(wanted)!r}: expected {', '.join(shipped)} or the path of a YAML file")
+    missing = mapping.missing(names)
+    if missing:
+        raise MotionFormatError(
+            f"{path}: mapping {mapping.name!r} needs joints that are not there: {', '.join(missing)}"
+        )
+    return mapping
+
+
+def guess_mapping(names: tuple[str, ...], path: str) -> SkeletonMapping:
+    """A mapping by what the joints are called.
+
+    Raises:
+        MotionFormatError: lists the points for which no joint was found, and the joints there are.
+    """
+    stems: dict[tuple[str, str], str] = {}
+    for name in names:
+        stems.setdefault(_stem(name), name)
+    joints: dict[str, str] = {}
+    for point, synonyms in _synonyms().items():
+        for side in SIDES if point in SIDED_POINTS else ("",):
+            found = next((stems[side, word] for word in synonyms if (side, word) in stems), None)
+            if found:
+                joints[f"{point}_{side}" if side else point] = found
+    unmapped = [point for point in REQUIRED_POINTS if point not in joints]
+    if unmapped:
+        legs = "no legs found: " if all(f"{p}_{s}" in unmapped for p in ("knee", "ankle") for s in SIDES) else ""
+        present = ", ".join(name for name in names if not name.endswith("/end"))
+        raise MotionFormatError(
+            f"{path}: {legs}no joint found for {', '.join(unmapped)}; joints are {present}; give a mapping"
+        )
+    return SkeletonMapping(name="guess", joints=joints)
+
+
+@lru_cache
+def _synonyms() -> dict[str, list[str]]:
+    text = resources.files("flexmotion").joinpath("data", "joint_names.yaml").read_text(encoding="utf-8")
+    synonyms: dict[str, list[str]] = yaml.safe_load(text)
+    return synonyms
+
+
+def _stem(name: str) -> tuple[str, str]:
+    """Side ('l', 'r' or '') and bare lower-case name: `mixamorig:LeftUpLeg` and `upleg.L` are both ('l', 'upleg')."""
+    base, slash, end = name.rsplit(":", 1)[-1].partition("/")
+    words = re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+", base)
+    words = [word.lower() for word in words]
+    if words and words[0] in ("bip", "bip01", "character1", "mixamorig"):
+        words = words[1:]
+    side = ""
+    for index in (0, -1, *range(1, len(words) - 1)):
+        if len(words) > 1 and -len(words) <= index < len(words) and words[index] in ("left", "l", "right", "r"):
+            side = words.pop(index)[0]
+            break
+    if not side and words:
+        for long in ("left", "right"):
+            if words[0].startswith(long) and words[0] != long:
+                side, words[0] = long[0], words[0].removeprefix(long)
+    while len(words) > 1 and words[0].isdigit():
+        words = words[1:]
+    return side, "".join(words) + slash + end

@@ -1,0 +1,65 @@
+"""Segment axes of a skeleton whose zero pose stands upright, as most do that artists and conversions make."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexmotion.importers.capture import Capture
+
+Float = NDArray[np.float64]
+
+UPRIGHT = np.cos(np.radians(20))
+"""Legs and trunk of a standing zero pose are no further than 20° from the vertical."""
+
+UP = np.array([0.0, 0.0, 1.0])
+
+
+def zero_pose_orientations(capture: Capture, joints: Mapping[str, str], turn: Float) -> dict[str, tuple[str, Float]]:
+    """Segment -> (joint, axes of the segment in the joint's frame as columns x, y, z); empty if it does not stand.
+
+    At zero every joint's frame is the file's world, so pelvis, chest and head have the axes of the whole figure.
+
+    Args:
+        capture: as read from the file.
+        joints: point -> joint, as a mapping has it.
+        turn: from the file's axes to z up, (3, 3).
+    """
+    if capture.zero_positions is None or capture.parents is None:
+        return {}
+    zero = capture.zero_positions @ turn.T
+    at = {point: zero[capture.names.index(joint)] for point, joint in joints.items()}
+    forward = np.cross(at["hip_l"] - at["hip_r"], UP)
+    if not (np.linalg.norm(forward) > 0 and _stands(at, forward)):
+        return {}
+    forward /= np.linalg.norm(forward)
+
+    figure = turn.T @ np.stack([forward, np.cross(UP, forward), UP], axis=1)
+    axes = {
+        "pelvis": (capture.common_ancestor(joints["hip_l"], joints["hip_r"]), figure),
+        "chest": (capture.common_ancestor(joints["shoulder_l"], joints["shoulder_r"]), figure),
+    }
+    if "head" in joints:
+        axes["head"] = (joints["head"], figure)
+    for side, inward in (("l", -1.0), ("r", 1.0)):
+        # With arms raised sideways the palms look down, with hanging arms inwards: the palm's normal is the forearm's
+        # direction turned a quarter about the fore-aft axis.
+        arm = at[f"wrist_{side}"] - at[f"elbow_{side}"]
+        arm = arm - (arm @ forward) * forward
+        if np.linalg.norm(arm) > 0:
+            arm /= np.linalg.norm(arm)
+            palm = inward * np.cross(forward, arm)
+            axes[f"hand_{side}"] = (
+                joints[f"wrist_{side}"],
+                turn.T @ np.stack([palm, np.cross(-arm, palm), -arm], axis=1),
+            )
+    return axes
+
+
+def _stands(at: Mapping[str, Float], forward: Float) -> bool:
+    hips = (at["hip_l"] + at["hip_r"]) / 2
+    upright = (at["neck"] - hips, at["hip_l"] - at["ankle_l"], at["hip_r"] - at["ankle_r"])
+    toes = (at[f"toe_{side}"] - at[f"ankle_{side}"] for side in "lr")
+    return all(part[2] > UPRIGHT * np.linalg.norm(part) for part in upright) and all(toe @ forward > 0 for toe in toes)

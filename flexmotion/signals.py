@@ -1,0 +1,91 @@
+"""Filtering and interpolation of sampled motion: plain signals, unit quaternions, rotation matrices."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+from scipy.ndimage import gaussian_filter1d
+from scipy.signal import butter, sosfiltfilt
+from scipy.spatial.transform import Rotation
+
+Float = NDArray[np.float64]
+
+PASS_BAND = 0.4
+"""Cut-off of the anti-alias filter as a share of the new frame rate (its Nyquist frequency is at one half)."""
+
+SAME_RATE = 1e-3
+"""Frame rates closer than this (relative) are the same: files round their frame time."""
+
+
+def resample_signal(signal: Float, fps: float, new_fps: float) -> Float:
+    """A signal at another frame rate, first and last frame in place, (T, ...) -> (T', ...).
+
+    Going down it is low-passed first (fourth-order Butterworth, forwards and backwards: no delay).
+    """
+    if same_rate(fps, new_fps) or len(signal) < 2:
+        return signal
+    flat = signal.reshape(len(signal), -1)
+    if new_fps < fps:
+        flat = low_pass(flat, fps, PASS_BAND * new_fps)
+    times = np.arange(len(signal)) / fps
+    # Round-off must not lose the last frame.
+    count = int(np.floor(times[-1] * new_fps + 1e-6)) + 1
+    return CubicSpline(times, flat)(np.arange(count) / new_fps).reshape(count, *signal.shape[1:])
+
+
+def low_pass(signal: Float, fps: float, cutoff: float) -> Float:
+    """Zero-phase fourth-order Butterworth low-pass over the first axis; `cutoff` [Hz] is where it has -6 dB."""
+    if cutoff >= fps / 2:
+        return signal
+    sections = butter(4, cutoff, fs=fps, output="sos")
+    # The ends are continued point-symmetrically for a few periods of the cut-off frequency.
+    pad = min(len(signal) - 1, int(3 * fps / cutoff))
+    filtered: Float = sosfiltfilt(sections, signal, axis=0, padlen=pad)
+    return filtered
+
+
+def resample_quaternions(quaternions: Float, fps: float, new_fps: float) -> Float:
+    """Unit quaternions (T, ..., 4) at another frame rate, continuous in sign."""
+    resampled = resample_signal(continuous_quaternions(quaternions), fps, new_fps)
+    return resampled / np.linalg.norm(resampled, axis=-1, keepdims=True)
+
+
+def resample_rotations(rotations: Float, fps: float, new_fps: float) -> Float:
+    """Rotation matrices (T, 3, 3) at another frame rate."""
+    if same_rate(fps, new_fps):
+        return rotations
+    quaternions = Rotation.from_matrix(rotations).as_quat()
+    return Rotation.from_quat(resample_quaternions(quaternions, fps, new_fps)).as_matrix()
+
+
+def continuous_quaternions(quaternions: Float) -> Float:
+    """The same rotations (T, ..., 4) with signs chosen so that neighbours in time are near."""
+    flips = np.sum(quaternions[1:] * quaternions[:-1], axis=-1) < 0
+    sign = np.where(np.cumsum(flips, axis=0) % 2, -1.0, 1.0)
+    return np.concatenate([quaternions[:1], quaternions[1:] * sign[..., None]])
+
+
+def same_rate(fps: float, new_fps: float) -> bool:
+    """Whether two frame rates differ by rounding only."""
+    return abs(fps / new_fps - 1) < SAME_RATE
+
+
+def fill(values: Float, weight: Float, sigma: float) -> Float:
+    """Values (T, n) carried from where they are trusted to where they are not.
+
+    A Gaussian average over time with a width of `sigma` frames, each frame counted by its weight (T,); far from any
+    trusted frame it becomes the average of all.
+    """
+    total = max(weight.sum(), 1e-9)
+    mean = (weight[:, None] * values).sum(axis=0) / total
+    near = gaussian_filter1d(weight[:, None] * values, sigma, axis=0, mode="constant")
+    mass = gaussian_filter1d(weight, sigma, mode="constant")[:, None]
+    trace = 1e-3
+    return (near + trace * mean) / (mass + trace)
+
+
+def smoothstep(value: Float, low: float, high: float) -> Float:
+    """0 below `low`, 1 above `high`, a smooth cubic between."""
+    share = np.clip((value - low) / (high - low), 0.0, 1.0)
+    return share * share * (3 - 2 * share)

@@ -1,0 +1,28 @@
+"""Directions and frames made of them, for whole clips at once."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Float = NDArray[np.float64]
+
+TINY = 1e-9
+
+
+def unit(vector: Float) -> Float:
+    """Vectors of length 1, (..., n); zero stays zero."""
+    return vector / np.maximum(np.linalg.norm(vector, axis=-1, keepdims=True), TINY)
+
+
+def frame(left: Float, up: Float) -> Float:
+    """Rotations with y axis `left` and the z axis as near to `up` as that allows, (..., 3) -> (..., 3, 3)."""
+    y = unit(left)
+    x = unit(np.cross(y, up))
+    return np.stack([x, y, np.cross(x, y)], axis=-1)
+
+
+def in_frame(rotation: Float, vector: Float) -> Float:
+    """World vectors (T, 3) in the axes of rotations (T, 3, 3)."""
+    local: Float = np.einsum("tji,tj->ti", rotation, vector)
+    return local
