@@ -37,6 +37,12 @@ JUMP_SPEED = 8.0
 """A joint that moves faster than this against the pelvis [m/s] in the first frames has not settled: conversions begin
 with a T pose and filters run in. (A boxer's fist reaches 9 m/s, but not in the first quarter second.)"""
 
+JUMP_RATIO = 2.0
+"""... and so many times faster than in the median of the clip."""
+
+RINGING_S = 0.03
+"""How long such a filter rings after the jump [s]."""
+
 
 @dataclass(frozen=True)
 class Landmarks:
@@ -158,14 +164,12 @@ def _settled(found: Landmarks) -> int:
     middle = (found.points["hip_l"] + found.points["hip_r"]) / 2
     joints = np.stack([value - middle for value in found.points.values()], axis=1)
     speed = np.linalg.norm(np.diff(joints, axis=0), axis=-1).max(axis=-1) * found.fps
-    jumps = np.flatnonzero(speed[:beginning] > JUMP_SPEED)
+    usual = float(np.median(speed[beginning:])) if len(speed) > beginning else 0.0
+    # Motion that is fast all the time is no jump.
+    jumps = np.flatnonzero(speed[:beginning] > max(JUMP_SPEED, JUMP_RATIO * usual))
     if not len(jumps):
         return 0
-    # Motion that is fast all the time is no jump.
-    if len(speed) > beginning and np.median(speed[beginning:]) > JUMP_SPEED / 3:
-        return 1
-    settle = int(np.ceil(0.03 * found.fps))
-    first = int(jumps[-1]) + 1 + (settle if found.fps > 60 else 0)
+    first = int(jumps[-1]) + 1 + int(np.ceil(RINGING_S * found.fps))
     if first >= len(found) - 1:
         raise MotionFormatError(f"{found.path}: nothing but a T pose and a jump in {len(found)} frames")
     return first
