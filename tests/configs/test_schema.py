@@ -1,0 +1,49 @@
+from pathlib import Path
+
+import pytest
+
+from configs.errors import ConfigError
+from configs.schema import Strict, load, parse
+
+
+class Engine(Strict):
+    power: float
+    name: str = "none"
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("power: [1", "not valid YAML"),
+        ("- power", "expected a mapping of fields, found list"),
+        ("", "expected a mapping of fields, found NoneType"),
+        ("power: fast", "field power: Input should be a valid number"),
+        ("name: a", "field power: Field required"),
+        ("{power: 1, torque: 2}", "field torque: unknown field, expected one of: power, name"),
+        ("power: .nan", "field power: Input should be a finite number"),
+        ("power: .inf", "field power: Input should be a finite number"),
+        ("{power: a, name: 3}", "(and 1 more)"),
+    ],
+)
+def test_a_bad_file_is_refused_in_one_line_with_file_and_field(tmp_path: Path, text: str, says: str) -> None:
+    file = tmp_path / "engine.yaml"
+    file.write_text(text)
+    with pytest.raises(ConfigError) as error:
+        load(Engine, file)
+    assert says in str(error.value)
+    assert str(file) in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_a_missing_or_binary_file_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"none\.yaml: cannot be read: No such file"):
+        load(Engine, tmp_path / "none.yaml")
+    (tmp_path / "b.yaml").write_bytes(b"\xff\xfe\x00\x80")
+    with pytest.raises(ConfigError, match="not valid YAML"):
+        load(Engine, tmp_path / "b.yaml")
+
+
+def test_what_was_parsed_is_read_only() -> None:
+    engine = parse(Engine, {"power": 3}, "here")
+    with pytest.raises(ValueError, match="frozen"):
+        engine.power = 4
