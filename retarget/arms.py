@@ -14,17 +14,20 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from configs.errors import RetargetError
 from configs.robot import Robot
 from flexmotion.kinematics import HumanKinematics
-from flexmotion.skeleton import SIDES
 from retarget.legs import SIDE_NAMES
 
 Float = NDArray[np.float64]
 
-_ITERATIONS = 3
-_DAMPING = 0.015
-"""Added to the normal equations [m²]; keeps joint steps bounded where the arm is stretched."""
+_FIRST_ITERATIONS, _ITERATIONS = 10, 2
+"""Steps for the frame where the motion joins, and for those after it, which start from their neighbour."""
+_DAMPING = 0.12
+"""Damping over arm length; keeps joint steps bounded where the arm is stretched."""
 _ELBOW_WEIGHT = 0.25
+_LARGEST_STEP = 0.35
+"""Longest step of a joint [rad]."""
 
 
 @dataclass(frozen=True)
@@ -48,15 +51,22 @@ class UpperBody:
         self.robot, self.model = robot, robot.model
         self.data = mujoco.MjData(robot.model)
         self.torso = robot.torso_id
-        self.arms = [np.array(list(robot.chain(f"{side}_arm").values())) for side in SIDE_NAMES]
+        arms = [list(robot.chain(f"{side}_arm").values()) for side in SIDE_NAMES]
+        hands = robot.config.hands
+        if hands is None or len(arms[0]) != len(arms[1]):
+            raise RetargetError(f"{robot.file}: needs field hands, and two arms of as many joints each")
+        self.arms = np.array(arms)
+        """Columns of the arm joints in the robot's order, (2, m)."""
         self.head = robot.chain("head")
         self.joints = np.concatenate([*self.arms, np.array(sorted(self.head.values()), dtype=int)])
         """Columns of the robot's joints that this class sets."""
-        self._joint_ids = [np.array([self._joint_id(i) for i in arm]) for arm in self.arms]
-        hands = robot.config.hands
-        self._hands = [(robot.model.body(hand.body).id, np.asarray(hand.point)) for hand in (hands.left, hands.right)]
+        self._joint_ids = np.array([[self._joint_id(i) for i in arm] for arm in arms])
+        self._hand_bodies = np.array([robot.model.body(hand.body).id for hand in (hands.left, hands.right)])
+        self._hand_offsets = np.array([hand.point for hand in (hands.left, hands.right)])
+        self._lower, self._upper = robot.lower[self.arms], robot.upper[self.arms]
         self._head_signs = self._signs()
         self.lengths = self._measure()
+        self._damping = (_DAMPING * self.lengths.sum(axis=1)[:, None, None]) ** 2 * np.eye(len(arms[0]))
 
     def _joint_id(self, index: int) -> int:
         return int(self.model.joint(self.robot.joint_names[index]).id)
@@ -75,14 +85,14 @@ class UpperBody:
         """Upper arm and forearm lengths a side, (2, 2) [m]."""
         mujoco.mj_resetData(self.model, self.data)
         mujoco.mj_kinematics(self.model, self.data)
-        lengths = []
-        for ids, (body, point) in zip(self._joint_ids, self._hands, strict=True):
-            shoulder, elbow = self.data.xanchor[ids[-2]], self.data.xanchor[ids[-1]]
-            lengths.append([np.linalg.norm(elbow - shoulder), np.linalg.norm(self._point(body, point) - elbow)])
-        return np.array(lengths)
+        shoulder, elbow = self.data.xanchor[self._joint_ids[:, -2]], self.data.xanchor[self._joint_ids[:, -1]]
+        segments = np.stack([elbow - shoulder, self._hand_points() - elbow], axis=1)
+        return np.linalg.norm(segments, axis=2)
 
-    def _point(self, body: int, point: Float) -> Float:
-        return self.data.xpos[body] + self.data.xmat[body].reshape(3, 3) @ point
+    def _hand_points(self) -> Float:
+        """Both hands in the world, (2, 3) [m]."""
+        rotation = self.data.xmat[self._hand_bodies].reshape(2, 3, 3)
+        return self.data.xpos[self._hand_bodies] + (rotation @ self._hand_offsets[:, :, None])[:, :, 0]
 
     def _place(self, q: Float) -> None:
         self.data.qpos[:7] = [0, 0, 0, 1, 0, 0, 0]
@@ -98,14 +108,14 @@ class UpperBody:
         fore *= (self.lengths[:, 1] / np.linalg.norm(fore, axis=-1).mean(axis=0))[None, :, None]
         mujoco.mj_resetData(self.model, self.data)
         mujoco.mj_kinematics(self.model, self.data)
-        shoulder = np.stack([self.data.xanchor[ids[-2]] for ids in self._joint_ids]) - self.data.xpos[self.torso]
+        shoulder = self.data.xanchor[self._joint_ids[:, -2]] - self.data.xpos[self.torso]
         elbow = shoulder + upper
         hand = elbow + fore
         reach = np.linalg.norm(hand - shoulder, axis=-1)
         return ArmTargets(hand, elbow, reach < 0.98 * self.lengths.sum(axis=1))
 
     def solve(self, human: HumanKinematics, start: Float) -> tuple[Float, ArmTargets]:
-        """Joint angles frame by frame.
+        """Joint angles frame by frame, each from the one before.
 
         Args:
             start: all joints where the motion joins, (n,) [rad]; its legs are kept.
@@ -119,34 +129,43 @@ class UpperBody:
         gaze = self._gaze(human)
         out = np.empty((len(targets.hand), len(self.joints)))
         for frame in range(len(out)):
-            for _ in range(_ITERATIONS):
+            for _ in range(_ITERATIONS if frame else _FIRST_ITERATIONS):
                 self._place(q)
-                origin = self.data.xpos[self.torso]
-                for side in range(len(SIDES)):
-                    q[self.arms[side]] += self._step(side, targets.hand[frame, side], targets.elbow[frame, side], origin)
+                q[self.arms] += self._step(targets.hand[frame], targets.elbow[frame])
+                q[self.arms] = np.minimum(np.maximum(q[self.arms], self._lower), self._upper)
             for role, index in self.head.items():
-                q[index] = gaze[role][frame]
-            np.clip(q, robot.lower, robot.upper, out=q)
+                q[index] = min(max(gaze[role][frame], robot.lower[index]), robot.upper[index])
             out[frame] = q[self.joints]
         return out, targets
 
-    def _step(self, side: int, hand: Float, elbow: Float, origin: Float) -> Float:
-        ids = self._joint_ids[side]
-        axes, anchors = self.data.xaxis[ids], self.data.xanchor[ids]
-        tip, joint = self._point(*self._hands[side]), anchors[-1]
-        jacobian = np.concatenate([np.cross(axes, tip - anchors).T, _ELBOW_WEIGHT * np.cross(axes, joint - anchors).T])
-        error = np.concatenate([hand - (tip - origin), _ELBOW_WEIGHT * (elbow - (joint - origin))])
-        length = self.lengths[side].sum()
-        normal = jacobian.T @ jacobian + (_DAMPING * length) ** 2 * np.eye(len(ids))
-        return np.clip(np.linalg.solve(normal, jacobian.T @ error), -0.35, 0.35)
+    def _step(self, hand: Float, elbow: Float) -> Float:
+        """One damped least-squares step of both arms towards hands and elbows (2, 3), (2, m) [rad]."""
+        axes, anchors = self.data.xaxis[self._joint_ids], self.data.xanchor[self._joint_ids]
+        tip, joint = self._hand_points(), anchors[:, -1]
+        jacobian = np.concatenate(
+            [_cross(axes, tip[:, None] - anchors), _ELBOW_WEIGHT * _cross(axes, joint[:, None] - anchors)], axis=2
+        )
+        origin = self.data.xpos[self.torso]
+        error = np.concatenate([hand - (tip - origin), _ELBOW_WEIGHT * (elbow - (joint - origin))], axis=1)
+        normal = jacobian @ jacobian.swapaxes(1, 2) + self._damping
+        step = np.linalg.solve(normal, jacobian @ error[:, :, None])[:, :, 0]
+        return np.minimum(np.maximum(step, -_LARGEST_STEP), _LARGEST_STEP)
 
     def hand_positions(self, q: Float) -> Float:
         """Both hands in the torso frame for joint angles (n,), (2, 3) [m]."""
         self._place(q)
-        return np.stack([self._point(*hand) for hand in self._hands]) - self.data.xpos[self.torso]
+        return self._hand_points() - self.data.xpos[self.torso]
 
     def _gaze(self, human: HumanKinematics) -> dict[str, Float]:
         relative = np.swapaxes(human.torso_rotation, 1, 2) @ human.head_rotation
         yaw, pitch, _ = Rotation.from_matrix(relative).as_euler("ZYX").T
         angles = {"pan": yaw, "tilt": pitch}
         return {role: sign * angles[role] for role, sign in self._head_signs.items()}
+
+
+_NEXT, _LAST = [1, 2, 0], [2, 0, 1]
+
+
+def _cross(a: Float, b: Float) -> Float:
+    """Cross product over the last axis; `np.cross` spends ten times as long on so few rows."""
+    return a[..., _NEXT] * b[..., _LAST] - a[..., _LAST] * b[..., _NEXT]

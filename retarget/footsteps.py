@@ -7,7 +7,7 @@ can be there. Where a human turns on planted feet the robot cannot: steps are in
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,7 +32,7 @@ _FIRST_STEP_S = 0.45
 """From rest the centre of mass needs this long to reach the stance foot."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Step:
     """One footstep of the robot, in loop ticks.
 
@@ -98,18 +98,22 @@ class FootstepPlanner:
             or window.foot_height(swing.side, swing.lift_s, swing.land_s) > _WORTH_LIFT
         )
 
-    def target(self, window: HumanWindow, scaling: Scaling, side: int, second: float, stance: Float) -> Float:
-        """Where foot `side` belongs at a source time, given where the robot's other foot stands.
+    def target(
+        self, window: HumanWindow, scaling: Scaling, side: int, lift_s: float, land_s: float, stance: Float
+    ) -> Float:
+        """Where foot `side` belongs after a swing, given where the robot's other foot stands.
 
         Args:
+            lift_s, land_s: source time of the human's swing [s]; its mean pelvis yaw is the heading, since the
+                pelvis turns to and fro once a stride.
             stance: pose of the other foot, (4,) [m, m, m, rad].
 
         Returns:
             x, y, z, yaw of the sole centre within the robot's limits, (4,).
         """
         gait = self.gait
-        human, human_stance = window.foot(side, second), window.foot(1 - side, second)
-        human_yaw = 0.5 * (human[2] + human_stance[2])
+        human, human_stance = window.foot(side, land_s), window.foot(1 - side, land_s)
+        human_yaw = window.mean_heading(lift_s, land_s)
         inward = -1.0 if side == 0 else 1.0
         turn = np.clip(human_yaw + scaling.heading - stance[3], -gait.max_foot_yaw, gait.max_foot_yaw)
         # Toes that turn in meet the other foot sooner than toes that turn out.
@@ -144,7 +148,7 @@ class FootstepPlanner:
         window: HumanWindow,
         scaling: Scaling,
         feet: Float,
-        current: Step | None,
+        frozen: list[Step],
         consumed: Float,
         free: int,
         now: int,
@@ -154,24 +158,24 @@ class FootstepPlanner:
 
         Args:
             feet: pose of both feet on the ground (a foot in the air: where it will land), (2, 4).
-            current: the step that is under way or frozen, if any; it is kept.
+            frozen: steps that are under way or settled; they are kept.
             consumed: source time up to which each foot's human swings are done with, (2,) [s].
             free: tick from which a new foot may lift.
             now: first tick of the plan.
             source_tick: loop tick of source time 0.
 
         Returns:
-            Steps in order of time, the current one first.
+            Steps in order of time, the frozen ones first.
         """
         gait = self.gait
         steps: list[Step] = []
         feet, consumed = feet.copy(), consumed.copy()
         pause = int(round(gait.double_support_min_s * self.rate))
-        if current is not None:
-            steps.append(current)
-            feet[current.side] = current.target
-            consumed[current.side] = max(consumed[current.side], current.consumed_s)
-            free = max(free, current.land + pause)
+        for step in frozen:
+            steps.append(step)
+            feet[step.side] = step.target
+            consumed[step.side] = max(consumed[step.side], step.consumed_s)
+            free = max(free, step.land + pause)
 
         def tick(second: float) -> int:
             return source_tick + int(round(second * self.rate))
@@ -195,11 +199,11 @@ class FootstepPlanner:
                 free = max(free, steps[-1].land + pause)
                 lift = max(lift, free)
             land_s = swing.land_s
-            target = self.target(window, scaling, swing.side, land_s, feet[1 - swing.side])
+            target = self.target(window, scaling, swing.side, swing.lift_s, land_s, feet[1 - swing.side])
             shortest = self.swing_ticks(feet[swing.side], target)
             land = tick(land_s) if swing.landed else max(end, tick(swing.lift_s + _UNKNOWN_SWING_S))
             land = max(land, lift + shortest)
-            step = Step(swing.side, lift, land, feet[swing.side], target, land_s, dropped)
+            step = Step(swing.side, lift, land, feet[swing.side].copy(), target, land_s, dropped)
             dropped = 0
             steps.append(step)
             feet[swing.side] = target
@@ -233,14 +237,14 @@ class FootstepPlanner:
                 continue
             errors = []
             for side in (0, 1):
-                target = self.target(window, scaling, side, second, feet[1 - side])
+                target = self.target(window, scaling, side, second, second, feet[1 - side])
                 gap = target - feet[side]
                 errors.append(max(abs(gap[3]) / _INSERT_YAW, float(np.hypot(*gap[:2])) / _INSERT_DISTANCE))
             side = int(np.argmax(errors))
             if errors[side] <= 1.0:
                 lift += ticks // 2
                 continue
-            target = self.target(window, scaling, side, second, feet[1 - side])
+            target = self.target(window, scaling, side, second, second, feet[1 - side])
             step = Step(side, lift, lift + ticks, feet[side].copy(), target, consumed[side], inserted=True)
             steps.append(step)
             feet[side] = target
@@ -250,8 +254,3 @@ class FootstepPlanner:
 def first_lift(now: int, rate_hz: float) -> int:
     """Earliest tick at which a foot may leave the ground after standing at rest."""
     return now + int(round(_FIRST_STEP_S * rate_hz))
-
-
-def resumed(step: Step, lift: int) -> Step:
-    """The same step, lifted at another tick."""
-    return replace(step, lift=lift, land=step.land + lift - step.lift)

@@ -47,7 +47,7 @@ class HumanWindow:
         self.motion = motion
         self.times = start_s + np.arange(len(motion)) / motion.fps
         self.kinematics: HumanKinematics = forward(motion)
-        self.contacts, self.detector_states = ContactDetector(motion.body).detect(
+        self.contacts, self.detector_states = ContactDetector().detect(
             self.kinematics, motion.fps, detector_state
         )
         kin = self.kinematics
@@ -102,6 +102,13 @@ class HumanWindow:
     def foot(self, side: int, second: float) -> Float:
         """Ground pose x, y, yaw of a foot, (3,) [m, m, rad]."""
         return self.at(self.feet[:, side], np.array([second]))[0]
+
+    def mean_heading(self, start_s: float, end_s: float) -> float:
+        """Mean yaw of the pelvis between two source times [rad]."""
+        rows = (self.times >= start_s - 1e-9) & (self.times <= end_s + 1e-9)
+        if not rows.any():
+            return float(self.at(self.yaws[:, 2], np.array([end_s]))[0])
+        return float(self.yaws[rows, 2].mean())
 
     def foot_height(self, side: int, start_s: float, end_s: float) -> float:
         """How high the foot is lifted between two times over where it stood at the first [m]."""

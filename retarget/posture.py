@@ -20,7 +20,7 @@ _ACCELERATION = np.array([3.0, 20.0, 20.0, 20.0])
 """Trunk channels: natural frequency [1/s] and bounds [m/s, rad/s and per second]."""
 _UPPER_OMEGA, _UPPER_ACCELERATION, _UPPER_SPEED_SHARE = 22.0, 80.0, 0.8
 """Arms and head: natural frequency [1/s], bound [rad/s²], and share of the servo's no-load speed."""
-_TILT_LIMITS = np.array([[-0.20, 0.20], [-0.20, 0.90]])
+_TILT_LIMITS = np.array([[-0.20, 0.20], [-0.20, 0.60]])
 """Torso roll and pitch that the robot may take over [rad]."""
 _WALKING_TILT = 0.35
 """Share of the human's trunk tilt that the robot takes over around steps."""

@@ -22,13 +22,15 @@ from retarget.footsteps import FootstepPlanner, Scaling, Step, first_lift
 from retarget.human import HumanWindow
 from retarget.plan import Plan
 from retarget.schedule import SHIFT_S, Schedule
-from retarget.state import StateLayout, pack_step
+from retarget.state import StateLayout, pack_steps
 from retarget.whole_body import POSTURE, WholeBody
 
 Float = NDArray[np.float64]
 
 _STOP_S = 0.8
 """Length of the stop tail after the last step has landed: five time constants of a small robot's pendulum."""
+_ACCELERATION_CUTOFF_HZ = 20.0
+"""Low-pass of the acceleration: keeps the differences' noise out of the torques."""
 
 
 @dataclass(frozen=True)
@@ -72,6 +74,7 @@ class Retargeter:
         walking = self._upright(self.gait.walk_hip_height)
         base, q, _, _ = self.body.solve(self.body.home_feet[None], np.zeros((1, 2)), walking[None], np.zeros(2), 4)
         self.com_height = float(self.body.dynamics.centre_of_mass(base, q)[0, 2])
+        self._smoother = butter(2, _ACCELERATION_CUTOFF_HZ, fs=self.rate, output="sos")
         self.omega = float(np.sqrt(balance.GRAVITY / self.com_height))
 
     def _upright(self, height: float) -> Float:
@@ -88,13 +91,13 @@ class Retargeter:
         layout.set(state, "position", channels)
         layout.set(state, "q", np.stack([q[0], q[0]]))
         layout.set(state, "base", np.stack([_vectors(base, np.zeros(3))[0]] * 2))
-        layout.set(state, "step", pack_step(None))
+        layout.set(state, "steps", pack_steps([]))
         layout.set(state, "consumed", np.full(2, -np.inf))
         layout.set(state, "landed", -1e9)
         for name in ("source_tick", "heading"):
             layout.set(state, name, np.nan)
         layout.set(state, "yaws", np.full(3, np.nan))
-        layout.set(state, "detector", ContactDetector.initial_state())
+        layout.set(state, "detector", ContactDetector().initial())
         return state
 
     def next_frame(self, state: Float, tick: int, fps: float) -> int:
@@ -184,7 +187,7 @@ class Retargeter:
             source_tick = float(tick - round(first_frame / motion.fps * self.rate))
             robot_yaw = layout.get(state, "feet")[:, 3].mean()
             layout.set(state, "source_tick", source_tick)
-            layout.set(state, "heading", robot_yaw - window.yaws[0, :2].mean())
+            layout.set(state, "heading", robot_yaw - window.yaws[0, 2])
             layout.set(state, "yaws", window.yaws[0])
             layout.set(state, "free", float(first_lift(tick, self.rate)))
             layout.set(state, "consumed", np.full(2, window.times[0]))
@@ -199,16 +202,16 @@ class Retargeter:
 
     def _steps(self, state: Float, view: _View) -> list[Step]:
         layout = self.layout
-        current = layout.step(state)
+        frozen = layout.steps(state)
         if view.window is None:
-            return [] if current is None else [current]
+            return frozen
         feet = layout.get(state, "feet").copy()
         feet[:, 2] = 0.0
         return self.footsteps.plan(
             view.window,
             view.scaling,
             feet,
-            current,
+            frozen,
             layout.get(state, "consumed"),
             int(layout.scalar(state, "free")),
             view.tick,
@@ -276,8 +279,8 @@ class Retargeter:
         vectors = _vectors(base, before[0, 3:])
         joints = np.concatenate([layout.get(state, "q")[::-1], q])
         torso = np.concatenate([before[::-1], vectors])
-        qd, qdd = _derivatives(joints, self.dt)
-        bd, bdd = _derivatives(torso, self.dt)
+        qd, qdd = _derivatives(joints, self.dt, self._smoother)
+        bd, bdd = _derivatives(torso, self.dt, self._smoother)
         rotation = Rotation.from_rotvec(vectors[:, 3:])
         spin, spin_rate = _body_rates(rotation, vectors[:, 3:], bd[:, 3:], bdd[:, 3:])
         torque, _ = self.body.dynamics.inverse(
@@ -317,18 +320,18 @@ class Retargeter:
             layout.set(states, name, np.stack([line[1 : rows + 1], line[:rows]], axis=1))
         pause = int(round(self.gait.double_support_min_s * self.rate))
         consumed = layout.get(state, "consumed").copy()
+        frozen = layout.steps(state)
         for step in steps:
-            fixed = ticks >= step.lift - SHIFT_S * self.rate
-            if layout.step(state) is not None and step is steps[0]:
-                fixed[:] = True
-            consumed[step.side] = max(consumed[step.side], step.consumed_s)
-            layout.set(states, "step", pack_step(step), fixed)
-            layout.set(states, "consumed", consumed, fixed)
             landed = ticks >= step.land
             layout.set(states, "landed", float(step.land), landed)
             layout.set(states, "stance", float(step.stance), landed)
             layout.set(states, "free", float(step.land + pause), landed)
-            layout.set(states, "step", pack_step(None), landed)
+            fixed = (ticks >= step.lift - SHIFT_S * self.rate) | (step in frozen)
+            consumed[step.side] = max(consumed[step.side], step.consumed_s)
+            layout.set(states, "consumed", consumed, fixed)
+        for edge in sorted({view.tick, *(int(np.ceil(s.lift - SHIFT_S * self.rate)) for s in steps), *(s.land for s in steps)}):
+            alive = [s for s in steps if s.land > edge and (s in frozen or s.lift - SHIFT_S * self.rate <= edge)]
+            layout.set(states, "steps", pack_steps(alive), ticks >= edge)
         if view.window is not None:
             self._remember_human(states, view.window, (ticks - view.source_tick) / self.rate)
 
@@ -342,15 +345,12 @@ class Retargeter:
             self.layout.set(states, name, kept)
 
 
-_SMOOTHER = {"order": 2, "cutoff_hz": 20.0}
-"""Low-pass of the acceleration: keeps the differences' noise out of the torques."""
-
-
-def _derivatives(rows: Float, dt: float) -> tuple[Float, Float]:
+def _derivatives(rows: Float, dt: float, smoother: Float) -> tuple[Float, Float]:
     """Speed and low-passed acceleration of all but the first two rows.
 
     Args:
         rows: (T + 2, C), the two rows before the plan first.
+        smoother: second-order sections of the low-pass.
 
     Returns:
         Both (T, C): central differences inside, one-sided at the last row.
@@ -361,12 +361,9 @@ def _derivatives(rows: Float, dt: float) -> tuple[Float, Float]:
     acceleration = np.empty_like(speed)
     acceleration[:-1] = (rows[3:] - 2 * rows[2:-1] + rows[1:-2]) / dt**2
     acceleration[-1] = 0.0
-    if len(acceleration) > 1:
-        sections = butter(_SMOOTHER["order"], _SMOOTHER["cutoff_hz"], fs=1.0 / dt, output="sos")
-        before = (rows[2] - 2 * rows[1] + rows[0]) / dt**2
-        start = sosfilt_zi(sections)[:, :, None] * before
-        acceleration, _ = sosfilt(sections, acceleration, axis=0, zi=start)
-    return speed, acceleration
+    before = (rows[2] - 2 * rows[1] + rows[0]) / dt**2
+    smooth, _ = sosfilt(smoother, acceleration, axis=0, zi=sosfilt_zi(smoother)[:, :, None] * before)
+    return speed, smooth
 
 
 def _vectors(base: Float, before: Float) -> Float:

@@ -41,13 +41,12 @@ class Follower:
         gain = self.omega**2
         divisor = 1.0 + 2.0 * self.omega * self.dt + gain * self.dt**2
         x, v = position.copy(), velocity.copy()
+        reach = self.acceleration * self.dt
         for k in range(len(targets)):
             wish = (v + self.dt * gain * (targets[k] - x)) / divisor
-            reach = self.acceleration * self.dt
-            bounded = np.clip(wish, v - reach, v + reach)
-            # Braking distance: never faster than what can still be stopped at the target.
-            slowed = np.clip(bounded, -self.speed, self.speed)
-            soft[k] = np.abs(bounded - wish) > 1e-9
+            bounded = np.minimum(np.maximum(wish, v - reach), v + reach)
+            slowed = np.minimum(np.maximum(bounded, -self.speed), self.speed)
+            soft[k] = bounded != wish
             slow[k] = slowed != bounded
             v = slowed
             x = x + self.dt * v

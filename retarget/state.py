@@ -9,11 +9,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from flexmotion.contacts import ContactDetector
+from flexmotion.contacts import STATE_SIZE
 from retarget.footsteps import Step
 from retarget.whole_body import POSTURE
 
 Float = NDArray[np.float64]
+
+FROZEN_STEPS, STEP_SIZE = 2, 13
+"""While a foot is in the air the other's next step may be frozen already; never a third."""
 
 
 class StateLayout:
@@ -30,7 +33,7 @@ class StateLayout:
             "velocity": (channels,),
             "q": (2, joints),  # the two rows before this one, newest first: for derivatives
             "base": (2, 6),  # torso position and rotation vector of those rows
-            "step": (13,),  # the step under way or frozen, as `pack_step` writes it
+            "steps": (FROZEN_STEPS, STEP_SIZE),  # steps under way or frozen, in order, as `pack_steps` writes them
             "consumed": (2,),  # source time up to which human swings of each foot are done with
             "free": (),  # tick from which a foot may lift
             "landed": (),  # tick of the last touch-down
@@ -38,7 +41,7 @@ class StateLayout:
             "source_tick": (),  # loop tick of source time 0; NaN before the first human frame
             "heading": (),  # robot yaw minus human yaw; NaN before the first human frame
             "yaws": (3,),  # last unwrapped yaw of left foot, right foot, pelvis; NaN before the first frame
-            "detector": (ContactDetector.STATE_SIZE,),
+            "detector": (STATE_SIZE,),
         }
         self._slices: dict[str, tuple[slice, tuple[int, ...]]] = {}
         start = 0
@@ -71,21 +74,24 @@ class StateLayout:
         else:
             vector[:, cut] = flat.reshape(len(vector), -1)
 
-    def step(self, vector: Float) -> Step | None:
-        """The step that is under way or frozen in one state."""
-        packed = self.get(vector, "step")
-        if packed[0] < 0:
-            return None
-        side, lift, land = (int(value) for value in packed[:3])
-        return Step(
-            side, lift, land, packed[3:7].copy(), packed[7:11].copy(), float(packed[11]), inserted=bool(packed[12])
-        )
+    def steps(self, vector: Float) -> list[Step]:
+        """The steps that are under way or frozen in one state, in order."""
+        return [_unpack(packed) for packed in self.get(vector, "steps") if packed[0] >= 0]
 
 
-def pack_step(step: Step | None) -> Float:
-    """A step as a state holds it: side (-1: none), lift, land, start, target, consumed, inserted; (13,)."""
-    if step is None:
-        return np.concatenate([[-1.0], np.zeros(12)])
-    return np.concatenate(
-        [[step.side, step.lift, step.land], step.start, step.target, [step.consumed_s, step.inserted]]
+def pack_steps(steps: list[Step]) -> Float:
+    """Steps as a state holds them, (FROZEN_STEPS, STEP_SIZE): side (-1: none), lift, land, start, target, consumed,
+    inserted."""
+    packed = np.full((FROZEN_STEPS, STEP_SIZE), -1.0)
+    for row, step in zip(packed, steps[:FROZEN_STEPS], strict=False):
+        row[:3] = step.side, step.lift, step.land
+        row[3:7], row[7:11] = step.start, step.target
+        row[11:] = step.consumed_s, step.inserted
+    return packed
+
+
+def _unpack(packed: Float) -> Step:
+    side, lift, land = (int(value) for value in packed[:3])
+    return Step(
+        side, lift, land, packed[3:7].copy(), packed[7:11].copy(), float(packed[11]), inserted=bool(packed[12])
     )

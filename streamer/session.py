@@ -223,5 +223,5 @@ class Session:
 
 def count_human_steps(motion: Motion, retargeter: Retargeter) -> int:
     """Steps that the human makes in a motion, by the measure of the footstep planner."""
-    window = HumanWindow(motion, 0.0, ContactDetector.initial_state(), None)
+    window = HumanWindow(motion, 0.0, ContactDetector().initial(), None)
     return sum(1 for swing in window.swings if swing.landed and retargeter.footsteps.worth(window, swing))
