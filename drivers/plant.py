@@ -5,7 +5,8 @@ V and nominal supply Vn, stall torque s, stiffness kp and back-EMF constant b = 
 
     tau = clip(kp (goal - q), -s, s) V/Vn - b qd
 
-bounded by the stall torque while it brakes (tau qd <= 0) and by the usable torque while it drives (tau qd > 0).
+bounded by the stall torque while it brakes (tau qd <= 0) and by the usable torque while it drives (tau qd > 0), both
+times V/Vn.
 Friction and rotor inertia are not here: they belong to the joint (MJCF `frictionloss`, `armature`).
 """
 
@@ -154,7 +155,7 @@ class ServoPlant:
         robot = self._robot
         np.divide(self.voltage, robot.nominal_voltage, out=self._scratch)
         np.multiply(robot.stall_torque, self._scratch, out=self._peak)
-        np.minimum(self._peak, robot.usable_torque, out=self._motoring_peak)
+        np.multiply(robot.usable_torque, self._scratch, out=self._motoring_peak)
         np.multiply(self._peak, self._drive_share, out=self._drive_peak)
         np.multiply(self._kp, self._scratch, out=self._gain)
         self._gain *= self._gain_share

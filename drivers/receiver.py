@@ -19,9 +19,9 @@ class Receiver:
 
     A goal violates the envelope where, after quantisation and with one tick of tolerance,
     - it is outside the joint's limits, or not a number (such a goal is not taken; the last one stays), or
-    - the torque that it implies at the servo's true position and speed, |kp (goal - q) - b qd|, is above the servo's
-      peak: stall torque times supply over nominal supply. (The usable torque of a servo that drives its load is lower,
-      and the loop's filter aims below it; whoever overdrives a servo only for a moment is within its peak.)
+    - the torque that it implies at the servo's true position and speed, |kp (goal - q) V/Vn - b qd|, is above the
+      servo's peak at the present supply, stall torque times V/Vn. (The usable torque of a servo that drives its load
+      is lower, and the loop's filter aims below it; but a servo overdriven for a moment is within its peak.)
     Goals to servos whose torque is off are ignored and not counted.
 
     Attributes:
@@ -36,9 +36,9 @@ class Receiver:
         self.torque_violations = 0
         tick = robot.tick_rad
         self._lower, self._upper = robot.lower - tick, robot.upper + tick
-        self._torque_tolerance = robot.kp * tick
+        self._tolerance = robot.kp * tick
         self._finite, self._bad = np.zeros(robot.n, np.bool_), np.zeros(robot.n, np.bool_)
-        self._torque, self._peak = np.zeros(robot.n), np.zeros(robot.n)
+        self._torque, self._scratch = np.zeros(robot.n), np.zeros(robot.n)
         self._ticks = np.zeros(robot.n)
 
     @property
@@ -67,14 +67,15 @@ class Receiver:
         bad &= enabled
         self.position_violations += int(np.count_nonzero(bad))
 
+        # Everything over V/Vn: kp (goal - q) - b qd Vn/V against the stall torque.
+        np.divide(robot.nominal_voltage, voltage, out=self._scratch)
+        self._scratch *= robot.back_emf
+        self._scratch *= velocity
         np.subtract(self.goal, position, out=self._torque)
         self._torque *= robot.kp
-        np.multiply(robot.back_emf, velocity, out=self._peak)
-        self._torque -= self._peak
+        self._torque -= self._scratch
         np.abs(self._torque, out=self._torque)
-        np.multiply(robot.stall_torque, voltage, out=self._peak)
-        self._peak /= robot.nominal_voltage
-        self._peak += self._torque_tolerance
-        np.greater(self._torque, self._peak, out=bad)
+        self._torque -= self._tolerance
+        np.greater(self._torque, robot.stall_torque, out=bad)
         bad &= enabled
         self.torque_violations += int(np.count_nonzero(bad))

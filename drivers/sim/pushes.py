@@ -27,9 +27,10 @@ class PushSchedule:
     def force(self, step: int) -> Float | None:
         """Force in the world during physics step number `step`, (3,) [N]; None where nobody pushes."""
         self._start_due(step)
+        if self._active:
+            self._active = [(end, force) for end, force in self._active if end > step]
         if not self._active:
             return None
-        self._active = [(end, force) for end, force in self._active if end > step]
         self._force.fill(0.0)
         for _, force in self._active:
             self._force += force

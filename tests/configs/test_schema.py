@@ -46,4 +46,4 @@ def test_a_missing_or_binary_file_is_refused(tmp_path: Path) -> None:
 def test_what_was_parsed_is_read_only() -> None:
     engine = parse(Engine, {"power": 3}, "here")
     with pytest.raises(ValueError, match="frozen"):
-        engine.power = 4
+        engine.power = 4  # type: ignore[misc]

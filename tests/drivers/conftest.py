@@ -1,0 +1,64 @@
+"""Robots and simulated drivers for the tests of this folder."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import pytest
+
+from configs.robot import Robot, load_robot
+from drivers.interface import JointCommand, RobotState
+from drivers.sim.driver import SimDriver
+from drivers.sim.options import SimOptions
+
+TICK = 0.008
+
+
+@pytest.fixture(scope="session")
+def op3() -> Robot:
+    return load_robot("op3")
+
+
+class Run:
+    """A driver and the loop around it, tick by tick.
+
+    Attributes:
+        driver, state, command: the driver and its messages.
+    """
+
+    def __init__(self, driver: SimDriver) -> None:
+        self.driver = driver
+        self.state, self.command = RobotState(driver.robot.n), JointCommand(driver.robot.n)
+        self.command.position[:] = driver.robot.stand_pose
+
+    def tick(self, ticks: int = 1) -> None:
+        for _ in range(ticks):
+            self.driver.read(self.state)
+            self.driver.write(self.command)
+            self.driver.advance(TICK)
+        self.driver.read(self.state)
+
+    @property
+    def tilt(self) -> float:
+        """Angle between the torso's up and the world's [rad]."""
+        _, x, y, _ = self.driver.truth().base_quaternion
+        return float(np.arccos(1 - 2 * (x * x + y * y)))
+
+
+@pytest.fixture
+def start(op3: Robot) -> Iterator[Callable[..., Run]]:
+    """Call with fields of `SimOptions`; an open driver with torque on (`torque=False`: off)."""
+    drivers = []
+
+    def make(*, torque: bool = True, robot: Robot = op3, **options: object) -> Run:
+        driver = SimDriver(robot, options=SimOptions.model_validate(options))
+        drivers.append(driver)
+        driver.open()
+        if torque:
+            driver.set_torque(True)
+        return Run(driver)
+
+    yield make
+    for driver in drivers:
+        driver.close()

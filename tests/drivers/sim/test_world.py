@@ -1,0 +1,43 @@
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+import pytest
+
+from configs.errors import ConfigError
+from configs.robot import Robot
+from drivers.sim.options import SimOptions
+from drivers.sim.world import build_model, start_qpos
+
+
+def test_mismatch_of_masses(op3: Robot) -> None:
+    torso = op3.model.body_mass[op3.torso_id]
+    assert build_model(op3, SimOptions(mass_scale=1.1)).body_mass.sum() == pytest.approx(1.1 * op3.mass)
+    heavier = build_model(op3, SimOptions(torso_mass_scale=1.12))
+    assert heavier.body_mass.sum() == pytest.approx(op3.mass + 0.12 * torso)
+    np.testing.assert_allclose(heavier.body_inertia[op3.torso_id], 1.12 * op3.model.body_inertia[op3.torso_id])
+    assert build_model(op3, SimOptions(total_mass=3.5)).body_mass.sum() == pytest.approx(3.5)
+    with pytest.raises(ConfigError, match=r"total_mass 1.0 kg: the links without the torso weigh 1\.798 kg"):
+        build_model(op3, SimOptions(total_mass=1.0))
+
+
+def test_mismatch_of_friction(op3: Robot) -> None:
+    model = build_model(op3, SimOptions(friction=0.6, joint_friction_scale=2.0))
+    assert (model.geom_friction[:, 0] == 0.6).all()
+    np.testing.assert_allclose(model.dof_frictionloss[op3.dof_address], 0.06)
+
+
+@pytest.mark.parametrize("slope", [(0.0, 0.0), (3.0, 0.0), (-2.0, 1.5)])
+@pytest.mark.parametrize("pose", ["stand", "rest"])
+def test_the_start_puts_both_soles_flat_on_the_floor(op3: Robot, slope: tuple[float, float], pose: str) -> None:
+    options = SimOptions(slope_deg=slope)
+    model = build_model(op3, options)
+    data = mujoco.MjData(model)
+    data.qpos[:] = start_qpos(op3, model, getattr(op3, f"{pose}_pose"), options)
+    mujoco.mj_forward(model, data)
+    normal = data.geom("floor").xmat.reshape(3, 3)[:, 2]
+    assert np.degrees(np.arccos(normal[2])) == pytest.approx(np.hypot(*slope), abs=0.01)
+    for side, foot in enumerate(op3.foot_ids):
+        rotation = data.xmat[foot].reshape(3, 3)
+        np.testing.assert_allclose(rotation[:, 2], normal, atol=1e-6)
+        assert normal @ (data.xpos[foot] + rotation @ op3.soles[side]) == pytest.approx(0.0, abs=1e-6)

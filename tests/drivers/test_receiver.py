@@ -1,0 +1,88 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from configs.robot import Robot
+from drivers.receiver import Receiver
+
+
+@pytest.fixture
+def receiver(op3: Robot) -> Receiver:
+    receiver = Receiver(op3)
+    receiver.pin(op3.stand_pose)
+    return receiver
+
+
+def send(
+    receiver: Receiver, robot: Robot, *, goal: np.ndarray, speed: float = 0.0, on: bool = True, volts: float = 12.0
+):
+    position = robot.stand_pose.copy()
+    receiver.receive(goal, position, np.full(robot.n, speed), volts, np.full(robot.n, on))
+
+
+def test_goals_are_taken_in_whole_ticks(op3: Robot, receiver: Receiver) -> None:
+    send(receiver, op3, goal=op3.stand_pose + 0.0123)
+    ticks = receiver.goal / op3.tick_rad
+    np.testing.assert_allclose(ticks, np.rint(ticks), atol=1e-9)
+    assert np.abs(receiver.goal - op3.stand_pose - 0.0123).max() <= op3.tick_rad[0] / 2 + 1e-12
+    assert receiver.violations == 0
+
+
+def test_a_goal_beyond_a_limit_is_counted_once_a_joint(op3: Robot, receiver: Receiver) -> None:
+    goal = op3.stand_pose.copy()
+    knee = op3.index("l_knee")
+    goal[knee] = op3.upper[knee] + 3 * op3.tick_rad[knee]
+    send(receiver, op3, goal=goal)
+    assert receiver.position_violations == 1
+    goal[knee] = 1e9
+    send(receiver, op3, goal=goal)
+    assert receiver.position_violations == 2
+
+
+def test_a_goal_on_the_limit_is_fine(op3: Robot) -> None:
+    receiver = Receiver(op3)
+    receiver.receive(op3.upper, op3.upper.copy(), np.zeros(op3.n), 12.0, np.ones(op3.n, np.bool_))
+    receiver.receive(op3.lower, op3.lower.copy(), np.zeros(op3.n), 12.0, np.ones(op3.n, np.bool_))
+    assert receiver.violations == 0
+
+
+def test_a_goal_that_implies_more_than_the_peak_is_counted(op3: Robot, receiver: Receiver) -> None:
+    reach = op3.stall_torque / op3.kp
+    elbow = np.arange(op3.n) == op3.index("l_el")
+    send(receiver, op3, goal=op3.stand_pose + 0.98 * reach * elbow)
+    assert receiver.torque_violations == 0
+    send(receiver, op3, goal=op3.stand_pose + 1.03 * reach * elbow)
+    assert receiver.torque_violations == 1
+
+
+def test_a_fast_joint_may_be_led_further_ahead_but_not_braked_harder(op3: Robot, receiver: Receiver) -> None:
+    elbow = np.arange(op3.n) == op3.index("l_el")
+    ahead = 1.2 * op3.stall_torque / op3.kp * elbow
+    send(receiver, op3, goal=op3.stand_pose + ahead, speed=2.0)
+    assert receiver.torque_violations == 0
+    send(receiver, op3, goal=op3.stand_pose - ahead, speed=2.0)
+    assert receiver.torque_violations == 1
+
+
+def test_the_count_does_not_depend_on_the_supply_at_rest(op3: Robot, receiver: Receiver) -> None:
+    """A PWM loop's gain and peak both follow the supply."""
+    reach = op3.stall_torque / op3.kp * (np.arange(op3.n) == op3.index("l_el"))
+    for volts in (10.0, 14.0):
+        send(receiver, op3, goal=op3.stand_pose + 0.98 * reach, volts=volts)
+        assert receiver.torque_violations == 0
+
+
+def test_goals_to_servos_that_are_off_are_not_counted(op3: Robot, receiver: Receiver) -> None:
+    send(receiver, op3, goal=np.full(op3.n, 9.0), on=False)
+    assert receiver.violations == 0
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_what_is_no_number_is_counted_and_not_taken(op3: Robot, receiver: Receiver, bad: float) -> None:
+    goal = op3.stand_pose.copy()
+    goal[3] = bad
+    before = receiver.goal.copy()
+    send(receiver, op3, goal=goal)
+    assert receiver.position_violations == 1
+    np.testing.assert_allclose(receiver.goal, before, atol=1e-12)
