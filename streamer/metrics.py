@@ -224,7 +224,6 @@ def motion_figures(
     human: HumanTrack | None,
     *,
     should_stand: Mask,
-    hand_error: Float | None = None,
 ) -> MotionFigures:
     """All figures of a run; what compares robot and human does so over the ticks whose reference is the human's.
 
@@ -232,7 +231,6 @@ def motion_figures(
         record: the run; its ground truth may be missing (NaN) on hardware.
         human: the source's path; None where it has none.
         should_stand: ticks in which the robot is meant to be on its feet, (used,).
-        hand_error: distance of each hand from where the human's maps to, (used, 2) [m], NaN out of reach.
     """
     rows = slice(record.used)
     base, q_ref, q = record.true_base[rows], record.q_ref[rows, robot.legs], record.q[rows, robot.legs]
@@ -241,9 +239,7 @@ def motion_figures(
     upright = np.arange(record.used) < (record.used if fall is None else fall)
     playing = np.isfinite(record.source_s[rows]) & upright
 
-    tracking = tracking_error(
-        np.where(playing[:, None], q_ref, np.nan), q, max_lag=int(MAX_LAG_S * record.rate_hz)
-    )
+    tracking = tracking_error(np.where(playing[:, None], q_ref, np.nan), q, max_lag=int(MAX_LAG_S * record.rate_hz))
     slip = foot_slip(record.true_foot_velocity[rows][playing], record.true_foot_force[rows][playing], robot.weight)
 
     path_ratio = heading_error = None
@@ -261,7 +257,7 @@ def motion_figures(
         foot_slip_mm_s=None if slip is None else 1e3 * slip,
         net_path_ratio=path_ratio,
         heading_rms_rad=heading_error,
-        hand_error_share=None if hand_error is None else hand_error_share(hand_error[playing], robot.arm_length),
+        hand_error_share=hand_error_share(record.hand_error[rows][playing], robot.arm_length),
         self_collisions=(
             episodes(record.true_self_contact[rows], int(EPISODE_GAP_S * record.rate_hz)) if known.any() else None
         ),

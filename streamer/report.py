@@ -12,14 +12,11 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 from streamer.ladder import State
 from streamer.metrics import HumanTrack, RobotFigures, joint_loads, motion_figures
 from streamer.record import RunRecord
-
-Float = NDArray[np.float64]
 
 TIMING_KEYS = ("loop", "planner", "log")
 """Top-level keys that may differ between equal runs."""
@@ -99,6 +96,7 @@ class MotionSection(_Section):
     heading_rms_rad: Maybe
     human_steps: int
     steps_planned: int
+    steps_inserted: int
     steps_dropped: int
     hand_error_share: Maybe
     self_collisions: int | None
@@ -173,7 +171,7 @@ class RunInfo:
         options: what else was set (perturbations, say), by name.
         elapsed_s: wall-clock time of the run [s].
         realtime: scheduling class that the loop ran under.
-        missed_budget: share of cycles that may miss their deadline.
+        missed_allowed: cycles that may miss their deadline.
         log: path of the log; None where none was kept.
     """
 
@@ -185,7 +183,7 @@ class RunInfo:
     options: dict[str, Any] = field(default_factory=dict)
     elapsed_s: float | None = None
     realtime: Literal["fifo", "other"] = "other"
-    missed_budget: float = 0.0
+    missed_allowed: int = 0
     log: str | None = None
 
 
@@ -195,26 +193,22 @@ def build_report(
     robot: RobotFigures,
     *,
     human: HumanTrack | None = None,
-    hand_error: Float | None = None,
 ) -> Report:
-    """The report of a finished run (arguments as in `metrics.motion_figures`)."""
+    """The report of a finished run; `human` is the source's path, None where it has none."""
     states = record.state[: record.used]
     duration = record.used / record.rate_hz
-    figures = motion_figures(
-        record, robot, human, should_stand=np.isin(states, (State.STREAMING, State.HOLD)), hand_error=hand_error
-    )
+    figures = motion_figures(record, robot, human, should_stand=np.isin(states, (State.STREAMING, State.HOLD)))
     motion = asdict(figures)
     if not figures.fell and (damped := np.flatnonzero(states == State.DAMPED)).size:
         # Without ground truth the loop's own detection, which alone leads to DAMPED, is what there is.
         motion |= {"fell": True, "time_to_fall_s": int(damped[0]) / record.rate_hz}
     faults = [event.message for event in record.events if event.kind == "fault"]
-    missed_allowed = int(info.missed_budget * record.used)
     return Report(
         ok=(
             not motion["fell"]
             and not faults
             and record.violations_sent == 0
-            and record.missed_deadlines <= missed_allowed
+            and record.missed_deadlines <= info.missed_allowed
         ),
         robot=info.robot,
         driver=info.driver,
@@ -227,8 +221,9 @@ def build_report(
             rate_hz=record.rate_hz,
             cycles=record.used,
             missed_deadlines=record.missed_deadlines,
-            missed_allowed=missed_allowed,
-            wake_lateness_us=Latency.of(record.lateness_s[: record.used], 1e-6),
+            missed_allowed=info.missed_allowed,
+            # Nobody wakes in lockstep.
+            wake_lateness_us=Latency.of(record.lateness_s[: record.used], 1e-6) if info.clock == "real" else None,
             work_us=Latency.of(record.work_s[: record.used], 1e-6),
             realtime=info.realtime,
             robot_lateness_us=None,
@@ -247,6 +242,7 @@ def build_report(
             **motion,
             human_steps=record.human_steps,
             steps_planned=record.steps_planned,
+            steps_inserted=record.steps_inserted,
             steps_dropped=record.steps_dropped,
         ),
         limits=LimitsSection(

@@ -47,14 +47,15 @@ def motion_rows(report: Report) -> list[tuple[str, str, str]]:
     """Name, value with unit, and what it says, of every motion figure that is known."""
     m = report.motion
     collisions = "-" if m.self_collisions is None else str(m.self_collisions)
+    steps = f"planned; the human made {m.human_steps}, {m.steps_dropped} dropped, {m.steps_inserted} inserted"
     rows = [
-        ("leg tracking error", _show(m.joint_rmse_rad, "°", math.degrees(1)), "RMS, measured against reference"),
-        ("lag", _show(m.lag_s, "ms", 1e3, 0), "measured behind reference, taken out of the error"),
-        ("foot slip", _show(m.foot_slip_mm_s, "mm/s"), "mean speed of feet that carry load"),
-        ("net path", _show(m.net_path_ratio, "", 1.0, 2), "robot over human, scaled by leg length"),
-        ("heading error", _show(m.heading_rms_rad, "°", math.degrees(1), 1), "RMS, robot against human"),
-        ("hand error", _show(m.hand_error_share, "%", 100, 1), "median, of arm length, where within reach"),
-        ("steps", f"{m.steps_planned}", f"planned; the human made {m.human_steps}, {m.steps_dropped} dropped"),
+        ("leg tracking error", show(m.joint_rmse_rad, "°", math.degrees(1)), "RMS, measured against reference"),
+        ("lag", show(m.lag_s, "ms", 1e3, 0), "measured behind reference, taken out of the error"),
+        ("foot slip", show(m.foot_slip_mm_s, "mm/s"), "mean speed of feet that carry load"),
+        ("net path", show(m.net_path_ratio, "", 1.0, 2), "robot over human, scaled by leg length"),
+        ("heading error", show(m.heading_rms_rad, "°", math.degrees(1), 1), "RMS, robot against human"),
+        ("hand error", show(m.hand_error_share, "%", 100, 1), "median, of arm length, where within reach"),
+        ("steps", f"{m.steps_planned}", steps),
         ("self-collisions", collisions, "separate touches of two links"),
     ]
     return [row for row in rows if row[1] != "-"]
@@ -66,12 +67,12 @@ def joint_rows(report: Report) -> list[tuple[str, ...]]:
     return [
         (
             name,
-            _show(joint.rms_torque_nm, "N·m", 1, 2),
-            _show(joint.rms_share_of_stall, "%", 100, 0),
-            _show(joint.peak_torque_nm, "N·m", 1, 2),
-            _show(joint.torque_limit_nm, "N·m", 1, 2),
-            _show(joint.peak_speed_rad_s, "rad/s", 1, 1),
-            _show(joint.saturated_share, "%", 100, 1),
+            show(joint.rms_torque_nm, "N·m", 1, 2),
+            show(joint.rms_share_of_stall, "%", 100, 0),
+            show(joint.peak_torque_nm, "N·m", 1, 2),
+            show(joint.torque_limit_nm, "N·m", 1, 2),
+            show(joint.peak_speed_rad_s, "rad/s", 1, 1),
+            show(joint.saturated_share, "%", 100, 1),
         )
         for name, joint in hardest
     ]
@@ -90,53 +91,58 @@ def timing_rows(report: Report) -> list[tuple[str, ...]]:
         ("target to effect", planner.target_to_effect_ms, "ms"),
     ]
     return [
-        (name, *(_show(value, unit) for value in (latency.p50, latency.p99, latency.max)))
+        (name, *(show(value, unit) for value in (latency.p50, latency.p99, latency.max)))
         for name, latency, unit in latencies
         if latency is not None
     ]
 
 
 def _motion(report: Report) -> list[RenderableType]:
-    table = _table("Motion", "", "", "")
+    drawn = table("Motion", "", "", "")
     for name, value, meaning in motion_rows(report):
-        table.add_row(name, value, Text(meaning, style="dim"))
-    return [table]
+        drawn.add_row(name, value, Text(meaning, style="dim"))
+    return [drawn]
 
 
 def _joints(report: Report) -> list[RenderableType]:
     limits = report.limits
     columns = ("joint", "rms", "of stall", "peak", "limit", "speed", "at limit")
-    table = _table(f"Hardest worked of {len(limits.joints)} joints", *columns)
+    drawn = table(f"Hardest worked of {len(limits.joints)} joints", *columns)
     for row in joint_rows(report)[:WORST_JOINTS]:
-        table.add_row(*row)
+        drawn.add_row(*row)
     repairs = ", ".join(f"{count} {kind}" for kind, count in limits.repairs.items() if count) or "none"
     note = f"goals outside the envelope that were sent: {limits.violations_sent}; repairs: {repairs}"
-    return [table, Text(note, style="dim")]
+    return [drawn, Text(note, style="dim")]
 
 
 def _timing(report: Report) -> list[RenderableType]:
     loop, planner = report.loop, report.planner
-    table = _table("Time", "", "p50", "p99", "max")
+    drawn = table("Time", "", "p50", "p99", "max")
     for row in timing_rows(report):
-        table.add_row(*row)
+        drawn.add_row(*row)
     speed = f"{loop.realtime_factor:.1f} times real time; " if loop.realtime_factor else ""
     note = (
         f"{report.clock} clock, {loop.rate_hz:g} Hz, {loop.cycles} cycles; {speed}{planner.plans} plans, "
         f"{planner.underruns} under-runs, {loop.missed_deadlines} missed deadlines; ended {report.safety.final_state}"
     )
-    return [table, Text(note, style="dim")]
+    return [drawn, Text(note, style="dim")]
 
 
-def _table(title: str, *columns: str) -> Table:
-    table = Table(title=title, title_justify="left", title_style="bold", box=None, pad_edge=False)
-    table.show_header = any(columns)
+def table(title: str, *columns: str) -> Table:
+    """A table in the look of all reports: first column left, numbers right, no frame; columns may be nameless."""
+    drawn = Table(title=title or None, title_justify="left", title_style="bold", box=None, pad_edge=False)
+    drawn.show_header = any(columns)
     for index, column in enumerate(columns):
-        table.add_column(column, justify="left" if index == 0 or not any(columns) else "right", header_style="dim")
-    return table
+        drawn.add_column(column, justify="left" if index == 0 or not any(columns) else "right", header_style="dim")
+    return drawn
 
 
-def _show(value: float | None, unit: str, scale: float = 1.0, digits: int | None = None) -> str:
+def show(value: float | None, unit: str, scale: float = 1.0, digits: int | None = None) -> str:
+    """A figure times `scale` with its unit; `digits` after the point, else three significant ones, at most thousandths."""
     if value is None:
         return "-"
-    text = f"{value * scale:.3g}" if digits is None else f"{value * scale:.{digits}f}"
+    scaled = value * scale
+    if digits is None:
+        digits = 2 - math.floor(math.log10(abs(scaled))) if scaled else 0
+    text = f"{scaled:.{min(max(digits, 0), 3)}f}"
     return text + ("" if unit in ("", "°") else " ") + unit

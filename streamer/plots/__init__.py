@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
 from configs.robot import Robot
 from flexmotion.motion import Motion
 from streamer.metrics import HumanTrack, RobotFigures
@@ -15,7 +18,15 @@ from streamer.plots.torque import draw_torque
 from streamer.plots.tracking import draw_tracking
 from streamer.record import RunRecord
 
-__all__ = ["draw_filmstrip", "draw_footsteps", "draw_timeline", "draw_torque", "draw_tracking", "write_plots"]
+__all__ = [
+    "draw_filmstrip",
+    "draw_footsteps",
+    "draw_timeline",
+    "draw_torque",
+    "draw_tracking",
+    "write_plots",
+    "write_torque",
+]
 
 
 def write_plots(
@@ -30,6 +41,12 @@ def write_plots(
             "footsteps.png": draw_footsteps(record, robot, figures, human),
             "timeline.png": draw_timeline(record, figures, human),
             "tracking.png": draw_tracking(record, robot),
-            "torque.png": draw_torque(record, robot),
+            "torque.png": draw_torque(record.true_torque[: record.used], record.qd[: record.used], robot),
         }
         return [save(figure, folder / name) for name, figure in drawn.items()]
+
+
+def write_torque(file: Path, torque: NDArray[np.float64], speed: NDArray[np.float64], robot: Robot) -> Path:
+    """Draw the torque picture alone (see `torque.draw_torque`)."""
+    with styled():
+        return save(draw_torque(torque, speed, robot), file)

@@ -57,9 +57,7 @@ def scaled_path(human: HumanTrack, source_s: Float, base: Float, ratio: float) -
     return base[:2] + ratio * (position[:, :2] - position[0, :2]) @ rotation.T
 
 
-def draw_footsteps(
-    record: RunRecord, robot: Robot, figures: RobotFigures, human: HumanTrack | None = None
-) -> Figure:
+def draw_footsteps(record: RunRecord, robot: Robot, figures: RobotFigures, human: HumanTrack | None = None) -> Figure:
     """Soles as planned (numbered), ZMP, DCM and centre of mass, what they came to, and the human's path."""
     rows = slice(record.used)
     drawn: list[Float] = []

@@ -8,9 +8,9 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from configs.robot import Robot
+from streamer.envelope import envelope
 from streamer.plots.panels import joint_columns, joint_panels
 from streamer.plots.style import FAINT, INK, MUTED, WARN, empty, new_figure, side_colour
-from streamer.record import RunRecord
 
 Float = NDArray[np.float64]
 
@@ -18,8 +18,12 @@ CONTINUOUS_SHARE = 0.3
 """Share of stall torque that a servo's RMS should stay under to run for long (the aim of the project's robots)."""
 
 
-def draw_torque(record: RunRecord, robot: Robot) -> Figure:
-    """RMS and peak of every joint, then every tick of every joint in the torque-speed plane."""
+def draw_torque(torque: Float, speed: Float, robot: Robot) -> Figure:
+    """RMS and peak of every joint, then every tick of every joint in the torque-speed plane.
+
+    Args:
+        torque, speed: (T, n) [N·m, rad/s]; NaN where unknown.
+    """
     rows = max(map(len, joint_columns(robot)))
     figure = new_figure(
         11,
@@ -30,7 +34,6 @@ def draw_torque(record: RunRecord, robot: Robot) -> Figure:
     )
     grid = figure.add_gridspec(2, 1, height_ratios=(2.8, 1.5 * rows))
     top, bottom = figure.add_subfigure(grid[0]), figure.add_subfigure(grid[1])
-    torque, speed = record.true_torque[: record.used], record.qd[: record.used]
     order = [i for column in joint_columns(robot) for i in column]
     _bars(top.subplots(), robot, torque, order)
     panels = joint_panels(bottom, robot, sharex=True, sharey=True)
@@ -72,15 +75,3 @@ def _plane(axes: Axes, robot: Robot, joint: int, torque: Float, speed: Float) ->
     axes.axvline(0, color=MUTED, linewidth=0.5)
     axes.grid(visible=False)
     axes.scatter(speed, torque, s=2.5, color=side_colour(robot.joint_names[joint]), alpha=0.25, linewidths=0)
-
-
-def envelope(robot: Robot, joint: int) -> tuple[Float, Float]:
-    """Corners of what a servo can do: speeds [rad/s] and torques [N·m], (K,) each.
-
-    Motoring, the lower of usable torque and what back-EMF leaves; braking, up to stall.
-    """
-    stall, usable, fastest = robot.stall_torque[joint], robot.usable_torque[joint], robot.no_load_speed[joint]
-    knee = (stall - usable) / robot.back_emf[joint]
-    speed = np.array([0.0, knee, fastest, fastest, 0.0])
-    torque = np.array([usable, usable, 0.0, -stall, -stall])
-    return np.concatenate([speed, -speed]), np.concatenate([torque, -torque])

@@ -114,8 +114,8 @@ def test_episodes_bridge_short_gaps(pattern: str, expected: int) -> None:
 
 
 def test_figures_of_a_run(record: RunRecord, figures: RobotFigures, human: HumanTrack) -> None:
-    hand_error = np.full((record.used, 2), 0.01)
-    found = motion_figures(record, figures, human, should_stand=standing(record), hand_error=hand_error)
+    record.hand_error[:] = 0.01
+    found = motion_figures(record, figures, human, should_stand=standing(record))
     assert not found.fell and found.time_to_fall_s is None
     assert found.joint_rmse_rad == pytest.approx(0.0, abs=1e-12)
     assert found.lag_s == pytest.approx(2 / 125)

@@ -112,7 +112,7 @@ def test_parking_low_is_ok(record: RunRecord, figures: RobotFigures) -> None:
 
 def test_deadline_budget(record: RunRecord, figures: RobotFigures) -> None:
     record.missed_deadlines = 9
-    within = RunInfo(robot="op3", driver="sim", source="x", missed_budget=0.01)
+    within = RunInfo(robot="op3", driver="sim", source="x", missed_allowed=9)
     assert build_report(record, within, figures).ok
 
 

@@ -1,0 +1,101 @@
+"""The command line `flexmotion`: its commands, and the one place where an error becomes a line and an exit code.
+
+Exit codes: 0 fine; 1 it ran and the check failed; 2 bad usage, file or configuration; 3 hardware or driver failed;
+130 interrupted. Results go to stdout, everything else to stderr.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import sys
+from collections.abc import Sequence
+from importlib.metadata import version
+from typing import Annotated, NoReturn
+
+import typer
+
+from configs.errors import FlexMotionError
+from streamer.commands.check import check
+from streamer.commands.drivers import drivers
+from streamer.commands.dry_run import dry_run
+from streamer.commands.retarget import retarget
+from streamer.commands.robots import robots
+from streamer.commands.run import run
+
+OK, CHECK_FAILED, BAD_USAGE, INTERRUPTED = 0, 1, 2, 130
+
+ParserError: type[Exception] = typer.BadParameter.__mro__[2]
+"""What the parser raises for any bad usage (click's `ClickException`, of which Typer exports only this subclass)."""
+
+app = typer.Typer(
+    help="Human motion to a humanoid's servos, live: retargeted, balanced, inside every servo's limits.",
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+    rich_markup_mode="rich",
+    pretty_exceptions_enable=False,
+)
+app.command("dry-run")(dry_run)
+app.command("run")(run)
+app.command("retarget")(retarget)
+app.add_typer(check, name="check")
+app.command("robots")(robots)
+app.command("drivers")(drivers)
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"flexmotion {version('flexmotion')}")
+        raise typer.Exit
+
+
+@app.callback(invoke_without_command=True)
+def _global(
+    context: typer.Context,
+    verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Log more to stderr.")] = False,
+    _version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and exit.")
+    ] = False,
+) -> None:
+    logging.basicConfig(
+        stream=sys.stderr,
+        level=logging.INFO if verbose else logging.WARNING,
+        format="%(levelname)s: %(message)s",
+        force=True,
+    )
+    if context.invoked_subcommand is None:
+        typer.echo(context.get_help())
+
+
+def execute(arguments: Sequence[str] | None = None) -> int:
+    """Run one command line (`sys.argv` where None) and return its exit code; never raises but for bugs."""
+    try:
+        code = app(args=arguments, standalone_mode=False, prog_name="flexmotion")
+    except FlexMotionError as error:
+        return _fail(str(error), error.exit_code)
+    except ParserError as error:
+        return _fail(error.format_message(), BAD_USAGE)  # type: ignore[attr-defined]
+    except BrokenPipeError:
+        # The reader of a pipe has left; what it did not read is no error. Nothing may be flushed to it any more.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return OK
+    except OSError as error:
+        place = f"{error.filename}: " if error.filename else ""
+        return _fail(f"{place}{error.strerror or error}", BAD_USAGE)
+    except (KeyboardInterrupt, typer.Abort):
+        return _fail("interrupted", INTERRUPTED)
+    return code if isinstance(code, int) else OK
+
+
+def main() -> NoReturn:
+    """Entry point of the `flexmotion` script."""
+    sys.exit(execute())
+
+
+def _fail(message: str, code: int) -> int:
+    line = " ".join(message.split())
+    print(f"flexmotion: {line}", file=sys.stderr)
+    return code
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""The commands of `flexmotion`, one module each; `streamer.cli` puts them together."""

@@ -1,0 +1,85 @@
+"""`flexmotion dry-run`: the whole live system on the simulated robot."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from configs.stream import load_stream
+from streamer.commands.choice import choose_motion
+from streamer.commands.driver_options import simulation_options
+from streamer.commands.options import (
+    ClipOption,
+    Clock,
+    FeedbackOption,
+    JsonOption,
+    MappingOption,
+    PromptOption,
+    ReportOption,
+    RobotOption,
+    ScriptOption,
+    SecondsOption,
+    SeedOption,
+    SettingsOption,
+)
+from streamer.commands.streaming import Request, present, stream
+
+
+def dry_run(
+    robot: RobotOption = "op3",
+    clip: ClipOption = None,
+    script: ScriptOption = None,
+    prompt: PromptOption = None,
+    mapping: MappingOption = None,
+    seconds: SecondsOption = None,
+    seed: SeedOption = 0,
+    clock: Annotated[
+        Clock, typer.Option(help="lockstep: step by step, as fast as it computes; real: on the wall clock.")
+    ] = "lockstep",
+    perturb: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--perturb",
+            metavar="KEY=VALUE",
+            help="How the simulated robot differs from its model (repeatable); see the simulation's options.",
+        ),
+    ] = None,
+    perturbed: Annotated[
+        bool, typer.Option("--perturbed", help="The standard mismatch: mass, delay, gains, friction, slope, pushes.")
+    ] = False,
+    feedback: FeedbackOption = True,
+    settings: SettingsOption = None,
+    report: ReportOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Stream a motion to the simulated robot and report how well it followed.
+
+    With no option a short motion that comes with the project. Exit code 1 when it fell or a limit was passed.
+
+    [bold]Examples[/bold]
+
+      flexmotion dry-run
+
+      flexmotion dry-run --clip walk.bvh --report report
+
+      flexmotion dry-run --clip walk.bvh --perturbed --perturb total_mass=3.5 --seed 4 --json
+    """
+    stream_settings = load_stream(settings)
+    motion = choose_motion(
+        clip=clip, script=script, prompt=prompt, mapping=mapping, blend_frames=stream_settings.blend_frames
+    )
+    outcome = stream(
+        Request(
+            robot=robot,
+            driver="sim",
+            motion=motion,
+            settings=stream_settings,
+            seconds=seconds,
+            seed=seed,
+            clock=clock,
+            feedback=feedback,
+            driver_options=simulation_options(perturbed, perturb or ()),
+        )
+    )
+    present(outcome, report, as_json)

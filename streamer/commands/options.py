@@ -1,0 +1,41 @@
+"""Options that several commands share, each declared once."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+Clock = Literal["real", "lockstep"]
+
+RobotOption = Annotated[
+    str, typer.Option("--robot", "-r", help="A shipped robot's name (see `flexmotion robots`) or a robot folder.")
+]
+ClipOption = Annotated[
+    Path | None, typer.Option("--clip", "-c", help="Motion file to follow: .bvh, or our own .npz.", show_default=False)
+]
+ScriptOption = Annotated[
+    Path | None,
+    typer.Option("--script", help="YAML list of {at: seconds, clip: FILE | stop: true}.", show_default=False),
+]
+PromptOption = Annotated[
+    str | None, typer.Option("--prompt", help="What to do, in words (needs a model bundle).", show_default=False)
+]
+MappingOption = Annotated[
+    str | None,
+    typer.Option("--mapping", help="Skeleton mapping of the clip: a shipped name or a YAML file; else guessed."),
+]
+SettingsOption = Annotated[
+    Path | None, typer.Option("--settings", help="Stream settings (YAML) instead of the shipped ones.")
+]
+SecondsOption = Annotated[
+    float | None, typer.Option("--seconds", "-s", min=0.1, help="Follow at most this long [s].", show_default=False)
+]
+SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of everything that is drawn at random.")]
+ReportOption = Annotated[
+    Path | None,
+    typer.Option("--report", help="Folder for report.json, index.html and the pictures.", show_default=False),
+]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")]
+FeedbackOption = Annotated[bool, typer.Option("--feedback/--no-feedback", help="Balance feedback.")]

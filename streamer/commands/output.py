@@ -1,0 +1,50 @@
+"""Where commands write: results to stdout, progress to stderr."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from rich.console import Console, RenderableType
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+_STEPS = 200
+"""A progress bar is redrawn at most this often in a run: a loop of 125 Hz must not wait for a terminal."""
+
+
+def print_result(result: RenderableType) -> None:
+    """Print text or a table to stdout; in a pipe without colours and without wrapping to 80 columns."""
+    console = Console(highlight=False)
+    if not console.is_terminal:
+        console.width = 120
+    console.print(result)
+
+
+def print_json(content: Any) -> None:
+    """Print JSON to stdout; `content` is a JSON text or what `json` can write."""
+    print(content if isinstance(content, str) else json.dumps(content, indent=2, allow_nan=False), flush=True)
+
+
+def print_note(text: str) -> None:
+    """One line to stderr."""
+    Console(stderr=True, highlight=False).print(text, style="dim", soft_wrap=True)
+
+
+@contextmanager
+def progress_bar(title: str) -> Iterator[Callable[[float], None]]:
+    """A bar on stderr that disappears when done; yields a function that takes the share done, in [0, 1]."""
+    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:>3.0f} %"))
+    console = Console(stderr=True)
+    with Progress(*columns, TimeElapsedColumn(), console=console, transient=True) as progress:
+        task = progress.add_task(title, total=1.0)
+        shown = -1
+
+        def update(done: float) -> None:
+            nonlocal shown
+            if (step := int(done * _STEPS)) != shown:
+                shown = step
+                progress.update(task, completed=done)
+
+        yield update

@@ -1,0 +1,50 @@
+"""`flexmotion retarget`: a clip to robot joints, offline."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from configs.robot import load_robot
+from configs.stream import load_stream
+from streamer.commands.choice import choose_motion
+from streamer.commands.options import JsonOption, MappingOption, RobotOption, SettingsOption
+from streamer.commands.output import print_json, print_note, print_result, progress_bar
+from streamer.offline import retarget_offline
+from streamer.sources import ClipSource
+from streamer.trajectory_file import WRITERS, write_trajectory
+from streamer.trajectory_quality import quality, render_quality
+
+
+def retarget(
+    clip: Annotated[Path, typer.Argument(metavar="FILE", help="Motion file: .bvh, or our own .npz.")],
+    out: Annotated[Path, typer.Option("--out", "-o", help=f"File to write: {' or '.join(WRITERS)}.")],
+    robot: RobotOption = "op3",
+    mapping: MappingOption = None,
+    settings: SettingsOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Turn a clip into this robot's motion, balanced and inside its limits, without running it.
+
+    CSV has a header of joint names (radians, in the order of the robot's model), then the torso's pose and the feet's
+    contacts; NPZ has also speeds, torques, footholds, centre of mass and ZMP. Prints how faithful the motion is.
+
+    [bold]Examples[/bold]
+
+      flexmotion retarget walk.bvh --robot op3 -o walk.csv
+    """
+    if out.suffix.lower() not in WRITERS:
+        raise typer.BadParameter(f"{out}: unknown kind of file, expected {' or '.join(WRITERS)}")
+    chosen = load_robot(robot)
+    motion = choose_motion(clip=clip, mapping=mapping)
+    with progress_bar(f"{chosen.name} retargets {motion.source}") as progress:
+        trajectory = retarget_offline(chosen, ClipSource(motion), load_stream(settings), progress)
+    write_trajectory(out, trajectory, chosen)
+    result = quality(trajectory, chosen, motion)
+    if as_json:
+        print_json(result.json_text())
+    else:
+        print_result(render_quality(result))
+    print_note(f"wrote {len(trajectory)} rows at {trajectory.rate_hz:g} Hz: {out}")

@@ -1,0 +1,99 @@
+"""`flexmotion robots`: what robots there are."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+from rich.table import Table
+
+from configs.robot import Robot, list_robots, load_robot
+from streamer.commands.options import JsonOption
+from streamer.commands.output import print_json, print_result
+
+
+def robots(
+    robot: Annotated[
+        str | None,
+        typer.Argument(help="Check one robot, by name or folder, and list its joints.", show_default=False),
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """List the robots that come with the project, or check one of your own.
+
+    [bold]Examples[/bold]
+
+      flexmotion robots
+
+      flexmotion robots ./my_robot
+    """
+    if robot is not None:
+        chosen = load_robot(robot)
+        print_json(_detail(chosen)) if as_json else print_result(_joints(chosen))
+        return
+    found = [load_robot(name) for name in list_robots()]
+    if as_json:
+        print_json([_summary(each) for each in found])
+        return
+    table = Table(box=None, pad_edge=False, header_style="dim")
+    for column in ("robot", "joints", "mass", "loop", "servos", "description"):
+        table.add_column(column)
+    for each in found:
+        servos = ", ".join(f"{count} {model}" for model, count in _servos(each).items())
+        rate, mass = f"{each.rate_hz:g} Hz", f"{each.mass:.2f} kg"
+        table.add_row(each.name, str(each.n), mass, rate, servos, each.config.description)
+    print_result(table)
+
+
+def _servos(robot: Robot) -> Counter[str]:
+    return Counter(servo.name for servo in robot.servos)
+
+
+def _summary(robot: Robot) -> dict[str, Any]:
+    return {
+        "name": robot.name,
+        "description": robot.config.description,
+        "file": str(robot.file),
+        "joints": robot.n,
+        "mass_kg": round(robot.mass, 4),
+        "rate_hz": robot.rate_hz,
+        "servos": dict(_servos(robot)),
+    }
+
+
+def _detail(robot: Robot) -> dict[str, Any]:
+    joints = [
+        {
+            "name": joint.name,
+            "servo": joint.servo,
+            "bus": joint.bus,
+            "id": joint.id,
+            "limits_rad": list(joint.limits),
+            "torque_limit_nm": float(robot.usable_torque[i]),
+            "speed_limit_rad_s": round(float(robot.no_load_speed[i]), 6),
+        }
+        for i, joint in enumerate(robot.joints)
+    ]
+    return _summary(robot) | {"joint_list": joints}
+
+
+def _joints(robot: Robot) -> Table:
+    table = Table(title=f"{robot.name}: {robot.config.description}", title_justify="left", box=None, pad_edge=False)
+    table.add_column("joint")
+    table.add_column("servo")
+    for column in ("bus", "id", "limits", "torque", "speed"):
+        table.add_column(column, justify="right")
+    for i, joint in enumerate(robot.joints):
+        low, high = np.degrees(joint.limits)
+        table.add_row(
+            joint.name,
+            joint.servo,
+            joint.bus,
+            str(joint.id),
+            f"{low:.0f}° … {high:.0f}°",
+            f"{robot.usable_torque[i]:.2f} N·m",
+            f"{robot.no_load_speed[i]:.1f} rad/s",
+        )
+    return table

@@ -1,0 +1,55 @@
+"""What a servo can do, and what share of it a motion asks for."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from configs.robot import Robot
+from drivers.plant import AMBIENT
+
+Float = NDArray[np.float64]
+
+
+def torque_limit(robot: Robot, torque: Float, speed: Float) -> Float:
+    """Greatest torque each servo has at that speed and in that direction, (..., n) [N·m].
+
+    Braking (torque against speed) stall torque; motoring the usable torque or, if less, what back-EMF leaves of stall
+    at nominal voltage: stall - b·|speed|, at least 0.
+    """
+    motoring = np.minimum(robot.usable_torque, robot.stall_torque - robot.back_emf * np.abs(speed))
+    return np.where(torque * speed > 0, np.maximum(motoring, 0.0), robot.stall_torque)
+
+
+def envelope(robot: Robot, joint: int) -> tuple[Float, Float]:
+    """Corners of the region of `torque_limit` in the speed-torque plane: speeds [rad/s], torques [N·m], (10,) each."""
+    stall, usable, fastest = robot.stall_torque[joint], robot.usable_torque[joint], robot.no_load_speed[joint]
+    knee = (stall - usable) / robot.back_emf[joint]
+    speed = np.array([0.0, knee, fastest, fastest, 0.0])
+    torque = np.array([usable, usable, 0.0, -stall, -stall])
+    return np.concatenate([speed, -speed]), np.concatenate([torque, -torque])
+
+
+@dataclass(frozen=True)
+class Endurance:
+    """How long a joint may go on working at an RMS torque.
+
+    Attributes:
+        temperature: where its windings settle [°C].
+        seconds: time until the servo's temperature limit; None where it is never reached.
+    """
+
+    temperature: float
+    seconds: float | None
+
+
+def endurance(robot: Robot, joint: int, rms_torque: float) -> Endurance:
+    """First-order heating from room temperature: rise at stall times (torque / stall)², as in `drivers.plant`."""
+    servo = robot.servos[joint]
+    rise = servo.stall_temperature_rise * (rms_torque / servo.stall_torque) ** 2
+    room = servo.temperature_limit - AMBIENT
+    seconds = None if rise <= room else -servo.thermal_time_constant * math.log(1.0 - room / rise)
+    return Endurance(AMBIENT + rise, seconds)

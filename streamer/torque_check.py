@@ -1,0 +1,116 @@
+"""Whether a motion stays inside every servo's torque, at every moment and for how long."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
+from rich.console import Group, RenderableType
+from rich.text import Text
+
+from configs.robot import Robot
+from streamer.envelope import endurance, torque_limit
+from streamer.offline import Trajectory
+from streamer.report import Figure, Maybe
+from streamer.summary import show, table
+
+
+class JointTorque(BaseModel):
+    """One joint.
+
+    Attributes:
+        peak_share: greatest share of what the servo has at that speed and direction; `peak_at_s`, `peak_torque_nm`
+            and `peak_limit_nm` tell when, how much, and of what.
+        settles_at_c: temperature that its windings would settle at if the motion went on and on.
+        lasts_s: time until the servo would shut itself down, None where it never would.
+    """
+
+    model_config = ConfigDict(frozen=True)
+
+    peak_share: Figure
+    peak_at_s: Figure
+    peak_torque_nm: Figure
+    peak_limit_nm: Figure
+    rms_torque_nm: Figure
+    rms_share_of_stall: Figure
+    settles_at_c: Figure
+    lasts_s: Maybe
+
+
+class TorqueCheck(BaseModel):
+    """Result of `flexmotion check torque`; `worst` is the joint with the greatest peak share."""
+
+    model_config = ConfigDict(frozen=True)
+
+    schema_: Literal["flexmotion.torque/1"] = Field(default="flexmotion.torque/1", alias="schema")
+    ok: bool
+    robot: str
+    source: str
+    duration_s: Figure
+    worst: str
+    joints: dict[str, JointTorque]
+
+    def json_text(self) -> str:
+        """As JSON, keys in the order of the schema."""
+        return self.model_dump_json(by_alias=True, indent=2)
+
+
+def check_trajectory(trajectory: Trajectory, robot: Robot, source: str) -> TorqueCheck:
+    """Compare the planned torque of every joint and tick with its servo's envelope and endurance.
+
+    It is not ok where a peak passes the envelope, or a servo would overheat within the motion's own length.
+    """
+    limit = torque_limit(robot, trajectory.torque, trajectory.qd)
+    with np.errstate(divide="ignore"):
+        share = np.abs(trajectory.torque) / limit
+    rms = np.sqrt(np.mean(trajectory.torque**2, axis=0))
+    joints: dict[str, JointTorque] = {}
+    for joint, name in enumerate(robot.joint_names):
+        peak = int(np.argmax(share[:, joint]))
+        lasting = endurance(robot, joint, float(rms[joint]))
+        joints[name] = JointTorque(
+            peak_share=share[peak, joint],
+            peak_at_s=peak / trajectory.rate_hz,
+            peak_torque_nm=abs(trajectory.torque[peak, joint]),
+            peak_limit_nm=limit[peak, joint],
+            rms_torque_nm=rms[joint],
+            rms_share_of_stall=rms[joint] / robot.stall_torque[joint],
+            settles_at_c=lasting.temperature,
+            lasts_s=lasting.seconds,
+        )
+    overheats = any(load.lasts_s is not None and load.lasts_s < trajectory.duration for load in joints.values())
+    worst = max(joints, key=lambda name: joints[name].peak_share)
+    return TorqueCheck(
+        ok=bool((share <= 1.0).all()) and not overheats,
+        robot=robot.name,
+        source=source,
+        duration_s=trajectory.duration,
+        worst=worst,
+        joints=joints,
+    )
+
+
+def render_check(check: TorqueCheck) -> RenderableType:
+    """The check for a terminal: the verdict, then every joint, the closest to its limit first."""
+    worst = check.joints[check.worst]
+    verdict = (
+        f"{check.robot}, {check.source}, {check.duration_s:.1f} s: {100 * worst.peak_share:.0f} % of the limit at most, "
+        f"by {check.worst} at {worst.peak_at_s:.2f} s ({worst.peak_torque_nm:.2f} of {worst.peak_limit_nm:.2f} N·m)"
+    )
+    mark = Text("PASS ", style="bold green") if check.ok else Text("FAIL ", style="bold red")
+    drawn = table("", "joint", "peak", "of limit", "at", "rms", "of stall", "settles at", "lasts")
+    for name, load in sorted(check.joints.items(), key=lambda item: -item[1].peak_share):
+        drawn.add_row(
+            name,
+            show(load.peak_torque_nm, "N·m", 1, 2),
+            show(load.peak_share, "%", 100, 0),
+            show(load.peak_at_s, "s", 1, 2),
+            show(load.rms_torque_nm, "N·m", 1, 2),
+            show(load.rms_share_of_stall, "%", 100, 0),
+            show(load.settles_at_c, "°C", 1, 0),
+            "for ever" if load.lasts_s is None else show(load.lasts_s, "min", 1 / 60, 1),
+            style="bold red" if load.peak_share > 1 else "",
+        )
+    note = "torque as planned, balance feedback not included; temperatures from the servo catalogue's thermal constants"
+    return Group(mark + Text(verdict, style="bold"), Text(), drawn, Text(note, style="dim"))
