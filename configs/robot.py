@@ -175,7 +175,8 @@ class Robot:
         out /= self.tick_rad
         out += self._centre_tick
         np.rint(out, out=out)
-        return np.clip(out, self._min_tick, self._max_tick, out=out)
+        np.maximum(out, self._min_tick, out=out)
+        return np.minimum(out, self._max_tick, out=out)
 
     def from_ticks(self, ticks: Float, out: Float | None = None) -> Float:
         """Servo position units -> joint angles [rad], (n,)."""

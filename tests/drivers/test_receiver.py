@@ -16,7 +16,7 @@ def receiver(op3: Robot) -> Receiver:
 
 def send(
     receiver: Receiver, robot: Robot, *, goal: np.ndarray, speed: float = 0.0, on: bool = True, volts: float = 12.0
-):
+) -> None:
     position = robot.stand_pose.copy()
     receiver.receive(goal, position, np.full(robot.n, speed), volts, np.full(robot.n, on))
 

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ import pytest
 from configs.robot import Robot, load_robot
 
 
-def readings(run, ticks: int) -> np.ndarray:
+def readings(run: Any, ticks: int) -> np.ndarray:
     """Gyro and accelerometer, tick by tick, (ticks, 6)."""
     rows = []
     for _ in range(ticks):
