@@ -106,7 +106,7 @@ def _motion(report: Report) -> list[RenderableType]:
 
 def _joints(report: Report) -> list[RenderableType]:
     limits = report.limits
-    columns = ("joint", "rms", "of stall", "peak", "limit", "speed", "at limit")
+    columns = ("joint", "rms", "of stall", "peak", "usable", "speed", "at limit")
     drawn = table(f"Hardest worked of {len(limits.joints)} joints", *columns)
     for row in joint_rows(report)[:WORST_JOINTS]:
         drawn.add_row(*row)
@@ -138,7 +138,7 @@ def table(title: str, *columns: str) -> Table:
 
 
 def show(value: float | None, unit: str, scale: float = 1.0, digits: int | None = None) -> str:
-    """A figure times `scale` with its unit; `digits` after the point, else three significant ones, at most thousandths."""
+    """A figure times `scale` with its unit; `digits` after the point, else three significant ones down to 0.001."""
     if value is None:
         return "-"
     scaled = value * scale

@@ -94,9 +94,10 @@ def check_trajectory(trajectory: Trajectory, robot: Robot, source: str) -> Torqu
 def render_check(check: TorqueCheck) -> RenderableType:
     """The check for a terminal: the verdict, then every joint, the closest to its limit first."""
     worst = check.joints[check.worst]
+    peak = f"{worst.peak_torque_nm:.2f} of {worst.peak_limit_nm:.2f} N·m"
     verdict = (
-        f"{check.robot}, {check.source}, {check.duration_s:.1f} s: {100 * worst.peak_share:.0f} % of the limit at most, "
-        f"by {check.worst} at {worst.peak_at_s:.2f} s ({worst.peak_torque_nm:.2f} of {worst.peak_limit_nm:.2f} N·m)"
+        f"{check.robot}, {check.source}, {check.duration_s:.1f} s: at most {100 * worst.peak_share:.0f} % of its "
+        f"limit, {check.worst} at {worst.peak_at_s:.2f} s ({peak})"
     )
     mark = Text("PASS ", style="bold green") if check.ok else Text("FAIL ", style="bold red")
     drawn = table("", "joint", "peak", "of limit", "at", "rms", "of stall", "settles at", "lasts")
@@ -109,7 +110,7 @@ def render_check(check: TorqueCheck) -> RenderableType:
             show(load.rms_torque_nm, "N·m", 1, 2),
             show(load.rms_share_of_stall, "%", 100, 0),
             show(load.settles_at_c, "°C", 1, 0),
-            "for ever" if load.lasts_s is None else show(load.lasts_s, "min", 1 / 60, 1),
+            "no limit" if load.lasts_s is None else show(load.lasts_s, "min", 1 / 60, 1),
             style="bold red" if load.peak_share > 1 else "",
         )
     note = "torque as planned, balance feedback not included; temperatures from the servo catalogue's thermal constants"

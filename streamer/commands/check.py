@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import typer
 
-from configs.robot import load_robot
-from configs.stream import load_stream
-from streamer.commands.choice import choose_motion
 from streamer.commands.options import (
     ClipOption,
     JsonOption,
@@ -18,10 +15,6 @@ from streamer.commands.options import (
     SettingsOption,
 )
 from streamer.commands.output import print_json, print_note, print_result, progress_bar
-from streamer.offline import retarget_offline
-from streamer.plots import write_torque
-from streamer.sources import ClipSource
-from streamer.torque_check import check_trajectory, render_check
 
 CHECK_FAILED = 1
 
@@ -54,6 +47,15 @@ def torque(
 
       flexmotion check torque --clip walk.bvh --robot ./my_robot --json
     """
+    # Heavy imports wait until the command runs: help and completion answer at once.
+    from configs.robot import load_robot
+    from configs.stream import load_stream
+    from streamer.commands.choice import choose_motion
+    from streamer.offline import retarget_offline
+    from streamer.plots import write_torque
+    from streamer.sources import ClipSource
+    from streamer.torque_check import check_trajectory, render_check
+
     chosen = load_robot(robot)
     stream_settings = load_stream(settings)
     motion = choose_motion(

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.table import Table
 
-from drivers import registry
-from drivers.interface import Driver
 from streamer.commands.options import JsonOption
 from streamer.commands.output import print_json, print_result
+
+if TYPE_CHECKING:
+    from drivers.interface import Driver
 
 
 def drivers(as_json: JsonOption = False) -> None:
     """List the drivers that are installed; one that does not load is named, and why on stderr."""
+    # Heavy imports wait until the command runs: help and completion answer at once.
+    from drivers import registry
+
     working = registry.available()
     rows = [_row(name, working.get(name)) for name in registry.names()]
     if as_json:

@@ -6,9 +6,6 @@ from typing import Annotated
 
 import typer
 
-from configs.stream import load_stream
-from streamer.commands.choice import choose_motion
-from streamer.commands.driver_options import simulation_options
 from streamer.commands.options import (
     ClipOption,
     Clock,
@@ -23,7 +20,6 @@ from streamer.commands.options import (
     SeedOption,
     SettingsOption,
 )
-from streamer.commands.streaming import Request, present, stream
 
 
 def dry_run(
@@ -65,6 +61,12 @@ def dry_run(
 
       flexmotion dry-run --clip walk.bvh --perturbed --perturb total_mass=3.5 --seed 4 --json
     """
+    # Heavy imports wait until the command runs: help and completion answer at once.
+    from configs.stream import load_stream
+    from streamer.commands.choice import choose_motion
+    from streamer.commands.driver_options import simulation_options
+    from streamer.commands.streaming import Request, present, stream
+
     stream_settings = load_stream(settings)
     motion = choose_motion(
         clip=clip, script=script, prompt=prompt, mapping=mapping, blend_frames=stream_settings.blend_frames

@@ -7,20 +7,13 @@ from typing import Annotated
 
 import typer
 
-from configs.robot import load_robot
-from configs.stream import load_stream
-from streamer.commands.choice import choose_motion
 from streamer.commands.options import JsonOption, MappingOption, RobotOption, SettingsOption
 from streamer.commands.output import print_json, print_note, print_result, progress_bar
-from streamer.offline import retarget_offline
-from streamer.sources import ClipSource
-from streamer.trajectory_file import WRITERS, write_trajectory
-from streamer.trajectory_quality import quality, render_quality
 
 
 def retarget(
     clip: Annotated[Path, typer.Argument(metavar="FILE", help="Motion file: .bvh, or our own .npz.")],
-    out: Annotated[Path, typer.Option("--out", "-o", help=f"File to write: {' or '.join(WRITERS)}.")],
+    out: Annotated[Path, typer.Option("--out", "-o", help="File to write: .csv or .npz.")],
     robot: RobotOption = "op3",
     mapping: MappingOption = None,
     settings: SettingsOption = None,
@@ -35,6 +28,15 @@ def retarget(
 
       flexmotion retarget walk.bvh --robot op3 -o walk.csv
     """
+    # Heavy imports wait until the command runs: help and completion answer at once.
+    from configs.robot import load_robot
+    from configs.stream import load_stream
+    from streamer.commands.choice import choose_motion
+    from streamer.offline import retarget_offline
+    from streamer.sources import ClipSource
+    from streamer.trajectory_file import WRITERS, write_trajectory
+    from streamer.trajectory_quality import quality, render_quality
+
     if out.suffix.lower() not in WRITERS:
         raise typer.BadParameter(f"{out}: unknown kind of file, expected {' or '.join(WRITERS)}")
     chosen = load_robot(robot)

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections import Counter
-from typing import Annotated, Any
+from math import degrees
+from typing import TYPE_CHECKING, Annotated, Any
 
-import numpy as np
 import typer
 from rich.table import Table
 
-from configs.robot import Robot, list_robots, load_robot
 from streamer.commands.options import JsonOption
 from streamer.commands.output import print_json, print_result
+
+if TYPE_CHECKING:
+    from configs.robot import Robot
 
 
 def robots(
@@ -29,6 +31,9 @@ def robots(
 
       flexmotion robots ./my_robot
     """
+    # Heavy imports wait until the command runs: help and completion answer at once.
+    from configs.robot import list_robots, load_robot
+
     if robot is not None:
         chosen = load_robot(robot)
         print_json(_detail(chosen)) if as_json else print_result(_joints(chosen))
@@ -86,7 +91,7 @@ def _joints(robot: Robot) -> Table:
     for column in ("bus", "id", "limits", "torque", "speed"):
         table.add_column(column, justify="right")
     for i, joint in enumerate(robot.joints):
-        low, high = np.degrees(joint.limits)
+        low, high = map(degrees, joint.limits)
         table.add_row(
             joint.name,
             joint.servo,

@@ -6,9 +6,6 @@ from typing import Annotated
 
 import typer
 
-from configs.stream import load_stream
-from streamer.commands.choice import choose_motion
-from streamer.commands.driver_options import parse_options
 from streamer.commands.options import (
     ClipOption,
     Clock,
@@ -22,7 +19,6 @@ from streamer.commands.options import (
     SeedOption,
     SettingsOption,
 )
-from streamer.commands.streaming import Request, present, stream
 
 
 def run(
@@ -54,6 +50,12 @@ def run(
 
       flexmotion run --robot op3 --driver sim --clip wave.bvh
     """
+    # Heavy imports wait until the command runs: help and completion answer at once.
+    from configs.stream import load_stream
+    from streamer.commands.choice import choose_motion
+    from streamer.commands.driver_options import parse_options
+    from streamer.commands.streaming import Request, present, stream
+
     stream_settings = load_stream(settings)
     motion = choose_motion(
         clip=clip, script=script, prompt=prompt, mapping=mapping, blend_frames=stream_settings.blend_frames

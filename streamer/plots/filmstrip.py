@@ -20,7 +20,7 @@ Float = NDArray[np.float64]
 
 FRAMES = 8
 _AZIMUTH_DEG, _ELEVATION_DEG = -55.0, 12.0
-_SPACING = 0.75
+_SPACING = 0.87
 """Distance between neighbouring frames, in robot heights."""
 
 
@@ -29,7 +29,12 @@ def draw_filmstrip(record: RunRecord, robot: Robot, motion: Motion | None = None
 
     Above it the human at the same moment, drawn as tall as the robot and seen from the same side.
     """
-    figure = new_figure(11, 4.4 if motion is not None else 2.7, "Human and robot", "same moment, same side")
+    figure = new_figure(
+        11,
+        4.4 if motion is not None else 2.7,
+        "Human and robot",
+        "the same moment seen from the same side; the human's left is blue, right orange",
+    )
     axes = figure.subplots()
     axes.set_axis_off()
     base = np.where(np.isfinite(record.true_base), record.true_base, record.base_ref)[: record.used]
@@ -54,7 +59,7 @@ def draw_filmstrip(record: RunRecord, robot: Robot, motion: Motion | None = None
     if motion is not None:
         top = 2.3
         _humans(axes, record, motion, ticks, camera, height)
-    axes.set(xlim=(-0.55 * height, (len(ticks) * _SPACING - 0.2) * height), ylim=(-0.3 * height, top * height))
+    axes.set(xlim=(-0.55 * height, (len(ticks) * _SPACING - 0.32) * height), ylim=(-0.3 * height, top * height))
     axes.set_aspect("equal")
     return figure
 
