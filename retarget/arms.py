@@ -1,8 +1,8 @@
 """Arms and head: the human's hands, elbows and gaze carried over to whatever joints the robot has there.
 
 Each arm is solved by damped least squares on the position of its hand and, more weakly, of its elbow, in the torso
-frame, from where it was a frame before; so it neither flips nor needs a particular joint order. (mink was measured
-at about ten times the time a frame, for two chains of three joints that no constraint couples.)
+frame, from where it was a frame before; so it does not flip and needs no particular joint order. Where that ends in a
+corner of the joint limits far from the target, the nearest of a set of poses sampled beforehand is the new start.
 """
 
 from __future__ import annotations
@@ -12,7 +12,9 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
+from scipy.stats import qmc
 
 from configs.errors import RetargetError
 from configs.robot import Robot
@@ -28,6 +30,12 @@ _DAMPING = 0.12
 _ELBOW_WEIGHT = 0.25
 _LARGEST_STEP = 0.35
 """Longest step of a joint [rad]."""
+_SAMPLES = 4096
+"""Poses of an arm tried as a start where the last one leads nowhere."""
+_LOST = 0.12
+"""Error over arm length from which another start is looked for; it must then halve the error."""
+_TRAVEL_WEIGHT = 0.02
+"""Squared error over arm length that a radian of travel to a new start is worth."""
 
 
 @dataclass(frozen=True)
@@ -66,6 +74,7 @@ class UpperBody:
         self._lower, self._upper = robot.lower[self.arms], robot.upper[self.arms]
         self._head_signs = self._signs()
         self.lengths = self._measure()
+        self._samples, self._trees = self._sample()
         self._damping = (_DAMPING * self.lengths.sum(axis=1)[:, None, None]) ** 2 * np.eye(len(arms[0]))
 
     def _joint_id(self, index: int) -> int:
@@ -88,6 +97,21 @@ class UpperBody:
         shoulder, elbow = self.data.xanchor[self._joint_ids[:, -2]], self.data.xanchor[self._joint_ids[:, -1]]
         segments = np.stack([elbow - shoulder, self._hand_points() - elbow], axis=1)
         return np.linalg.norm(segments, axis=2)
+
+    def _sample(self) -> tuple[list[Float], list[KDTree]]:
+        """Poses of each arm spread over its limits, (_SAMPLES, m) [rad], and where they bring hand and elbow."""
+        q = np.zeros(self.robot.n)
+        spread = qmc.Halton(self.arms.shape[1], scramble=False).random(_SAMPLES)
+        poses = [lower + spread * (upper - lower) for lower, upper in zip(self._lower, self._upper, strict=True)]
+        points = np.empty((2, _SAMPLES, 6))
+        for k in range(_SAMPLES):
+            for side in (0, 1):
+                q[self.arms[side]] = poses[side][k]
+            self._place(q)
+            points[:, k, :3] = self._hand_points()
+            points[:, k, 3:] = _ELBOW_WEIGHT * self.data.xanchor[self._joint_ids[:, -1]]
+        points /= self.lengths.sum(axis=1)[:, None, None]
+        return poses, [KDTree(side) for side in points]
 
     def _hand_points(self) -> Float:
         """Both hands in the world, (2, 3) [m]."""
@@ -129,17 +153,41 @@ class UpperBody:
         gaze = self._gaze(human)
         out = np.empty((len(targets.hand), len(self.joints)))
         for frame in range(len(out)):
-            for _ in range(_ITERATIONS if frame else _FIRST_ITERATIONS):
-                self._place(q)
-                q[self.arms] += self._step(targets.hand[frame], targets.elbow[frame])
-                q[self.arms] = np.minimum(np.maximum(q[self.arms], self._lower), self._upper)
+            hand, elbow = targets.hand[frame], targets.elbow[frame]
+            error = self._descend(q, hand, elbow, _ITERATIONS if frame else _FIRST_ITERATIONS)
+            if (error > _LOST**2).any():
+                self._escape(q, hand, elbow, error)
             for role, index in self.head.items():
                 q[index] = min(max(gaze[role][frame], robot.lower[index]), robot.upper[index])
             out[frame] = q[self.joints]
         return out, targets
 
-    def _step(self, hand: Float, elbow: Float) -> Float:
-        """One damped least-squares step of both arms towards hands and elbows (2, 3), (2, m) [rad]."""
+    def _descend(self, q: Float, hand: Float, elbow: Float, iterations: int) -> Float:
+        """Move the arms of `q` in place towards hands and elbows (2, 3); returns `_error` of the last pose but one."""
+        error = np.zeros(2)
+        for _ in range(iterations):
+            self._place(q)
+            step, error = self._step(hand, elbow)
+            q[self.arms] = np.minimum(np.maximum(q[self.arms] + step, self._lower), self._upper)
+        return error
+
+    def _escape(self, q: Float, hand: Float, elbow: Float, error: Float) -> None:
+        """Start the arms that are lost anew from a sampled pose, where one is much nearer to the target."""
+        for side in np.flatnonzero(error > _LOST**2):
+            wanted = np.concatenate([hand[side], _ELBOW_WEIGHT * elbow[side]]) / self.lengths[side].sum()
+            distances, found = self._trees[side].query(wanted, k=16)
+            poses = self._samples[side][found]
+            travel = np.sum((poses - q[self.arms[side]]) ** 2, axis=1)
+            best = int(np.argmin(distances**2 + _TRAVEL_WEIGHT * travel))
+            if distances[best] ** 2 < 0.5 * error[side]:
+                q[self.arms[side]] = poses[best]
+
+    def _step(self, hand: Float, elbow: Float) -> tuple[Float, Float]:
+        """One damped least-squares step of both arms towards hands and elbows (2, 3).
+
+        Returns:
+            The step (2, m) [rad], and the squared error before it over the squared arm length, (2,).
+        """
         axes, anchors = self.data.xaxis[self._joint_ids], self.data.xanchor[self._joint_ids]
         tip, joint = self._hand_points(), anchors[:, -1]
         jacobian = np.concatenate(
@@ -149,7 +197,8 @@ class UpperBody:
         error = np.concatenate([hand - (tip - origin), _ELBOW_WEIGHT * (elbow - (joint - origin))], axis=1)
         normal = jacobian @ jacobian.swapaxes(1, 2) + self._damping
         step = np.linalg.solve(normal, jacobian @ error[:, :, None])[:, :, 0]
-        return np.minimum(np.maximum(step, -_LARGEST_STEP), _LARGEST_STEP)
+        relative = np.sum(error**2, axis=1) / self.lengths.sum(axis=1) ** 2
+        return np.minimum(np.maximum(step, -_LARGEST_STEP), _LARGEST_STEP), relative
 
     def hand_positions(self, q: Float) -> Float:
         """Both hands in the torso frame for joint angles (n,), (2, 3) [m]."""

@@ -28,8 +28,10 @@ _INSERT_DISTANCE = 0.045
 """Feet further from where they belong (robot scale) are set right by an inserted step."""
 _INSERT_SWING_S = 0.40
 _UNKNOWN_SWING_S = 0.42
-_FIRST_STEP_S = 0.45
-"""From rest the centre of mass needs this long to reach the stance foot."""
+NOTICE_S = 0.25
+"""A step is settled this long before its foot lifts, and none is begun on shorter notice: the weight must be moved."""
+_NOTICE_AT_REST_S = 0.45
+"""The same from a stand, where the weight rests between the feet and does not move yet."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,12 +83,13 @@ class FootstepPlanner:
     Args:
         gait: the robot's gait limits.
         stand_width: distance between the robot's sole centres at its stand pose [m].
+        sole_half_length: from a sole's centre to its toe edge [m].
         rate_hz: loop ticks a second.
     """
 
-    def __init__(self, gait: Gait, stand_width: float, rate_hz: float) -> None:
+    def __init__(self, gait: Gait, stand_width: float, sole_half_length: float, rate_hz: float) -> None:
         self.gait = gait
-        self.stand_width = stand_width
+        self.stand_width, self.sole_half_length = stand_width, sole_half_length
         self.rate = rate_hz
 
     def worth(self, window: HumanWindow, swing: Swing) -> bool:
@@ -124,7 +127,9 @@ class FootstepPlanner:
         forward, sideways = cos * dx + sin * dy, cos * dy - sin * dx
         forward = np.clip(gait.stride_factor * scaling.ratio * forward, -gait.max_stride, gait.max_stride)
         apart = self.stand_width + scaling.ratio * (-inward * sideways - scaling.human_width)
-        apart = np.clip(apart, *gait.lateral)
+        # A turned foot needs room for its corners.
+        room = gait.lateral[0] + self.sole_half_length * abs(np.sin(turn))
+        apart = np.clip(apart, room, max(room, gait.lateral[1]))
         frame = stance[3] + 0.5 * turn
         cos, sin = np.cos(frame), np.sin(frame)
         sideways = -inward * apart
@@ -151,6 +156,7 @@ class FootstepPlanner:
         frozen: list[Step],
         consumed: Float,
         free: int,
+        at_rest: bool,
         now: int,
         source_tick: int,
     ) -> list[Step]:
@@ -161,6 +167,7 @@ class FootstepPlanner:
             frozen: steps that are under way or settled; they are kept.
             consumed: source time up to which each foot's human swings are done with, (2,) [s].
             free: tick from which a new foot may lift.
+            at_rest: whether the robot has been standing still.
             now: first tick of the plan.
             source_tick: loop tick of source time 0.
 
@@ -171,6 +178,8 @@ class FootstepPlanner:
         steps: list[Step] = []
         feet, consumed = feet.copy(), consumed.copy()
         pause = int(round(gait.double_support_min_s * self.rate))
+        notice = _NOTICE_AT_REST_S if at_rest and not frozen else NOTICE_S
+        free = max(free, now + int(round(notice * self.rate)))
         for step in frozen:
             steps.append(step)
             feet[step.side] = step.target
@@ -187,14 +196,14 @@ class FootstepPlanner:
                 continue
             if not self.worth(window, swing):
                 continue
-            lift = max(tick(swing.lift_s), free, now + 1)
+            lift = max(tick(swing.lift_s), free)
             if lift >= end:
                 break
             if swing.landed and lift > tick(swing.land_s) + _TOO_LATE_S * self.rate:
                 dropped += 1
                 consumed[swing.side] = swing.land_s
                 continue
-            self._insert(window, scaling, steps, feet, consumed, free, lift - pause, now, source_tick)
+            self._insert(window, scaling, steps, feet, consumed, free, lift - pause, source_tick)
             if steps:
                 free = max(free, steps[-1].land + pause)
                 lift = max(lift, free)
@@ -209,7 +218,7 @@ class FootstepPlanner:
             feet[swing.side] = target
             consumed[swing.side] = land_s
             free = land + pause
-        self._insert(window, scaling, steps, feet, consumed, free, end, now, source_tick)
+        self._insert(window, scaling, steps, feet, consumed, free, end, source_tick)
         return steps
 
     def _insert(
@@ -221,14 +230,13 @@ class FootstepPlanner:
         consumed: Float,
         free: int,
         until: int,
-        now: int,
         source_tick: int,
     ) -> None:
         """Append steps that set feet right between `free` and `until`, if there is time for them."""
         gait = self.gait
         pause = int(round(gait.double_support_min_s * self.rate))
         ticks = int(round(_INSERT_SWING_S * self.rate))
-        lift = max(free, now + pause)
+        lift = free
         while lift + ticks + pause <= until:
             second = (lift - source_tick) / self.rate
             frame = int(window.frame_before(np.array([second]))[0])
@@ -249,8 +257,3 @@ class FootstepPlanner:
             steps.append(step)
             feet[side] = target
             lift = step.land + pause
-
-
-def first_lift(now: int, rate_hz: float) -> int:
-    """Earliest tick at which a foot may leave the ground after standing at rest."""
-    return now + int(round(_FIRST_STEP_S * rate_hz))

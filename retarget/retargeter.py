@@ -18,7 +18,7 @@ from configs.stream import StreamSettings
 from flexmotion.contacts import ContactDetector
 from flexmotion.motion import Motion
 from retarget import balance, posture
-from retarget.footsteps import FootstepPlanner, Scaling, Step, first_lift
+from retarget.footsteps import NOTICE_S, FootstepPlanner, Scaling, Step
 from retarget.human import HumanWindow
 from retarget.plan import Plan
 from retarget.schedule import SHIFT_S, Schedule
@@ -29,6 +29,8 @@ Float = NDArray[np.float64]
 
 _STOP_S = 0.8
 """Length of the stop tail after the last step has landed: five time constants of a small robot's pendulum."""
+_AT_REST_S = 0.4
+"""After this long on both feet the weight has come to rest between them."""
 _ACCELERATION_CUTOFF_HZ = 20.0
 """Low-pass of the acceleration: keeps the differences' noise out of the torques."""
 
@@ -70,7 +72,9 @@ class Retargeter:
         self.body = WholeBody(robot)
         self.layout = StateLayout(robot.n, len(self.body.upper.joints))
         self.follower = posture.follower(robot, self.body)
-        self.footsteps = FootstepPlanner(self.gait, self.body.stand_width, self.rate)
+        self.footsteps = FootstepPlanner(
+            self.gait, self.body.stand_width, float(robot.sole_half_size[:, 0].max()), self.rate
+        )
         walking = self._upright(self.gait.walk_hip_height)
         base, q, _, _ = self.body.solve(self.body.home_feet[None], np.zeros((1, 2)), walking[None], np.zeros(2), 4)
         self.com_height = float(self.body.dynamics.centre_of_mass(base, q)[0, 2])
@@ -184,12 +188,12 @@ class Retargeter:
             motion, first_frame / motion.fps, layout.get(state, "detector"), None if start else yaws.copy()
         )
         if start:
-            source_tick = float(tick - round(first_frame / motion.fps * self.rate))
+            lead = self.settings.lead_in_s - first_frame / motion.fps
+            source_tick = float(tick + round(lead * self.rate))
             robot_yaw = layout.get(state, "feet")[:, 3].mean()
             layout.set(state, "source_tick", source_tick)
             layout.set(state, "heading", robot_yaw - window.yaws[0, 2])
             layout.set(state, "yaws", window.yaws[0])
-            layout.set(state, "free", float(first_lift(tick, self.rate)))
             layout.set(state, "consumed", np.full(2, window.times[0]))
         scaling = Scaling(
             ratio=self.body.leg_length / motion.body.leg,
@@ -214,6 +218,7 @@ class Retargeter:
             frozen,
             layout.get(state, "consumed"),
             int(layout.scalar(state, "free")),
+            view.tick > layout.scalar(state, "landed") + _AT_REST_S * self.rate,
             view.tick,
             int(view.source_tick),
         )
@@ -326,11 +331,11 @@ class Retargeter:
             layout.set(states, "landed", float(step.land), landed)
             layout.set(states, "stance", float(step.stance), landed)
             layout.set(states, "free", float(step.land + pause), landed)
-            fixed = (ticks >= step.lift - SHIFT_S * self.rate) | (step in frozen)
+            fixed = (ticks >= step.lift - NOTICE_S * self.rate) | (step in frozen)
             consumed[step.side] = max(consumed[step.side], step.consumed_s)
             layout.set(states, "consumed", consumed, fixed)
-        for edge in sorted({view.tick, *(int(np.ceil(s.lift - SHIFT_S * self.rate)) for s in steps), *(s.land for s in steps)}):
-            alive = [s for s in steps if s.land > edge and (s in frozen or s.lift - SHIFT_S * self.rate <= edge)]
+        for edge in sorted({view.tick, *(int(np.ceil(s.lift - NOTICE_S * self.rate)) for s in steps), *(s.land for s in steps)}):
+            alive = [s for s in steps if s.land > edge and (s in frozen or s.lift - NOTICE_S * self.rate <= edge)]
             layout.set(states, "steps", pack_steps(alive), ticks >= edge)
         if view.window is not None:
             self._remember_human(states, view.window, (ticks - view.source_tick) / self.rate)

@@ -14,7 +14,7 @@ from retarget.swing import swing_path
 Float = NDArray[np.float64]
 
 SHIFT_S = 0.25
-"""Time in which the weight moves on or off a foot when nothing hurries it; a step is fixed that long before."""
+"""Time in which the weight moves on or off a foot when nothing hurries it."""
 _CROUCH_BEFORE_S, _CROUCH_AFTER_S = 0.7, 0.6
 """The hips come down to walking height this long before a step, and rise again this long after."""
 
