@@ -94,7 +94,7 @@ class Retargeter:
         layout.set(state, "com_offset", offset[0])
         layout.set(state, "position", channels)
         layout.set(state, "q", np.stack([q[0], q[0]]))
-        layout.set(state, "base", np.stack([_vectors(base, np.zeros(3))[0]] * 2))
+        layout.set(state, "base", np.stack([base[0], base[0]]))
         layout.set(state, "steps", pack_steps([]))
         layout.set(state, "consumed", np.full(2, -np.inf))
         layout.set(state, "landed", -1e9)
@@ -143,7 +143,7 @@ class Retargeter:
         base, q, offset, short = self.body.solve(schedule.feet, com, position, layout.get(state, "com_offset"))
         outside = (q < self.robot.lower) | (q > self.robot.upper)
         q = np.clip(q, self.robot.lower, self.robot.upper)
-        vectors, qd, qdd, torque = self._torque(state, schedule, base, q)
+        qd, qdd, torque = self._torque(state, schedule, base, q)
         upper = slice(len(POSTURE), None)
         fresh = [step for step in steps if step.lift >= tick]
         rows = len(ticks)
@@ -173,7 +173,7 @@ class Retargeter:
             },
             steps=fresh,
         )
-        self._remember(plan, state, view, steps, ticks, position, velocity, vectors, offset)
+        self._remember(plan, state, view, steps, ticks, position, velocity, offset)
         return plan
 
     def _view(self, state: Float, motion: Motion | None, first_frame: int, tick: int) -> _View:
@@ -277,28 +277,25 @@ class Retargeter:
             errors[rows[frame]] = np.linalg.norm(reached - hands[frame], axis=1)
         return errors
 
-    def _torque(self, state: Float, schedule: Schedule, base: Float, q: Float) -> tuple[Float, Float, Float, Float]:
-        """Derivatives by differences that reach into the rows before, and the torques that they ask for."""
+    def _torque(self, state: Float, schedule: Schedule, base: Float, q: Float) -> tuple[Float, Float, Float]:
+        """Joint speed and acceleration, by differences that reach into the rows before, and the torque they ask for."""
         layout = self.layout
-        before = layout.get(state, "base")
-        vectors = _vectors(base, before[0, 3:])
         joints = np.concatenate([layout.get(state, "q")[::-1], q])
-        torso = np.concatenate([before[::-1], vectors])
+        torso = np.concatenate([layout.get(state, "base")[::-1], base])
         qd, qdd = _derivatives(joints, self.dt, self._smoother)
-        bd, bdd = _derivatives(torso, self.dt, self._smoother)
-        rotation = Rotation.from_rotvec(vectors[:, 3:])
-        spin, spin_rate = _body_rates(rotation, vectors[:, 3:], bd[:, 3:], bdd[:, 3:])
+        speed, acceleration = _derivatives(torso[:, :3], self.dt, self._smoother)
+        spin, spin_rate = _spin(torso[:, 3:], self.dt, self._smoother)
         torque, _ = self.body.dynamics.inverse(
             base,
-            np.hstack([bd[:, :3], spin]),
-            np.hstack([bdd[:, :3], spin_rate]),
+            np.hstack([speed, spin]),
+            np.hstack([acceleration, spin_rate]),
             q,
             qd,
             qdd,
             schedule.feet,
             schedule.share,
         )
-        return vectors, qd, qdd, torque
+        return qd, qdd, torque
 
     def _remember(
         self,
@@ -309,7 +306,6 @@ class Retargeter:
         ticks: Float,
         position: Float,
         velocity: Float,
-        vectors: Float,
         offset: Float,
     ) -> None:
         """Fill `plan.states`: row k holds what a plan that joins at row k resumes from."""
@@ -320,7 +316,7 @@ class Retargeter:
         layout.set(states, "dcm", plan.dcm)
         for name, values in (("com_offset", offset), ("position", position), ("velocity", velocity)):
             layout.set(states, name, np.concatenate([layout.get(state, name)[None], values[:-1]]))
-        for name, values in (("q", plan.q), ("base", vectors)):
+        for name, values in (("q", plan.q), ("base", plan.base)):
             line = np.concatenate([layout.get(state, name)[::-1], values])
             layout.set(states, name, np.stack([line[1 : rows + 1], line[:rows]], axis=1))
         pause = int(round(self.gait.double_support_min_s * self.rate))
@@ -358,51 +354,21 @@ def _derivatives(rows: Float, dt: float, smoother: Float) -> tuple[Float, Float]
         smoother: second-order sections of the low-pass.
 
     Returns:
-        Both (T, C): central differences inside, one-sided at the last row.
+        Both (T, C): central differences; the last row goes on as it came.
     """
-    speed = np.empty((len(rows) - 2, rows.shape[1]))
-    speed[:-1] = (rows[3:] - rows[1:-2]) / (2 * dt)
-    speed[-1] = (rows[-1] - rows[-2]) / dt
-    acceleration = np.empty_like(speed)
-    acceleration[:-1] = (rows[3:] - 2 * rows[2:-1] + rows[1:-2]) / dt**2
-    acceleration[-1] = 0.0
-    before = (rows[2] - 2 * rows[1] + rows[0]) / dt**2
-    smooth, _ = sosfilt(smoother, acceleration, axis=0, zi=sosfilt_zi(smoother)[:, :, None] * before)
-    return speed, smooth
+    return _rates(np.diff(rows, axis=0) / dt, dt, smoother)
 
 
-def _vectors(base: Float, before: Float) -> Float:
-    """Torso poses as position and rotation vector, (T, 6), continuous with the rotation vector before."""
-    vectors = Rotation.from_quat(base[:, 3:], scalar_first=True).as_rotvec()
-    previous = before
-    for row in vectors:
-        angle = np.linalg.norm(row)
-        if angle > 1e-9:
-            turns = np.round((previous @ row / angle - angle) / (2 * np.pi))
-            row *= 1.0 + turns * 2 * np.pi / angle
-        previous = row
-    return np.hstack([base[:, :3], vectors])
+def _spin(quaternions: Float, dt: float, smoother: Float) -> tuple[Float, Float]:
+    """Angular velocity and acceleration in the body's frame, (T, 3), from (T + 2, 4) quaternions w x y z."""
+    rotation = Rotation.from_quat(quaternions, scalar_first=True)
+    return _rates((rotation[:-1].inv() * rotation[1:]).as_rotvec() / dt, dt, smoother)
 
 
-def _body_rates(rotation: Rotation, vectors: Float, rate: Float, acceleration: Float) -> tuple[Float, Float]:
-    """Angular velocity and acceleration in the torso frame from a rotation vector's derivatives.
-
-    omega = J_r(v) v' with the right Jacobian of SO(3) (Chirikjian 2012, eq. 10.86); its derivative by the product
-    rule, J_r' taken along the motion.
-    """
-    jacobian = _right_jacobian(vectors)
-    spin = np.einsum("tij,tj->ti", jacobian, rate)
-    step = 1e-4
-    change = (_right_jacobian(vectors + step * rate) - jacobian) / step
-    return spin, np.einsum("tij,tj->ti", jacobian, acceleration) + np.einsum("tij,tj->ti", change, rate)
-
-
-def _right_jacobian(vectors: Float) -> Float:
-    angle = np.linalg.norm(vectors, axis=1)[:, None, None]
-    cross = np.zeros((len(vectors), 3, 3))
-    cross[:, 0, 1], cross[:, 0, 2], cross[:, 1, 2] = -vectors[:, 2], vectors[:, 1], -vectors[:, 0]
-    cross -= cross.swapaxes(1, 2)
-    safe = np.maximum(angle, 1e-6)
-    first = np.where(angle < 1e-4, 0.5, (1.0 - np.cos(safe)) / safe**2)
-    second = np.where(angle < 1e-4, 1.0 / 6.0, (safe - np.sin(safe)) / safe**3)
-    return np.eye(3) - first * cross + second * cross @ cross
+def _rates(between: Float, dt: float, smoother: Float) -> tuple[Float, Float]:
+    """Speed and low-passed acceleration at rows from the mean speeds between them, (T + 1, C)."""
+    after = np.concatenate([between[2:], between[-1:]])
+    change = np.diff(between, axis=0)
+    acceleration = np.concatenate([change[1:], np.zeros((1, between.shape[1]))]) / dt
+    smooth, _ = sosfilt(smoother, acceleration, axis=0, zi=sosfilt_zi(smoother)[:, :, None] * (change[0] / dt))
+    return 0.5 * (between[1:] + after), smooth

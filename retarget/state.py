@@ -32,7 +32,7 @@ class StateLayout:
             "position": (channels,),  # followers of trunk and upper body, one row before
             "velocity": (channels,),
             "q": (2, joints),  # the two rows before this one, newest first: for derivatives
-            "base": (2, 6),  # torso position and rotation vector of those rows
+            "base": (2, 7),  # torso position and quaternion w x y z of those rows
             "steps": (FROZEN_STEPS, STEP_SIZE),  # steps under way or frozen, in order, as `pack_steps` writes them
             "consumed": (2,),  # source time up to which human swings of each foot are done with
             "free": (),  # tick from which a foot may lift

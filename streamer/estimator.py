@@ -5,11 +5,12 @@ The IMU tells how the torso tilts; the stance foot, taken to stand where the pla
 
 from __future__ import annotations
 
+import math
+
 import imufusion
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from configs.robot import Robot
 from drivers.interface import RobotState
@@ -54,28 +55,26 @@ class Estimator:
         self.com_velocity = np.zeros(2)
         self.leg_axes = np.zeros((2, 6, 3))
         self._smoothing = 1.0 - np.exp(-2 * np.pi * _VELOCITY_CUTOFF_HZ * self.dt)
-        self._spatial = np.zeros(6)
+        self._spatial, self._euler = np.zeros(6), np.zeros(3)
 
     def update(self, state: RobotState, reference: Reference) -> None:
         """Take in one measurement, against the reference that was in force when it was made."""
         self.has_imu = state.imu_stale == 0 or (self.has_imu and state.imu_stale > 0)
-        roll_pitch_ref = Rotation.from_quat(reference.base[3:], scalar_first=True).as_euler("ZYX")[[2, 1]]
         if state.imu_stale == 0:
             self.ahrs.update_no_magnetometer(np.degrees(state.gyro), state.accel / _GRAVITY)
         if self.has_imu:
-            w, x, y, z = self.ahrs.get_quaternion()
-            self.tilt[0] = np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
-            self.tilt[1] = np.arcsin(np.clip(2 * (w * y - z * x), -1.0, 1.0))
+            self.tilt[:] = roll_pitch(self.ahrs.get_quaternion())
             self.tilt_rate[:] = state.gyro[:2]
         else:
-            self.tilt[:], self.tilt_rate[:] = roll_pitch_ref, 0.0
+            self.tilt[:], self.tilt_rate[:] = roll_pitch(reference.base[3:]), 0.0
         if reference.balanced:
             self._anchor(state, reference)
 
     def _anchor(self, state: RobotState, reference: Reference) -> None:
         model, data, robot = self.model, self.data, self.robot
         data.qpos[:3] = 0.0
-        data.qpos[3:7] = Rotation.from_euler("YX", [self.tilt[1], self.tilt[0]]).as_quat(scalar_first=True)
+        self._euler[1:] = self.tilt[1], self.tilt[0]
+        mujoco.mju_euler2Quat(data.qpos[3:7], self._euler, "zyx")
         data.qpos[robot.qpos_address] = state.position
         data.qvel[:3] = 0.0
         data.qvel[3:6] = state.gyro if self.has_imu else 0.0
@@ -92,19 +91,27 @@ class Estimator:
             rotation = data.xmat[body].reshape(3, 3)
             arm = rotation @ robot.soles[side]
             mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_BODY, body, self._spatial, 0)
-            sole_speed = self._spatial[3:] + np.cross(self._spatial[:3], arm)
-            yaw = reference.feet[side, 3] - np.arctan2(rotation[1, 0], rotation[0, 0])
-            cos, sin = np.cos(yaw), np.sin(yaw)
+            wx, wy, wz = self._spatial[:3]
+            drift_x = speed[0] - self._spatial[3] - (wy * arm[2] - wz * arm[1])
+            drift_y = speed[1] - self._spatial[4] - (wz * arm[0] - wx * arm[2])
+            yaw = reference.feet[side, 3] - math.atan2(rotation[1, 0], rotation[0, 0])
+            cos, sin = math.cos(yaw), math.sin(yaw)
             away = com - data.xpos[body] - arm
-            drift = speed - sole_speed
             weight = weights[side]
             self.com[0] += weight * (reference.feet[side, 0] + cos * away[0] - sin * away[1])
             self.com[1] += weight * (reference.feet[side, 1] + sin * away[0] + cos * away[1])
-            velocity[0] += weight * (cos * drift[0] - sin * drift[1])
-            velocity[1] += weight * (sin * drift[0] + cos * drift[1])
+            velocity[0] += weight * (cos * drift_x - sin * drift_y)
+            velocity[1] += weight * (sin * drift_x + cos * drift_y)
             axes = data.xaxis[self.legs[side]]
             self.leg_axes[side, :, 0] = cos * axes[:, 0] - sin * axes[:, 1]
             self.leg_axes[side, :, 1] = sin * axes[:, 0] + cos * axes[:, 1]
             self.leg_axes[side, :, 2] = axes[:, 2]
         self.com_velocity += self._smoothing * (velocity - self.com_velocity)
         self.dcm[:] = self.com + self.com_velocity / self.omega
+
+
+def roll_pitch(quaternion: Float) -> tuple[float, float]:
+    """Roll and pitch [rad] of a quaternion w x y z, yaw taken out (z-y-x order)."""
+    w, x, y, z = quaternion
+    sine = min(max(2 * (w * y - z * x), -1.0), 1.0)
+    return math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y)), math.asin(sine)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -93,7 +95,7 @@ class ControlLoop:
         inputs.move_done = self.move.done
         if state is State.OFF:
             return
-        tilted = np.hypot(*self.estimator.tilt) > limits.fall_tilt
+        tilted = math.hypot(*self.estimator.tilt) > limits.fall_tilt
         inputs.fallen = bool(self.estimator.has_imu and tilted)
         if measured.stale.min() > limits.max_stale_reads:
             inputs.bus_lost = f"bus lost: no joint has answered for {int(measured.stale.min())} reads"
@@ -103,8 +105,8 @@ class ControlLoop:
             worst = int(np.flatnonzero(measured.hardware_error)[0])
             bits = int(measured.hardware_error[worst])
             inputs.fault = self._name(f"reports hardware error 0x{bits:02x}", worst)
-        elif limits.voltage_min is not None and np.nanmin(measured.voltage, initial=np.inf) < limits.voltage_min:
-            inputs.fault = f"supply at {np.nanmin(measured.voltage):.1f} V, below {limits.voltage_min:.1f} V"
+        elif limits.voltage_min is not None and np.fmin.reduce(measured.voltage) < limits.voltage_min:
+            inputs.fault = f"supply at {np.fmin.reduce(measured.voltage):.1f} V, below {limits.voltage_min:.1f} V"
         if not self.estimator.has_imu:
             self._warn("imu", "no IMU: the robot runs open loop, falls are not detected")
 

@@ -14,6 +14,9 @@ from streamer.reference import Reference
 
 Float = NDArray[np.float64]
 
+_KNOT_TICKS = 10
+"""The torque that holds the robot up is worked out this often and interpolated between: the moves are slow."""
+
 
 class PostureMove:
     """A minimum-jerk path in joint space that carries the robot's weight on the way.
@@ -27,6 +30,7 @@ class PostureMove:
         self.data = mujoco.MjData(robot.model)
         self.start, self.goal = np.zeros(robot.n), np.zeros(robot.n)
         self.ticks = self.tick = 0
+        self._before, self._after = np.zeros(robot.n), np.zeros(robot.n)
 
     def begin(self, start: Float, goal: Float, *, least_s: float, speed: float) -> None:
         """Plan from `start` to `goal` (n,) [rad] in at least `least_s` and at no joint faster than `speed`."""
@@ -47,7 +51,12 @@ class PostureMove:
         span = self.goal - self.start
         np.copyto(reference.q, self.start + now * span)
         np.copyto(reference.qd, (after - now) * self.robot.rate_hz * span)
-        np.copyto(reference.torque, self._holding_torque(reference.q))
+        if self.tick % _KNOT_TICKS == 0 and self.tick < self.ticks:
+            ahead = smoothstep(np.array([(self.tick + _KNOT_TICKS) / self.ticks]))
+            np.copyto(self._before, self._after if self.tick else self._holding_torque(reference.q))
+            np.copyto(self._after, self._holding_torque(self.start + ahead * span))
+        part = (self.tick % _KNOT_TICKS) / _KNOT_TICKS if self.tick < self.ticks else 1.0
+        np.copyto(reference.torque, self._before + part * (self._after - self._before))
         reference.balanced = False
         self.tick = min(self.tick + 1, self.ticks)
 
