@@ -97,7 +97,7 @@ def forward(motion: Motion) -> HumanKinematics:
         state[:] = qpos[frame]
         mujoco.mj_kinematics(model, data)
         bodies[frame], centres[frame], rotations[frame], sites[frame] = xpos, xipos, xmat, site_xpos
-    return _collect(human, bodies, centres, rotations.reshape(frames, -1, 3, 3), sites)
+    return _collect(human, bodies, centres, rotations.reshape(frames, model.nbody, 3, 3), sites)
 
 
 @lru_cache(maxsize=32)

@@ -29,8 +29,8 @@ def resample_signal(signal: Float, fps: float, new_fps: float) -> Float:
     if new_fps < fps:
         flat = low_pass(flat, fps, PASS_BAND * new_fps)
     times = np.arange(len(signal)) / fps
-    # Round-off must not lose the last frame.
-    count = int(np.floor(times[-1] * new_fps + 1e-6)) + 1
+    # A rounded frame time in a file must not lose the last frame.
+    count = int(np.floor(times[-1] * new_fps + 0.01)) + 1
     return CubicSpline(times, flat)(np.arange(count) / new_fps).reshape(count, *signal.shape[1:])
 
 

@@ -16,8 +16,9 @@ Float = NDArray[np.float64]
 STANCE_HEIGHT, STANCE_SPEED = 0.03, 0.15
 """A foot whose ankle and toe joint are no higher above their lowest [m] and no faster [m/s] stands flat."""
 
-PITCH_CORRECTION = 0.35
-"""Most by which the ankle gives way so that the sole has the file's pitch in the world [rad]."""
+CORRECTED, LEFT_ALONE = 0.2, 0.5
+"""Up to the first angle the ankle gives way so that the sole has the file's pitch in the world; a foot that would need
+more than the second is turned so far out of the shank's plane that pitch is not what matters [rad]."""
 
 
 @dataclass(frozen=True)
@@ -87,8 +88,8 @@ def dorsiflexion(tibia: Float, line: Float, elevation: float, yaw: float) -> Flo
     best = (best + np.pi) % (2 * np.pi) - np.pi
     nearest = np.where(np.abs(best[0]) < np.abs(best[1]), best[0], best[1])
     # Where the line is steep both solutions meet and say little.
-    trust = smoothstep(np.sqrt(1 - cosine**2), 0.3, 0.6)
-    return angle + trust * np.clip(nearest, -PITCH_CORRECTION, PITCH_CORRECTION)
+    trust = smoothstep(np.sqrt(1 - cosine**2), 0.3, 0.6) * (1 - smoothstep(np.abs(nearest), CORRECTED, LEFT_ALONE))
+    return angle + trust * nearest
 
 
 def _above_lowest(point: Float) -> Float:

@@ -30,6 +30,9 @@ TO_Z_UP: dict[Up, Float] = {
     "y": np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]),
 }
 
+ZERO = 1e-6
+"""Rotation matrices that differ by no more are equal."""
+
 SETTLE_S = 0.25
 """Jumps are looked for in so long a beginning [s]."""
 
@@ -117,7 +120,7 @@ def landmarks(
             orientations[segment] = turn @ capture.rotations[:, capture.names.index(joint)] @ axes
         for point in ("hip_l", "hip_r", "shoulder_l", "shoulder_r"):
             attached[point] = turn @ capture.rotations[:, columns[point]]
-    found = Landmarks(capture.path, capture.fps, points, orientations, attached)
+    found = Landmarks(capture.path, capture.fps, points, orientations, attached)[_zero_frames(capture) :]
     return found[_settled(found) :]
 
 
@@ -154,6 +157,15 @@ def _check_leg(points: dict[str, Float], path: str) -> None:
     if not LEG_RANGE[0] <= leg <= LEG_RANGE[1]:
         low, high = LEG_RANGE
         raise MotionFormatError(f"{path}: a leg of {leg:.3g} m, expected {low} to {high} m; other units?")
+
+
+def _zero_frames(capture: Capture) -> int:
+    """How many frames at the beginning have every rotation at zero: a pose to set up by, no motion."""
+    if capture.rotations is None:
+        return 0
+    against_root = np.abs(capture.rotations - capture.rotations[:, :1]).max(axis=(1, 2, 3))
+    moving = np.flatnonzero(against_root > ZERO)
+    return int(moving[0]) if len(moving) else 0
 
 
 def _settled(found: Landmarks) -> int:

@@ -1,0 +1,47 @@
+"""What all tests share: real motion data, where this machine has them."""
+
+from __future__ import annotations
+
+import os
+import tarfile
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+SHARED = "FLEXMOTION_SHARED"
+ARCHIVES = {"cmu": "cmu_raw.tar.xz", "bandai": "bandai.tar.xz"}
+
+
+@pytest.fixture(scope="session")
+def shared_data() -> Path:
+    """Folder of the data sets, which are no part of the project: `$FLEXMOTION_SHARED/data` or `../shared/data`."""
+    folder = Path(os.environ.get(SHARED) or Path(__file__).parents[1] / ".." / "shared") / "data"
+    if not folder.is_dir():
+        pytest.skip(f"no motion data: set {SHARED} to the folder that holds them")
+    return folder
+
+
+@pytest.fixture(scope="session")
+def shared_clips(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Callable[..., list[Path]]:
+    """Function (set, names ...) -> files; reads the archive only as far as the last of them."""
+    folder = tmp_path_factory.mktemp("clips")
+
+    def extract(collection: str, *names: str) -> list[Path]:
+        paths = [folder / f"{name}.bvh" for name in names]
+        wanted = {path.name: path for path in paths if not path.exists()}
+        archive = shared_data / ARCHIVES[collection]
+        if wanted and not archive.is_file():
+            pytest.skip(f"no {archive.name} in the motion data")
+        if wanted:
+            with tarfile.open(archive, "r|xz") as stream:
+                for member in stream:
+                    path = wanted.pop(Path(member.name).name, None)
+                    content = stream.extractfile(member) if path else None
+                    if path and content:
+                        path.write_bytes(content.read())
+                    if not wanted:
+                        break
+        return paths
+
+    return extract

@@ -1,0 +1,99 @@
+"""Which joint is which."""
+
+from __future__ import annotations
+
+import pytest
+import yaml
+
+from configs.errors import ConfigError, MotionFormatError
+from flexmotion.importers.mapping import REQUIRED_POINTS, find_mapping, guess_mapping, shipped_mappings
+
+MIXAMO = """Hips Spine Spine1 Neck Head LeftShoulder LeftArm LeftForeArm LeftHand LeftHandThumb1 RightShoulder RightArm
+RightForeArm RightHand LeftUpLeg LeftLeg LeftFoot LeftToeBase RightUpLeg RightLeg RightFoot RightToeBase"""
+ACCLAIM = """Hips LeftHip LeftKnee LeftAnkle LeftAnkle/end RightHip RightKnee RightAnkle RightAnkle/end Chest LeftCollar
+LeftShoulder LeftElbow LeftWrist RightCollar RightShoulder RightElbow RightWrist Neck Head"""
+BLENDER = """hips spine neck head upper_arm.L forearm.L hand.L upper_arm.R forearm.R hand.R thigh.L shin.L foot.L toe.L
+thigh.R shin.R foot.R toe.R"""
+BIPED = """Bip01 Bip01_Spine Bip01_Neck Bip01_Head Bip01_L_Clavicle Bip01_L_UpperArm Bip01_L_Forearm Bip01_L_Hand
+Bip01_R_Clavicle Bip01_R_UpperArm Bip01_R_Forearm Bip01_R_Hand Bip01_L_Thigh Bip01_L_Calf Bip01_L_Foot Bip01_L_Toe0
+Bip01_R_Thigh Bip01_R_Calf Bip01_R_Foot Bip01_R_Toe0"""
+
+
+@pytest.mark.parametrize(
+    ("names", "expected"),
+    [
+        (MIXAMO, {"hip_l": "LeftUpLeg", "knee_r": "RightLeg", "shoulder_l": "LeftArm", "toe_r": "RightToeBase"}),
+        (
+            ACCLAIM,
+            {"hip_l": "LeftHip", "shoulder_r": "RightShoulder", "toe_l": "LeftAnkle/end", "wrist_l": "LeftWrist"},
+        ),
+        (BLENDER, {"hip_r": "thigh.R", "shoulder_l": "upper_arm.L", "ankle_l": "foot.L", "lumbar": "spine"}),
+        (BIPED, {"hip_l": "Bip01_L_Thigh", "toe_l": "Bip01_L_Toe0", "elbow_r": "Bip01_R_Forearm"}),
+    ],
+)
+def test_guess(names, expected):
+    mapping = guess_mapping(tuple(names.split()), "clip.bvh")
+    assert expected.items() <= mapping.joints.items()
+    assert set(REQUIRED_POINTS) <= set(mapping.joints)
+
+
+def test_a_skeleton_without_legs_is_named_so():
+    names = tuple(name for name in MIXAMO.split() if "Leg" not in name and "Foot" not in name and "Toe" not in name)
+    with pytest.raises(MotionFormatError, match=r"clip\.bvh: no legs found: .*hip_l, knee_l.*joints are Hips, Spine"):
+        guess_mapping(names, "clip.bvh")
+
+
+def test_unmapped_joints_are_listed():
+    names = tuple(MIXAMO.replace("LeftHand ", "Paw ").split())
+    with pytest.raises(MotionFormatError, match="no joint found for wrist_l; joints are .*Paw"):
+        guess_mapping(names, "clip.bvh")
+
+
+def test_shipped_ones_are_found_by_their_joints():
+    for name, mapping in shipped_mappings().items():
+        names = (*mapping.joints.values(), *(item.joint for item in mapping.orientations.values()))
+        assert find_mapping(names, "clip.bvh").name == name
+    assert {"cmu", "bandai"} <= set(shipped_mappings())
+
+
+def test_a_mapping_that_does_not_fit():
+    with pytest.raises(MotionFormatError, match="mapping 'cmu' needs joints that are not there: abdomen, chest"):
+        find_mapping(tuple(MIXAMO.split()), "clip.bvh", "cmu")
+
+
+def test_unknown_mapping():
+    with pytest.raises(ConfigError, match="'vicon': expected bandai, cmu or the path of a YAML file"):
+        find_mapping(tuple(MIXAMO.split()), "clip.bvh", "vicon")
+
+
+def test_a_mapping_of_ones_own(tmp_path):
+    mapping = guess_mapping(tuple(MIXAMO.split()), "clip.bvh")
+    path = tmp_path / "mine.yaml"
+    content = {
+        "name": "mine",
+        "joints": mapping.joints,
+        "orientations": {"chest": {"joint": "Spine1", "forward": "+z", "up": "+y"}},
+    }
+    path.write_text(yaml.safe_dump(content))
+    found = find_mapping(tuple(MIXAMO.split()), "clip.bvh", path)
+    assert found.name == "mine"
+    assert found.orientations["chest"].matrix()[:, 1] == pytest.approx([1, 0, 0])
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"joints": {"hip_l": "a"}}, "field joints: missing neck, hip_l|missing neck"),
+        ({"joints": {"tail": "a"}}, "unknown point 'tail', expected one of neck"),
+        ({"orientations": {"tail": {"joint": "a", "forward": "+x", "up": "+y"}}}, "unknown segment 'tail'"),
+        ({"orientations": {"chest": {"joint": "a", "forward": "x", "up": "+y"}}}, "'x' is no axis"),
+        ({"units": "miles"}, "units"),
+        ({"colour": "red"}, "unknown field"),
+    ],
+)
+def test_a_wrong_mapping_file(tmp_path, change, message):
+    mapping = guess_mapping(tuple(MIXAMO.split()), "clip.bvh")
+    path = tmp_path / "mine.yaml"
+    path.write_text(yaml.safe_dump({"name": "mine", "joints": mapping.joints} | change))
+    with pytest.raises(ConfigError, match=message):
+        find_mapping(tuple(MIXAMO.split()), "clip.bvh", path)
