@@ -7,7 +7,6 @@ Exit codes: 0 fine; 1 it ran and the check failed; 2 bad usage, file or configur
 from __future__ import annotations
 
 import logging
-import os
 import sys
 from collections.abc import Sequence
 from importlib.metadata import version
@@ -74,10 +73,6 @@ def execute(arguments: Sequence[str] | None = None) -> int:
         return _fail(str(error), error.exit_code)
     except ParserError as error:
         return _fail(error.format_message(), BAD_USAGE)  # type: ignore[attr-defined]
-    except BrokenPipeError:
-        # The reader of a pipe has left; what it did not read is no error. Nothing may be flushed to it any more.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return OK
     except OSError as error:
         place = f"{error.filename}: " if error.filename else ""
         return _fail(f"{place}{error.strerror or error}", BAD_USAGE)
@@ -92,8 +87,9 @@ def main() -> NoReturn:
 
 
 def _fail(message: str, code: int) -> int:
-    line = " ".join(message.split())
-    print(f"flexmotion: {line}", file=sys.stderr)
+    # A group called without a command has shown its help and has nothing to add.
+    if line := " ".join(message.split()):
+        print(f"flexmotion: {line}", file=sys.stderr)
     return code
 
 

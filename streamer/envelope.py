@@ -24,6 +24,14 @@ def torque_limit(robot: Robot, torque: Float, speed: Float) -> Float:
     return np.where(torque * speed > 0, np.maximum(motoring, 0.0), robot.stall_torque)
 
 
+def torque_share(robot: Robot, torque: Float, speed: Float) -> Float:
+    """Share of `torque_limit` that is used, (..., n); above 1 is more than the servo has.
+
+    Past no-load speed nothing is left: 1 % of stall stands for it, so that the share stays a number.
+    """
+    return np.abs(torque) / np.maximum(torque_limit(robot, torque, speed), 0.01 * robot.stall_torque)
+
+
 def envelope(robot: Robot, joint: int) -> tuple[Float, Float]:
     """Corners of the region of `torque_limit` in the speed-torque plane: speeds [rad/s], torques [N·m], (10,) each."""
     stall, usable, fastest = robot.stall_torque[joint], robot.usable_torque[joint], robot.no_load_speed[joint]

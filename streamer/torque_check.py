@@ -10,7 +10,7 @@ from rich.console import Group, RenderableType
 from rich.text import Text
 
 from configs.robot import Robot
-from streamer.envelope import endurance, torque_limit
+from streamer.envelope import endurance, torque_limit, torque_share
 from streamer.offline import Trajectory
 from streamer.report import Figure, Maybe
 from streamer.summary import show, table
@@ -62,8 +62,7 @@ def check_trajectory(trajectory: Trajectory, robot: Robot, source: str) -> Torqu
     It is not ok where a peak passes the envelope, or a servo would overheat within the motion's own length.
     """
     limit = torque_limit(robot, trajectory.torque, trajectory.qd)
-    with np.errstate(divide="ignore"):
-        share = np.abs(trajectory.torque) / limit
+    share = torque_share(robot, trajectory.torque, trajectory.qd)
     rms = np.sqrt(np.mean(trajectory.torque**2, axis=0))
     joints: dict[str, JointTorque] = {}
     for joint, name in enumerate(robot.joint_names):

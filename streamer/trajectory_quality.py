@@ -11,7 +11,7 @@ from rich.text import Text
 
 from configs.robot import Robot
 from flexmotion.motion import Motion
-from streamer.envelope import torque_limit
+from streamer.envelope import torque_share
 from streamer.metrics import HumanTrack, RobotFigures, hand_error_share, heading, heading_rms, net_path_ratio
 from streamer.offline import Trajectory
 from streamer.report import Figure, Latency, Maybe
@@ -74,7 +74,7 @@ def quality(trajectory: Trajectory, robot: Robot, motion: Motion) -> Quality:
         steps_inserted=trajectory.inserted,
         steps_dropped=trajectory.dropped,
         repairs=trajectory.repairs,
-        torque=_worst(trajectory, robot, trajectory.torque / torque_limit(robot, trajectory.torque, trajectory.qd)),
+        torque=_worst(trajectory, robot, torque_share(robot, trajectory.torque, trajectory.qd)),
         speed=_worst(trajectory, robot, trajectory.qd / robot.no_load_speed),
         retarget_ms=Latency.of(trajectory.retarget_s, 1e-3),
     )

@@ -39,6 +39,8 @@ def retarget(
 
     if out.suffix.lower() not in WRITERS:
         raise typer.BadParameter(f"{out}: unknown kind of file, expected {' or '.join(WRITERS)}")
+    if not out.parent.is_dir():
+        raise typer.BadParameter(f"{out.parent}: no such folder to write {out.name} into")
     chosen = load_robot(robot)
     motion = choose_motion(clip=clip, mapping=mapping)
     with progress_bar(f"{chosen.name} retargets {motion.source}") as progress:

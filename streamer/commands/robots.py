@@ -36,7 +36,11 @@ def robots(
 
     if robot is not None:
         chosen = load_robot(robot)
-        print_json(_detail(chosen)) if as_json else print_result(_joints(chosen))
+        if as_json:
+            print_json(_detail(chosen))
+        else:
+            print_result(f"[bold]{chosen.name}[/bold]: {chosen.config.description}\n")
+            print_result(_joints(chosen))
         return
     found = [load_robot(name) for name in list_robots()]
     if as_json:
@@ -85,7 +89,7 @@ def _detail(robot: Robot) -> dict[str, Any]:
 
 
 def _joints(robot: Robot) -> Table:
-    table = Table(title=f"{robot.name}: {robot.config.description}", title_justify="left", box=None, pad_edge=False)
+    table = Table(box=None, pad_edge=False, header_style="dim")
     table.add_column("joint")
     table.add_column("servo")
     for column in ("bus", "id", "limits", "torque", "speed"):

@@ -91,7 +91,8 @@ def draw_footsteps(record: RunRecord, robot: Robot, figures: RobotFigures, human
         if np.isfinite(path).any():
             axes.plot(*path.T, color=colour, linestyle=style, linewidth=width_pt, label=label)
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", anchor="W")
-    figure.legend(loc="outside lower left", ncols=3, fontsize=8)
+    if axes.get_legend_handles_labels()[0]:
+        figure.legend(loc="outside lower left", ncols=3, fontsize=8)
     return figure
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from itertools import zip_longest
 
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure, SubFigure
+from matplotlib.figure import Figure
 
 from configs.robot import Robot
 
@@ -23,11 +23,22 @@ def joint_columns(robot: Robot) -> list[list[int]]:
     return columns
 
 
-def joint_panels(figure: Figure | SubFigure, robot: Robot, *, sharex: bool, sharey: bool) -> dict[int, Axes]:
-    """Panels by joint index, titled with the joint's name; outer panels alone carry tick labels on shared axes."""
+def joint_panels(figure: Figure, robot: Robot, *, above: float, sharex: bool, sharey: bool) -> dict[int, Axes]:
+    """Panels by joint index, titled with the joint's name, below the first `above` inches of the figure."""
     columns = joint_columns(robot)
     rows = max(map(len, columns))
-    grid = figure.subplots(rows, len(columns), sharex=sharex, sharey=sharey, squeeze=False)
+    height = figure.get_size_inches()[1]
+    cells = figure.add_gridspec(
+        rows,
+        len(columns),
+        left=0.035,
+        right=0.99,
+        top=1 - above / height,
+        bottom=0.3 / height,
+        hspace=0.34,
+        wspace=0.15,
+    )
+    grid = cells.subplots(sharex=sharex, sharey=sharey, squeeze=False)
     panels: dict[int, Axes] = {}
     for row, joints in enumerate(zip_longest(*columns)):
         for column, joint in enumerate(joints):

@@ -44,12 +44,16 @@ def styled() -> AbstractContextManager[None]:
     return mpl.rc_context(_STYLE)
 
 
-def new_figure(width: float, height: float, title: str, subtitle: str) -> Figure:
-    """An empty figure [inch] with a title and, below it, a line that tells how to read it."""
-    figure = Figure(figsize=(width, height), layout="constrained")
+def new_figure(width: float, height: float, title: str, subtitle: str, *, layout: bool = True) -> Figure:
+    """An empty figure [inch] with a title and, below it, a line that tells how to read it.
+
+    `layout` finds margins by itself; with dozens of panels that takes seconds, so those place their own.
+    """
+    figure = Figure(figsize=(width, height), layout="constrained" if layout else None)
     FigureCanvasAgg(figure)
     # The second line of the title is left empty for the subtitle, so that the layout keeps its place free.
-    figure.suptitle(f"{title}\n ", x=0.01, ha="left", fontsize=11, fontweight="bold")
+    top = None if layout else 1 - 0.05 / height
+    figure.suptitle(f"{title}\n ", x=0.01, y=top, ha="left", va="top", fontsize=11, fontweight="bold")
     figure.text(0.01, 1 - 0.27 / height, subtitle, ha="left", va="top", fontsize=9, color=MUTED)
     return figure
 

@@ -25,18 +25,18 @@ def draw_torque(torque: Float, speed: Float, robot: Robot) -> Figure:
         torque, speed: (T, n) [N·m, rad/s]; NaN where unknown.
     """
     rows = max(map(len, joint_columns(robot)))
+    height = 3.9 + 1.45 * rows
     figure = new_figure(
         11,
-        3.6 + 1.5 * rows,
+        height,
         "Torque",
         "bars: RMS and peak against stall, usable and continuous torque; below: torque [N·m] over speed [rad/s], "
         "the shaded region is what the servo can do",
+        layout=False,
     )
-    grid = figure.add_gridspec(2, 1, height_ratios=(2.8, 1.5 * rows))
-    top, bottom = figure.add_subfigure(grid[0]), figure.add_subfigure(grid[1])
-    order = [i for column in joint_columns(robot) for i in column]
-    _bars(top.subplots(), robot, torque, order)
-    panels = joint_panels(bottom, robot, sharex=True, sharey=True)
+    bars = figure.add_axes((0.045, 1 - 2.6 / height, 0.945, 1.95 / height))
+    _bars(bars, robot, torque, [i for column in joint_columns(robot) for i in column])
+    panels = joint_panels(figure, robot, above=3.6, sharex=True, sharey=True)
     for joint, axes in panels.items():
         _plane(axes, robot, joint, torque[:, joint], speed[:, joint])
     fastest, strongest = 1.15 * robot.no_load_speed.max(), 1.1 * robot.stall_torque.max()

@@ -22,11 +22,12 @@ def draw_tracking(record: RunRecord, robot: Robot) -> Figure:
         1.0 + 1.35 * rows,
         "Tracking",
         "broad grey: reference; thin: measured; degrees over seconds; right corner: RMS difference; red: joint limit",
+        layout=False,
     )
     t = np.arange(record.used) / record.rate_hz
     reference, measured = np.degrees(record.q_ref[: record.used]), np.degrees(record.q[: record.used])
     lower, upper = np.degrees(robot.lower), np.degrees(robot.upper)
-    for joint, axes in joint_panels(figure, robot, sharex=True, sharey=False).items():
+    for joint, axes in joint_panels(figure, robot, above=0.75, sharex=True, sharey=False).items():
         axes.plot(t, reference[:, joint], color=INK, alpha=0.28, linewidth=3.2, solid_capstyle="butt")
         axes.plot(t, measured[:, joint], color=side_colour(robot.joint_names[joint]), linewidth=0.9)
         error = measured[:, joint] - reference[:, joint]

@@ -7,6 +7,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from configs.stream import load_stream
+from streamer.commands.choice import choose_motion
+from streamer.commands.streaming import Outcome, Request, stream
 from streamer.ladder import State
 from streamer.metrics import HumanTrack, RobotFigures
 from streamer.record import Event, PlanEvent, RunRecord
@@ -119,3 +122,10 @@ def human() -> HumanTrack:
     t = np.linspace(0.0, 10.0, 301)
     position = np.stack([SPEED / LEG_RATIO * t, np.zeros_like(t), np.full_like(t, 0.9)], axis=1)
     return HumanTrack(t=t, pelvis_position=position, heading=1.0 + TURN * t / (8.0 - 1 / 125))
+
+
+@pytest.fixture(scope="session")
+def outcome() -> Outcome:
+    """A real run of the shipped motion's first moments on the simulated OP3; treat as read-only."""
+    motion = choose_motion()
+    return stream(Request(robot="op3", driver="sim", motion=motion, settings=load_stream(), seconds=1.5))

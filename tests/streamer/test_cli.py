@@ -1,0 +1,282 @@
+"""The command line as a shell sees it: exit codes, one-line errors, what goes to stdout."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+from configs.errors import DriverError
+from drivers import registry
+from drivers.sim.driver import SimDriver
+from streamer.cli import execute
+from streamer.commands.driver_options import simulation_options
+from streamer.commands.streaming import _stop_on_interrupt
+from streamer.report import TIMING_KEYS
+
+COMMANDS = ["dry-run", "run", "retarget", "check torque", "robots", "drivers"]
+
+
+def run(*arguments: str) -> int:
+    return execute(list(arguments))
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_help_has_an_example_of_every_command(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(*command.split(), "--help") == 0
+    text = capsys.readouterr().out
+    if command != "drivers":
+        assert f"flexmotion {command}" in text.split("Examples")[1]
+
+
+def test_without_a_command_help_is_shown(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run() == 0
+    text = capsys.readouterr().out
+    assert all(command.split()[0] in text for command in COMMANDS)
+
+
+def test_help_is_quick_because_nothing_heavy_is_imported() -> None:
+    code = "import sys, streamer.cli; print(sorted({'mujoco', 'scipy', 'matplotlib'} & set(sys.modules)))"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"
+
+
+BAD_USAGE = {
+    "unknown command": (["dance"], "No such command 'dance'"),
+    "unknown option": (["dry-run", "--speed", "3"], "No such option"),
+    "unknown clock": (["dry-run", "--clock", "sundial"], "'sundial' is not one of 'real', 'lockstep'"),
+    "negative time": (["dry-run", "--seconds", "-1"], "--seconds"),
+    "unknown robot": (["dry-run", "--robot", "hal"], "unknown robot 'hal': neither a folder nor one of: op3"),
+    "robot of robots": (["robots", "hal"], "unknown robot 'hal'"),
+    "missing clip": (["dry-run", "--clip", "none.bvh"], "none.bvh: cannot be read"),
+    "kind of clip": (["dry-run", "--clip", "dance.mp4"], "dance.mp4: unknown kind of motion file, expected .bvh"),
+    "missing script": (["dry-run", "--script", "none.yaml"], "none.yaml: cannot be read"),
+    "two sources": (["dry-run", "--clip", "a.bvh", "--script", "b"], "--clip and --script exclude each other"),
+    "prompt": (["dry-run", "--prompt", "wave"], "--prompt needs a model bundle"),
+    "perturbation": (["dry-run", "--perturb", "wind=3"], "field wind: unknown field, expected one of: seed, timestep"),
+    "no value": (["dry-run", "--perturb", "friction"], "expected KEY=VALUE, found 'friction'"),
+    "wrong value": (["dry-run", "--perturb", "friction=ice"], "field friction: Input should be a valid number"),
+    "not YAML": (["dry-run", "--perturb", "slope_deg=[1"], "slope_deg: not a YAML value"),
+    "seed twice": (["dry-run", "--perturb", "seed=3"], "the seed is set by --seed"),
+    "missing settings": (["dry-run", "--settings", "none.yaml"], "none.yaml: cannot be read"),
+    "missing option": (["run", "--driver", "sim"], "Missing option '--robot'"),
+    "unknown driver": (["run", "--robot", "op3", "--driver", "magic"], "unknown driver 'magic', expected one of: sim"),
+    "port of a simulation": (["run", "-r", "op3", "-d", "sim", "-p", "/dev/x"], "field port: unknown field"),
+    "kind of output": (["retarget", "a.bvh", "-o", "a.xlsx"], "a.xlsx: unknown kind of file, expected .csv or .npz"),
+    "folder of output": (["retarget", "a.bvh", "-o", "none/a.csv"], "none: no such folder"),
+    "missing argument": (["retarget"], "Missing argument 'FILE'"),
+}
+
+
+@pytest.mark.parametrize("case", BAD_USAGE)
+def test_bad_usage_is_one_line_and_exit_code_2(case: str, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments, expected = BAD_USAGE[case]
+    assert run(*arguments) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert expected in err
+    assert err.startswith("flexmotion: ")
+    assert err.count("\n") == 1
+
+
+def test_a_group_without_a_command_shows_its_help(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("check") == 2
+    assert "torque" in "".join(capsys.readouterr())
+
+
+def test_script_with_an_unknown_word(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    script = tmp_path / "script.yaml"
+    script.write_text("- {at: 0, sing: loudly}\n")
+    assert run("dry-run", "--script", str(script)) == 2
+    assert "line 1: unknown word 'sing', expected at and one of: clip" in capsys.readouterr().err
+
+
+BVH = (
+    """HIERARCHY
+ROOT Hips
+{
+  OFFSET 0 0 0
+  CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation
+  JOINT Spine
+  {
+    OFFSET 0 20 0
+    CHANNELS 3 Zrotation Xrotation Yrotation
+    End Site
+    {
+      OFFSET 0 30 0
+    }
+  }
+}
+MOTION
+Frames: 3
+Frame Time: 0.033333
+"""
+    + 3 * "0 90 0 0 0 0 0 0 0\n"
+)
+
+
+def test_clip_without_legs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    clip = tmp_path / "snake.bvh"
+    clip.write_text(BVH)
+    assert run("dry-run", "--clip", str(clip)) == 2
+    err = capsys.readouterr().err
+    assert "snake.bvh" in err
+    assert err.count("\n") == 1
+
+
+def test_dry_run_prints_only_its_report_and_equal_runs_are_equal(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ["dry-run", "--seconds", "0.5", "--seed", "7", "--json"]
+    assert run(*arguments, "--report", str(tmp_path)) == 0
+    first = json.loads(capsys.readouterr().out)
+    assert first == json.loads((tmp_path / "report.json").read_text())
+    assert (tmp_path / "index.html").stat().st_size > 10_000
+    assert run(*arguments) == 0
+    second = json.loads(capsys.readouterr().out)
+    assert first["seed"] == 7
+    for content in (first, second):
+        for key in TIMING_KEYS:
+            del content[key]
+    assert json.dumps(first) == json.dumps(second)
+
+
+def test_perturbations_are_in_the_report(capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ["--seconds", "0.2", "--perturbed", "--perturb", "total_mass=3.5", "--no-feedback", "--json"]
+    assert run("dry-run", *arguments) in (0, 1)
+    options = json.loads(capsys.readouterr().out)["options"]
+    assert options["total_mass"] == 3.5
+    assert options["torso_mass_scale"] == 1.12
+    assert options["feedback"] is False
+
+
+def test_single_perturbations_win_over_the_standard_ones() -> None:
+    assert simulation_options(True, ["friction=0.9"])["friction"] == 0.9
+    assert simulation_options(False, []) == {}
+
+
+def test_a_fall_is_exit_code_1(capsys: pytest.CaptureFixture[str]) -> None:
+    shove = "pushes=[{at: 0.7, impulse: [0, 4, 0]}]"
+    assert run("dry-run", "--seconds", "2", "--perturb", shove) == 1
+    out, err = capsys.readouterr()
+    assert out.startswith("FAIL")
+    assert "fell after" in out
+    assert "Traceback" not in err
+
+
+def test_run_with_the_simulation_in_lockstep(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("run", "-r", "op3", "-d", "sim", "--clock", "lockstep", "--seconds", "0.3") == 0
+    assert capsys.readouterr().out.startswith("PASS")
+
+
+class Unplugged(SimDriver):
+    """A bus that nobody answers on."""
+
+    def open(self) -> None:
+        raise DriverError("port /dev/ttyUSB0: no servo answers")
+
+
+def test_a_failing_driver_is_exit_code_3(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    module = ModuleType("unplugged_driver")
+    module.Unplugged = Unplugged  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "unplugged_driver", module)
+    monkeypatch.setitem(registry.BUILT_IN, "unplugged", "unplugged_driver:Unplugged")
+    assert run("run", "-r", "op3", "-d", "unplugged", "--seconds", "0.3") == 3
+    assert capsys.readouterr().err.splitlines()[-1] == "flexmotion: port /dev/ttyUSB0: no servo answers"
+
+
+def test_a_broken_plug_in_is_named_and_the_rest_listed(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(registry.BUILT_IN, "broken", "no_such_module:Driver")
+    assert run("drivers", "--json") == 0
+    rows = {row["name"]: row for row in json.loads(capsys.readouterr().out)}
+    assert not rows["broken"]["loads"]
+    assert rows["sim"]["loads"]
+    assert "friction" in rows["sim"]["options"]
+
+
+def test_interrupt_parks_the_robot_and_is_exit_code_130(capsys: pytest.CaptureFixture[str]) -> None:
+    timer = threading.Timer(1.0, os.kill, (os.getpid(), signal.SIGINT))
+    timer.start()
+    try:
+        assert run("dry-run", "--clock", "real", "--seconds", "60") == 130
+    finally:
+        timer.cancel()
+    out, err = capsys.readouterr()
+    assert "ended OFF" in out or "interrupted" in err  # the latter where the signal came before the run
+
+
+def test_second_interrupt_ends_at_once() -> None:
+    before = signal.getsignal(signal.SIGINT)
+    with _stop_on_interrupt() as stop_requested:
+        assert not stop_requested()
+        os.kill(os.getpid(), signal.SIGINT)
+        assert stop_requested()
+        with pytest.raises(KeyboardInterrupt):
+            os.kill(os.getpid(), signal.SIGTERM)
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_robots(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("robots", "--json") == 0
+    (op3,) = json.loads(capsys.readouterr().out)
+    assert (op3["name"], op3["joints"], op3["rate_hz"]) == ("op3", 20, 125.0)
+    assert run("robots", op3["file"].rsplit("/", 1)[0], "--json") == 0
+    assert len(json.loads(capsys.readouterr().out)["joint_list"]) == 20
+    assert run("robots") == 0
+    assert "XM430-W350" in capsys.readouterr().out
+    assert run("robots", "op3") == 0
+    assert "l_knee" in capsys.readouterr().out
+
+
+@pytest.fixture(scope="module")
+def short_clip(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    from flexmotion.motion_file import save_motion
+    from streamer.commands.choice import choose_motion
+
+    file = tmp_path_factory.mktemp("clip") / "short.npz"
+    save_motion(choose_motion()[:20], file)
+    return file
+
+
+def test_retarget(short_clip: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "short.csv"
+    assert run("retarget", str(short_clip), "--robot", "op3", "-o", str(out), "--json") == 0
+    assert json.loads(capsys.readouterr().out)["source"] == "short.npz"
+    assert out.read_text().startswith("time_s,head_pan,")
+
+
+def test_check_torque(short_clip: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    code = run("check", "torque", "--clip", str(short_clip), "--json", "--report", str(tmp_path))
+    content = json.loads(capsys.readouterr().out)
+    assert code == (0 if content["ok"] else 1)
+    assert content["worst"] in content["joints"]
+    assert (tmp_path / "torque.png").stat().st_size > 10_000
+
+
+def test_script_of_two_clips(short_clip: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    script = tmp_path / "script.yaml"
+    script.write_text(
+        f"- {{at: 0, clip: {short_clip}}}\n- {{at: 0.5, clip: {short_clip}}}\n- {{at: 0.9, stop: true}}\n"
+    )
+    assert run("dry-run", "--script", str(script), "--json") == 0
+    assert json.loads(capsys.readouterr().out)["source"] == "script:script.yaml"
+
+
+def test_a_reader_that_leaves_causes_no_traceback() -> None:
+    process = subprocess.Popen(
+        [sys.executable, "-m", "streamer.cli", "robots", "op3"], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    )
+    assert process.stdout is not None
+    assert process.stderr is not None
+    process.stdout.close()
+    assert b"Traceback" not in process.stderr.read()
+    process.stderr.close()
+    process.wait()

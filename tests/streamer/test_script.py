@@ -1,0 +1,63 @@
+"""Scripts: what is refused says which line and what would be valid."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from configs.errors import ConfigError
+from streamer.script import Item, load_script
+
+
+def script(folder: Path, text: str) -> Path:
+    file = folder / "script.yaml"
+    file.write_text(text, encoding="utf-8")
+    return file
+
+
+def test_items_in_order_with_clips_beside_the_script(tmp_path: Path) -> None:
+    file = script(tmp_path, "- {at: 0, clip: a.bvh}\n- at: 2.5\n  clip: /b/c.bvh\n- {at: 4, stop: true}\n")
+    assert load_script(file) == [Item(0.0, tmp_path / "a.bvh"), Item(2.5, Path("/b/c.bvh")), Item(4.0, None)]
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        (
+            "- {at: 0, clip: a.bvh}\n- {at: 1,\n   dance: true}\n",
+            "line 3: unknown word 'dance', expected at and one of",
+        ),
+        ("- {at: 0, clip: a.bvh, stop: true}\n", "line 1: expected exactly one of: clip, text, velocity, stop; found"),
+        ("- {at: 0}\n", "line 1: expected exactly one of"),
+        ("- {at: soon, clip: a.bvh}\n", "line 1: at: expected seconds from the start, found 'soon'"),
+        ("- {at: -1, clip: a.bvh}\n", "line 1: at: expected seconds"),
+        ("- {at: .inf, clip: a.bvh}\n", "line 1: at: expected seconds"),
+        ("- {at: .nan, clip: a.bvh}\n", "line 1: at: expected seconds"),
+        ("- {clip: a.bvh}\n", "line 1: at: expected seconds from the start, found None"),
+        ("- {at: 0, text: wave}\n", "line 1: text needs a model bundle"),
+        ("- {at: 0, velocity: [1, 0, 0]}\n", "line 1: velocity needs a model bundle"),
+        ("- {at: 0, clip: a.bvh}\n- {at: 0, clip: b.bvh}\n", "line 2: at: 0 does not come after 0"),
+        ("- {at: 0, clip: a.bvh}\n- {at: 1, stop: true}\n- {at: 2, clip: b.bvh}\n", "line 3: nothing may follow stop"),
+        ("- {at: 1, clip: a.bvh}\n", "line 1: a script starts with {at: 0, clip: FILE}"),
+        ("- {at: 0, stop: true}\n", "line 1: a script starts with"),
+        ("- {at: 0, clip: [a]}\n", "line 1: clip: expected a file, found ['a']"),
+        ("- {at: 0, clip: a.bvh}\n- {at: 1, stop: maybe}\n", "line 2: stop: expected true, found 'maybe'"),
+        ("- wave\n", "line 1: expected {at: seconds"),
+        ("at: 0\n", "expected a list of {at: seconds"),
+        ("", "expected a list of {at: seconds"),
+        ("- {at: 0, clip: a.bvh\n", "not valid YAML"),
+    ],
+)
+def test_refused(text: str, expected: str, tmp_path: Path) -> None:
+    file = script(tmp_path, text)
+    with pytest.raises(ConfigError) as error:
+        load_script(file)
+    assert str(error.value).startswith(str(file))
+    assert expected in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_missing_file(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="cannot be read"):
+        load_script(tmp_path / "none.yaml")
