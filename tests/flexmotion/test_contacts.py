@@ -1,0 +1,142 @@
+"""Which foot carries load."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from flexmotion.contacts import STATE_SIZE, ContactDetector
+from flexmotion.importers import load
+from flexmotion.kinematics import forward
+
+
+def swings(flags: np.ndarray) -> list[tuple[int, int, int]]:
+    """First frame, number of frames and foot of every swing, in order."""
+    found = []
+    for foot in (0, 1):
+        edges = np.flatnonzero(np.diff(np.concatenate([[1], flags[:, foot].astype(int), [1]])))
+        found += [(int(start), int(end - start), foot) for start, end in zip(edges[::2], edges[1::2], strict=True)]
+    return sorted(found)
+
+
+def lifted(human, frames: slice, foot: int, by: float):
+    heel, toe = human.heel.copy(), human.toe.copy()
+    for point in (heel, toe):
+        point[frames, foot, 2] += by
+    return replace(human, heel=heel, toe=toe)
+
+
+@settings(derandomize=True, max_examples=30, deadline=None)
+@given(st.lists(st.integers(1, 359), max_size=12, unique=True))
+def test_chunks_do_not_matter(clip_kinematics, cuts):
+    detector = ContactDetector()
+    whole_flags, whole_states = detector.detect(clip_kinematics, 30.0)
+    state = None
+    for start, end in pairwise([0, *sorted(cuts), len(clip_kinematics)]):
+        flags, states = detector.detect(clip_kinematics[start:end], 30.0, state)
+        np.testing.assert_array_equal(flags, whole_flags[start:end])
+        np.testing.assert_array_equal(states, whole_states[start:end])
+        state = states[-1]
+
+
+def test_the_future_does_not_matter(clip_kinematics):
+    flags, _ = ContactDetector().detect(clip_kinematics, 30.0)
+    other = lifted(clip_kinematics, slice(250, None), 0, 0.3)
+    np.testing.assert_array_equal(ContactDetector().detect(other, 30.0)[0][:250], flags[:250])
+
+
+def test_state_is_fixed_in_size_and_not_changed(clip_kinematics):
+    detector = ContactDetector()
+    start = detector.initial()
+    flags, states = detector.detect(clip_kinematics[:7], 30.0, start)
+    assert flags.shape == (7, 2)
+    assert flags.dtype == np.bool_
+    assert states.shape == (7, STATE_SIZE)
+    assert states.dtype == np.float64
+    np.testing.assert_array_equal(start, detector.initial())
+    assert detector.detect(clip_kinematics[:0], 30.0)[0].shape == (0, 2)
+
+
+def test_steps_of_the_default_clip(clip_kinematics):
+    flags, _ = ContactDetector().detect(clip_kinematics, 30.0)
+    found = swings(flags)
+    assert [foot for _, _, foot in found] == [1, 0, 1, 0, 1]
+    lift_off = np.array([8.06, 8.56, 9.06, 9.56, 10.06])
+    # Half a swing's lift and the patience of the detector pass before a foot counts as lifted.
+    np.testing.assert_allclose([start / 30 for start, _, _ in found], lift_off + 0.13, atol=0.07)
+    assert all(7 <= frames <= 12 for _, frames, _ in found)
+
+
+@pytest.mark.parametrize("fps", [20.0, 30.0, 60.0])
+def test_standing_with_noise_never_flickers(make_standing, fps):
+    human = forward(make_standing(int(10 * fps)))
+    noise = np.random.default_rng(0).normal(scale=0.003, size=(2, *human.heel.shape))
+    flags, _ = ContactDetector().detect(replace(human, heel=human.heel + noise[0], toe=human.toe + noise[1]), fps)
+    assert flags.all()
+
+
+def test_a_foot_held_up_is_not_a_step(make_standing):
+    human = lifted(forward(make_standing(150)), slice(30, 120), 0, 0.1)
+    flags, _ = ContactDetector().detect(human, 30.0)
+    assert flags[:, 1].all()
+    assert swings(flags) == [(pytest.approx(31, abs=1), pytest.approx(90, abs=2), 0)]
+
+
+def test_a_foot_slid_over_the_floor_is_lifted_and_one_that_rocks_is_not(make_standing):
+    human = forward(make_standing(60))
+    slide = np.zeros((60, 2, 3))
+    slide[20:40, 0, 0] = np.linspace(0, 0.9, 20)
+    slide[40:, 0, 0] = 0.9
+    flags, _ = ContactDetector().detect(replace(human, heel=human.heel + slide, toe=human.toe + slide), 30.0)
+    assert len(swings(flags)) == 1
+    heel = human.heel.copy()
+    heel[20:40, 0, 2] += 0.12
+    flags, _ = ContactDetector().detect(replace(human, heel=heel), 30.0)
+    assert flags.all()
+
+
+@pytest.mark.parametrize("drift", [0.01, -0.01])
+def test_a_drifting_floor_is_followed(clip, clip_kinematics, drift):
+    flags, _ = ContactDetector().detect(clip_kinematics, 30.0)
+    rise = np.zeros((len(clip), 1, 3))
+    rise[:, 0, 2] = drift * np.arange(len(clip)) / 30.0
+    moved = replace(clip_kinematics, heel=clip_kinematics.heel + rise, toe=clip_kinematics.toe + rise)
+    found = swings(ContactDetector().detect(moved, 30.0)[0])
+    assert [foot for *_, foot in found] == [foot for *_, foot in swings(flags)]
+
+
+def test_a_stream_that_begins_in_mid_swing(clip_kinematics):
+    start = swings(ContactDetector().detect(clip_kinematics, 30.0)[0])[0][0]
+    # Low already, but fast: the second frame tells.
+    flags, _ = ContactDetector().detect(clip_kinematics[start:], 30.0)
+    assert not flags[1:4, 1].any()
+
+
+WALKS = ("07_05", "07_09", "07_10", "08_02")
+BANDAI_WALKS = ("dataset-2_walk_active_024", "dataset-1_walk-left_tired_001", "dataset-2_walk-turn-left_active_041")
+GESTURES = ("dataset-2_raise-up-right-hand_active_033", "dataset-2_wave-right-hand_masculine_009")
+
+
+@pytest.mark.parametrize(("collection", "names"), [("cmu", WALKS), ("bandai", BANDAI_WALKS)])
+def test_recorded_walks_alternate(shared_clips, collection, names):
+    for path in shared_clips(collection, *names):
+        motion = load(path)
+        flags, _ = ContactDetector().detect(forward(motion), motion.fps)
+        found = swings(flags)
+        # What the clip's ends cut off is no whole swing.
+        inner = [swing for swing in found if swing[0] > 3 and sum(swing[:2]) < len(motion) - 8]
+        assert len(inner) >= 2, path.name
+        assert all(a[2] != b[2] for a, b in pairwise(inner)), path.name
+        assert all(8 <= frames <= 24 for _, frames, _ in inner), path.name
+        assert flags.any(axis=1).mean() > 0.95, path.name
+
+
+def test_recorded_gestures_stand(shared_clips):
+    for path in shared_clips("bandai", *GESTURES):
+        motion = load(path)
+        assert ContactDetector().detect(forward(motion), motion.fps)[0].all(), path.name
