@@ -1,0 +1,201 @@
+"""Packets of Dynamixel Protocol 2.0 in bytes: framing, byte stuffing, CRC-16, and a decoder for a stream of them.
+
+    FF FF FD 00 | id | length, 2 bytes | instruction | params ... | CRC, 2 bytes
+
+Low byte first; length counts params + 3; length and CRC are taken after stuffing (ROBOTIS e-Manual, Protocol 2.0).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+
+HEADER = b"\xff\xff\xfd\x00"
+BROADCAST = 0xFE
+MAX_ID = 0xFC
+OVERHEAD = 10
+"""Bytes of an instruction packet without params; a status packet has one more, its error byte."""
+MAX_LENGTH = 1024
+"""Longest length field taken for real; a greater one is noise that looks like a header."""
+ALERT = 0x80
+"""Bit of the error byte that says: read the hardware error status."""
+
+_MARK, _STUFFED = b"\xff\xff\xfd", b"\xff\xff\xfd\xfd"
+
+
+class Instruction(IntEnum):
+    """What a packet asks for."""
+
+    PING = 0x01
+    READ = 0x02
+    WRITE = 0x03
+    REG_WRITE = 0x04
+    ACTION = 0x05
+    FACTORY_RESET = 0x06
+    REBOOT = 0x08
+    CLEAR = 0x10
+    STATUS = 0x55
+    SYNC_READ = 0x82
+    SYNC_WRITE = 0x83
+    FAST_SYNC_READ = 0x8A
+    BULK_READ = 0x92
+    BULK_WRITE = 0x93
+    FAST_BULK_READ = 0x9A
+
+
+class Error(IntEnum):
+    """Low seven bits of a status packet's error byte."""
+
+    NONE = 0
+    RESULT = 1
+    INSTRUCTION = 2
+    CRC = 3
+    RANGE = 4
+    LENGTH = 5
+    LIMIT = 6
+    ACCESS = 7
+
+
+@dataclass(frozen=True)
+class Packet:
+    """One packet off the wire. `params` are unstuffed; where `intact` is False the CRC did not match them."""
+
+    id: int
+    instruction: int
+    params: bytes
+    size: int
+    intact: bool = True
+
+
+def _crc_table() -> tuple[int, ...]:
+    table = []
+    for byte in range(256):
+        crc = byte << 8
+        for _ in range(8):
+            crc = (crc << 1) ^ 0x8005 if crc & 0x8000 else crc << 1
+        table.append(crc & 0xFFFF)
+    return tuple(table)
+
+
+_CRC = _crc_table()
+
+
+def crc16(data: bytes | bytearray | memoryview, crc: int = 0) -> int:
+    """CRC-16, polynomial 0x8005, most significant bit first; `crc` is that of what came before."""
+    table = _CRC
+    for byte in data:
+        crc = (crc << 8) & 0xFF00 ^ table[(crc >> 8) ^ byte]
+    return crc
+
+
+def encode(id_: int, instruction: int, params: bytes = b"") -> bytes:
+    """An instruction packet, stuffed and with its CRC."""
+    body = (bytes([instruction]) + params).replace(_MARK, _STUFFED)
+    head = HEADER + bytes([id_]) + (len(body) + 2).to_bytes(2, "little")
+    packet = head + body
+    return packet + crc16(packet).to_bytes(2, "little")
+
+
+def encode_status(id_: int, error: int, params: bytes = b"") -> bytes:
+    """A status packet."""
+    return encode(id_, Instruction.STATUS, bytes([error]) + params)
+
+
+def encode_fast_status(rows: Sequence[tuple[int, int, bytes]]) -> bytes:
+    """The one reply to a fast read: (error, id, data) of each servo, in the order asked; not stuffed.
+
+    After each servo's data comes the CRC of everything so far, without the CRCs of the servos before it being left
+    out: each servo continues what it heard on the wire.
+    """
+    length = 1 + sum(len(data) + 4 for _, _, data in rows)
+    packet = bytearray(HEADER + bytes([BROADCAST]) + length.to_bytes(2, "little") + bytes([Instruction.STATUS]))
+    crc = crc16(packet)
+    for error, id_, data in rows:
+        block = bytes([error, id_]) + data
+        crc = crc16(block, crc)
+        tail = crc.to_bytes(2, "little")
+        crc = crc16(tail, crc)
+        packet += block + tail
+    return bytes(packet)
+
+
+def split_fast_status(reply: bytes, size: int) -> Iterator[tuple[int, int, bytes]]:
+    """(error, id, data of `size` bytes) of every servo whose CRC holds; ends at the first that does not.
+
+    `reply` starts at the header and may be cut short.
+    """
+    start = len(HEADER) + 4
+    crc, step = crc16(reply[:start]), size + 4
+    for at in range(start, len(reply) - step + 1, step):
+        crc = crc16(reply[at : at + size + 2], crc)
+        tail = reply[at + size + 2 : at + step]
+        if int.from_bytes(tail, "little") != crc:
+            return
+        crc = crc16(tail, crc)
+        yield reply[at], reply[at + 1], reply[at + 2 : at + size + 2]
+
+
+class Decoder:
+    """Cuts a stream of bytes into packets, whatever comes between them.
+
+    Attributes:
+        skipped: bytes that belonged to no packet.
+    """
+
+    def __init__(self) -> None:
+        self._buffer = bytearray()
+        self.skipped = 0
+
+    def feed(self, data: bytes) -> Iterator[Packet]:
+        """Take in bytes; yields every packet that they complete, also those whose CRC is wrong."""
+        buffer = self._buffer
+        buffer += data
+        while True:
+            start = _find_header(buffer)
+            self.skipped += start
+            del buffer[:start]
+            if len(buffer) < 7:
+                return
+            length = int.from_bytes(buffer[5:7], "little")
+            if not 3 <= length <= MAX_LENGTH:
+                self._skip(4)
+                continue
+            size = length + 7
+            if len(buffer) < size:
+                return
+            crc = int.from_bytes(buffer[size - 2 : size], "little")
+            intact = crc16(memoryview(buffer)[: size - 2]) == crc
+            body = bytes(buffer[7 : size - 2]).replace(_STUFFED, _MARK)
+            packet = Packet(buffer[4], body[0], body[1:], size, intact)
+            if intact:
+                del buffer[:size]
+            else:
+                # The length itself may be what is wrong: look for a header inside.
+                self._skip(4)
+            yield packet
+
+    def clear(self) -> None:
+        """Forget a packet that never came to its end."""
+        self.skipped += len(self._buffer)
+        self._buffer.clear()
+
+    @property
+    def waiting(self) -> int:
+        """Bytes of a packet that is not complete."""
+        return len(self._buffer)
+
+    def _skip(self, count: int) -> None:
+        self.skipped += count
+        del self._buffer[:count]
+
+
+def _find_header(buffer: bytearray) -> int:
+    """Where the next header starts, or how many leading bytes cannot belong to one."""
+    start = buffer.find(HEADER)
+    if start >= 0:
+        return start
+    for tail in (3, 2, 1):
+        if buffer.endswith(HEADER[:tail]):
+            return len(buffer) - tail
+    return len(buffer)

@@ -1,0 +1,157 @@
+"""Control tables: which register lies where, read from `tables/*.yaml` (which name their sources)."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import Field
+
+from configs.errors import ConfigError
+from configs.schema import Strict, parse, read_yaml
+
+FOLDER = Path(__file__).parent / "tables"
+
+BAUD_RATES = (9600, 57600, 115200, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 4_500_000)
+"""Bit rate that each value of the baud rate register stands for (e-Manual)."""
+
+RETURN_DELAY_US = 2.0
+VELOCITY_RPM = 0.229
+VOLTAGE = 0.1
+WATCHDOG_S = 0.020
+PWM_FULL = 885
+"""One unit of return delay [us], velocity [rpm], voltage [V] and bus watchdog [s]; PWM units of full supply."""
+
+
+class Register(Strict):
+    """One register. `initial` is its value after a factory reset; `range` what may be written."""
+
+    address: int = Field(ge=0)
+    size: Literal[1, 2, 4]
+    access: Literal["r", "rw"] = "rw"
+    signed: bool = False
+    initial: int = 0
+    range: tuple[int, int] | None = None
+
+    @property
+    def end(self) -> int:
+        """Address after its last byte."""
+        return self.address + self.size
+
+    def pack(self, value: int) -> bytes:
+        """The value as it stands in the table."""
+        return value.to_bytes(self.size, "little", signed=self.signed)
+
+    def unpack(self, data: bytes | bytearray) -> int:
+        """The value of the register's bytes."""
+        return int.from_bytes(data, "little", signed=self.signed)
+
+
+class Indirect(Strict):
+    """A run of indirect slots: where their addresses (2 bytes each) and their data (1 byte each) lie."""
+
+    address: int
+    data: int
+    count: int
+
+
+class Table(Strict):
+    """The control table of one family of devices.
+
+    Attributes:
+        registers: by name.
+        eeprom_end: registers below are kept without power and locked while torque is on.
+        indirect: runs of indirect slots.
+        fast_sync_read_firmware: lowest firmware that answers a fast sync read; None where none does.
+    """
+
+    registers: dict[str, Register]
+    eeprom_end: int
+    indirect: tuple[Indirect, ...] = ()
+    fast_sync_read_firmware: int | None = None
+
+    def __getitem__(self, name: str) -> Register:
+        return self.registers[name]
+
+    def __contains__(self, name: str) -> bool:
+        return name in self.registers
+
+    @property
+    def size(self) -> int:
+        """Bytes from address 0 to the last register."""
+        ends = [register.end for register in self.registers.values()]
+        ends += [max(run.address + 2 * run.count, run.data + run.count) for run in self.indirect]
+        return max(ends)
+
+
+class _Family(Strict):
+    servos: list[str]
+    fast_sync_read_firmware: int | None
+    indirect: tuple[Indirect, ...]
+    without: list[str] = []
+    changes: dict[str, dict[str, Any]] = {}
+
+
+class _XFile(Strict):
+    eeprom_end: int
+    registers: dict[str, dict[str, Any]]
+    families: dict[str, _Family]
+
+
+class OpenCrUnits(Strict):
+    """Scale of the raw inertial readings and the sign of each axis in the torso's frame."""
+
+    gyro_deg_s: float
+    accel_g: float
+    axes: tuple[int, int, int]
+
+
+class OpenCrFile(Strict):
+    """OP3's controller board: its control table and what its numbers mean."""
+
+    eeprom_end: int
+    model_number: int
+    registers: dict[str, Register]
+    units: OpenCrUnits
+
+    @property
+    def table(self) -> Table:
+        """The control table alone."""
+        return Table(registers=self.registers, eeprom_end=self.eeprom_end)
+
+
+@cache
+def _tables() -> dict[str, Table]:
+    file = FOLDER / "x.yaml"
+    content = parse(_XFile, read_yaml(file), file)
+    tables = {}
+    for family in content.families.values():
+        registers = {
+            name: parse(Register, fields | family.changes.get(name, {}), f"{file}: register {name}")
+            for name, fields in content.registers.items()
+            if name not in family.without
+        }
+        table = Table(
+            registers=registers,
+            eeprom_end=content.eeprom_end,
+            indirect=family.indirect,
+            fast_sync_read_firmware=family.fast_sync_read_firmware,
+        )
+        tables |= dict.fromkeys(family.servos, table)
+    return tables
+
+
+def table_of(servo: str) -> Table:
+    """The control table of a servo model of the catalogue. Raises `ConfigError` where there is none."""
+    tables = _tables()
+    if servo not in tables:
+        raise ConfigError(f"{FOLDER / 'x.yaml'}: no control table for servo {servo!r}, there are: {', '.join(tables)}")
+    return tables[servo]
+
+
+@cache
+def open_cr() -> OpenCrFile:
+    """OP3's controller board. Raises `ConfigError` where its file is malformed."""
+    file = FOLDER / "opencr.yaml"
+    return parse(OpenCrFile, read_yaml(file), file)
