@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from streamer.commands.choice import choose_motion
 from streamer.commands.streaming import Outcome, Request, stream
 from streamer.ladder import State
 from streamer.metrics import HumanTrack, RobotFigures
+from streamer.plots import write_plots
 from streamer.record import Event, PlanEvent, RunRecord
 
 JOINTS = ("l_hip_pitch", "l_knee", "r_hip_pitch", "r_knee", "l_el", "head_pan")
@@ -129,3 +131,10 @@ def outcome() -> Outcome:
     """A real run of the shipped motion's first moments on the simulated OP3; treat as read-only."""
     motion = choose_motion()
     return stream(Request(robot="op3", driver="sim", motion=motion, settings=load_stream(), seconds=1.5))
+
+
+@pytest.fixture(scope="session")
+def pictures(outcome: Outcome, tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """Every picture of `outcome`."""
+    folder = tmp_path_factory.mktemp("pictures")
+    return write_plots(folder, outcome.record, outcome.robot, outcome.figures, outcome.motion)

@@ -7,12 +7,10 @@ from pathlib import Path
 
 from streamer.commands.streaming import Outcome
 from streamer.page import write_page
-from streamer.plots import write_plots
 from streamer.summary import verdict
 
 
-def test_page_is_self_contained(outcome: Outcome, tmp_path: Path) -> None:
-    pictures = write_plots(tmp_path, outcome.record, outcome.robot, outcome.figures, outcome.motion)
+def test_page_is_self_contained(outcome: Outcome, pictures: list[Path], tmp_path: Path) -> None:
     html = write_page(tmp_path / "index.html", outcome.report, pictures).read_text(encoding="utf-8")
     assert len(re.findall(r'src="data:image/png;base64,', html)) == len(pictures)
     assert not re.search(r'(src|href)="(?!data:)', html)
