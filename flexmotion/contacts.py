@@ -45,10 +45,10 @@ class ContactDetector:
     """
 
     low: float = 0.04
-    high: float = 0.065
+    high: float = 0.075
     slow: float = 0.5
     fast: float = 0.9
-    still: float = 0.15
+    still: float = 0.3
     floor_time: float = 0.3
     load_time: float = 0.05
     lift_time: float = 0.05

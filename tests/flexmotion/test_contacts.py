@@ -129,10 +129,10 @@ def test_recorded_walks_alternate(shared_clips, collection, names):
         flags, _ = ContactDetector().detect(forward(motion), motion.fps)
         found = swings(flags)
         # What the clip's ends cut off is no whole swing.
-        inner = [swing for swing in found if swing[0] > 3 and sum(swing[:2]) < len(motion) - 8]
+        inner = [swing for swing in found if swing[0] > 8 and sum(swing[:2]) < len(motion) - 8]
         assert len(inner) >= 2, path.name
         assert all(a[2] != b[2] for a, b in pairwise(inner)), path.name
-        assert all(8 <= frames <= 24 for _, frames, _ in inner), path.name
+        assert all(8 <= frames <= 24 for _, frames, _ in inner), (path.name, inner)
         assert flags.any(axis=1).mean() > 0.95, path.name
 
 
