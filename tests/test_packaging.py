@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from drivers.registry import BUILT_IN, GROUP
+
 ROOT = Path(__file__).parents[1]
 ROOMS = ("configs", "drivers", "flexmotion", "retarget", "streamer")
 
@@ -48,7 +50,7 @@ def test_script_and_driver_entry_points(wheel: zipfile.ZipFile) -> None:
     points = configparser.ConfigParser()
     points.read_string(wheel.read(file).decode())
     assert points["console_scripts"]["flexmotion"] == "streamer.cli:main"
-    assert points["flexmotion.drivers"]["sim"] == "drivers.sim.driver:SimDriver"
+    assert dict(points[GROUP]) == BUILT_IN
 
 
 def test_runtime_asks_for_no_torch(wheel: zipfile.ZipFile) -> None:
