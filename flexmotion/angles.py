@@ -31,6 +31,11 @@ def three_angles(rotation: Float, joints: tuple[str, str, str], side: str = "") 
     return angles * [_sign(joint, side) for joint in joints]
 
 
+def three_angle_rotation(angles: Float, joints: tuple[str, str, str], side: str = "") -> Rotation:
+    """Rotation of the distal in the proximal axes, the inverse of `three_angles`, (T, 3) [rad] -> T rotations."""
+    return Rotation.from_euler(JOINT_AXES, angles * [_sign(joint, side) for joint in joints])
+
+
 def _sign(joint: str, side: str) -> float:
     """Sign of a coordinate against the positive rotation about x, y or z."""
     sign = sum(AXES[joint])

@@ -52,6 +52,10 @@ def fit_body(found: Landmarks, pelvis: Float, flat: tuple[FlatFoot, FlatFoot], m
         lumbar[2] = max(lumbar[2], 0.5 * usual.lumbar_height)
     hips = (points["hip_l"] + points["hip_r"]) / 2
     neck = np.linalg.norm(points["neck"] - hips - pelvis @ lumbar, axis=-1)
+    if found.has_arms:
+        usual = replace(
+            usual, upper_arm=_bone(points, "shoulder", "elbow"), forearm=_bone(points, "elbow", "wrist")
+        )
     segments = replace(
         usual,
         hip_width=_distance(points["hip_l"], points["hip_r"]),
@@ -64,8 +68,6 @@ def fit_body(found: Landmarks, pelvis: Float, flat: tuple[FlatFoot, FlatFoot], m
         lumbar_height=float(lumbar[2]),
         neck_height=float(np.median(neck)),
         shoulder_width=_distance(points["shoulder_l"], points["shoulder_r"]),
-        upper_arm=_bone(points, "shoulder", "elbow"),
-        forearm=_bone(points, "elbow", "wrist"),
     )
     stature = sum((segments.ankle_height, segments.leg, segments.lumbar_height, segments.neck_height, segments.head))
     return Body(height=float(stature), mass=mass, fitted=segments)

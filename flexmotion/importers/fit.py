@@ -22,12 +22,15 @@ from flexmotion.importers.trunk import head_rotation, neck_tilt, pelvis_rotation
 from flexmotion.kinematics import HumanKinematics, forward
 from flexmotion.motion import Motion
 from flexmotion.signals import continuous_quaternions, fill, smoothstep
-from flexmotion.skeleton import JOINTS, SIDES
+from flexmotion.skeleton import ARM_JOINTS, JOINTS, SIDES
 from flexmotion.vectors import in_frame, unit
 
 Float = NDArray[np.float64]
 
 TOE_OUT_LIMIT = np.radians(35)
+
+ELBOW_AT_REST = np.radians(20)
+"""Of an arm that hangs by the torso, where a file has no arms below the shoulders."""
 
 PRONATION_AT_REST = np.pi / 2
 """Of a hanging arm whose palm faces the thigh; taken where a file tells nothing of the hands."""
@@ -50,7 +53,10 @@ class Fit:
 
 
 def fit(found: Landmarks) -> Fit:
-    """Fit a human to a clip; position, heading and floor stay as in the file."""
+    """Fit a human to a clip; position, heading and floor stay as in the file.
+
+    Elbows and wrists may be missing (both sides): such arms hang by the torso.
+    """
     points = found.points
     root = (points["hip_l"] + points["hip_r"]) / 2
     pelvis = pelvis_rotation(found)
@@ -70,7 +76,10 @@ def fit(found: Landmarks) -> Fit:
     for side, sign, tibia, foot in zip(SIDES, (1.0, -1.0), tibiae, flat, strict=True):
         line = points[f"toe_{side}"] - points[f"ankle_{side}"]
         angles[f"ankle_dorsiflexion_{side}"] = dorsiflexion(tibia, line, foot.elevation, sign * size.toe_out)
-        _arm(angles, found, side, lumbar, torso, size)
+        if found.has_arms:
+            _arm(angles, found, side, lumbar, torso, size)
+        else:
+            _hang_arm(angles, side, len(found))
 
     quaternions = Rotation.from_matrix(pelvis).as_quat(scalar_first=True)
     motion = Motion(
@@ -138,6 +147,11 @@ def _arm(angles: dict[str, Float], found: Landmarks, side: str, lumbar: Float, t
     angles[f"forearm_pronation_{side}"] = _pronation(ulna, found.orientations.get(f"hand_{side}"), sign)
 
 
+def _hang_arm(angles: dict[str, Float], side: str, frames: int) -> None:
+    rest = {"elbow_flexion": ELBOW_AT_REST, "forearm_pronation": PRONATION_AT_REST}
+    angles.update({f"{joint}_{side}": np.full(frames, rest.get(joint, 0.0)) for joint in ARM_JOINTS})
+
+
 def _lifted(torso: Float, reach: Float) -> Float:
     """The torso's left axis turned by the least rotation that takes its downward axis to `reach`, (T, 3)."""
     down, left = -torso[:, :, 2], torso[:, :, 1]
@@ -172,7 +186,7 @@ def _store(
 def _errors(found: Landmarks, human: HumanKinematics) -> dict[str, FitError]:
     pairs = {
         name: np.stack([found.points[f"{name}_l"], found.points[f"{name}_r"]], axis=1) - getattr(human, name)
-        for name in ("ankle", "wrist")
+        for name in (("ankle", "wrist") if found.has_arms else ("ankle",))
     }
     if "head" in found.points:
         # The file's point may lie anywhere in the head: compared with where it is in the median.

@@ -70,6 +70,11 @@ class Landmarks:
     def __len__(self) -> int:
         return len(self.points["hip_l"])
 
+    @property
+    def has_arms(self) -> bool:
+        """Whether there are elbows and wrists."""
+        return all(f"{point}_{side}" in self.points for point in ("elbow", "wrist") for side in "lr")
+
     def __getitem__(self, frames: slice) -> Landmarks:
         return replace(
             self,

@@ -1,0 +1,126 @@
+"""Ground reaction forces from kinematics: the force that the motion needs, shared out over the points of the soles.
+
+For every frame a quadratic programme over the edges of friction pyramids, λ >= 0, in units of body weight and metres:
+
+    min  |G λ - w|²  +  ridge Σ λ² / nearness  +  pivot Σ_feet |moment of the foot's force about the pivot|²
+
+The first term asks that the forces make the motion's wrench w about the centre of mass. The second prefers points
+that lie low and still. The third settles what kinematics cannot: in double support any pair of opposed forces could
+be added. In walking each foot pushes along a line that passes not far above the centre of mass (the virtual pivot
+point: Maus et al., Nature Communications 1:70, 2010), so the feet's forces are drawn to such a point.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import daqp
+import numpy as np
+from numpy.typing import NDArray
+
+from flexmotion.biomechanics.inverse_dynamics import GRAVITY, effort
+from flexmotion.biomechanics.segment_motion import SegmentMotion
+from flexmotion.biomechanics.sole import POINTS, SolePoints
+
+Float = NDArray[np.float64]
+
+EDGES = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
+"""Horizontal directions of the edges of a friction pyramid."""
+
+NEAR = 1e-3
+"""Least nearness of a point within reach of the floor."""
+
+
+@dataclass(frozen=True)
+class GroundSettings:
+    """Weights of the ground force's programme; lengths in metres, forces in body weights.
+
+    Attributes:
+        friction: coefficient of shoe on floor.
+        pivot_height: of the virtual pivot point above the centre of mass [m].
+        pivot: weight of the feet's moments about it.
+        ridge: weight of the forces' squares.
+        moment: weight of the whole moment against the whole force.
+    """
+
+    friction: float = 0.8
+    pivot_height: float = 0.25
+    pivot: float = 0.01
+    ridge: float = 1e-3
+    moment: float = 1.0
+
+
+@dataclass(frozen=True)
+class GroundReaction:
+    """What the ground does to left and right foot.
+
+    Attributes:
+        wrenches: force, and moment about `centres`, (T, 2, 6) [N, N·m].
+        centres: of pressure, on the floor; under the middle of the sole while a foot is in the air, (T, 2, 3) [m].
+        point_forces: at every point of the soles, (T, 2, 12, 3) [N].
+        residual: force and moment about the centre of mass that the ground did not provide, (T, 6) [N, N·m].
+    """
+
+    wrenches: Float
+    centres: Float
+    point_forces: Float
+    residual: Float
+
+
+def ground_reaction(
+    segments: SegmentMotion, sole: SolePoints, settings: GroundSettings = GroundSettings()
+) -> GroundReaction:
+    """Forces of the ground on both feet that come nearest to what the motion needs."""
+    frames = len(segments)
+    weight = float(segments.mass.sum()) * GRAVITY
+    centre = segments.centre
+    wanted = effort(segments).about(centre) / weight
+    arms = sole.position - centre[:, None, None]
+    pyramid = np.concatenate([settings.friction * EDGES, np.ones((len(EDGES), 1))], axis=1)
+
+    forces = np.zeros((frames, 2, POINTS, 3))
+    for frame in range(frames):
+        near = sole.nearness[frame].ravel()
+        used = np.flatnonzero(near > 0)
+        if len(used):
+            found = _share(wanted[frame], arms[frame].reshape(-1, 3)[used], used // POINTS, near[used], pyramid, settings)
+            forces[frame].reshape(-1, 3)[used] = weight * found
+    return _collect(forces, sole, centre, wanted * weight)
+
+
+def _share(wanted: Float, arms: Float, foot: NDArray, near: Float, pyramid: Float, settings: GroundSettings) -> Float:
+    """Forces at N points in one frame, (N, 3) [body weights]."""
+    count, edges = len(arms), len(pyramid)
+    moments = np.cross(arms[:, None], pyramid)
+    whole = np.concatenate([np.tile(pyramid, (count, 1)), moments.reshape(-1, 3)], axis=1).T
+    whole_weight = np.array([1.0, 1.0, 1.0, *3 * [settings.moment]])
+    hessian = whole.T @ (whole_weight[:, None] * whole)
+    about_pivot = np.cross(arms[:, None] - [0.0, 0.0, settings.pivot_height], pyramid).reshape(-1, 3)
+    owner = np.repeat(foot, edges)
+    same_foot = owner[:, None] == owner
+    hessian += settings.pivot * same_foot * (about_pivot @ about_pivot.T)
+    hessian[np.diag_indices(len(hessian))] += settings.ridge * np.repeat(1 / np.maximum(near, NEAR), edges)
+    linear = -whole.T @ (whole_weight * wanted)
+    size = count * edges
+    solution, _, status, _ = daqp.solve(
+        hessian, linear, np.empty((0, size)), np.full(size, 1e30), np.zeros(size), np.zeros(size, np.int32)
+    )
+    if status < 1:
+        raise ArithmeticError(f"ground force: daqp gave up with status {status}")
+    forces: Float = solution.reshape(count, edges) @ pyramid
+    return forces
+
+
+def _collect(forces: Float, sole: SolePoints, centre: Float, wanted: Float) -> GroundReaction:
+    total = forces.sum(axis=2)
+    vertical = forces[..., 2]
+    share = np.where(total[..., 2:] > 0, vertical / np.maximum(total[..., 2:], 1e-9), 1 / POINTS)
+    centres = np.einsum("tsp,tspi->tsi", share, sole.position)
+    moment = np.cross(sole.position - centres[:, :, None], forces).sum(axis=2)
+    about_com = (np.cross(centres - centre[:, None], total) + moment).sum(axis=1)
+    return GroundReaction(
+        wrenches=np.concatenate([total, moment], axis=-1),
+        centres=centres,
+        point_forces=forces,
+        residual=wanted - np.concatenate([total.sum(axis=1), about_com], axis=-1),
+    )

@@ -1,0 +1,83 @@
+"""Inverse dynamics by Newton and Euler's laws over the parts of the body that a joint carries, for a whole clip.
+
+For a hinge through o with axis a that carries the segments S, and with the ground pulling at the feet F in S:
+
+    τ = a · ( Σ_S [ (c - o) x m (c̈ - g) + L̇ ] - Σ_F [ (p - o) x f + n ] )
+
+The same sum over the whole body, about the pelvis' origin, is what the root would have to be held with: the residual.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexmotion.biomechanics.segment_motion import SegmentMotion, carried
+from flexmotion.body import Body
+from flexmotion.human_model import human_model
+from flexmotion.skeleton import DOF_COUNT, SIDES
+
+Float = NDArray[np.float64]
+
+GRAVITY = 9.81
+"""As in the MuJoCo model [m/s²]."""
+
+
+@dataclass(frozen=True)
+class Effort:
+    """What it takes to move the masses, before anybody asks where from: forces and moments about the world's origin.
+
+    Attributes:
+        force: m (c̈ - g) of each segment, (T, B, 3) [N].
+        moment: c x m (c̈ - g) + L̇ of each segment about the world's origin, (T, B, 3) [N·m].
+    """
+
+    force: Float
+    moment: Float
+
+    def about(self, point: Float) -> Float:
+        """Force and moment about a point of each frame for the whole body, (T, 3) -> (T, 6)."""
+        force, moment = self.force.sum(axis=1), self.moment.sum(axis=1)
+        return np.concatenate([force, moment - np.cross(point, force)], axis=-1)
+
+
+def effort(segments: SegmentMotion) -> Effort:
+    """Forces and moments that move every segment as it moves."""
+    force = segments.mass[:, None] * (segments.acceleration + [0.0, 0.0, GRAVITY])
+    return Effort(force, np.cross(segments.com, force) + segments.angular_momentum_rate)
+
+
+def joint_torques(body: Body, segments: SegmentMotion, wrenches: Float, points: Float) -> Float:
+    """Generalised forces of root and joints, (T, 32) [N, N·m], in the order of `Motion.torques`.
+
+    The root's are forces in the world and moments about the axes of the pelvis, as MuJoCo's free joint has them.
+
+    Args:
+        body: the human.
+        segments: how its masses move.
+        wrenches: ground reaction on left and right foot, (T, 2, 6): force, and moment about `points` [N, N·m].
+        points: what those moments are about, (T, 2, 3) [m].
+    """
+    needed = effort(segments)
+    force, moment = needed.force.copy(), needed.moment.copy()
+    index = human_model(body).body_index
+    for side, name in enumerate(SIDES):
+        ground = wrenches[:, side]
+        foot = index[f"calcaneus_{name}"]
+        force[:, foot] -= ground[:, :3]
+        moment[:, foot] -= np.cross(points[:, side], ground[:, :3]) + ground[:, 3:]
+
+    carries = carried(body)
+    joint_force = np.einsum("jb,tbi->tji", carries, force)
+    joint_moment = np.einsum("jb,tbi->tji", carries, moment) - np.cross(segments.anchor, joint_force)
+
+    torques = np.empty((len(segments), DOF_COUNT))
+    pelvis = index["pelvis"]
+    total = force.sum(axis=1)
+    torques[:, :3] = total
+    about_pelvis = moment.sum(axis=1) - np.cross(segments.position[:, pelvis], total)
+    torques[:, 3:6] = np.einsum("tji,tj->ti", segments.rotation[:, pelvis], about_pelvis)
+    torques[:, 6:] = np.sum(segments.axis * joint_moment, axis=-1)
+    return torques

@@ -1,0 +1,119 @@
+"""`SegmentMotion`: how the masses of a moving human move, for the equations of motion of a whole clip at once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from flexmotion.biomechanics.differentiation import derivative, second_derivative
+from flexmotion.body import Body
+from flexmotion.human_model import HumanModel, human_model
+from flexmotion.motion import Motion
+from flexmotion.skeleton import JOINTS
+
+Float = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class SegmentMotion:
+    """Segments (B bodies of the model, the world first) and joints (J = 26, order of `JOINTS`) in the world frame.
+
+    Attributes:
+        mass: of each segment, (B,) [kg].
+        position, rotation: frame of each segment, (T, B, 3) [m] and (T, B, 3, 3).
+        com: centre of mass of each segment, (T, B, 3) [m].
+        acceleration: of those centres, (T, B, 3) [m/s²].
+        angular_momentum_rate: of each segment about its own centre of mass, (T, B, 3) [N·m].
+        anchor, axis: of each joint's hinge, (T, J, 3) [m] and unit vectors.
+    """
+
+    mass: Float
+    position: Float
+    rotation: Float
+    com: Float
+    acceleration: Float
+    angular_momentum_rate: Float
+    anchor: Float
+    axis: Float
+
+    def __len__(self) -> int:
+        return len(self.position)
+
+    @property
+    def centre(self) -> Float:
+        """Centre of mass of the whole body, (T, 3) [m]."""
+        return np.einsum("b,tbi->ti", self.mass / self.mass.sum(), self.com)
+
+
+def segment_motion(motion: Motion) -> SegmentMotion:
+    """Kinematics by MuJoCo, derivatives of segment positions and rotations by central differences.
+
+    Segments rather than joint coordinates are differentiated: three hinges near their gimbal lock turn fast while
+    the limb that they carry moves smoothly.
+    """
+    human = human_model(motion.body)
+    model, data = human.model, mujoco.MjData(human.model)
+    qpos, frames = human.qpos(motion), len(motion)
+    position, com = np.empty((frames, model.nbody, 3)), np.empty((frames, model.nbody, 3))
+    rotation = np.empty((frames, model.nbody, 9))
+    anchor, axis = np.empty((frames, model.njnt, 3)), np.empty((frames, model.njnt, 3))
+    state, xpos, xipos, xmat, xanchor, xaxis = data.qpos, data.xpos, data.xipos, data.xmat, data.xanchor, data.xaxis
+    for frame in range(frames):
+        state[:] = qpos[frame]
+        mujoco.mj_kinematics(model, data)
+        position[frame], com[frame], rotation[frame] = xpos, xipos, xmat
+        anchor[frame], axis[frame] = xanchor, xaxis
+    matrices = rotation.reshape(frames, model.nbody, 3, 3)
+    hinges = hinge_index(motion.body)
+    return SegmentMotion(
+        mass=model.body_mass.copy(),
+        position=position,
+        rotation=matrices,
+        com=com,
+        acceleration=second_derivative(com, motion.fps),
+        angular_momentum_rate=_angular_momentum_rate(human, matrices, motion.fps),
+        anchor=anchor[:, hinges],
+        axis=axis[:, hinges],
+    )
+
+
+def _angular_momentum_rate(human: HumanModel, rotation: Float, fps: float) -> Float:
+    """d/dt (R I Rᵀ ω), inertia tensors in the segments' own axes, (T, B, 3)."""
+    spin = derivative(rotation, fps) @ rotation.swapaxes(-1, -2)
+    # Half the difference to the transpose: what finite differences leave of a skew-symmetric matrix.
+    omega = np.stack(
+        [
+            spin[..., 2, 1] - spin[..., 1, 2],
+            spin[..., 0, 2] - spin[..., 2, 0],
+            spin[..., 1, 0] - spin[..., 0, 1],
+        ],
+        axis=-1,
+    ) / 2  # fmt: skip
+    local = np.einsum("tbji,tbj->tbi", rotation, omega) * human.model.body_inertia
+    return derivative(np.einsum("tbij,tbj->tbi", rotation, local), fps)
+
+
+@lru_cache(maxsize=32)
+def hinge_index(body: Body) -> NDArray[np.intp]:
+    """Index of every joint of `JOINTS` among the model's joints, (26,)."""
+    model = human_model(body).model
+    return np.array([model.joint(name).id for name in JOINTS], dtype=np.intp)
+
+
+@lru_cache(maxsize=32)
+def carried(body: Body) -> Float:
+    """Which segments each joint carries, (26, B), 1 or 0."""
+    human = human_model(body)
+    model = human.model
+    carries = np.zeros((len(JOINTS), model.nbody))
+    for row, joint in enumerate(hinge_index(body)):
+        for segment in range(model.nbody):
+            ancestor = segment
+            while ancestor and ancestor != model.jnt_bodyid[joint]:
+                ancestor = model.body_parentid[ancestor]
+            carries[row, segment] = ancestor > 0
+    return carries

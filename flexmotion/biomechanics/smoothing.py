@@ -1,0 +1,83 @@
+"""Low-pass filter for motion: rotations are filtered as quaternions, so angles near a gimbal lock do no harm.
+
+The filter is a smoothing spline (quintic, on the frames' grid), as is usual in the analysis of movement: H. J. Woltring,
+"A Fortran package for generalized, cross-validatory spline smoothing and differentiation", Adv. Eng. Software 8, 1986.
+Within a clip it is a zero-phase Butterworth low-pass of third order, 1 / (1 + (f/f_c)⁶); at the ends of a clip it
+assumes constant acceleration, where a recursive filter has to assume a continuation and gets accelerations wrong.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solveh_banded
+from scipy.spatial.transform import Rotation
+
+from flexmotion.angles import three_angle_rotation, three_angles
+from flexmotion.motion import Motion
+from flexmotion.signals import continuous_quaternions
+from flexmotion.skeleton import JOINTS, SIDES
+
+Float = NDArray[np.float64]
+
+CUTOFF = 6.0
+"""Usual for human gait (Winter, Biomechanics and Motor Control of Human Movement) [Hz]."""
+
+BALL_JOINTS: tuple[tuple[tuple[str, str, str], str], ...] = (
+    (("lumbar_extension", "lumbar_bending", "lumbar_rotation"), ""),
+    (("neck_extension", "neck_bending", "neck_rotation"), ""),
+    *((("hip_flexion", "hip_adduction", "hip_rotation"), side) for side in SIDES),
+    *((("shoulder_flexion", "shoulder_adduction", "shoulder_rotation"), side) for side in SIDES),
+)
+"""Joints of three coordinates, and their side."""
+
+
+DIFFERENCES = np.array([-1.0, 3.0, -3.0, 1.0])
+"""Third difference, whose squares the spline keeps small."""
+
+
+def smoothing_spline(signal: Float, fps: float, cutoff: float) -> Float:
+    """Signal without what is above the cut-off frequency [Hz] (there it is halved), (T, ...) -> (T, ...)."""
+    frames, order = len(signal), len(DIFFERENCES) - 1
+    if frames <= order:
+        return signal
+    # Whittaker-Henderson: minimise |x - signal|² + penalty |D x|², a banded system.
+    penalty = (2 * np.sin(np.pi * cutoff / fps)) ** (-2 * order)
+    bands = np.zeros((order + 1, frames))
+    for first in range(order + 1):
+        for second in range(first, order + 1):
+            # D'D has the product of two weights on the diagonal as far off as they are apart.
+            bands[order - (second - first), second : frames - order + second] += (
+                penalty * DIFFERENCES[first] * DIFFERENCES[second]
+            )
+    bands[order] += 1.0
+    solved: Float = solveh_banded(bands, signal.reshape(frames, -1))
+    return solved.reshape(signal.shape)
+
+
+def smooth(motion: Motion, cutoff: float = CUTOFF) -> Motion:
+    """Kinematics without what is above the cut-off frequency [Hz], free of delay; anything else in it is dropped."""
+    if cutoff >= motion.fps / 2 or len(motion) < 2:
+        return replace(motion, torques=None, wrenches=None, activations=None)
+
+    def filtered(quaternions: Float) -> Float:
+        result = smoothing_spline(continuous_quaternions(quaternions), motion.fps, cutoff)
+        normal: Float = result / np.linalg.norm(result, axis=-1, keepdims=True)
+        return normal
+
+    joints = smoothing_spline(motion.joints, motion.fps, cutoff)
+    for names, side in BALL_JOINTS:
+        columns = [JOINTS.index(f"{name}_{side}" if side else name) for name in names]
+        quaternions = three_angle_rotation(motion.joints[:, columns], names, side).as_quat()
+        joints[:, columns] = three_angles(Rotation.from_quat(filtered(quaternions)).as_matrix(), names, side)
+    return replace(
+        motion,
+        root_position=smoothing_spline(motion.root_position, motion.fps, cutoff),
+        root_quaternion=filtered(motion.root_quaternion),
+        joints=joints,
+        torques=None,
+        wrenches=None,
+        activations=None,
+    )

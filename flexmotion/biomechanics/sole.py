@@ -1,0 +1,74 @@
+"""Points of the sole where the ground may push, and how near they are to standing on it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexmotion.biomechanics.differentiation import derivative
+from flexmotion.biomechanics.segment_motion import SegmentMotion
+from flexmotion.body import Body
+from flexmotion.human_model import human_model
+from flexmotion.skeleton import SIDES
+
+Float = NDArray[np.float64]
+
+BREADTH = 0.055
+"""Of the foot, as a share of stature (Drillis & Contini 1966)."""
+
+ROWS, COLUMNS = 4, 3
+POINTS = ROWS * COLUMNS
+"""Points a foot: four from heel to toe tip, three across."""
+
+REACH = 0.05
+"""The ground pushes at no point that is higher above it than this [m]."""
+
+
+@dataclass(frozen=True)
+class SolePoints:
+    """Sole points of left and right foot, (T, 2, 12, ...), heel first.
+
+    Attributes:
+        position: on the floor right under the point, (T, 2, 12, 3) [m].
+        nearness: 1 for a point that stands on the floor, falling to 0 with height and with speed, (T, 2, 12).
+    """
+
+    position: Float
+    nearness: Float
+
+
+@dataclass(frozen=True)
+class Nearness:
+    """How fast a point's nearness falls: as a Gaussian of its height [m] and its speed [m/s].
+
+    The height is what joint centres and fitted soles are wrong by; the speed is that of a heel whose strike has been
+    low-passed. Both are soft, so that the only foot near the floor carries the load however fast it is.
+    """
+
+    height: float = 0.02
+    speed: float = 0.5
+
+
+def sole_grid(body: Body) -> Float:
+    """Sole points in the calcaneus' frame, the same for both feet, (12, 3) [m]."""
+    size = body.segments
+    along = np.linspace(-size.heel, size.foot - size.heel, ROWS)
+    across = np.linspace(-0.5, 0.5, COLUMNS) * BREADTH * body.height
+    x, y = np.meshgrid(along, across, indexing="ij")
+    return np.stack([x.ravel(), y.ravel(), np.full(POINTS, -size.ankle_height)], axis=-1)
+
+
+def sole_points(body: Body, segments: SegmentMotion, fps: float, limits: Nearness = Nearness()) -> SolePoints:
+    """Where the ground may push, over a floor at z = 0."""
+    index = human_model(body).body_index
+    feet = [index[f"calcaneus_{side}"] for side in SIDES]
+    position = segments.position[:, feet, None] + np.einsum(
+        "tsij,pj->tspi", segments.rotation[:, feet], sole_grid(body)
+    )
+    speed = np.linalg.norm(derivative(position, fps), axis=-1)
+    height = np.maximum(position[..., 2], 0.0)
+    nearness = np.exp(-((height / limits.height) ** 2) - (speed / limits.speed) ** 2) * (height < REACH)
+    position[..., 2] = 0.0
+    return SolePoints(position, nearness)
