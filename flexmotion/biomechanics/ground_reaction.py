@@ -2,12 +2,12 @@
 
 For every frame a quadratic programme over the edges of friction pyramids, λ >= 0, in units of body weight and metres:
 
-    min  |G λ - w|²  +  ridge Σ λ² / nearness  +  pivot Σ_feet |moment of the foot's force about the pivot|²
+    min  |G λ - w|²  +  ridge Σ λ² / nearness  +  pivot Σ_feet (sagittal moment of the foot's force about the pivot)²
 
 The first term asks that the forces make the motion's wrench w about the centre of mass. The second prefers points
 that lie low and still. The third settles what kinematics cannot: in double support any pair of opposed forces could
-be added. In walking each foot pushes along a line that passes not far above the centre of mass (the virtual pivot
-point: Maus et al., Nature Communications 1:70, 2010), so the feet's forces are drawn to such a point.
+be added. In walking each foot pushes along a line that, seen from the side, passes not far above the centre of mass
+(the virtual pivot point: Maus et al., Nature Communications 1:70, 2010), so the feet's forces are drawn to such a point.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from flexmotion.biomechanics.inverse_dynamics import GRAVITY, effort
 from flexmotion.biomechanics.segment_motion import SegmentMotion
 from flexmotion.biomechanics.sole import POINTS, SolePoints
+from flexmotion.vectors import unit
 
 Float = NDArray[np.float64]
 
@@ -38,14 +39,14 @@ class GroundSettings:
     Attributes:
         friction: coefficient of shoe on floor.
         pivot_height: of the virtual pivot point above the centre of mass [m].
-        pivot: weight of the feet's moments about it.
+        pivot: weight of the feet's moments about it, around the body's left axis.
         ridge: weight of the forces' squares.
         moment: weight of the whole moment against the whole force.
     """
 
     friction: float = 0.8
     pivot_height: float = 0.25
-    pivot: float = 0.01
+    pivot: float = 0.03
     ridge: float = 1e-3
     moment: float = 1.0
 
@@ -68,9 +69,16 @@ class GroundReaction:
 
 
 def ground_reaction(
-    segments: SegmentMotion, sole: SolePoints, settings: GroundSettings = GroundSettings()
+    segments: SegmentMotion, sole: SolePoints, left: Float, settings: GroundSettings = GroundSettings()
 ) -> GroundReaction:
-    """Forces of the ground on both feet that come nearest to what the motion needs."""
+    """Forces of the ground on both feet that come nearest to what the motion needs.
+
+    Args:
+        segments: how the masses move.
+        sole: where the ground may push.
+        left: the body's left axis, of which the horizontal part counts, (T, 3).
+        settings: weights.
+    """
     frames = len(segments)
     weight = float(segments.mass.sum()) * GRAVITY
     centre = segments.centre
@@ -78,27 +86,37 @@ def ground_reaction(
     arms = sole.position - centre[:, None, None]
     pyramid = np.concatenate([settings.friction * EDGES, np.ones((len(EDGES), 1))], axis=1)
 
+    lateral = unit(left * [1.0, 1.0, 0.0])
     forces = np.zeros((frames, 2, POINTS, 3))
     for frame in range(frames):
         near = sole.nearness[frame].ravel()
         used = np.flatnonzero(near > 0)
         if len(used):
-            found = _share(wanted[frame], arms[frame].reshape(-1, 3)[used], used // POINTS, near[used], pyramid, settings)
+            points = arms[frame].reshape(-1, 3)[used]
+            found = _share(wanted[frame], points, used // POINTS, near[used], lateral[frame], pyramid, settings)
             forces[frame].reshape(-1, 3)[used] = weight * found
     return _collect(forces, sole, centre, wanted * weight)
 
 
-def _share(wanted: Float, arms: Float, foot: NDArray, near: Float, pyramid: Float, settings: GroundSettings) -> Float:
+def _share(
+    wanted: Float,
+    arms: Float,
+    foot: NDArray[np.intp],
+    near: Float,
+    lateral: Float,
+    pyramid: Float,
+    settings: GroundSettings,
+) -> Float:
     """Forces at N points in one frame, (N, 3) [body weights]."""
     count, edges = len(arms), len(pyramid)
     moments = np.cross(arms[:, None], pyramid)
     whole = np.concatenate([np.tile(pyramid, (count, 1)), moments.reshape(-1, 3)], axis=1).T
     whole_weight = np.array([1.0, 1.0, 1.0, *3 * [settings.moment]])
     hessian = whole.T @ (whole_weight[:, None] * whole)
-    about_pivot = np.cross(arms[:, None] - [0.0, 0.0, settings.pivot_height], pyramid).reshape(-1, 3)
+    about_pivot = np.cross(arms[:, None] - [0.0, 0.0, settings.pivot_height], pyramid).reshape(-1, 3) @ lateral
     owner = np.repeat(foot, edges)
     same_foot = owner[:, None] == owner
-    hessian += settings.pivot * same_foot * (about_pivot @ about_pivot.T)
+    hessian += settings.pivot * same_foot * np.outer(about_pivot, about_pivot)
     hessian[np.diag_indices(len(hessian))] += settings.ridge * np.repeat(1 / np.maximum(near, NEAR), edges)
     linear = -whole.T @ (whole_weight * wanted)
     size = count * edges

@@ -1,0 +1,105 @@
+"""A trial of gait with force plates: joint centres in, measured forces and reference moments to compare with."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexmotion.importers.fit import fit
+from flexmotion.importers.landmarks import Landmarks
+from flexmotion.importers.refine import refine
+from flexmotion.importers.treadmill import belt_velocity, without_belt
+from flexmotion.motion import Motion
+
+Float = NDArray[np.float64]
+
+# x forward, y up, z right becomes x forward, y left, z up.
+TURN = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+
+POINTS = {"hip": "femur", "knee": "tibia", "ankle": "talus", "toe": "toes", "shoulder": "humerus"}
+
+# Our joint -> the reference tool's, and the sign between them.
+MOMENTS = {
+    "hip_flexion": ("hip_flexion", 1.0),
+    "hip_adduction": ("hip_adduction", 1.0),
+    "hip_rotation": ("hip_rotation", 1.0),
+    "knee_flexion": ("knee_angle", -1.0),
+    "ankle_dorsiflexion": ("ankle_angle", 1.0),
+}
+
+
+@dataclass(frozen=True)
+class GaitTrial:
+    """One trial.
+
+    Attributes:
+        motion: fitted to nothing but joint centres; the body has the measured mass.
+        times: of its frames [s].
+        valid: frames in which the reference holds, (T,) bool.
+        forces: measured on the left and right foot, (T, 2, 3) [N].
+        moments: our joint name -> the reference's moment, (T,) [N·m].
+        belt: velocity of the floor that was taken out, (2,) [m/s].
+    """
+
+    motion: Motion
+    times: Float
+    valid: NDArray[np.bool_]
+    forces: Float
+    moments: dict[str, Float]
+    belt: Float
+
+
+def default_path() -> Path:
+    """The example trial among the shared data."""
+    root = os.environ.get("FLEXMOTION_SHARED")
+    folder = Path(root) if root else Path(__file__).parents[1] / ".." / "shared"
+    return folder / "data" / "gait2354_walk.npz"
+
+
+def load_trial(path: Path, fps: float, belt: float | None = None) -> GaitTrial:
+    """Read a trial and fit a human to its joint centres.
+
+    Args:
+        path: `.npz` with `time_s`, `joint_names`, `joint_centres_m` (y up), `grf_left`, `grf_right`, `mass_kg`,
+            `inverse_dynamics` and their names, `valid_window_s`.
+        fps: frame rate to work at.
+        belt: speed of a treadmill's belt, backwards [m/s]; None estimates it from the feet.
+    """
+    content = np.load(path)
+    times, names = content["time_s"], list(content["joint_names"])
+    centres = content["joint_centres_m"] @ TURN.T
+    points = {
+        f"{point}_{side}": centres[:, names.index(f"{body}_{side}")] for point, body in POINTS.items() for side in "lr"
+    }
+    points |= {"lumbar": centres[:, names.index("torso")], "neck": centres[:, names.index("neck")]}
+    found = Landmarks(str(path), float((len(times) - 1) / (times[-1] - times[0])), points)
+    velocity = belt_velocity(found) if belt is None else np.array([-belt, 0.0])
+    found = without_belt(found, velocity).resampled(fps)
+    motion = refine(fit(found).motion, found)
+    motion = replace(motion, body=replace(motion.body, mass=float(content["mass_kg"])))
+
+    at = times[0] + np.arange(len(motion)) / fps
+    first, last = content["valid_window_s"]
+    torques, columns = content["inverse_dynamics"], list(content["inverse_dynamics_names"])
+    return GaitTrial(
+        motion=motion,
+        times=at,
+        valid=(at >= first - 1e-9) & (at <= last + 1e-9),
+        forces=np.stack(
+            [_sampled(at, times, content[f"grf_{side}"][:, :3] @ TURN.T) for side in ("left", "right")], axis=1
+        ),
+        moments={
+            f"{joint}_{side}": sign * np.interp(at, times, torques[:, columns.index(f"{name}_{side}_moment")])
+            for joint, (name, sign) in MOMENTS.items()
+            for side in "lr"
+        },
+        belt=velocity,
+    )
+
+
+def _sampled(at: Float, times: Float, signal: Float) -> Float:
+    return np.stack([np.interp(at, times, column) for column in signal.T], axis=1)

@@ -1,0 +1,75 @@
+"""`dynamics`: kinematics in; ground forces, joint torques and how well the equations of motion close out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexmotion.biomechanics.floor_drift import on_level_floor
+from flexmotion.biomechanics.ground_reaction import GroundSettings, ground_reaction
+from flexmotion.biomechanics.inverse_dynamics import GRAVITY, joint_torques
+from flexmotion.biomechanics.segment_motion import SegmentMotion, segment_motion
+from flexmotion.biomechanics.smoothing import CUTOFF, smooth
+from flexmotion.biomechanics.sole import Nearness, sole_points
+from flexmotion.human_model import human_model
+from flexmotion.motion import Motion
+
+Float = NDArray[np.float64]
+
+LOADED = 0.05
+"""A foot carries load from this share of body weight on."""
+
+
+@dataclass(frozen=True)
+class Dynamics:
+    """A motion with its dynamics.
+
+    Attributes:
+        motion: smoothed, over a level floor, with `torques`, `wrenches` (moments about `centres`) and `contacts`.
+        segments: how its masses move.
+        centres: centres of pressure of left and right foot on the floor, (T, 2, 3) [m].
+        point_forces: of the ground at the points of the soles (see `sole.sole_grid`), (T, 2, 12, 3) [N].
+        residual: force [body weights] and moment about the centre of mass [body weights x m] that no ground force
+            could explain, (T, 2): what stairs, chairs, a helper's hand or a bad recording leave.
+    """
+
+    motion: Motion
+    segments: SegmentMotion
+    centres: Float
+    point_forces: Float
+    residual: Float
+
+
+def dynamics(
+    motion: Motion,
+    cutoff: float = CUTOFF,
+    settings: GroundSettings = GroundSettings(),
+    nearness: Nearness = Nearness(),
+) -> Dynamics:
+    """Ground forces and joint torques of a clip.
+
+    Args:
+        motion: kinematics, and a body with the human's mass.
+        cutoff: of the low-pass filter [Hz].
+        settings, nearness: of the ground's programme.
+    """
+    level = on_level_floor(smooth(motion, cutoff))
+    segments = segment_motion(level)
+    sole = sole_points(level.body, segments, level.fps, nearness)
+    pelvis = human_model(level.body).body_index["pelvis"]
+    ground = ground_reaction(segments, sole, segments.rotation[:, pelvis, :, 1], settings)
+    weight = level.body.mass * GRAVITY
+    return Dynamics(
+        motion=replace(
+            level,
+            torques=joint_torques(level.body, segments, ground.wrenches, ground.centres),
+            wrenches=ground.wrenches,
+            contacts=ground.wrenches[..., 2] > LOADED * weight,
+        ),
+        segments=segments,
+        centres=ground.centres,
+        point_forces=ground.point_forces,
+        residual=np.linalg.norm(ground.residual.reshape(-1, 2, 3), axis=-1) / weight,
+    )

@@ -1,0 +1,42 @@
+"""A recorded floor that is not level: its slow drift under the feet, taken out of the motion."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexmotion.floor import clip_floor
+from flexmotion.kinematics import forward
+from flexmotion.motion import Motion
+from flexmotion.signals import fill
+
+Float = NDArray[np.float64]
+
+STILL = 0.25
+"""A point of the sole slower than this stands [m/s]."""
+
+DRIFT = 0.04
+"""Further from the clip's floor than this a standing foot stands on something: a stair, a chair [m]."""
+
+WIDTH_S = 1.0
+"""Width of the Gaussian average over time [s]."""
+
+
+def on_level_floor(motion: Motion) -> Motion:
+    """The same motion with its floor at z = 0 wherever it stands on it."""
+    human = forward(motion)
+    floor = clip_floor(human, motion.fps)
+    points = np.concatenate([human.heel, human.toe], axis=1)
+    if len(motion) < 3:
+        return replace(motion, root_position=motion.root_position - [0.0, 0.0, floor])
+    speed = np.linalg.norm(np.gradient(points, axis=0), axis=-1) * motion.fps
+    height = points[..., 2] - floor
+    standing = ((speed < STILL) & (np.abs(height) < DRIFT)).astype(np.float64)
+    count = standing.sum(axis=1)
+    mean = (standing * height).sum(axis=1) / np.maximum(count, 1.0)
+    drift = fill(mean[:, None], count, WIDTH_S * motion.fps)[:, 0] if count.any() else np.zeros(len(motion))
+    lowered = motion.root_position.copy()
+    lowered[:, 2] -= floor + drift
+    return replace(motion, root_position=lowered)
