@@ -44,14 +44,12 @@ def _sign(joint: str, side: str) -> float:
 
 def _euler_yxz(rotation: Float) -> Float:
     """Angles (a, b, c) with R = Ry(a) Rx(b) Rz(c) and |b| <= π/2, (T, 3, 3) -> (T, 3)."""
-    return np.stack(
-        [
-            np.arctan2(rotation[:, 0, 2], rotation[:, 2, 2]),
-            np.arcsin(np.clip(-rotation[:, 1, 2], -1.0, 1.0)),
-            np.arctan2(rotation[:, 1, 0], rotation[:, 1, 1]),
-        ],
-        axis=1,
-    )
+    first = np.arctan2(rotation[:, 0, 2], rotation[:, 2, 2])
+    # The last angle given the first: near the gimbal lock each alone is noise, together they are the rotation.
+    cosine, sine = np.cos(first), np.sin(first)
+    row = cosine[:, None] * rotation[:, 0] - sine[:, None] * rotation[:, 2]
+    second = np.arctan2(-rotation[:, 1, 2], sine * rotation[:, 0, 2] + cosine * rotation[:, 2, 2])
+    return np.stack([first, second, np.arctan2(-row[:, 1], row[:, 0])], axis=1)
 
 
 def _least_motion(first: Float, other: Float) -> Float:

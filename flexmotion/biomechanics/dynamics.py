@@ -8,11 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexmotion.biomechanics.floor_drift import on_level_floor
-from flexmotion.biomechanics.ground_reaction import GroundSettings, ground_reaction
+from flexmotion.biomechanics.ground_reaction import GROUND, GroundSettings, ground_reaction
 from flexmotion.biomechanics.inverse_dynamics import GRAVITY, joint_torques
+from flexmotion.biomechanics.residual_reduction import shifted
 from flexmotion.biomechanics.segment_motion import SegmentMotion, segment_motion
 from flexmotion.biomechanics.smoothing import CUTOFF, smooth
-from flexmotion.biomechanics.sole import Nearness, sole_points
+from flexmotion.biomechanics.sole import NEARNESS, Nearness, sole_points
 from flexmotion.human_model import human_model
 from flexmotion.motion import Motion
 
@@ -45,8 +46,9 @@ class Dynamics:
 def dynamics(
     motion: Motion,
     cutoff: float = CUTOFF,
-    settings: GroundSettings = GroundSettings(),
-    nearness: Nearness = Nearness(),
+    settings: GroundSettings = GROUND,
+    nearness: Nearness = NEARNESS,
+    reductions: int = 2,
 ) -> Dynamics:
     """Ground forces and joint torques of a clip.
 
@@ -54,12 +56,16 @@ def dynamics(
         motion: kinematics, and a body with the human's mass.
         cutoff: of the low-pass filter [Hz].
         settings, nearness: of the ground's programme.
+        reductions: how often the path gives way to the residual force.
     """
     level = on_level_floor(smooth(motion, cutoff))
-    segments = segment_motion(level)
-    sole = sole_points(level.body, segments, level.fps, nearness)
     pelvis = human_model(level.body).body_index["pelvis"]
-    ground = ground_reaction(segments, sole, segments.rotation[:, pelvis, :, 1], settings)
+    for attempt in range(1 + reductions):
+        segments = segment_motion(level)
+        sole = sole_points(level.body, segments, level.fps, nearness)
+        ground = ground_reaction(segments, sole, segments.rotation[:, pelvis, :, 1], settings)
+        if attempt < reductions:
+            level = shifted(level, ground.residual[:, :3])
     weight = level.body.mass * GRAVITY
     return Dynamics(
         motion=replace(

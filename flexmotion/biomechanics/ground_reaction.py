@@ -7,7 +7,7 @@ For every frame a quadratic programme over the edges of friction pyramids, λ >=
 The first term asks that the forces make the motion's wrench w about the centre of mass. The second prefers points
 that lie low and still. The third settles what kinematics cannot: in double support any pair of opposed forces could
 be added. In walking each foot pushes along a line that, seen from the side, passes not far above the centre of mass
-(the virtual pivot point: Maus et al., Nature Communications 1:70, 2010), so the feet's forces are drawn to such a point.
+(the virtual pivot point: Maus et al., Nature Communications 1:70, 2010), so the feet's forces are drawn to one.
 """
 
 from __future__ import annotations
@@ -51,6 +51,9 @@ class GroundSettings:
     moment: float = 1.0
 
 
+GROUND = GroundSettings()
+
+
 @dataclass(frozen=True)
 class GroundReaction:
     """What the ground does to left and right foot.
@@ -69,7 +72,7 @@ class GroundReaction:
 
 
 def ground_reaction(
-    segments: SegmentMotion, sole: SolePoints, left: Float, settings: GroundSettings = GroundSettings()
+    segments: SegmentMotion, sole: SolePoints, left: Float, settings: GroundSettings = GROUND
 ) -> GroundReaction:
     """Forces of the ground on both feet that come nearest to what the motion needs.
 

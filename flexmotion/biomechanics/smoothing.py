@@ -1,6 +1,6 @@
 """Low-pass filter for motion: rotations are filtered as quaternions, so angles near a gimbal lock do no harm.
 
-The filter is a smoothing spline (quintic, on the frames' grid), as is usual in the analysis of movement: H. J. Woltring,
+The filter is a smoothing spline (quintic, on the frames' grid), usual in the analysis of movement: H. J. Woltring,
 "A Fortran package for generalized, cross-validatory spline smoothing and differentiation", Adv. Eng. Software 8, 1986.
 Within a clip it is a zero-phase Butterworth low-pass of third order, 1 / (1 + (f/f_c)⁶); at the ends of a clip it
 assumes constant acceleration, where a recursive filter has to assume a continuation and gets accelerations wrong.

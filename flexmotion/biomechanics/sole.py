@@ -51,6 +51,9 @@ class Nearness:
     speed: float = 0.5
 
 
+NEARNESS = Nearness()
+
+
 def sole_grid(body: Body) -> Float:
     """Sole points in the calcaneus' frame, the same for both feet, (12, 3) [m]."""
     size = body.segments
@@ -60,7 +63,7 @@ def sole_grid(body: Body) -> Float:
     return np.stack([x.ravel(), y.ravel(), np.full(POINTS, -size.ankle_height)], axis=-1)
 
 
-def sole_points(body: Body, segments: SegmentMotion, fps: float, limits: Nearness = Nearness()) -> SolePoints:
+def sole_points(body: Body, segments: SegmentMotion, fps: float, limits: Nearness = NEARNESS) -> SolePoints:
     """Where the ground may push, over a floor at z = 0."""
     index = human_model(body).body_index
     feet = [index[f"calcaneus_{side}"] for side in SIDES]

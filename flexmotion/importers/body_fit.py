@@ -53,9 +53,7 @@ def fit_body(found: Landmarks, pelvis: Float, flat: tuple[FlatFoot, FlatFoot], m
     hips = (points["hip_l"] + points["hip_r"]) / 2
     neck = np.linalg.norm(points["neck"] - hips - pelvis @ lumbar, axis=-1)
     if found.has_arms:
-        usual = replace(
-            usual, upper_arm=_bone(points, "shoulder", "elbow"), forearm=_bone(points, "elbow", "wrist")
-        )
+        usual = replace(usual, upper_arm=_bone(points, "shoulder", "elbow"), forearm=_bone(points, "elbow", "wrist"))
     segments = replace(
         usual,
         hip_width=_distance(points["hip_l"], points["hip_r"]),

@@ -1,0 +1,109 @@
+"""Ground forces, residuals and their limits."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flexmotion.biomechanics.dynamics import dynamics
+from flexmotion.biomechanics.floor_drift import on_level_floor
+from flexmotion.biomechanics.ground_reaction import ground_reaction
+from flexmotion.biomechanics.inverse_dynamics import GRAVITY
+from flexmotion.biomechanics.segment_motion import segment_motion
+from flexmotion.biomechanics.sole import sole_points
+from flexmotion.body import Body
+from flexmotion.importers import load
+from flexmotion.kinematics import forward
+from flexmotion.motion import Motion
+
+
+def test_standing_shares_the_weight_evenly(make_standing) -> None:
+    found = dynamics(make_standing(frames=30))
+    assert found.motion.wrenches is not None and found.motion.contacts is not None
+    weight = found.motion.body.mass * GRAVITY
+    assert found.motion.wrenches[:, :, 2] == pytest.approx(np.full((30, 2), weight / 2), rel=0.02)
+    assert found.residual.max() < 0.01
+    assert found.motion.contacts.all()
+
+
+def test_flight_needs_no_ground(make_standing) -> None:
+    motion = make_standing(frames=12)
+    times = np.arange(12) / 30
+    path = motion.root_position.copy()
+    path[:, 2] += 0.3 + 2.0 * times - 0.5 * GRAVITY * times**2
+    # Without the step that brings the clip's lowest stance to the floor there is no floor to push from.
+    flying = replace(motion, root_position=path)
+    segments = segment_motion(flying)
+    ground = ground_reaction(segments, sole_points(flying.body, segments, 30.0), np.tile([0.0, 1.0, 0.0], (12, 1)))
+    assert np.abs(ground.wrenches).max() == 0.0
+    assert np.abs(ground.residual).max() < 1.0
+
+
+def test_hovering_is_reported_not_hidden(make_standing) -> None:
+    motion = make_standing(frames=12)
+    hovering = replace(motion, root_position=motion.root_position + [0.0, 0.0, 0.3])
+    segments = segment_motion(hovering)
+    ground = ground_reaction(segments, sole_points(hovering.body, segments, 30.0), np.tile([0.0, 1.0, 0.0], (12, 1)))
+    weight = motion.body.mass * GRAVITY
+    assert ground.residual[:, 2] == pytest.approx(np.full(12, weight), rel=1e-6)
+
+
+def test_friction_and_floor_bound_every_force(clip: Motion) -> None:
+    found = dynamics(clip)
+    force = found.point_forces
+    assert (force[..., 2] >= -1e-6).all()
+    assert (np.abs(force[..., :2]).sum(axis=-1) <= 0.8 * force[..., 2] + 1e-6).all()
+    assert found.motion.torques is not None
+    weight = clip.body.mass * GRAVITY
+    # The root's rows are the residual that is reported.
+    root = np.linalg.norm(found.motion.torques[:, :3], axis=-1) / weight
+    assert root == pytest.approx(found.residual[:, 0], abs=1e-9)
+
+
+def test_forces_scale_with_mass(clip: Motion) -> None:
+    light = dynamics(replace(clip, body=replace(clip.body, mass=50.0)))
+    heavy = dynamics(replace(clip, body=replace(clip.body, mass=100.0)))
+    assert light.motion.wrenches is not None and heavy.motion.wrenches is not None
+    assert 2 * light.motion.wrenches[..., :3] == pytest.approx(heavy.motion.wrenches[..., :3], abs=1.0)
+
+
+def test_drifting_floor_is_levelled(clip: Motion) -> None:
+    drift = 0.03 * np.sin(np.linspace(0, 2 * np.pi, len(clip)))
+    drifting = replace(clip, root_position=clip.root_position + np.outer(drift, [0.0, 0.0, 1.0]))
+    before, after = forward(on_level_floor(clip)), forward(on_level_floor(drifting))
+    assert np.abs(before.heel[..., 2] - after.heel[..., 2]).max() < 0.02
+
+
+def test_body_of_another_sex_has_other_inertia(clip: Motion) -> None:
+    man, woman = (dynamics(replace(clip, body=Body(sex=sex))) for sex in ("male", "female"))
+    assert man.motion.torques is not None and woman.motion.torques is not None
+    assert not np.allclose(man.motion.torques, woman.motion.torques)
+
+
+def test_recorded_walk_closes(shared_clips) -> None:
+    (path,) = shared_clips("bandai", "dataset-1_walk_active_001")
+    found = dynamics(load(path))
+    assert np.median(found.residual[:, 0]) < 0.02
+    assert np.median(found.residual[:, 1]) < 0.02
+
+
+def test_force_plates(shared_data: Path) -> None:
+    import importlib.util
+    import sys
+
+    folder = Path(__file__).parents[3] / "benchmarks"
+    sys.path.insert(0, str(folder))
+    try:
+        spec = importlib.util.spec_from_file_location("biomech_gait", folder / "biomech_gait.py")
+        assert spec and spec.loader
+        benchmark = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(benchmark)
+        trial = benchmark.load_trial(shared_data / "gait2354_walk.npz", 30.0)
+        found = dynamics(trial.motion)
+        assert (benchmark.force_error(trial, found) <= [2.5, 2.5, 4.5]).all()
+        assert benchmark.report_moments(trial, found)
+    finally:
+        sys.path.remove(str(folder))
