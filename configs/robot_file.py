@@ -157,6 +157,7 @@ class Gait(Strict):
         max_foot_yaw, max_toe_in: greatest turn of a foot against the stance foot, outward and inward [rad].
         swing_min_s, double_support_min_s: shortest swing and double support [s].
         swing_max_foot_speed: foothold travel over swing time [m/s].
+        swing_max_foot_acceleration: peak along the swing; what it asks of the knee's rotor is torque [m/s²].
         clearance: height of the swing foot in mid-swing [m].
         zmp_margin: how far the ZMP may leave the middle of a sole, x and y [m].
     """
@@ -172,6 +173,7 @@ class Gait(Strict):
     swing_min_s: float = Field(gt=0)
     double_support_min_s: float = Field(ge=0)
     swing_max_foot_speed: float = Field(gt=0)
+    swing_max_foot_acceleration: float = Field(gt=0)
     clearance: float = Field(gt=0)
     zmp_margin: tuple[Annotated[float, Field(ge=0)], Annotated[float, Field(ge=0)]]
 

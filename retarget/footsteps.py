@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from configs.robot import Gait
 from retarget.human import HumanWindow, Swing
+from retarget.swing import PEAK_ACCELERATION
 
 Float = NDArray[np.float64]
 
@@ -28,6 +29,8 @@ _INSERT_DISTANCE = 0.045
 """Feet further from where they belong (robot scale) are set right by an inserted step."""
 _INSERT_SWING_S = 0.40
 _UNKNOWN_SWING_S = 0.42
+_LATER_S = 0.06
+"""How much later than the human's foot the robot's may land."""
 NOTICE_S = 0.25
 """A step is settled this long before its foot lifts, and none is begun on shorter notice: the weight must be moved."""
 _NOTICE_AT_REST_S = 0.45
@@ -142,11 +145,27 @@ class FootstepPlanner:
             ]
         )
 
-    def swing_ticks(self, start: Float, target: Float) -> int:
-        """Shortest swing between two poses within the foot's speed, in ticks."""
-        distance = float(np.hypot(*(target - start)[:2]))
-        seconds = max(self.gait.swing_min_s, distance / self.gait.swing_max_foot_speed)
-        return int(np.ceil(seconds * self.rate))
+    def within_reach(self, start: Float, target: Float, stance: Float, seconds: float) -> Float:
+        """A target that the foot can get to in time: brought back along the stride, not across it.
+
+        Args:
+            start, target: poses of the swing foot, (4,); stance: pose of the other foot, (4,).
+            seconds: duration of the swing [s].
+        """
+        gait = self.gait
+        reach = min(
+            gait.swing_max_foot_speed * seconds, gait.swing_max_foot_acceleration * seconds**2 / PEAK_ACCELERATION
+        )
+        travel = target[:2] - start[:2]
+        if np.hypot(*travel) <= reach:
+            return target
+        yaw = 0.5 * (stance[3] + target[3])
+        along = np.array([np.cos(yaw), np.sin(yaw)])
+        across = travel - (travel @ along) * along
+        left = np.sqrt(max(reach**2 - across @ across, 0.0))
+        bounded = target.copy()
+        bounded[:2] = start[:2] + across + np.clip(travel @ along, -left, left) * along
+        return bounded
 
     def plan(
         self,
@@ -208,10 +227,14 @@ class FootstepPlanner:
                 free = max(free, steps[-1].land + pause)
                 lift = max(lift, free)
             land_s = swing.land_s
-            target = self.target(window, scaling, swing.side, swing.lift_s, land_s, feet[1 - swing.side])
-            shortest = self.swing_ticks(feet[swing.side], target)
             land = tick(land_s) if swing.landed else max(end, tick(swing.lift_s + _UNKNOWN_SWING_S))
-            land = max(land, lift + shortest)
+            # A longer swing is a farther one: take of the human's double support what the robot's does not need.
+            latest = min((tick(s.lift_s) for s in window.swings if s.lift_s > land_s), default=land) - pause
+            land = max(land, min(latest, land + int(round(_LATER_S * self.rate))))
+            land = max(land, lift + int(np.ceil(gait.swing_min_s * self.rate)))
+            stance = feet[1 - swing.side]
+            target = self.target(window, scaling, swing.side, swing.lift_s, land_s, stance)
+            target = self.within_reach(feet[swing.side], target, stance, (land - lift) / self.rate)
             step = Step(swing.side, lift, land, feet[swing.side].copy(), target, land_s, dropped)
             dropped = 0
             steps.append(step)

@@ -11,6 +11,8 @@ Float = NDArray[np.float64]
 
 _CUBIC_SHARE = 0.7
 """A cubic keeps the top speed low, a minimum-jerk profile lands softly; this mix saturated the knees least."""
+PEAK_ACCELERATION = _CUBIC_SHARE * 6.0 + (1.0 - _CUBIC_SHARE) * 10.0 / np.sqrt(3.0)
+"""Greatest acceleration along the path, times duration squared over distance (upper bound of the mix)."""
 
 
 def swing_path(phase: Float, start: Float, target: Float, clearance: float) -> Float:

@@ -13,6 +13,7 @@ from retarget.plan import Plan
 from retarget.retargeter import Retargeter
 from streamer.estimator import Estimator
 from streamer.ladder import Inputs, Ladder, Playback, State
+from streamer.load_estimator import LoadEstimator
 from streamer.posture_move import PostureMove
 from streamer.record import Event, RunRecord
 from streamer.reference import Reference
@@ -48,6 +49,7 @@ class ControlLoop:
         self.now, self.ahead = Reference(robot.n), Reference(robot.n)
         self.estimator = Estimator(robot, retargeter.omega)
         self.stabiliser = Stabiliser(robot, enabled=feedback)
+        self.load = LoadEstimator(robot)
         self.servo = ServoCommand(robot, driver.delay_s)
         self.move = PostureMove(robot, retargeter.body.dynamics)
         self.stand_pose = retargeter.layout.get(retargeter.standing(), "q")[0].copy()
@@ -160,7 +162,8 @@ class ControlLoop:
             self.move.step(self.now)
             self.ahead.copy(self.now)
         self.stabiliser.update(self.estimator, self.now)
-        torque = self.ahead.torque + self.stabiliser.torque
+        self.load.update(self.now.q, self.state.position, self.now.torque)
+        torque = self.load.factor * self.ahead.torque + self.stabiliser.torque
         goal = self.servo.update(self.ahead.q, self.ahead.qd, torque, self.state)
         self.command.position[:] = goal
         self.record.repairs["position"] += self.servo.position_clamps

@@ -15,9 +15,11 @@ from drivers.interface import RobotState
 
 Float = NDArray[np.float64]
 
-PEAK_SHARE = 0.9
-"""Share of the stall torque that a goal may imply while the servo brakes; the rest covers what the joint does before
-the goal arrives."""
+BRAKING_SHARE = 0.8
+"""Share of the stall torque that a goal may imply while the servo brakes."""
+BRAKING_SPEED = 0.3
+"""Joint speed from which it counts as braking in full [rad/s]. A joint near standstill gets the usable torque: one
+that a foot's impact throws either way within a tick must not find itself past its envelope."""
 
 
 class ServoCommand:
@@ -32,24 +34,35 @@ class ServoCommand:
         self.robot, self.delay = robot, delay_s
         self.goal = np.zeros(robot.n)
         self.position_clamps = self.torque_clamps = 0
+        self._velocity = np.zeros(robot.n)
 
     def update(self, q: Float, qd: Float, torque: Float, measured: RobotState) -> Float:
         """Goals for a reference (n,) each, given the measured joints; returns `goal`."""
         robot = self.robot
         supply = np.where(np.isfinite(measured.voltage), measured.voltage / robot.nominal_voltage, 1.0)
         kp = robot.kp * supply
-        np.copyto(self.goal, q + (torque + robot.back_emf * qd) / kp)
-        ahead = measured.position + self.delay * measured.velocity
-        braking = robot.back_emf * measured.velocity
-        implied = kp * (self.goal - ahead) - braking
-        limit = PEAK_SHARE * robot.stall_torque * supply
-        motoring = np.minimum(robot.usable_torque * supply, limit)
-        upper = np.where(measured.velocity > 0, motoring, limit)
-        lower = np.where(measured.velocity < 0, -motoring, -limit)
-        bounded = np.clip(implied, lower, upper)
-        self.torque_clamps = int(np.count_nonzero(np.abs(bounded - implied) > 1e-6))
-        self.goal += (bounded - implied) / kp
-        inside = np.clip(self.goal, robot.lower, robot.upper)
-        self.position_clamps = int(np.count_nonzero(inside != self.goal))
-        self.goal[:] = inside
+        goal = q + (torque + robot.back_emf * qd) / kp
+        # The measurement is a while old and the goal takes a while to arrive: it must be right for the joint as it
+        # was measured and as it will be if its speed goes on changing as it did.
+        now, change = measured.velocity, measured.velocity - self._velocity
+        lowest, highest = self._envelope(measured.position, now, kp, supply)
+        later = now + change
+        lowest_later, highest_later = self._envelope(measured.position + self.delay * (now + later), later, kp, supply)
+        lowest, highest = np.maximum(lowest, lowest_later), np.minimum(highest, highest_later)
+        bounded = np.maximum(np.minimum(goal, highest), lowest)
+        np.copyto(self._velocity, measured.velocity)
+        self.torque_clamps = int(np.count_nonzero(bounded != goal))
+        np.copyto(self.goal, np.minimum(np.maximum(bounded, robot.lower), robot.upper))
+        self.position_clamps = int(np.count_nonzero(self.goal != bounded))
         return self.goal
+
+    def _envelope(self, position: Float, velocity: Float, kp: Float, supply: Float) -> tuple[Float, Float]:
+        """Lowest and highest goal [rad] whose torque a servo may make at this position and velocity, (n,) each."""
+        robot = self.robot
+        usable = robot.usable_torque * supply
+        more = np.maximum(BRAKING_SHARE * robot.stall_torque * supply - usable, 0.0)
+        braking = velocity / BRAKING_SPEED
+        upper = usable + more * np.minimum(np.maximum(-braking, 0.0), 1.0)
+        lower = -usable - more * np.minimum(np.maximum(braking, 0.0), 1.0)
+        drag = robot.back_emf * velocity
+        return position + (lower + drag) / kp, position + (upper + drag) / kp
