@@ -90,7 +90,7 @@ def fit(found: Landmarks) -> Fit:
         body=replace(body, fitted=size),
         source=found.path,
     )
-    return Fit(motion, _errors(found, forward(motion)))
+    return Fit(motion, fit_errors(found, forward(motion)))
 
 
 def _with_shoulders(size: Segments, found: Landmarks, lumbar: Float, torso: Float, tilt: float) -> Segments:
@@ -183,7 +183,8 @@ def _store(
     angles.update({f"{joint}_{side}" if side else joint: values[:, i] for i, joint in enumerate(joints)})
 
 
-def _errors(found: Landmarks, human: HumanKinematics) -> dict[str, FitError]:
+def fit_errors(found: Landmarks, human: HumanKinematics) -> dict[str, FitError]:
+    """Distances of a fitted human to the points of its file."""
     pairs = {
         name: np.stack([found.points[f"{name}_l"], found.points[f"{name}_r"]], axis=1) - getattr(human, name)
         for name in (("ankle", "wrist") if found.has_arms else ("ankle",))

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from configs.errors import MotionFormatError
 from flexmotion.importers.capture import Capture
-from flexmotion.importers.mapping import SkeletonMapping, Units, Up
+from flexmotion.importers.mapping import SkeletonMapping, Units, Up, markers
 from flexmotion.importers.zero_pose import zero_pose_orientations
 from flexmotion.signals import resample_rotations, resample_signal
 
@@ -107,8 +107,8 @@ def landmarks(
     Raises:
         MotionFormatError: units or upward axis make no human of it, or nothing but a T pose is in it.
     """
-    columns = dict(zip(mapping.joints, capture.select(list(mapping.joints.values())), strict=True))
-    raw = {point: capture.positions[:, column] for point, column in columns.items()}
+    columns = {point: capture.select(markers(joint)) for point, joint in mapping.joints.items()}
+    raw = {point: capture.positions[:, column].mean(axis=1) for point, column in columns.items()}
     up = up or mapping.up or _guess_up(raw)
     scale = METRES[units or mapping.units or _guess_units(raw, capture.path)]
     turn = TO_Z_UP[up]
@@ -124,7 +124,7 @@ def landmarks(
         for segment, (joint, axes) in aligned.items():
             orientations[segment] = turn @ capture.rotations[:, capture.names.index(joint)] @ axes
         for point in ("hip_l", "hip_r", "shoulder_l", "shoulder_r"):
-            attached[point] = turn @ capture.rotations[:, columns[point]]
+            attached[point] = turn @ capture.rotations[:, columns[point][0]]
     found = Landmarks(capture.path, capture.fps, points, orientations, attached)[_zero_frames(capture) :]
     return found[_settled(found) :]
 

@@ -2,19 +2,27 @@
 
 from __future__ import annotations
 
+import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from configs.errors import MotionFormatError
 from flexmotion.floor import clip_floor
+from flexmotion.importers.acclaim import read_acclaim
 from flexmotion.importers.bvh import read_bvh
 from flexmotion.importers.capture import Capture
-from flexmotion.importers.fit import FitError, fit
+from flexmotion.importers.fit import FitError, fit, fit_errors
 from flexmotion.importers.landmarks import landmarks
 from flexmotion.importers.mapping import Units, Up, find_mapping
+from flexmotion.importers.packed import is_packed, read_packed
+from flexmotion.importers.refine import refine
+from flexmotion.importers.smpl import is_amass, read_amass, read_joints22
+from flexmotion.importers.trc import read_trc
 from flexmotion.kinematics import forward, heading
 from flexmotion.motion import Motion
 from flexmotion.motion_file import load_motion
@@ -24,8 +32,14 @@ from flexmotion.signals import continuous_quaternions
 FPS = 30.0
 """Frame rate that clips are brought to unless asked otherwise."""
 
-READERS: dict[str, Callable[[Path], Capture]] = {".bvh": read_bvh}
-OWN = ".npz"
+READERS: dict[str, Callable[[Path], Capture]] = {
+    ".bvh": read_bvh,
+    ".amc": read_acclaim,
+    ".npy": read_joints22,
+    ".trc": read_trc,
+}
+ARCHIVE = ".npz"
+"""Our own motions, AMASS sequences and packed clips are told apart by what is in them."""
 
 
 @dataclass(frozen=True)
@@ -50,9 +64,10 @@ def load(
     units: Units | None = None,
     up: Up | None = None,
     fps: float | None = FPS,
+    clip: str | None = None,
 ) -> Motion:
     """The motion in a file; see `read`."""
-    return read(path, mapping=mapping, units=units, up=up, fps=fps).motion
+    return read(path, mapping=mapping, units=units, up=up, fps=fps, clip=clip).motion
 
 
 def read(
@@ -62,14 +77,17 @@ def read(
     units: Units | None = None,
     up: Up | None = None,
     fps: float | None = FPS,
+    clip: str | None = None,
 ) -> Import:
     """The motion in a file and how well it was fitted.
 
     Args:
-        path: `.bvh`, or `.npz` as `motion_file.save_motion` writes it.
+        path: `.bvh`; `.amc` with its `.asf`; `.npy` with positions of 22 joints (HumanML3D); `.trc`; `.npz` of our
+            own (`motion_file.save_motion`), of AMASS, or with packed clips of 22 joints.
         mapping: name of a shipped skeleton mapping or path of one; None finds one by the joints' names.
         units, up: of the file; None takes the mapping's or guesses.
         fps: frame rate of the result; None keeps the file's.
+        clip: which one of a packed file.
 
     Raises:
         MotionFormatError: the file is missing, of an unknown kind, broken, or holds no whole human.
@@ -77,18 +95,52 @@ def read(
     """
     path = Path(path)
     suffix = path.suffix.lower()
-    if suffix not in READERS and suffix != OWN:
-        raise MotionFormatError(f"{path}: unknown kind of motion file, expected {', '.join([*READERS, OWN])}")
-    if suffix == OWN:
-        motion = load_motion(path)
-        return Import(motion if fps is None else resample(motion, fps))
-    capture = READERS[suffix](path)
+    if suffix in READERS:
+        capture = READERS[suffix](path)
+    elif suffix == ARCHIVE:
+        content = _archive(path)
+        if is_amass(content):
+            capture = read_amass(str(path), content)
+        elif is_packed(content):
+            capture = read_packed(str(path), content, clip)
+        else:
+            motion = load_motion(path)
+            return Import(motion if fps is None else resample(motion, fps))
+    else:
+        raise MotionFormatError(f"{path}: unknown kind of motion file, expected {', '.join([*READERS, ARCHIVE])}")
+    return fit_capture(capture, mapping=mapping, units=units, up=up, fps=fps)
+
+
+def fit_capture(
+    capture: Capture,
+    *,
+    mapping: str | Path | None = None,
+    units: Units | None = None,
+    up: Up | None = None,
+    fps: float | None = FPS,
+) -> Import:
+    """A capture as a human's motion; see `read`."""
     chosen = find_mapping(capture.names, capture.path, mapping)
     found = landmarks(capture, chosen, units=units, up=up)
     if fps is not None:
         found = found.resampled(fps)
     fitted = fit(found)
-    return Import(on_floor(from_origin(fitted.motion)), chosen.name, fitted.errors)
+    motion = fitted.motion
+    errors = fitted.errors
+    if capture.rotations is None:
+        motion = refine(motion, found)
+        errors = fit_errors(found, forward(motion))
+    return Import(on_floor(from_origin(motion)), chosen.name, errors)
+
+
+def _archive(path: Path) -> dict[str, NDArray]:
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            return {name: archive[name] for name in archive.files}
+    except OSError as error:
+        raise MotionFormatError(f"{path}: cannot be read ({error.strerror or error})") from error
+    except (ValueError, EOFError, zipfile.BadZipFile) as error:
+        raise MotionFormatError(f"{path}: not a NumPy archive, or a damaged one") from error
 
 
 def from_origin(motion: Motion) -> Motion:

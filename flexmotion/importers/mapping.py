@@ -60,7 +60,10 @@ class Orientation(Strict):
 
 
 class SkeletonMapping(Strict):
-    """A named mapping; `up` and `units` are guessed from the motion where they are left out."""
+    """A named mapping; a joint is a name, or the middle of several, `A + B`.
+
+    `up` and `units` are guessed from the motion where they are left out.
+    """
 
     name: str
     up: Up | None = None
@@ -89,8 +92,14 @@ class SkeletonMapping(Strict):
 
     def missing(self, names: Iterable[str]) -> list[str]:
         """Joints of this mapping that a skeleton with these names lacks."""
-        used = {*self.joints.values(), *(item.joint for item in self.orientations.values())}
+        used = {name for joint in self.joints.values() for name in markers(joint)}
+        used |= {item.joint for item in self.orientations.values()}
         return sorted(used - set(names))
+
+
+def markers(joint: str) -> list[str]:
+    """Points whose middle a joint is: `LKneeLateral + LKneeMedial` are two, a joint's own name is one."""
+    return [name.strip() for name in joint.split(" + ")]
 
 
 def shipped_mappings() -> dict[str, SkeletonMapping]:

@@ -62,7 +62,7 @@ def test_a_mapping_that_does_not_fit():
 
 
 def test_unknown_mapping():
-    with pytest.raises(ConfigError, match="'vicon': expected bandai, cmu or the path of a YAML file"):
+    with pytest.raises(ConfigError, match="'vicon': expected acclaim, bandai, cmu, smpl22 or the path of a YAML file"):
         find_mapping(tuple(MIXAMO.split()), "clip.bvh", "vicon")
 
 
