@@ -23,7 +23,7 @@ from retarget.legs import SIDE_NAMES
 
 Float = NDArray[np.float64]
 
-_FIRST_ITERATIONS, _ITERATIONS = 10, 2
+_FIRST_ITERATIONS, _ITERATIONS = 10, 1
 """Steps for the frame where the motion joins, and for those after it, which start from their neighbour."""
 _DAMPING = 0.12
 """Damping over arm length; keeps joint steps bounded where the arm is stretched."""

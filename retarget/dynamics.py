@@ -29,9 +29,7 @@ class RobotDynamics:
         self.model.opt.disableflags |= int(disable.mjDSBL_CONSTRAINT)
         self.data = mujoco.MjData(self.model)
         self.torso = robot.torso_id
-        self.leg_joints = [
-            np.array([self.model.joint(robot.joint_names[i]).id for i in leg.indices]) for leg in legs
-        ]
+        self.leg_joints = np.array([[self.model.joint(robot.joint_names[i]).id for i in leg.indices] for leg in legs])
         self.leg_columns = [leg.indices for leg in legs]
         self.half_sizes = robot.sole_half_size
         self.mass = float(self.model.body_subtreemass[self.torso])
@@ -43,11 +41,14 @@ class RobotDynamics:
         rows = np.empty((len(q), model.nq))
         rows[:, :7] = base
         rows[:, self.robot.qpos_address] = q
+        # Views, looked up once: an attribute of MjData costs as much as the kinematics of this robot.
+        qpos, centre = data.qpos, data.subtree_com[self.torso]
+        kinematics, centres = mujoco.mj_kinematics, mujoco.mj_comPos
         for k, row in enumerate(rows):
-            data.qpos[:] = row
-            mujoco.mj_kinematics(model, data)
-            mujoco.mj_comPos(model, data)
-            com[k] = data.subtree_com[self.torso]
+            qpos[:] = row
+            kinematics(model, data)
+            centres(model, data)
+            com[k] = centre
         return com
 
     def inverse(
@@ -72,13 +73,14 @@ class RobotDynamics:
         qvel[:, :6], qvel[:, robot.dof_address] = base_velocity, qd
         qacc[:, :6], qacc[:, robot.dof_address] = base_acceleration, qdd
         force = np.empty((rows, model.nv))
-        axes, anchors = np.empty((rows, 2, 6, 3)), np.empty((rows, 2, 6, 3))
+        all_axes, all_anchors = np.empty((rows, model.njnt, 3)), np.empty((rows, model.njnt, 3))
+        position, velocity, acceleration, needed = data.qpos, data.qvel, data.qacc, data.qfrc_inverse
+        xaxis, xanchor, solve = data.xaxis, data.xanchor, mujoco.mj_inverse
         for k in range(rows):
-            data.qpos[:], data.qvel[:], data.qacc[:] = qpos[k], qvel[k], qacc[k]
-            mujoco.mj_inverse(model, data)
-            force[k] = data.qfrc_inverse
-            for side, ids in enumerate(self.leg_joints):
-                axes[k, side], anchors[k, side] = data.xaxis[ids], data.xanchor[ids]
+            position[:], velocity[:], acceleration[:] = qpos[k], qvel[k], qacc[k]
+            solve(model, data)
+            force[k], all_axes[k], all_anchors[k] = needed, xaxis, xanchor
+        axes, anchors = all_axes[:, self.leg_joints], all_anchors[:, self.leg_joints]
         torque = force[:, robot.dof_address].copy()
         # Root rows: force in the world, moment in the torso frame about its origin.
         total = force[:, :3]

@@ -267,12 +267,16 @@ class Retargeter:
         return np.hstack([trunk, window.at(angles, ahead)]), np.where(arms.reachable[..., None], arms.hand, np.nan)
 
     def _hand_error(self, view: _View, q: Float, hands: Float | None) -> Float:
-        """Distance of the hands from where the human's map to, on one row a source frame, (T, 2) [m]."""
+        """Distance of the hands from where the human's map to, (T, 2) [m].
+
+        One row a source frame, and only as far as a plan plays before its successor joins: the rest is never read.
+        """
         errors = np.full((len(q), 2), np.nan)
         if view.window is None or hands is None:
             return errors
         rows = np.rint(view.source_tick + view.window.times * self.rate).astype(int) - view.tick
-        for frame in np.flatnonzero((rows >= 0) & (rows < view.follow)):
+        played = min(view.follow, int(2 * self.settings.replan_s * self.rate))
+        for frame in np.flatnonzero((rows >= 0) & (rows < played)):
             reached = self.body.upper.hand_positions(q[rows[frame]])
             errors[rows[frame]] = np.linalg.norm(reached - hands[frame], axis=1)
         return errors

@@ -35,20 +35,17 @@ class Follower:
             the channel back, each (T, C) bool.
         """
         rows = targets.shape
-        positions, velocities = np.empty(rows), np.empty(rows)
-        slow, soft = np.empty(rows, np.bool_), np.empty(rows, np.bool_)
+        positions, velocities, wishes, bounds = (np.empty(rows) for _ in range(4))
         # Implicit Euler of x'' = w² (r - x) - 2 w x': stable for any step.
-        gain = self.omega**2
-        divisor = 1.0 + 2.0 * self.omega * self.dt + gain * self.dt**2
-        x, v = position.copy(), velocity.copy()
+        gain = self.omega**2 * self.dt
+        divisor = 1.0 + 2.0 * self.omega * self.dt + gain * self.dt
+        keep, pull = 1.0 / divisor, gain / divisor
         reach = self.acceleration * self.dt
-        for k in range(len(targets)):
-            wish = (v + self.dt * gain * (targets[k] - x)) / divisor
+        x, v = position, velocity
+        for k, target in enumerate(targets):
+            wish = keep * v + pull * (target - x)
             bounded = np.minimum(np.maximum(wish, v - reach), v + reach)
-            slowed = np.minimum(np.maximum(bounded, -self.speed), self.speed)
-            soft[k] = bounded != wish
-            slow[k] = slowed != bounded
-            v = slowed
+            v = np.minimum(np.maximum(bounded, -self.speed), self.speed)
             x = x + self.dt * v
-            positions[k], velocities[k] = x, v
-        return positions, velocities, slow, soft
+            wishes[k], bounds[k], positions[k], velocities[k] = wish, bounded, x, v
+        return positions, velocities, velocities != bounds, bounds != wishes

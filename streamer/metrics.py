@@ -246,7 +246,9 @@ def motion_figures(
     compared = playing & known
     if human is not None and compared.any():
         human_position, human_heading = human.at(record.source_s[rows][compared])
-        path_ratio = net_path_ratio(base[compared, :3], human_position, robot.leg_ratio)
+        # The robot's path ends where it comes to a stand: the last step of the human is its last step too.
+        moving = known & upright & should_stand & (np.arange(record.used) >= np.flatnonzero(compared)[0])
+        path_ratio = net_path_ratio(base[moving, :3], human_position, robot.leg_ratio)
         heading_error = heading_rms(heading(base[compared, 3:]), human_heading)
 
     return MotionFigures(
