@@ -1,0 +1,189 @@
+"""Muscle geometry and strength of legs and trunk, from the models of `myo-sim` (extra `biomech`).
+
+MyoLegs (80 muscles) and MyoTorso (210) come from MIT-licensed sources; only their muscles' paths and force curves are
+used, never their dynamics. Their coordinates are ours up to a share: a lumbar angle is the sum of five vertebral
+angles. Coordinates that follow another one (kneecap, vertebrae) are moved by the models' own equality constraints, and
+moment arms are projected through the slopes of those. The coordinates that we have not (subtalar, toes) stay at zero.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from configs.errors import ConfigError
+from flexmotion.skeleton import JOINTS
+
+Float = NDArray[np.float64]
+
+LEG_COORDINATES = {
+    "hip_flexion": "hip_flexion",
+    "hip_adduction": "hip_adduction",
+    "hip_rotation": "hip_rotation",
+    "knee_flexion": "knee_angle",
+    "ankle_dorsiflexion": "ankle_angle",
+}
+TRUNK_COORDINATES = {
+    "lumbar_extension": "flex_extension",
+    "lumbar_bending": "lat_bending",
+    "lumbar_rotation": "axial_rotation",
+}
+"""Our joint -> the models' coordinate of the same sign."""
+
+VERTEBRAE = {"flex_extension": "_FE", "lat_bending": "_LB", "axial_rotation": "_AR"}
+"""Coordinates of the single vertebrae whose sum a lumbar angle is."""
+
+CROSSED = {"hip": "femur", "knee": "tibia", "ankle": "talus"}
+"""Joints whose contact force is wanted, and the segment below."""
+
+MODEL_MASS, MODEL_HEIGHT = 75.0, 1.70
+"""Of the adult whose muscles the models have [kg, m] (Rajagopal et al., IEEE Trans. Biomed. Eng. 63(10), 2016)."""
+
+
+@dataclass(frozen=True, eq=False)
+class MuscleModel:
+    """A compiled muscle model and where our joints are in it.
+
+    Attributes:
+        model: with three slides added at every joint whose contact force is wanted.
+        joints: ours, that its muscles move, J of them.
+        masters: the model's coordinates for them, (J,).
+        share: of our angle that such a coordinate is, (J,).
+        slides: three slides at each crossing, square to each other, (C, 3).
+        crossings: names of the joints whose contact force is wanted, C of them.
+    """
+
+    model: mujoco.MjModel
+    joints: tuple[str, ...]
+    masters: NDArray[np.intp]
+    share: Float
+    slides: NDArray[np.intp]
+    crossings: tuple[str, ...]
+
+    @property
+    def muscles(self) -> tuple[str, ...]:
+        """Names of the muscles."""
+        return tuple(self.model.actuator(i).name for i in range(self.model.nu))
+
+    @cached_property
+    def columns(self) -> NDArray[np.intp]:
+        """Where its joints are in `JOINTS`, (J,)."""
+        return np.array([JOINTS.index(name) for name in self.joints], dtype=np.intp)
+
+    @cached_property
+    def followers(self) -> tuple[NDArray[np.intp], NDArray[np.intp], Float]:
+        """Coordinates that follow another: their index, the place of their master among `masters`, coefficients."""
+        model, rows = self.model, []
+        for constraint in range(model.neq):
+            if model.eq_type[constraint] != mujoco.mjtEq.mjEQ_JOINT:
+                continue
+            follower, master = model.eq_obj1id[constraint], model.eq_obj2id[constraint]
+            found = np.flatnonzero(self.masters == master)
+            if len(found):
+                rows.append((follower, found[0], model.eq_data[constraint, :5]))
+        index, place, coefficients = zip(*rows, strict=True)
+        return np.array(index, np.intp), np.array(place, np.intp), np.array(coefficients)
+
+    def pose(self, angles: Float) -> tuple[Float, Float]:
+        """Model coordinates (nq,) for our joint angles (J,), and their slopes by them (nq, J).
+
+        Angles beyond the model's range are held at its ends, where its muscle paths still make sense.
+        """
+        limits = self.model.jnt_range[self.masters]
+        values = np.clip(angles * self.share, limits[:, 0], limits[:, 1])
+        qpos = np.zeros(self.model.nq)
+        slopes = np.zeros((self.model.nq, len(self.joints)))
+        qpos[self.masters] = values
+        slopes[self.masters, np.arange(len(self.joints))] = self.share
+        index, place, coefficients = self.followers
+        powers = values[place, None] ** np.arange(5)
+        qpos[index] = np.sum(coefficients * powers, axis=1)
+        slopes[index, place] = self.share[place] * np.sum(
+            coefficients[:, 1:] * np.arange(1, 5) * powers[:, :-1], axis=1
+        )
+        return qpos, slopes
+
+
+@lru_cache(maxsize=1)
+def muscle_models() -> tuple[MuscleModel, ...]:
+    """Left leg, right leg and trunk; raises `ConfigError` where `myo-sim` is not installed."""
+    legs, trunk = _specs()
+    return _leg(legs.copy(), "l"), _leg(legs.copy(), "r"), _trunk(trunk)
+
+
+def muscle_names() -> tuple[str, ...]:
+    """Names of all 290 muscles in the order of `Motion.activations`."""
+    return tuple(name for model in muscle_models() for name in model.muscles)
+
+
+def _specs() -> tuple[mujoco.MjSpec, mujoco.MjSpec]:
+    try:
+        from myo_sim.build.compose import build_legs_spec, build_spec
+    except ImportError as error:
+        raise ConfigError("muscles need the extra 'biomech': pip install 'flexmotion[biomech]'") from error
+    return build_legs_spec(), build_spec("myotorso")
+
+
+def _leg(spec: mujoco.MjSpec, side: str) -> MuscleModel:
+    other = "r" if side == "l" else "l"
+    for actuator in list(spec.actuators):
+        if actuator.name.endswith(f"_{other}"):
+            spec.delete(actuator)
+    for tendon in list(spec.tendons):
+        if tendon.name.endswith(f"_{other}_tendon") or tendon.name.endswith(f"_{other}"):
+            spec.delete(tendon)
+    crossed = {f"{joint}_{side}": f"{segment}_{side}" for joint, segment in CROSSED.items()}
+    joints = {f"{ours}_{side}": f"{theirs}_{side}" for ours, theirs in LEG_COORDINATES.items()}
+    return _compiled(spec, joints, crossed)
+
+
+def _trunk(spec: mujoco.MjSpec) -> MuscleModel:
+    return _compiled(spec, TRUNK_COORDINATES, {"lumbar": "lumbar5"})
+
+
+def _compiled(spec: mujoco.MjSpec, joints: dict[str, str], crossed: dict[str, str]) -> MuscleModel:
+    slides = {joint: _slides(spec.body(segment), joint) for joint, segment in crossed.items()}
+    spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
+    model = spec.compile()
+    masters = np.array([model.joint(name).id for name in joints.values()], dtype=np.intp)
+    return MuscleModel(
+        model=model,
+        joints=tuple(joints),
+        masters=masters,
+        share=np.array([_share(model, name) for name in joints.values()]),
+        slides=np.array([[model.joint(name).id for name in names] for names in slides.values()], np.intp),
+        crossings=tuple(crossed),
+    )
+
+
+def _slides(segment: mujoco.MjsBody, joint: str) -> list[str]:
+    """Three slides of a segment, those that it has (a knee glides) and new ones square to them."""
+    slide = mujoco.mjtJoint.mjJNT_SLIDE
+    present = [item for item in segment.joints if item.type == slide]
+    axes = [np.array(item.axis) / np.linalg.norm(item.axis) for item in present]
+    wanted = list(np.eye(3)) if not axes else [np.cross(axes[0], axes[1])]
+    names = [item.name for item in present]
+    for number, axis in enumerate(wanted):
+        names.append(f"gap_{joint}_{number}")
+        segment.add_joint(name=names[-1], type=slide, axis=axis, range=[-1, 1])
+    return names
+
+
+def _share(model: mujoco.MjModel, coordinate: str) -> float:
+    """What part of our angle a coordinate is: the others that follow it add to the same angle."""
+    suffix = VERTEBRAE.get(coordinate)
+    if suffix is None:
+        return 1.0
+    master = model.joint(coordinate).id
+    total = 1.0
+    for constraint in range(model.neq):
+        follower = model.joint(model.eq_obj1id[constraint]).name
+        if model.eq_obj2id[constraint] == master and follower.endswith(suffix):
+            total += model.eq_data[constraint, 1]
+    return 1.0 / total
+
+
