@@ -63,6 +63,4 @@ def _evaluate(
 
 def _dual(target: Float, solution: Float, prices: Float, matrix: Float, weight: float) -> float:
     """The dual function: least value of the Lagrangian over the box."""
-    return float(
-        solution @ solution / 2 - prices @ (matrix @ solution - target) - prices @ prices / (2 * weight)
-    )
+    return float(solution @ solution / 2 - prices @ (matrix @ solution - target) - prices @ prices / (2 * weight))

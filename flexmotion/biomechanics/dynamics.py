@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from flexmotion.biomechanics.external_load import ExternalLoad
 from flexmotion.biomechanics.floor_drift import on_level_floor
 from flexmotion.biomechanics.ground_reaction import GROUND, GroundSettings, ground_reaction
-from flexmotion.biomechanics.inverse_dynamics import GRAVITY, joint_torques
+from flexmotion.biomechanics.inverse_dynamics import GRAVITY, effort, joint_torques
 from flexmotion.biomechanics.residual_reduction import shifted
 from flexmotion.biomechanics.segment_motion import SegmentMotion, segment_motion
 from flexmotion.biomechanics.smoothing import CUTOFF, smooth
@@ -32,6 +34,7 @@ class Dynamics:
         segments: how its masses move.
         centres: centres of pressure of left and right foot on the floor, (T, 2, 3) [m].
         point_forces: of the ground at the points of the soles (see `sole.sole_grid`), (T, 2, 12, 3) [N].
+        loads: forces from outside other than the ground's.
         residual: force [body weights] and moment about the centre of mass [body weights x m] that no ground force
             could explain, (T, 2): what stairs, chairs, a helper's hand or a bad recording leave.
     """
@@ -41,6 +44,7 @@ class Dynamics:
     centres: Float
     point_forces: Float
     residual: Float
+    loads: tuple[ExternalLoad, ...] = ()
 
 
 def dynamics(
@@ -49,6 +53,7 @@ def dynamics(
     settings: GroundSettings = GROUND,
     nearness: Nearness = NEARNESS,
     reductions: int = 2,
+    loads: Sequence[ExternalLoad] = (),
 ) -> Dynamics:
     """Ground forces and joint torques of a clip.
 
@@ -56,6 +61,7 @@ def dynamics(
         motion: kinematics, and a body with the human's mass.
         cutoff: of the low-pass filter [Hz].
         settings, nearness: of the ground's programme.
+        loads: forces from outside other than the ground's.
         reductions: how often the path gives way to the residual force.
     """
     level = on_level_floor(smooth(motion, cutoff))
@@ -63,14 +69,15 @@ def dynamics(
     for attempt in range(1 + reductions):
         segments = segment_motion(level)
         sole = sole_points(level.body, segments, level.fps, nearness)
-        ground = ground_reaction(segments, sole, segments.rotation[:, pelvis, :, 1], settings)
+        needed = effort(segments, level.body, loads)
+        ground = ground_reaction(segments, needed, sole, segments.rotation[:, pelvis, :, 1], settings)
         if attempt < reductions:
             level = shifted(level, ground.residual[:, :3])
     weight = level.body.mass * GRAVITY
     return Dynamics(
         motion=replace(
             level,
-            torques=joint_torques(level.body, segments, ground.wrenches, ground.centres),
+            torques=joint_torques(level.body, segments, ground.wrenches, ground.centres, loads),
             wrenches=ground.wrenches,
             contacts=ground.wrenches[..., 2] > LOADED * weight,
         ),
@@ -78,4 +85,5 @@ def dynamics(
         centres=ground.centres,
         point_forces=ground.point_forces,
         residual=np.linalg.norm(ground.residual.reshape(-1, 2, 3), axis=-1) / weight,
+        loads=tuple(loads),
     )

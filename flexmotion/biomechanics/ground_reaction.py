@@ -18,7 +18,7 @@ import daqp
 import numpy as np
 from numpy.typing import NDArray
 
-from flexmotion.biomechanics.inverse_dynamics import GRAVITY, effort
+from flexmotion.biomechanics.inverse_dynamics import GRAVITY, Effort
 from flexmotion.biomechanics.segment_motion import SegmentMotion
 from flexmotion.biomechanics.sole import POINTS, SolePoints
 from flexmotion.vectors import unit
@@ -72,12 +72,13 @@ class GroundReaction:
 
 
 def ground_reaction(
-    segments: SegmentMotion, sole: SolePoints, left: Float, settings: GroundSettings = GROUND
+    segments: SegmentMotion, needed: Effort, sole: SolePoints, left: Float, settings: GroundSettings = GROUND
 ) -> GroundReaction:
     """Forces of the ground on both feet that come nearest to what the motion needs.
 
     Args:
         segments: how the masses move.
+        needed: what moves them.
         sole: where the ground may push.
         left: the body's left axis, of which the horizontal part counts, (T, 3).
         settings: weights.
@@ -85,7 +86,7 @@ def ground_reaction(
     frames = len(segments)
     weight = float(segments.mass.sum()) * GRAVITY
     centre = segments.centre
-    wanted = effort(segments).about(centre) / weight
+    wanted = needed.about(centre) / weight
     arms = sole.position - centre[:, None, None]
     pyramid = np.concatenate([settings.friction * EDGES, np.ones((len(EDGES), 1))], axis=1)
 

@@ -9,11 +9,13 @@ The same sum over the whole body, about the pelvis' origin, is what the root wou
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from flexmotion.biomechanics.external_load import ExternalLoad
 from flexmotion.biomechanics.segment_motion import SegmentMotion, carried
 from flexmotion.body import Body
 from flexmotion.human_model import human_model
@@ -43,13 +45,17 @@ class Effort:
         return np.concatenate([force, moment - np.cross(point, force)], axis=-1)
 
 
-def effort(segments: SegmentMotion) -> Effort:
-    """Forces and moments that move every segment as it moves."""
+def effort(segments: SegmentMotion, body: Body, loads: Sequence[ExternalLoad] = ()) -> Effort:
+    """Forces and moments that move every segment as it moves, beyond what loads from outside do."""
     force = segments.mass[:, None] * (segments.acceleration + [0.0, 0.0, GRAVITY])
+    for load in loads:
+        force[:, human_model(body).body_index[load.segment]] -= load.force
     return Effort(force, np.cross(segments.com, force) + segments.angular_momentum_rate)
 
 
-def joint_torques(body: Body, segments: SegmentMotion, wrenches: Float, points: Float) -> Float:
+def joint_torques(
+    body: Body, segments: SegmentMotion, wrenches: Float, points: Float, loads: Sequence[ExternalLoad] = ()
+) -> Float:
     """Generalised forces of root and joints, (T, 32) [N, N·m], in the order of `Motion.torques`.
 
     The root's are forces in the world and moments about the axes of the pelvis, as MuJoCo's free joint has them.
@@ -59,8 +65,9 @@ def joint_torques(body: Body, segments: SegmentMotion, wrenches: Float, points: 
         segments: how its masses move.
         wrenches: ground reaction on left and right foot, (T, 2, 6): force, and moment about `points` [N, N·m].
         points: what those moments are about, (T, 2, 3) [m].
+        loads: from outside.
     """
-    needed = effort(segments)
+    needed = effort(segments, body, loads)
     force, moment = needed.force.copy(), needed.moment.copy()
     index = human_model(body).body_index
     for side, name in enumerate(SIDES):

@@ -37,10 +37,10 @@ def joint_contact_forces(found: Dynamics, muscles: MuscleState) -> Float:
     """
     body, segments = found.motion.body, found.segments
     assert found.motion.wrenches is not None
-    force = effort(segments).force.copy()
+    force = effort(segments, body, found.loads).force.copy()
     index = human_model(body).body_index
-    for side, name in enumerate(SIDES):
-        force[:, index[f"calcaneus_{name}"]] -= found.motion.wrenches[:, side, :3]
+    for foot, name in enumerate(SIDES):
+        force[:, index[f"calcaneus_{name}"]] -= found.motion.wrenches[:, foot, :3]
     across = np.einsum("jb,tbi->tji", carried(body), force)
     contact = np.empty((len(found.motion), len(muscles.crossings), 3))
     for column, crossing in enumerate(muscles.crossings):

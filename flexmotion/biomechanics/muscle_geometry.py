@@ -185,5 +185,3 @@ def _share(model: mujoco.MjModel, coordinate: str) -> float:
         if model.eq_obj2id[constraint] == master and follower.endswith(suffix):
             total += model.eq_data[constraint, 1]
     return 1.0 / total
-
-

@@ -10,8 +10,8 @@ import pytest
 
 from flexmotion.biomechanics.dynamics import dynamics
 from flexmotion.biomechanics.floor_drift import on_level_floor
-from flexmotion.biomechanics.ground_reaction import ground_reaction
-from flexmotion.biomechanics.inverse_dynamics import GRAVITY
+from flexmotion.biomechanics.ground_reaction import GroundReaction, ground_reaction
+from flexmotion.biomechanics.inverse_dynamics import GRAVITY, effort
 from flexmotion.biomechanics.segment_motion import segment_motion
 from flexmotion.biomechanics.sole import sole_points
 from flexmotion.body import Body
@@ -29,6 +29,15 @@ def test_standing_shares_the_weight_evenly(make_standing) -> None:
     assert found.motion.contacts.all()
 
 
+def unaided(motion: Motion) -> GroundReaction:
+    """Ground forces of a motion as it is, not brought to the floor first."""
+    segments = segment_motion(motion)
+    left = np.tile([0.0, 1.0, 0.0], (len(motion), 1))
+    return ground_reaction(
+        segments, effort(segments, motion.body), sole_points(motion.body, segments, motion.fps), left
+    )
+
+
 def test_flight_needs_no_ground(make_standing) -> None:
     motion = make_standing(frames=12)
     times = np.arange(12) / 30
@@ -36,8 +45,12 @@ def test_flight_needs_no_ground(make_standing) -> None:
     path[:, 2] += 0.3 + 2.0 * times - 0.5 * GRAVITY * times**2
     # Without the step that brings the clip's lowest stance to the floor there is no floor to push from.
     flying = replace(motion, root_position=path)
-    segments = segment_motion(flying)
-    ground = ground_reaction(segments, sole_points(flying.body, segments, 30.0), np.tile([0.0, 1.0, 0.0], (12, 1)))
+    ground = ground_reaction(
+        segments,
+        effort(segments, motion.body),
+        sole_points(flying.body, segments, 30.0),
+        np.tile([0.0, 1.0, 0.0], (12, 1)),
+    )
     assert np.abs(ground.wrenches).max() == 0.0
     assert np.abs(ground.residual).max() < 1.0
 
@@ -45,8 +58,12 @@ def test_flight_needs_no_ground(make_standing) -> None:
 def test_hovering_is_reported_not_hidden(make_standing) -> None:
     motion = make_standing(frames=12)
     hovering = replace(motion, root_position=motion.root_position + [0.0, 0.0, 0.3])
-    segments = segment_motion(hovering)
-    ground = ground_reaction(segments, sole_points(hovering.body, segments, 30.0), np.tile([0.0, 1.0, 0.0], (12, 1)))
+    ground = ground_reaction(
+        segments,
+        effort(segments, motion.body),
+        sole_points(hovering.body, segments, 30.0),
+        np.tile([0.0, 1.0, 0.0], (12, 1)),
+    )
     weight = motion.body.mass * GRAVITY
     assert ground.residual[:, 2] == pytest.approx(np.full(12, weight), rel=1e-6)
 

@@ -108,7 +108,9 @@ def test_amass(tmp_path: Path) -> None:
     assert len(motion) >= 39
     assert np.abs(motion.joints[:, JOINTS.index("hip_flexion_l")]).max() < 0.03
     # Arms raised sideways.
-    assert motion.joints[:, JOINTS.index("shoulder_adduction_l")] == pytest.approx(np.full(len(motion), -np.pi / 2), abs=0.1)
+    assert motion.joints[:, JOINTS.index("shoulder_adduction_l")] == pytest.approx(
+        np.full(len(motion), -np.pi / 2), abs=0.1
+    )
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,125 @@
+"""Variety: the same motion by other bodies, at other speeds, from other poses, under loads.
+
+Every function is a pure function of its generator's state, so a seed tells all. Dynamics are to be computed anew.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline, PchipInterpolator
+
+from flexmotion.biomechanics.external_load import ExternalLoad
+from flexmotion.biomechanics.inverse_dynamics import GRAVITY
+from flexmotion.body import Body, Segments
+from flexmotion.joint_limits import joint_limits
+from flexmotion.motion import Motion
+from flexmotion.signals import continuous_quaternions
+from flexmotion.skeleton import JOINTS, LEG_JOINTS
+
+Float = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Ranges:
+    """How much variety.
+
+    Attributes:
+        tempo: locally slower or faster by up to this share.
+        height: taller or shorter by up to this share.
+        body_mass_index: from and to [kg/m²]; 18.5 to 25 is normal, to 30 overweight (WHO).
+        angle: standard deviation of a joint's first angle [rad]; legs keep theirs, they stand on the floor.
+        settle: time constant with which that difference fades [s].
+        push: largest force on the trunk, in body weights: a brush in a crowd.
+        carried: largest mass in both hands [kg].
+    """
+
+    tempo: float = 0.15
+    height: float = 0.08
+    body_mass_index: tuple[float, float] = (18.5, 30.0)
+    angle: float = 0.05
+    settle: float = 0.5
+    push: float = 0.05
+    carried: float = 5.0
+
+
+RANGES = Ranges()
+
+
+def time_warped(motion: Motion, generator: np.random.Generator, ranges: Ranges = RANGES) -> Motion:
+    """A motion whose tempo wanders, with a knot every second or so; kinematics only."""
+    frames = len(motion)
+    if frames < 4:
+        return motion
+    knots = max(2, round(motion.duration) + 1)
+    speed = 1 + ranges.tempo * generator.uniform(-1, 1, knots)
+    places = np.linspace(0, frames - 1, knots)
+    # Time that a frame of the original takes, summed up: when each is reached.
+    reached = np.concatenate([[0.0], np.cumsum(1 / PchipInterpolator(places, speed)(np.arange(frames - 1) + 0.5))])
+    at = PchipInterpolator(reached, np.arange(frames))(np.arange(int(reached[-1]) + 1)).clip(0, frames - 1)
+
+    def sampled(signal: Float) -> Float:
+        values: Float = CubicSpline(np.arange(frames), signal)(at)
+        return values
+
+    quaternions = sampled(continuous_quaternions(motion.root_quaternion))
+    return replace(
+        motion,
+        root_position=sampled(motion.root_position),
+        root_quaternion=quaternions / np.linalg.norm(quaternions, axis=-1, keepdims=True),
+        joints=sampled(motion.joints),
+        torques=None,
+        wrenches=None,
+        activations=None,
+        contacts=None,
+    )
+
+
+def other_body(motion: Motion, generator: np.random.Generator, ranges: Ranges = RANGES) -> Motion:
+    """The same angles on a body of another size, sex and mass; the path grows with the legs."""
+    scale = 1 + ranges.height * generator.uniform(-1, 1)
+    height = scale * motion.body.height
+    fitted = None
+    if motion.body.fitted is not None:
+        sizes = {name: value * scale for name, value in vars(motion.body.fitted).items() if name != "toe_out"}
+        fitted = Segments(**sizes, toe_out=motion.body.fitted.toe_out)
+    body = Body(
+        height=height,
+        mass=float(generator.uniform(*ranges.body_mass_index)) * height**2,
+        sex="male" if generator.random() < 0.5 else "female",
+        fitted=fitted,
+    )
+    return replace(motion, body=body, root_position=scale * motion.root_position)
+
+
+def other_start(motion: Motion, generator: np.random.Generator, ranges: Ranges = RANGES) -> Motion:
+    """Trunk, neck and arms begin at other angles and come back to the motion, inside the joints' limits."""
+    fade = np.exp(-np.arange(len(motion)) / (ranges.settle * motion.fps))
+    legs = np.array([name.removesuffix("_l").removesuffix("_r") in LEG_JOINTS for name in JOINTS])
+    difference = np.where(legs, 0.0, ranges.angle * generator.standard_normal(len(JOINTS)))
+    joints = motion.joints + fade[:, None] * difference
+    lower, upper = joint_limits().T
+    inside = np.clip(joints, np.minimum(lower, motion.joints), np.maximum(upper, motion.joints))
+    return replace(motion, joints=inside)
+
+
+def loads(motion: Motion, generator: np.random.Generator, ranges: Ranges = RANGES) -> tuple[ExternalLoad, ...]:
+    """A push on the trunk that comes and goes, and something carried in the hands."""
+    frames, weight = len(motion), motion.body.mass * GRAVITY
+    middle, width = generator.uniform(0, frames), generator.uniform(0.2, 0.6) * motion.fps
+    course = np.exp(-(((np.arange(frames) - middle) / width) ** 2))
+    direction = generator.uniform(-np.pi, np.pi)
+    push = ranges.push * weight * generator.random() * course[:, None]
+    found = [ExternalLoad("torso", push * [np.cos(direction), np.sin(direction), 0.0])]
+    burden = ranges.carried * GRAVITY * generator.random() / 2
+    found += [ExternalLoad(f"hand_{side}", np.tile([0.0, 0.0, -burden], (frames, 1))) for side in "lr"]
+    return tuple(found)
+
+
+def varied(motion: Motion, seed: int, ranges: Ranges = RANGES) -> tuple[Motion, tuple[ExternalLoad, ...]]:
+    """A motion with all of this, and the loads on it, by one seed."""
+    generator = np.random.default_rng(seed)
+    changed = other_start(other_body(time_warped(motion, generator, ranges), generator, ranges), generator, ranges)
+    return changed, loads(changed, generator, ranges)

@@ -1,0 +1,51 @@
+"""The mirror image of a motion: left becomes right."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexmotion.motion import Motion
+from flexmotion.skeleton import JOINTS
+
+Float = NDArray[np.float64]
+
+ODD = frozenset({"lumbar_bending", "lumbar_rotation", "neck_bending", "neck_rotation"})
+"""Joints of the middle that turn the other way in the mirror; sided ones are defined alike on both sides."""
+
+
+def _partner(joint: str) -> str:
+    return joint[:-1] + {"l": "r", "r": "l"}[joint[-1]] if joint.endswith(("_l", "_r")) else joint
+
+
+ORDER = np.array([JOINTS.index(_partner(joint)) for joint in JOINTS])
+SIGN = np.array([-1.0 if joint in ODD else 1.0 for joint in JOINTS])
+
+POLAR = np.array([1.0, -1.0, 1.0])
+"""Of positions and forces, mirrored in the sagittal plane y = 0."""
+
+AXIAL = -POLAR
+"""Of moments and rotation vectors."""
+
+
+def mirror(motion: Motion) -> Motion:
+    """A motion mirrored in the plane y = 0, with its dynamics.
+
+    Activations are dropped: the two sides' muscle paths are not exact mirror images.
+    """
+    torques, wrenches, contacts = motion.torques, motion.wrenches, motion.contacts
+    if torques is not None:
+        root = torques[:, :6] * np.concatenate([POLAR, AXIAL])
+        torques = np.concatenate([root, torques[:, 6:][:, ORDER] * SIGN], axis=1)
+    return replace(
+        motion,
+        root_position=motion.root_position * POLAR,
+        root_quaternion=motion.root_quaternion * [1.0, *AXIAL],
+        joints=motion.joints[:, ORDER] * SIGN,
+        torques=torques,
+        wrenches=None if wrenches is None else wrenches[:, ::-1] * np.concatenate([POLAR, AXIAL]),
+        contacts=None if contacts is None else contacts[:, ::-1],
+        activations=None,
+    )
