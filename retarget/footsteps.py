@@ -7,7 +7,7 @@ can be there. Where a human turns on planted feet the robot cannot: steps are in
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,6 +48,7 @@ class Step:
         consumed_s: source time up to which human swings of this foot are done with.
         dropped: human steps left out before this one.
         inserted: set right by the robot, not made by the human.
+        notice_s: how long before its lift it is settled, so that no later plan puts it off [s].
     """
 
     side: int
@@ -58,6 +59,7 @@ class Step:
     consumed_s: float
     dropped: int = 0
     inserted: bool = False
+    notice_s: float = NOTICE_S
 
     @property
     def stance(self) -> int:
@@ -132,7 +134,12 @@ class FootstepPlanner:
         apart = self.stand_width + scaling.ratio * (-inward * sideways - scaling.human_width)
         # A turned foot needs room for its corners.
         room = gait.lateral[0] + self.sole_half_length * abs(np.sin(turn))
-        apart = np.clip(apart, room, max(room, gait.lateral[1]))
+        widest = max(room, gait.lateral[1])
+        apart = np.clip(apart, room, widest)
+        # Far ahead and far aside at once is out of the leg's reach: an ellipse bounds both.
+        aside = (apart - room) / max(widest - room, 1e-6)
+        stretch = max(float(np.hypot(forward / gait.max_stride, aside)), 1.0)
+        forward, apart = forward / stretch, room + (apart - room) / stretch
         frame = stance[3] + 0.5 * turn
         cos, sin = np.cos(frame), np.sin(frame)
         sideways = -inward * apart
@@ -242,6 +249,8 @@ class FootstepPlanner:
             consumed[swing.side] = land_s
             free = land + pause
         self._insert(window, scaling, steps, feet, consumed, free, end, source_tick)
+        if steps and not frozen:
+            steps[0] = replace(steps[0], notice_s=notice)
         return steps
 
     def _insert(

@@ -77,7 +77,7 @@ class HumanWindow:
             free = np.concatenate([[False], ~self.contacts[:, side], [False]]).astype(int)
             edges = np.diff(free)
             for lift, land in zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1), strict=True):
-                landed = land < len(self.times)
+                landed = bool(land < len(self.times))
                 found.append(
                     Swing(
                         side,

@@ -18,7 +18,7 @@ from configs.stream import StreamSettings
 from flexmotion.contacts import ContactDetector
 from flexmotion.motion import Motion
 from retarget import balance, posture
-from retarget.footsteps import NOTICE_S, FootstepPlanner, Scaling, Step
+from retarget.footsteps import FootstepPlanner, Scaling, Step
 from retarget.human import HumanWindow
 from retarget.plan import Plan
 from retarget.schedule import SHIFT_S, Schedule
@@ -325,17 +325,16 @@ class Retargeter:
             layout.set(states, name, np.stack([line[1 : rows + 1], line[:rows]], axis=1))
         pause = int(round(self.gait.double_support_min_s * self.rate))
         consumed = layout.get(state, "consumed").copy()
-        frozen = layout.steps(state)
-        for step in steps:
+        settled = [step.lift - step.notice_s * self.rate for step in steps]
+        for step, tick in zip(steps, settled, strict=True):
             landed = ticks >= step.land
             layout.set(states, "landed", float(step.land), landed)
             layout.set(states, "stance", float(step.stance), landed)
             layout.set(states, "free", float(step.land + pause), landed)
-            fixed = (ticks >= step.lift - NOTICE_S * self.rate) | (step in frozen)
             consumed[step.side] = max(consumed[step.side], step.consumed_s)
-            layout.set(states, "consumed", consumed, fixed)
-        for edge in sorted({view.tick, *(int(np.ceil(s.lift - NOTICE_S * self.rate)) for s in steps), *(s.land for s in steps)}):
-            alive = [s for s in steps if s.land > edge and (s in frozen or s.lift - NOTICE_S * self.rate <= edge)]
+            layout.set(states, "consumed", consumed, ticks >= tick)
+        for edge in sorted({view.tick, *np.ceil(settled), *(step.land for step in steps)}):
+            alive = [step for step, tick in zip(steps, settled, strict=True) if tick <= edge < step.land]
             layout.set(states, "steps", pack_steps(alive), ticks >= edge)
         if view.window is not None:
             self._remember_human(states, view.window, (ticks - view.source_tick) / self.rate)

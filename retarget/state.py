@@ -15,7 +15,7 @@ from retarget.whole_body import POSTURE
 
 Float = NDArray[np.float64]
 
-FROZEN_STEPS, STEP_SIZE = 2, 13
+FROZEN_STEPS, STEP_SIZE = 2, 14
 """While a foot is in the air the other's next step may be frozen already; never a third."""
 
 
@@ -54,7 +54,7 @@ class StateLayout:
     def get(self, vector: Float, name: str) -> Float:
         """A field of one state (S,) or of many (T, S)."""
         cut, shape = self._slices[name]
-        return vector[..., cut].reshape(*vector.shape[:-1], *shape)
+        return vector[..., cut].reshape((*vector.shape[:-1], *shape))
 
     def scalar(self, vector: Float, name: str) -> float:
         """A field without axes, of one state (S,)."""
@@ -80,18 +80,28 @@ class StateLayout:
 
 
 def pack_steps(steps: list[Step]) -> Float:
-    """Steps as a state holds them, (FROZEN_STEPS, STEP_SIZE): side (-1: none), lift, land, start, target, consumed,
-    inserted."""
+    """Steps as a state holds them, (FROZEN_STEPS, STEP_SIZE).
+
+    A row is side (-1: none), lift, land, start (4), target (4), consumed_s, inserted, notice_s.
+    """
     packed = np.full((FROZEN_STEPS, STEP_SIZE), -1.0)
     for row, step in zip(packed, steps[:FROZEN_STEPS], strict=False):
         row[:3] = step.side, step.lift, step.land
         row[3:7], row[7:11] = step.start, step.target
-        row[11:] = step.consumed_s, step.inserted
+        row[11:] = step.consumed_s, step.inserted, step.notice_s
     return packed
 
 
 def _unpack(packed: Float) -> Step:
     side, lift, land = (int(value) for value in packed[:3])
+    consumed_s, inserted, notice_s = packed[11:]
     return Step(
-        side, lift, land, packed[3:7].copy(), packed[7:11].copy(), float(packed[11]), inserted=bool(packed[12])
+        side,
+        lift,
+        land,
+        packed[3:7].copy(),
+        packed[7:11].copy(),
+        float(consumed_s),
+        inserted=bool(inserted),
+        notice_s=float(notice_s),
     )

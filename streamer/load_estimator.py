@@ -1,4 +1,4 @@
-"""How much more (or less) the robot's legs must push than its model says: a heavier battery, weaker gains, a low supply.
+"""How much more (or less) the robot's legs must push than its model says: a heavier battery, weaker gains, low supply.
 
 The torque profile is computed for the robot file's masses and stiffness. Where the legs sag under it, all in
 proportion to their load, one factor is wrong, and it can be read off the tracking error: kp (q_ref - q) = (s - 1) tau.

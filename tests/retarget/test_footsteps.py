@@ -1,0 +1,155 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from flexmotion.motion import Motion
+from retarget.footsteps import NOTICE_S, Scaling, Step
+from retarget.human import HumanWindow
+from retarget.retargeter import Retargeter
+
+RATE = 125
+Windows = Callable[[Motion], HumanWindow]
+
+
+@pytest.fixture(scope="session")
+def scaling(retargeter: Retargeter, clip: Motion) -> Scaling:
+    return Scaling(retargeter.body.leg_length / clip.body.leg, 0.0, clip.body.segments.hip_width)
+
+
+@pytest.fixture
+def plan(retargeter: Retargeter, window: Windows, scaling: Scaling) -> Callable[..., list[Step]]:
+    """Function motion -> steps of a robot that has been standing; keywords as of `FootstepPlanner.plan`."""
+
+    def make(motion: Motion, **changed: object) -> list[Step]:
+        asked = {
+            "feet": retargeter.body.home_feet,
+            "frozen": [],
+            "consumed": np.full(2, -np.inf),
+            "free": 0,
+            "at_rest": True,
+            "now": 0,
+            "source_tick": 0,
+        }
+        return retargeter.footsteps.plan(window(motion), scaling, **(asked | changed))
+
+    return make
+
+
+def test_a_walk_gives_its_steps_foot_by_foot(plan: Callable[..., list[Step]], walk: Motion) -> None:
+    steps = plan(walk)
+    assert [step.side for step in steps] == [1, 0, 1, 0, 1, 0, 1, 0]
+    assert not any(step.inserted or step.dropped for step in steps)
+    for step, lift_s in zip(steps, 1.06 + 0.5 * np.arange(8), strict=True):
+        assert step.lift / RATE == pytest.approx(lift_s, abs=0.2)
+
+
+def test_steps_keep_to_the_gait_limits(plan: Callable[..., list[Step]], walk: Motion, retargeter: Retargeter) -> None:
+    gait, feet = retargeter.gait, retargeter.body.home_feet.copy()
+    before = -np.inf
+    for step in plan(walk):
+        np.testing.assert_array_equal(step.start, feet[step.side])
+        assert step.land - step.lift >= gait.swing_min_s * RATE - 1
+        assert step.lift - before >= gait.double_support_min_s * RATE - 1e-9
+        stance = feet[step.stance]
+        assert abs(step.target[0] - stance[0]) <= gait.max_stride + 1e-9
+        apart = (step.target[1] - stance[1]) * (1 if step.side == 0 else -1)
+        assert gait.lateral[0] - 1e-9 <= apart <= gait.lateral[1] + 1e-9
+        travel = np.hypot(*(step.target - step.start)[:2])
+        assert travel <= gait.swing_max_foot_speed * (step.land - step.lift) / RATE + 1e-9
+        feet[step.side], before = step.target, step.land
+
+
+def test_a_shuffle_and_a_stand_give_none(
+    plan: Callable[..., list[Step]], shuffle: Motion, stand: Callable[..., Motion]
+) -> None:
+    assert plan(shuffle) == []
+    assert plan(stand(90)) == []
+
+
+def test_no_step_is_begun_on_shorter_notice(plan: Callable[..., list[Step]], walk: Motion) -> None:
+    for now in range(0, 5 * RATE, 17):
+        for at_rest in (True, False):
+            steps = plan(walk, now=now, at_rest=at_rest)
+            assert all(step.lift >= now + NOTICE_S * RATE - 1 for step in steps)
+            if at_rest and steps:
+                assert steps[0].lift >= now + 0.45 * RATE - 1
+
+
+def test_a_step_that_comes_too_late_is_dropped_and_counted(plan: Callable[..., list[Step]], walk: Motion) -> None:
+    steps = plan(walk, now=int(2.2 * RATE))
+    assert steps[0].dropped >= 1
+    assert len(steps) + sum(step.dropped for step in steps) == 8
+
+
+def test_frozen_steps_are_kept_as_they_are(plan: Callable[..., list[Step]], walk: Motion) -> None:
+    planned = plan(walk)
+    again = plan(walk, frozen=planned[:2], now=planned[0].lift + 5)
+    assert again[:2] == planned[:2]
+    assert again[2].side == planned[2].side
+    np.testing.assert_array_equal(again[2].start, planned[0].target)
+    assert again[2].lift >= planned[1].land
+
+
+def test_what_is_consumed_does_not_come_again(plan: Callable[..., list[Step]], walk: Motion) -> None:
+    planned = plan(walk)
+    consumed = np.array([planned[1].consumed_s, planned[0].consumed_s])
+    rest = plan(walk, consumed=consumed)
+    assert [round(s.consumed_s, 6) for s in rest] == [round(s.consumed_s, 6) for s in planned[2:]]
+
+
+def test_start_poses_are_copies_of_the_feet(
+    plan: Callable[..., list[Step]], walk: Motion, spin: Motion, retargeter: Retargeter
+) -> None:
+    """A start that was a view of the planner's feet became the target: the foot jumped there at lift-off."""
+    feet = retargeter.body.home_feet.copy()
+    for motion in (walk, spin):
+        steps = plan(motion, feet=feet)
+        np.testing.assert_array_equal(feet, retargeter.body.home_feet)
+        for step in steps:
+            assert not np.shares_memory(step.start, feet)
+            assert not np.shares_memory(step.start, step.target)
+            assert np.abs(step.target - step.start).max() > 1e-3
+
+
+def test_a_turn_on_planted_feet_inserts_steps_until_they_agree(
+    plan: Callable[..., list[Step]], spin: Motion, retargeter: Retargeter
+) -> None:
+    steps = plan(spin)
+    assert steps and all(step.inserted for step in steps)
+    feet = retargeter.body.home_feet.copy()
+    for step in steps:
+        assert abs(step.target[3] - feet[step.stance, 3]) <= retargeter.gait.max_foot_yaw + 1e-9
+        feet[step.side] = step.target
+    np.testing.assert_allclose(feet[:, 3], np.radians(80), atol=0.3)
+
+
+def test_an_unfinished_swing_lands_past_the_window(plan: Callable[..., list[Step]], walk: Motion) -> None:
+    cut = walk[:42]
+    steps = plan(cut)
+    assert len(steps) == 1
+    assert steps[0].land >= (len(cut) - 1) / 30 * RATE
+
+
+def test_toes_turn_in_less_than_out(window: Windows, scaling: Scaling, retargeter: Retargeter, walk: Motion) -> None:
+    gait, seen = retargeter.gait, window(walk)
+    for heading in (-3.0, 3.0):
+        turned = Scaling(scaling.ratio, heading, scaling.human_width)
+        for side in (0, 1):
+            stance = retargeter.body.home_feet[1 - side]
+            yaw = retargeter.footsteps.target(seen, turned, side, 0.0, 0.5, stance)[3]
+            outward = (heading > 0) == (side == 0)
+            assert abs(yaw) == pytest.approx(gait.max_foot_yaw if outward else gait.max_toe_in)
+
+
+def test_a_target_out_of_reach_is_brought_back_along_the_stride(retargeter: Retargeter) -> None:
+    start, stance = np.array([0.0, 0.05, 0, 0]), np.array([0.0, -0.05, 0, 0])
+    target = np.array([0.5, 0.06, 0, 0.1])
+    found = retargeter.footsteps.within_reach(start, target, stance, 0.4)
+    reach = min(0.52 * 0.4, np.hypot(*(found - start)[:2]))
+    assert np.hypot(*(found - start)[:2]) == pytest.approx(reach)
+    assert found[0] < target[0] and found[3] == target[3]
+    near = np.array([0.02, 0.05, 0, 0])
+    np.testing.assert_array_equal(retargeter.footsteps.within_reach(start, near, stance, 0.4), near)

@@ -1,0 +1,86 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from flexmotion.contacts import ContactDetector
+from flexmotion.motion import Motion
+from retarget.human import HumanWindow
+
+
+def test_swings_are_those_of_the_walk(window: Callable[[Motion], HumanWindow], walk: Motion) -> None:
+    swings = window(walk).swings
+    assert [swing.side for swing in swings] == [1, 0] * 4
+    for swing, lift_s in zip(swings, 1.06 + 0.5 * np.arange(8), strict=True):
+        assert swing.landed
+        # The detector is causal: it tells some frames late.
+        assert lift_s - 0.02 <= swing.lift_s <= lift_s + 0.2
+        assert lift_s + 0.3 <= swing.land_s <= lift_s + 0.55
+
+
+def test_a_swing_that_is_not_over_ends_with_the_window(window: Callable[[Motion], HumanWindow], walk: Motion) -> None:
+    seen = window(walk[:40])
+    assert not seen.swings[-1].landed
+    assert seen.swings[-1].land_s == seen.end_s
+
+
+def test_seen_in_pieces_it_is_the_same_as_in_one(window: Callable[[Motion], HumanWindow], walk: Motion) -> None:
+    whole = window(walk)
+    cut = 47
+    tail = HumanWindow(walk[cut:], cut / walk.fps, whole.detector_states[cut - 1], whole.yaws[cut - 1])
+    np.testing.assert_array_equal(tail.contacts, whole.contacts[cut:])
+    np.testing.assert_allclose(tail.yaws, whole.yaws[cut:], atol=1e-12)
+    np.testing.assert_allclose(tail.times, whole.times[cut:])
+
+
+def test_turns_add_up_over_windows(stand: Callable[..., Motion]) -> None:
+    """Three turns on the spot in chunks: the yaw goes on past pi instead of jumping back."""
+    still = stand(300)
+    angle = np.linspace(0.0, 6 * np.pi, 300)
+    turned = Motion(
+        fps=still.fps,
+        root_position=still.root_position,
+        root_quaternion=Rotation.from_euler("z", angle[:, None]).as_quat(scalar_first=True),
+        joints=still.joints,
+        body=still.body,
+    )
+    state, yaws = ContactDetector().initial(), None
+    for start in range(0, 300, 30):
+        seen = HumanWindow(turned[start : start + 30], start / 30, state, yaws)
+        state, yaws = seen.detector_states[-1], seen.yaws[-1]
+    assert yaws is not None
+    np.testing.assert_allclose(yaws[2], angle[-1], atol=1e-9)
+    assert np.ptp(yaws) < 0.6  # toes point a little outward
+
+
+def test_interpolation_holds_the_ends(window: Callable[[Motion], HumanWindow], walk: Motion) -> None:
+    seen = window(walk)
+    values = np.arange(len(walk), dtype=float)[:, None]
+    found = seen.at(values, np.array([-1.0, 0.0, 0.5 / 30, 1.0, 99.0]))[:, 0]
+    np.testing.assert_allclose(found, [0.0, 0.0, 0.5, 30.0, len(walk) - 1])
+    assert seen.frame_before(np.array([-1.0, 0.0, 0.05, 99.0])).tolist() == [0, 0, 1, len(walk) - 1]
+
+
+def test_one_frame_is_enough_to_look_at(window: Callable[[Motion], HumanWindow], walk: Motion) -> None:
+    seen = window(walk[:1])
+    assert seen.swings == []
+    assert seen.foot(0, 5.0) == pytest.approx(seen.feet[0, 0])
+
+
+def test_tilt_is_right_and_forward_positive(
+    window: Callable[[Motion], HumanWindow], stand: Callable[..., Motion]
+) -> None:
+    bow = window(stand(2, lumbar_extension=-0.4)).tilt()[0]
+    assert bow[1] == pytest.approx(0.4, abs=0.02) and abs(bow[0]) < 0.02
+    side = window(stand(2, lumbar_bending=0.2)).tilt()[0]
+    assert abs(side[0]) == pytest.approx(0.2, abs=0.02)
+
+
+def test_foot_height_is_the_lift_over_where_it_stood(window: Callable[[Motion], HumanWindow], walk: Motion) -> None:
+    seen = window(walk)
+    assert seen.foot_height(1, 1.0, 1.5) == pytest.approx(0.09, abs=0.02)
+    assert seen.foot_height(0, 0.0, 0.9) < 0.005
+    assert seen.foot_height(0, 50.0, 51.0) == 0.0

@@ -1,0 +1,139 @@
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from configs.errors import RetargetError
+from configs.robot import ROBOTS, Robot, load_robot
+from retarget.legs import CHAIN, SIDE_NAMES, Leg
+
+ROBOT = load_robot("op3")  # hypothesis takes no fixtures
+LEGS = [Leg.of(ROBOT, side) for side in SIDE_NAMES]
+DATA = mujoco.MjData(ROBOT.model)
+NEARLY_STRAIGHT = 0.15
+"""Bend of the knee [rad] at which the leg is as long as it is ever used."""
+
+AXES_MISS = 3e-4
+"""What the OP3's axes miss one another by [m], at most; no closed form can do better."""
+
+shares = st.lists(st.floats(0.0, 1.0), min_size=6, max_size=6)
+tilts = st.tuples(*[st.floats(-0.3, 0.3)] * 2, st.floats(-3.0, 3.0))
+
+
+def sole_pose(side: int, torso: np.ndarray, rotation: np.ndarray, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Sole centre (3,) and rotation (3, 3) by MuJoCo's forward kinematics."""
+    q = np.zeros(ROBOT.n)
+    q[LEGS[side].indices] = angles
+    DATA.qpos[:3], DATA.qpos[3:7] = torso, Rotation.from_matrix(rotation).as_quat(scalar_first=True)
+    DATA.qpos[ROBOT.qpos_address] = q
+    mujoco.mj_kinematics(ROBOT.model, DATA)
+    foot = DATA.xmat[ROBOT.foot_ids[side]].reshape(3, 3)
+    return DATA.xpos[ROBOT.foot_ids[side]] + foot @ ROBOT.soles[side], foot.copy()
+
+
+def bent(side: int, spread: list[float]) -> np.ndarray:
+    """Joint angles (6,) at these shares of the limits, the knee bent."""
+    indices = LEGS[side].indices
+    lower, upper = ROBOT.lower[indices].copy(), ROBOT.upper[indices].copy()
+    knee = CHAIN.index("knee")
+    straight = lower if abs(lower[knee]) < abs(upper[knee]) else upper
+    straight[knee] = NEARLY_STRAIGHT * LEGS[side].signs[knee]
+    return lower + np.array(spread) * (upper - lower)
+
+
+@settings(derandomize=True, deadline=None, max_examples=150)
+@given(side=st.sampled_from([0, 1]), spread=shares, tilt=tilts)
+def test_inverse_of_forward_kinematics_for_every_pose_within_the_limits(
+    side: int, spread: list[float], tilt: tuple[float, float, float]
+) -> None:
+    torso, rotation = np.array([0.3, -0.2, 0.25]), Rotation.from_euler("xyz", tilt).as_matrix()
+    angles = bent(side, spread)
+    position, foot = sole_pose(side, torso, rotation, angles)
+    found, short = LEGS[side].solve(torso[None], rotation[None], position[None], foot[None])
+    assert short[0] == 0.0
+    reached, turned = sole_pose(side, torso, rotation, found[0])
+    np.testing.assert_allclose(turned, foot, atol=1e-6)
+    np.testing.assert_allclose(reached, position, atol=AXES_MISS)
+    hip = torso + rotation @ LEGS[side].hip
+    if (foot.T @ (hip - position) + LEGS[side].sole)[2] < 0.01:
+        return  # a hip below its ankle is nobody's stance: the ankle may as well be turned the other way round
+    # Nearly straight, a tenth of a millimetre is a hundredth of a radian at the knee.
+    np.testing.assert_allclose(found[0], angles, atol=0.02)
+
+
+def test_rows_are_solved_apart() -> None:
+    rows = np.array([[0.0, 0.0, 0.2], [0.01, 0.02, 0.21]])
+    upright = np.tile(np.eye(3), (2, 1, 1))
+    soles = np.array([[0.0, 0.05, 0.0], [0.03, 0.05, 0.0]])
+    both, _ = LEGS[0].solve(rows, upright, soles, upright)
+    for k in range(2):
+        alone, _ = LEGS[0].solve(rows[k : k + 1], upright[:1], soles[k : k + 1], upright[:1])
+        np.testing.assert_array_equal(alone[0], both[k])
+
+
+@pytest.mark.parametrize("side", [0, 1])
+def test_out_of_reach_it_tells_what_is_missing_and_points_at_the_target(side: int) -> None:
+    leg, upright = LEGS[side], np.eye(3)
+    torso = np.array([0.0, 0.0, 0.5])
+    ankle = torso + leg.hip + np.array([0.1, 0.0, -leg.length - 0.02])
+    angles, short = leg.solve(torso[None], upright[None], (ankle + leg.sole)[None], upright[None])
+    missing = np.linalg.norm(ankle - torso - leg.hip) - leg.length
+    assert short[0] == pytest.approx(missing, abs=1e-12)
+    reached, foot = sole_pose(side, torso, upright, angles[0])
+    np.testing.assert_allclose(foot, upright, atol=1e-6)
+    hip = torso + leg.hip
+    towards = (reached - leg.sole - hip) / leg.length
+    np.testing.assert_allclose(towards, (ankle - hip) / np.linalg.norm(ankle - hip), atol=AXES_MISS / leg.length)
+
+
+def test_a_foot_inside_the_hip_is_finite() -> None:
+    leg = LEGS[0]
+    angles, short = leg.solve(np.zeros((1, 3)), np.eye(3)[None], (leg.hip + leg.sole)[None], np.eye(3)[None])
+    assert np.isfinite(angles).all()
+    assert short[0] > 0.0 or leg.thigh == pytest.approx(leg.shank, abs=1e-3)
+
+
+def test_both_legs_are_mirror_images() -> None:
+    left, right = LEGS
+    np.testing.assert_allclose(left.hip, right.hip * [1, -1, 1], atol=1e-9)
+    np.testing.assert_allclose(left.sole, right.sole * [1, -1, 1], atol=1e-9)
+    assert (left.thigh, left.shank) == pytest.approx((right.thigh, right.shank))
+    assert left.length < left.thigh + left.shank
+
+
+def edited(tmp_path: Path, old: str, new: str) -> Robot:
+    """OP3 with its MJCF changed."""
+    folder = tmp_path / "op3"
+    shutil.copytree(ROBOTS / "op3", folder)
+    file = folder / "op3.xml"
+    text = file.read_text()
+    assert old in text
+    file.write_text(text.replace(old, new, 1))
+    return load_robot(folder)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('name="l_knee" axis="0 1 0"', 'name="l_knee" axis="1 0 0"', "'l_knee' of the left leg does not turn about"),
+        ('name="l_knee_link" pos="0 0 -0.11015"', 'name="l_knee_link" pos="0.02 0 -0.11015"', "left knee misses"),
+    ],
+)
+def test_a_leg_of_another_kind_names_the_joint(tmp_path: Path, old: str, new: str, message: str) -> None:
+    robot = edited(tmp_path, old, new)
+    with pytest.raises(RetargetError, match=message) as error:
+        Leg.of(robot, "left")
+    assert "op3.yaml" in str(error.value) and "\n" not in str(error.value)
+    assert Leg.of(robot, "right").thigh > 0.0
+
+
+def test_a_leg_within_a_millimetre_is_taken(tmp_path: Path) -> None:
+    robot = edited(tmp_path, 'name="l_knee_link" pos="0 0 -0.11015"', 'name="l_knee_link" pos="0.0006 0 -0.11015"')
+    assert Leg.of(robot, "left").thigh == pytest.approx(LEGS[0].thigh)

@@ -1,0 +1,320 @@
+"""Plans: causal, resumable from any row, and always ending in a balanced stop."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from flexmotion.motion import Motion
+from retarget.footsteps import NOTICE_S
+from retarget.plan import Plan
+from retarget.retargeter import Retargeter
+
+RATE = 125
+FRAMES = 32
+"""Frames of a second of human motion and the two around it, as the planner asks for."""
+REPLAN = 31
+
+Chain = Callable[..., list[Plan]]
+
+
+def resume(retargeter: Retargeter, motion: Motion, state: np.ndarray, tick: int, frames: int = FRAMES) -> Plan:
+    """The plan from a state, given the next `frames` frames."""
+    first = retargeter.next_frame(state, tick, motion.fps)
+    return retargeter.plan(state, motion[first : first + frames], first, tick)
+
+
+def replan(retargeter: Retargeter, motion: Motion, every: int = REPLAN, start: int = 0) -> list[Plan]:
+    """Plans, each resuming the one before `every` ticks later, until the motion is over."""
+    plans = [resume(retargeter, motion, retargeter.standing(), start)]
+    while plans[-1].stop_row > every:
+        last = plans[-1]
+        plans.append(resume(retargeter, motion, last.states[every], last.start_tick + every))
+    return plans
+
+
+@pytest.fixture(scope="session")
+def chain(retargeter: Retargeter) -> Chain:
+    """`replan` with a memory."""
+    known: dict[tuple[int, int, int], list[Plan]] = {}
+
+    def make(motion: Motion, every: int = REPLAN, start: int = 0) -> list[Plan]:
+        key = (id(motion), every, start)
+        if key not in known:
+            known[key] = replan(retargeter, motion, every, start)
+        return known[key]
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def walking(chain: Chain, walk: Motion) -> list[Plan]:
+    return chain(walk)
+
+
+def played(plans: list[Plan], name: str) -> np.ndarray:
+    """What the loop plays of them: each up to where the next one joins."""
+    ends = [later.start_tick - plan.start_tick for plan, later in zip(plans, plans[1:], strict=False)]
+    return np.concatenate([getattr(p, name)[:end] for p, end in zip(plans, [*ends, None], strict=True)])
+
+
+def assert_same(one: Plan, other: Plan) -> None:
+    for field in fields(Plan):
+        a, b = getattr(one, field.name), getattr(other, field.name)
+        if isinstance(a, np.ndarray):
+            np.testing.assert_array_equal(a, b, field.name)
+    for kind in one.repairs:
+        np.testing.assert_array_equal(one.repairs[kind], other.repairs[kind])
+    assert [(s.side, s.lift, s.land) for s in one.steps] == [(s.side, s.lift, s.land) for s in other.steps]
+
+
+# ---------------------------------------------------------------- standing
+
+
+def test_without_a_source_it_stands(retargeter: Retargeter) -> None:
+    state = retargeter.standing()
+    plan = retargeter.plan(state, None, 0, 50)
+    assert plan.start_tick == 50 and plan.stop_row == 0 and len(plan) >= 0.5 * RATE
+    np.testing.assert_allclose(plan.q, np.broadcast_to(plan.q[0], plan.q.shape), atol=1e-4)
+    np.testing.assert_allclose(plan.q[0], retargeter.layout.get(state, "q")[0], atol=1e-4)
+    assert np.abs(plan.qd).max() < 0.02
+    assert plan.contacts.all() and plan.steps == []
+    assert np.isnan(plan.source_s).all()
+
+
+@pytest.mark.parametrize("frames", [0, 1])
+def test_too_few_frames_are_as_good_as_none(retargeter: Retargeter, walk: Motion, frames: int) -> None:
+    assert_same(
+        retargeter.plan(retargeter.standing(), walk[:frames], 0, 0), retargeter.plan(retargeter.standing(), None, 0, 0)
+    )
+
+
+def test_planning_leaves_the_state_as_it_was(retargeter: Retargeter, walk: Motion) -> None:
+    state = retargeter.standing()
+    before = state.copy()
+    resume(retargeter, walk, state, 0)
+    np.testing.assert_array_equal(state, before)
+
+
+# ---------------------------------------------------------------- every plan
+
+
+def test_every_plan_ends_loaded_on_both_feet_with_the_dcm_between_them(walking: list[Plan]) -> None:
+    assert len(walking) > 20
+    for plan in walking:
+        assert plan.contacts[-1].all()
+        assert plan.load_share[-1] == pytest.approx(0.5, abs=1e-6)
+        middle = plan.feet[-1, :, :2].mean(axis=0)
+        np.testing.assert_allclose(plan.dcm[-1], middle, atol=1e-6)
+        np.testing.assert_allclose(plan.com[-1, :2], middle, atol=0.005)
+        assert np.abs(plan.com_velocity[-1]).max() < 0.03
+        np.testing.assert_allclose(plan.feet[-1, :, 2], 0.0, atol=1e-12)
+
+
+def test_every_step_lands_inside_its_plan(walking: list[Plan]) -> None:
+    for plan in walking:
+        for step in plan.steps:
+            assert plan.start_tick <= step.lift < step.land < plan.end_tick
+
+
+def test_shapes_and_limits(walking: list[Plan], retargeter: Retargeter) -> None:
+    robot = retargeter.robot
+    for plan in walking:
+        rows = len(plan)
+        assert plan.q.shape == plan.qd.shape == plan.qdd.shape == plan.torque.shape == (rows, robot.n)
+        assert plan.feet.shape == (rows, 2, 4) and plan.base.shape == (rows, 7) and plan.com.shape == (rows, 3)
+        assert plan.states.shape == (rows, retargeter.layout.size)
+        assert (plan.q >= robot.lower).all() and (plan.q <= robot.upper).all()
+        for field in ("q", "qd", "qdd", "torque", "feet", "base", "com", "dcm", "zmp"):
+            assert np.isfinite(getattr(plan, field)).all(), field
+        np.testing.assert_allclose(np.linalg.norm(plan.base[:, 3:], axis=1), 1.0, atol=1e-9)
+        assert np.isfinite(plan.source_s[: plan.stop_row]).all() and np.isnan(plan.source_s[plan.stop_row :]).all()
+
+
+def test_pressure_stays_under_the_feet_that_stand(walking: list[Plan], retargeter: Retargeter) -> None:
+    half = retargeter.robot.sole_half_size.min(axis=0)
+    zmp, feet, contacts = (played(walking, name) for name in ("zmp", "feet", "contacts"))
+    single = contacts.sum(axis=1) == 1
+    stance = np.where(contacts[:, 0:1], feet[:, 0, :2], feet[:, 1, :2])
+    away = np.abs(zmp - stance)[single]
+    assert (away.max(axis=0) < half).all()
+
+
+# ---------------------------------------------------------------- joins
+
+
+def test_the_walk_that_is_played_has_no_jump(walking: list[Plan], retargeter: Retargeter) -> None:
+    q, dcm, feet, base = (played(walking, name) for name in ("q", "dcm", "feet", "base"))
+    robot = retargeter.robot
+    assert np.abs(np.diff(q, axis=0)).max() < robot.no_load_speed.max() / RATE
+    assert np.abs(np.diff(dcm, axis=0)).max() < 0.005
+    assert np.abs(np.diff(feet[..., :3], axis=0)).max() < 0.012
+    assert np.abs(np.diff(base[:, :3], axis=0)).max() < 0.006
+
+
+def test_feet_on_the_ground_do_not_move(walking: list[Plan]) -> None:
+    feet, contacts = played(walking, "feet"), played(walking, "contacts")
+    both = contacts[1:] & contacts[:-1]
+    moved = np.abs(np.diff(feet, axis=0)).max(axis=2)
+    assert moved[both].max() < 1e-9
+    np.testing.assert_allclose(feet[..., 2][contacts], 0.0, atol=1e-9)
+
+
+def test_the_robot_walks_as_far_as_the_human_for_its_legs(
+    walking: list[Plan], walk: Motion, retargeter: Retargeter
+) -> None:
+    way = played(walking, "base")[-1, 0]
+    ratio = retargeter.body.leg_length / walk.body.leg
+    human = walk.root_position[-1, 0] - walk.root_position[0, 0]
+    assert 0.8 * ratio * human < way <= 1.02 * ratio * human  # its swings are shorter than the human's at that speed
+    assert sum(len({s.lift for s in p.steps if s.lift < p.start_tick + REPLAN}) for p in walking) == 8
+
+
+@pytest.mark.parametrize("motion", ["walk", "clip"])
+@pytest.mark.parametrize("row", [1, 5, 17, 31, 62])
+def test_resuming_from_any_row_goes_on_as_planned(
+    chain: Chain, retargeter: Retargeter, request: pytest.FixtureRequest, motion: str, row: int
+) -> None:
+    """The same source seen again, a little further ahead: references go on without a jump."""
+    followed: Motion = request.getfixturevalue(motion)
+    for plan in chain(followed)[::6]:
+        if plan.stop_row <= row:
+            continue
+        later = resume(retargeter, followed, plan.states[row], plan.start_tick + row)
+        np.testing.assert_allclose(later.q[0], plan.q[row], atol=1e-3)
+        np.testing.assert_allclose(later.dcm[0], plan.dcm[row], atol=3e-3)
+        np.testing.assert_allclose(later.com[0], plan.com[row], atol=1e-6)
+        np.testing.assert_allclose(later.feet[0], plan.feet[row], atol=1e-9)
+        np.testing.assert_array_equal(later.contacts[0], plan.contacts[row])
+
+
+@pytest.mark.parametrize("row", [0, 20, 60, 110])
+def test_stopping_from_any_row_is_smooth_and_finishes_the_steps_begun(
+    walking: list[Plan], retargeter: Retargeter, row: int
+) -> None:
+    for plan in walking[::3]:
+        at = min(row, len(plan) - 1)
+        stop = retargeter.plan(plan.states[at], None, 0, plan.start_tick + at)
+        np.testing.assert_allclose(stop.q[0], plan.q[at], atol=4e-3)
+        np.testing.assert_allclose(stop.dcm[0], plan.dcm[at], atol=1e-9)
+        np.testing.assert_allclose(stop.feet[0], plan.feet[at], atol=1e-9)
+        assert stop.stop_row == 0 and stop.contacts[-1].all()
+        np.testing.assert_allclose(stop.dcm[-1], stop.feet[-1, :, :2].mean(axis=0), atol=1e-6)
+
+
+def test_steps_that_are_settled_survive_every_join(walking: list[Plan], retargeter: Retargeter, walk: Motion) -> None:
+    """One slot for settled steps lost the foot in the air, which then hung 8 mm over the ground for good."""
+    layout, seen = retargeter.layout, 0
+    for plan in walking:
+        two = [row for row in range(plan.stop_row) if len(layout.steps(plan.states[row])) == 2]
+        for row in two[:1]:
+            seen += 1
+            for motion in (walk, walk[:0]):
+                later = resume(retargeter, motion, plan.states[row], plan.start_tick + row)
+                for step in layout.steps(plan.states[row]):
+                    landed = step.land - later.start_tick
+                    np.testing.assert_allclose(later.feet[landed, step.side], step.target, atol=1e-9)
+                    assert not later.contacts[landed - 1, step.side] and later.contacts[landed, step.side]
+    assert seen > 3
+
+
+@pytest.mark.parametrize("every", [8, 15, 62])
+def test_however_often_it_is_redrawn_the_walk_has_all_its_steps(
+    chain: Chain, walk: Motion, every: int, walking: list[Plan]
+) -> None:
+    """Replanned in less than .2 s a step from a stand was put off by each plan until it was too late for it."""
+    plans = chain(walk, every=every)
+    feet, contacts = played(plans, "feet"), played(plans, "contacts")
+    assert np.count_nonzero(np.diff(contacts.astype(int), axis=0) == -1) == 8
+    np.testing.assert_allclose(feet[..., 2][contacts], 0.0, atol=1e-9)
+    np.testing.assert_allclose(feet[-1], walking[-1].feet[-1], atol=0.03)
+
+
+def test_no_step_appears_on_short_notice(walking: list[Plan]) -> None:
+    """What a plan newly decides it decides early: a step that lifts sooner was in the plan before, as it is."""
+    for plan, later in zip(walking, walking[1:], strict=False):
+        known = {(s.side, s.lift, s.land) for s in plan.steps}
+        for step in later.steps:
+            if step.lift < later.start_tick + NOTICE_S * RATE - 1:
+                assert (step.side, step.lift, step.land) in known
+
+
+# ---------------------------------------------------------------- causality and repeatability
+
+
+@pytest.mark.parametrize("at", [10, 40, 60])
+def test_nothing_beyond_the_window_reaches_a_plan(retargeter: Retargeter, walk: Motion, at: int) -> None:
+    def plans(motion: Motion) -> Plan:
+        plan = resume(retargeter, motion, retargeter.standing(), 0)
+        while retargeter.next_frame(plan.states[REPLAN], plan.start_tick + REPLAN, motion.fps) <= at:
+            plan = resume(retargeter, motion, plan.states[REPLAN], plan.start_tick + REPLAN)
+        return plan
+
+    seen = at + FRAMES + 1
+    root = walk.root_position.copy()
+    root[seen:] += 3.0
+    joints = walk.joints.copy()
+    joints[seen:] = 0.5
+    assert_same(plans(walk), plans(replace(walk, root_position=root, joints=joints)))
+
+
+def test_equal_inputs_give_equal_plans_bit_for_bit(retargeter: Retargeter, walk: Motion, walking: list[Plan]) -> None:
+    again = replan(retargeter, walk)
+    assert len(again) == len(walking)
+    for one, other in zip(walking, again, strict=True):
+        assert_same(one, other)
+    fresh = Retargeter(retargeter.robot, retargeter.settings)
+    assert_same(resume(fresh, walk, fresh.standing(), 0), walking[0])
+
+
+def test_another_start_tick_only_shifts_the_plan(chain: Chain, walk: Motion, walking: list[Plan]) -> None:
+    later = chain(walk, start=1000)
+    for one, other in zip(walking, later, strict=True):
+        assert other.start_tick == one.start_tick + 1000
+        np.testing.assert_allclose(other.q, one.q, atol=1e-9)
+
+
+# ---------------------------------------------------------------- what it follows
+
+
+def test_the_source_starts_after_the_lead_in(retargeter: Retargeter, walk: Motion) -> None:
+    plan = resume(retargeter, walk, retargeter.standing(), 0)
+    assert plan.source_s[0] == pytest.approx(-retargeter.settings.lead_in_s, abs=0.5 / RATE)
+    np.testing.assert_allclose(np.diff(plan.source_s[: plan.stop_row]), 1 / RATE)
+
+
+def test_a_human_who_faces_elsewhere_starts_it_facing_forward(retargeter: Retargeter, walk: Motion) -> None:
+    turn = Rotation.from_euler("z", 2.0)
+    turned = replace(
+        walk,
+        root_position=turn.apply(walk.root_position),
+        root_quaternion=(turn * Rotation.from_quat(walk.root_quaternion, scalar_first=True)).as_quat(scalar_first=True),
+    )
+    one, other = (resume(retargeter, m, retargeter.standing(), 0, 90) for m in (walk, turned))
+    np.testing.assert_allclose(other.q, one.q, atol=1e-6)
+    np.testing.assert_allclose(other.feet, one.feet, atol=1e-6)
+
+
+def test_a_shuffle_moves_no_foot(chain: Chain, shuffle: Motion) -> None:
+    plans = chain(shuffle)
+    assert all(plan.contacts.all() for plan in plans)
+    feet = played(plans, "feet")
+    np.testing.assert_allclose(feet, np.broadcast_to(feet[0], feet.shape), atol=1e-9)
+
+
+def test_a_turn_on_the_spot_is_stepped(chain: Chain, spin: Motion) -> None:
+    feet, contacts = played(chain(spin), "feet"), played(chain(spin), "contacts")
+    assert feet[-1, :, 3].mean() == pytest.approx(np.radians(80), abs=0.3)
+    assert not contacts.all()
+    np.testing.assert_allclose(feet[..., 2][contacts], 0.0, atol=1e-9)
+    assert contacts.any(axis=1).all()
+
+
+def test_repairs_are_counted_row_by_row(walking: list[Plan]) -> None:
+    for plan in walking:
+        assert set(plan.repairs) == {"position", "speed", "acceleration", "torque"}
+        assert all(len(counts) == len(plan) for counts in plan.repairs.values())

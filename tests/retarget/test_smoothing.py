@@ -1,0 +1,55 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from retarget.smoothing import Follower
+
+DT = 0.008
+FOLLOWER = Follower(omega=np.array([9.0, 22.0]), speed=np.array([0.25, 4.0]), acceleration=np.array([3.0, 80.0]), dt=DT)
+jumpy = st.lists(st.tuples(st.floats(-10, 10), st.floats(-10, 10)), min_size=1, max_size=80).map(np.array)
+
+
+@settings(derandomize=True, deadline=None)
+@given(targets=jumpy)
+def test_speed_and_acceleration_stay_within_their_bounds(targets: np.ndarray) -> None:
+    start = np.array([0.1, -0.2])
+    position, velocity, _, _ = FOLLOWER.follow(targets, start, np.zeros(2))
+    assert (np.abs(velocity) <= FOLLOWER.speed + 1e-12).all()
+    change = np.diff(np.vstack([np.zeros(2), velocity]), axis=0)
+    assert (np.abs(change) <= FOLLOWER.acceleration * DT + 1e-12).all()
+    np.testing.assert_allclose(np.diff(np.vstack([start, position]), axis=0), DT * velocity, atol=1e-12)
+
+
+def test_it_settles_on_a_target_without_passing_it() -> None:
+    position, velocity, slow, soft = FOLLOWER.follow(np.full((600, 2), 0.02), np.zeros(2), np.zeros(2))
+    np.testing.assert_allclose(position[-1], 0.02, atol=1e-6)
+    np.testing.assert_allclose(velocity[-1], 0.0, atol=1e-6)
+    assert position.max() <= 0.02 + 1e-9
+    assert not slow.any() and not soft.any()
+
+
+def test_it_settles_also_where_the_bounds_hold_it_back() -> None:
+    position, velocity, slow, soft = FOLLOWER.follow(np.full((2000, 2), 1.0), np.zeros(2), np.zeros(2))
+    np.testing.assert_allclose(position[-1], 1.0, atol=1e-6)
+    assert slow.any(axis=0).all() and soft.any(axis=0).all()
+    assert velocity[:, 0].max() == pytest.approx(0.25)
+
+
+def test_it_lags_a_moving_target_by_twice_its_time_constant() -> None:
+    speed = np.array([0.1, 1.0])
+    targets = np.arange(500)[:, None] * DT * speed
+    position, _, _, _ = FOLLOWER.follow(targets, np.zeros(2), np.zeros(2))
+    lag = (targets[-1] - position[-1]) / speed
+    np.testing.assert_allclose(lag, 2.0 / FOLLOWER.omega, atol=2 * DT)
+
+
+def test_cut_in_two_it_goes_on_as_in_one() -> None:
+    targets = np.random.default_rng(1).normal(size=(100, 2))
+    whole = FOLLOWER.follow(targets, np.zeros(2), np.zeros(2))
+    first = FOLLOWER.follow(targets[:37], np.zeros(2), np.zeros(2))
+    second = FOLLOWER.follow(targets[37:], first[0][-1], first[1][-1])
+    for one, head, tail in zip(whole, first, second, strict=True):
+        np.testing.assert_array_equal(one, np.concatenate([head, tail]))
