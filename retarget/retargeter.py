@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import minimum_filter1d
 from scipy.signal import butter, sosfilt, sosfilt_zi
 from scipy.spatial.transform import Rotation
 
@@ -137,6 +138,7 @@ class Retargeter:
         schedule = self._schedule(state, view, steps, ticks, known)
         zmp, dcm, com, com_velocity = self._balance(state, schedule)
         targets, hands = self._targets(state, view, schedule, known)
+        targets[:, 0] = np.minimum(targets[:, 0], self._reachable_height(state, schedule, com))
         position, velocity, slow, soft = self.follower.follow(
             targets, layout.get(state, "position"), layout.get(state, "velocity")
         )
@@ -265,6 +267,12 @@ class Retargeter:
         angles, arms = self.body.upper.solve(window.kinematics, q)
         ahead = np.minimum(held + 2.0 / self.follower.omega[-1], known[-1])
         return np.hstack([trunk, window.at(angles, ahead)]), np.where(arms.reachable[..., None], arms.hand, np.nan)
+
+    def _reachable_height(self, state: Float, schedule: Schedule, com: Float) -> Float:
+        """Hips low enough for both legs, as early as the follower needs to get there, (T,) [m]."""
+        height = self.body.reachable_height(schedule.feet, com, self.layout.get(state, "com_offset"))
+        ahead = int(round(3.0 / self.follower.omega[0] * self.rate))
+        return minimum_filter1d(height, ahead + 1, origin=-(ahead // 2), mode="nearest")
 
     def _hand_error(self, view: _View, q: Float, hands: Float | None) -> Float:
         """Distance of the hands from where the human's map to, (T, 2) [m].

@@ -16,6 +16,9 @@ Float = NDArray[np.float64]
 POSTURE = ("height", "roll", "pitch", "yaw")
 """Channels of the trunk: hips above ankles [m], torso roll, pitch and yaw [rad]."""
 
+BENT_KNEE = 0.955
+"""Share of the leg's length that a posture may use: a straight knee needs unbounded speed to move the foot at all."""
+
 
 class WholeBody:
     """One robot's legs, upper body and dynamics, solved together over many rows."""
@@ -49,6 +52,21 @@ class WholeBody:
     def stand_width(self) -> float:
         """Distance between the sole centres with the ankles under the hips [m]."""
         return float(self.home_feet[0, 1] - self.home_feet[1, 1])
+
+    def reachable_height(self, feet: Float, com: Float, offset: Float) -> Float:
+        """Highest hips over the ankles at which both legs still reach their feet with bent knees, (T,) [m].
+
+        Args: as of `solve`; the torso is taken upright and to face as the feet do on average.
+        """
+        yaw = yaw_rotation(feet[:, :, 3].mean(axis=1))
+        height = np.full(len(feet), np.inf)
+        for side, leg in enumerate(self.legs):
+            hips = (com - offset) + (yaw @ leg.hip)[:, :2]
+            ankle = feet[:, side, :2] - (yaw_rotation(feet[:, side, 3]) @ leg.sole)[:, :2]
+            away = np.sum((hips - ankle) ** 2, axis=1)
+            reach = np.sqrt(np.maximum((BENT_KNEE * self.leg_length) ** 2 - away, (0.5 * self.leg_length) ** 2))
+            height = np.minimum(height, reach + feet[:, side, 2])
+        return height
 
     def solve(
         self, feet: Float, com: Float, channels: Float, offset: Float, passes: int = 2
