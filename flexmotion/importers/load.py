@@ -98,7 +98,7 @@ def read(
     if suffix in READERS:
         capture = READERS[suffix](path)
     elif suffix == ARCHIVE:
-        content = _archive(path)
+        content = _archive(path, clip)
         if is_amass(content):
             capture = read_amass(str(path), content)
         elif is_packed(content):
@@ -133,10 +133,12 @@ def fit_capture(
     return Import(on_floor(from_origin(motion)), chosen.name, errors)
 
 
-def _archive(path: Path) -> dict[str, NDArray]:
+def _archive(path: Path, clip: str | None) -> dict[str, NDArray]:
+    """Arrays of an archive; where one is asked for and there, only that: a packed file has hundreds."""
     try:
         with np.load(path, allow_pickle=False) as archive:
-            return {name: archive[name] for name in archive.files}
+            names = [clip] if clip in archive.files else archive.files
+            return {name: archive[name] for name in names}
     except OSError as error:
         raise MotionFormatError(f"{path}: cannot be read ({error.strerror or error})") from error
     except (ValueError, EOFError, zipfile.BadZipFile) as error:

@@ -1,0 +1,163 @@
+"""Which clips a folder of motion data holds: loose files, archives of them, packed files, and their index tables.
+
+*.bvh *.amc *.npy *.npz *.trc      clips
+*.tar.xz, *.tar.gz, *.zip …        unpacked beside the set, then searched
+*_index.csv                        `file` or `trial` -> split, content and style, or action
+*_captions.csv                     see `captions`
+"""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import shutil
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from configs.errors import MotionFormatError
+from flexmotion.captions import Caption, read_captions
+from flexmotion.dataset.splits import split_of
+from flexmotion.importers.packed import is_packed
+from flexmotion.importers.smpl import is_amass
+
+LOOSE = (".bvh", ".amc", ".npy", ".trc")
+"""Kinds of files with one clip each, the best first: rotations tell more than joint centres."""
+
+ARCHIVES = (".tar.xz", ".tar.gz", ".tgz", ".tar", ".zip")
+
+LICENCES = {
+    "bandai": "CC BY-NC 4.0, Bandai Namco Research Inc.",
+    "cmu": "CMU Graphics Lab Motion Capture Database, free for research, mocap.cs.cmu.edu, NSF EIA-0196217",
+}
+"""Of collections that are known, by the name of their folder, archive or index."""
+
+
+@dataclass(frozen=True)
+class Clip:
+    """One clip to be built.
+
+    Attributes:
+        name: of the clip in the set, without suffix; unique.
+        path: file that it is in.
+        member: name inside a packed file; empty for a file of one clip.
+        collection: what it belongs to, `bandai`, `cmu` or a folder's name.
+        licence: of the collection; empty where not known.
+        split: `train`, `validation` or `test`.
+        labels: columns of the index that say what it shows.
+        captions: sentences about it.
+    """
+
+    name: str
+    path: Path
+    member: str = ""
+    collection: str = ""
+    licence: str = ""
+    split: str = "train"
+    labels: dict[str, str] = field(default_factory=dict)
+    captions: tuple[Caption, ...] = ()
+
+
+def find_clips(folders: Iterable[Path], work: Path) -> list[Clip]:
+    """Every clip in some folders, sorted by name; of clips of one name the best file (see `LOOSE`) is taken.
+
+    Args:
+        folders: to search, with all below them.
+        work: where archives are unpacked.
+
+    Raises:
+        MotionFormatError: a folder is missing or holds no clip, an archive or table is broken.
+    """
+    found: dict[str, tuple[int, Clip]] = {}
+    index: dict[str, dict[str, str]] = {}
+    captions: dict[str, list[Caption]] = {}
+    files: list[tuple[str, Path]] = []
+    for folder in folders:
+        if not folder.is_dir():
+            raise MotionFormatError(f"{folder}: no such folder of motion data")
+        for path in sorted(folder.rglob("*")):
+            if path.is_file():
+                files.append((_collection(path, folder), path))
+    for collection, path in files.copy():
+        if path.name.endswith("_index.csv"):
+            index |= _read_index(path)
+        elif path.name.endswith("_captions.csv"):
+            captions |= read_captions(path)
+        elif path.name.lower().endswith(ARCHIVES):
+            files += [(collection, member) for member in _unpacked(path, work)]
+    for collection, path in files:
+        for rank, name, member in _clips_in(path):
+            if name in found and found[name][0] <= rank:
+                continue
+            labels = index.get(path.name) or index.get(name) or {}
+            found[name] = (
+                rank,
+                Clip(
+                    name=name,
+                    path=path,
+                    member=member,
+                    collection=collection,
+                    licence=LICENCES.get(collection, ""),
+                    split=split_of(collection, f"{name}{path.suffix}", labels),
+                    labels={key: labels[key] for key in ("content", "style", "action", "subject") if key in labels},
+                    captions=tuple(captions.get(name, ())),
+                ),
+            )
+    if not found:
+        raise MotionFormatError(f"{', '.join(str(folder) for folder in folders)}: no motion files there")
+    return [clip for _, (_, clip) in sorted(found.items())]
+
+
+def _collection(path: Path, folder: Path) -> str:
+    """A known collection's name if a file or one of its folders begins with it, else that of the innermost folder."""
+    for part in (path.name, *reversed(path.relative_to(folder).parts[:-1]), folder.name):
+        known = next((name for name in LICENCES if part.lower().startswith(name)), None)
+        if known:
+            return known
+    return path.parent.name
+
+
+def _clips_in(path: Path) -> list[tuple[int, str, str]]:
+    """Rank, name and member of every clip in a file; none for what is no motion."""
+    suffix = path.suffix.lower()
+    if suffix in LOOSE:
+        return [(LOOSE.index(suffix), path.stem, "")]
+    if suffix != ".npz":
+        return []
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            names = archive.files
+            if "header" in names or is_amass(dict.fromkeys(names, np.empty(0))):
+                return [(0, path.stem, "")]
+            if names and is_packed({names[0]: archive[names[0]]}):
+                return [(len(LOOSE), name, name) for name in names]
+    except (OSError, ValueError) as error:
+        raise MotionFormatError(f"{path}: cannot be read ({error})") from error
+    return []
+
+
+def _unpacked(path: Path, work: Path) -> list[Path]:
+    """Files of an archive, unpacked once; a marker file says that it was done to the end."""
+    folder = work / hashlib.sha256(f"{path.name} {path.stat().st_size}".encode()).hexdigest()[:12]
+    done = folder.with_suffix(".done")
+    if not done.exists():
+        shutil.rmtree(folder, ignore_errors=True)
+        folder.mkdir(parents=True)
+        try:
+            # Links and paths that lead out of the folder are refused.
+            shutil.unpack_archive(path, folder, filter=None if path.suffix == ".zip" else "data")
+        except (shutil.ReadError, OSError, ValueError) as error:
+            raise MotionFormatError(f"{path}: cannot be unpacked ({error})") from error
+        done.touch()
+    return sorted(member for member in folder.rglob("*") if member.is_file())
+
+
+def _read_index(path: Path) -> dict[str, dict[str, str]]:
+    with path.open(encoding="utf-8", newline="") as file:
+        reader = csv.DictReader(file)
+        key = next((name for name in ("file", "trial") if name in (reader.fieldnames or ())), None)
+        if key is None:
+            raise MotionFormatError(f"{path}: lacks a column 'file' or 'trial'")
+        return {row[key]: row for row in reader}

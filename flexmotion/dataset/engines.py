@@ -1,0 +1,77 @@
+"""Who computes the parts: this process, processes on this machine's cores, or a Ray cluster."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+
+from configs.errors import ConfigError
+from flexmotion.dataset.clips import Clip
+from flexmotion.dataset.parts import compute
+from flexmotion.dataset.settings import BuildSettings
+
+Result = tuple[int, bytes]
+"""Number of a clip among those asked for, and its part."""
+
+Engine = Callable[[Sequence[Clip], BuildSettings, int], Iterator[Result]]
+
+
+def here(clips: Sequence[Clip], settings: BuildSettings, workers: int) -> Iterator[Result]:
+    """One after the other in this process."""
+    for number, clip in enumerate(clips):
+        yield number, compute(clip, settings)
+
+
+def _limit_threads() -> None:
+    """One thread a process: as many processes as cores are at work."""
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ[name] = "1"
+
+
+def processes(clips: Sequence[Clip], settings: BuildSettings, workers: int) -> Iterator[Result]:
+    """On the cores of this machine, in whatever order they finish."""
+    if workers <= 1:
+        yield from here(clips, settings, workers)
+        return
+    _limit_threads()
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(workers, mp_context=context, initializer=_limit_threads) as pool:
+        futures = {pool.submit(compute, clip, settings): number for number, clip in enumerate(clips)}
+        try:
+            for future in as_completed(futures):
+                yield futures.pop(future), future.result()
+        finally:
+            pool.shutdown(wait=False, cancel_futures=True)
+
+
+def ray(clips: Sequence[Clip], settings: BuildSettings, workers: int) -> Iterator[Result]:
+    """On a Ray cluster (`RAY_ADDRESS`), or on a local one of so many workers.
+
+    Every worker reads the clips from the same paths (a shared folder); the parts come back over Ray.
+
+    Raises:
+        ConfigError: Ray is not installed.
+    """
+    try:
+        import ray as cluster
+    except ImportError as error:
+        raise ConfigError("--engine ray needs the extra 'ray': pip install 'flexmotion[ray]'") from error
+    started = not cluster.is_initialized()
+    if started:
+        local = {} if os.environ.get("RAY_ADDRESS") else {"num_cpus": workers}
+        cluster.init(include_dashboard=False, log_to_driver=False, **local)
+    try:
+        remote = cluster.remote(num_cpus=1)(compute)
+        shared = cluster.put(settings)
+        pending = {remote.remote(clip, shared): number for number, clip in enumerate(clips)}
+        while pending:
+            (ready, *_), _ = cluster.wait(list(pending), num_returns=1)
+            yield pending.pop(ready), cluster.get(ready)
+    finally:
+        if started:
+            cluster.shutdown()
+
+
+ENGINES: dict[str, Engine] = {"process": processes, "ray": ray}

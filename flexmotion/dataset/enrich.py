@@ -1,0 +1,116 @@
+"""One clip: read, varied, and enriched with forces, torques and activations."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from configs.errors import FlexMotionError
+from flexmotion.biomechanics.augmentation import varied
+from flexmotion.biomechanics.dynamics import dynamics
+from flexmotion.biomechanics.external_load import ExternalLoad
+from flexmotion.biomechanics.joint_contact import joint_contact_forces
+from flexmotion.biomechanics.mirror import mirror
+from flexmotion.biomechanics.static_optimisation import infeasible, static_optimisation
+from flexmotion.dataset.clips import Clip
+from flexmotion.dataset.fields import FIELDS
+from flexmotion.dataset.settings import BuildSettings
+from flexmotion.importers import load
+from flexmotion.motion import Motion
+
+MEAN_HEIGHT = 1.75
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A clip, its mirror image or a variant, ready for the set; or why it is dropped.
+
+    Attributes:
+        name: the clip's, with `~mirror` or `~N` behind it.
+        info: what the manifest says of it.
+        arrays: by field; empty if it is dropped.
+        dropped: the reason; empty if it is kept.
+    """
+
+    name: str
+    info: dict[str, Any]
+    arrays: dict[str, np.ndarray]
+    dropped: str = ""
+
+
+def enrich(clip: Clip, settings: BuildSettings) -> list[Entry]:
+    """A clip and what is derived from it."""
+    about = {
+        "source": clip.path.name + (f":{clip.member}" if clip.member else ""),
+        "source_sha256": hashlib.sha256(clip.path.read_bytes()).hexdigest(),
+        "collection": clip.collection,
+        "licence": clip.licence,
+        "split": clip.split,
+        "labels": clip.labels,
+        "captions": [asdict(caption) for caption in clip.captions],
+    }
+    try:
+        motion = load(clip.path, fps=settings.fps, clip=clip.member or None)
+    except FlexMotionError as error:
+        # The message names the file by its path on this machine, which is not the same on the next.
+        reason = str(error).replace(str(clip.path), clip.path.name)
+        return [Entry(clip.name, about, {}, f"unreadable: {reason}")]
+    mass = settings.mass * (motion.body.height / MEAN_HEIGHT) ** 2
+    motion = replace(motion, body=replace(motion.body, mass=mass), source=about["source"])
+    entries = [_entry(clip.name, about | {"variant": "original"}, motion, (), settings)]
+    if settings.mirrored:
+        entries.append(_entry(f"{clip.name}~mirror", about | {"variant": "mirror"}, mirror(motion), (), settings))
+    for number in range(1, settings.variants + 1):
+        seed = _seed(clip.name, number, settings.seed)
+        changed, loads = varied(motion, seed, settings.ranges)
+        info = about | {"variant": "varied", "seed": seed}
+        entries.append(_entry(f"{clip.name}~{number}", info, changed, loads, settings))
+    return entries
+
+
+def _seed(name: str, number: int, seed: int) -> int:
+    """A seed that does not depend on the order in which clips are built."""
+    return int(hashlib.sha256(f"{seed} {name} {number}".encode()).hexdigest()[:8], 16)
+
+
+def _entry(
+    name: str, info: dict[str, Any], motion: Motion, loads: tuple[ExternalLoad, ...], settings: BuildSettings
+) -> Entry:
+    info = info | {"frames": len(motion), "fps": motion.fps}
+    if motion.duration < settings.shortest:
+        return Entry(name, info, {}, f"short: {motion.duration:.2f} s")
+    found = dynamics(motion, settings.cutoff, settings.ground, settings.nearness, loads=loads)
+    good = (found.residual[:, 0] <= settings.residual_force) & (found.residual[:, 1] <= settings.residual_moment)
+    medians = np.median(found.residual, axis=0)
+    info |= {
+        "body": asdict(found.motion.body),
+        "good_share": round(float(good.mean()), 4),
+        "residual_median": [round(float(value), 5) for value in medians],
+    }
+    if good.mean() < settings.kept_share:
+        reason = f"residual: {100 * good.mean():.0f} % of its frames can be explained by the ground"
+        return Entry(name, info, {}, reason)
+    moved = found.motion
+    arrays = {
+        "root_position": moved.root_position,
+        "root_quaternion": moved.root_quaternion,
+        "joints": moved.joints,
+        "torques": moved.torques,
+        "wrenches": moved.wrenches,
+        "centres": found.centres,
+        "contacts": moved.contacts,
+        "loads": np.stack([load.force for load in loads], axis=1) if loads else np.zeros((len(moved), 3, 3)),
+        "residual": found.residual,
+        "good": good,
+    }
+    if settings.muscles:
+        muscles = static_optimisation(moved)
+        arrays |= {
+            "activations": muscles.activations,
+            "joint_contact": joint_contact_forces(found, muscles),
+            "infeasible": infeasible(muscles, moved),
+        }
+    return Entry(name, info, {field: np.asarray(value).astype(FIELDS[field].dtype) for field, value in arrays.items()})
