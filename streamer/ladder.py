@@ -100,12 +100,14 @@ class Ladder:
         self._damp_ticks = int(round(damp_s * rate_hz))
         self._left = 0
         self._frozen = False
+        self._pressed = False  # a button that is held down is pressed once
 
     def step(self, inputs: Inputs) -> Playback:
         """Advance one tick and say what to send."""
-        if self.state in POWERED:
-            self._emergencies(inputs)
-        getattr(self, f"_in_{self.state.name.lower()}")(inputs)
+        emergency = self.state in POWERED and self._emergency(inputs)
+        self._pressed = inputs.estop
+        if not emergency:
+            getattr(self, f"_in_{self.state.name.lower()}")(inputs)
         return self._playback()
 
     def _playback(self) -> Playback:
@@ -125,7 +127,8 @@ class Ladder:
         # The first cause is the one to mend; later ones are its consequences.
         self.fault = self.fault or cause
 
-    def _emergencies(self, inputs: Inputs) -> None:
+    def _emergency(self, inputs: Inputs) -> bool:
+        """Latch what has gone wrong; whether it decides this tick, so that no other request can undo it."""
         if inputs.kill:
             self._latch("kill: torque cut by an operator")
             self.state = State.FAULT
@@ -133,19 +136,22 @@ class Ladder:
             self._latch(inputs.bus_lost)
             self.state = State.FAULT
         elif self.state is State.DAMPED:
-            return
+            return False
         elif inputs.fallen:
             self._latch("fall: torso tilted past the robot's limit")
             self.state, self._left = State.DAMPED, self._damp_ticks
-        elif inputs.estop and not self._frozen:
+        elif inputs.estop and not self._pressed:
             self._latch("e-stop: frozen by an operator")
             self.state, self._frozen, self._left = State.HOLD, True, self._freeze_ticks
-        elif inputs.fault is not None and self.fault is None:
-            self._latch(inputs.fault)
-            self.stopping = True
+        else:
+            if inputs.fault is not None and self.fault is None:
+                self._latch(inputs.fault)
+                self.stopping = True
+            return False
+        return True
 
     def _in_off(self, inputs: Inputs) -> None:
-        if inputs.start and self.fault is None:
+        if inputs.start and not (inputs.estop or inputs.kill) and self.fault is None:
             self.state = State.READY
             self.stopping = self._frozen = False
 

@@ -56,6 +56,8 @@ class ControlLoop:
         self.plan: Plan | None = None
         self.pending: Plan | None = None
         self.tick_count = 0
+        self._seen, self._unread = np.full(robot.n, np.nan), np.zeros(robot.n, np.int64)
+        self._imu_unread = 0
         self._lead = driver.delay_s * robot.rate_hz
         self._warned: set[str] = set()
 
@@ -71,7 +73,7 @@ class ControlLoop:
 
     def tick(self) -> None:
         """One period: read, decide, send, record."""
-        self.driver.read(self.state)
+        self._read()
         self._join()
         self.estimator.update(self.state, self.now)
         before = self.ladder.state
@@ -83,6 +85,24 @@ class ControlLoop:
         self._write_record(playback)
         self.inputs.reset()
         self.tick_count += 1
+
+    def _read(self) -> None:
+        """Read; what is no number counts as not having answered: a joint keeps its last position, at rest."""
+        state = self.state
+        self.driver.read(state)
+        lost = ~(np.isfinite(state.position) & np.isfinite(state.velocity))
+        self._unread += 1
+        self._unread[~lost] = 0
+        np.copyto(state.position, self._seen, where=lost)
+        np.copyto(state.velocity, 0.0, where=lost)
+        np.maximum(state.stale, self._unread, out=state.stale)
+        np.copyto(self._seen, state.position)
+        if not (np.isfinite(state.gyro).all() and np.isfinite(state.accel).all()):
+            self._imu_unread += 1
+            state.gyro.fill(0.0)
+            state.imu_stale = max(state.imu_stale, self._imu_unread)
+        else:
+            self._imu_unread = 0
 
     def _join(self) -> None:
         if self.pending is not None and self.tick_count >= self.pending.start_tick:
@@ -96,6 +116,10 @@ class ControlLoop:
         inputs.plan_over = self.plan_over
         inputs.move_done = self.move.done
         if state is State.OFF:
+            silent = np.flatnonzero(~np.isfinite(measured.position))
+            if inputs.start and len(silent):
+                inputs.start = False
+                self._event("fault", f"no start: {self._name('returns no position', int(silent[0]))}")
             return
         tilted = math.hypot(*self.estimator.tilt) > limits.fall_tilt
         inputs.fallen = bool(self.estimator.has_imu and tilted)
@@ -107,6 +131,8 @@ class ControlLoop:
             worst = int(np.flatnonzero(measured.hardware_error)[0])
             bits = int(measured.hardware_error[worst])
             inputs.fault = self._name(f"reports hardware error 0x{bits:02x}", worst)
+        elif measured.imu_stale > limits.max_stale_reads:
+            inputs.fault = f"IMU has not answered for {measured.imu_stale} reads"
         elif limits.voltage_min is not None and np.fmin.reduce(measured.voltage) < limits.voltage_min:
             inputs.fault = f"supply at {np.fmin.reduce(measured.voltage):.1f} V, below {limits.voltage_min:.1f} V"
         if not self.estimator.has_imu:

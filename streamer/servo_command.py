@@ -52,8 +52,10 @@ class ServoCommand:
         bounded = np.maximum(np.minimum(goal, highest), lowest)
         np.copyto(self._velocity, measured.velocity)
         self.torque_clamps = int(np.count_nonzero(bounded != goal))
-        np.copyto(self.goal, np.minimum(np.maximum(bounded, robot.lower), robot.upper))
-        self.position_clamps = int(np.count_nonzero(self.goal != bounded))
+        limited = np.minimum(np.maximum(bounded, robot.lower), robot.upper)
+        self.position_clamps = int(np.count_nonzero(limited != bounded))
+        # What is no number never leaves here: the servo keeps the goal it has.
+        np.copyto(self.goal, limited, where=np.isfinite(limited))
         return self.goal
 
     def _envelope(self, position: Float, velocity: Float, kp: Float, supply: Float) -> tuple[Float, Float]:
