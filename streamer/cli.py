@@ -16,6 +16,7 @@ import typer
 
 from configs.errors import FlexMotionError
 from streamer.commands.check import check
+from streamer.commands.data import data
 from streamer.commands.drivers import drivers
 from streamer.commands.dry_run import dry_run
 from streamer.commands.retarget import retarget
@@ -37,6 +38,7 @@ app.command("dry-run")(dry_run)
 app.command("run")(run)
 app.command("retarget")(retarget)
 app.add_typer(check, name="check")
+app.add_typer(data, name="data")
 app.command("robots")(robots)
 app.command("drivers")(drivers)
 

@@ -60,8 +60,8 @@ def ray(clips: Sequence[Clip], settings: BuildSettings, workers: int) -> Iterato
         raise ConfigError("--engine ray needs the extra 'ray': pip install 'flexmotion[ray]'") from error
     started = not cluster.is_initialized()
     if started:
-        local = {} if os.environ.get("RAY_ADDRESS") else {"num_cpus": workers}
-        cluster.init(include_dashboard=False, log_to_driver=False, **local)
+        local = None if os.environ.get("RAY_ADDRESS") else workers
+        cluster.init(num_cpus=local, include_dashboard=False, log_to_driver=False)
     try:
         remote = cluster.remote(num_cpus=1)(compute)
         shared = cluster.put(settings)

@@ -43,8 +43,9 @@ class Entry:
 
 def enrich(clip: Clip, settings: BuildSettings) -> list[Entry]:
     """A clip and what is derived from it."""
+    source = clip.path.name + (f":{clip.member}" if clip.member else "")
     about = {
-        "source": clip.path.name + (f":{clip.member}" if clip.member else ""),
+        "source": source,
         "source_sha256": hashlib.sha256(clip.path.read_bytes()).hexdigest(),
         "collection": clip.collection,
         "licence": clip.licence,
@@ -59,7 +60,7 @@ def enrich(clip: Clip, settings: BuildSettings) -> list[Entry]:
         reason = str(error).replace(str(clip.path), clip.path.name)
         return [Entry(clip.name, about, {}, f"unreadable: {reason}")]
     mass = settings.mass * (motion.body.height / MEAN_HEIGHT) ** 2
-    motion = replace(motion, body=replace(motion.body, mass=mass), source=about["source"])
+    motion = replace(motion, body=replace(motion.body, mass=mass), source=source)
     entries = [_entry(clip.name, about | {"variant": "original"}, motion, (), settings)]
     if settings.mirrored:
         entries.append(_entry(f"{clip.name}~mirror", about | {"variant": "mirror"}, mirror(motion), (), settings))

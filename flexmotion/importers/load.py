@@ -137,7 +137,7 @@ def _archive(path: Path, clip: str | None) -> dict[str, NDArray]:
     """Arrays of an archive; where one is asked for and there, only that: a packed file has hundreds."""
     try:
         with np.load(path, allow_pickle=False) as archive:
-            names = [clip] if clip in archive.files else archive.files
+            names = [clip] if clip is not None and clip in archive.files else archive.files
             return {name: archive[name] for name in names}
     except OSError as error:
         raise MotionFormatError(f"{path}: cannot be read ({error.strerror or error})") from error

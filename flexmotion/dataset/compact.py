@@ -1,0 +1,81 @@
+"""The compact form of a set, which travels to a training machine: half precision, no muscles, no mirror images.
+
+Mirror images are exact (`biomechanics.mirror`) and made anew where the set is used. Paths keep full precision, since a
+half has none left ten metres from the origin.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import lzma
+import struct
+from pathlib import Path
+
+import numpy as np
+
+from configs.errors import MotionFormatError
+from flexmotion.dataset.training_set import TrainingSet
+
+MAGIC = b"FMSET1\n\0"
+FULL = ("root_position",)
+LEFT_OUT = ("loads", "centres", "good")
+"""Loads are zero in originals, centres of pressure and good frames follow from wrenches and residuals."""
+
+
+def export_compact(source: TrainingSet, path: Path) -> int:
+    """Write the originals of a set; returns the size of the file [bytes]."""
+    clips = list(source.select(variant="original"))
+    fields = {
+        name: field
+        for name, field in source.manifest["fields"].items()
+        if not field["muscles"] and name not in LEFT_OUT
+    }
+    start, table = 0, []
+    for clip in clips:
+        table.append(clip.info | {"start": start})
+        start += clip.frames
+    keep = ("schema", "revision", "versions", "settings", "joints")
+    header = {key: source.manifest[key] for key in keep} | {"frames": start, "clips": table, "fields": fields}
+    buffer = io.BytesIO()
+    text = json.dumps(header, sort_keys=True).encode()
+    buffer.write(struct.pack("<q", len(text)) + text)
+    for name in sorted(fields):
+        dtype = _dtype(name, fields[name]["dtype"])
+        values = np.concatenate([np.asarray(source[name][clip.rows]) for clip in clips]).astype(dtype)
+        columns = values.reshape(len(values), -1).T
+        # Column by column, high bytes apart from low ones: neighbours in time are alike, which is what packs.
+        planes = np.ascontiguousarray(columns).view(np.uint8).reshape(*columns.shape, dtype.itemsize)
+        buffer.write(np.ascontiguousarray(np.moveaxis(planes, -1, 1)).tobytes())
+    path.write_bytes(MAGIC + lzma.compress(buffer.getvalue(), preset=6))
+    return path.stat().st_size
+
+
+def read_compact(path: Path) -> tuple[dict, dict[str, np.ndarray]]:
+    """Header (as a manifest) and arrays of a compact set. Raises `MotionFormatError`."""
+    try:
+        content = path.read_bytes()
+        if not content.startswith(MAGIC):
+            raise MotionFormatError(f"{path}: not a compact set")
+        raw = lzma.decompress(content[len(MAGIC) :])
+    except OSError as error:
+        raise MotionFormatError(f"{path}: cannot be read ({error.strerror})") from error
+    except lzma.LZMAError as error:
+        raise MotionFormatError(f"{path}: damaged ({error})") from error
+    (length,) = struct.unpack_from("<q", raw)
+    header = json.loads(raw[8 : 8 + length])
+    at, frames = 8 + length, header["frames"]
+    arrays = {}
+    for name, field in sorted(header["fields"].items()):
+        dtype, shape = _dtype(name, field["dtype"]), tuple(field["shape"])
+        columns = int(np.prod(shape, dtype=int))
+        size = columns * frames * dtype.itemsize
+        planes = np.frombuffer(raw, np.uint8, size, at).reshape(columns, dtype.itemsize, frames)
+        values = np.ascontiguousarray(np.moveaxis(planes, 1, -1)).view(dtype).reshape(columns, frames)
+        arrays[name] = np.ascontiguousarray(values.T).reshape(frames, *shape)
+        at += size
+    return header, arrays
+
+
+def _dtype(name: str, dtype: str) -> np.dtype:
+    return np.dtype(dtype if name in FULL or dtype == "bool" else "float16")

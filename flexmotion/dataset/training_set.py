@@ -1,0 +1,115 @@
+"""`TrainingSet`: a built set, its arrays memory-mapped."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from configs.errors import MotionFormatError
+from flexmotion.body import Body, Segments
+from flexmotion.dataset.build import MANIFEST, SCHEMA
+from flexmotion.motion import Motion
+
+
+@dataclass(frozen=True)
+class SetClip:
+    """A clip in a set: `frames` rows from `start` on, and what the manifest says of it."""
+
+    name: str
+    start: int
+    frames: int
+    fps: float
+    split: str
+    variant: str
+    info: dict[str, Any]
+
+    @property
+    def rows(self) -> slice:
+        """Its rows in every array."""
+        return slice(self.start, self.start + self.frames)
+
+
+class TrainingSet:
+    """A set in a folder; nothing is read before it is asked for.
+
+    Args:
+        folder: that `build` wrote.
+
+    Raises:
+        MotionFormatError: there is no set, or one of another version.
+    """
+
+    def __init__(self, folder: str | Path) -> None:
+        self.folder = Path(folder)
+        path = self.folder / MANIFEST
+        try:
+            self.manifest: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        except OSError as error:
+            raise MotionFormatError(f"{path}: no set there ({error.strerror}); 'data build' makes one") from error
+        except ValueError as error:
+            raise MotionFormatError(f"{path}: damaged ({error})") from error
+        if self.manifest.get("schema") != SCHEMA:
+            raise MotionFormatError(f"{path}: schema is {self.manifest.get('schema')!r}, expected {SCHEMA!r}")
+
+    def __len__(self) -> int:
+        return int(self.manifest["frames"])
+
+    def __getitem__(self, field: str) -> np.ndarray:
+        """The array of a field, memory-mapped, a row a frame of all clips.
+
+        Raises:
+            MotionFormatError: the set has no such field, or its file is missing.
+        """
+        if field not in self.manifest["fields"]:
+            raise MotionFormatError(f"{self.folder}: no field {field!r}, expected {', '.join(self.manifest['fields'])}")
+        try:
+            array: np.ndarray = np.load(self.folder / f"{field}.npy", mmap_mode="r")
+        except (OSError, ValueError) as error:
+            raise MotionFormatError(f"{self.folder / field}.npy: cannot be mapped ({error})") from error
+        return array
+
+    @cached_property
+    def clips(self) -> tuple[SetClip, ...]:
+        """Every clip in the set."""
+        keys = ("name", "start", "frames", "fps", "split", "variant")
+        return tuple(SetClip(**{key: item[key] for key in keys}, info=item) for item in self.manifest["clips"])
+
+    def select(self, split: str | None = None, variant: str | None = None) -> Iterator[SetClip]:
+        """Clips of a split, of a variant (`original`, `mirror`, `varied`), or all."""
+        for clip in self.clips:
+            if split in (None, clip.split) and variant in (None, clip.variant):
+                yield clip
+
+    def motion(self, clip: SetClip) -> Motion:
+        """One clip with all that is known of it."""
+        body = dict(clip.info["body"])
+        fitted = body.pop("fitted")
+        names = ("root_position", "root_quaternion", "joints", "torques", "wrenches", "activations")
+        present = [name for name in names if name in self.manifest["fields"]]
+        return Motion(
+            fps=clip.fps,
+            body=Body(**body, fitted=Segments(**fitted) if fitted else None),
+            contacts=np.array(self["contacts"][clip.rows]),
+            source=clip.info["source"],
+            **{name: np.asarray(self[name][clip.rows], np.float64) for name in present},
+        )
+
+    def damaged(self) -> list[str]:
+        """Files that are not what the manifest says, by their hash."""
+        wrong = []
+        for name, expected in self.manifest["sha256"].items():
+            path = self.folder / name
+            if not path.is_file():
+                wrong.append(name)
+                continue
+            with path.open("rb") as file:
+                if hashlib.file_digest(file, "sha256").hexdigest() != expected:
+                    wrong.append(name)
+        return wrong

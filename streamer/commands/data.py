@@ -1,0 +1,180 @@
+"""`flexmotion data`: motion files to a training set, and what is in it."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from streamer.commands.options import JsonOption, MappingOption
+from streamer.commands.output import print_json, print_note, print_result, progress_bar
+
+data = typer.Typer(help="Motion files to a training set with forces, torques and muscle activations.")
+
+COLUMNS = ("min", "p01", "median", "p99", "max")
+
+OutOption = Annotated[Path, typer.Option("--out", "-o", help="What to write.")]
+
+
+@data.command("import")
+def import_(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="Motion: .bvh .amc .npy .npz .trc")],
+    out: OutOption,
+    mapping: MappingOption = None,
+    clip: Annotated[str | None, typer.Option(help="Which clip of a packed file.")] = None,
+    fps: Annotated[float, typer.Option(help="Frame rate to write.")] = 30.0,
+    as_json: JsonOption = False,
+) -> None:
+    """Read a motion file of any kind and write it as a motion of ours."""
+    from flexmotion.importers import read
+    from flexmotion.motion_file import save_motion
+
+    found = read(file, mapping=mapping, clip=clip, fps=fps)
+    save_motion(found.motion, out)
+    errors = {name: {"rms_m": error.rms, "max_m": error.max} for name, error in found.errors.items()}
+    if as_json:
+        print_json({"file": str(out), "frames": len(found.motion), "mapping": found.mapping, "fit": errors})
+    else:
+        print_result(f"{out}: {len(found.motion)} frames at {fps:g} Hz, skeleton {found.mapping or 'ours'}")
+
+
+@data.command()
+def augment(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="Motion file of any kind.")],
+    out: OutOption,
+    seed: Annotated[int, typer.Option(help="Of the variety.")] = 0,
+    mirrored: Annotated[bool, typer.Option("--mirror", help="The mirror image, and nothing else.")] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """A variant of a motion: other body, tempo, start and loads, with its dynamics."""
+    from dataclasses import asdict
+
+    import numpy as np
+
+    from flexmotion.biomechanics.augmentation import varied
+    from flexmotion.biomechanics.dynamics import dynamics
+    from flexmotion.biomechanics.mirror import mirror
+    from flexmotion.importers import load
+    from flexmotion.motion_file import save_motion
+
+    motion = load(file)
+    changed, loads = (mirror(motion), ()) if mirrored else varied(motion, seed)
+    found = dynamics(changed, loads=loads)
+    save_motion(found.motion, out)
+    residual = np.median(found.residual, axis=0)
+    if as_json:
+        body = asdict(found.motion.body)
+        print_json({"file": str(out), "seed": seed, "body": body, "residual_median": residual.tolist()})
+    else:
+        body_text = f"{found.motion.body.height:.2f} m, {found.motion.body.mass:.1f} kg"
+        print_result(
+            f"{out}: {len(found.motion)} frames, {body_text}, residual {100 * residual[0]:.2f} % of body weight"
+        )
+
+
+@data.command()
+def build(
+    folders: Annotated[list[Path], typer.Argument(metavar="FOLDER...", help="Motion data; archives are unpacked.")],
+    out: OutOption,
+    workers: Annotated[int, typer.Option(min=1, help="Processes.")] = os.cpu_count() or 1,
+    engine: Annotated[
+        str, typer.Option(help="process, or ray: a cluster at RAY_ADDRESS, else a local one.")
+    ] = "process",
+    fps: Annotated[float, typer.Option(min=10.0, help="Frame rate of the set.")] = 30.0,
+    variants: Annotated[int, typer.Option(min=0, help="Varied copies of every clip.")] = 0,
+    mirrored: Annotated[bool, typer.Option("--mirror/--no-mirror", help="With mirror images.")] = True,
+    muscles: Annotated[bool, typer.Option("--muscles/--no-muscles", help="With muscle activations.")] = True,
+    seed: Annotated[int, typer.Option(help="Of the variety.")] = 0,
+    limit: Annotated[int | None, typer.Option(min=1, help="Only so many clips, spread over all.")] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Build a training set from folders of motion data; started again, it goes on where it was stopped.
+
+    [bold]Examples[/bold]
+
+      flexmotion data build motions -o set
+    """
+    from flexmotion.dataset.build import build as build_set
+    from flexmotion.dataset.engines import ENGINES
+    from flexmotion.dataset.settings import BuildSettings
+
+    if engine not in ENGINES:
+        raise typer.BadParameter(f"engine is {engine!r}, expected {' or '.join(ENGINES)}")
+    if muscles:
+        from flexmotion.biomechanics.muscle_geometry import muscle_models
+
+        # Said now, not by every process after the first clip.
+        muscle_models()
+    settings = BuildSettings(fps=fps, variants=variants, mirrored=mirrored, muscles=muscles, seed=seed)
+    with progress_bar(f"builds {out}") as progress:
+        manifest = build_set(folders, out, settings, engine=engine, workers=workers, limit=limit, progress=progress)
+    _report(manifest, as_json)
+    print_note(f"wrote {manifest['frames']} frames: {out}")
+
+
+@data.command()
+def inspect(
+    folder: Annotated[Path, typer.Argument(metavar="SET", help="Folder that `data build` wrote.")],
+    plots: Annotated[Path | None, typer.Option(help="Folder for plots of every modality.")] = None,
+    verify: Annotated[bool, typer.Option(help="Compare the files with their hashes.")] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Print what is in a set: hours, clips kept and dropped by reason, ranges of every modality."""
+    from flexmotion.dataset.training_set import TrainingSet
+
+    found = TrainingSet(folder)
+    _report(found.manifest, as_json)
+    if plots is not None:
+        from streamer.plots.training_set import plot_set
+
+        for path in plot_set(found, plots):
+            print_note(f"wrote {path}")
+    if verify:
+        wrong = found.damaged()
+        if wrong:
+            print_note(f"damaged: {', '.join(wrong)}")
+            raise typer.Exit(1)
+        print_note("every file is as the manifest says")
+
+
+@data.command()
+def export(
+    folder: Annotated[Path, typer.Argument(metavar="SET", help="Folder that `data build` wrote.")],
+    out: OutOption,
+) -> None:
+    """Write the compact form of a set: half precision, without muscles and mirror images."""
+    from flexmotion.dataset.compact import export_compact
+    from flexmotion.dataset.training_set import TrainingSet
+
+    size = export_compact(TrainingSet(folder), out)
+    print_result(f"{out}: {size / 1e6:.1f} MB")
+
+
+def _report(manifest: dict, as_json: bool) -> None:
+    from rich.table import Table
+
+    if as_json:
+        wanted = ("frames", "summary", "ranges", "fields", "dropped", "versions", "settings")
+        print_json({key: manifest[key] for key in wanted})
+        return
+    summary = manifest["summary"]
+    print_result(", ".join(f"{name} {hours:.2f} h" for name, hours in summary["hours"].items()))
+    dropped = ", ".join(f"{count} {reason}" for reason, count in summary["clips_dropped"].items()) or "none"
+    print_result(f"clips: {summary['clips_kept']} kept; dropped: {dropped}")
+    table = Table("field", "unit", *COLUMNS)
+    for name, row in sorted(manifest["ranges"].items()):
+        table.add_row(name, manifest["fields"][name]["unit"], *(f"{row[key]:.4g}" for key in COLUMNS))
+    print_result(table)
+    kinds = Table("kind", "clips", "frames", "frames dropped", "good", "residual force", "residual moment")
+    for name, row in summary["by_kind"].items():
+        force, moment = row.get("residual_median", (float("nan"), float("nan")))
+        cells = (row["clips"], row["frames"], row["frames_dropped"])
+        good = f"{100 * row['kept_share']:.1f} %" if "kept_share" in row else "-"
+        kinds.add_row(name, *map(str, cells), good, f"{100 * force:.2f} % BW", f"{moment:.4f} BW·m")
+    print_result(kinds)
+    for clip in manifest["dropped"][:20]:
+        print_result(f"dropped {clip['name']}: {clip['reason']}")
+    if len(manifest["dropped"]) > 20:
+        print_result(f"… and {len(manifest['dropped']) - 20} more, in the manifest")

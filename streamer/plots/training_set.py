@@ -1,0 +1,64 @@
+"""Plots of a training set: how its modalities are distributed, and one clip in full."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+from flexmotion.dataset.training_set import TrainingSet
+
+STEP = 10
+"""Distributions are taken over every so many-th frame."""
+
+
+def plot_set(found: TrainingSet, folder: Path) -> list[Path]:
+    """Write `distributions.png` and `clip.png`; returns their paths."""
+    folder.mkdir(parents=True, exist_ok=True)
+    paths = [folder / "distributions.png", folder / "clip.png"]
+    _distributions(found, paths[0])
+    _clip(found, paths[1])
+    return paths
+
+
+def _distributions(found: TrainingSet, path: Path) -> None:
+    names = [name for name, field in found.manifest["fields"].items() if field["dtype"] != "bool"]
+    columns = 3
+    rows = -(-len(names) // columns)
+    figure, axes = plt.subplots(rows, columns, figsize=(12, 2.6 * rows), layout="constrained", squeeze=False)
+    for place, name in zip(axes.ravel(), names, strict=False):
+        values = np.asarray(found[name][::STEP], np.float64).ravel()
+        low, high = np.quantile(values, [0.001, 0.999]) if values.size else (0.0, 1.0)
+        place.hist(values, bins=80, range=(low, max(high, low + 1e-9)), log=True)
+        place.set_title(name)
+        place.set_xlabel(found.manifest["fields"][name]["unit"])
+    for place in axes.ravel()[len(names) :]:
+        place.axis("off")
+    figure.savefig(path, dpi=100)
+    plt.close(figure)
+
+
+def _clip(found: TrainingSet, path: Path) -> None:
+    """The longest clip: vertical ground forces, leg torques, residual, activations."""
+    clip = max(found.clips, key=lambda item: item.frames)
+    times = np.arange(clip.frames) / clip.fps
+    panels = [("vertical ground force [N]", found["wrenches"][clip.rows][:, :, 2])]
+    joints = found.manifest["joints"]
+    legs = [6 + joints.index(f"{name}_r") for name in ("hip_flexion", "knee_flexion", "ankle_dorsiflexion")]
+    panels.append(("right hip, knee, ankle [N·m]", found["torques"][clip.rows][:, legs]))
+    panels.append(("residual [body weights, x m]", found["residual"][clip.rows]))
+    muscles = "activations" in found.manifest["fields"]
+    figure, axes = plt.subplots(len(panels) + muscles, 1, figsize=(11, 9), sharex=True, layout="constrained")
+    for place, (title, values) in zip(axes, panels, strict=False):
+        place.plot(times, values)
+        place.set_ylabel(title)
+        place.grid(alpha=0.3)
+    if muscles:
+        picture = np.asarray(found["activations"][clip.rows], np.float64).T
+        axes[-1].imshow(picture, aspect="auto", extent=(0, times[-1], len(picture), 0), vmin=0, vmax=1)
+        axes[-1].set_ylabel("muscle")
+    figure.suptitle(clip.name)
+    figure.supxlabel("time [s]")
+    figure.savefig(path, dpi=100)
+    plt.close(figure)

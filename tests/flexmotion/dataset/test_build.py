@@ -1,0 +1,200 @@
+"""A set from folder to arrays: splits, drops, stopping and going on, engines, the compact form."""
+
+from __future__ import annotations
+
+import tarfile
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from configs.errors import MotionFormatError
+from flexmotion.biomechanics.mirror import mirror
+from flexmotion.dataset import engines
+from flexmotion.dataset.build import build
+from flexmotion.dataset.clips import Clip, find_clips
+from flexmotion.dataset.compact import export_compact, read_compact
+from flexmotion.dataset.fields import MUSCLES
+from flexmotion.dataset.settings import BuildSettings
+from flexmotion.dataset.splits import bucket, split_of
+from flexmotion.dataset.training_set import TrainingSet
+from flexmotion.motion import Motion
+from flexmotion.skeleton import JOINTS
+
+PLAIN = BuildSettings(muscles=False)
+
+
+@pytest.fixture
+def folder(tmp_path: Path, clip: Motion, write_bvh: Callable[..., Path]) -> Path:
+    """Two clips, one of them in an archive, a broken one and a short one, with an index."""
+    motions = tmp_path / "bandai"
+    motions.mkdir()
+    write_bvh(motions / "wave_happy_001.bvh", clip[:60])
+    write_bvh(tmp_path / "walk_001.bvh", clip[240:330])
+    with tarfile.open(motions / "bandai.tar.xz", "w:xz") as archive:
+        archive.add(tmp_path / "walk_001.bvh", "walk_001.bvh")
+    write_bvh(motions / "short_001.bvh", clip[:8])
+    (motions / "broken_001.bvh").write_text("HIERARCHY\n")
+    (motions / "bandai_index.csv").write_text(
+        "file,content,style\nwave_happy_001.bvh,wave,happy\nwalk_001.bvh,walk,normal\n"
+    )
+    (motions / "some_captions.csv").write_text("trial,start_s,end_s,caption,source\nwalk_001,0,2,a walk,me\n")
+    return motions
+
+
+def files(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in sorted(folder.iterdir()) if path.is_file()}
+
+
+def test_splits() -> None:
+    assert split_of("bandai", "any.bvh", {"style": "happy"}) == "validation"
+    names = [f"{number}.bvh" for number in range(300)]
+    held_out = [name for name in names if split_of("bandai", name, {}) == "validation"]
+    assert held_out == [name for name in names if 12 <= bucket(name) <= 21]
+    assert split_of("cmu", "01_01", {"split": "val"}) == "validation"
+    assert split_of("cmu", "99_01", {}) == "train"
+
+
+def test_clips_of_one_name_are_taken_once(folder: Path, tmp_path: Path) -> None:
+    np.savez(folder / "packed.npz", walk_001=np.zeros((9, 22, 3), np.int16), other=np.zeros((9, 22, 3), np.int16))
+    clips = {clip.name: clip for clip in find_clips([folder], tmp_path / "work")}
+    assert clips["walk_001"].path.suffix == ".bvh"
+    assert clips["other"].member == "other"
+    assert clips["walk_001"].captions[0].text == "a walk"
+    assert clips["walk_001"].licence.startswith("CC BY-NC")
+
+
+def test_set(folder: Path, tmp_path: Path) -> None:
+    out = tmp_path / "set"
+    manifest = build([folder], out, PLAIN)
+    found = TrainingSet(out)
+    assert [clip.name for clip in found.clips] == [
+        "walk_001",
+        "walk_001~mirror",
+        "wave_happy_001",
+        "wave_happy_001~mirror",
+    ]
+    assert {clip["name"]: clip["reason"].partition(":")[0] for clip in manifest["dropped"]} == {
+        "broken_001": "unreadable",
+        "short_001": "short",
+        "short_001~mirror": "short",
+    }
+    assert "/" not in manifest["dropped"][0]["reason"]
+    assert len(found) == sum(clip.frames for clip in found.clips) == len(found["joints"])
+    assert [clip.name for clip in found.select(split="validation", variant="original")] == ["wave_happy_001"]
+    assert isinstance(found["torques"], np.memmap)
+    assert found.damaged() == []
+    (out / "joints.npy").write_bytes(b"")
+    assert found.damaged() == ["joints.npy"]
+    with pytest.raises(MotionFormatError, match="no field 'tails'"):
+        found["tails"]
+
+
+def test_mirror_image_has_mirrored_dynamics(folder: Path, tmp_path: Path) -> None:
+    build([folder], tmp_path / "set", PLAIN)
+    found = TrainingSet(tmp_path / "set")
+    original, image = (found.motion(clip) for clip in found.clips[:2])
+    expected = mirror(original)
+    assert image.joints == pytest.approx(expected.joints, abs=1e-4)
+    assert image.torques == pytest.approx(expected.torques, abs=0.5)
+    assert image.wrenches == pytest.approx(expected.wrenches, abs=0.5)
+
+
+def test_stopped_half_way_gives_the_same_bytes(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    build([folder], tmp_path / "whole", PLAIN)
+
+    def stops(clips: Sequence[Clip], settings: BuildSettings, workers: int) -> Iterator[engines.Result]:
+        yield from list(engines.here(clips[:2], settings, workers))
+        raise KeyboardInterrupt
+
+    monkeypatch.setitem(engines.ENGINES, "stops", stops)
+    with pytest.raises(KeyboardInterrupt):
+        build([folder], tmp_path / "half", PLAIN, engine="stops")
+    assert not (tmp_path / "half" / "manifest.json").exists()
+
+    asked = []
+
+    def counts(clips: Sequence[Clip], settings: BuildSettings, workers: int) -> Iterator[engines.Result]:
+        asked.extend(clips)
+        yield from engines.here(clips, settings, workers)
+
+    monkeypatch.setitem(engines.ENGINES, "counts", counts)
+    build([folder], tmp_path / "half", PLAIN, engine="counts")
+    assert len(asked) == 2
+    assert files(tmp_path / "half") == files(tmp_path / "whole")
+
+
+def test_a_torn_part_is_computed_again(folder: Path, tmp_path: Path) -> None:
+    build([folder], tmp_path / "set", PLAIN)
+    before = files(tmp_path / "set")
+    part = max((tmp_path / "set" / "work" / "parts").iterdir(), key=lambda path: path.stat().st_size)
+    part.write_bytes(part.read_bytes()[:1000])
+    build([folder], tmp_path / "set", PLAIN)
+    assert files(tmp_path / "set") == before
+
+
+def test_two_processes_give_the_same_bytes(folder: Path, tmp_path: Path) -> None:
+    build([folder], tmp_path / "one", PLAIN)
+    build([folder], tmp_path / "two", PLAIN, workers=2)
+    assert files(tmp_path / "one") == files(tmp_path / "two")
+
+
+def test_two_ray_workers_give_the_same_bytes(folder: Path, tmp_path: Path) -> None:
+    pytest.importorskip("ray", reason="extra 'ray' is not installed")
+    build([folder], tmp_path / "one", PLAIN)
+    build([folder], tmp_path / "two", PLAIN, engine="ray", workers=2)
+    assert files(tmp_path / "one") == files(tmp_path / "two")
+
+
+def test_variants_record_their_seed_and_close(folder: Path, tmp_path: Path) -> None:
+    settings = BuildSettings(muscles=False, mirrored=False, variants=2)
+    build([folder], tmp_path / "set", settings)
+    found = TrainingSet(tmp_path / "set")
+    varied = list(found.select(variant="varied"))
+    assert [clip.name for clip in varied] == ["walk_001~1", "walk_001~2", "wave_happy_001~1", "wave_happy_001~2"]
+    assert len({clip.info["seed"] for clip in varied}) == 4
+    for clip in varied:
+        assert np.median(found["residual"][clip.rows], axis=0).max() < 0.02
+        assert np.abs(found["loads"][clip.rows]).max() > 0
+
+
+def test_muscles(folder: Path, tmp_path: Path) -> None:
+    pytest.importorskip("myo_sim", reason="extra 'biomech' is not installed")
+    build([folder], tmp_path / "set", BuildSettings(mirrored=False))
+    found = TrainingSet(tmp_path / "set")
+    activations = found["activations"]
+    assert activations.shape == (len(found), MUSCLES)
+    assert activations.min() >= 0 and activations.max() <= 1
+    assert found.motion(found.clips[0]).activations is not None
+    assert len(found.manifest["muscles"]) == MUSCLES
+
+
+def test_compact_form(folder: Path, tmp_path: Path) -> None:
+    build([folder], tmp_path / "set", PLAIN)
+    found = TrainingSet(tmp_path / "set")
+    export_compact(found, tmp_path / "set.fms")
+    header, arrays = read_compact(tmp_path / "set.fms")
+    originals = list(found.select(variant="original"))
+    assert header["frames"] == sum(clip.frames for clip in originals)
+    rows = np.concatenate([np.arange(clip.start, clip.start + clip.frames) for clip in originals])
+    assert np.array_equal(arrays["root_position"], found["root_position"][rows])
+    assert arrays["joints"].shape == (header["frames"], len(JOINTS))
+    assert arrays["joints"] == pytest.approx(found["joints"][rows], abs=2e-3)
+    assert arrays["wrenches"] == pytest.approx(found["wrenches"][rows], rel=1e-3, abs=0.5)
+    (tmp_path / "bad.fms").write_bytes(b"x")
+    with pytest.raises(MotionFormatError, match="not a compact set"):
+        read_compact(tmp_path / "bad.fms")
+
+
+def test_faults(tmp_path: Path) -> None:
+    with pytest.raises(MotionFormatError, match="no such folder"):
+        find_clips([tmp_path / "nowhere"], tmp_path)
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(MotionFormatError, match="no motion files"):
+        find_clips([tmp_path / "empty"], tmp_path / "work")
+    with pytest.raises(MotionFormatError, match="no set there"):
+        TrainingSet(tmp_path)
+    (tmp_path / "empty" / "a.tar.xz").write_bytes(b"no archive")
+    with pytest.raises(MotionFormatError, match="cannot be unpacked"):
+        find_clips([tmp_path / "empty"], tmp_path / "work")
