@@ -16,7 +16,7 @@ Float = NDArray[np.float64]
 POSTURE = ("height", "roll", "pitch", "yaw")
 """Channels of the trunk: hips above ankles [m], torso roll, pitch and yaw [rad]."""
 
-BENT_KNEE = 0.955
+BENT_KNEE = 0.92
 """Share of the leg's length that a posture may use: a straight knee needs unbounded speed to move the foot at all."""
 
 
