@@ -1,0 +1,69 @@
+"""Variety that still obeys the equations of motion."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from flexmotion.biomechanics.augmentation import Ranges, time_warped, varied
+from flexmotion.biomechanics.dynamics import dynamics
+from flexmotion.biomechanics.external_load import ExternalLoad
+from flexmotion.biomechanics.inverse_dynamics import GRAVITY
+from flexmotion.biomechanics.mirror import mirror
+from flexmotion.joint_limits import joint_limits
+from flexmotion.kinematics import HumanKinematics, forward
+from flexmotion.motion import Motion
+
+FLIP = [1.0, -1.0, 1.0]
+
+
+def test_mirror_twice_is_the_motion(clip: Motion) -> None:
+    twice = mirror(mirror(clip))
+    assert np.array_equal(twice.joints, clip.joints)
+    assert np.array_equal(twice.root_position, clip.root_position)
+    assert np.array_equal(twice.root_quaternion, clip.root_quaternion)
+
+
+def test_mirror_swaps_the_sides_of_every_point(clip: Motion, clip_kinematics: HumanKinematics) -> None:
+    image = forward(mirror(clip))
+    for point in ("knee", "ankle", "heel", "elbow", "hand"):
+        assert getattr(image, point)[:, 0] == pytest.approx(getattr(clip_kinematics, point)[:, 1] * FLIP, abs=1e-9)
+
+
+def test_mirrored_forces_are_the_mirror_image(clip: Motion) -> None:
+    found, image = dynamics(clip).motion, dynamics(mirror(clip)).motion
+    expected = mirror(found)
+    assert image.wrenches == pytest.approx(expected.wrenches, abs=0.5)
+    assert image.torques == pytest.approx(expected.torques, abs=0.5)
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_a_variant_closes(clip: Motion, seed: int) -> None:
+    motion, loads = varied(clip, seed)
+    again, _ = varied(clip, seed)
+    assert np.array_equal(motion.joints, again.joints)
+    lower, upper = joint_limits().T
+    assert (motion.joints >= np.minimum(lower, clip.joints.min(axis=0)) - 1e-6).all()
+    assert (motion.joints <= np.maximum(upper, clip.joints.max(axis=0)) + 1e-6).all()
+    found = dynamics(motion, loads=loads)
+    assert np.median(found.residual[:, 0]) < 0.02
+    assert np.median(found.residual[:, 1]) < 0.02
+
+
+def test_tempo_keeps_the_path_and_its_ends(clip: Motion) -> None:
+    warped = time_warped(clip, np.random.default_rng(3), Ranges(tempo=0.2))
+    assert len(warped) == pytest.approx(len(clip), rel=0.25)
+    assert len(warped) != len(clip)
+    assert warped.root_position[0] == pytest.approx(clip.root_position[0])
+    assert warped.root_position[-1] == pytest.approx(clip.root_position[-1], abs=0.05)
+
+
+def test_a_burden_weighs_on_the_floor(make_standing) -> None:
+    motion = make_standing(frames=30)
+    burden = ExternalLoad("hand_l", np.tile([0.0, 0.0, -50.0], (30, 1)))
+    found = dynamics(motion, loads=[burden])
+    assert found.motion.wrenches is not None
+    total = found.motion.wrenches[:, :, 2].sum(axis=1)
+    assert total == pytest.approx(np.full(30, motion.body.mass * GRAVITY + 50.0), rel=0.01)
+    # It hangs on the left: that foot carries more.
+    assert (found.motion.wrenches[:, 0, 2] > found.motion.wrenches[:, 1, 2] + 20).all()

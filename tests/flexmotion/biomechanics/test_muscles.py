@@ -1,0 +1,124 @@
+"""Static optimisation, activation dynamics, and the way back through MuJoCo's own muscle actuators."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from flexmotion.biomechanics.activation import activation_limits
+from flexmotion.biomechanics.box_least_norm import box_least_norm
+from flexmotion.motion import Motion
+from flexmotion.skeleton import JOINTS
+
+
+def test_activation_rises_and_falls_as_in_mujoco() -> None:
+    mujoco = pytest.importorskip("mujoco")
+    step, rise, fall = 1 / 30, 0.01, 0.04
+    limits = activation_limits(step, rise, fall)
+    parameters = np.array([rise, fall, 0.0])
+    for start in (0.0, 0.2, 0.7, 1.0):
+        lower, upper = limits.bounds(np.array([start]))
+        up = down = start
+        for _ in range(20000):
+            up += step / 20000 * mujoco.mju_muscleDynamics(1.0, up, parameters)
+            down += step / 20000 * mujoco.mju_muscleDynamics(0.0, down, parameters)
+        assert upper[0] == pytest.approx(up, abs=2e-3)
+        assert lower[0] == pytest.approx(down, abs=2e-3)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_box_least_norm_against_a_general_solver(seed: int) -> None:
+    from scipy.optimize import lsq_linear
+
+    generator = np.random.default_rng(seed)
+    matrix = 30 * generator.standard_normal((5, 40))
+    lower, upper = np.zeros(40), generator.uniform(0.2, 1.0, 40)
+    target = matrix @ generator.uniform(0, 1.5, 40)
+    found, _ = box_least_norm(matrix, target, lower, upper, np.zeros(5), weight=10.0)
+    stacked = np.vstack([np.sqrt(10.0) * matrix, np.eye(40)])
+    wanted = np.concatenate([np.sqrt(10.0) * target, np.zeros(40)])
+    best = lsq_linear(stacked, wanted, (lower, upper), tol=1e-14)
+    assert found == pytest.approx(best.x, abs=1e-4)
+
+
+@pytest.fixture(scope="module")
+def enriched(clip: Motion):
+    pytest.importorskip("myo_sim", reason="extra 'biomech' is not installed")
+    from flexmotion.biomechanics.dynamics import dynamics
+    from flexmotion.biomechanics.static_optimisation import static_optimisation
+
+    found = dynamics(clip[:330])
+    return found, static_optimisation(found.motion)
+
+
+def test_activations_keep_their_limits(enriched) -> None:
+    from flexmotion.biomechanics.muscle_geometry import muscle_models
+
+    _, state = enriched
+    assert state.activations.shape[1] == 290
+    assert state.activations.min() >= 0 and state.activations.max() <= 1
+    column = 0
+    for muscles in muscle_models():
+        rise, fall = muscles.model.actuator_dynprm[0, :2]
+        limits = activation_limits(1 / 30, float(rise), float(fall))
+        mine = state.activations[:, column : column + muscles.model.nu]
+        for before, after in zip(mine, mine[1:], strict=False):
+            lower, upper = limits.bounds(before)
+            assert (after >= lower - 1e-9).all() and (after <= upper + 1e-9).all()
+        column += muscles.model.nu
+
+
+def test_round_trip_through_mujocos_muscles(enriched) -> None:
+    """A full forward pass with these activations makes the torque that was asked for."""
+    import mujoco
+
+    from flexmotion.biomechanics.differentiation import derivative
+    from flexmotion.biomechanics.muscle_geometry import muscle_models
+    from flexmotion.biomechanics.static_optimisation import strength
+
+    found, state = enriched
+    motion = found.motion
+    scale, column, close = strength(motion), 0, []
+    wanted, made = [], []
+    for muscles in muscle_models():
+        model, data = muscles.model, mujoco.MjData(muscles.model)
+        rates = derivative(motion.joints[:, muscles.columns], motion.fps)
+        for frame in range(0, len(motion), 5):
+            qpos, slopes = muscles.pose(motion.joints[frame, muscles.columns])
+            data.qpos[:], data.qvel[:] = qpos, slopes @ rates[frame]
+            data.act[:] = state.activations[frame, column : column + model.nu]
+            data.ctrl[:] = data.act
+            mujoco.mj_forward(model, data)
+            made.append(scale * slopes.T @ data.qfrc_actuator)
+            wanted.append(motion.torques[frame, 6 + muscles.columns])
+        column += model.nu
+    for have, want in zip(made, wanted, strict=True):
+        close.append(np.linalg.norm(have - want) <= 0.02 * np.linalg.norm(want) + 0.1)
+    assert np.mean(close) >= 0.9
+
+
+def test_infeasible_joints_are_named(enriched, clip: Motion) -> None:
+    from dataclasses import replace
+
+    from flexmotion.biomechanics.static_optimisation import infeasible, static_optimisation
+
+    found, _ = enriched
+    torques = found.motion.torques[:20].copy()
+    torques[:, 6 + JOINTS.index("knee_flexion_l")] = -3000.0
+    motion = replace(found.motion[:20], torques=torques)
+    state = static_optimisation(motion)
+    bad = infeasible(state, motion)
+    assert bad[:, state.joints.index("knee_flexion_l")].all()
+
+
+def test_contact_forces_press(enriched) -> None:
+    from flexmotion.biomechanics.joint_contact import joint_contact_forces
+
+    found, state = enriched
+    weight = found.motion.body.mass * 9.81
+    force = joint_contact_forces(found, state)
+    standing = force[:30, :, 2].mean(axis=0) / weight
+    for crossing, value in zip(state.crossings, standing, strict=True):
+        # Standing: a leg's joints carry a third of the body and what muscles add; the torso presses down on the pelvis.
+        # (MyoTorso's muscles are taut at rest: they alone press with a body weight and more.)
+        assert 0.2 < (value if crossing == "lumbar" else -value) < 4.5, crossing
