@@ -87,14 +87,14 @@ class ControlLoop:
         self.tick_count += 1
 
     def _read(self) -> None:
-        """Read; what is no number counts as not having answered: a joint keeps its last position, at rest."""
+        """Read; what is no number counts as not having answered: such a joint is taken to move as it was meant to."""
         state = self.state
         self.driver.read(state)
         lost = ~(np.isfinite(state.position) & np.isfinite(state.velocity))
         self._unread += 1
         self._unread[~lost] = 0
-        np.copyto(state.position, self._seen, where=lost)
-        np.copyto(state.velocity, 0.0, where=lost)
+        np.copyto(state.position, self._seen + self.now.qd / self.robot.rate_hz, where=lost)
+        np.copyto(state.velocity, self.now.qd, where=lost)
         np.maximum(state.stale, self._unread, out=state.stale)
         np.copyto(self._seen, state.position)
         if not (np.isfinite(state.gyro).all() and np.isfinite(state.accel).all()):
@@ -116,7 +116,7 @@ class ControlLoop:
         inputs.plan_over = self.plan_over
         inputs.move_done = self.move.done
         if state is State.OFF:
-            silent = np.flatnonzero(~np.isfinite(measured.position))
+            silent = np.flatnonzero(self._unread)
             if inputs.start and len(silent):
                 inputs.start = False
                 self._event("fault", f"no start: {self._name('returns no position', int(silent[0]))}")
