@@ -77,15 +77,18 @@ def test_nothing_asked_nothing_changes(state: State) -> None:
     ladder = at(state)
     playback = ladder.step(Inputs())
     assert ladder.state is state
-    assert playback is {
-        State.OFF: Playback.NOTHING,
-        State.READY: Playback.TO_STAND,
-        State.STREAMING: Playback.PLAN,
-        State.HOLD: Playback.PLAN,
-        State.PARK: Playback.TO_REST,
-        State.DAMPED: Playback.DAMP,
-        State.FAULT: Playback.NOTHING,
-    }[state]
+    assert (
+        playback
+        is {
+            State.OFF: Playback.NOTHING,
+            State.READY: Playback.TO_STAND,
+            State.STREAMING: Playback.PLAN,
+            State.HOLD: Playback.PLAN,
+            State.PARK: Playback.TO_REST,
+            State.DAMPED: Playback.DAMP,
+            State.FAULT: Playback.NOTHING,
+        }[state]
+    )
 
 
 def test_it_streams_only_once_it_stands_and_has_a_plan() -> None:

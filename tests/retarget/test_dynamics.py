@@ -1,0 +1,128 @@
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from retarget.dynamics import RobotDynamics
+from retarget.retargeter import Retargeter
+
+GRAVITY = 9.81
+
+
+@pytest.fixture
+def dynamics(retargeter: Retargeter) -> RobotDynamics:
+    return retargeter.body.dynamics
+
+
+def standing(retargeter: Retargeter) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Torso pose (1, 7), joints (1, n) and feet (1, 2, 4) at rest."""
+    layout, state = retargeter.layout, retargeter.standing()
+    return tuple(layout.get(state, name)[:1].copy() for name in ("base", "q")) + (
+        layout.get(state, "feet")[None].copy(),
+    )
+
+
+def solve(
+    dynamics: RobotDynamics, base: np.ndarray, q: np.ndarray, feet: np.ndarray, share: float, **moving: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    still, rest = np.zeros((1, 6)), np.zeros_like(q)
+    return dynamics.inverse(
+        base,
+        moving.get("base_velocity", still),
+        moving.get("base_acceleration", still),
+        q,
+        moving.get("qd", rest),
+        moving.get("qdd", rest),
+        feet,
+        np.array([share]),
+    )
+
+
+def test_at_rest_the_ground_must_push_under_the_centre_of_mass(retargeter: Retargeter, dynamics: RobotDynamics) -> None:
+    base, q, feet = standing(retargeter)
+    _, zmp = solve(dynamics, base, q, feet, 0.5)
+    np.testing.assert_allclose(zmp[0], dynamics.centre_of_mass(base, q)[0, :2], atol=1e-6)
+    np.testing.assert_allclose(zmp[0], feet[0, :, :2].mean(axis=0), atol=1e-3)
+    assert dynamics.mass == pytest.approx(retargeter.robot.mass)
+
+
+@pytest.mark.parametrize("share", [0.5, 0.4])
+def test_joint_torques_and_ground_forces_balance_the_robot(
+    retargeter: Retargeter, dynamics: RobotDynamics, share: float
+) -> None:
+    """With the torques on its joints and the feet pushing by load, MuJoCo finds nothing left to accelerate it."""
+    base, q, feet = standing(retargeter)
+    feet_at, weights = feet[0, :, :3], np.array([1.0 - share, share])
+    torque, _ = solve(dynamics, base, q, feet, share)
+    model, data = dynamics.model, mujoco.MjData(dynamics.model)
+    data.qpos[:7], data.qpos[retargeter.robot.qpos_address] = base[0], q[0]
+    data.qfrc_applied[retargeter.robot.dof_address] = torque[0]
+    mujoco.mj_forward(model, data)
+    total = np.array([0.0, 0.0, retargeter.robot.mass * GRAVITY])
+    com = data.subtree_com[retargeter.robot.torso_id]
+    left_over = np.cross(com, total) - sum(np.cross(p, w * total) for p, w in zip(feet_at, weights, strict=True))
+    for foot, point, weight in zip(retargeter.robot.foot_ids, feet_at, weights, strict=True):
+        wrench = data.qfrc_applied
+        mujoco.mj_applyFT(model, data, weight * total, weight * left_over, point, foot, wrench)
+    mujoco.mj_forward(model, data)
+    assert np.abs(data.qacc).max() < 0.02
+
+
+def test_torques_mirror_with_the_robot(retargeter: Retargeter, dynamics: RobotDynamics) -> None:
+    base, q, feet = standing(retargeter)
+    torque, _ = solve(dynamics, base, q, feet, 0.5)
+    left, right = (torque[0, leg.indices] * leg.signs for leg in retargeter.body.legs)
+    np.testing.assert_allclose(left, right * [-1, -1, 1, 1, 1, -1], atol=5e-3)
+
+
+def test_the_loaded_leg_carries_the_robot_and_the_other_only_itself(
+    retargeter: Retargeter, dynamics: RobotDynamics
+) -> None:
+    base, q, feet = standing(retargeter)
+    base[0, 1] -= 0.048  # over the right foot: its own part of the ground's moment is small
+    q = q.copy()
+    torque, _ = solve(dynamics, base, q, feet - [0.0, 0.048, 0.0, 0.0], 1.0)
+    left, right = (np.abs(torque[0, leg.indices[3]]) for leg in retargeter.body.legs)
+    assert right > 4 * left
+
+
+def test_the_ground_supplies_what_accelerates_the_robot(retargeter: Retargeter, dynamics: RobotDynamics) -> None:
+    """The pressure falls behind the centre of mass by h a / g when the whole accelerates forward."""
+    base, q, feet = standing(retargeter)
+    pushed = np.array([[0.4, 0.0, 0.0, 0.0, 0.0, 0.0]])
+    _, zmp = solve(dynamics, base, q, feet, 0.5, base_acceleration=pushed)
+    com = dynamics.centre_of_mass(base, q)[0]
+    assert zmp[0, 0] - com[0] == pytest.approx(-com[2] * 0.4 / GRAVITY, rel=1e-3)
+
+
+def test_falling_freely_asks_for_nothing(retargeter: Retargeter, dynamics: RobotDynamics) -> None:
+    base, q, feet = standing(retargeter)
+    torque, _ = solve(dynamics, base, q, feet, 0.5, base_acceleration=np.array([[0, 0, -GRAVITY, 0, 0, 0.0]]))
+    np.testing.assert_allclose(torque, 0.0, atol=1e-8)
+
+
+def test_where_the_robot_stands_and_looks_makes_no_difference(retargeter: Retargeter, dynamics: RobotDynamics) -> None:
+    base, q, feet = standing(retargeter)
+    torque, zmp = solve(dynamics, base, q, feet, 0.3)
+    turn, shift = Rotation.from_euler("z", 1.1), np.array([0.7, -0.3, 0.0])
+    moved, placed = base.copy(), feet.copy()
+    moved[0, :3] = turn.apply(base[0, :3]) + shift
+    moved[0, 3:] = (turn * Rotation.from_quat(base[0, 3:], scalar_first=True)).as_quat(scalar_first=True)
+    placed[0, :, :3], placed[0, :, 3] = turn.apply(feet[0, :, :3]) + shift, feet[0, :, 3] + 1.1
+    again, zmp_again = solve(dynamics, moved, q, placed, 0.3)
+    np.testing.assert_allclose(again, torque, atol=1e-6)
+    np.testing.assert_allclose(zmp_again[0], turn.apply([*zmp[0], 0.0])[:2] + shift[:2], atol=1e-6)
+
+
+def test_a_foot_cannot_press_outside_its_sole(retargeter: Retargeter, dynamics: RobotDynamics) -> None:
+    """However far ahead the pressure is asked for, the ankle gets no more than the toe's lever."""
+    base, q, feet = standing(retargeter)
+    ankles = [leg.indices[4] for leg in retargeter.body.legs]
+    back = np.array([[-3.0, 0.0, 0.0, 0.0, 0.0, 0.0]])
+    torque, zmp = solve(dynamics, base, q, feet, 0.5, base_acceleration=back)
+    half = retargeter.robot.sole_half_size[0, 0]
+    assert zmp[0, 0] > half  # unbounded it would be in front of the toes
+    toe_lever = half + abs(retargeter.body.legs[0].sole[0])
+    assert np.abs(torque[0, ankles]).max() < 0.6 * retargeter.robot.mass * GRAVITY * toe_lever

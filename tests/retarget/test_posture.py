@@ -1,0 +1,86 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from flexmotion.motion import Motion
+from retarget.footsteps import Scaling
+from retarget.human import HumanWindow
+from retarget.posture import follower, human_trunk, quiet_share, trunk_targets
+from retarget.retargeter import Retargeter
+from retarget.schedule import Schedule
+
+ROWS = 125
+
+
+@pytest.fixture
+def standing(retargeter: Retargeter) -> Schedule:
+    ticks = np.arange(ROWS, dtype=float)
+    feet = retargeter.body.home_feet
+    return Schedule.of(feet, -1e9, 0.0, [], ticks, np.full(ROWS, 0.5), 125.0, 0.02)
+
+
+@pytest.fixture
+def trunk(retargeter: Retargeter, standing: Schedule, window: Callable[[Motion], HumanWindow]) -> Callable:
+    """Function motion -> what its trunk asks of a robot that stands, (T, 4)."""
+
+    def make(motion: Motion) -> np.ndarray:
+        scaling = Scaling(retargeter.body.leg_length / motion.body.leg, 0.0, motion.body.segments.hip_width)
+        seconds = np.arange(ROWS) / 125.0
+        return human_trunk(retargeter.gait, standing, window(motion), scaling, seconds, retargeter.follower.omega)
+
+    return make
+
+
+def test_upright_over_the_feet(retargeter: Retargeter, standing: Schedule) -> None:
+    targets = trunk_targets(retargeter.gait, standing)
+    np.testing.assert_allclose(targets, np.tile([retargeter.gait.stand_hip_height, 0, 0, 0], (ROWS, 1)))
+
+
+def test_a_human_who_stands_asks_for_no_more_than_standing(
+    retargeter: Retargeter, trunk: Callable, stand: Callable[..., Motion]
+) -> None:
+    targets = trunk(stand(40))
+    assert (targets[:, 0] <= retargeter.gait.stand_hip_height + 1e-12).all()
+    np.testing.assert_allclose(targets[:, 1:3], 0.0, atol=0.05)
+
+
+def test_a_bow_bends_the_trunk_within_its_limit(trunk: Callable, stand: Callable[..., Motion]) -> None:
+    assert trunk(stand(40, lumbar_extension=-0.4))[-1, 2] == pytest.approx(0.4, abs=0.03)
+    assert trunk(stand(40, lumbar_extension=-1.4))[-1, 2] == pytest.approx(0.6)
+
+
+def test_a_squat_lowers_the_hips_but_not_below_the_least(
+    retargeter: Retargeter, trunk: Callable, stand: Callable[..., Motion]
+) -> None:
+    bent = {f"{joint}_{side}": 2.2 for joint in ("knee_flexion", "hip_flexion") for side in "lr"}
+    assert trunk(stand(40, **bent))[-1, 0] == pytest.approx(retargeter.gait.min_hip_height)
+
+
+def test_load_share_follows_the_sway_then_fades_to_the_middle(
+    window: Callable[[Motion], HumanWindow], stand: Callable[..., Motion]
+) -> None:
+    still = stand(31)
+    shifted = still.root_position - [0.0, 0.5, 0.0]
+    seen = window(still)
+    assert quiet_share(seen, np.arange(50) / 125, 100, 31.0)[0] == pytest.approx(0.5, abs=0.02)
+    lean = Motion(
+        fps=still.fps,
+        root_position=shifted,
+        root_quaternion=still.root_quaternion,
+        joints=stand(31, lumbar_bending=0.6).joints,
+        body=still.body,
+    )
+    share = quiet_share(window(lean), np.arange(50) / 125, 100, 31.0)
+    assert abs(share[0] - 0.5) > 0.05 and share.min() >= 0.3 and share.max() <= 0.7
+    assert share[-1] == 0.5
+    assert np.abs(np.diff(share)).max() < 0.02
+
+
+def test_the_follower_has_a_channel_for_each_target(retargeter: Retargeter) -> None:
+    made = follower(retargeter.robot, retargeter.body)
+    channels = 4 + len(retargeter.body.upper.joints)
+    assert made.omega.shape == made.speed.shape == made.acceleration.shape == (channels,)
+    assert (made.speed[4:] < retargeter.robot.no_load_speed[retargeter.body.upper.joints]).all()
