@@ -1,0 +1,75 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from configs.robot import load_robot
+from configs.stream import load_stream
+from drivers.interface import RobotState
+from retarget.retargeter import Retargeter
+from streamer.estimator import Estimator
+from streamer.reference import Reference
+from streamer.stabiliser import DCM_GAIN, ZMP_SHIFT, Stabiliser
+
+ROBOT = load_robot("op3")
+RETARGETER = Retargeter(ROBOT, load_stream())
+STAND = RETARGETER.plan(RETARGETER.standing(), None, 0, 0)
+
+
+@pytest.fixture
+def standing() -> tuple[Estimator, Reference]:
+    reference, state = Reference(ROBOT.n), RobotState(ROBOT.n)
+    reference.take(STAND, 0.0)
+    state.position[:], state.imu_stale = STAND.q[0], 0
+    estimator = Estimator(ROBOT, RETARGETER.omega)
+    estimator.update(state, reference)
+    return estimator, reference
+
+
+def act(estimator: Estimator, reference: Reference, error: tuple[float, float], *, enabled: bool = True) -> Stabiliser:
+    estimator.dcm[:] = reference.dcm + error
+    stabiliser = Stabiliser(ROBOT, enabled=enabled)
+    stabiliser.update(estimator, reference)
+    return stabiliser
+
+
+def test_no_error_no_torque(standing: tuple[Estimator, Reference]) -> None:
+    assert not act(*standing, (0.0, 0.0)).torque.any()
+
+
+@pytest.mark.parametrize("error", [(0.01, 0.0), (-0.02, 0.01), (0.0, -0.01)])
+def test_the_pressure_moves_with_the_error(standing: tuple[Estimator, Reference], error: tuple[float, float]) -> None:
+    np.testing.assert_allclose(act(*standing, error).zmp_shift, DCM_GAIN * np.array(error))
+
+
+def test_the_shift_is_bounded_along_and_across_the_feet(standing: tuple[Estimator, Reference]) -> None:
+    np.testing.assert_allclose(act(*standing, (9.0, -9.0)).zmp_shift, ZMP_SHIFT * [1, -1])
+    estimator, reference = standing
+    reference.feet[:, 3] = np.pi / 2
+    np.testing.assert_allclose(act(estimator, reference, (9.0, -9.0)).zmp_shift, ZMP_SHIFT[::-1] * [1, -1])
+
+
+def test_the_ankles_push_the_toes_down_where_it_leans_forward(standing: tuple[Estimator, Reference]) -> None:
+    """Weight times shift is the moment that both ankles make together."""
+    torque = act(*standing, (0.02, 0.0)).torque
+    left, right = (RETARGETER.body.legs[side] for side in (0, 1))
+    ankles = [torque[leg.indices[4]] * leg.signs[4] for leg in (left, right)]
+    assert sum(ankles) == pytest.approx(ROBOT.mass * 9.81 * DCM_GAIN * 0.02, rel=0.01)
+    assert ankles[0] == pytest.approx(ankles[1], rel=0.01)
+
+
+def test_a_foot_without_load_makes_no_torque(standing: tuple[Estimator, Reference]) -> None:
+    estimator, reference = standing
+    reference.share = 1.0
+    torque = act(estimator, reference, (0.02, 0.01)).torque
+    assert not torque[RETARGETER.body.legs[0].indices].any()
+    assert torque[RETARGETER.body.legs[1].indices].any()
+    assert not np.delete(torque, np.concatenate([leg.indices for leg in RETARGETER.body.legs])).any()
+
+
+@pytest.mark.parametrize("why", ["switched off", "no balance", "no imu"])
+def test_without_grounds_it_does_nothing(standing: tuple[Estimator, Reference], why: str) -> None:
+    estimator, reference = standing
+    reference.balanced = why != "no balance"
+    estimator.has_imu = why != "no imu"
+    assert not act(estimator, reference, (0.02, 0.01), enabled=why != "switched off").torque.any()
