@@ -19,8 +19,6 @@ DCM_GAIN = 0.4
 """Shift of the zero-moment point per error of the divergent component [m/m]."""
 ZMP_SHIFT = np.array([0.045, 0.024])
 """Bound of that shift, along and across the feet [m]."""
-ANKLE_TILT_GAINS = (0.10, 0.015)
-"""Ankle angle per tilt error [rad/rad] and per tilt rate [s]."""
 _GRAVITY = 9.81
 
 
@@ -36,7 +34,6 @@ class Stabiliser:
         self.enabled = enabled
         self.weight = robot.mass * _GRAVITY
         self.legs = [np.array(list(robot.chain(f"{side}_leg").values())) for side in ("left", "right")]
-        self.kp = robot.kp
         self.torque, self.zmp_shift = np.zeros(robot.n), np.zeros(2)
 
     def update(self, estimator: Estimator, reference: Reference) -> None:

@@ -1,0 +1,151 @@
+"""The loop by itself: what a tick does with no plan, a late plan, and an operator at the buttons."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import pytest
+
+from configs.robot import Robot, load_robot
+from configs.stream import load_stream
+from drivers.sim.driver import SimDriver
+from drivers.sim.options import SimOptions
+from flexmotion.default_clip import default_clip
+from retarget.plan import Plan
+from retarget.retargeter import Retargeter
+from streamer.ladder import State
+from streamer.loop import ControlLoop
+from streamer.record import RunRecord
+
+READY = 70
+"""Ticks after which the robot stands at its stand pose."""
+
+
+@pytest.fixture(scope="module")
+def op3() -> Robot:
+    return load_robot("op3")
+
+
+@pytest.fixture(scope="module")
+def retargeter(op3: Robot) -> Retargeter:
+    return Retargeter(op3, load_stream())
+
+
+@pytest.fixture
+def loop(op3: Robot, retargeter: Retargeter) -> Iterator[ControlLoop]:
+    with SimDriver(op3, options=SimOptions()) as driver:
+        yield ControlLoop(op3, driver, retargeter, RunRecord(op3.rate_hz, op3.joint_names, 1000))
+
+
+@pytest.fixture
+def run(loop: ControlLoop) -> Callable[..., None]:
+    """Function (ticks, request=True ...) -> that many ticks, the requests made in the first of them."""
+
+    def go(ticks: int, **requests: bool) -> None:
+        for name, value in requests.items():
+            setattr(loop.inputs, name, value)
+        for _ in range(ticks):
+            loop.tick()
+            loop.driver.advance(0.008)
+
+    return go
+
+
+def plan_at(retargeter: Retargeter, tick: int) -> Plan:
+    return retargeter.plan(retargeter.standing(), default_clip()[:32], 0, tick)
+
+
+def test_off_it_reads_and_sends_nothing(loop: ControlLoop, run: Callable[..., None]) -> None:
+    run(20)
+    assert loop.ladder.state is State.OFF and loop.tick_count == 20
+    assert np.isnan(loop.record.q_cmd[:20]).all() and np.isfinite(loop.record.q[:20]).all()
+    assert loop.record.events == []
+
+
+def test_without_a_plan_it_stands_and_waits(loop: ControlLoop, run: Callable[..., None], op3: Robot) -> None:
+    run(1, start=True)
+    run(300)
+    assert loop.ready and loop.ladder.state is State.READY
+    np.testing.assert_array_equal(loop.now.q, loop.stand_pose)
+    assert loop.driver.violations == 0
+    assert np.abs(loop.state.position - loop.stand_pose).max() < 0.06
+
+
+def test_a_plan_that_waits_takes_over_at_its_tick(
+    loop: ControlLoop, run: Callable[..., None], retargeter: Retargeter
+) -> None:
+    run(1, start=True)
+    run(READY)
+    loop.pending = plan_at(retargeter, loop.tick_count + 5)
+    run(5)
+    assert loop.plan is None and loop.ladder.state is State.READY
+    run(1)
+    assert loop.plan is not None and loop.pending is None
+    assert loop.ladder.state is State.STREAMING
+    np.testing.assert_array_equal(loop.now.q, loop.plan.q[0])
+
+
+def test_a_plan_with_no_successor_ends_in_hold_on_its_last_row(
+    loop: ControlLoop, run: Callable[..., None], retargeter: Retargeter
+) -> None:
+    run(1, start=True)
+    run(READY)
+    plan = loop.pending = plan_at(retargeter, loop.tick_count)
+    run(len(plan) + 100)
+    assert loop.ladder.state is State.HOLD
+    np.testing.assert_array_equal(loop.now.q, plan.q[-1])
+    assert loop.now.balanced and loop.driver.violations == 0
+
+
+def test_a_fresh_plan_leads_from_hold_back_to_streaming(
+    loop: ControlLoop, run: Callable[..., None], retargeter: Retargeter
+) -> None:
+    run(1, start=True)
+    run(READY)
+    plan = loop.pending = plan_at(retargeter, loop.tick_count)
+    run(len(plan) + 10)
+    loop.pending = retargeter.plan(plan.states[-1], None, 0, loop.tick_count)
+    run(2)
+    assert loop.ladder.state is State.STREAMING
+
+
+@pytest.mark.parametrize("plan", [False, True])
+def test_estop_freezes_the_last_goals(
+    loop: ControlLoop, run: Callable[..., None], retargeter: Retargeter, plan: bool
+) -> None:
+    run(1, start=True)
+    run(READY)
+    if plan:
+        loop.pending = plan_at(retargeter, loop.tick_count)
+        run(60)
+    goals = loop.command.position.copy()
+    run(40, estop=True)
+    np.testing.assert_array_equal(loop.command.position, goals)
+    assert loop.ladder.state is State.HOLD
+    run(40)
+    assert loop.ladder.state is State.PARK and loop.plan is None
+
+
+def test_requests_hold_for_one_tick(loop: ControlLoop, run: Callable[..., None]) -> None:
+    run(1, start=True, stop=True)
+    assert not (loop.inputs.start or loop.inputs.stop)
+
+
+def test_after_a_fault_it_starts_again_once_cleared(loop: ControlLoop, run: Callable[..., None]) -> None:
+    run(1, start=True)
+    run(5)
+    run(2, kill=True)
+    run(1, start=True)
+    assert loop.ladder.state is State.FAULT
+    run(1, clear=True)
+    run(1, start=True)
+    assert loop.ladder.state is State.READY
+
+
+def test_a_full_record_does_not_stop_the_loop(op3: Robot, retargeter: Retargeter) -> None:
+    with SimDriver(op3, options=SimOptions()) as driver:
+        loop = ControlLoop(op3, driver, retargeter, RunRecord(op3.rate_hz, op3.joint_names, 3))
+        for _ in range(6):
+            loop.tick()
+        assert loop.tick_count == 6 and loop.record.used == 3

@@ -1,0 +1,103 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from configs.robot import load_robot
+from configs.stream import load_stream
+from flexmotion.default_clip import default_clip
+from flexmotion.motion import Motion
+from retarget.retargeter import Retargeter
+from streamer.planner import Planner
+from streamer.sources import ClipSource
+
+RETARGETER = Retargeter(load_robot("op3"), load_stream())
+CLIP = default_clip()[225:330]
+
+
+class Witness(ClipSource):
+    """Remembers what it was asked for."""
+
+    def __init__(self, motion: Motion) -> None:
+        super().__init__(motion)
+        self.asked: list[tuple[int, int]] = []
+
+    def window(self, first_frame: int, frames: int) -> Motion | None:
+        self.asked.append((first_frame, frames))
+        return super().window(first_frame, frames)
+
+
+@pytest.fixture
+def source() -> Witness:
+    return Witness(CLIP)
+
+
+@pytest.fixture
+def planner(source: Witness) -> Planner:
+    return Planner(RETARGETER, source, load_stream())
+
+
+def test_without_a_plan_that_plays_it_starts_from_the_stand_pose(planner: Planner) -> None:
+    planned = planner.plan(40, None)
+    assert planned.plan.start_tick == 40 and not planned.source_over
+    np.testing.assert_allclose(planned.plan.q[0], RETARGETER.layout.get(RETARGETER.standing(), "q")[0], atol=6e-3)
+    assert planned.retarget_s > 0.0 and planned.sample_s >= 0.0
+
+
+def test_each_plan_goes_on_from_the_one_before(planner: Planner) -> None:
+    current = planner.plan(0, None).plan
+    for join in (31, 62, 93):
+        later = planner.plan(join, current).plan
+        np.testing.assert_allclose(later.q[0], current.q[join - current.start_tick], atol=1e-3)
+        current = later
+
+
+def test_it_asks_for_the_frame_at_or_before_the_join_and_a_horizon_more(planner: Planner, source: Witness) -> None:
+    current = planner.plan(0, None).plan
+    planner.plan(125, current)
+    lead = round(load_stream().lead_in_s * 125)
+    assert source.asked == [(0, 32), (int((125 - lead) / 125 * 30), 32)]
+
+
+def test_a_stop_asks_the_source_for_nothing_and_stands(planner: Planner, source: Witness) -> None:
+    current = planner.plan(0, None).plan
+    asked = len(source.asked)
+    stop = planner.plan(31, current, stop=True).plan
+    assert len(source.asked) == asked
+    assert stop.stop_row == 0 and stop.contacts[-1].all()
+
+
+def test_the_end_of_the_source_is_told_once_and_kept(planner: Planner, source: Witness) -> None:
+    current, joins = planner.plan(0, None).plan, 0
+    while not planner.over:
+        joins += 31
+        planned = planner.plan(joins, current)
+        current = planned.plan
+    assert planned.source_over
+    np.testing.assert_allclose(np.nanmax(current.source_s), CLIP.duration, atol=1 / 125)
+    asked = len(source.asked)
+    planner.plan(joins + 31, current)
+    assert len(source.asked) == asked
+
+
+@pytest.mark.parametrize("join", [-5, 10**6])
+def test_a_join_outside_the_plan_takes_its_nearest_row(planner: Planner, join: int) -> None:
+    current = planner.plan(0, None).plan
+    stop = planner.plan(join, current, stop=True).plan
+    nearest = current.q[0 if join < 0 else -1]
+    np.testing.assert_allclose(stop.q[0], nearest, atol=6e-3)
+
+
+def test_a_source_of_one_frame_is_over_at_once() -> None:
+    planner = Planner(RETARGETER, ClipSource(CLIP[:1]), load_stream())
+    planned = planner.plan(0, None)
+    assert planned.source_over and planned.plan.stop_row == 0
+
+
+def test_a_cut_clip_keeps_its_name_and_its_first_seconds() -> None:
+    source = ClipSource(CLIP)
+    cut = source.cut(1.0)
+    assert cut.seconds == pytest.approx(1.0) and cut.name == source.name
+    assert source.seconds == CLIP.duration
+    assert ClipSource(CLIP).window(len(CLIP) - 1, 9) is None
+    assert len(source.window(len(CLIP) - 5, 9) or []) == 5
