@@ -18,6 +18,7 @@ Float = NDArray[np.float64]
 
 SAMPLES = 513
 SUBSTEPS = 200
+GRID = np.linspace(0.0, 1.0, SAMPLES)
 
 
 @dataclass(frozen=True)
@@ -29,14 +30,13 @@ class ActivationLimits:
 
     def bounds(self, activation: Float) -> tuple[Float, Float]:
         """Lower and upper bounds on the next activations, (M,) each."""
-        grid = np.linspace(0.0, 1.0, SAMPLES)
-        return np.interp(activation, grid, self.fall), np.interp(activation, grid, self.rise)
+        return np.interp(activation, GRID, self.fall), np.interp(activation, GRID, self.rise)
 
 
 @lru_cache(maxsize=16)
 def activation_limits(step: float, rise_time: float, fall_time: float) -> ActivationLimits:
     """Limits over a time step, with time constants as in MuJoCo's `dynprm` [s]; midpoint rule, exact to 1e-4."""
-    rise = np.linspace(0.0, 1.0, SAMPLES)
+    rise = GRID.copy()
     fall = rise.copy()
     dt = step / SUBSTEPS
 

@@ -72,7 +72,11 @@ class GroundReaction:
 
 
 def ground_reaction(
-    segments: SegmentMotion, needed: Effort, sole: SolePoints, left: Float, settings: GroundSettings = GROUND
+    segments: SegmentMotion,
+    needed: Effort,
+    sole: SolePoints,
+    left: Float,
+    settings: GroundSettings = GROUND,
 ) -> GroundReaction:
     """Forces of the ground on both feet that come nearest to what the motion needs.
 
@@ -87,50 +91,60 @@ def ground_reaction(
     weight = float(segments.mass.sum()) * GRAVITY
     centre = segments.centre
     wanted = needed.about(centre) / weight
-    arms = sole.position - centre[:, None, None]
     pyramid = np.concatenate([settings.friction * EDGES, np.ones((len(EDGES), 1))], axis=1)
-
+    wrenches = _edge_wrenches(sole.position - centre[:, None, None], pyramid)
+    below = np.cross([0.0, 0.0, settings.pivot_height], pyramid)
     lateral = unit(left * [1.0, 1.0, 0.0])
-    forces = np.zeros((frames, 2, POINTS, 3))
+    about_pivot = np.einsum("tpei,ti->tpe", wrenches[..., 3:] - below, lateral)
+    near = sole.nearness.reshape(frames, -1)
+
+    forces = np.zeros((frames, 2 * POINTS, 3))
     for frame in range(frames):
-        near = sole.nearness[frame].ravel()
-        used = np.flatnonzero(near > 0)
+        used = np.flatnonzero(near[frame] > 0)
         if len(used):
-            points = arms[frame].reshape(-1, 3)[used]
-            found = _share(wanted[frame], points, used // POINTS, near[used], lateral[frame], pyramid, settings)
-            forces[frame].reshape(-1, 3)[used] = weight * found
-    return _collect(forces, sole, centre, wanted * weight)
+            edges = _share(
+                wanted[frame],
+                wrenches[frame, used],
+                about_pivot[frame, used],
+                near[frame, used],
+                used // POINTS,
+                settings,
+            )
+            forces[frame, used] = weight * edges @ pyramid
+    return _collect(forces.reshape(frames, 2, POINTS, 3), sole, centre, wanted * weight)
+
+
+def _edge_wrenches(arms: Float, pyramid: Float) -> Float:
+    """Force and moment about the centre of mass of every edge of every point's pyramid, (T, 24, 4, 6)."""
+    frames = len(arms)
+    moments = np.cross(arms.reshape(frames, -1, 1, 3), pyramid)
+    return np.concatenate([np.broadcast_to(pyramid, moments.shape), moments], axis=-1)
 
 
 def _share(
     wanted: Float,
-    arms: Float,
-    foot: NDArray[np.intp],
+    wrenches: Float,
+    about_pivot: Float,
     near: Float,
-    lateral: Float,
-    pyramid: Float,
+    foot: NDArray[np.intp],
     settings: GroundSettings,
 ) -> Float:
-    """Forces at N points in one frame, (N, 3) [body weights]."""
-    count, edges = len(arms), len(pyramid)
-    moments = np.cross(arms[:, None], pyramid)
-    whole = np.concatenate([np.tile(pyramid, (count, 1)), moments.reshape(-1, 3)], axis=1).T
-    whole_weight = np.array([1.0, 1.0, 1.0, *3 * [settings.moment]])
-    hessian = whole.T @ (whole_weight[:, None] * whole)
-    about_pivot = np.cross(arms[:, None] - [0.0, 0.0, settings.pivot_height], pyramid).reshape(-1, 3) @ lateral
-    owner = np.repeat(foot, edges)
+    """Shares of the edges at N points in one frame, (N, 4) [body weights]."""
+    count, edges = about_pivot.shape
+    whole, pivot, owner = wrenches.reshape(-1, 6), about_pivot.ravel(), np.repeat(foot, edges)
+    weighted = whole * [1.0, 1.0, 1.0, *3 * [settings.moment]]
     same_foot = owner[:, None] == owner
-    hessian += settings.pivot * same_foot * np.outer(about_pivot, about_pivot)
+    hessian = weighted @ whole.T + settings.pivot * same_foot * np.outer(pivot, pivot)
+    linear = -weighted @ wanted
     hessian[np.diag_indices(len(hessian))] += settings.ridge * np.repeat(1 / np.maximum(near, NEAR), edges)
-    linear = -whole.T @ (whole_weight * wanted)
     size = count * edges
     solution, _, status, _ = daqp.solve(
         hessian, linear, np.empty((0, size)), np.full(size, 1e30), np.zeros(size), np.zeros(size, np.int32)
     )
     if status < 1:
         raise ArithmeticError(f"ground force: daqp gave up with status {status}")
-    forces: Float = solution.reshape(count, edges) @ pyramid
-    return forces
+    shares: Float = solution.reshape(count, edges)
+    return shares
 
 
 def _collect(forces: Float, sole: SolePoints, centre: Float, wanted: Float) -> GroundReaction:
@@ -139,10 +153,10 @@ def _collect(forces: Float, sole: SolePoints, centre: Float, wanted: Float) -> G
     share = np.where(total[..., 2:] > 0, vertical / np.maximum(total[..., 2:], 1e-9), 1 / POINTS)
     centres = np.einsum("tsp,tspi->tsi", share, sole.position)
     moment = np.cross(sole.position - centres[:, :, None], forces).sum(axis=2)
-    about_com = (np.cross(centres - centre[:, None], total) + moment).sum(axis=1)
+    about_com = np.concatenate([total, np.cross(centres - centre[:, None], total) + moment], axis=-1)
     return GroundReaction(
         wrenches=np.concatenate([total, moment], axis=-1),
         centres=centres,
         point_forces=forces,
-        residual=wanted - np.concatenate([total.sum(axis=1), about_com], axis=-1),
+        residual=wanted - about_com.sum(axis=1),
     )
