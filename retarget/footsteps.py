@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from configs.robot import Gait
+from configs.robot_file import Gait
 from retarget.human import HumanWindow, Swing
 from retarget.swing import PEAK_ACCELERATION
 

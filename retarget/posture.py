@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from configs.robot import Gait, Robot
+from configs.robot import Robot
+from configs.robot_file import Gait
 from retarget.footsteps import Scaling
 from retarget.human import HumanWindow
 from retarget.schedule import Schedule

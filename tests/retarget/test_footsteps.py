@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -24,7 +25,7 @@ def plan(retargeter: Retargeter, window: Windows, scaling: Scaling) -> Callable[
     """Function motion -> steps of a robot that has been standing; keywords as of `FootstepPlanner.plan`."""
 
     def make(motion: Motion, **changed: object) -> list[Step]:
-        asked = {
+        asked: dict[str, Any] = {
             "feet": retargeter.body.home_feet,
             "frozen": [],
             "consumed": np.full(2, -np.inf),

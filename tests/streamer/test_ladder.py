@@ -20,7 +20,9 @@ REASONS = ("fault", "bus_lost")
 
 def one(name: str) -> Inputs:
     """Nothing but this."""
-    return Inputs(**{name: True if name in REQUESTS else f"{name} of servo 7"})
+    inputs = Inputs()
+    setattr(inputs, name, True if name in REQUESTS else f"{name} of servo 7")
+    return inputs
 
 
 def at(state: State) -> Ladder:
