@@ -81,7 +81,7 @@ def test_without_a_source_it_stands(retargeter: Retargeter) -> None:
     assert plan.start_tick == 50 and plan.stop_row == 0 and len(plan) >= 0.5 * RATE
     np.testing.assert_allclose(plan.q, np.broadcast_to(plan.q[0], plan.q.shape), atol=0.03)
     np.testing.assert_allclose(plan.q[0], retargeter.layout.get(state, "q")[0], atol=1e-4)
-    assert np.abs(plan.qd).max() < 0.02
+    assert np.abs(plan.qd).max() < 0.1 and np.abs(plan.qd[-1]).max() < 0.01
     assert plan.contacts.all() and plan.steps == []
     assert np.isnan(plan.source_s).all()
 
