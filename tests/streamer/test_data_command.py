@@ -1,0 +1,63 @@
+"""`flexmotion data` from files to a set and what it says of it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flexmotion.default_clip import default_clip
+from flexmotion.motion_file import load_motion, save_motion
+from streamer.cli import BAD_USAGE, CHECK_FAILED, OK, execute
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    motions = tmp_path / "motions"
+    motions.mkdir()
+    save_motion(default_clip()[:45], motions / "wave.npz")
+    return motions
+
+
+def test_build_inspect_export(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = str(tmp_path / "set")
+    assert execute(["data", "build", str(folder), "-o", out, "--workers", "1", "--no-muscles", "--json"]) == OK
+    report = json.loads(capsys.readouterr().out)
+    assert report["summary"]["clips_kept"] == 2
+    assert execute(["data", "inspect", out, "--verify", "--plots", str(tmp_path / "plots")]) == OK
+    assert "root_position" in capsys.readouterr().out
+    assert (tmp_path / "plots" / "clip.png").stat().st_size > 10_000
+    assert execute(["data", "export", out, "-o", str(tmp_path / "set.fms")]) == OK
+    (tmp_path / "set" / "joints.npy").write_bytes(b"torn")
+    assert execute(["data", "inspect", out, "--verify"]) == CHECK_FAILED
+
+
+def test_import_and_augment(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "out.npz"
+    assert execute(["data", "import", str(folder / "wave.npz"), "-o", str(out), "--fps", "20"]) == OK
+    assert load_motion(out).fps == 20.0
+    assert execute(["data", "augment", str(folder / "wave.npz"), "-o", str(out), "--seed", "3", "--json"]) == OK
+    assert load_motion(out).torques is not None
+    assert np.max(json.loads(capsys.readouterr().out.partition("\n")[2])["residual_median"]) < 0.02
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["build", "nowhere", "-o", "set"], "no such folder"),
+        (["inspect", "nowhere"], "no set there"),
+        (["build", "nowhere", "-o", "set", "--engine", "cloud"], "expected process or ray"),
+    ],
+)
+def test_faults(
+    arguments: list[str],
+    message: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert execute(["data", *arguments]) == BAD_USAGE
+    assert message in capsys.readouterr().err
