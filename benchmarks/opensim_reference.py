@@ -1,0 +1,151 @@
+"""Our inverse dynamics against OpenSim's on the same skeleton and the same motion (extra `opensim`).
+
+    python benchmarks/opensim_reference.py [TRIAL.npz] [--osim human.osim]
+
+Exports the human model as `.osim` (segments, inertia, joints), gives both the smoothed motion and the time derivatives
+of its coordinates, and prints the agreement of the joint torques and the ratio of the times, without ground forces.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import opensim
+from gait_trial import default_path, load_trial
+from scipy.spatial.transform import Rotation
+
+from flexmotion.biomechanics.differentiation import derivative, second_derivative
+from flexmotion.biomechanics.dynamics import dynamics
+from flexmotion.biomechanics.inverse_dynamics import joint_torques
+from flexmotion.biomechanics.segment_motion import segment_motion
+from flexmotion.human_model import human_model
+from flexmotion.motion import Motion
+from flexmotion.skeleton import DOF_COUNT, JOINTS
+
+ROOT = ("pelvis_rz", "pelvis_ry", "pelvis_rx", "pelvis_tx", "pelvis_ty", "pelvis_tz")
+AGREE = 0.01
+"""Largest difference, as a share of each joint's largest torque plus 1 N·m."""
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("trial", nargs="?", type=Path, default=default_path())
+    parser.add_argument("--osim", type=Path, help="write the exported skeleton here")
+    options = parser.parse_args()
+    opensim.Logger.setLevelString("Error")
+    motion = dynamics(load_trial(options.trial, 60.0).motion).motion
+    model = export(motion)
+    if options.osim:
+        model.printToXML(str(options.osim))
+
+    start = time.perf_counter()
+    ours = joint_torques(
+        motion.body, segment_motion(motion), np.zeros((len(motion), 2, 6)), np.zeros((len(motion), 2, 3))
+    )[:, DOF_COUNT - len(JOINTS) :]
+    own_time = time.perf_counter() - start
+    start = time.perf_counter()
+    theirs = opensim_torques(model, motion)
+    their_time = time.perf_counter() - start
+
+    inner = slice(4, -4)
+    error = np.sqrt(np.mean((ours - theirs)[inner] ** 2, axis=0))
+    largest = np.abs(theirs[inner]).max(axis=0)
+    for name, difference, peak in zip(JOINTS, error, largest, strict=True):
+        print(f"  {name:24s} RMS difference {difference:8.4f} N·m, peak {peak:8.2f} N·m")
+    print(f"{len(motion)} frames: ours {1e3 * own_time:.1f} ms, OpenSim {1e3 * their_time:.1f} ms,")
+    print(f"ratio {their_time / own_time:.1f} (OpenSim through its Python binding, model already built)")
+    return 0 if (error <= AGREE * (largest + 1.0)).all() else 1
+
+
+def export(motion: Motion) -> opensim.Model:
+    """Our segments, inertia and joints as an OpenSim model; z up, so gravity is along -z."""
+    human = human_model(motion.body).model
+    model = opensim.Model()
+    model.setName("flexmotion_human")
+    model.setGravity(opensim.Vec3(0, 0, -9.81))
+    bodies = {0: model.getGround()}
+    for index in range(1, human.nbody):
+        inertia = opensim.Inertia(*(float(v) for v in np.maximum(human.body_inertia[index], 1e-9)))
+        mass, com = float(max(human.body_mass[index], 1e-9)), _vector(human.body_ipos[index])
+        body = opensim.Body(human.body(index).name, mass, com, inertia)
+        model.addBody(body)
+        bodies[index] = body
+    for index in range(1, human.nbody):
+        body, parent = bodies[index], bodies[int(human.body_parentid[index])]
+        zero = opensim.Vec3(0, 0, 0)
+        place = zero if index == 1 else _vector(human.body_pos[index])
+        turn = zero
+        if index > 1:
+            turn = _vector(Rotation.from_quat(human.body_quat[index], scalar_first=True).as_euler("XYZ"))
+        spatial = opensim.SpatialTransform()
+        if index == 1:
+            for axis, (name, direction) in enumerate(zip(ROOT, np.vstack([np.eye(3)[::-1], np.eye(3)]), strict=True)):
+                _drive(spatial, axis, name, direction)
+        else:
+            first, count = int(human.body_jntadr[index]), int(human.body_jntnum[index])
+            axes = [human.jnt_axis[first + number] for number in range(count)]
+            for axis in range(count):
+                _drive(spatial, axis, human.joint(first + axis).name, axes[axis])
+            for axis in range(count, 3):
+                spare = next(e for e in np.eye(3) if np.linalg.matrix_rank(np.array([*axes, e])) == len(axes) + 1)
+                axes.append(spare)
+                spatial.updTransformAxis(axis).setAxis(_vector(spare))
+                spatial.updTransformAxis(axis).set_function(opensim.Constant(0.0))
+            for axis in range(3, 6):
+                spatial.updTransformAxis(axis).set_function(opensim.Constant(0.0))
+        name = f"{human.body(index).name}_joint"
+        if index > 1 and not human.body_jntnum[index]:
+            model.addJoint(opensim.WeldJoint(name, parent, place, turn, body, zero, zero))
+        else:
+            model.addJoint(opensim.CustomJoint(name, parent, place, turn, body, zero, zero, spatial))
+    model.finalizeConnections()
+    return model
+
+
+def _drive(spatial: opensim.SpatialTransform, axis: int, name: str, direction: np.ndarray) -> None:
+    names = opensim.ArrayStr()
+    names.append(name)
+    transform = spatial.updTransformAxis(axis)
+    transform.setCoordinateNames(names)
+    transform.setAxis(_vector(direction))
+    transform.set_function(opensim.LinearFunction(1.0, 0.0))
+
+
+def _vector(values: np.ndarray) -> opensim.Vec3:
+    return opensim.Vec3(*(float(value) for value in values))
+
+
+def opensim_torques(model: opensim.Model, motion: Motion) -> np.ndarray:
+    """Generalised forces of the joints in our order, (T, 26)."""
+    state = model.initSystem()
+    euler = Rotation.from_quat(motion.root_quaternion, scalar_first=True).as_euler("ZYX")
+    values = np.concatenate([np.unwrap(euler, axis=0), motion.root_position, motion.joints], axis=1)
+    rates, accelerations = derivative(values, motion.fps), second_derivative(values, motion.fps)
+    coordinates = [model.getCoordinateSet().get(name) for name in (*ROOT, *JOINTS)]
+    # The place of a coordinate among the system's speeds: where the state changes when it alone is set.
+    place = []
+    for coordinate in coordinates:
+        before = state.getU().to_numpy().copy()
+        coordinate.setSpeedValue(state, 1.0)
+        place.append(int(np.argmax(np.abs(state.getU().to_numpy() - before))))
+        coordinate.setSpeedValue(state, 0.0)
+    solver = opensim.InverseDynamicsSolver(model)
+    torques = np.empty((len(motion), len(JOINTS)))
+    for frame in range(len(motion)):
+        for coordinate, value, rate in zip(coordinates, values[frame], rates[frame], strict=True):
+            coordinate.setValue(state, float(value), False)
+            coordinate.setSpeedValue(state, float(rate))
+        acceleration = opensim.Vector(len(place), 0.0)
+        for at, value in zip(place, accelerations[frame], strict=True):
+            acceleration.set(at, float(value))
+        found = solver.solve(state, acceleration).to_numpy()
+        torques[frame] = found[place[len(ROOT) :]]
+    return torques
+
+
+if __name__ == "__main__":
+    sys.exit(main())
