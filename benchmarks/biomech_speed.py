@@ -10,6 +10,8 @@ from __future__ import annotations
 import argparse
 import os
 
+# Before NumPy is imported, which reads them once.
+# ruff: noqa: E402
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
     os.environ[_name] = "1"
 
