@@ -49,6 +49,7 @@ class Estimator:
             np.array([self.model.joint(robot.joint_names[i]).id for i in robot.chain(f"{side}_leg").values()])
             for side in ("left", "right")
         ]
+        self._patience = robot.safety.max_stale_reads
         self.has_imu = False
         self.tilt, self.tilt_rate = np.zeros(2), np.zeros(2)
         self.com, self.dcm = np.zeros(2), np.zeros(2)
@@ -57,9 +58,14 @@ class Estimator:
         self._smoothing = 1.0 - np.exp(-2 * np.pi * _VELOCITY_CUTOFF_HZ * self.dt)
         self._spatial, self._euler = np.zeros(6), np.zeros(3)
 
+    def reset(self) -> None:
+        """Forget speeds of an earlier run; the attitude is kept, since it goes on being measured."""
+        self.com_velocity[:] = 0.0
+
     def update(self, state: RobotState, reference: Reference) -> None:
         """Take in one measurement, against the reference that was in force when it was made."""
-        self.has_imu = state.imu_stale == 0 or (self.has_imu and state.imu_stale > 0)
+        # A few samples may be missed; after that the last attitude is no attitude.
+        self.has_imu = state.imu_stale == 0 or (self.has_imu and 0 < state.imu_stale <= self._patience)
         if state.imu_stale == 0:
             self.ahrs.update_no_magnetometer(np.degrees(state.gyro), state.accel / _GRAVITY)
         if self.has_imu:

@@ -16,6 +16,7 @@ Float = NDArray[np.float64]
 _TIME_CONSTANT_S = 0.8
 """Several steps long: the factor must not follow the swing of a single one."""
 _BOUNDS = (0.8, 1.35)
+"""A fifth less to a third more: beyond that the robot file is wrong, or the feet are not what carries it."""
 
 
 class LoadEstimator:
@@ -33,9 +34,15 @@ class LoadEstimator:
         # As strong as what the legs carry at rest, so that little load moves the factor little.
         self._least = float(0.1 * robot.usable_torque[self.legs].mean()) ** 2 * len(self.legs)
 
+    def reset(self) -> None:
+        """Trust the model again."""
+        self.factor = 1.0
+
     def update(self, q_ref: Float, q: Float, torque: Float) -> None:
         """One tick: reference and measured joints, planned torque, (n,) each."""
         load = torque[self.legs]
         pull = float(load @ (self.kp * (q_ref[self.legs] - q[self.legs])))
+        if not np.isfinite(pull):
+            return
         self.factor += self._rate * pull / max(float(load @ load), self._least)
         self.factor = min(max(self.factor, _BOUNDS[0]), _BOUNDS[1])

@@ -22,6 +22,8 @@ from streamer.stabiliser import Stabiliser
 
 Float = NDArray[np.float64]
 
+_OUTSIDE = 0.02
+"""How far outside its limits a joint may stand at the start [rad]: play and zero error, about a degree."""
 _STAND_MOVE_S = 0.5
 """Shortest move to the stand pose, also when the robot already stands there."""
 
@@ -57,7 +59,7 @@ class ControlLoop:
         self.pending: Plan | None = None
         self.tick_count = 0
         self._seen, self._unread = np.full(robot.n, np.nan), np.zeros(robot.n, np.int64)
-        self._imu_unread = 0
+        self._imu_unread = self._low_reads = 0
         self._lead = driver.delay_s * robot.rate_hz
         self._warned: set[str] = set()
 
@@ -98,6 +100,9 @@ class ControlLoop:
         np.maximum(state.stale, self._unread, out=state.stale)
         np.copyto(self._seen, state.position)
         if not (np.isfinite(state.gyro).all() and np.isfinite(state.accel).all()):
+            if state.imu_stale < 0:
+                state.gyro.fill(0.0)
+                return
             self._imu_unread += 1
             state.gyro.fill(0.0)
             state.imu_stale = max(state.imu_stale, self._imu_unread)
@@ -116,27 +121,59 @@ class ControlLoop:
         inputs.plan_over = self.plan_over
         inputs.move_done = self.move.done
         if state is State.OFF:
-            silent = np.flatnonzero(self._unread)
-            if inputs.start and len(silent):
-                inputs.start = False
-                self._event("fault", f"no start: {self._name('returns no position', int(silent[0]))}")
+            self._audit()
             return
         tilted = math.hypot(*self.estimator.tilt) > limits.fall_tilt
         inputs.fallen = bool(self.estimator.has_imu and tilted)
         if measured.stale.min() > limits.max_stale_reads:
             inputs.bus_lost = f"bus lost: no joint has answered for {int(measured.stale.min())} reads"
-        elif measured.stale.max() > limits.max_stale_reads:
-            inputs.fault = self._name("does not answer", int(np.argmax(measured.stale)))
-        elif measured.hardware_error.any():
-            worst = int(np.flatnonzero(measured.hardware_error)[0])
-            bits = int(measured.hardware_error[worst])
-            inputs.fault = self._name(f"reports hardware error 0x{bits:02x}", worst)
-        elif measured.imu_stale > limits.max_stale_reads:
-            inputs.fault = f"IMU has not answered for {measured.imu_stale} reads"
-        elif limits.voltage_min is not None and np.fmin.reduce(measured.voltage) < limits.voltage_min:
-            inputs.fault = f"supply at {np.fmin.reduce(measured.voltage):.1f} V, below {limits.voltage_min:.1f} V"
+        else:
+            inputs.fault = inputs.fault or self._problem()
         if not self.estimator.has_imu:
             self._warn("imu", "no IMU: the robot runs open loop, falls are not detected")
+
+    def _audit(self) -> None:
+        """A start is refused, with its reason, while anything is wrong that could be known before torque goes on."""
+        if not self.inputs.start:
+            return
+        robot, position = self.robot, self.state.position
+        silent = np.flatnonzero(self._unread)
+        # Past its limits by more than a goal's resolution: the robot's own stops hold it, or its zero is wrong.
+        outside = np.flatnonzero((position < robot.lower - _OUTSIDE) | (position > robot.upper + _OUTSIDE))
+        imu = robot.config.imu
+        if len(silent):
+            reason: str | None = self._name("returns no position", int(silent[0]))
+        elif len(outside):
+            joint = int(outside[0])
+            reason = self._name(
+                f"stands at {position[joint]:.2f} rad, outside [{robot.lower[joint]:.2f}, {robot.upper[joint]:.2f}]: "
+                "move it by hand",
+                joint,
+            )
+        elif imu is not None and imu.required and not self.estimator.has_imu:
+            reason = "the robot file requires an IMU and none answers"
+        else:
+            reason = self._problem()
+        if reason is not None:
+            self.inputs.start = False
+            self._event("fault", f"no start: {reason}")
+
+    def _problem(self) -> str | None:
+        """What is wrong with servos, IMU or supply, if anything."""
+        measured, limits = self.state, self.robot.safety
+        if measured.stale.max() > limits.max_stale_reads:
+            return self._name("does not answer", int(np.argmax(measured.stale)))
+        if measured.hardware_error.any():
+            worst = int(np.flatnonzero(measured.hardware_error)[0])
+            return self._name(f"reports hardware error 0x{int(measured.hardware_error[worst]):02x}", worst)
+        if measured.imu_stale > limits.max_stale_reads:
+            return f"IMU has not answered for {measured.imu_stale} reads"
+        supply = np.fmin.reduce(measured.voltage)
+        low = limits.voltage_min is not None and supply < limits.voltage_min
+        self._low_reads = self._low_reads + 1 if low else 0
+        if self._low_reads > limits.max_stale_reads:
+            return f"supply at {supply:.1f} V, below {limits.voltage_min:.1f} V"
+        return None
 
     def _name(self, what: str, joint: int) -> str:
         return f"servo of {self.robot.joint_names[joint]} (id {self.robot.joints[joint].id}) {what}"
@@ -155,6 +192,10 @@ class ControlLoop:
         self._event("fault" if state is State.FAULT else "state", f"{before.name} -> {state.name}{cause}")
         robot = self.robot
         if state is State.READY:
+            self.servo.reset(self.state.position)
+            self.load.reset()
+            self.estimator.reset()
+            self.command.position[:] = self.state.position
             self.driver.set_torque(True)
             self.move.begin(
                 self.state.position, self.stand_pose, least_s=_STAND_MOVE_S, speed=robot.safety.soft_start_speed
@@ -162,9 +203,8 @@ class ControlLoop:
         elif state is State.PARK:
             self.plan = self.pending = None
             # From the goals' reference, not from the measurement: the servos hold the one, not the other.
-            start = self.now.q if before is not State.OFF else self.state.position
             self.move.begin(
-                start, robot.rest_pose, least_s=robot.safety.park_s, speed=2 * robot.safety.soft_start_speed
+                self.now.q, robot.rest_pose, least_s=robot.safety.park_s, speed=2 * robot.safety.soft_start_speed
             )
         elif state is State.DAMPED:
             self.plan = self.pending = None

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from configs.errors import RetargetError
 from configs.stream import StreamSettings
 from retarget.plan import Plan
 from retarget.retargeter import Retargeter
@@ -20,22 +21,23 @@ class Planned:
     Attributes:
         plan: joins at `plan.start_tick`.
         sample_s, retarget_s: time to get the human motion, and to retarget it [s].
+        stops: it comes to a stop whatever the source has.
         source_over: the source has nothing after this plan.
     """
 
     plan: Plan
     sample_s: float
     retarget_s: float
+    stops: bool
     source_over: bool
 
 
 class Planner:
-    """Makes plans that each resume the last one's state at the join."""
+    """Makes plans that each resume the last one's state at the join; keeps nothing between them."""
 
     def __init__(self, retargeter: Retargeter, source: Source, settings: StreamSettings) -> None:
         self.retargeter, self.source, self.settings = retargeter, source, settings
         self.rate = retargeter.rate
-        self.over = False
 
     def plan(self, join: int, current: Plan | None, *, stop: bool = False) -> Planned:
         """The plan that plays from tick `join` on.
@@ -51,11 +53,13 @@ class Planner:
         else:
             state = current.states[min(max(join - current.start_tick, 0), len(current) - 1)]
         first = retargeter.next_frame(state, join, self.source.fps)
-        motion = None
-        if not (stop or self.over):
-            frames = int(np.ceil(self.settings.horizon_s * self.source.fps)) + 2
-            motion = self.source.window(first, frames)
-            self.over = motion is None or len(motion) < frames
+        frames = int(np.ceil(self.settings.horizon_s * self.source.fps)) + 2
+        motion = None if stop else self.source.window(first, frames)
         sampled = time.perf_counter()
         plan = retargeter.plan(state, motion, first, join)
-        return Planned(plan, sampled - begin, time.perf_counter() - sampled, self.over)
+        if not (np.isfinite(plan.q).all() and np.isfinite(plan.qd).all() and np.isfinite(plan.torque).all()):
+            raise RetargetError(f"{self.source.name}: the plan for tick {join} holds values that are no numbers")
+        ended = motion is None or len(motion) < frames
+        # A short window is only the end where the plan has followed all of it.
+        over = ended and plan.stop_row < retargeter.horizon and not stop
+        return Planned(plan, sampled - begin, time.perf_counter() - sampled, stop, over)

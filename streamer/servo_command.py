@@ -16,10 +16,17 @@ from drivers.interface import RobotState
 Float = NDArray[np.float64]
 
 BRAKING_SHARE = 0.8
-"""Share of the stall torque that a goal may imply while the servo brakes."""
+"""Share of the stall torque that a goal may imply while the servo brakes; the rest covers what the joint's speed may
+change by within the 4 ms between its measurement and the goal's arrival (0.9 let three goals in a million pass)."""
 BRAKING_SPEED = 0.3
 """Joint speed from which it counts as braking in full [rad/s]. A joint near standstill gets the usable torque: one
 that a foot's impact throws either way within a tick must not find itself past its envelope."""
+
+_SUPPLY_MARGIN = 0.2
+"""How far outside the servo's rated supply a reading is still believed: sag under load, regenerated overvoltage."""
+
+_BLIND_SHARE = 0.5
+"""Share of its envelope that a joint keeps while its measurement is old: it is no longer where it is taken to be."""
 
 
 class ServoCommand:
@@ -35,16 +42,28 @@ class ServoCommand:
         self.goal = np.zeros(robot.n)
         self.position_clamps = self.torque_clamps = 0
         self._velocity = np.zeros(robot.n)
+        nominal = robot.nominal_voltage
+        self._least_supply = np.array([servo.min_voltage for servo in robot.servos]) / nominal * (1 - _SUPPLY_MARGIN)
+        self._most_supply = np.array([servo.max_voltage for servo in robot.servos]) / nominal * (1 + _SUPPLY_MARGIN)
+
+    def reset(self, position: Float) -> None:
+        """Begin anew where the joints stand, (n,) [rad]: that is the goal until the first update."""
+        np.copyto(self.goal, position)
+        self._velocity[:] = 0.0
 
     def update(self, q: Float, qd: Float, torque: Float, measured: RobotState) -> Float:
         """Goals for a reference (n,) each, given the measured joints; returns `goal`."""
         robot = self.robot
-        supply = np.where(np.isfinite(measured.voltage), measured.voltage / robot.nominal_voltage, 1.0)
+        supply = measured.voltage / robot.nominal_voltage
+        # A voltage that no such servo runs at is a reading gone wrong, not a stiffness to invert.
+        believed = (supply >= self._least_supply) & (supply <= self._most_supply)
+        supply = np.where(believed, supply, 1.0)
         kp = robot.kp * supply
         goal = q + (torque + robot.back_emf * qd) / kp
         # The measurement is a while old and the goal takes a while to arrive: it must be right for the joint as it
         # was measured and as it will be if its speed goes on changing as it did.
         now, change = measured.velocity, measured.velocity - self._velocity
+        supply = np.where(measured.stale > 0, _BLIND_SHARE * supply, supply)
         lowest, highest = self._envelope(measured.position, now, kp, supply)
         later = now + change
         lowest_later, highest_later = self._envelope(measured.position + self.delay * (now + later), later, kp, supply)

@@ -7,12 +7,14 @@ from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
 
+from configs.errors import ConfigError, FlexMotionError
 from configs.robot import Robot
 from configs.stream import StreamSettings
 from drivers.interface import Driver
 from flexmotion.contacts import ContactDetector
 from flexmotion.motion import Motion
 from retarget.human import HumanWindow
+from retarget.plan import Plan
 from retarget.retargeter import Retargeter
 from streamer.ladder import State
 from streamer.loop import ControlLoop
@@ -22,6 +24,8 @@ from streamer.sources import Source
 
 _SETTLE_S = 1.0
 """How long the robot stands in HOLD after the source is over, before it parks."""
+_PARKING_S = 12.0
+"""What a run that has gone on too long is left to stop and park."""
 _MARGIN_S = 30.0
 """Longest run beyond the source's length: standing up, stopping, parking."""
 
@@ -63,10 +67,18 @@ class Session:
         self._next_plan_tick = 0
         self._stream_start: int | None = None
         self._hold_ticks = 0
-        self._stopping = False
+        self._ending = False  # somebody asked for the end of the run
+        self._source_over = self._stop_planned = False  # what the last plan that was accepted holds
+        self._broken: str | None = None  # why no more plans can be made
 
     def run(self, clock: str = "lockstep") -> RunRecord:
-        """Run to the end on clock "lockstep" or "real" and return the record."""
+        """Run to the end on clock "lockstep" or "real" and return the record.
+
+        Raises:
+            ConfigError: lockstep is asked for with a driver whose time cannot be stepped.
+        """
+        if clock == "lockstep" and not self.driver.capabilities.lockstep:
+            raise ConfigError(f"driver {self.driver.name!r} runs on the real clock only; use --clock real")
         with self.driver:
             if clock == "lockstep":
                 self._run_lockstep()
@@ -84,7 +96,8 @@ class Session:
             self._operate()
             work = time.perf_counter() - begin
             if self._plan_due():
-                self._accept(self._make_plan(self._join_tick()), self.loop.tick_count)
+                request = self._request(self._commit_ticks)
+                self._accept(self._planned(lambda: self._make_plan(*request)), self.loop.tick_count)
             begin = time.perf_counter()
             self.loop.tick()
             self._stamp(work + time.perf_counter() - begin, 0.0)
@@ -93,10 +106,11 @@ class Session:
 
     def _run_real(self) -> None:
         period_ns = int(round(1e9 / self.robot.rate_hz))
-        lockstep = self.driver.capabilities.lockstep
+        simulated = self.driver.capabilities.lockstep
         pending: Future[Planned] | None = None
         asked = 0
-        with ThreadPoolExecutor(1, "planner") as pool:
+        pool = ThreadPoolExecutor(1, "planner")
+        try:
             deadline = time.perf_counter_ns()
             while not self._finished():
                 late = time.perf_counter_ns() - deadline
@@ -104,24 +118,28 @@ class Session:
                 self._operate()
                 if pending is None and self._plan_due():
                     asked = self.loop.tick_count
-                    pending = pool.submit(self._make_plan, self._join_tick(ahead=True))
+                    pending = pool.submit(self._make_plan, *self._request(self._replan_ticks // 2))
                 elif pending is not None and pending.done():
-                    self._accept(pending.result(), asked)
+                    self._accept(self._planned(pending.result), asked)
                     pending = None
                 self.loop.tick()
-                work = time.perf_counter() - begin
-                self._stamp(work, late * 1e-9)
-                if lockstep:
+                self._stamp(time.perf_counter() - begin, late * 1e-9)
+                if simulated:
                     self.driver.advance(1.0 / self.robot.rate_hz)
                     self._note_truth()
                 deadline += period_ns
                 behind = time.perf_counter_ns() - deadline
-                if behind > 0:
-                    self.record.missed_deadlines += 1
-                    # Clamp, never re-time: the ticks that were missed are skipped, not caught up.
-                    deadline += (behind // period_ns) * period_ns
-                else:
+                if behind <= 0:
                     time.sleep(-behind * 1e-9)
+                    continue
+                missed = behind // period_ns + 1
+                self.record.missed_deadlines += missed
+                deadline += (missed - 1) * period_ns
+                if not simulated:
+                    # Clamp, never re-time: a real robot's plan has gone on meanwhile. Simulated time has not.
+                    self.loop.tick_count += missed - 1
+        finally:
+            pool.shutdown(wait=False, cancel_futures=True)
 
     # ---------------------------------------------------------------- one tick
 
@@ -131,14 +149,18 @@ class Session:
         state = loop.ladder.state
         if state is State.OFF and loop.tick_count == 0:
             inputs.start = True
-        if self.stop_requested is not None and not self._stopping and self.stop_requested():
-            self._stopping = True
+        if self.stop_requested is not None and not self._ending and self.stop_requested():
+            self._ending = True
             inputs.stop = True
-            if state is State.READY:
-                inputs.park = True
+        if self._broken is not None:
+            inputs.fault = f"planner: {self._broken}"
+        if loop.tick_count == self.record.ticks - int(_PARKING_S * self.robot.rate_hz):
+            inputs.fault = "the run went on past its time"
+        if state is State.READY and self._ending:
+            inputs.park = True
         if state is State.HOLD:
             self._hold_ticks += 1
-            over = self.planner.over or self._stopping or self._stream_over()
+            over = self._source_over or self._ending or self._stream_over()
             if over and self._hold_ticks >= _SETTLE_S * self.robot.rate_hz:
                 inputs.park = True
         else:
@@ -147,9 +169,11 @@ class Session:
             self.progress(min(self._streamed_s() / max(self.seconds, 1e-9), 1.0))
 
     def _streamed_s(self) -> float:
+        """How much of the source has been played [s]; the lead-in before it does not count."""
         if self._stream_start is None:
             return 0.0
-        return (self.loop.tick_count - self._stream_start) / self.robot.rate_hz
+        since = (self.loop.tick_count - self._stream_start) / self.robot.rate_hz
+        return max(since - self.settings.lead_in_s, 0.0)
 
     def _stream_over(self) -> bool:
         return self._streamed_s() >= self.seconds
@@ -160,45 +184,53 @@ class Session:
         return self.loop.tick_count > 0 and self.loop.ladder.state in (State.OFF, State.FAULT)
 
     def _plan_due(self) -> bool:
+        """Whether a plan is to be asked for now."""
         loop = self.loop
-        if loop.pending is not None:
+        if loop.pending is not None or self._broken is not None:
             return False
         if loop.ready and loop.plan is None:
-            return not self._stopping
-        if loop.ladder.state is not State.STREAMING:
+            return not self._ending and loop.ladder.fault is None
+        if loop.plan is None or loop.ladder.state not in (State.STREAMING, State.HOLD):
             return False
-        if loop.plan is None or loop.tick_count < self._next_plan_tick:
-            return False
-        # Once a plan holds the end of the source, or a stop, nothing new is to be planned.
-        ending = self.planner.over or self._plan_stops
-        return not ending or (self._must_stop() and not self._plan_stops)
-
-    _plan_stops = False
+        if self._must_stop():
+            return not self._stop_planned and not loop.plan_over
+        # Once a plan holds the end of the source nothing new is to be planned.
+        return not self._source_over and loop.tick_count >= self._next_plan_tick
 
     def _must_stop(self) -> bool:
-        return self.loop.ladder.stopping or self._stopping or self._stream_over()
+        return self.loop.ladder.stopping or self.loop.ladder.fault is not None or self._ending or self._stream_over()
 
-    def _join_tick(self, *, ahead: bool = False) -> int:
-        """Tick at which a plan asked for now takes over; on the real clock it must first be made."""
-        if self.loop.plan is None:
-            return self.loop.tick_count + (self._replan_ticks if ahead else 0)
-        return self.loop.tick_count + (self._replan_ticks // 2 if ahead else self._commit_ticks)
+    def _request(self, ahead: int) -> tuple[int, Plan | None, bool]:
+        """Join tick, the plan that plays until then, and whether to stop: all that a plan is made from."""
+        loop = self.loop
+        return loop.tick_count + ahead, loop.plan, self._must_stop()
 
-    def _make_plan(self, join: int) -> Planned:
-        self._plan_stops = self._must_stop()
-        return self.planner.plan(join, self.loop.plan, stop=self._plan_stops)
+    def _make_plan(self, join: int, current: Plan | None, stop: bool) -> Planned:
+        return self.planner.plan(join, current, stop=stop)
 
-    def _accept(self, planned: Planned, asked: int) -> None:
+    def _planned(self, make: Callable[[], Planned]) -> Planned | None:
+        """The plan, or None where source or retargeter failed: what plays then ends in its own stop."""
+        try:
+            return make()
+        except (FlexMotionError, ArithmeticError, ValueError, LookupError) as error:
+            self._broken = f"{type(error).__name__}: {error}"
+            return None
+
+    def _accept(self, planned: Planned | None, asked: int) -> None:
+        loop = self.loop
+        if planned is None or loop.ladder.state not in (State.READY, State.STREAMING, State.HOLD):
+            return
         plan = planned.plan
-        if plan.start_tick < self.loop.tick_count and self.loop.plan is not None:
-            # Late: never played late. The next one joins at the next slot.
+        if plan.start_tick < loop.tick_count:
+            # Never played late. The next one joins at the next slot.
             self.record.underruns += 1
-            self._next_plan_tick = self.loop.tick_count
+            self._next_plan_tick = loop.tick_count
             return
         if self._stream_start is None:
             self._stream_start = plan.start_tick
-        self.loop.pending = plan
-        self._next_plan_tick = plan.start_tick + self._replan_ticks - self._commit_ticks
+        loop.pending = plan
+        self._source_over, self._stop_planned = planned.source_over, planned.stops
+        self._next_plan_tick = plan.start_tick + self._replan_ticks - (plan.start_tick - asked)
         self.record.plans.append(PlanEvent(asked, plan.start_tick, planned.sample_s, planned.retarget_s))
 
     def _stamp(self, work: float, lateness: float) -> None:
