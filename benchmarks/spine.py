@@ -125,7 +125,20 @@ def degrees(value: float | None) -> float | None:
 def clip_table(runs: list[Run]) -> Table:
     """One row a clip."""
     table = Table(title="Clips")
-    for name in ("kind", "clip", "", "upright", "net path", "steps", "slip mm/s", "leg °", "heading °", "hand", "knee", "x"):
+    for name in (
+        "kind",
+        "clip",
+        "",
+        "upright",
+        "net path",
+        "steps",
+        "slip mm/s",
+        "leg °",
+        "heading °",
+        "hand",
+        "knee",
+        "x",
+    ):
         table.add_column(name)
     for run in runs:
         m = run.motion

@@ -32,6 +32,8 @@ _LARGEST_STEP = 0.35
 """Longest step of a joint [rad]."""
 _SAMPLES = 4096
 """Poses of an arm tried as a start where the last one leads nowhere."""
+_NEIGHBOURS = 16
+"""Of those, how many of the nearest to the target are weighed by how far the arm would have to travel."""
 _LOST = 0.12
 """Error over arm length from which another start is looked for; it must then halve the error."""
 _TRAVEL_WEIGHT = 0.02
@@ -85,10 +87,7 @@ class UpperBody:
         mujoco.mj_resetData(self.model, self.data)
         mujoco.mj_kinematics(self.model, self.data)
         axis = {"pan": 2, "tilt": 1}
-        return {
-            role: float(np.sign(self.data.xaxis[self._joint_id(i)][axis[role]]))
-            for role, i in self.head.items()
-        }
+        return {role: float(np.sign(self.data.xaxis[self._joint_id(i)][axis[role]])) for role, i in self.head.items()}
 
     def _measure(self) -> Float:
         """Upper arm and forearm lengths a side, (2, 2) [m]."""
@@ -175,7 +174,8 @@ class UpperBody:
         """Start the arms that are lost anew from a sampled pose, where one is much nearer to the target."""
         for side in np.flatnonzero(error > _LOST**2):
             wanted = np.concatenate([hand[side], _ELBOW_WEIGHT * elbow[side]]) / self.lengths[side].sum()
-            distances, found = self._trees[side].query(wanted, k=16)
+            nearest, found = self._trees[side].query(wanted, k=_NEIGHBOURS)
+            distances = np.asarray(nearest)
             poses = self._samples[side][found]
             travel = np.sum((poses - q[self.arms[side]]) ** 2, axis=1)
             best = int(np.argmin(distances**2 + _TRAVEL_WEIGHT * travel))

@@ -48,7 +48,7 @@ def absorb(zmp: Float, dcm: Float, error: Float, omega: float, dt: float, second
     Returns:
         zmp and dcm, (T, 2) [m].
     """
-    t = np.arange(len(zmp)) * dt
+    t: Float = np.arange(len(zmp), dtype=np.float64) * dt
     share = 1.0 - smoothstep(t / seconds)
     # The derivative over the row that follows, so that the discrete recursion holds too.
     following = 1.0 - smoothstep((t + dt) / seconds)

@@ -52,8 +52,15 @@ class RobotDynamics:
         return com
 
     def inverse(
-        self, base: Float, base_velocity: Float, base_acceleration: Float, q: Float, qd: Float, qdd: Float,
-        feet: Float, share: Float,
+        self,
+        base: Float,
+        base_velocity: Float,
+        base_acceleration: Float,
+        q: Float,
+        qd: Float,
+        qdd: Float,
+        feet: Float,
+        share: Float,
     ) -> tuple[Float, Float]:
         """Joint torques and the zero-moment point that the whole body really asks for.
 
@@ -89,9 +96,7 @@ class RobotDynamics:
         zmp = np.column_stack([-moment[:, 1], moment[:, 0]]) / np.maximum(total[:, 2:], 1e-6)
         weights = np.column_stack([1.0 - share, share])
         centres = feet[:, :, :3]
-        left_over = moment - sum(
-            np.cross(centres[:, side], weights[:, side : side + 1] * total) for side in (0, 1)
-        )
+        left_over = moment - sum(np.cross(centres[:, side], weights[:, side : side + 1] * total) for side in (0, 1))
         for side in (0, 1):
             push = weights[:, side : side + 1] * total
             turn = weights[:, side : side + 1] * left_over

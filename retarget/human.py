@@ -47,9 +47,7 @@ class HumanWindow:
         self.motion = motion
         self.times = start_s + np.arange(len(motion)) / motion.fps
         self.kinematics: HumanKinematics = forward(motion)
-        self.contacts, self.detector_states = ContactDetector().detect(
-            self.kinematics, motion.fps, detector_state
-        )
+        self.contacts, self.detector_states = ContactDetector().detect(self.kinematics, motion.fps, detector_state)
         kin = self.kinematics
         feet = 0.5 * (kin.heel + kin.toe)
         along = kin.toe - kin.heel

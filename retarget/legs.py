@@ -124,9 +124,7 @@ class Leg:
         r = np.einsum("tji,tj->ti", sole_rotation, hip - ankle)
         distance = np.linalg.norm(r, axis=1)
         reach = np.clip(distance, abs(self.thigh - self.shank) + 1e-3, self.length)
-        knee = np.arccos(
-            np.clip((reach**2 - self.thigh**2 - self.shank**2) / (2 * self.thigh * self.shank), -1.0, 1.0)
-        )
+        knee = np.arccos(np.clip((reach**2 - self.thigh**2 - self.shank**2) / (2 * self.thigh * self.shank), -1.0, 1.0))
         ankle_roll = np.arctan2(r[:, 1], r[:, 2])
         lean = np.arctan2(-r[:, 0], np.hypot(r[:, 1], r[:, 2]))
         ankle_pitch = lean - np.arctan2(self.thigh * np.sin(knee), self.shank + self.thigh * np.cos(knee))

@@ -19,8 +19,9 @@ _OMEGA = np.array([9.0, 12.0, 12.0, 12.0])
 _SPEED = np.array([0.25, 1.5, 1.5, 2.0])
 _ACCELERATION = np.array([3.0, 20.0, 20.0, 20.0])
 """Trunk channels: natural frequency [1/s] and bounds [m/s, rad/s and per second]."""
-_UPPER_OMEGA, _UPPER_ACCELERATION, _UPPER_SPEED_SHARE = 22.0, 80.0, 0.8
-"""Arms and head: natural frequency [1/s], bound [rad/s²], and share of the servo's no-load speed."""
+_UPPER_OMEGA, _UPPER_ACCELERATION, _UPPER_SPEED_SHARE = 22.0, 45.0, 0.6
+"""Arms and head: natural frequency [1/s], bound [rad/s²], and share of the servo's no-load speed: what a servo still
+has the torque for, whose rotor and gears weigh more than the arm (OP3: .045 kg·m² times 45 rad/s² is 2 N·m)."""
 _TILT_LIMITS = np.array([[-0.20, 0.20], [-0.20, 0.60]])
 """Torso roll and pitch that the robot may take over [rad]."""
 _WALKING_TILT = 0.35

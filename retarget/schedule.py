@@ -37,8 +37,15 @@ class Schedule:
 
     @classmethod
     def of(
-        cls, feet: Float, landed: float, last_stance: float, steps: list[Step], ticks: Float, quiet: Float,
-        rate: float, clearance: float,
+        cls,
+        feet: Float,
+        landed: float,
+        last_stance: float,
+        steps: list[Step],
+        ticks: Float,
+        quiet: Float,
+        rate: float,
+        clearance: float,
     ) -> Schedule:
         """Lay out `steps`.
 
@@ -65,24 +72,23 @@ def _load_share(
     landed: float, last_stance: float, steps: list[Step], ticks: Float, quiet: Float, shift: float
 ) -> Float:
     share = np.empty(len(ticks))
-    edges = [*steps, None]
     begin = -np.inf
-    for step in edges:
-        lift = step.lift if step is not None else np.inf
-        gap = (ticks >= begin) & (ticks < lift)
+    for step in steps:
+        gap = (ticks >= begin) & (ticks < step.lift)
         t = ticks[gap]
-        if lift - landed <= shift:
-            towards = smoothstep((t - landed) / max(lift - landed, 1))
+        if step.lift - landed <= shift:
+            towards = smoothstep((t - landed) / max(step.lift - landed, 1))
             share[gap] = last_stance + towards * (step.stance - last_stance)
         else:
             leaving = 1.0 - smoothstep((t - landed) / shift)
-            coming = smoothstep((t - lift + shift) / shift) if step is not None else np.zeros(len(t))
+            coming = smoothstep((t - step.lift + shift) / shift)
+            # In a gap shorter than two shifts the weight never comes to rest between the feet.
             total = np.maximum(leaving + coming, 1.0)
             leaving, coming = leaving / total, coming / total
-            next_stance = step.stance if step is not None else 0.0
-            share[gap] = leaving * last_stance + coming * next_stance + (1.0 - leaving - coming) * quiet[gap]
-        if step is None:
-            break
-        share[(ticks >= lift) & (ticks < step.land)] = step.stance
+            share[gap] = leaving * last_stance + coming * step.stance + (1.0 - leaving - coming) * quiet[gap]
+        share[(ticks >= step.lift) & (ticks < step.land)] = step.stance
         begin, landed, last_stance = step.land, step.land, step.stance
+    rest = ticks >= begin
+    leaving = 1.0 - smoothstep((ticks[rest] - landed) / shift)
+    share[rest] = leaving * last_stance + (1.0 - leaving) * quiet[rest]
     return share

@@ -1,4 +1,4 @@
-"""What a servo can do, and what share of it a motion asks for."""
+"""What a servo can do at a speed, and for how long."""
 
 from __future__ import annotations
 
@@ -22,14 +22,6 @@ def torque_limit(robot: Robot, torque: Float, speed: Float) -> Float:
     """
     motoring = np.minimum(robot.usable_torque, robot.stall_torque - robot.back_emf * np.abs(speed))
     return np.where(torque * speed > 0, np.maximum(motoring, 0.0), robot.stall_torque)
-
-
-def torque_share(robot: Robot, torque: Float, speed: Float) -> Float:
-    """Share of `torque_limit` that is used, (..., n); above 1 is more than the servo has.
-
-    Past no-load speed nothing is left: 1 % of stall stands for it, so that the share stays a number.
-    """
-    return np.abs(torque) / np.maximum(torque_limit(robot, torque, speed), 0.01 * robot.stall_torque)
 
 
 def envelope(robot: Robot, joint: int) -> tuple[Float, Float]:

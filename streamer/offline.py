@@ -78,10 +78,12 @@ def retarget_offline(
     played: list[tuple[Plan, int]] = []
     times: list[float] = []
     join, plan = 0, None
-    while not planner.over:
+    over = False
+    while not over:
         planned = planner.plan(join, plan)
+        over = planned.source_over
         plan = planned.plan
-        rows = len(plan) if planned.source_over else min(cadence, len(plan))
+        rows = len(plan) if over else min(cadence, len(plan))
         played.append((plan, rows))
         times.append(planned.retarget_s)
         join += rows

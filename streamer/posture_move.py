@@ -83,7 +83,5 @@ class PostureMove:
         feet = np.hstack([soles, np.zeros((2, 1))])
         still, base = np.zeros((1, 6)), data.qpos[None, :7].copy()
         joints = np.zeros((1, robot.n))
-        torque, _ = self.dynamics.inverse(
-            base, still, still, q[None], joints, joints, feet[None], np.array([share])
-        )
+        torque, _ = self.dynamics.inverse(base, still, still, q[None], joints, joints, feet[None], np.array([share]))
         return torque[0]

@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
+from functools import partial
 
 from configs.errors import ConfigError, FlexMotionError
 from configs.robot import Robot
@@ -96,8 +97,8 @@ class Session:
             self._operate()
             work = time.perf_counter() - begin
             if self._plan_due():
-                request = self._request(self._commit_ticks)
-                self._accept(self._planned(lambda: self._make_plan(*request)), self.loop.tick_count)
+                make = partial(self._make_plan, *self._request(self._commit_ticks))
+                self._accept(self._planned(make), self.loop.tick_count)
             begin = time.perf_counter()
             self.loop.tick()
             self._stamp(work + time.perf_counter() - begin, 0.0)

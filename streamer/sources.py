@@ -6,6 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
+from configs.errors import MotionFormatError
 from flexmotion.motion import Motion
 
 
@@ -29,6 +30,9 @@ class ClipSource:
     """A clip played from its start, once."""
 
     def __init__(self, motion: Motion) -> None:
+        """Raises `MotionFormatError` where there is nothing to play."""
+        if len(motion) < 2:
+            raise MotionFormatError(f"{motion.source or 'clip'}: has {len(motion)} frame(s), needs at least two")
         self.motion = motion
         self.name = f"clip:{motion.source}" if motion.source else "clip"
         self.fps = motion.fps

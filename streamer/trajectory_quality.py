@@ -11,7 +11,6 @@ from rich.text import Text
 
 from configs.robot import Robot
 from flexmotion.motion import Motion
-from streamer.envelope import torque_share
 from streamer.metrics import HumanTrack, RobotFigures, hand_error_share, heading, heading_rms, net_path_ratio
 from streamer.offline import Trajectory
 from streamer.report import Figure, Latency, Maybe
@@ -60,13 +59,15 @@ def quality(trajectory: Trajectory, robot: Robot, motion: Motion) -> Quality:
     figures = RobotFigures.of(robot, motion.body.leg)
     following = np.isfinite(trajectory.source_s)
     base = trajectory.base[following]
+    # The robot's path ends where it comes to a stand (as in `metrics.motion_figures`).
+    path = trajectory.base[int(np.flatnonzero(following)[0]) :]
     human_position, human_heading = HumanTrack.of(motion).at(trajectory.source_s[following])
     return Quality(
         robot=robot.name,
         source=motion.source,
         duration_s=trajectory.duration,
         rate_hz=trajectory.rate_hz,
-        net_path_ratio=net_path_ratio(base, human_position, figures.leg_ratio),
+        net_path_ratio=net_path_ratio(path, human_position, figures.leg_ratio),
         heading_rms_rad=heading_rms(heading(base[:, 3:]), human_heading),
         hand_error_share=hand_error_share(trajectory.hand_error[following], figures.arm_length),
         human_steps=trajectory.human_steps,
@@ -74,7 +75,7 @@ def quality(trajectory: Trajectory, robot: Robot, motion: Motion) -> Quality:
         steps_inserted=trajectory.inserted,
         steps_dropped=trajectory.dropped,
         repairs=trajectory.repairs,
-        torque=_worst(trajectory, robot, torque_share(robot, trajectory.torque, trajectory.qd)),
+        torque=_worst(trajectory, robot, np.abs(trajectory.torque) / robot.stall_torque),
         speed=_worst(trajectory, robot, trajectory.qd / robot.no_load_speed),
         retarget_ms=Latency.of(trajectory.retarget_s, 1e-3),
     )
@@ -92,7 +93,7 @@ def render_quality(result: Quality) -> RenderableType:
             f"planned; the human made {result.human_steps}, {result.steps_dropped} dropped, "
             f"{result.steps_inserted} inserted",
         ),
-        ("torque", show(result.torque.share, "%", 100, 0), f"of the limit at most: {_where(result.torque)}"),
+        ("torque", show(result.torque.share, "%", 100, 0), f"of stall torque at most: {_where(result.torque)}"),
         ("speed", show(result.speed.share, "%", 100, 0), f"of no-load speed at most: {_where(result.speed)}"),
         ("repairs", str(sum(result.repairs.values())), ", ".join(f"{n} {kind}" for kind, n in result.repairs.items())),
     ]

@@ -185,7 +185,10 @@ def test_resuming_from_any_row_goes_on_as_planned(
         if plan.stop_row <= row:
             continue
         later = resume(retargeter, followed, plan.states[row], plan.start_tick + row)
-        np.testing.assert_allclose(later.q[0], plan.q[row], atol=1e-3)
+        # Arms are solved a step a frame and so lag their targets by where they came from.
+        legs = np.concatenate([leg.indices for leg in retargeter.body.legs])
+        np.testing.assert_allclose(later.q[0, legs], plan.q[row, legs], atol=1e-3)
+        np.testing.assert_allclose(later.q[0], plan.q[row], atol=5e-3)
         np.testing.assert_allclose(later.dcm[0], plan.dcm[row], atol=3e-3)
         np.testing.assert_allclose(later.com[0], plan.com[row], atol=1e-6)
         np.testing.assert_allclose(later.feet[0], plan.feet[row], atol=1e-9)

@@ -3,6 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from configs.errors import MotionFormatError
 from configs.robot import load_robot
 from configs.stream import load_stream
 from flexmotion.default_clip import default_clip
@@ -67,17 +68,22 @@ def test_a_stop_asks_the_source_for_nothing_and_stands(planner: Planner, source:
     assert stop.stop_row == 0 and stop.contacts[-1].all()
 
 
-def test_the_end_of_the_source_is_told_once_and_kept(planner: Planner, source: Witness) -> None:
-    current, joins = planner.plan(0, None).plan, 0
-    while not planner.over:
+def test_the_end_of_the_source_is_told_by_the_plan_that_reaches_it(planner: Planner) -> None:
+    planned, joins = planner.plan(0, None), 0
+    while not planned.source_over:
         joins += 31
-        planned = planner.plan(joins, current)
-        current = planned.plan
-    assert planned.source_over
-    np.testing.assert_allclose(np.nanmax(current.source_s), CLIP.duration, atol=1 / 125)
-    asked = len(source.asked)
-    planner.plan(joins + 31, current)
-    assert len(source.asked) == asked
+        planned = planner.plan(joins, planned.plan)
+    np.testing.assert_allclose(np.nanmax(planned.plan.source_s), CLIP.duration, atol=1 / 125)
+
+
+def test_a_clip_shorter_than_the_first_plan_is_followed_to_its_end() -> None:
+    """The first plan sees less than a second of the source, since it waits for it: a clip of one second was cut."""
+    short = CLIP[:31]
+    planner = Planner(RETARGETER, ClipSource(short), load_stream())
+    planned = planner.plan(0, None)
+    while not planned.source_over:
+        planned = planner.plan(planned.plan.start_tick + 31, planned.plan)
+    np.testing.assert_allclose(np.nanmax(planned.plan.source_s), short.duration, atol=1 / 125)
 
 
 @pytest.mark.parametrize("join", [-5, 10**6])
@@ -88,10 +94,9 @@ def test_a_join_outside_the_plan_takes_its_nearest_row(planner: Planner, join: i
     np.testing.assert_allclose(stop.q[0], nearest, atol=6e-3)
 
 
-def test_a_source_of_one_frame_is_over_at_once() -> None:
-    planner = Planner(RETARGETER, ClipSource(CLIP[:1]), load_stream())
-    planned = planner.plan(0, None)
-    assert planned.source_over and planned.plan.stop_row == 0
+def test_a_clip_of_one_frame_is_refused() -> None:
+    with pytest.raises(MotionFormatError, match="needs at least two"):
+        ClipSource(CLIP[:1])
 
 
 def test_a_cut_clip_keeps_its_name_and_its_first_seconds() -> None:
