@@ -33,6 +33,8 @@ _LATER_S = 0.06
 """How much later than the human's foot the robot's may land."""
 NOTICE_S = 0.25
 """A step is settled this long before its foot lifts, and none is begun on shorter notice: the weight must be moved."""
+_ASIDE, _ASKEW = 0.015, 0.09
+"""Feet nearer than this to standing side by side [m, rad] are left as they are at the end."""
 _NOTICE_AT_REST_S = 0.45
 """The same from a stand, where the weight rests between the feet and does not move yet."""
 
@@ -252,6 +254,28 @@ class FootstepPlanner:
         if steps and not frozen:
             steps[0] = replace(steps[0], notice_s=notice)
         return steps
+
+    def gather(self, steps: list[Step], feet: Float, after: int) -> list[Step]:
+        """The steps, and one more that sets the feet side by side where they would not be.
+
+        Args:
+            feet: pose of both feet before the steps, (2, 4).
+            after: first tick from which the robot has nothing else to do.
+        """
+        feet = feet.copy()
+        for step in steps:
+            feet[step.side] = step.target
+            after = max(after, step.land)
+        left, right = feet
+        cos, sin = np.cos(right[3]), np.sin(right[3])
+        beside = right + np.array([-sin * self.stand_width, cos * self.stand_width, 0.0, 0.0])
+        if np.hypot(*(left - beside)[:2]) < _ASIDE and abs(left[3] - right[3]) < _ASKEW:
+            return steps
+        lift = after + int(round(_NOTICE_AT_REST_S * self.rate))
+        land = lift + int(round(_INSERT_SWING_S * self.rate))
+        # Nothing of the human's is done with by it.
+        last = Step(0, lift, land, left.copy(), beside, -np.inf, inserted=True, notice_s=_NOTICE_AT_REST_S)
+        return [*steps, last]
 
     def _insert(
         self,

@@ -22,7 +22,8 @@ class Plan:
     Attributes:
         start_tick: loop tick of row 0.
         stop_row: first row of the stop tail; rows before it follow the human.
-        source_s: time of the source that each row follows, (T,) [s]; negative in the lead-in before it, NaN in the stop tail.
+        source_s: time of the source that each row follows, (T,) [s]; negative in the lead-in before it, NaN in the
+            stop tail.
         q, qd, qdd: joint reference, (T, n) [rad, rad/s, rad/s²].
         torque: joint torque of the reference under its planned ground forces, (T, n) [N·m].
         contacts: which feet carry load, (T, 2) bool.

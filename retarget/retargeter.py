@@ -209,11 +209,11 @@ class Retargeter:
     def _steps(self, state: Float, view: _View) -> list[Step]:
         layout = self.layout
         frozen = layout.steps(state)
-        if view.window is None:
-            return frozen
         feet = layout.get(state, "feet").copy()
         feet[:, 2] = 0.0
-        return self.footsteps.plan(
+        if view.window is None:
+            return self.footsteps.gather(frozen, feet, view.tick)
+        steps = self.footsteps.plan(
             view.window,
             view.scaling,
             feet,
@@ -224,13 +224,15 @@ class Retargeter:
             view.tick,
             int(view.source_tick),
         )
+        # Where the human ends inside the horizon this plan is the last: it is played to its end.
+        return steps if view.follow == self.horizon else self.footsteps.gather(steps, feet, view.tick + view.follow)
 
     def _schedule(self, state: Float, view: _View, steps: list[Step], ticks: Float, known: Float) -> Schedule:
         layout = self.layout
         quiet = np.full(len(ticks), 0.5)
         if view.window is not None:
             quiet = posture.quiet_share(view.window, known, len(ticks), SHIFT_S * self.rate)
-        return Schedule.of(
+        schedule = Schedule.of(
             layout.get(state, "feet"),
             layout.scalar(state, "landed"),
             layout.scalar(state, "stance"),
@@ -240,6 +242,10 @@ class Retargeter:
             self.rate,
             self.gait.clearance,
         )
+        # Whoever walked stays low to the end: a plan ends at rest, not on its way up.
+        tail = schedule.walking[view.follow :]
+        np.logical_or.accumulate(tail, out=tail)
+        return schedule
 
     def _balance(self, state: Float, schedule: Schedule) -> tuple[Float, Float, Float, Float]:
         share = schedule.share[:, None]
