@@ -1,4 +1,4 @@
-"""Real clips through `flexmotion dry-run` in lockstep: does the robot stay upright, and does it go where the human went?
+"""Real clips through `flexmotion dry-run` in lockstep: does the robot stay up, and does it go where the human went?
 
     python benchmarks/spine.py [--clips FILE] [--jobs 2] [--seed 0] [--csv OUT]
 
@@ -28,6 +28,7 @@ from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
+CLIPS = Path(__file__).with_name("spine_clips.yaml")
 ARCHIVES = {"bandai": "bandai.tar.xz", "cmu": "cmu_raw.tar.xz"}
 PERTURBED = ["--perturbed", "--perturb", "total_mass=3.5"]
 TIMING_KEYS = ("loop", "planner", "log")
@@ -204,9 +205,7 @@ def verdicts(runs: list[Run], same: bool) -> list[tuple[str, bool]]:
 
 
 def main(
-    clips: Annotated[Path, typer.Option(help="YAML list of clips by kind and collection")] = Path(__file__).with_name(
-        "spine_clips.yaml"
-    ),
+    clips: Annotated[Path, typer.Option(help="YAML list of clips by kind and collection")] = CLIPS,
     jobs: Annotated[int, typer.Option(help="runs at a time")] = 1,
     seed: Annotated[int, typer.Option(help="seed of the first clip; each has its own")] = 0,
     csv_out: Annotated[Path | None, typer.Option("--csv", help="write one row a clip here")] = None,

@@ -159,7 +159,7 @@ class Gait(Strict):
         swing_max_foot_speed: foothold travel over swing time [m/s].
         swing_max_foot_acceleration: peak along the swing; what it asks of the knee's rotor is torque [m/s²].
         clearance: height of the swing foot in mid-swing [m].
-        zmp_margin: how far the ZMP may leave the middle of a sole, x and y [m].
+        zmp_feedback: how far balance feedback may move the ZMP, along and across the feet [m].
     """
 
     stand_hip_height: float = Field(gt=0)
@@ -175,7 +175,7 @@ class Gait(Strict):
     swing_max_foot_speed: float = Field(gt=0)
     swing_max_foot_acceleration: float = Field(gt=0)
     clearance: float = Field(gt=0)
-    zmp_margin: tuple[Annotated[float, Field(ge=0)], Annotated[float, Field(ge=0)]]
+    zmp_feedback: tuple[Annotated[float, Field(ge=0)], Annotated[float, Field(ge=0)]]
 
     @model_validator(mode="after")
     def _ordered(self) -> Gait:
@@ -192,17 +192,14 @@ class SafetyLimits(Strict):
     Attributes:
         max_stale_reads: reads in a row that one servo may miss before FAULT.
         fall_tilt: torso tilt that counts as a fall [rad].
-        voltage_warn, voltage_min: supply below which it warns, and parks [V].
-        temperature_warn_margin: it slows this far below a servo's own temperature limit [K].
+        voltage_min: supply below which it parks [V].
         park_s: time to lower itself to the rest pose [s].
         soft_start_speed: greatest joint speed of the way to the stand pose [rad/s].
     """
 
     max_stale_reads: int = Field(default=5, ge=1)
     fall_tilt: float = Field(default=0.785, gt=0)
-    voltage_warn: float | None = Field(default=None, gt=0)
     voltage_min: float | None = Field(default=None, gt=0)
-    temperature_warn_margin: float = Field(default=15.0, ge=0)
     park_s: float = Field(default=2.0, gt=0)
     soft_start_speed: float = Field(default=0.8, gt=0)
 

@@ -37,7 +37,6 @@ class StreamSettings(Strict):
         replan_s: time between plans where no new target asks for one.
         commit_s: first part of a running plan that no successor may change.
         min_unplayed_s: plan that must always be left to play.
-        first_part_s: part of a plan that may be published before the rest.
         lead_in_s: time from the first plan to the source's first frame, in which the robot gets ready for it.
         dcm_absorb_s: over which a new plan absorbs the jump of the divergent component of motion.
         blend_frames: frames of human motion over which a new plan is blended in.
@@ -48,7 +47,6 @@ class StreamSettings(Strict):
     replan_s: float = Field(default=0.25, gt=0)
     commit_s: float = Field(default=0.04, ge=0)
     min_unplayed_s: float = Field(default=0.6, ge=0)
-    first_part_s: float = Field(default=0.3, gt=0)
     lead_in_s: float = Field(default=0.6, ge=0)
     dcm_absorb_s: float = Field(default=0.15, gt=0)
     blend_frames: int = Field(default=8, ge=0)

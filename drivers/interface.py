@@ -25,7 +25,7 @@ class Capabilities:
 
     Attributes:
         imu: an inertial measurement unit is read with the joints.
-        effort: `JointState.effort` is measured.
+        effort: `RobotState.effort` is measured.
         torque_bound: `JointCommand.torque_bound` reaches the servo.
         lockstep: time stands still between `advance` calls (simulation in this process).
         truth: `truth()` tells the robot's real pose (simulation).

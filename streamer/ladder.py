@@ -89,9 +89,7 @@ class Ladder:
         stopping: a stop has been asked for: no new plan is taken but one that stops.
     """
 
-    def __init__(
-        self, limits: SafetyLimits, rate_hz: float, *, freeze_s: float = 0.5, damp_s: float = 1.0
-    ) -> None:
+    def __init__(self, limits: SafetyLimits, rate_hz: float, *, freeze_s: float = 0.5, damp_s: float = 1.0) -> None:
         self.limits = limits
         self.state = State.OFF
         self.fault: str | None = None
@@ -100,6 +98,7 @@ class Ladder:
         self._damp_ticks = int(round(damp_s * rate_hz))
         self._left = 0
         self._frozen = False
+        self._parking = False  # asked for while streaming: once the robot stands
         self._pressed = False  # a button that is held down is pressed once
 
     def step(self, inputs: Inputs) -> Playback:
@@ -153,15 +152,25 @@ class Ladder:
     def _in_off(self, inputs: Inputs) -> None:
         if inputs.start and not (inputs.estop or inputs.kill) and self.fault is None:
             self.state = State.READY
-            self.stopping = self._frozen = False
+            self.stopping = self._frozen = self._parking = False
+        elif inputs.kill:
+            self._latch("kill: torque cut by an operator")
+            self.state = State.FAULT
 
     def _in_ready(self, inputs: Inputs) -> None:
         if inputs.park or self.fault is not None:
             self.state = State.PARK
-        elif inputs.move_done and inputs.plan_ready and not inputs.stop:
-            self.state = State.STREAMING
+        else:
+            self._hear_stop(inputs)
+            if inputs.move_done and inputs.plan_ready and not self.stopping:
+                self.state = State.STREAMING
+
+    def _hear_stop(self, inputs: Inputs) -> None:
+        """A stop holds until somebody asks for a start again: a plan alone does not undo it."""
+        self.stopping = (self.stopping or inputs.stop) and not inputs.start
 
     def _in_streaming(self, inputs: Inputs) -> None:
+        self._parking |= inputs.park
         self.stopping |= inputs.stop or inputs.park
         if inputs.plan_over:
             self.state = State.HOLD
@@ -171,12 +180,12 @@ class Ladder:
             self._left -= 1
             if self._left <= 0:
                 self.state, self._frozen = State.PARK, False
-        elif inputs.park or self.fault is not None:
+        elif inputs.park or self._parking or self.fault is not None:
             self.state = State.PARK
-        elif inputs.stop:
-            self.stopping = True
-        elif inputs.plan_ready and not inputs.plan_over:
-            self.state, self.stopping = State.STREAMING, False
+        else:
+            self._hear_stop(inputs)
+            if inputs.plan_ready and not self.stopping:
+                self.state = State.STREAMING
 
     def _in_park(self, inputs: Inputs) -> None:
         if inputs.move_done:
@@ -188,6 +197,6 @@ class Ladder:
             self.state = State.FAULT
 
     def _in_fault(self, inputs: Inputs) -> None:
-        if inputs.clear:
+        if inputs.clear and not (inputs.estop or inputs.kill):
             self.state, self.fault = State.OFF, None
-            self.stopping = self._frozen = False
+            self.stopping = self._frozen = self._parking = False

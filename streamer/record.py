@@ -13,7 +13,7 @@ Float = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Event:
-    """Something worth a line in the log: a change of state, a stop, a fault, a repair, a dropped step."""
+    """Something worth a line in the log: a change of state, a fault, a warning."""
 
     tick: int
     kind: str
@@ -56,8 +56,8 @@ class RunRecord:
         work_s, lateness_s: time the tick's work took and how late it woke, (T,) [s].
         events, plans: in order of tick.
         repairs: count of repairs by kind (position, speed, acceleration, torque), of planner and loop together.
-        steps_planned, steps_inserted, steps_dropped, human_steps: footsteps that the robot made, those of them that it
-            made to set its feet right, those of the human that it left out, and those that the human made.
+        steps_planned, steps_inserted, human_steps: footsteps that the robot made, those of them that it made to set
+            its feet right, and those that the human made.
         missed_deadlines, underruns, violations_sent: counts.
     """
 
@@ -67,12 +67,9 @@ class RunRecord:
     used: int = 0
     events: list[Event] = field(default_factory=list)
     plans: list[PlanEvent] = field(default_factory=list)
-    repairs: dict[str, int] = field(
-        default_factory=lambda: {"position": 0, "speed": 0, "acceleration": 0, "torque": 0}
-    )
+    repairs: dict[str, int] = field(default_factory=lambda: {"position": 0, "speed": 0, "acceleration": 0, "torque": 0})
     steps_planned: int = 0
     steps_inserted: int = 0
-    steps_dropped: int = 0
     human_steps: int = 0
     missed_deadlines: int = 0
     underruns: int = 0
@@ -100,6 +97,4 @@ class RunRecord:
 
     def trimmed(self) -> dict[str, Any]:
         """Every array cut to the rows in use, by name."""
-        return {
-            name: value[: self.used] for name, value in vars(self).items() if isinstance(value, np.ndarray)
-        }
+        return {name: value[: self.used] for name, value in vars(self).items() if isinstance(value, np.ndarray)}

@@ -171,7 +171,7 @@ class RunInfo:
         options: what else was set (perturbations, say), by name.
         elapsed_s: wall-clock time of the run [s].
         realtime: scheduling class that the loop ran under.
-        missed_allowed: cycles that may miss their deadline.
+        missed_allowed, underruns_allowed: cycles that may miss their deadline, and plans that may come late.
         log: path of the log; None where none was kept.
     """
 
@@ -184,6 +184,7 @@ class RunInfo:
     elapsed_s: float | None = None
     realtime: Literal["fifo", "other"] = "other"
     missed_allowed: int = 0
+    underruns_allowed: int = 0
     log: str | None = None
 
 
@@ -209,6 +210,9 @@ def build_report(
             and not faults
             and record.violations_sent == 0
             and record.missed_deadlines <= info.missed_allowed
+            and record.underruns <= info.underruns_allowed
+            and bool((states == State.STREAMING).any())
+            and states[-1] in (State.HOLD, State.OFF)
         ),
         robot=info.robot,
         driver=info.driver,
@@ -243,7 +247,7 @@ def build_report(
             human_steps=record.human_steps,
             steps_planned=record.steps_planned,
             steps_inserted=record.steps_inserted,
-            steps_dropped=record.steps_dropped,
+            steps_dropped=max(record.human_steps - (record.steps_planned - record.steps_inserted), 0),
         ),
         limits=LimitsSection(
             violations_sent=record.violations_sent,

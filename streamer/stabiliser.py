@@ -16,9 +16,9 @@ from streamer.reference import Reference
 Float = NDArray[np.float64]
 
 DCM_GAIN = 0.4
-"""Shift of the zero-moment point per error of the divergent component [m/m]."""
-ZMP_SHIFT = np.array([0.045, 0.024])
-"""Bound of that shift, along and across the feet [m]."""
+"""Shift of the zero-moment point per error of the divergent component [m/m]. Far below the 1 that a torque-controlled
+robot would need: the servos' stiffness does the rest. Of 48 perturbed walks and turns 39 stayed up at .4, 33 at .8,
+25 at 1.3 and 17 without (at the stride of that day)."""
 _GRAVITY = 9.81
 
 
@@ -32,6 +32,7 @@ class Stabiliser:
 
     def __init__(self, robot: Robot, *, enabled: bool = True) -> None:
         self.enabled = enabled
+        self.bound = robot.gait.zmp_feedback
         self.weight = robot.mass * _GRAVITY
         self.legs = [np.array(list(robot.chain(f"{side}_leg").values())) for side in ("left", "right")]
         self.torque, self.zmp_shift = np.zeros(robot.n), np.zeros(2)
@@ -44,8 +45,8 @@ class Stabiliser:
         yaw = reference.feet[:, 3] @ np.array([1.0 - reference.share, reference.share])
         cos, sin = np.cos(yaw), np.sin(yaw)
         error = estimator.dcm - reference.dcm
-        along = np.clip(DCM_GAIN * (cos * error[0] + sin * error[1]), -ZMP_SHIFT[0], ZMP_SHIFT[0])
-        across = np.clip(DCM_GAIN * (cos * error[1] - sin * error[0]), -ZMP_SHIFT[1], ZMP_SHIFT[1])
+        along = np.clip(DCM_GAIN * (cos * error[0] + sin * error[1]), -self.bound[0], self.bound[0])
+        across = np.clip(DCM_GAIN * (cos * error[1] - sin * error[0]), -self.bound[1], self.bound[1])
         self.zmp_shift[:] = cos * along - sin * across, sin * along + cos * across
         moment = self.weight * np.array([self.zmp_shift[1], -self.zmp_shift[0], 0.0])
         for side, share in enumerate((1.0 - reference.share, reference.share)):

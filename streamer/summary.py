@@ -23,6 +23,10 @@ def failures(report: Report) -> list[str]:
     reasons += [f"fault: {fault}" for fault in report.safety.faults]
     if report.limits.violations_sent:
         reasons.append(f"{report.limits.violations_sent} goals outside a servo's envelope reached the driver")
+    if report.planner.plans == 0:
+        reasons.append("no plan was ever played")
+    if report.planner.underruns and not report.ok:
+        reasons.append(f"{report.planner.underruns} plans came too late")
     if loop.missed_deadlines > loop.missed_allowed:
         reasons.append(f"{loop.missed_deadlines} of {loop.cycles} deadlines missed, {loop.missed_allowed} allowed")
     return reasons

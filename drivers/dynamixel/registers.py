@@ -125,7 +125,7 @@ class OpenCrFile(Strict):
 def _tables() -> dict[str, Table]:
     file = FOLDER / "x.yaml"
     content = parse(_XFile, read_yaml(file), file)
-    tables = {}
+    tables: dict[str, Table] = {}
     for family in content.families.values():
         registers = {
             name: parse(Register, fields | family.changes.get(name, {}), f"{file}: register {name}")

@@ -13,6 +13,7 @@ from typing import Any
 
 import typer
 
+from configs.errors import DriverError
 from configs.robot import Robot, load_robot
 from configs.stream import StreamSettings
 from drivers.registry import create
@@ -91,7 +92,11 @@ def stream(request: Request) -> Outcome:
             stop_requested=stop_requested,
         )
         begin = time.perf_counter()
-        record = session.run(request.clock)
+        try:
+            record = session.run(request.clock)
+        except OSError as error:
+            # A port that went away: pyserial's errors are OSErrors. Files are read before and written after.
+            raise DriverError(f"driver {request.driver!r}: {error}") from error
         elapsed = time.perf_counter() - begin
         interrupted = stop_requested()
     record.human_steps = count_human_steps(played.motion, session.planner.retargeter)
@@ -108,6 +113,7 @@ def stream(request: Request) -> Outcome:
         options=options | ({} if request.feedback else {"feedback": False}),
         elapsed_s=elapsed,
         missed_allowed=request.settings.budgets.missed_deadlines,
+        underruns_allowed=request.settings.budgets.underruns,
     )
     report = build_report(record, info, figures, human=HumanTrack.of(played.motion))
     return Outcome(robot, played.motion, figures, record, report, interrupted)

@@ -44,7 +44,7 @@ def at(state: State) -> Ladder:
 
 
 MOVES = {
-    State.OFF: {"start": State.READY},
+    State.OFF: {"kill": State.FAULT, "start": State.READY},
     State.READY: {"park": State.PARK, "fault": State.PARK},
     State.STREAMING: {"plan_over": State.HOLD},
     State.HOLD: {"park": State.PARK, "fault": State.PARK, "plan_ready": State.STREAMING},
@@ -95,7 +95,7 @@ def test_nothing_asked_nothing_changes(state: State) -> None:
 
 def test_it_streams_only_once_it_stands_and_has_a_plan() -> None:
     ladder = at(State.READY)
-    for inputs in (Inputs(move_done=True), Inputs(plan_ready=True), Inputs(move_done=True, plan_ready=True, stop=True)):
+    for inputs in (Inputs(move_done=True), Inputs(plan_ready=True)):
         ladder.step(inputs)
         assert ladder.state is State.READY
     assert ladder.step(Inputs(move_done=True, plan_ready=True)) is Playback.PLAN
@@ -129,7 +129,7 @@ def test_an_estop_button_held_down_counts_once() -> None:
 def test_no_start_under_a_pressed_button(name: str) -> None:
     ladder = Ladder(SafetyLimits(), RATE)
     ladder.step(Inputs(start=True, **{name: True}))
-    assert ladder.state is State.OFF
+    assert ladder.state is (State.FAULT if name == "kill" else State.OFF)
 
 
 @pytest.mark.parametrize("state", POWERED)
@@ -192,14 +192,35 @@ def test_no_start_before_the_fault_is_cleared() -> None:
     assert ladder.state is State.READY
 
 
-def test_stop_is_remembered_until_a_fresh_plan_is_taken() -> None:
+def test_a_stop_holds_until_somebody_starts_again() -> None:
+    """A stop in HOLD was undone a tick later, by the next plan that came."""
     ladder = at(State.STREAMING)
     ladder.step(Inputs(stop=True))
     ladder.step(Inputs(plan_ready=True))
     assert ladder.stopping and ladder.state is State.STREAMING
     ladder.step(Inputs(plan_over=True))
-    ladder.step(Inputs(plan_ready=True))
+    for _ in range(3):
+        ladder.step(Inputs(plan_ready=True))
+        assert ladder.state is State.HOLD and ladder.stopping
+    ladder.step(Inputs(plan_ready=True, start=True))
     assert ladder.state is State.STREAMING and not ladder.stopping
+
+
+@pytest.mark.parametrize("state", [State.READY, State.HOLD])
+def test_a_stop_keeps_a_standing_robot_standing(state: State) -> None:
+    ladder = at(state)
+    ladder.step(Inputs(move_done=True, plan_ready=True, stop=True))
+    ladder.step(Inputs(move_done=True, plan_ready=True))
+    assert ladder.state is state
+
+
+def test_park_while_streaming_parks_once_the_robot_stands() -> None:
+    """It came to a stand and stayed in HOLD: the wish to park was forgotten."""
+    ladder = at(State.STREAMING)
+    ladder.step(Inputs(park=True))
+    ladder.step(Inputs(plan_over=True))
+    ladder.step(Inputs(plan_over=True))
+    assert ladder.state is State.PARK
 
 
 anything = st.builds(

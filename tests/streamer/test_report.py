@@ -105,7 +105,7 @@ def test_not_ok(harm: Callable[[RunRecord], None], record: RunRecord, figures: R
 
 
 def test_parking_low_is_ok(record: RunRecord, figures: RobotFigures) -> None:
-    record.state[950:] = State.PARK
+    record.state[950:-1], record.state[record.used - 1] = State.PARK, State.OFF
     record.true_base[950:, 2] = 0.1
     assert build(record, figures).ok
 

@@ -9,9 +9,10 @@ from drivers.interface import RobotState
 from retarget.retargeter import Retargeter
 from streamer.estimator import Estimator
 from streamer.reference import Reference
-from streamer.stabiliser import DCM_GAIN, ZMP_SHIFT, Stabiliser
+from streamer.stabiliser import DCM_GAIN, Stabiliser
 
 ROBOT = load_robot("op3")
+ZMP_SHIFT = np.array(ROBOT.gait.zmp_feedback)
 RETARGETER = Retargeter(ROBOT, load_stream())
 STAND = RETARGETER.plan(RETARGETER.standing(), None, 0, 0)
 
