@@ -102,6 +102,9 @@ def build(
 
     if engine not in ENGINES:
         raise typer.BadParameter(f"engine is {engine!r}, expected {' or '.join(ENGINES)}")
+    for folder in folders:
+        if not folder.is_dir():
+            raise typer.BadParameter(f"{folder}: no such folder of motion data")
     if muscles:
         from flexmotion.biomechanics.muscle_geometry import muscle_models
 

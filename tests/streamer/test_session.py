@@ -16,6 +16,7 @@ from drivers.sim.options import SimOptions
 from flexmotion.default_clip import default_clip
 from flexmotion.motion import Motion
 from streamer.ladder import Inputs, State
+from streamer.metrics import tilt
 from streamer.record import RunRecord
 from streamer.session import Session, count_human_steps
 from streamer.sources import ClipSource
@@ -62,7 +63,7 @@ class Run:
     @property
     def tilt(self) -> float:
         """Angle of the torso against the vertical at the end [rad]."""
-        return float(np.arccos(np.clip(self.driver.torso_up, -1.0, 1.0)))
+        return float(tilt(self.driver.truth().base_quaternion[None])[0])
 
     def told(self, kind: str) -> list[str]:
         return [event.message for event in self.record.events if event.kind == kind]
