@@ -16,6 +16,7 @@ from drivers.plant import ServoPlant
 from drivers.receiver import Receiver
 from drivers.sim.imu import SimImu
 from drivers.sim.options import SimOptions
+from drivers.sim.process import SimProcess
 from drivers.sim.pushes import PushSchedule
 from drivers.sim.world import FLOOR, HOLDER, build_model, start_qpos
 
@@ -87,10 +88,39 @@ class SimDriver(Driver):
         """Simulated time since `open` [s]."""
         return self._steps * self._settings.timestep
 
+    @property
+    def receiver(self) -> Receiver:
+        """Where goals arrive and are counted."""
+        return self._receiver
+
+    @property
+    def position(self) -> Float:
+        """True joint angles now, (n,) [rad]; valid until the next `advance`."""
+        return self._newest[: self.robot.n]
+
+    @property
+    def velocity(self) -> Float:
+        """True joint speeds now, (n,) [rad/s]; valid until the next `advance`."""
+        return self._newest[self.robot.n : 2 * self.robot.n]
+
+    @property
+    def torso_height(self) -> float:
+        """Height of the torso above the world's origin [m]."""
+        return float(self.data.xpos[self._torso, 2])
+
+    @property
+    def torso_up(self) -> float:
+        """Cosine of the torso's tilt against the world's vertical."""
+        return float(self.data.xmat[self._torso, 8])
+
     def open(self) -> None:
         """Put the robot on the floor in its start pose, torque off, held by the torso unless told otherwise."""
         self._reset()
         self._open = True
+
+    def detached(self, *, realtime: bool) -> SimProcess:
+        """This robot in a process of its own."""
+        return SimProcess(self, realtime=realtime)
 
     def close(self) -> None:
         """Torque off. May be called twice."""
@@ -104,10 +134,26 @@ class SimDriver(Driver):
             self._pin_goals()
             self.plant.stiffen()
             self.plant.enabled[:] = self._hardware_error == 0
-            if not self._settings.suspended:
-                self.data.eq_active[self._weld] = 0
+            self.release()
         else:
             self.plant.enabled[:] = False
+
+    def release(self) -> None:
+        """Whoever holds the torso lets go, unless the robot is suspended."""
+        if not self._settings.suspended:
+            self.data.eq_active[self._weld] = 0
+
+    def receive(self, goal: Float, which: NDArray[np.bool_], bound: Float) -> None:
+        """Goals [rad] and torque bounds [N·m] for the servos marked in `which`: an emulated bus's way in, (n,) each.
+
+        All of `goal` and `bound` is taken; what is not marked is not counted against the envelope.
+        """
+        n = self.robot.n
+        receiver = self._receiver
+        receiver.receive(goal, self.position, self.velocity, self.plant.voltage, self.plant.enabled & which)
+        self._command_row[:n] = receiver.goal
+        np.minimum(bound, UNBOUND, out=self._command_row[n:])
+        self._delay.push(self._command_row)
 
     def damp(self) -> None:
         """Pin the goals and give way softly (see `ServoPlant.damp`)."""
