@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from flexmotion.motion import Motion
 from retarget.footsteps import Step
 
 Float = NDArray[np.float64]
@@ -36,6 +37,8 @@ class Plan:
         hand_error: distance of each hand from where the human's hand maps to, (T, 2) [m]; NaN out of reach.
         repairs: how often a reference had to be bent to the robot's limits, by kind.
         steps: footsteps that lift within the plan, each with the human steps left out before it.
+        human: the human frames that the plan was made from, on the source's clock from frame `human_first_frame` on, so
+            that its successor can blend in from them; None for a stop, and where a plan was handed on without them.
     """
 
     start_tick: int
@@ -57,6 +60,8 @@ class Plan:
     hand_error: Float
     repairs: dict[str, NDArray[np.int64]]
     steps: list[Step]
+    human: Motion | None = None
+    human_first_frame: int = 0
 
     def __len__(self) -> int:
         return len(self.q)

@@ -174,6 +174,8 @@ class Retargeter:
                 "torque": np.zeros(rows, np.int64),
             },
             steps=fresh,
+            human=motion,
+            human_first_frame=first_frame,
         )
         self._remember(plan, state, view, steps, ticks, position, velocity, offset)
         return plan

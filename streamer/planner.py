@@ -9,6 +9,7 @@ import numpy as np
 
 from configs.errors import RetargetError
 from configs.stream import StreamSettings
+from flexmotion.blend import take_over
 from retarget.plan import Plan
 from retarget.retargeter import Retargeter
 from streamer.sources import Source
@@ -33,7 +34,7 @@ class Planned:
 
 
 class Planner:
-    """Makes plans that each resume the last one's state at the join; keeps nothing between them."""
+    """Makes plans that each resume the last one's state and blend in from its human; keeps nothing between them."""
 
     def __init__(self, retargeter: Retargeter, source: Source, settings: StreamSettings) -> None:
         self.retargeter, self.source, self.settings = retargeter, source, settings
@@ -56,10 +57,12 @@ class Planner:
         frames = int(np.ceil(self.settings.horizon_s * self.source.fps)) + 2
         motion = None if stop else self.source.window(first, frames)
         sampled = time.perf_counter()
+        ended = motion is None or len(motion) < frames
+        if motion is not None and current is not None and current.human is not None:
+            motion = take_over(current.human, current.human_first_frame, motion, first, self.settings.blend_frames)
         plan = retargeter.plan(state, motion, first, join)
         if not (np.isfinite(plan.q).all() and np.isfinite(plan.qd).all() and np.isfinite(plan.torque).all()):
             raise RetargetError(f"{self.source.name}: the plan for tick {join} holds values that are no numbers")
-        ended = motion is None or len(motion) < frames
         # A short window is only the end where the plan has followed all of it.
         over = ended and plan.stop_row < retargeter.horizon and not stop
         return Planned(plan, sampled - begin, time.perf_counter() - sampled, stop, over)

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -51,6 +53,22 @@ def test_each_plan_goes_on_from_the_one_before(planner: Planner) -> None:
         later = planner.plan(join, current).plan
         np.testing.assert_allclose(later.q[0], current.q[join - current.start_tick], atol=1e-3)
         current = later
+
+
+def test_a_window_that_disagrees_is_blended_in(source: Witness) -> None:
+    """The robot's pose and speed go on over the join, although the human is suddenly drawn elsewhere."""
+    planner = Planner(RETARGETER, source, load_stream())
+    current = planner.plan(0, None).plan
+    moved = replace(CLIP, root_position=CLIP.root_position + [0.0, 0.1, 0.0], joints=CLIP.joints + 0.1)
+    after = Planner(RETARGETER, ClipSource(moved), load_stream()).plan(150, current).plan
+    assert current.human is not None and after.human is not None
+    first = after.human_first_frame
+    np.testing.assert_allclose(after.human.joints[:2], CLIP.joints[first : first + 2], atol=1e-12)
+    np.testing.assert_allclose(after.human.joints[9:], moved.joints[first + 9 : first + len(after.human)], atol=1e-12)
+    bare = replace(current, human=None)
+    abrupt = Planner(RETARGETER, ClipSource(moved), load_stream()).plan(150, bare).plan
+    assert abrupt.human is not None
+    np.testing.assert_allclose(abrupt.human.joints[0], moved.joints[first], atol=1e-12)
 
 
 def test_it_asks_for_the_frame_at_or_before_the_join_and_a_horizon_more(planner: Planner, source: Witness) -> None:
