@@ -1,0 +1,122 @@
+"""`decode`: features to motion, on from the last frame of what was before."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from flexmotion.body import Body
+from flexmotion.features.encode import GRAVITY
+from flexmotion.features.heading_frame import turned, yaw_matrix
+from flexmotion.features.joint_groups import (
+    BALL_COLUMNS,
+    BALLS,
+    HINGE_COLUMNS,
+    PELVIS_SIZE,
+    ball_angles,
+    matrix,
+)
+from flexmotion.features.layout import ACTIVATIONS, POINTS, Layout
+from flexmotion.kinematics import continuous_heading
+from flexmotion.motion import Motion
+from flexmotion.skeleton import DOF_COUNT, JOINTS, SIDES
+
+Float = NDArray[np.float64]
+
+FIRM = 0.05
+"""A foot has a centre of pressure from this share of body weight on."""
+
+
+@dataclass(frozen=True)
+class Anchor:
+    """The frame before the first decoded one.
+
+    Attributes:
+        place: of the pelvis on the floor, (2,) [m].
+        yaw: heading of the pelvis [rad].
+        joints: (26,) [rad]; settles which of two equal sets of angles is meant.
+    """
+
+    place: Float
+    yaw: float
+    joints: Float
+
+    @classmethod
+    def after(cls, motion: Motion) -> Anchor:
+        """The last frame of a motion."""
+        last = motion[len(motion) - 1 :]
+        rotation = Rotation.from_quat(last.root_quaternion, scalar_first=True).as_matrix()
+        return cls(last.root_position[0, :2], float(continuous_heading(rotation)[0]), last.joints[0])
+
+    @classmethod
+    def origin(cls) -> Anchor:
+        """At the world's origin, facing x, upright."""
+        return cls(np.zeros(2), 0.0, np.zeros(len(JOINTS)))
+
+
+def decode(features: NDArray, layout: Layout, body: Body, anchor: Anchor, source: str = "") -> Motion:
+    """Motion of T frames from features that are not normalised, (T, layout.size).
+
+    Root path, rotations, torques, wrenches, contacts and activations are taken from their blocks; the root's own
+    generalised forces are zero (nothing holds it). Moments of the wrenches are about the centres of pressure, where a
+    foot carries load, else about the point below the ankle.
+    """
+    values = np.asarray(features, np.float64)
+    blocks, leg, frames = layout.blocks, body.leg, len(values)
+    root, rotations = values[:, blocks["root"]], values[:, blocks["rotations"]]
+    yaw = anchor.yaw + np.cumsum(root[:, 2]) / layout.fps
+    before = np.concatenate([[anchor.yaw], yaw[:-1]])
+    travel = turned(np.concatenate([root[:, :2], np.zeros((frames, 1))], axis=1), before)[:, :2] * leg / layout.fps
+    position = np.concatenate([anchor.place + np.cumsum(travel, axis=0), root[:, 3:4] * leg], axis=1)
+
+    turn = yaw_matrix(yaw) @ matrix(rotations[:, :PELVIS_SIZE])
+    balls = rotations[:, PELVIS_SIZE : PELVIS_SIZE + 6 * len(BALLS)].reshape(frames, len(BALLS), 6)
+    joints = np.empty((frames, len(JOINTS)))
+    joints[:, BALL_COLUMNS] = ball_angles(matrix(balls), anchor.joints[BALL_COLUMNS])
+    joints[:, HINGE_COLUMNS] = rotations[:, PELVIS_SIZE + 6 * len(BALLS) :]
+
+    weight = body.mass * GRAVITY
+    torques = np.zeros((frames, DOF_COUNT))
+    torques[:, -len(JOINTS) :] = values[:, blocks["torques"]] * (weight * leg)
+    return Motion(
+        fps=layout.fps,
+        root_position=position,
+        root_quaternion=_continuous(Rotation.from_matrix(turn).as_quat(scalar_first=True)),
+        joints=joints,
+        body=body,
+        torques=torques,
+        wrenches=_wrenches(values, layout, yaw, weight, leg),
+        contacts=values[:, blocks["contacts"]] > 0.5,
+        activations=values[:, blocks[ACTIVATIONS]].clip(0.0, 1.0) if layout.muscles else None,
+        source=source,
+    )
+
+
+def _continuous(quaternion: Float) -> Float:
+    """Quaternions of one sign over time."""
+    flips = np.sum(quaternion[1:] * quaternion[:-1], axis=1) < 0
+    return quaternion * np.concatenate([[1.0], np.where(np.cumsum(flips) % 2, -1.0, 1.0)])[: len(quaternion), None]
+
+
+def _wrenches(values: Float, layout: Layout, yaw: Float, weight: float, leg: float) -> Float:
+    """Ground reaction about the centres of pressure, world axes, (T, 2, 6)."""
+    frames = len(values)
+    parts = values[:, layout.blocks["wrenches"]].reshape(frames, 2, 2, 3)
+    force, moment = turned(parts[:, :, 0], yaw) * weight, turned(parts[:, :, 1], yaw) * (weight * leg)
+    places = values[:, layout.blocks["positions"]].reshape(frames, len(POINTS), 3)
+    height = places[:, [POINTS.index(f"ankle_{side}") for side in SIDES], 2] * leg
+    # Centre of pressure relative to the ankle, on the floor: where the moment has no part in the floor's plane.
+    firm = force[..., 2] > FIRM * weight
+    load = np.where(firm, force[..., 2], 1.0)
+    lever = np.stack(
+        [
+            np.where(firm, (-moment[..., 1] - height * force[..., 0]) / load, 0.0),
+            np.where(firm, (moment[..., 0] - height * force[..., 1]) / load, 0.0),
+            -height,
+        ],
+        axis=-1,
+    )
+    return np.concatenate([force, moment - np.cross(lever, force)], axis=-1)

@@ -1,0 +1,111 @@
+"""`encode`: motion to features; causal, a frame's features depend on it and on the two frames before."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from flexmotion.features.heading_frame import turned, yaw_matrix
+from flexmotion.features.joint_groups import HINGE_COLUMNS, ball_matrices, six
+from flexmotion.features.layout import ACTIVATIONS, POINTS, Layout
+from flexmotion.kinematics import HumanKinematics, continuous_heading, forward
+from flexmotion.motion import Motion
+from flexmotion.skeleton import JOINTS
+
+Float = NDArray[np.float64]
+
+GRAVITY = 9.81
+
+LEAD = 2
+"""Frames before a frame that its features depend on."""
+
+
+def encode(motion: Motion, layout: Layout, centres: Float | None = None) -> NDArray[np.float32]:
+    """Features of every frame, (T, layout.size), in the units of `Layout`, not normalised.
+
+    Velocities and accelerations are backward differences; before the first frame the human is taken to move on evenly.
+    What the motion has not (torques, wrenches, contacts, activations) is zero.
+
+    Args:
+        motion: at the layout's frame rate.
+        layout: what to compute.
+        centres: centres of pressure about which the moments of `motion.wrenches` are, (T, 2, 3) [m]; None for below
+            the ankles.
+
+    Raises:
+        ValueError: the frame rates differ, or the number of muscles.
+    """
+    if abs(motion.fps - layout.fps) > 1e-3 * layout.fps:
+        raise ValueError(f"motion has {motion.fps:g} fps, the layout {layout.fps:g}")
+    if motion.activations is not None and layout.muscles not in (0, motion.activations.shape[1]):
+        raise ValueError(f"motion has {motion.activations.shape[1]} muscles, the layout {layout.muscles}")
+    features = np.zeros((len(motion), layout.size), np.float32)
+    if not len(motion):
+        return features
+    leg, blocks = motion.body.leg, layout.blocks
+    human = forward(motion)
+    yaw = continuous_heading(human.pelvis_rotation)
+    below = motion.root_position * [1.0, 1.0, 0.0]
+    points = body_points(human)
+    velocity = _backward(points, motion.fps)
+    acceleration = _backward(velocity, motion.fps)
+
+    root = features[:, blocks["root"]]
+    # Travel since the last frame, seen from there: adding it up gives the path back exactly.
+    root[:, :2] = turned(_backward(below, motion.fps), -_before(yaw))[:, :2] / leg
+    root[:, 2] = _backward(yaw, motion.fps)
+    root[:, 3] = motion.root_position[:, 2] / leg
+
+    tilt = yaw_matrix(-yaw) @ Rotation.from_quat(motion.root_quaternion, scalar_first=True).as_matrix()
+    balls = six(ball_matrices(motion.joints)).reshape(len(motion), -1)
+    features[:, blocks["rotations"]] = np.concatenate([six(tilt), balls, motion.joints[:, HINGE_COLUMNS]], axis=1)
+    features[:, blocks["positions"]] = _flat(turned(points - below[:, None], -yaw)) / leg
+    features[:, blocks["velocities"]] = _flat(turned(velocity, -yaw)) / leg
+    features[:, blocks["accelerations"]] = _flat(turned(acceleration, -yaw)) / leg
+    weight = motion.body.mass * GRAVITY
+    if motion.torques is not None:
+        features[:, blocks["torques"]] = motion.torques[:, -len(JOINTS) :] / (weight * leg)
+    if motion.wrenches is not None:
+        features[:, blocks["wrenches"]] = _ankle_wrenches(motion.wrenches, centres, human, yaw, weight, leg)
+    if motion.contacts is not None:
+        features[:, blocks["contacts"]] = motion.contacts
+    if motion.activations is not None and layout.muscles:
+        features[:, blocks[ACTIVATIONS]] = motion.activations
+    return features
+
+
+def body_points(human: HumanKinematics) -> Float:
+    """The points of `layout.POINTS` in the world, (T, 16, 3) [m]."""
+    sides = {"l": 0, "r": 1}
+    parts = (name.rsplit("_", 1) for name in POINTS)
+    return np.stack([getattr(human, point)[:, sides[side]] for point, side in parts], axis=1)
+
+
+def _ankle_wrenches(
+    wrenches: Float, centres: Float | None, human: HumanKinematics, yaw: Float, weight: float, leg: float
+) -> Float:
+    """Moments moved from the centres of pressure, which jump when a foot lifts, to the ankles, where they fade."""
+    force, moment = wrenches[..., :3], wrenches[..., 3:]
+    if centres is None:
+        centres = human.ankle * [1.0, 1.0, 0.0]
+    moment = moment + np.cross(centres - human.ankle, force)
+    both = np.stack([turned(force, -yaw) / weight, turned(moment, -yaw) / (weight * leg)], axis=2)
+    return both.reshape(len(both), -1)
+
+
+def _before(signal: Float) -> Float:
+    """Every frame's predecessor; the first is its own."""
+    return np.concatenate([signal[:1], signal[:-1]])
+
+
+def _backward(signal: Float, fps: float) -> Float:
+    """Backward difference [signal/s]; the first frame's is the second's."""
+    difference = np.diff(signal, axis=0, prepend=signal[:1]) * fps
+    if len(signal) > 1:
+        difference[0] = difference[1]
+    return difference
+
+
+def _flat(vectors: Float) -> Float:
+    return vectors.reshape(len(vectors), -1)

@@ -1,0 +1,103 @@
+"""Rotations of the joints as a network sees them: free of the jumps that three hinge angles in a row have.
+
+A joint of three hinges (lumbar, neck, hips, shoulders) and the pelvis become the first two columns of their rotation
+matrix (Zhou et al., On the Continuity of Rotation Representations in Neural Networks, CVPR 2019); single hinges stay
+angles.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexmotion.human_model import AXES, MIRRORED
+from flexmotion.skeleton import JOINTS, SIDES
+
+Float = NDArray[np.float64]
+
+BALLS: tuple[tuple[str, ...], ...] = (
+    ("lumbar_extension", "lumbar_bending", "lumbar_rotation"),
+    ("neck_extension", "neck_bending", "neck_rotation"),
+    *(
+        tuple(f"{joint}_{coordinate}_{side}" for coordinate in ("flexion", "adduction", "rotation"))
+        for joint in ("hip", "shoulder")
+        for side in SIDES
+    ),
+)
+"""Joints of three hinges, each about y, x, z in that order, signs apart."""
+
+HINGES: tuple[str, ...] = tuple(name for name in JOINTS if not any(name in ball for ball in BALLS))
+"""Joints of one hinge, in the order of `JOINTS`."""
+
+BALL_COLUMNS = np.array([[JOINTS.index(name) for name in ball] for ball in BALLS])
+HINGE_COLUMNS = np.array([JOINTS.index(name) for name in HINGES])
+
+PELVIS_SIZE = 6
+ROTATION_SIZE = PELVIS_SIZE + 6 * len(BALLS) + len(HINGES)
+"""Of the block `rotations`: pelvis (heading removed), balls, hinges."""
+
+
+def sign(joint: str) -> float:
+    """Sign of a coordinate against the positive rotation about its axis."""
+    base = joint[:-2] if joint.endswith(("_l", "_r")) else joint
+    value = sum(AXES[base])
+    return -value if joint.endswith("_l") and base in MIRRORED else value
+
+
+BALL_SIGNS = np.array([[sign(name) for name in ball] for ball in BALLS])
+
+
+def six(matrix: Float) -> Float:
+    """First two columns of rotation matrices, one after the other, (..., 3, 3) -> (..., 6)."""
+    return np.concatenate([matrix[..., 0], matrix[..., 1]], axis=-1)
+
+
+def matrix(columns: Float) -> Float:
+    """Rotation matrices nearest to two columns (Gram and Schmidt), (..., 6) -> (..., 3, 3)."""
+    first, second = columns[..., :3], columns[..., 3:]
+    x = first / np.maximum(np.linalg.norm(first, axis=-1, keepdims=True), 1e-8)
+    y = second - np.sum(x * second, axis=-1, keepdims=True) * x
+    y = y / np.maximum(np.linalg.norm(y, axis=-1, keepdims=True), 1e-8)
+    return np.stack([x, y, np.cross(x, y)], axis=-1)
+
+
+def ball_matrices(joints: Float) -> Float:
+    """Rotations of the joints of three hinges, (..., 26) [rad] -> (..., 6, 3, 3)."""
+    angles = joints[..., BALL_COLUMNS] * BALL_SIGNS
+    (a, b, c), (sa, sb, sc) = np.moveaxis(np.cos(angles), -1, 0), np.moveaxis(np.sin(angles), -1, 0)
+    # Ry(a) Rx(b) Rz(c)
+    rows = [
+        [a * c + sa * sb * sc, -a * sc + sa * sb * c, sa * b],
+        [b * sc, b * c, -sb],
+        [-sa * c + a * sb * sc, sa * sc + a * sb * c, a * b],
+    ]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def ball_angles(matrices: Float, start: Float) -> Float:
+    """Hinge angles of a sequence of ball rotations, (T, 6, 3, 3) -> (T, 6, 3) [rad].
+
+    Every rotation has two solutions within a turn; the one nearer to the frame before is taken, whole turns counted.
+
+    Args:
+        matrices: rotations.
+        start: angles of the frame before the first, (6, 3) [rad].
+    """
+    first = np.arctan2(matrices[..., 0, 2], matrices[..., 2, 2])
+    cosine, sine = np.cos(first), np.sin(first)
+    # The last angle given the first: near the gimbal lock each alone is noise, together they are the rotation.
+    row = cosine[..., None] * matrices[..., 0, :] - sine[..., None] * matrices[..., 2, :]
+    second = np.arctan2(-matrices[..., 1, 2], sine * matrices[..., 0, 2] + cosine * matrices[..., 2, 2])
+    third = np.arctan2(-row[..., 1], row[..., 0])
+    near = np.stack([first, second, third], axis=-1)
+    other = np.stack([first + np.pi, np.pi - second, third + np.pi], axis=-1)
+    candidates = np.stack([near, other], axis=1)
+    angles = np.empty_like(near)
+    last = start * BALL_SIGNS
+    turn = 2 * np.pi
+    balls = np.arange(len(BALLS))
+    for frame, pair in enumerate(candidates):
+        pair = pair + turn * np.round((last - pair) / turn)
+        nearer = np.sum((pair - last) ** 2, axis=-1).argmin(axis=0)
+        last = angles[frame] = pair[nearer, balls]
+    return angles * BALL_SIGNS

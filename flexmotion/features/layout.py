@@ -1,0 +1,74 @@
+"""`Layout`: which numbers describe a frame to the model, block by block.
+
+Lengths are in leg lengths of the human (`Body.leg`), forces in body weights, moments in body weights x leg: people of
+every size share one model. Vectors are in the heading frame of their own frame: z up, x where the pelvis faces.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import asdict, dataclass
+from functools import cached_property
+
+from flexmotion.features.joint_groups import ROTATION_SIZE
+from flexmotion.skeleton import JOINTS, SIDES
+
+POINTS: tuple[str, ...] = tuple(
+    f"{point}_{side}"
+    for side in SIDES
+    for point in ("hip", "knee", "ankle", "heel", "toe", "shoulder", "elbow", "hand")
+)
+"""Points of the body whose positions, velocities and accelerations are features."""
+
+BLOCKS: dict[str, int] = {
+    "root": 4,  # velocity forward and left [leg/s], turning [rad/s], height of the pelvis [leg]
+    "rotations": ROTATION_SIZE,  # see `joint_groups`
+    "positions": 3 * len(POINTS),  # from below the pelvis [leg]
+    "velocities": 3 * len(POINTS),  # in the world [leg/s]
+    "accelerations": 3 * len(POINTS),  # in the world [leg/s²]
+    "torques": len(JOINTS),  # [weight x leg]
+    "wrenches": 12,  # force and moment about the ankle, left and right foot [weight, weight x leg]
+    "contacts": 2,  # whether a foot carries load, 0 or 1
+}
+"""Sizes of the blocks that every layout has, in their order."""
+
+ACTIVATIONS = "activations"
+"""Name of the last block: muscle activations in [0, 1]; layouts of sets without muscles lack it."""
+
+
+@dataclass(frozen=True)
+class Layout:
+    """What a vector of features holds, and for which skeleton and frame rate.
+
+    Attributes:
+        fps: frames per second.
+        muscles: how many activations there are; 0 for none.
+        joints, points: names in the order of the blocks that depend on them.
+    """
+
+    fps: float
+    muscles: int = 0
+    joints: tuple[str, ...] = JOINTS
+    points: tuple[str, ...] = POINTS
+
+    @cached_property
+    def blocks(self) -> dict[str, slice]:
+        """Block -> its columns."""
+        sizes = BLOCKS | ({ACTIVATIONS: self.muscles} if self.muscles else {})
+        slices, start = {}, 0
+        for name, size in sizes.items():
+            slices[name] = slice(start, start + size)
+            start += size
+        return slices
+
+    @property
+    def size(self) -> int:
+        """Features of a frame."""
+        return list(self.blocks.values())[-1].stop
+
+    @cached_property
+    def hash(self) -> str:
+        """Of everything that must agree between a model and those who use it."""
+        content = {**asdict(self), "blocks": {name: [cut.start, cut.stop] for name, cut in self.blocks.items()}}
+        return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]

@@ -1,0 +1,111 @@
+"""Motion to features and back."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from flexmotion.biomechanics.dynamics import dynamics
+from flexmotion.body import Body
+from flexmotion.features.decode import Anchor, decode
+from flexmotion.features.encode import LEAD, encode
+from flexmotion.features.joint_groups import BALL_COLUMNS, BALLS, ball_angles, ball_matrices, matrix, six
+from flexmotion.features.layout import Layout
+from flexmotion.features.statistics import Statistics
+from flexmotion.kinematics import forward
+from flexmotion.motion import Motion
+from flexmotion.skeleton import JOINTS
+
+
+@pytest.fixture(scope="module")
+def layout(clip: Motion) -> Layout:
+    return Layout(clip.fps)
+
+
+def test_round_trip(clip: Motion, layout: Layout) -> None:
+    features = encode(clip, layout)
+    back = decode(features[1:], layout, clip.body, Anchor.after(clip[:1]))
+    assert back.root_position == pytest.approx(clip.root_position[1:], abs=2e-4)
+    assert back.joints == pytest.approx(clip.joints[1:], abs=1e-4)
+    turn = Rotation.from_quat(back.root_quaternion, scalar_first=True)
+    error = turn * Rotation.from_quat(clip.root_quaternion[1:], scalar_first=True).inv()
+    assert error.magnitude().max() < 1e-3
+
+
+def test_dynamics_come_back(clip: Motion) -> None:
+    found = dynamics(clip[240:330])
+    motion = found.motion
+    layout = Layout(motion.fps)
+    back = decode(encode(motion, layout, found.centres)[1:], layout, motion.body, Anchor.after(motion[:1]))
+    assert back.torques is not None and back.wrenches is not None
+    assert motion.torques is not None and motion.wrenches is not None
+    assert back.torques[:, 6:] == pytest.approx(motion.torques[1:, 6:], abs=1e-2)
+    assert back.wrenches[..., :3] == pytest.approx(motion.wrenches[1:, :, :3], abs=1e-1)
+    # About its centre of pressure the ground can only twist a foot.
+    loaded = motion.wrenches[1:, :, 2] > 0.1 * motion.body.mass * 9.81
+    assert back.wrenches[loaded][:, 3:5] == pytest.approx(0.0, abs=1e-6)
+    assert back.wrenches[loaded][:, 5] == pytest.approx(motion.wrenches[1:][loaded][:, 5], abs=0.5)
+    np.testing.assert_array_equal(back.contacts, motion.contacts[1:])
+
+
+def test_features_do_not_depend_on_where_it_is(clip: Motion, layout: Layout) -> None:
+    turn = Rotation.from_euler("z", 2.0)
+    moved = replace(
+        clip,
+        root_position=turn.apply(clip.root_position) + [3.0, -2.0, 0.0],
+        root_quaternion=(turn * Rotation.from_quat(clip.root_quaternion, scalar_first=True)).as_quat(scalar_first=True),
+    )
+    assert encode(moved, layout) == pytest.approx(encode(clip, layout), abs=1e-3)
+
+
+def test_features_are_causal(clip: Motion, layout: Layout) -> None:
+    whole = encode(clip, layout)
+    part = encode(clip[100:120], layout)
+    assert part[LEAD:] == pytest.approx(whole[100 + LEAD : 120], abs=1e-4)
+
+
+def test_size_of_the_human_drops_out(layout: Layout, make_standing) -> None:
+    small, large = make_standing(3, Body(height=1.5)), make_standing(3, Body(height=1.9))
+    assert encode(small, layout) == pytest.approx(encode(large, layout), abs=1e-6)
+
+
+def test_positions_are_where_kinematics_says(clip: Motion, layout: Layout) -> None:
+    human = forward(clip)
+    positions = encode(clip, layout)[:, layout.blocks["positions"]].reshape(len(clip), -1, 3)
+    toe = positions[:, layout.points.index("toe_r"), 2] * clip.body.leg
+    assert toe == pytest.approx(human.toe[:, 1, 2], abs=1e-6)
+
+
+@settings(derandomize=True, deadline=None, max_examples=30)
+@given(st.lists(st.floats(-3.0, 3.0), min_size=3, max_size=3), st.integers(0, len(BALLS) - 1))
+def test_ball_angles_follow_whole_turns(end: list[float], ball: int) -> None:
+    joints = np.zeros((60, len(JOINTS)))
+    joints[:, BALL_COLUMNS[ball]] = np.linspace(0, 1, 60)[:, None] * end
+    matrices = ball_matrices(joints)
+    angles = ball_angles(matrix(six(matrices)), joints[0][BALL_COLUMNS])
+    again = joints.copy()
+    again[:, BALL_COLUMNS] = angles
+    assert ball_matrices(again) == pytest.approx(matrices, abs=1e-6)
+    assert np.abs(np.diff(angles, axis=0)).max() < np.pi + 0.5
+
+
+def test_wrong_frame_rate_is_refused(clip: Motion) -> None:
+    with pytest.raises(ValueError, match="fps"):
+        encode(clip, Layout(20.0))
+
+
+def test_layout_hash_tells_layouts_apart() -> None:
+    assert Layout(30.0).hash == Layout(30.0).hash
+    assert len({Layout(30.0).hash, Layout(20.0).hash, Layout(30.0, muscles=290).hash}) == 3
+
+
+def test_statistics(clip: Motion, layout: Layout) -> None:
+    features = encode(clip, layout)
+    statistics = Statistics.of(features, layout)
+    assert statistics.restore(statistics.normalise(features)) == pytest.approx(features, abs=1e-4)
+    assert (statistics.spread > 0).all()
