@@ -1,0 +1,132 @@
+"""Kinematics and inverse dynamics in torch against MuJoCo's."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import mujoco
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch", reason="training needs the extra 'train'")
+
+from flexmotion.biomechanics.dynamics import dynamics  # noqa: E402
+from flexmotion.body import Body  # noqa: E402
+from flexmotion.features.encode import body_points, encode  # noqa: E402
+from flexmotion.features.joint_groups import BALL_COLUMNS, BALL_SIGNS, HINGE_COLUMNS  # noqa: E402
+from flexmotion.features.layout import Layout  # noqa: E402
+from flexmotion.human_model import human_model  # noqa: E402
+from flexmotion.kinematics import forward  # noqa: E402
+from flexmotion.motion import Motion  # noqa: E402
+from flexmotion.skeleton import JOINTS  # noqa: E402
+from flexmotion.training.human_tensors import HumanTensors  # noqa: E402
+from flexmotion.training.kinematics import Pose, points, pose, segments  # noqa: E402
+from flexmotion.training.newton_euler import Rates, angular_momentum, generalised_forces, rates  # noqa: E402
+from flexmotion.training.physics import EDGE, world_wrenches  # noqa: E402
+
+BODY = Body(height=1.82, mass=77.0)
+
+
+def _about(axis: str, angle: torch.Tensor) -> torch.Tensor:
+    c, s, o, z = torch.cos(angle), torch.sin(angle), torch.ones_like(angle), torch.zeros_like(angle)
+    rows = {
+        "x": ((o, z, z), (z, c, -s), (z, s, c)),
+        "y": ((c, z, s), (z, o, z), (-s, z, c)),
+        "z": ((c, -s, z), (s, c, z), (z, z, o)),
+    }[axis]
+    return torch.stack([torch.stack(row, dim=-1) for row in rows], dim=-2)
+
+
+def _pose(place: torch.Tensor, turn: torch.Tensor, joints: torch.Tensor) -> Pose:
+    angles = joints[..., torch.tensor(BALL_COLUMNS)] * torch.tensor(BALL_SIGNS)
+    balls = _about("y", angles[..., 0]) @ _about("x", angles[..., 1]) @ _about("z", angles[..., 2])
+    pelvis = _about("z", turn[..., 2]) @ _about("y", turn[..., 1]) @ _about("x", turn[..., 0])
+    return Pose(place, pelvis, balls, joints[..., torch.tensor(HINGE_COLUMNS)])
+
+
+def _derivative(function: Callable[[torch.Tensor], torch.Tensor]) -> Callable[[torch.Tensor], torch.Tensor]:
+    return lambda time: torch.func.jvp(function, (time,), (torch.ones_like(time),))[1]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_inverse_dynamics_are_mujocos(seed: int) -> None:
+    """Any state, speed, acceleration and ground force: exact derivatives in, MuJoCo's generalised forces out."""
+    rng = np.random.default_rng(seed)
+    start, speed, bend = (torch.tensor(rng.normal(0, scale, 32)) for scale in (0.6, 1.0, 3.0))
+    humans = HumanTensors.of([BODY], torch.float64)
+
+    def at(time: torch.Tensor) -> Pose:
+        q = (start + speed * time + 0.5 * bend * time**2)[None, None]
+        return _pose(q[..., :3], q[..., 3:6], q[..., 6:])
+
+    def momentum(time: torch.Tensor) -> torch.Tensor:
+        def rotation(t: torch.Tensor) -> torch.Tensor:
+            return segments(at(t), humans).rotation
+
+        return angular_momentum(rotation(time), _derivative(rotation)(time), humans)
+
+    now = torch.zeros((), dtype=torch.float64)
+    found = segments(at(now), humans)
+    moving = Rates(
+        _derivative(_derivative(lambda time: segments(at(time), humans).com))(now), _derivative(momentum)(now)
+    )
+    wrenches = rng.normal(0, 300, (2, 6))
+    branches = torch.sign(torch.cos(start[6:][torch.tensor(BALL_COLUMNS)[:, 1]]))[None, None]
+    root, torques = generalised_forces(found, moving, humans, torch.tensor(wrenches)[None, None], branches)
+
+    human = human_model(BODY)
+    model, data = human.model, mujoco.MjData(human.model)
+    pelvis_rate = _derivative(lambda time: at(time).pelvis)
+    pelvis = at(now).pelvis[0, 0].numpy()
+    # Angular velocity and acceleration of the free joint are in the pelvis' own axes.
+    turning, bending = pelvis_rate(now)[0, 0].numpy(), _derivative(pelvis_rate)(now)[0, 0].numpy()
+    spin = pelvis.T @ turning
+    spin_rate = pelvis.T @ bending - spin @ spin
+    data.qpos[:3] = start[:3]
+    mujoco.mju_mat2Quat(data.qpos[3:7], pelvis.ravel())
+    data.qpos[human.qpos_index] = start[6:]
+    for target, linear, angular, joints in (
+        (data.qvel, speed[:3], spin, speed[6:]),
+        (data.qacc, bend[:3], spin_rate, bend[6:]),
+    ):
+        target[:3] = linear
+        target[3:6] = angular[2, 1], angular[0, 2], angular[1, 0]
+        target[human.dof_index[6:]] = joints
+    mujoco.mj_inverse(model, data)
+    ground = np.zeros(model.nv)
+    for side, wrench in zip("lr", wrenches, strict=True):
+        ankle = data.xpos[human.body_index[f"talus_{side}"]]
+        foot = human.body_index[f"calcaneus_{side}"]
+        mujoco.mj_applyFT(model, data, wrench[:3], wrench[3:], ankle, foot, ground)
+    expected = data.qfrc_inverse - ground
+    scale = np.abs(expected).max()
+    assert torques[0, 0].numpy() == pytest.approx(expected[human.dof_index[6:]], abs=1e-5 * scale)
+    assert root[0, 0, :3].numpy() == pytest.approx(expected[:3], abs=1e-5 * scale)
+    assert pelvis.T @ root[0, 0, 3:].numpy() == pytest.approx(expected[3:6], abs=1e-5 * scale)
+
+
+def test_features_give_points_and_torques_of_the_clip(clip: Motion) -> None:
+    """From the features of a clip, in float32: where its points are, and the torques that biomechanics found."""
+    found = dynamics(clip[240:300])
+    motion = found.motion
+    layout = Layout(motion.fps)
+    features = torch.tensor(encode(motion, layout, found.centres))[None]
+    humans = HumanTensors.of([motion.body])
+    here = segments(pose(features, layout, humans), humans)
+
+    expected = body_points(forward(motion))
+    height = points(here, humans)[0, :, :, 2].numpy()
+    assert height == pytest.approx(expected[..., 2], abs=1e-3)
+    span = points(here, humans)[0, :, 0] - points(here, humans)[0, :, 15]
+    assert span.norm(dim=-1).numpy() == pytest.approx(np.linalg.norm(expected[:, 0] - expected[:, 15], axis=-1), 1e-3)
+
+    middle = slice(EDGE, -EDGE)
+    inner = type(here)(here.rotation[:, middle], here.origin[:, middle], here.com[:, middle])
+    weight = humans.mass.sum(dim=1) * 9.81
+    wrenches = world_wrenches(features, layout, weight, humans.leg)[:, middle]
+    branches = torch.tensor(np.sign(np.cos(motion.joints[None, :, BALL_COLUMNS[:, 1]])), dtype=torch.float32)
+    _, torques = generalised_forces(inner, rates(here, humans, layout.fps), humans, wrenches, branches[:, middle])
+    assert motion.torques is not None
+    error = torques[0].numpy() - motion.torques[middle, -len(JOINTS) :]
+    assert np.sqrt(np.mean(error**2)) < 0.02 * np.abs(motion.torques[:, 6:]).max()
+
