@@ -69,6 +69,12 @@ class ServoPlant:
         self._flag = np.zeros(n, np.bool_)
         self._refresh()
 
+    def set_supply(self, volts: float) -> None:
+        """Voltage of the source from now on [V]."""
+        self.supply = volts
+        self.voltage = volts - self.resistance * self.current
+        self._refresh()
+
     def set_gain(self, kp: Float) -> None:
         """Stiffness at nominal supply, (n,) [N·m/rad]."""
         self._kp[:] = kp

@@ -19,6 +19,7 @@ from streamer.commands.check import check
 from streamer.commands.data import data
 from streamer.commands.drivers import drivers
 from streamer.commands.dry_run import dry_run
+from streamer.commands.emulate import emulate
 from streamer.commands.retarget import retarget
 from streamer.commands.robots import robots
 from streamer.commands.run import run
@@ -39,6 +40,7 @@ app.command("run")(run)
 app.command("retarget")(retarget)
 app.add_typer(check, name="check")
 app.add_typer(data, name="data")
+app.command("emulate")(emulate)
 app.command("robots")(robots)
 app.command("drivers")(drivers)
 

@@ -1,0 +1,126 @@
+"""What moves behind emulated servos: a body with joints, torque and heat, stepped as time passes.
+
+`BenchBody` is servos on a bench, each with its own flywheel: light enough to time a bus beside it.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from configs.robot import Robot
+from drivers.plant import ServoPlant
+from drivers.receiver import Receiver
+
+Float = NDArray[np.float64]
+Bool = NDArray[np.bool_]
+
+
+class Body(ABC):
+    """Joints with servos. Arrays are (n,), in robot order.
+
+    Attributes:
+        robot: whose joints they are.
+        timestep: of its physics [s].
+    """
+
+    def __init__(self, robot: Robot, timestep: float) -> None:
+        self.robot, self.timestep = robot, timestep
+        self.gyro, self.accel = np.zeros(3), np.array([0.0, 0.0, 9.81])
+
+    @property
+    @abstractmethod
+    def plant(self) -> ServoPlant:
+        """The servos: gains, limits, torque, heat and supply."""
+
+    @property
+    @abstractmethod
+    def receiver(self) -> Receiver:
+        """Takes goals and counts those outside the envelope."""
+
+    @property
+    @abstractmethod
+    def position(self) -> Float:
+        """True joint angles [rad]."""
+
+    @property
+    @abstractmethod
+    def velocity(self) -> Float:
+        """True joint speeds [rad/s]."""
+
+    @abstractmethod
+    def receive(self, goal: Float, which: Bool, bound: Float) -> None:
+        """Take all goals [rad] and torque bounds [N·m, infinite: none] now; those marked in `which` are new."""
+
+    @abstractmethod
+    def set_torque(self, which: Bool, on: bool) -> None:
+        """Switch some servos."""
+
+    @abstractmethod
+    def step(self, seconds: float) -> None:
+        """Let time pass, in whole timesteps."""
+
+    def sense(self) -> None:  # noqa: B027 - what stands on a bench always sees the same
+        """Fill `gyro` [rad/s] and `accel` [m/s²] with what an IMU in the torso's frame would see."""
+
+    def report(self) -> dict[str, Any]:
+        """Figures of the body, for whoever ends the emulation."""
+        return {"violations": self.receiver.violations}
+
+
+class BenchBody(Body):
+    """Each servo turns a flywheel; gravity is absent."""
+
+    def __init__(self, robot: Robot, *, timestep: float = 0.002, inertia: float = 0.01) -> None:
+        """`inertia` of a flywheel [kg·m²], beside the servo's own."""
+        super().__init__(robot, timestep)
+        self._plant, self._receiver = ServoPlant(robot), Receiver(robot)
+        self._position, self._velocity = robot.stand_pose.copy(), np.zeros(robot.n)
+        self._inertia = inertia + np.array([servo.armature for servo in robot.servos])
+        self._friction = np.array([servo.frictionloss for servo in robot.servos])
+        self._receiver.pin(self._position)
+        self._plant.goal[:] = self._receiver.goal
+
+    @property
+    def plant(self) -> ServoPlant:
+        """See `Body`."""
+        return self._plant
+
+    @property
+    def receiver(self) -> Receiver:
+        """See `Body`."""
+        return self._receiver
+
+    @property
+    def position(self) -> Float:
+        """See `Body`."""
+        return self._position
+
+    @property
+    def velocity(self) -> Float:
+        """See `Body`."""
+        return self._velocity
+
+    def receive(self, goal: Float, which: Bool, bound: Float) -> None:
+        """See `Body`."""
+        plant = self._plant
+        self._receiver.receive(goal, self._position, self._velocity, plant.voltage, plant.enabled & which)
+        plant.goal[:] = self._receiver.goal
+        plant.torque_bound[:] = bound
+
+    def set_torque(self, which: Bool, on: bool) -> None:
+        """See `Body`."""
+        self._plant.enabled[which] = on
+
+    def step(self, seconds: float) -> None:
+        """See `Body`; semi-implicit Euler, dry friction never reverses a motion."""
+        for _ in range(round(seconds / self.timestep)):
+            torque = self._plant.step(self._position, self._velocity)
+            speed = self._velocity + torque / self._inertia * self.timestep
+            drag = self._friction / self._inertia * self.timestep
+            self._velocity[:] = np.sign(speed) * np.maximum(np.abs(speed) - drag, 0.0)
+            self._position += self._velocity * self.timestep
+        self._plant.draw(self._plant.torque, seconds)

@@ -1,0 +1,86 @@
+"""Makes the emulated buses of a robot file."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from configs.errors import ConfigError
+from configs.robot import Robot
+from drivers.dynamixel.registers import BAUD_RATES, RETURN_DELAY_US
+from drivers.emulator.body import Body
+from drivers.emulator.device import Device
+from drivers.emulator.dynamixel_bus import DynamixelBus
+from drivers.emulator.emulator import Emulator
+from drivers.emulator.faults import Damage, Fault
+from drivers.emulator.line import EmulatedBus, Line
+from drivers.emulator.opencr import OpenCr
+from drivers.emulator.servo import Joints, XServo
+from drivers.emulator.terminal import Terminal
+from drivers.emulator.wire import Wire
+
+OPENCR = "opencr"
+"""What a robot file calls the IMU on the servo bus."""
+
+
+def build_emulator(
+    body: Body,
+    *,
+    link: Path | None = None,
+    timed: bool = True,
+    faults: Sequence[Fault] = (),
+    bad_packets: float = 0.0,
+    seed: int = 0,
+) -> Emulator:
+    """One pseudo-terminal for every bus of the body's robot.
+
+    Args:
+        link: symbolic link to the port; with several buses `.NAME` of each is added.
+        timed: bytes take their time on the wire at the baud rate.
+        faults, bad_packets, seed: see `drivers.emulator.faults`.
+
+    Raises `ConfigError` where a bus mixes protocols, a link exists, or a fault names a servo that is not there.
+    """
+    robot = body.robot
+    joints = Joints(body)
+    lines: list[Line] = []
+    try:
+        for number, name in enumerate(robot.config.buses):
+            place = link if link is None or len(robot.config.buses) == 1 else link.with_name(f"{link.name}.{name}")
+            terminal = Terminal(place)
+            lines.append(
+                Line(name, make_bus(joints, name), terminal, Wire(timed=timed), Damage(bad_packets, seed + number))
+            )
+        return Emulator(body, lines, faults)
+    except BaseException:
+        for line in lines:
+            line.terminal.close()
+        raise
+
+
+def make_bus(joints: Joints, name: str) -> EmulatedBus:
+    """The devices of one bus, set up as the robot file says. Raises `ConfigError` where it mixes protocols."""
+    robot = joints.body.robot
+    protocols = {servo.protocol for joint, servo in zip(robot.joints, robot.servos, strict=True) if joint.bus == name}
+    if len(protocols) != 1:
+        raise ConfigError(f"{robot.file}: bus {name!r}: expected servos of one protocol, found {sorted(protocols)}")
+    return DynamixelBus(joints, _dynamixels(joints, robot, name))
+
+
+def _dynamixels(joints: Joints, robot: Robot, name: str) -> list[Device]:
+    bus, devices = robot.config.buses[name], []
+    for index, (joint, servo) in enumerate(zip(robot.joints, robot.servos, strict=True)):
+        if joint.bus == name:
+            devices.append(_set_up(XServo(joints, index, joint.id, servo), bus.baud, bus.return_delay_us))
+    imu = robot.config.imu
+    if imu is not None and imu.driver == OPENCR and imu.bus == name and imu.id is not None:
+        devices.append(_set_up(OpenCr(joints.body, imu.id, imu.quaternion), bus.baud, bus.return_delay_us))
+    return devices
+
+
+def _set_up(device: Device, baud: int, return_delay_us: float) -> Device:
+    if baud not in BAUD_RATES:
+        raise ConfigError(f"baud {baud}: expected one of {list(BAUD_RATES)}")
+    device.put("baud_rate", BAUD_RATES.index(baud))
+    device.put("return_delay_time", round(return_delay_us / RETURN_DELAY_US))
+    return device

@@ -1,0 +1,205 @@
+"""`Device`: anything with a control table on a Protocol 2.0 bus, its memory and the rules of reading and writing it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from drivers.dynamixel.packet import Error
+from drivers.dynamixel.registers import BAUD_RATES, RETURN_DELAY_US, Register, Table
+
+
+@dataclass(frozen=True)
+class _Part:
+    """A register that a write covers, and where in the data its bytes come."""
+
+    name: str
+    register: Register
+    sources: tuple[int, ...]
+
+
+class Device:
+    """A device that keeps what it is told and answers for it.
+
+    Subclasses fill in measurements (`refresh`) and act on what is written (`written`).
+
+    Attributes:
+        memory: the control table, byte by byte.
+        registered: a write that waits for an action instruction, or None.
+        dark_until: time until which it hears nothing, while it reboots [s].
+    """
+
+    def __init__(self, table: Table, id_: int, model_number: int, firmware: int) -> None:
+        self.table = table
+        self.memory = bytearray(table.size)
+        self.registered: tuple[int, bytes] | None = None
+        self.dark_until = 0.0
+        self._parts: dict[tuple[int, int], tuple[_Part, ...] | int] = {}
+        self._targets: dict[tuple[int, int], list[int] | None] = {}
+        self._by_address = {
+            address: (name, register)
+            for name, register in self._all_registers().items()
+            for address in range(register.address, register.end)
+        }
+        self._factory()
+        self.put("model_number", model_number)
+        self.put("firmware_version", firmware)
+        self.put("id", id_)
+
+    @property
+    def id(self) -> int:
+        """Its address on the bus."""
+        return self.get("id")
+
+    @property
+    def baud(self) -> int:
+        """Its bit rate."""
+        return BAUD_RATES[self.get("baud_rate")]
+
+    @property
+    def return_delay(self) -> float:
+        """Time from the end of an instruction to its answer [s]."""
+        return self.get("return_delay_time") * RETURN_DELAY_US * 1e-6
+
+    @property
+    def alert(self) -> bool:
+        """Whether its status packets carry the alert bit."""
+        return False
+
+    @property
+    def locked(self) -> bool:
+        """Whether the EEPROM may not be written."""
+        return False
+
+    def get(self, name: str) -> int:
+        """A register's value."""
+        register = self.table[name]
+        return register.unpack(self.memory[register.address : register.end])
+
+    def put(self, name: str, value: int) -> None:
+        """Set a register from inside, whatever the rules for writing it."""
+        register = self.table[name]
+        self.memory[register.address : register.end] = register.pack(value)
+
+    def refresh(self, now: float) -> None:
+        """Bring the measurements in the table up to `now` [s]."""
+
+    def written(self, name: str, value: int) -> int:
+        """Check and act on a register that is about to hold `value`; an error means that it is not taken."""
+        return Error.NONE
+
+    def read(self, address: int, size: int) -> tuple[int, bytes]:
+        """(error, data) from `address` on; indirect data come from where they point."""
+        key = (address, size)
+        if key not in self._targets:
+            self._targets[key] = self._resolve(address, size)
+        targets = self._targets[key]
+        if address + size > len(self.memory) or not size:
+            return Error.ACCESS, b""
+        if targets is None:
+            return Error.NONE, bytes(self.memory[address : address + size])
+        return Error.NONE, bytes([self.memory[target] for target in targets])
+
+    def write(self, address: int, data: bytes) -> int:
+        """Take data from `address` on; the error of the first register that refuses, else 0."""
+        parts = self._plan(address, len(data))
+        if isinstance(parts, int):
+            return parts
+        for part in parts:
+            register = part.register
+            value = register.unpack(bytes([data[source] for source in part.sources]))
+            if register.address < self.table.eeprom_end and self.locked:
+                return Error.ACCESS
+            if register.range is not None and not register.range[0] <= value <= register.range[1]:
+                return Error.RANGE
+            error = self.written(part.name, value)
+            if error:
+                return error
+            self.memory[register.address : register.end] = register.pack(value)
+            if part.name.startswith("indirect"):
+                self._parts.clear()
+                self._targets.clear()
+        return Error.NONE
+
+    def reboot(self, now: float, seconds: float = 0.2) -> None:
+        """RAM back to its first values; dark for `seconds` (assumption)."""
+        self._initialise(lambda register: register.address >= self.table.eeprom_end)
+        self.dark_until = now + seconds
+
+    def factory_reset(self, mode: int, now: float) -> None:
+        """EEPROM back to its first values: 0xFF all, 1 all but the id, 2 all but id and baud rate."""
+        kept = {"model_number", "model_information", "firmware_version"}
+        kept |= {0xFF: set(), 1: {"id"}, 2: {"id", "baud_rate"}}[mode]
+        values = {name: self.get(name) for name in kept if name in self.table}
+        self._factory()
+        for name, value in values.items():
+            self.put(name, value)
+        self.reboot(now)
+
+    # ---------------------------------------------------------------- inside
+
+    def _all_registers(self) -> dict[str, Register]:
+        registers = dict(self.table.registers)
+        for run in self.table.indirect:
+            for slot in range(run.count):
+                address = run.address + 2 * slot
+                registers[f"indirect_address_{address}"] = Register(address=address, size=2)
+        return registers
+
+    def _factory(self) -> None:
+        self._initialise(lambda register: True)
+
+    def _initialise(self, which: object) -> None:
+        assert callable(which)
+        for name, register in self.table.registers.items():
+            if which(register) and register.access == "rw":
+                self.put(name, register.initial)
+        first = 0
+        for run in self.table.indirect:
+            for slot in range(run.count):
+                # Every slot points at the first one's default target on; what matters is that it is in the table.
+                target = self.table.indirect[0].data + first + slot
+                at = run.address + 2 * slot
+                self.memory[at : at + 2] = min(target, len(self.memory) - 1).to_bytes(2, "little")
+            first += run.count
+        self._parts.clear()
+        self._targets.clear()
+
+    def _resolve(self, address: int, size: int) -> list[int] | None:
+        """Addresses that `size` bytes from `address` on mean; None where they mean themselves."""
+        targets = [self._target(at) for at in range(address, address + size)]
+        return None if targets == list(range(address, address + size)) else targets
+
+    def _target(self, address: int) -> int:
+        for run in self.table.indirect:
+            if run.data <= address < run.data + run.count:
+                at = run.address + 2 * (address - run.data)
+                target = int.from_bytes(self.memory[at : at + 2], "little")
+                return target if target < len(self.memory) else address
+        return address
+
+    def _plan(self, address: int, size: int) -> tuple[_Part, ...] | int:
+        key = (address, size)
+        if key not in self._parts:
+            self._parts[key] = self._make_plan(address, size)
+        return self._parts[key]
+
+    def _make_plan(self, address: int, size: int) -> tuple[_Part, ...] | int:
+        sources: dict[str, dict[int, int]] = {}
+        for source in range(size):
+            target = self._target(address + source)
+            if target not in self._by_address:
+                return Error.ACCESS
+            name, register = self._by_address[target]
+            if register.access != "rw":
+                return Error.ACCESS
+            sources.setdefault(name, {})[target - register.address] = source
+        parts = []
+        for name, places in sources.items():
+            register = self._by_address_name(name)
+            if len(places) != register.size:
+                return Error.LENGTH
+            parts.append(_Part(name, register, tuple(places[at] for at in range(register.size))))
+        return tuple(parts)
+
+    def _by_address_name(self, name: str) -> Register:
+        return next(register for known, register in self._by_address.values() if known == name)

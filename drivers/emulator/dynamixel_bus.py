@@ -1,0 +1,260 @@
+"""`DynamixelBus`: devices on one bus that hear instructions in bytes and answer in bytes, as Protocol 2.0 says."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from drivers.dynamixel.packet import (
+    ALERT,
+    BROADCAST,
+    Decoder,
+    Error,
+    Instruction,
+    Packet,
+    encode_fast_status,
+    encode_status,
+)
+from drivers.emulator.device import Device
+from drivers.emulator.opencr import OpenCr
+from drivers.emulator.servo import Joints, XServo
+from drivers.emulator.wire import Reply
+
+CLEAR_KEY = b"\x44\x58\x4c\x22"
+
+MISSED_SLOT_S = 0.0002
+"""How long servos after a missing one in a sync read wait for it before they go on (assumption)."""
+
+
+class DynamixelBus:
+    """All devices of one bus.
+
+    Args:
+        joints: what its servos move.
+        devices: servos and boards.
+
+    Attributes:
+        dead: ids that hear and say nothing.
+        heard, bad: packets that came from the host, whole and broken.
+    """
+
+    def __init__(self, joints: Joints, devices: Iterable[Device]) -> None:
+        self.joints = joints
+        self.devices = list(devices)
+        self.servos = [device for device in self.devices if isinstance(device, XServo)]
+        self._board = next((device for device in self.devices if isinstance(device, OpenCr)), None)
+        self._powered = self._board is None or self._board.powered
+        self.dead: set[int] = set()
+        self.heard = self.bad = 0
+        self._decoder = Decoder()
+        self._index()
+
+    def hear(self, data: bytes, baud: int, now: float) -> list[tuple[int, list[Reply]]]:
+        """Bytes from the host at `baud`: for every packet in them, its size in bytes and the answers to it."""
+        return [(packet.size, self._handle(packet, baud, now)) for packet in self._decoder.feed(data)]
+
+    def silence(self) -> None:
+        """Nothing came for a while: what was not complete never will be."""
+        self._decoder.clear()
+
+    def watch(self, now: float) -> None:
+        """Let hardware errors and watchdogs act; called as physics steps."""
+        for servo in self.servos:
+            servo.watch(now)
+        self.joints.commit()
+
+    def reset(self, id_: int, now: float) -> None:
+        """A servo loses power for a moment."""
+        device = self._by_id.get(id_)
+        if device is not None:
+            device.reboot(now)
+
+    # ---------------------------------------------------------------- instructions
+
+    def _index(self) -> None:
+        self._by_id = {device.id: device for device in self.devices}
+
+    def _listening(self, device: Device, baud: int, now: float) -> bool:
+        if device.id in self.dead or device.baud != baud or now < device.dark_until:
+            return False
+        return self._powered or not isinstance(device, XServo)
+
+    def _handle(self, packet: Packet, baud: int, now: float) -> list[Reply]:
+        heard = {id_: device for id_, device in self._by_id.items() if self._listening(device, baud, now)}
+        self.heard += packet.intact
+        self.bad += not packet.intact
+        if not packet.intact:
+            device = heard.get(packet.id)
+            return [] if device is None else self._status(device, packet.instruction, Error.CRC)
+        if packet.instruction == Instruction.STATUS:
+            return []
+        for id_, device in heard.items():
+            if isinstance(device, XServo) and packet.id in (id_, BROADCAST):
+                device.feed(now)
+        handlers = {
+            Instruction.SYNC_READ: self._sync_read,
+            Instruction.FAST_SYNC_READ: self._fast_sync_read,
+            Instruction.BULK_READ: self._bulk_read,
+            Instruction.FAST_BULK_READ: self._fast_bulk_read,
+            Instruction.SYNC_WRITE: self._sync_write,
+            Instruction.BULK_WRITE: self._bulk_write,
+        }
+        if packet.id == BROADCAST and packet.instruction in handlers:
+            replies = handlers[Instruction(packet.instruction)](packet.params, heard, now)
+        elif packet.id == BROADCAST:
+            replies = []
+            for id_ in sorted(heard):
+                answer = self._single(heard[id_], packet, now)
+                if packet.instruction == Instruction.PING:
+                    replies += answer
+        else:
+            device = heard.get(packet.id)
+            replies = [] if device is None else self._single(device, packet, now)
+        if self._board is not None and self._board.powered != self._powered:
+            self._powered = self._board.powered
+            for servo in self.servos:
+                servo.reboot(now)
+        self.joints.commit()
+        return replies
+
+    def _single(self, device: Device, packet: Packet, now: float) -> list[Reply]:
+        kind, params = packet.instruction, packet.params
+        error, data = int(Error.NONE), b""
+        if kind == Instruction.PING:
+            data = device.get("model_number").to_bytes(2, "little") + bytes([device.get("firmware_version")])
+        elif kind == Instruction.READ:
+            if len(params) != 4:
+                return self._status(device, kind, Error.LENGTH)
+            self._refresh([device], now)
+            error, data = device.read(*_span(params))
+        elif kind in (Instruction.WRITE, Instruction.REG_WRITE):
+            if len(params) < 3:
+                return self._status(device, kind, Error.LENGTH)
+            address, content = int.from_bytes(params[:2], "little"), params[2:]
+            # The answer comes from the id and with the delay of before the write.
+            reply = self._status(device, kind, Error.NONE)
+            if kind == Instruction.REG_WRITE:
+                device.registered = (address, content)
+            else:
+                error = device.write(address, content)
+                self._index()
+            return reply if not error else self._status(device, kind, error)
+        elif kind == Instruction.ACTION:
+            if device.registered is not None:
+                error = device.write(*device.registered)
+                device.registered = None
+        elif kind == Instruction.FACTORY_RESET:
+            if len(params) != 1 or params[0] not in (0xFF, 1, 2) or device.locked:
+                error = Error.RESULT
+            else:
+                reply = self._status(device, kind, Error.NONE)
+                device.factory_reset(params[0], now)
+                self._index()
+                return reply
+        elif kind == Instruction.REBOOT:
+            reply = self._status(device, kind, Error.NONE)
+            device.reboot(now)
+            return reply
+        elif kind == Instruction.CLEAR:
+            error = Error.NONE if params == b"\x01" + CLEAR_KEY else Error.RESULT
+        else:
+            error = Error.INSTRUCTION
+        return self._status(device, kind, error, data)
+
+    def _sync_read(self, params: bytes, heard: dict[int, Device], now: float) -> list[Reply]:
+        address, size = _span(params)
+        return self._read_each([(id_, address, size) for id_ in params[4:]], heard, now)
+
+    def _bulk_read(self, params: bytes, heard: dict[int, Device], now: float) -> list[Reply]:
+        return self._read_each(_bulk_requests(params), heard, now)
+
+    def _read_each(self, requests: list[tuple[int, int, int]], heard: dict[int, Device], now: float) -> list[Reply]:
+        self._refresh((heard[id_] for id_, _, _ in requests if id_ in heard), now)
+        replies, waited = [], 0.0
+        for id_, address, size in requests:
+            device = heard.get(id_)
+            if device is None:
+                waited += MISSED_SLOT_S
+                continue
+            error, data = device.read(address, size)
+            for reply in self._status(device, Instruction.READ, error, data):
+                replies.append(Reply(id_, reply.delay + waited, reply.data))
+                waited = 0.0
+        return replies
+
+    def _fast_sync_read(self, params: bytes, heard: dict[int, Device], now: float) -> list[Reply]:
+        address, size = _span(params)
+        return self._fast([(id_, address, size) for id_ in params[4:]], heard, now)
+
+    def _fast_bulk_read(self, params: bytes, heard: dict[int, Device], now: float) -> list[Reply]:
+        return self._fast(_bulk_requests(params), heard, now)
+
+    def _fast(self, requests: list[tuple[int, int, int]], heard: dict[int, Device], now: float) -> list[Reply]:
+        """One reply that every servo adds its part to; it ends where one is missing or too old to know how."""
+        rows, delay = [], 0.0
+        self._refresh((heard[id_] for id_, _, _ in requests if id_ in heard), now)
+        for id_, address, size in requests:
+            device = heard.get(id_)
+            lowest = None if device is None else device.table.fast_sync_read_firmware
+            if device is None or lowest is None or device.get("firmware_version") < lowest:
+                break
+            error, data = device.read(address, size)
+            rows.append((error | (ALERT if device.alert else 0), id_, data if not error else bytes(size)))
+            delay = delay or device.return_delay
+        if not rows:
+            return []
+        whole = encode_fast_status(rows)
+        if len(rows) < len(requests):
+            # The first servo announces the length of a reply of all: it is cut short.
+            missing = sum(size + 4 for _, _, size in requests[len(rows) :])
+            whole = _announce(rows, missing)
+        return [Reply(BROADCAST, delay, whole)]
+
+    def _sync_write(self, params: bytes, heard: dict[int, Device], now: float) -> list[Reply]:
+        if len(params) < 4:
+            return []
+        address, size = _span(params)
+        if size and (len(params) - 4) % (size + 1) == 0:
+            for at in range(4, len(params), size + 1):
+                device = heard.get(params[at])
+                if device is not None:
+                    device.write(address, params[at + 1 : at + 1 + size])
+            self._index()
+        return []
+
+    def _bulk_write(self, params: bytes, heard: dict[int, Device], now: float) -> list[Reply]:
+        at = 0
+        while at + 5 <= len(params):
+            address, size = _span(params[at + 1 : at + 5])
+            data = params[at + 5 : at + 5 + size]
+            device = heard.get(params[at])
+            if device is not None and len(data) == size:
+                device.write(address, data)
+            at += 5 + size
+        self._index()
+        return []
+
+    def _refresh(self, devices: Iterable[Device], now: float) -> None:
+        self.joints.refresh()
+        for device in devices:
+            device.refresh(now)
+
+    def _status(self, device: Device, instruction: int, error: int, data: bytes = b"") -> list[Reply]:
+        lowest = 0 if instruction == Instruction.PING else 1 if instruction == Instruction.READ else 2
+        if device.get("status_return_level") < lowest:
+            return []
+        error |= ALERT if device.alert else 0
+        return [Reply(device.id, device.return_delay, encode_status(device.id, error, data))]
+
+
+def _span(params: bytes) -> tuple[int, int]:
+    return int.from_bytes(params[:2], "little"), int.from_bytes(params[2:4], "little")
+
+
+def _bulk_requests(params: bytes) -> list[tuple[int, int, int]]:
+    return [(params[at], *_span(params[at + 1 : at + 5])) for at in range(0, len(params) - 4, 5)]
+
+
+def _announce(rows: list[tuple[int, int, bytes]], missing: int) -> bytes:
+    """The start of a fast reply whose header promises `missing` bytes more than come."""
+    filler = (0, 0, bytes(missing - 4))
+    return encode_fast_status([*rows, filler])[:-missing]

@@ -1,0 +1,156 @@
+"""`Emulator`: a robot's servo buses on pseudo-terminals, living on the real clock."""
+
+from __future__ import annotations
+
+import math
+import select
+import time
+from collections.abc import Sequence
+from typing import Any
+
+from configs.errors import ConfigError
+from drivers.emulator.body import Body
+from drivers.emulator.faults import Fault, FaultKind
+from drivers.emulator.line import Line
+
+WATCH_S = 0.01
+"""Time between looks at watchdogs and hardware errors [s]."""
+
+SPARE_S = 0.0004
+"""A physics step waits while bytes are due within this time, unless it is late itself [s]."""
+
+LOST_S = 0.1
+"""Physics that is further behind than this lets go of the lost time instead of hurrying after it [s]."""
+
+
+class Emulator:
+    """Runs in the caller's thread; sleeps whenever nothing is due.
+
+    Args:
+        body: what moves.
+        lines: its buses.
+        faults: what is to go wrong.
+
+    Attributes:
+        powered_at: time at which torque first went on at a servo; NaN before [s].
+        lateness_s: how late physics was at worst while torque was on [s].
+        lost_s: time that physics gave up, for it could not follow [s].
+    """
+
+    def __init__(self, body: Body, lines: Sequence[Line], faults: Sequence[Fault] = ()) -> None:
+        self.body, self.lines, self.faults = body, list(lines), list(faults)
+        for fault in self.faults:
+            if fault.kind in (FaultKind.OVERHEAT, FaultKind.RESET):
+                self._owner(fault)
+        self.powered_at = math.nan
+        self.lateness_s = self.lost_s = 0.0
+        self._stopping = False
+        self._acting: tuple[Fault, ...] = ()
+        self._supply = body.plant.supply
+
+    def __enter__(self) -> Emulator:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """The ports are gone. May be called twice."""
+        for line in self.lines:
+            line.terminal.close()
+
+    def stop(self) -> None:
+        """Ask `run` to end; may be called from a signal handler or another thread."""
+        self._stopping = True
+
+    def run(self, seconds: float = math.inf) -> None:
+        """Live until `stop`, or for `seconds`."""
+        begin = time.perf_counter()
+        processor = time.process_time()
+        next_step = next_watch = begin
+        while not self._stopping and (now := time.perf_counter()) < begin + seconds:
+            for line in self.lines:
+                line.deliver(now)
+            due = min((line.wire.due or math.inf for line in self.lines), default=math.inf)
+            if now >= next_step and (due > now + SPARE_S or now > next_step + 2 * self.body.timestep):
+                self.body.step(self.body.timestep)
+                next_step = self._on_time(next_step + self.body.timestep, now)
+                if now >= next_watch:
+                    self._watch(now)
+                    next_watch = now + WATCH_S
+                now = time.perf_counter()
+            # A step that waits for bytes to go out is due right after them.
+            wake = min(due, next_step if next_step > now or due > now + SPARE_S else due)
+            self._wait(max(wake - now, 0.0))
+        self._elapsed = time.perf_counter() - begin
+        self._processor = time.process_time() - processor
+
+    def report(self) -> dict[str, Any]:
+        """Figures of what happened, once `run` has ended."""
+        return self.body.report() | {
+            "buses": {
+                line.name: {
+                    "packets": line.bus.heard,
+                    "bad_packets": line.bus.bad,
+                    "collisions": line.wire.collisions,
+                    "wire_busy_share": round(line.wire.busy_s / self._elapsed, 4),
+                    "spoilt": {str(kind): count for kind, count in line.damage.spoilt.items() if count},
+                }
+                for line in self.lines
+            },
+            "elapsed_s": round(self._elapsed, 3),
+            "processor_share": round(self._processor / self._elapsed, 4),
+            "lateness_ms": round(self.lateness_s * 1e3, 3),
+            "lost_ms": round(self.lost_s * 1e3, 3),
+        }
+
+    # ---------------------------------------------------------------- inside
+
+    def _wait(self, seconds: float) -> None:
+        ports = {line.terminal.descriptor: line for line in self.lines if line.terminal.open}
+        for descriptor in select.select(list(ports), (), (), seconds)[0]:
+            ports[descriptor].hear(time.perf_counter())
+
+    def _on_time(self, next_step: float, now: float) -> float:
+        late = now - next_step
+        if not math.isnan(self.powered_at):
+            self.lateness_s = max(self.lateness_s, late)
+        if late > LOST_S:
+            self.lost_s += late
+            return now
+        return next_step
+
+    def _watch(self, now: float) -> None:
+        if math.isnan(self.powered_at) and self.body.plant.enabled.any():
+            self.powered_at = now
+        self._act(now)
+        for line in self.lines:
+            line.bus.watch(now)
+
+    def _act(self, now: float) -> None:
+        since = -1.0 if math.isnan(self.powered_at) else now - self.powered_at
+        acting = tuple(fault for fault in self.faults if fault.active(since))
+        if acting == self._acting:
+            return
+        begun = [fault for fault in acting if fault not in self._acting]
+        self._acting = acting
+        plant = self.body.plant
+        volts = [fault.argument for fault in acting if fault.kind is FaultKind.VOLTAGE]
+        plant.set_supply(min(volts, default=self._supply))
+        for fault in begun:
+            if fault.kind is FaultKind.OVERHEAT:
+                _, index = self._owner(fault)
+                plant.temperature[index] = self.body.robot.servos[index].temperature_limit + 5
+            elif fault.kind is FaultKind.RESET:
+                self._owner(fault)[0].bus.reset(int(fault.argument), now)
+        for line in self.lines:
+            line.act(acting)
+
+    def _owner(self, fault: Fault) -> tuple[Line, int]:
+        """Line and joint of the servo that a fault names. Raises `ConfigError`."""
+        for line in self.lines:
+            joints = [joint.bus == line.name and joint.id == int(fault.argument) for joint in self.body.robot.joints]
+            if any(joints):
+                return line, joints.index(True)
+        ids = sorted({joint.id for joint in self.body.robot.joints})
+        raise ConfigError(f"fault {fault.kind}: no servo has id {fault.argument:g}, there are: {ids}")

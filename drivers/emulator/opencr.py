@@ -1,0 +1,55 @@
+"""`OpenCr`: OP3's controller board on the emulated bus, with its inertial sensor and the switch of servo power."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from configs.robot_file import Quaternion
+from drivers.dynamixel.registers import VOLTAGE, open_cr
+from drivers.emulator.body import Body
+from drivers.emulator.device import Device
+
+FIRMWARE = 5
+GRAVITY = 9.81
+
+
+class OpenCr(Device):
+    """The board; while its power switch is off the servos are dark.
+
+    Args:
+        body: what it sits in, sensor aligned with the torso but for `mount`.
+        mount: the robot file's orientation of the sensor in the body, w x y z.
+        powered: where the power switch stands at first.
+    """
+
+    def __init__(self, body: Body, id_: int, mount: Quaternion = (1.0, 0.0, 0.0, 0.0), *, powered: bool = True) -> None:
+        self.body = body
+        file = open_cr()
+        super().__init__(file.table, id_, file.model_number, FIRMWARE)
+        units = file.units
+        axes = np.array(units.axes, float)
+        self._gyro_scale = axes / math.radians(units.gyro_deg_s)
+        self._accel_scale = axes / (units.accel_g * GRAVITY)
+        self._first = file.registers["gyro_x"].address
+        self._raw = np.zeros(6)
+        self._unmount = Rotation.from_quat(mount, scalar_first=True).as_matrix().T
+        self.put("dynamixel_power", int(powered))
+
+    @property
+    def powered(self) -> bool:
+        """Whether the servos have power."""
+        return self.get("dynamixel_power") == 1
+
+    def refresh(self, now: float) -> None:
+        """Write what the sensor sees now into the table, cut off at what 16 bits hold."""
+        body, raw = self.body, self._raw
+        body.sense()
+        np.multiply(self._unmount @ body.gyro, self._gyro_scale, out=raw[:3])
+        np.multiply(self._unmount @ body.accel, self._accel_scale, out=raw[3:])
+        np.rint(raw, out=raw)
+        np.clip(raw, -32768, 32767, out=raw)
+        self.memory[self._first : self._first + 12] = raw.astype("<i2").tobytes()
+        self.put("voltage", min(round(body.plant.voltage / VOLTAGE), 255))

@@ -1,0 +1,249 @@
+"""`XServo`: one emulated Dynamixel of the X series. Its registers act on one joint of a `Body`.
+
+Done: operating modes 3 and 5 (position, current-based position), PWM and current limits, position gain, position
+limits, EEPROM lock, shutdown on hardware errors, bus watchdog, indirect registers. Not done, and refused or without
+effect: other operating modes (range error), profiles, integral, derivative and feed-forward gains.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+
+import numpy as np
+
+from configs.servo import Servo
+from drivers.dynamixel.packet import Error
+from drivers.dynamixel.registers import PWM_FULL, VELOCITY_RPM, VOLTAGE, WATCHDOG_S, table_of
+from drivers.emulator.body import Body
+from drivers.emulator.device import Device
+
+POSITION, CURRENT_POSITION = 3, 5
+MODES = (POSITION, CURRENT_POSITION)
+
+INPUT_VOLTAGE, OVERHEATING, OVERLOAD = 0x01, 0x04, 0x20
+"""Bits of the hardware error status."""
+
+TRIPPED = -1
+"""What the bus watchdog reads once it has tripped."""
+
+FIRMWARE = 46
+
+TICK_WRAP = 32768
+"""Realtime tick counts milliseconds up to this."""
+
+_RAD_S = VELOCITY_RPM * 2 * math.pi / 60
+
+
+class Joints:
+    """What all servos of a bus share: the body, and goals on their way to it.
+
+    Attributes:
+        goal, bound: goals [rad] and torque bounds [N·m] as the servos hold them, (n,).
+        fresh: servos that took a goal since the last `commit`, (n,) bool.
+    """
+
+    def __init__(self, body: Body) -> None:
+        self.body = body
+        n = body.robot.n
+        self.goal = body.receiver.goal.copy()
+        self.bound = np.full(n, np.inf)
+        self.fresh = np.zeros(n, np.bool_)
+        self.gain_share, self.drive_share = np.ones(n), np.ones(n)
+        self._changed = False
+        self.ticks = np.zeros(n)
+
+    def touch(self) -> None:
+        """A goal or a bound changed."""
+        self._changed = True
+
+    def commit(self) -> None:
+        """Hand what changed to the body; done once an instruction, so that a sync write acts at once."""
+        if self._changed:
+            self.body.receive(self.goal, self.fresh, self.bound)
+            self.fresh[:] = False
+            self._changed = False
+
+    def refresh(self) -> None:
+        """Bring `ticks`, the present positions in servo units, up to now, (n,)."""
+        self.body.robot.to_ticks(self.body.position, out=self.ticks)
+
+
+class XServo(Device):
+    """The servo of joint `index`.
+
+    Attributes:
+        fed: time of the last instruction that the bus watchdog saw [s].
+    """
+
+    def __init__(self, joints: Joints, index: int, id_: int, servo: Servo, *, firmware: int = FIRMWARE) -> None:
+        self.joints, self.index, self.servo = joints, index, servo
+        self.fed = -math.inf
+        self._booted = False
+        super().__init__(table_of(servo.name), id_, servo.model_number or 0, firmware)
+        self._booted = True
+        self.put("temperature_limit", int(servo.temperature_limit))
+        self._current = servo.current_unit
+        self._dynamic = self.table["present_pwm"].address
+        self._newton_metre = servo.torque_constant or servo.stall_torque / servo.stall_current
+        self._moving_threshold = self.get("moving_threshold")
+        self._pin()
+
+    @property
+    def torque(self) -> bool:
+        """Whether torque is on."""
+        return self.memory[self.table["torque_enable"].address] == 1
+
+    @property
+    def locked(self) -> bool:
+        """The EEPROM is locked while torque is on."""
+        return self.torque
+
+    @property
+    def alert(self) -> bool:
+        """Whether the hardware error status is not clear."""
+        return self.memory[self.table["hardware_error_status"].address] != 0
+
+    def feed(self, now: float) -> None:
+        """An instruction reached this servo."""
+        self.fed = now
+
+    def refresh(self, now: float) -> None:
+        """See `Device`."""
+        joints, index, body = self.joints, self.index, self.joints.body
+        plant, robot = body.plant, body.robot
+        direction = robot.direction[index]
+        ticks = int(joints.ticks[index])
+        speed = round(direction * body.velocity[index] / _RAD_S)
+        torque = direction * plant.torque[index]
+        if self._current is None:
+            load = round(1000 * torque / self.servo.stall_torque)
+        else:
+            load = round(torque / self._newton_metre / self._current)
+        pwm = round(PWM_FULL * torque / self.servo.stall_torque)
+        struct.pack_into("<hhii", self.memory, self._dynamic, pwm, load, speed, ticks)
+        struct.pack_into("<HB", self.memory, 144, round(plant.voltage / VOLTAGE), round(plant.temperature[index]))
+        struct.pack_into("<HB", self.memory, 120, int(now * 1000) % TICK_WRAP, abs(speed) > self._moving_threshold)
+
+    def written(self, name: str, value: int) -> int:
+        """See `Device`."""
+        handler = getattr(self, f"_on_{name}", None)
+        return handler(value) if handler is not None else Error.NONE
+
+    def watch(self, now: float) -> None:
+        """Let hardware errors and the bus watchdog act."""
+        plant, index = self.joints.body.plant, self.index
+        error = self.get("hardware_error_status") & ~INPUT_VOLTAGE
+        if plant.temperature[index] > self.get("temperature_limit"):
+            error |= OVERHEATING
+        volts = round(plant.voltage / VOLTAGE)
+        if not self.get("min_voltage_limit") <= volts <= self.get("max_voltage_limit"):
+            error |= INPUT_VOLTAGE
+        self.fail(error)
+        units = self.get("bus_watchdog")
+        if units > 0 and self.torque and now - self.fed > units * WATCHDOG_S:
+            self.put("bus_watchdog", TRIPPED)
+            self._stop_here()
+
+    def fail(self, error: int) -> None:
+        """Report a hardware error; one that the shutdown register names turns torque off until a reboot."""
+        self.put("hardware_error_status", error)
+        if error & self.get("shutdown") and self.torque:
+            self._set_torque(False)
+            self.put("torque_enable", 0)
+
+    def reboot(self, now: float, seconds: float = 0.2) -> None:
+        """See `Device`; torque goes off and hardware errors are forgotten."""
+        self._set_torque(False)
+        super().reboot(now, seconds)
+        self.put("hardware_error_status", 0)
+        self._pin()
+        self._apply_shares()
+
+    # ---------------------------------------------------------------- writing registers
+
+    def _on_torque_enable(self, value: int) -> int:
+        if value and self.get("hardware_error_status") & self.get("shutdown"):
+            return Error.RESULT
+        self._set_torque(bool(value))
+        return Error.NONE
+
+    def _on_operating_mode(self, value: int) -> int:
+        if value not in MODES or (value == CURRENT_POSITION and "goal_current" not in self.table):
+            return Error.RANGE
+        return Error.NONE
+
+    def _on_goal_position(self, value: int) -> int:
+        if self.get("bus_watchdog") == TRIPPED:
+            return Error.RANGE
+        joints, index = self.joints, self.index
+        if not self.get("min_position_limit") <= value <= self.get("max_position_limit"):
+            joints.body.receiver.position_violations += int(self.torque)
+            return Error.LIMIT
+        robot = joints.body.robot
+        angle = (value - self.servo.centre_tick) * robot.tick_rad[index]
+        joints.goal[index] = (angle - robot.zero[index]) * robot.direction[index]
+        joints.fresh[index] = True
+        joints.touch()
+        return Error.NONE
+
+    def _on_goal_current(self, value: int) -> int:
+        if self.get("bus_watchdog") == TRIPPED:
+            return Error.RANGE
+        if abs(value) > self.get("current_limit"):
+            return Error.LIMIT
+        self._bound(value)
+        return Error.NONE
+
+    def _on_goal_pwm(self, value: int) -> int:
+        if self.get("bus_watchdog") == TRIPPED:
+            return Error.RANGE
+        if abs(value) > self.get("pwm_limit"):
+            return Error.LIMIT
+        self.joints.drive_share[self.index] = abs(value) / PWM_FULL
+        self.joints.body.plant.set_drive_share(self.joints.drive_share)
+        return Error.NONE
+
+    def _on_position_p_gain(self, value: int) -> int:
+        joints = self.joints
+        joints.gain_share[self.index] = value / self.servo.gain_register
+        joints.body.plant.set_gain(joints.body.robot.kp * joints.gain_share)
+        return Error.NONE
+
+    # ---------------------------------------------------------------- acting
+
+    def _set_torque(self, on: bool) -> None:
+        if not self._booted:
+            return
+        which = np.zeros(self.joints.body.robot.n, np.bool_)
+        which[self.index] = True
+        if on:
+            self._bound(self.get("goal_current") if "goal_current" in self.table else 0)
+            self._apply_shares()
+        self.joints.body.set_torque(which, on)
+
+    def _bound(self, units: int) -> None:
+        """Bound the torque by a goal current, where the mode obeys it."""
+        if self._current is None or self.get("operating_mode") != CURRENT_POSITION:
+            bound = math.inf
+        else:
+            bound = abs(units) * self._current * self._newton_metre
+        self.joints.bound[self.index] = bound
+        self.joints.touch()
+
+    def _apply_shares(self) -> None:
+        self._on_position_p_gain(self.get("position_p_gain"))
+        self.joints.drive_share[self.index] = abs(self.get("goal_pwm")) / PWM_FULL
+        self.joints.body.plant.set_drive_share(self.joints.drive_share)
+
+    def _stop_here(self) -> None:
+        """Hold where it is: what a position servo does when its bus watchdog trips."""
+        self._pin()
+        self.joints.touch()
+
+    def _pin(self) -> None:
+        """The present position becomes the goal, as after power-up."""
+        joints, index = self.joints, self.index
+        joints.goal[index] = joints.body.position[index]
+        joints.refresh()
+        self.put("goal_position", int(joints.ticks[index]))

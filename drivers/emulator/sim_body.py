@@ -1,0 +1,99 @@
+"""`SimBody`: the whole robot in MuJoCo behind emulated servos, so that a real driver moves it through bytes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from configs.robot import Robot
+from drivers.emulator.body import Body
+from drivers.interface import RobotState
+from drivers.plant import ServoPlant
+from drivers.receiver import Receiver
+from drivers.sim.driver import SimDriver
+from drivers.sim.options import SimOptions
+
+Float = NDArray[np.float64]
+Bool = NDArray[np.bool_]
+
+FALLEN_TILT = np.radians(45)
+"""Fallen: torso tilted beyond this [rad], as reports count it. (How low it came is told, but crouching is no fall.)"""
+
+
+class SimBody(Body):
+    """Driver `sim`'s robot without its delays: on the bus the wire makes them.
+
+    Attributes:
+        driver: the simulated robot.
+        fell: whether its torso tilted too far while all servos held.
+    """
+
+    def __init__(self, robot: Robot, options: SimOptions | None = None) -> None:
+        options = SimOptions() if options is None else options
+        instant = options.model_copy(update={"command_delay_s": options.extra_latency_s, "read_delay_s": 0.0})
+        self.driver = SimDriver(robot, options=instant.model_copy(update={"extra_latency_s": 0.0}))
+        self.driver.open()
+        super().__init__(robot, instant.timestep)
+        self._state = RobotState(robot.n)
+        self._height = float(self.driver.truth().base_position[2])
+        self._origin = self.driver.truth().base_position[:2].copy()
+        self.fell, self._lowest, self._steepest = False, 1.0, 0.0
+
+    @property
+    def plant(self) -> ServoPlant:
+        """See `Body`."""
+        return self.driver.plant
+
+    @property
+    def receiver(self) -> Receiver:
+        """See `Body`."""
+        return self.driver.receiver
+
+    @property
+    def position(self) -> Float:
+        """See `Body`."""
+        return self.driver.position
+
+    @property
+    def velocity(self) -> Float:
+        """See `Body`."""
+        return self.driver.velocity
+
+    def receive(self, goal: Float, which: Bool, bound: Float) -> None:
+        """See `Body`."""
+        self.driver.receive(goal, which, bound)
+
+    def set_torque(self, which: Bool, on: bool) -> None:
+        """See `Body`; once every servo holds, whoever held the robot lets go."""
+        self.plant.enabled[which] = on
+        if self.plant.enabled.all():
+            self.driver.release()
+
+    def step(self, seconds: float) -> None:
+        """See `Body`."""
+        self.driver.advance(seconds)
+        if not self.plant.enabled.all():
+            return
+        height, up = self.driver.torso_height, self.driver.torso_up
+        tilt = float(np.arccos(np.clip(up, -1.0, 1.0)))
+        self._lowest, self._steepest = min(self._lowest, height / self._height), max(self._steepest, tilt)
+        self.fell |= tilt > FALLEN_TILT
+
+    def sense(self) -> None:
+        """See `Body`."""
+        self.driver.read(self._state)
+        self.gyro[:], self.accel[:] = self._state.gyro, self._state.accel
+
+    def report(self) -> dict[str, Any]:
+        """See `Body`; with how the robot stood while all its servos held."""
+        travelled = self.driver.truth().base_position[:2] - self._origin
+        return {
+            "violations": self.receiver.violations,
+            "fell": self.fell,
+            "lowest_height_share": round(self._lowest, 4),
+            "steepest_tilt_rad": round(self._steepest, 4),
+            "travelled_m": round(float(np.hypot(*travelled)), 4),
+            "time_s": round(self.driver.time, 3),
+        }

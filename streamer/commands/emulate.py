@@ -1,0 +1,113 @@
+"""`flexmotion emulate`: a robot's servo bus on a pseudo-terminal."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import FrameType
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from streamer.commands.options import JsonOption, RobotOption, SeedOption
+from streamer.commands.output import print_json, print_note, print_result
+
+if TYPE_CHECKING:
+    from drivers.emulator.emulator import Emulator
+
+
+def emulate(
+    robot: RobotOption = "op3",
+    port_link: Annotated[
+        Path | None,
+        typer.Option("--port-link", help="Path of a symbolic link to the port.", show_default=False),
+    ] = None,
+    bench: Annotated[bool, typer.Option("--bench", help="Servos on a bench, each with a flywheel: no robot.")] = False,
+    timing: Annotated[bool, typer.Option("--timing/--no-timing", help="Bytes take their time on the wire.")] = True,
+    fault: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--fault",
+            metavar="KIND[:ARG][@S[+DURATION]]",
+            help="What goes wrong (repeatable), S seconds after torque goes on: lost, corrupt, late, duplicated, "
+            "truncated, dead:ID, overheat:ID, voltage:V, reset:ID, cable, port.",
+        ),
+    ] = None,
+    bad_packets: Annotated[
+        float, typer.Option("--bad-packets", min=0, max=1, help="Share of packets that go wrong at random.")
+    ] = 0.0,
+    perturb: Annotated[
+        list[str] | None,
+        typer.Option("--perturb", metavar="KEY=VALUE", help="How the robot differs from its model (repeatable)."),
+    ] = None,
+    perturbed: Annotated[
+        bool, typer.Option("--perturbed", help="The standard mismatch: mass, delay, gains, friction, slope, pushes.")
+    ] = False,
+    seconds: Annotated[
+        float | None, typer.Option("--seconds", "-s", min=0.1, help="End after this time.", show_default=False)
+    ] = None,
+    seed: SeedOption = 0,
+    as_json: JsonOption = False,
+) -> None:
+    """Emulate a robot's servo bus, byte by byte, on a pseudo-terminal; the simulated robot moves behind it.
+
+    Anything that speaks the servos' protocol can talk to it. Ctrl-C or SIGTERM ends it and prints what it saw. Exit
+    code 0 however the robot fared.
+
+    [bold]Examples[/bold]
+
+      flexmotion emulate --robot op3 --port-link /tmp/op3
+
+      flexmotion run --robot op3 --driver dynamixel --port /tmp/op3 --clip walk.bvh
+
+      flexmotion emulate --port-link /tmp/op3 --fault dead:14@5 --bad-packets 0.005
+    """
+    # Heavy imports wait until the command runs: help and completion answer at once.
+    from configs.robot import load_robot
+    from configs.schema import parse
+    from drivers.emulator.body import BenchBody
+    from drivers.emulator.build import build_emulator
+    from drivers.emulator.faults import Fault
+    from drivers.emulator.sim_body import SimBody
+    from drivers.sim.options import SimOptions
+    from streamer.commands.driver_options import simulation_options
+
+    faults = [Fault.parse(text) for text in fault or ()]
+    chosen = load_robot(robot)
+    options = parse(SimOptions, simulation_options(perturbed, perturb or ()) | {"seed": seed}, "options of --perturb")
+    body = BenchBody(chosen) if bench else SimBody(chosen, options)
+    emulator = build_emulator(body, link=port_link, timed=timing, faults=faults, bad_packets=bad_packets, seed=seed)
+    with emulator, _ends_on_signals(emulator):
+        for line in emulator.lines:
+            print_note(f"{chosen.name}, bus {line.name}: {line.terminal.link or line.terminal.path}")
+        emulator.run(float("inf") if seconds is None else seconds)
+        figures = emulator.report()
+    if as_json:
+        print_json(figures)
+    else:
+        print_result(_lines(figures))
+
+
+@contextmanager
+def _ends_on_signals(emulator: Emulator) -> Iterator[None]:
+    """Within, SIGINT and SIGTERM end the emulation."""
+
+    def end(_number: int, _frame: FrameType | None) -> None:
+        emulator.stop()
+
+    before = {number: signal.signal(number, end) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _lines(figures: dict[str, Any]) -> str:
+    buses = figures.pop("buses")
+    rows = [f"{name.replace('_', ' ')}: {value}" for name, value in figures.items()]
+    for bus, counts in buses.items():
+        rows += [f"bus {bus}, {name.replace('_', ' ')}: {value}" for name, value in counts.items()]
+    return "\n".join(rows)

@@ -1,0 +1,97 @@
+"""Emulated buses on servos that stand on a bench."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator
+
+import pytest
+
+from configs.robot import Robot
+from drivers.dynamixel.packet import Decoder, Instruction, Packet, encode
+from drivers.emulator.body import BenchBody
+from drivers.emulator.build import build_emulator, make_bus
+from drivers.emulator.dynamixel_bus import DynamixelBus
+from drivers.emulator.emulator import Emulator
+from drivers.emulator.servo import Joints, XServo
+
+
+class Host:
+    """Speaks to a bus in bytes, without a port and without time but what it is given.
+
+    Attributes:
+        bus, body: what it speaks to, and what moves behind.
+        now: the time [s].
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        self.body = BenchBody(robot)
+        bus = make_bus(Joints(self.body), "main")
+        assert isinstance(bus, DynamixelBus)
+        self.bus, self.baud, self.now = bus, robot.config.buses["main"].baud, 0.0
+
+    def send(self, id_: int, instruction: int, params: bytes = b"") -> list[Packet]:
+        """Status packets that answer an instruction."""
+        return self.send_bytes(encode(id_, instruction, params))
+
+    def send_bytes(self, data: bytes) -> list[Packet]:
+        """Status packets that answer bytes."""
+        answers = b"".join(self.raw(data))
+        return list(Decoder().feed(answers))
+
+    def raw(self, data: bytes) -> list[bytes]:
+        """Bytes of each answer to bytes."""
+        return [reply.data for _, replies in self.bus.hear(data, self.baud, self.now) for reply in replies]
+
+    def read(self, id_: int, name: str) -> int:
+        """A register's value, signed as the table says."""
+        register = self.servo(id_).table[name]
+        (answer,) = self.send(id_, Instruction.READ, _span(register.address, register.size))
+        assert answer.params[0] & 0x7F == 0
+        return register.unpack(answer.params[1:])
+
+    def write(self, id_: int, name: str, value: int) -> int:
+        """Write a register; the error that the servo answers."""
+        register = self.servo(id_).table[name]
+        params = register.address.to_bytes(2, "little") + register.pack(value)
+        (answer,) = self.send(id_, Instruction.WRITE, params)
+        return answer.params[0] & 0x7F
+
+    def servo(self, id_: int) -> XServo:
+        """The servo with this id."""
+        return next(servo for servo in self.bus.servos if servo.id == id_)
+
+    def live(self, seconds: float) -> None:
+        """Let time pass."""
+        for _ in range(round(seconds / 0.01)):
+            self.now += 0.01
+            self.body.step(0.01)
+            self.bus.watch(self.now)
+
+
+def _span(address: int, size: int) -> bytes:
+    return address.to_bytes(2, "little") + size.to_bytes(2, "little")
+
+
+@pytest.fixture
+def host(op3: Robot) -> Host:
+    return Host(op3)
+
+
+@pytest.fixture
+def emulated(op3: Robot) -> Iterator[Callable[..., Emulator]]:
+    """Call with arguments of `build_emulator`: an emulator that lives in a thread, servos on a bench."""
+    running: list[tuple[Emulator, threading.Thread]] = []
+
+    def make(robot: Robot = op3, **arguments: object) -> Emulator:
+        emulator = build_emulator(BenchBody(robot), **arguments)  # type: ignore[arg-type]
+        thread = threading.Thread(target=emulator.run, daemon=True)
+        thread.start()
+        running.append((emulator, thread))
+        return emulator
+
+    yield make
+    for emulator, thread in running:
+        emulator.stop()
+        thread.join()
+        emulator.close()
