@@ -24,6 +24,8 @@ _WORTH_YAW = 0.2
 _WORTH_LIFT = 0.04
 _TOO_LATE_S = 0.30
 """A step whose human foot landed longer ago is dropped: catching up would trip the next one."""
+_REDRAWN_S = 0.15
+"""A swing that has begun before the last one of its foot was to land is that same one, redrawn, if it lands no later."""
 _INSERT_YAW = 0.26
 _INSERT_DISTANCE = 0.045
 """Feet further from where they belong (robot scale) are set right by an inserted step."""
@@ -220,7 +222,7 @@ class FootstepPlanner:
         end = tick(window.end_s)
         dropped = 0
         for swing in window.swings:
-            if swing.land_s <= consumed[swing.side] + 1e-6:
+            if swing.land_s <= consumed[swing.side] + (_REDRAWN_S if swing.lift_s < consumed[swing.side] else 1e-6):
                 continue
             if not self.worth(window, swing):
                 continue
