@@ -179,6 +179,19 @@ class Driver(ABC):
         """Let simulated time pass. Only with `Capabilities.lockstep`."""
         raise NotImplementedError(f"driver {self.name!r} does not run in lockstep")
 
+    def detached(self, *, realtime: bool) -> Driver:
+        """The same robot on the real clock, in a process of its own. Only with `Capabilities.lockstep`; call it once.
+
+        Args:
+            realtime: whether that process may ask for realtime scheduling.
+        """
+        raise NotImplementedError(f"driver {self.name!r} runs in lockstep only")
+
+    @property
+    def lateness_s(self) -> float:
+        """How late the simulated robot's own clock ran lately, at worst [s]; NaN for a robot that is always on time."""
+        return float("nan")
+
     @abstractmethod
     def close(self) -> None:
         """Leave the robot safe (torque off) and release the port. May be called twice."""

@@ -76,7 +76,7 @@ class StateLayout:
 
     def steps(self, vector: Float) -> list[Step]:
         """The steps that are under way or frozen in one state, in order."""
-        return [_unpack(packed) for packed in self.get(vector, "steps") if packed[0] >= 0]
+        return [unpack_step(packed) for packed in self.get(vector, "steps") if packed[0] >= 0]
 
 
 def pack_steps(steps: list[Step]) -> Float:
@@ -92,7 +92,8 @@ def pack_steps(steps: list[Step]) -> Float:
     return packed
 
 
-def _unpack(packed: Float) -> Step:
+def unpack_step(packed: Float) -> Step:
+    """The step that a row of `pack_steps` holds, (STEP_SIZE,)."""
     side, lift, land = (int(value) for value in packed[:3])
     consumed_s, inserted, notice_s = packed[11:]
     return Step(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,16 +15,25 @@ from retarget.retargeter import Retargeter
 from streamer.estimator import Estimator
 from streamer.ladder import Inputs, Ladder, Playback, State
 from streamer.load_estimator import LoadEstimator
+from streamer.plan_buffer import Offer, PlanBuffer, Ticket
 from streamer.posture_move import PostureMove
-from streamer.record import Event, RunRecord
 from streamer.reference import Reference
 from streamer.servo_command import ServoCommand
 from streamer.stabiliser import Stabiliser
+from streamer.telemetry import Telemetry
+from streamer.tick_row import REPAIRS
 
 Float = NDArray[np.float64]
 
 _OUTSIDE = 0.02
 """How far outside its limits a joint may stand at the start [rad]: play and zero error, about a degree."""
+_MEASURED = (
+    *("position", "velocity", "effort", "voltage", "temperature", "stale", "hardware_error", "imu_stale"),
+    *("gyro", "accel"),
+)
+_COLUMNS = {"position": "q", "velocity": "qd"}
+"""What a row holds of `RobotState`, and where names differ."""
+_POSITION, _TORQUE = REPAIRS.index("position"), REPAIRS.index("torque")
 _STAND_MOVE_S = 0.5
 """Shortest move to the stand pose, also when the robot already stands there."""
 
@@ -32,18 +42,28 @@ class ControlLoop:
     """Ladder, reference, estimator, stabiliser, servo command and driver, in the order in which a tick needs them.
 
     Args:
+        plans: where the planner puts its plans.
+        telemetry: where every tick is told.
         feedback: whether balance feedback acts.
 
     Attributes:
         tick_count: ticks done; the next `tick` is that number.
         inputs: requests for the next tick; cleared after it.
-        plan: the plan that plays; `pending` the one that takes over at its start tick.
+        playing: the plan that plays; `waiting` the one that takes over at its start tick.
+        winding_down: from now on only a plan that stops is taken.
     """
 
     def __init__(
-        self, robot: Robot, driver: Driver, retargeter: Retargeter, record: RunRecord, *, feedback: bool = True
+        self,
+        robot: Robot,
+        driver: Driver,
+        retargeter: Retargeter,
+        plans: PlanBuffer,
+        telemetry: Telemetry,
+        *,
+        feedback: bool = True,
     ) -> None:
-        self.robot, self.driver, self.record = robot, driver, record
+        self.robot, self.driver, self.plans, self.telemetry = robot, driver, plans, telemetry
         self.ladder = Ladder(robot.safety, robot.rate_hz)
         self.inputs = Inputs()
         self.state = RobotState(robot.n)
@@ -55,9 +75,12 @@ class ControlLoop:
         self.servo = ServoCommand(robot, driver.delay_s)
         self.move = PostureMove(robot, retargeter.body.dynamics)
         self.stand_pose = retargeter.layout.get(retargeter.standing(), "q")[0].copy()
-        self.plan: Plan | None = None
-        self.pending: Plan | None = None
+        self.playing: Offer | None = None
+        self.waiting: Offer | None = None
+        self.winding_down = False
         self.tick_count = 0
+        self._looked_at = 0
+        self._answered: Ticket | None = None
         self._seen, self._unread = np.full(robot.n, np.nan), np.zeros(robot.n, np.int64)
         self._imu_unread = self._low_reads = 0
         self._lead = driver.delay_s * robot.rate_hz
@@ -69,14 +92,29 @@ class ControlLoop:
         return self.ladder.state is State.READY and self.move.done
 
     @property
+    def plan(self) -> Plan | None:
+        """The plan that plays."""
+        return None if self.playing is None else self.playing.plan
+
+    @property
     def plan_over(self) -> bool:
         """Whether the plan has been played to its last row."""
-        return self.plan is not None and self.tick_count >= self.plan.end_tick - 1
+        return self.playing is not None and self.tick_count >= self.playing.plan.end_tick - 1
 
-    def tick(self) -> None:
-        """One period: read, decide, send, record."""
+    @property
+    def must_stop(self) -> bool:
+        """Whether only a plan that stops is taken."""
+        return self.winding_down or self.ladder.stopping or self.ladder.fault is not None
+
+    def tick(self, late_ns: int = 0) -> None:
+        """One period: read, decide, send, tell.
+
+        Args:
+            late_ns: how late the loop woke for it [ns].
+        """
+        begin = time.perf_counter_ns()
         self._read()
-        self._join()
+        self._take_plan()
         self.estimator.update(self.state, self.now)
         before = self.ladder.state
         self._look(before)
@@ -84,9 +122,13 @@ class ControlLoop:
         if self.ladder.state is not before:
             self._enter(self.ladder.state, before)
         self._play(playback)
-        self._write_record(playback)
+        self._describe(playback)
         self.inputs.reset()
         self.tick_count += 1
+        row = self.telemetry.row
+        row["stamp_ns"], row["lateness_s"] = begin, late_ns * 1e-9
+        row["work_s"] = (time.perf_counter_ns() - begin) * 1e-9
+        self.telemetry.commit()
 
     def _read(self) -> None:
         """Read; what is no number counts as not having answered: such a joint is taken to move as it was meant to."""
@@ -109,9 +151,40 @@ class ControlLoop:
         else:
             self._imu_unread = 0
 
-    def _join(self) -> None:
-        if self.pending is not None and self.tick_count >= self.pending.start_tick:
-            self.plan, self.pending = self.pending, None
+    def _take_plan(self) -> None:
+        """Let the waiting plan take over when its tick has come; look at a new one where none waits."""
+        if self.waiting is not None and self.tick_count >= self.waiting.plan.start_tick:
+            self._begin_plan(self.waiting)
+        if self.waiting is not None:
+            return
+        offer = self.plans.newest(self._looked_at)
+        if offer is None:
+            return
+        self._looked_at = offer.ticket.id
+        if self._acceptable(offer):
+            self.waiting = offer
+            if self.tick_count == offer.plan.start_tick:
+                self._begin_plan(offer)
+        self.plans.hold(self.playing, self.waiting)
+
+    def _begin_plan(self, offer: Offer) -> None:
+        self.playing, self.waiting = offer, None
+        self.plans.hold(offer, None)
+        row, ticket = self.telemetry.row, offer.ticket
+        if ticket.target > row["target"]:
+            self._answered = ticket
+        row["target"] = max(ticket.target, int(row["target"]))
+
+    def _acceptable(self, offer: Offer) -> bool:
+        """Whether a plan may be played: it goes on from what plays, it is not late, and it stops where it must."""
+        if self.ladder.state not in (State.READY, State.STREAMING, State.HOLD):
+            return False
+        if offer.plan.start_tick < self.tick_count:
+            # Never played late. The next one joins at the next slot.
+            self.telemetry.row["late_plans"] += 1
+            return False
+        playing = 0 if self.playing is None else self.playing.ticket.id
+        return offer.ticket.resumed == playing and (offer.ticket.stops or not self.must_stop)
 
     def _look(self, state: State) -> None:
         """Fill what the ladder must know from what was measured."""
@@ -184,7 +257,7 @@ class ControlLoop:
             self._event("warning", message)
 
     def _event(self, kind: str, message: str) -> None:
-        self.record.events.append(Event(self.tick_count, kind, message))
+        self.telemetry.tell(self.tick_count, kind, message)
 
     def _enter(self, state: State, before: State) -> None:
         """What happens once when a state begins."""
@@ -201,17 +274,21 @@ class ControlLoop:
                 self.state.position, self.stand_pose, least_s=_STAND_MOVE_S, speed=robot.safety.soft_start_speed
             )
         elif state is State.PARK:
-            self.plan = self.pending = None
+            self._forget_plans()
             # From the goals' reference, not from the measurement: the servos hold the one, not the other.
             self.move.begin(
                 self.now.q, robot.rest_pose, least_s=robot.safety.park_s, speed=2 * robot.safety.soft_start_speed
             )
         elif state is State.DAMPED:
-            self.plan = self.pending = None
+            self._forget_plans()
             self.driver.damp()
         elif state in (State.OFF, State.FAULT):
-            self.plan = self.pending = None
+            self._forget_plans()
             self.driver.set_torque(False)
+
+    def _forget_plans(self) -> None:
+        self.playing = self.waiting = None
+        self.plans.hold(None, None)
 
     def _play(self, playback: Playback) -> None:
         if playback in (Playback.NOTHING, Playback.DAMP):
@@ -232,35 +309,78 @@ class ControlLoop:
         torque = self.load.factor * self.ahead.torque + self.stabiliser.torque
         goal = self.servo.update(self.ahead.q, self.ahead.qd, torque, self.state)
         self.command.position[:] = goal
-        self.record.repairs["position"] += self.servo.position_clamps
-        self.record.repairs["torque"] += self.servo.torque_clamps
+        repairs = self.telemetry.row["repairs"]
+        repairs[_POSITION] += self.servo.position_clamps
+        repairs[_TORQUE] += self.servo.torque_clamps
         self.driver.write(self.command)
 
-    def _write_record(self, playback: Playback) -> None:
-        record, row = self.record, self.tick_count
-        if row >= record.ticks:
-            return
-        record.used = row + 1
-        record.state[row] = self.ladder.state
-        record.q[row], record.qd[row] = self.state.position, self.state.velocity
+    def _describe(self, playback: Playback) -> None:
+        """Fill this tick's row."""
+        row, state, now = self.telemetry.row, self.state, self.now
+        row["tick"], row["state"] = self.tick_count, self.ladder.state
+        row["ready"], row["plan_over"], row["must_stop"] = self.ready, self.plan_over, self.must_stop
+        row["offer"], row["pending"] = self._looked_at, 0 if self.waiting is None else self.waiting.ticket.id
+        row["robot_lateness_s"], row["violations"] = self.driver.lateness_s, self.driver.violations
+        for name in _MEASURED:
+            row[_COLUMNS.get(name, name)] = getattr(state, name)
+        row["tilt"] = self.estimator.tilt
+        row["contact_ref"] = False
+        self._describe_plan()
+        if self.driver.capabilities.truth:
+            self._describe_truth()
         if playback in (Playback.NOTHING, Playback.DAMP):
             return
-        record.q_cmd[row] = self.command.position
-        now = self.now
-        record.q_ref[row], record.qd_ref[row], record.torque_ref[row] = now.q, now.qd, now.torque
+        row["q_cmd"] = self.command.position
+        row["q_ref"], row["qd_ref"], row["torque_ref"] = now.q, now.qd, now.torque
         if not now.balanced:
             return
-        record.com_ref[row], record.dcm_ref[row], record.zmp_ref[row] = now.com, now.dcm, now.zmp
-        record.com[row], record.dcm[row] = self.estimator.com, self.estimator.dcm
-        record.foot_ref[row], record.contact_ref[row], record.base_ref[row] = now.feet, now.contacts, now.base
-        if self.plan is not None and playback is Playback.PLAN:
-            place = row - self.plan.start_tick
-            if 0 <= place < len(self.plan):
-                record.source_s[row] = self.plan.source_s[place]
-                record.hand_error[row] = self.plan.hand_error[place]
-                for kind, counts in self.plan.repairs.items():
-                    record.repairs[kind] += int(counts[place])
-                for step in self.plan.steps:
-                    if step.lift == row:
-                        record.steps_planned += 1
-                        record.steps_inserted += int(step.inserted)
+        row["com_ref"], row["dcm_ref"], row["zmp_ref"] = now.com, now.dcm, now.zmp
+        row["com"], row["dcm"], row["zmp_shift"] = self.estimator.com, self.estimator.dcm, self.stabiliser.zmp_shift
+        row["foot_ref"], row["contact_ref"], row["base_ref"] = now.feet, now.contacts, now.base
+        if self.playing is not None and playback is Playback.PLAN:
+            self._describe_progress(self.playing)
+
+    def _describe_plan(self) -> None:
+        """Which plan plays, and what it took to make."""
+        row, playing = self.telemetry.row, self.playing
+        if playing is None:
+            row["plan"] = row["plan_start"] = row["plan_end"] = row["asked_tick"] = 0
+            return
+        ticket = playing.ticket
+        row["plan"], row["asked_tick"] = ticket.id, ticket.asked_tick
+        row["plan_start"], row["plan_end"] = playing.plan.start_tick, playing.plan.end_tick
+        row["sample_s"], row["retarget_s"] = ticket.sample_s, ticket.retarget_s
+        if self._answered is not None:
+            waited = (time.perf_counter_ns() - ticket.target_ns) * 1e-9
+            row["target_to_command_s"] = waited
+            if ticket.effect_row >= 0:
+                row["target_to_effect_s"] = waited + ticket.effect_row / self.robot.rate_hz
+            self._answered = None
+
+    def _describe_progress(self, playing: Offer) -> None:
+        """Where in its plan the robot is, and what that row cost."""
+        row, plan = self.telemetry.row, playing.plan
+        place = self.tick_count - plan.start_tick
+        if not 0 <= place < len(plan):
+            return
+        row["source_s"] = plan.source_s[place]
+        row["hand_error"] = plan.hand_error[place]
+        for index, kind in enumerate(REPAIRS):
+            row["repairs"][index] += plan.repairs[kind][place]
+        for step in plan.steps:
+            if step.lift == self.tick_count:
+                row["steps_planned"] += 1
+                row["steps_inserted"] += int(step.inserted)
+        ticket = playing.ticket
+        if place == plan.stop_row and not (ticket.stops or ticket.source_over or self.must_stop):
+            row["underruns"] += 1
+            self._event("warning", f"no plan followed plan {ticket.id}: its own stop is played")
+
+    def _describe_truth(self) -> None:
+        row, truth = self.telemetry.row, self.driver.truth()
+        row["true_base"][:3], row["true_base"][3:] = truth.base_position, truth.base_quaternion
+        row["true_q"], row["true_com"] = truth.joint_position, truth.com
+        row["true_foot"], row["true_foot_velocity"] = truth.foot_position, truth.foot_velocity
+        row["true_foot_force"] = truth.foot_force
+        row["true_torque"], row["true_saturated"] = truth.torque, truth.saturated
+        row["true_self_contact"] = truth.self_contact

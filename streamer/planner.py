@@ -6,6 +6,7 @@ import time
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from configs.errors import RetargetError
 from configs.stream import StreamSettings
@@ -49,10 +50,7 @@ class Planner:
         """
         begin = time.perf_counter()
         retargeter = self.retargeter
-        if current is None:
-            state = retargeter.standing()
-        else:
-            state = current.states[min(max(join - current.start_tick, 0), len(current) - 1)]
+        state = self._state(join, current)
         first = retargeter.next_frame(state, join, self.source.fps)
         frames = int(np.ceil(self.settings.horizon_s * self.source.fps)) + 2
         motion = None if stop else self.source.window(first, frames)
@@ -66,3 +64,12 @@ class Planner:
         # A short window is only the end where the plan has followed all of it.
         over = ended and plan.stop_row < retargeter.horizon and not stop
         return Planned(plan, sampled - begin, time.perf_counter() - sampled, stop, over)
+
+    def first_frame(self, join: int, current: Plan | None) -> int:
+        """Index of the first source frame that a plan from tick `join` on follows."""
+        return self.retargeter.next_frame(self._state(join, current), join, self.source.fps)
+
+    def _state(self, join: int, current: Plan | None) -> NDArray[np.float64]:
+        if current is None:
+            return self.retargeter.standing()
+        return current.states[min(max(join - current.start_tick, 0), len(current) - 1)]

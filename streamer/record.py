@@ -1,23 +1,21 @@
-"""`RunRecord`: what one run did, tick by tick; the loop fills it, the report, plots and log read it."""
+"""`RunRecord`: what one run did, tick by tick; collected from the loop's telemetry, read by report, plots and log."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from streamer.telemetry import Event, Telemetry, events
+from streamer.tick_row import REPAIRS, blank, tick_dtype
+
 Float = NDArray[np.float64]
 
-
-@dataclass(frozen=True)
-class Event:
-    """Something worth a line in the log: a change of state, a fault, a warning."""
-
-    tick: int
-    kind: str
-    message: str
+KEPT_S = 1200.0
+"""A record keeps the last twenty minutes of a run: it must not grow for as long as a robot is on [s]."""
+_FIRST_ROWS = 4096
 
 
 @dataclass(frozen=True)
@@ -30,71 +28,125 @@ class PlanEvent:
     retarget_s: float
 
 
-@dataclass
 class RunRecord:
-    """Arrays with one row a tick (row count = `ticks`, filled up to `used`), n = number of joints.
+    """Rows of `streamer.tick_row.tick_dtype`, each column an attribute: `record.q` is (used, n).
+
+    Args:
+        kept_s: rows older than this are forgotten [s].
 
     Attributes:
         rate_hz: ticks per second.
         joint_names: the robot's joints in column order.
-        state: the safety ladder's state, (T,) int (`streamer.ladder.State` values).
-        source_s: time of the source (clip) that the reference of this tick comes from, (T,) [s]; NaN when none plays.
-        q_ref, qd_ref, torque_ref: reference from the plan, (T, n) [rad, rad/s, N·m].
-        q_cmd: goal that was sent, (T, n) [rad]; NaN when nothing was sent.
-        q, qd: measured, (T, n).
-        com_ref, com, dcm_ref, dcm, zmp_ref: horizontal plane of the planned world, (T, 2) [m]; `com`/`dcm` are
-            estimates from encoders, IMU and the stance foot.
-        foot_ref: planned sole centre and yaw of the left and right foot, (T, 2, 4) [m, m, m, rad].
-        contact_ref: planned contact of left and right foot, (T, 2) bool.
-        base_ref: planned torso position and quaternion (w x y z), (T, 7).
-        hand_error: distance of each hand's reference from where the human's hand maps to, (T, 2) [m]; NaN where out
-            of reach or between two frames of the source.
-        true_*: ground truth from a simulation (see `drivers.interface.Truth`), NaN elsewhere:
-            true_base (T, 7), true_q (T, n), true_foot (T, 2, 3), true_foot_velocity (T, 2, 3),
-            true_foot_force (T, 2, 3), true_torque (T, n), true_saturated (T, n), true_com (T, 3),
-            true_self_contact (T,) bool.
-        work_s, lateness_s: time the tick's work took and how late it woke, (T,) [s].
-        events, plans: in order of tick.
-        repairs: count of repairs by kind (position, speed, acceleration, torque), of planner and loop together.
-        steps_planned, steps_inserted, human_steps: footsteps that the robot made, those of them that it made to set
-            its feet right, and those that the human made.
-        missed_deadlines, underruns, violations_sent: counts.
+        events: in order of tick.
+        human_steps: footsteps that the human made.
+        forgotten: rows that were forgotten, or lost because nobody collected them in time.
     """
 
-    rate_hz: float
-    joint_names: tuple[str, ...]
-    ticks: int
-    used: int = 0
-    events: list[Event] = field(default_factory=list)
-    plans: list[PlanEvent] = field(default_factory=list)
-    repairs: dict[str, int] = field(default_factory=lambda: {"position": 0, "speed": 0, "acceleration": 0, "torque": 0})
-    steps_planned: int = 0
-    steps_inserted: int = 0
-    human_steps: int = 0
-    missed_deadlines: int = 0
-    underruns: int = 0
-    violations_sent: int = 0
+    def __init__(self, rate_hz: float, joint_names: tuple[str, ...], *, kept_s: float = KEPT_S) -> None:
+        self.rate_hz, self.joint_names = rate_hz, joint_names
+        self.events: list[Event] = []
+        self.human_steps = 0
+        self.forgotten = 0
+        self._most = int(kept_s * rate_hz)
+        self._rows = blank(tick_dtype(len(joint_names)), _FIRST_ROWS)
+        self._used = 0
 
-    def __post_init__(self) -> None:
-        t, n = self.ticks, len(self.joint_names)
+    @property
+    def used(self) -> int:
+        """Rows kept."""
+        return self._used
 
-        def rows(*shape: int) -> Float:
-            return np.full((t, *shape), np.nan)
+    @property
+    def rows(self) -> NDArray[Any]:
+        """The rows kept, oldest first; a view."""
+        return self._rows[: self._used]
 
-        self.state = np.zeros(t, np.int64)
-        self.source_s = rows()
-        self.q_ref, self.qd_ref, self.torque_ref = rows(n), rows(n), rows(n)
-        self.q_cmd, self.q, self.qd = rows(n), rows(n), rows(n)
-        self.com_ref, self.com, self.dcm_ref, self.dcm, self.zmp_ref = (rows(2) for _ in range(5))
-        self.foot_ref, self.contact_ref = rows(2, 4), np.zeros((t, 2), np.bool_)
-        self.base_ref = rows(7)
-        self.hand_error = rows(2)
-        self.true_base, self.true_q, self.true_com = rows(7), rows(n), rows(3)
-        self.true_foot, self.true_foot_velocity, self.true_foot_force = rows(2, 3), rows(2, 3), rows(2, 3)
-        self.true_torque, self.true_saturated = rows(n), rows(n)
-        self.true_self_contact = np.zeros(t, np.bool_)
-        self.work_s, self.lateness_s = rows(), rows()
+    def __getattr__(self, name: str) -> NDArray[Any]:
+        rows = self.__dict__.get("_rows")
+        if rows is None or name not in rows.dtype.names:
+            raise AttributeError(f"{type(self).__name__} has no column {name!r}")
+        return self.rows[name]
 
-    def trimmed(self) -> dict[str, Any]:
-        """Every array cut to the rows in use, by name."""
-        return {name: value[: self.used] for name, value in vars(self).items() if isinstance(value, np.ndarray)}
+    def append(self, rows: NDArray[Any]) -> None:
+        """Add rows, (k,)."""
+        end = self._used + len(rows)
+        if end > len(self._rows):
+            self._make_room(len(rows))
+            end = self._used + len(rows)
+        self._rows[self._used : end] = rows
+        self._used = end
+
+    def _make_room(self, count: int) -> None:
+        """Twice the room, up to what is kept; then the older half is forgotten."""
+        kept = self.rows
+        if len(self._rows) >= self._most:
+            kept = kept[len(kept) // 2 :]
+            self.forgotten += self._used - len(kept)
+        grown = blank(self._rows.dtype, max(min(2 * len(self._rows), self._most), len(kept) + count))
+        grown[: len(kept)] = kept
+        self._rows, self._used = grown, len(kept)
+
+    def _last(self, name: str) -> int:
+        return int(self.rows[name][-1]) if self._used else 0
+
+    @property
+    def plans(self) -> list[PlanEvent]:
+        """The plans that were played, in order."""
+        rows = self.rows[self.rows["plan"] > 0]
+        _, first = np.unique(rows["plan"], return_index=True)
+        return [
+            PlanEvent(int(r["asked_tick"]), int(r["plan_start"]), float(r["sample_s"]), float(r["retarget_s"]))
+            for r in rows[first]
+        ]
+
+    @property
+    def repairs(self) -> dict[str, int]:
+        """Repairs by kind, of planner and loop together."""
+        return {kind: int(self.rows["repairs"][-1, i]) if self._used else 0 for i, kind in enumerate(REPAIRS)}
+
+    @property
+    def steps_planned(self) -> int:
+        """Footsteps that the robot made."""
+        return self._last("steps_planned")
+
+    @property
+    def steps_inserted(self) -> int:
+        """Those of them that it made to set its feet right."""
+        return self._last("steps_inserted")
+
+    @property
+    def missed_deadlines(self) -> int:
+        """Ticks that were not done by the time of the next."""
+        return self._last("missed_deadlines")
+
+    @property
+    def late_plans(self) -> int:
+        """Plans that came too late to be played."""
+        return self._last("late_plans")
+
+    @property
+    def underruns(self) -> int:
+        """Times that the loop had to play a plan's own stop because no other had come."""
+        return self._last("underruns")
+
+    @property
+    def violations_sent(self) -> int:
+        """Goals outside a servo's envelope, counted where they arrive."""
+        return self._last("violations")
+
+
+class Collector:
+    """Follows a loop's telemetry into a record."""
+
+    def __init__(self, telemetry: Telemetry, record: RunRecord) -> None:
+        self.record = record
+        self._ticks, self._events = telemetry.ticks.reader(), telemetry.events.reader()
+
+    def collect(self) -> list[Event]:
+        """Take over what has been told since the last call; returns the new events."""
+        lost = self._ticks.lost
+        self.record.append(self._ticks.read())
+        self.record.forgotten += self._ticks.lost - lost
+        new = events(self._events)
+        self.record.events.extend(new)
+        return new

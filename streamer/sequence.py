@@ -25,18 +25,18 @@ def sequence(clips: Sequence[tuple[float, Motion]], end: float | None, blend_fra
         end: when the whole is over [s]; None with the last clip.
         blend_frames: frames over which a clip takes over from the one before.
     """
-    whole = _poses_only(clips[0][1])
+    whole = poses_only(clips[0][1])
     for at, clip in clips[1:]:
         start = round(at * whole.fps)
         held = _held(whole, start + blend_frames + 1)
         # Scaled by height, so that a taller human's feet meet the floor on the first one's legs.
         scale = whole.body.standing_height / clip.body.standing_height
-        follower = _placed(_poses_only(clip), held[start : start + 1], scale)
+        follower = placed(poses_only(clip), held[start : start + 1], scale)
         whole = _blended(held, follower, start, blend_frames)
     return whole if end is None else _held(whole, round(end * whole.fps) + 1)
 
 
-def _poses_only(motion: Motion) -> Motion:
+def poses_only(motion: Motion) -> Motion:
     """Without what a change of place and body makes invalid."""
     return replace(motion, torques=None, wrenches=None, activations=None, contacts=None)
 
@@ -52,13 +52,18 @@ def _held(motion: Motion, frames: int) -> Motion:
     )
 
 
-def _placed(motion: Motion, at: Motion, scale: float) -> Motion:
-    """A motion scaled, turned about z and moved so that its first frame is over and faces like that of `at`."""
+def placed(motion: Motion, at: Motion, scale: float) -> Motion:
+    """A motion scaled, turned about z and moved so that its first frame is over and faces like that of `at`.
+
+    Args:
+        at: one frame; its body becomes the motion's.
+        scale: of the path, that other human's feet meet the floor on that body's legs.
+    """
     turn = Rotation.from_euler("z", heading(at.root_quaternion)[0] - heading(motion.root_quaternion)[0])
     path = scale * motion.root_position
     path = turn.apply(path - path[0] * [1.0, 1.0, 0.0]) + at.root_position[0] * [1.0, 1.0, 0.0]
     turned = (turn * Rotation.from_quat(motion.root_quaternion, scalar_first=True)).as_quat(scalar_first=True)
-    return replace(motion, root_position=path, root_quaternion=_continuous(turned))
+    return replace(motion, root_position=path, root_quaternion=_continuous(turned), body=at.body)
 
 
 def _blended(before: Motion, after: Motion, start: int, frames: int) -> Motion:

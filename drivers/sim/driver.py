@@ -119,7 +119,7 @@ class SimDriver(Driver):
         self._open = True
 
     def detached(self, *, realtime: bool) -> SimProcess:
-        """This robot in a process of its own."""
+        """See `Driver.detached`."""
         return SimProcess(self, realtime=realtime)
 
     def close(self) -> None:

@@ -65,14 +65,14 @@ def dry_run(
     from configs.stream import load_stream
     from streamer.commands.choice import choose_motion
     from streamer.commands.driver_options import simulation_options
-    from streamer.commands.streaming import Request, present, stream
+    from streamer.commands.streaming import RunRequest, present, stream
 
     stream_settings = load_stream(settings)
     motion = choose_motion(
         clip=clip, script=script, prompt=prompt, mapping=mapping, blend_frames=stream_settings.blend_frames
     )
     outcome = stream(
-        Request(
+        RunRequest(
             robot=robot,
             driver="sim",
             motion=motion,

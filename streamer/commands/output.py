@@ -34,17 +34,24 @@ def print_note(text: str) -> None:
 
 @contextmanager
 def progress_bar(title: str) -> Iterator[Callable[[float], None]]:
-    """A bar on stderr that disappears when done; yields a function that takes the share done, in [0, 1]."""
+    """A bar on stderr that disappears when done; yields a function that takes the share done, in [0, 1].
+
+    It appears with the first call: its thread must not run yet when processes are forked.
+    """
     columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:>3.0f} %"))
     console = Console(stderr=True)
-    with Progress(*columns, TimeElapsedColumn(), console=console, transient=True) as progress:
-        task = progress.add_task(title, total=1.0)
-        shown = -1
+    progress = Progress(*columns, TimeElapsedColumn(), console=console, transient=True)
+    task = progress.add_task(title, total=1.0)
+    shown = -1
 
-        def update(done: float) -> None:
-            nonlocal shown
-            if (step := int(done * _STEPS)) != shown:
-                shown = step
-                progress.update(task, completed=done)
+    def update(done: float) -> None:
+        nonlocal shown
+        if (step := int(done * _STEPS)) != shown:
+            shown = step
+            progress.start()
+            progress.update(task, completed=done)
 
+    try:
         yield update
+    finally:
+        progress.stop()

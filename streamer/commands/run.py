@@ -54,7 +54,7 @@ def run(
     from configs.stream import load_stream
     from streamer.commands.choice import choose_motion
     from streamer.commands.driver_options import parse_options
-    from streamer.commands.streaming import Request, present, stream
+    from streamer.commands.streaming import RunRequest, present, stream
 
     stream_settings = load_stream(settings)
     motion = choose_motion(
@@ -64,7 +64,7 @@ def run(
     if port is not None:
         options["port"] = port
     outcome = stream(
-        Request(
+        RunRequest(
             robot=robot,
             driver=driver,
             motion=motion,

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import signal
 import time
-from collections.abc import Callable, Iterator
+from collections import deque
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,13 +15,13 @@ from typing import Any
 
 import typer
 
-from configs.errors import DriverError
 from configs.robot import Robot, load_robot
 from configs.stream import StreamSettings
 from drivers.registry import create
 from flexmotion.motion import Motion
 from streamer.commands.options import Clock
 from streamer.commands.output import print_json, print_note, print_result, progress_bar
+from streamer.controls import Request
 from streamer.metrics import HumanTrack, RobotFigures
 from streamer.page import write_page
 from streamer.plots import write_plots
@@ -33,11 +35,12 @@ CHECK_FAILED, INTERRUPTED = 1, 130
 
 
 @dataclass(frozen=True)
-class Request:
+class RunRequest:
     """A run as asked for.
 
     Attributes:
         motion: what to follow, at most `seconds` [s] of it.
+        stay, realtime: as of `streamer.session.Session`.
         driver_options: fields of the driver's `Options`, without the seed.
     """
 
@@ -49,6 +52,8 @@ class Request:
     seed: int = 0
     clock: Clock = "lockstep"
     feedback: bool = True
+    stay: bool = False
+    realtime: bool = True
     driver_options: dict[str, Any] = field(default_factory=dict)
 
 
@@ -64,7 +69,7 @@ class Outcome:
     interrupted: bool
 
 
-def stream(request: Request) -> Outcome:
+def stream(request: RunRequest) -> Outcome:
     """Run to the end, or until Ctrl-C asks for a stop and a second one cuts it short.
 
     Raises:
@@ -80,7 +85,12 @@ def stream(request: Request) -> Outcome:
     seeded = {"seed": request.seed} if request.driver == "sim" else {}
     driver = create(request.driver, robot, **options, **seeded)
     title = f"{robot.name} follows {request.motion.source}"
-    with _stop_on_interrupt() as stop_requested, progress_bar(title) as progress:
+    with operator_signals() as asked, progress_bar(title) as progress:
+
+        def show(source_s: float) -> None:
+            if math.isfinite(source_s):
+                progress(min(max(source_s / seconds, 0.0), 1.0))
+
         session = Session(
             robot,
             driver,
@@ -88,21 +98,18 @@ def stream(request: Request) -> Outcome:
             request.settings,
             seconds,
             feedback=request.feedback,
-            progress=progress,
-            stop_requested=stop_requested,
+            stay=request.stay,
+            realtime=request.realtime,
+            progress=show,
+            request=asked.next,
         )
         begin = time.perf_counter()
-        try:
-            record = session.run(request.clock)
-        except OSError as error:
-            # A port that went away: pyserial's errors are OSErrors. Files are read before and written after.
-            raise DriverError(f"driver {request.driver!r}: {error}") from error
+        record = session.run(request.clock)
         elapsed = time.perf_counter() - begin
-        interrupted = stop_requested()
-    record.human_steps = count_human_steps(played.motion, session.planner.retargeter)
+    record.human_steps = count_human_steps(played.motion, session.planning.planner.retargeter)
     for event in record.events:
-        if event.kind == "warning":
-            print_note(f"warning: {event.message}")
+        if event.kind in ("warning", "note"):
+            print_note(f"{event.kind}: {event.message}")
     figures = RobotFigures.of(robot, request.motion.body.leg)
     info = RunInfo(
         robot=robot.name,
@@ -112,11 +119,12 @@ def stream(request: Request) -> Outcome:
         clock=request.clock,
         options=options | ({} if request.feedback else {"feedback": False}),
         elapsed_s=elapsed,
+        realtime=session.scheduling,
         missed_allowed=request.settings.budgets.missed_deadlines,
         underruns_allowed=request.settings.budgets.underruns,
     )
     report = build_report(record, info, figures, human=HumanTrack.of(played.motion))
-    return Outcome(robot, played.motion, figures, record, report, interrupted)
+    return Outcome(robot, played.motion, figures, record, report, asked.interrupted)
 
 
 def present(outcome: Outcome, folder: Path | None, as_json: bool) -> None:
@@ -137,20 +145,46 @@ def present(outcome: Outcome, folder: Path | None, as_json: bool) -> None:
         raise typer.Exit(CHECK_FAILED)
 
 
+class OperatorSignals:
+    """What signals ask for.
+
+    The first SIGINT or SIGTERM asks for a stop, parking and the end, the second one for the end at once; SIGUSR1 for a
+    stop, SIGUSR2 for an emergency stop.
+
+    Attributes:
+        interrupted: whether the end was asked for.
+    """
+
+    def __init__(self) -> None:
+        self.interrupted = False
+        self._asked: deque[Request] = deque()
+
+    def next(self) -> Request | None:
+        """The oldest request not taken yet."""
+        return self._asked.popleft() if self._asked else None
+
+    def hear(self, number: int, _frame: FrameType | None) -> None:
+        """Signal handler."""
+        if number == signal.SIGUSR1:
+            self._asked.append(Request.STOP)
+        elif number == signal.SIGUSR2:
+            self._asked.append(Request.ESTOP)
+        elif self.interrupted:
+            self._asked.append(Request.QUIT)
+        else:
+            self.interrupted = True
+            self._asked.append(Request.END)
+            print_note("stopping: the robot comes to a stand and parks; once more to cut this short")
+
+
 @contextmanager
-def _stop_on_interrupt() -> Iterator[Callable[[], bool]]:
-    """Within, the first SIGINT or SIGTERM is only remembered (what is yielded tells), the second one interrupts."""
-    received: list[int] = []
-
-    def remember(number: int, _frame: FrameType | None) -> None:
-        if received:
-            raise KeyboardInterrupt
-        received.append(number)
-        print_note("stopping: the robot comes to a stand and parks; once more to cut this short")
-
-    before = {number: signal.signal(number, remember) for number in (signal.SIGINT, signal.SIGTERM)}
+def operator_signals() -> Iterator[OperatorSignals]:
+    """Within, signals are requests."""
+    signals = OperatorSignals()
+    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGUSR1, signal.SIGUSR2)
+    before = {number: signal.signal(number, signals.hear) for number in numbers}
     try:
-        yield lambda: bool(received)
+        yield signals
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)

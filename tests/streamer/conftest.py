@@ -10,11 +10,13 @@ import pytest
 
 from configs.stream import load_stream
 from streamer.commands.choice import choose_motion
-from streamer.commands.streaming import Outcome, Request, stream
+from streamer.commands.streaming import Outcome, RunRequest, stream
 from streamer.ladder import State
 from streamer.metrics import HumanTrack, RobotFigures
 from streamer.plots import write_plots
-from streamer.record import Event, PlanEvent, RunRecord
+from streamer.record import RunRecord
+from streamer.telemetry import Event
+from streamer.tick_row import REPAIRS, blank, tick_dtype
 
 JOINTS = ("l_hip_pitch", "l_knee", "r_hip_pitch", "r_knee", "l_el", "head_pan")
 LEGS = np.array([0, 1, 2, 3])
@@ -31,7 +33,8 @@ TURN = 0.3
 def make_record(seconds: float = 8.0, rate_hz: float = 125.0) -> RunRecord:
     """Stand .5 s, walk straight while turning a little, hold the last .5 s; measurement lags by `LAG_TICKS`."""
     ticks, n = int(seconds * rate_hz), len(JOINTS)
-    record = RunRecord(rate_hz=rate_hz, joint_names=JOINTS, ticks=ticks + 10, used=ticks)
+    record = RunRecord(rate_hz=rate_hz, joint_names=JOINTS)
+    record.append(blank(tick_dtype(n), ticks))
     t = np.arange(ticks) / rate_hz
     rows, quiet = slice(ticks), int(0.5 * rate_hz)
     playing = np.zeros(ticks, bool)
@@ -86,11 +89,14 @@ def make_record(seconds: float = 8.0, rate_hz: float = 125.0) -> RunRecord:
     record.zmp_ref[rows] = np.stack([x, 0.045 * np.sign(np.sin(2 * np.pi * t / 0.8))], axis=1)
     record.true_com[rows, :2], record.true_com[rows, 2] = com, 0.25
     record.work_s[rows] = 3e-4
-    asked = range(0, ticks, 31)
-    record.plans = [PlanEvent(asked_tick=k, join_tick=k + 2, sample_s=0.0, retarget_s=0.004) for k in asked]
+    record.rows["plan"] = 1 + np.arange(ticks) // 31
+    record.rows["asked_tick"] = 31 * (np.arange(ticks) // 31)
+    record.rows["plan_start"] = record.rows["asked_tick"] + 2
+    record.rows["sample_s"], record.rows["retarget_s"] = 0.0, 0.004
     record.events = [Event(0, "state", "READY -> STREAMING"), Event(ticks - quiet, "state", "STREAMING -> HOLD")]
-    record.human_steps, record.steps_planned, record.steps_dropped = 17, 16, 1
-    record.repairs["speed"] = 3
+    record.human_steps = 17
+    record.rows["steps_planned"] = 16
+    record.rows["repairs"][:, REPAIRS.index("speed")] = 3
     return record
 
 
@@ -130,7 +136,7 @@ def human() -> HumanTrack:
 def outcome() -> Outcome:
     """A real run of the shipped motion's first moments on the simulated OP3; treat as read-only."""
     motion = choose_motion()
-    return stream(Request(robot="op3", driver="sim", motion=motion, settings=load_stream(), seconds=1.5))
+    return stream(RunRequest(robot="op3", driver="sim", motion=motion, settings=load_stream(), seconds=1.5))
 
 
 @pytest.fixture(scope="session")

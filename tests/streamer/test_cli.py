@@ -18,7 +18,8 @@ from drivers import registry
 from drivers.sim.driver import SimDriver
 from streamer.cli import execute
 from streamer.commands.driver_options import simulation_options
-from streamer.commands.streaming import _stop_on_interrupt
+from streamer.commands.streaming import operator_signals
+from streamer.controls import Request
 from streamer.report import TIMING_KEYS
 
 COMMANDS = ["dry-run", "run", "retarget", "check torque", "robots", "drivers"]
@@ -213,14 +214,14 @@ def test_interrupt_parks_the_robot_and_is_exit_code_130(capsys: pytest.CaptureFi
     assert "ended OFF" in out or "interrupted" in err  # the latter where the signal came before the run
 
 
-def test_second_interrupt_ends_at_once() -> None:
+def test_signals_are_requests_and_the_second_interrupt_ends_at_once() -> None:
     before = signal.getsignal(signal.SIGINT)
-    with _stop_on_interrupt() as stop_requested:
-        assert not stop_requested()
-        os.kill(os.getpid(), signal.SIGINT)
-        assert stop_requested()
-        with pytest.raises(KeyboardInterrupt):
-            os.kill(os.getpid(), signal.SIGTERM)
+    with operator_signals() as asked:
+        assert asked.next() is None and not asked.interrupted
+        for number in (signal.SIGUSR1, signal.SIGUSR2, signal.SIGINT, signal.SIGTERM):
+            os.kill(os.getpid(), number)
+        assert asked.interrupted
+        assert [asked.next() for _ in range(5)] == [Request.STOP, Request.ESTOP, Request.END, Request.QUIT, None]
     assert signal.getsignal(signal.SIGINT) is before
 
 

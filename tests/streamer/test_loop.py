@@ -16,7 +16,8 @@ from retarget.plan import Plan
 from retarget.retargeter import Retargeter
 from streamer.ladder import State
 from streamer.loop import ControlLoop
-from streamer.record import RunRecord
+from streamer.plan_buffer import PlanBuffer, Ticket
+from streamer.telemetry import Telemetry, events
 
 READY = 70
 """Ticks after which the robot stands at its stand pose."""
@@ -35,7 +36,8 @@ def retargeter(op3: Robot) -> Retargeter:
 @pytest.fixture
 def loop(op3: Robot, retargeter: Retargeter) -> Iterator[ControlLoop]:
     with SimDriver(op3, options=SimOptions()) as driver:
-        yield ControlLoop(op3, driver, retargeter, RunRecord(op3.rate_hz, op3.joint_names, 1000))
+        plans = PlanBuffer(op3.n, retargeter.layout.size, retargeter.horizon, op3.rate_hz)
+        yield ControlLoop(op3, driver, retargeter, plans, Telemetry(op3.n, op3.rate_hz))
 
 
 @pytest.fixture
@@ -56,11 +58,30 @@ def plan_at(retargeter: Retargeter, tick: int) -> Plan:
     return retargeter.plan(retargeter.standing(), default_clip()[:32], 0, tick)
 
 
+def offer(loop: ControlLoop, plan: Plan, *, resumed: int = 0, stops: bool = False) -> Plan:
+    """Publish a plan to the loop."""
+    ticket = Ticket(
+        id=loop.plans.newest_id + 1,
+        resumed=resumed,
+        asked_tick=loop.tick_count,
+        target=0,
+        target_ns=0,
+        effect_row=-1,
+        stops=stops,
+        source_over=False,
+        sample_s=0.001,
+        retarget_s=0.02,
+    )
+    loop.plans.publish(ticket, plan)
+    return plan
+
+
 def test_off_it_reads_and_sends_nothing(loop: ControlLoop, run: Callable[..., None]) -> None:
     run(20)
     assert loop.ladder.state is State.OFF and loop.tick_count == 20
-    assert np.isnan(loop.record.q_cmd[:20]).all() and np.isfinite(loop.record.q[:20]).all()
-    assert loop.record.events == []
+    told = loop.telemetry.ticks.reader().read()
+    assert len(told) == 20 and np.isnan(told["q_cmd"]).all() and np.isfinite(told["q"]).all()
+    assert events(loop.telemetry.events.reader()) == []
 
 
 def test_without_a_plan_it_stands_and_waits(loop: ControlLoop, run: Callable[..., None], op3: Robot) -> None:
@@ -77,11 +98,11 @@ def test_a_plan_that_waits_takes_over_at_its_tick(
 ) -> None:
     run(1, start=True)
     run(READY)
-    loop.pending = plan_at(retargeter, loop.tick_count + 5)
+    offer(loop, plan_at(retargeter, loop.tick_count + 5))
     run(5)
     assert loop.plan is None and loop.ladder.state is State.READY
     run(1)
-    assert loop.plan is not None and loop.pending is None
+    assert loop.plan is not None and loop.waiting is None
     assert loop.ladder.state is State.STREAMING
     np.testing.assert_array_equal(loop.now.q, loop.plan.q[0])
 
@@ -91,7 +112,7 @@ def test_a_plan_with_no_successor_ends_in_hold_on_its_last_row(
 ) -> None:
     run(1, start=True)
     run(READY)
-    plan = loop.pending = plan_at(retargeter, loop.tick_count)
+    plan = offer(loop, plan_at(retargeter, loop.tick_count))
     run(len(plan) + 100)
     assert loop.ladder.state is State.HOLD
     np.testing.assert_array_equal(loop.now.q, plan.q[-1])
@@ -103,9 +124,9 @@ def test_a_fresh_plan_leads_from_hold_back_to_streaming(
 ) -> None:
     run(1, start=True)
     run(READY)
-    plan = loop.pending = plan_at(retargeter, loop.tick_count)
+    plan = offer(loop, plan_at(retargeter, loop.tick_count))
     run(len(plan) + 10)
-    loop.pending = retargeter.plan(plan.states[-1], None, 0, loop.tick_count)
+    offer(loop, retargeter.plan(plan.states[-1], None, 0, loop.tick_count), resumed=1)
     run(2)
     assert loop.ladder.state is State.STREAMING
 
@@ -117,7 +138,7 @@ def test_estop_freezes_the_last_goals(
     run(1, start=True)
     run(READY)
     if plan:
-        loop.pending = plan_at(retargeter, loop.tick_count)
+        offer(loop, plan_at(retargeter, loop.tick_count))
         run(60)
     goals = loop.command.position.copy()
     run(40, estop=True)
@@ -143,9 +164,45 @@ def test_after_a_fault_it_starts_again_once_cleared(loop: ControlLoop, run: Call
     assert loop.ladder.state is State.READY
 
 
-def test_a_full_record_does_not_stop_the_loop(op3: Robot, retargeter: Retargeter) -> None:
-    with SimDriver(op3, options=SimOptions()) as driver:
-        loop = ControlLoop(op3, driver, retargeter, RunRecord(op3.rate_hz, op3.joint_names, 3))
-        for _ in range(6):
-            loop.tick()
-        assert loop.tick_count == 6 and loop.record.used == 3
+@pytest.mark.parametrize(
+    ("late", "resumed", "reason"), [(1, 0, "late"), (-5, 7, "of a plan that never played"), (-5, 1, "of none")]
+)
+def test_a_plan_that_does_not_fit_is_never_played(
+    loop: ControlLoop, run: Callable[..., None], retargeter: Retargeter, late: int, resumed: int, reason: str
+) -> None:
+    run(1, start=True)
+    run(READY)
+    offer(loop, plan_at(retargeter, loop.tick_count - late), resumed=resumed)
+    run(20)
+    assert loop.plan is None and loop.ladder.state is State.READY, reason
+    assert loop.telemetry.row["late_plans"] == (late > 0)
+
+
+def test_once_it_must_stop_only_a_plan_that_stops_is_taken(
+    loop: ControlLoop, run: Callable[..., None], retargeter: Retargeter
+) -> None:
+    run(1, start=True)
+    run(READY)
+    first = offer(loop, plan_at(retargeter, loop.tick_count))
+    run(20, stop=False)
+    run(1, stop=True)
+    state = first.states[loop.tick_count + 5 - first.start_tick]
+    offer(loop, retargeter.plan(state, default_clip()[:32], 0, loop.tick_count + 5), resumed=1)
+    run(10)
+    assert loop.playing is not None and loop.playing.ticket.id == 1
+    state = first.states[loop.tick_count + 5 - first.start_tick]
+    offer(loop, retargeter.plan(state, None, 0, loop.tick_count + 5), resumed=1, stops=True)
+    run(10)
+    assert loop.playing.ticket.id == 3
+
+
+def test_a_plan_that_runs_out_is_told_of(
+    loop: ControlLoop, run: Callable[..., None], retargeter: Retargeter
+) -> None:
+    run(1, start=True)
+    run(READY)
+    plan = offer(loop, plan_at(retargeter, loop.tick_count))
+    run(len(plan))
+    assert loop.telemetry.row["underruns"] == 1
+    told = events(loop.telemetry.events.reader())
+    assert [e.message for e in told if e.kind == "warning"] == ["no plan followed plan 1: its own stop is played"]

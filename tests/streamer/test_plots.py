@@ -17,6 +17,7 @@ from streamer.plots.panels import joint_columns
 from streamer.plots.solid import Camera, shapes
 from streamer.plots.style import save, styled
 from streamer.record import RunRecord
+from streamer.tick_row import blank
 
 PNG = b"\x89PNG\r\n\x1a\n"
 
@@ -34,7 +35,8 @@ def test_equal_runs_look_equal(outcome: Outcome, pictures: list[Path], tmp_path:
 
 @pytest.mark.parametrize("ticks", [0, 50])
 def test_a_run_without_truth_or_without_a_tick_can_be_drawn(ticks: int, outcome: Outcome, tmp_path: Path) -> None:
-    blind = RunRecord(outcome.record.rate_hz, outcome.record.joint_names, ticks=ticks, used=ticks)
+    blind = RunRecord(outcome.record.rate_hz, outcome.record.joint_names)
+    blind.append(blank(blind.rows.dtype, ticks))
     blind.q[:], blind.q_ref[:] = outcome.robot.stand_pose, outcome.robot.stand_pose
     for file in write_plots(tmp_path, blind, outcome.robot, outcome.figures, outcome.motion):
         assert file.read_bytes().startswith(PNG)

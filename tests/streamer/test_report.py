@@ -11,8 +11,9 @@ import pytest
 
 from streamer.ladder import State
 from streamer.metrics import HumanTrack, RobotFigures
-from streamer.record import Event, RunRecord
+from streamer.record import RunRecord
 from streamer.report import TIMING_KEYS, Latency, Report, RunInfo, build_report
+from streamer.telemetry import Event
 
 INFO = RunInfo(robot="op3", driver="sim", source="walk.bvh", seed=3, elapsed_s=1.6)
 
@@ -86,11 +87,11 @@ def fault(record: RunRecord) -> None:
 
 
 def violation(record: RunRecord) -> None:
-    record.violations_sent = 1
+    record.rows["violations"] = 1
 
 
 def missed(record: RunRecord) -> None:
-    record.missed_deadlines = 1
+    record.rows["missed_deadlines"] = 1
 
 
 @pytest.mark.parametrize("harm", [fell, fell_without_truth, fault, violation, missed])
@@ -111,7 +112,7 @@ def test_parking_low_is_ok(record: RunRecord, figures: RobotFigures) -> None:
 
 
 def test_deadline_budget(record: RunRecord, figures: RobotFigures) -> None:
-    record.missed_deadlines = 9
+    record.rows["missed_deadlines"] = 9
     within = RunInfo(robot="op3", driver="sim", source="x", missed_allowed=9)
     assert build_report(record, within, figures).ok
 
@@ -130,6 +131,6 @@ def test_write(tmp_path: Path, record: RunRecord, figures: RobotFigures) -> None
 
 
 def test_empty_run_has_a_report(figures: RobotFigures, record: RunRecord) -> None:
-    empty = RunRecord(rate_hz=125.0, joint_names=record.joint_names, ticks=0)
+    empty = RunRecord(rate_hz=125.0, joint_names=record.joint_names)
     report = build(empty, figures)
     assert report.duration_s == 0 and report.safety.final_state == "OFF"

@@ -15,7 +15,9 @@ from drivers.sim.driver import SimDriver
 from drivers.sim.options import SimOptions
 from flexmotion.default_clip import default_clip
 from flexmotion.motion import Motion
-from streamer.ladder import Inputs, State
+from streamer.controls import Request
+from streamer.ladder import State
+from streamer.loop import ControlLoop
 from streamer.metrics import tilt
 from streamer.record import RunRecord
 from streamer.session import Session, count_human_steps
@@ -55,6 +57,11 @@ class Run:
     record: RunRecord
 
     @property
+    def loop(self) -> ControlLoop:
+        assert self.session.loop is not None
+        return self.session.loop
+
+    @property
     def states(self) -> list[State]:
         """Each state in turn."""
         states = [State(s) for s in self.record.state[: self.record.used]]
@@ -87,8 +94,8 @@ def run(op3: Robot, steps: Motion) -> Callable[..., Run]:
     def make(
         motion: Motion | None = None,
         *,
-        request: Callable[[Inputs, int], None] | None = None,
-        stop_at: float | None = None,
+        request: Request | None = None,
+        at: float = MID_WALK,
         spoil: Spoil | None = None,
         seconds: float = 60.0,
         **options: object,
@@ -96,13 +103,11 @@ def run(op3: Robot, steps: Motion) -> Callable[..., Run]:
         driver = Faulty(op3, spoil, **options)
         source = ClipSource(steps if motion is None else motion)
 
-        def operate() -> bool:
-            tick = session.loop.tick_count
-            if request is not None:
-                request(session.loop.inputs, tick)
-            return stop_at is not None and tick >= stop_at * RATE
+        def operate() -> Request | None:
+            assert session.loop is not None
+            return request if session.loop.tick_count == int(at * RATE) else None
 
-        session = Session(op3, driver, source, load_stream(), seconds, stop_requested=operate)
+        session = Session(op3, driver, source, load_stream(), seconds, request=operate)
         return Run(session, driver, session.run())
 
     return make
@@ -131,7 +136,7 @@ def test_the_default_clip_ends_off_parked_and_upright(whole: Run, op3: Robot) ->
 
 
 def test_it_makes_the_steps_of_the_clip(whole: Run) -> None:
-    human = count_human_steps(default_clip(), whole.session.planner.retargeter)
+    human = count_human_steps(default_clip(), whole.session.planning.planner.retargeter)
     assert whole.record.steps_planned >= human > 3
     assert whole.record.true_base[whole.record.used - 1, 0] > 0.15
 
@@ -155,10 +160,10 @@ def test_plans_join_on_time_a_quarter_second_apart(whole: Run) -> None:
 
 def test_the_same_seed_twice_gives_the_same_run_bit_for_bit(run: Callable[..., Run]) -> None:
     one, other = (run(seed=3, noise_scale=2.0, seconds=2.0).record for _ in range(2))
-    timing = {"work_s", "lateness_s"}
-    for name, value in one.trimmed().items():
+    timing = {"work_s", "lateness_s", "sample_s", "retarget_s", "stamp_ns"}
+    for name in one.rows.dtype.names:
         if name not in timing:
-            np.testing.assert_array_equal(value, other.trimmed()[name], err_msg=name)
+            np.testing.assert_array_equal(one.rows[name], other.rows[name], err_msg=name)
     assert one.events == other.events and one.repairs == other.repairs
 
 
@@ -173,7 +178,7 @@ def test_seconds_cut_a_clip_short_with_a_balanced_stop(run: Callable[..., Run]) 
 
 @pytest.mark.parametrize("at", [0.2, 1.8, MID_WALK])
 def test_a_stop_at_any_time_ends_parked_and_upright(run: Callable[..., Run], at: float) -> None:
-    stopped = run(stop_at=at)
+    stopped = run(request=Request.END, at=at)
     assert stopped.states[-2:] == [State.PARK, State.OFF]
     assert stopped.told("fault") == []
     assert stopped.tilt < 0.6 and stopped.record.violations_sent == 0
@@ -181,10 +186,7 @@ def test_a_stop_at_any_time_ends_parked_and_upright(run: Callable[..., Run], at:
 
 
 def test_estop_in_mid_walk_freezes_at_once_then_parks_in_fault(run: Callable[..., Run]) -> None:
-    def press(inputs: Inputs, tick: int) -> None:
-        inputs.estop = tick == MID_WALK * RATE
-
-    frozen = run(request=press)
+    frozen = run(request=Request.ESTOP)
     tick = int(MID_WALK * RATE)
     assert frozen.states[-3:] == [State.HOLD, State.PARK, State.FAULT]
     record = frozen.record
@@ -196,10 +198,7 @@ def test_estop_in_mid_walk_freezes_at_once_then_parks_in_fault(run: Callable[...
 
 
 def test_kill_in_mid_walk_cuts_torque_within_the_tick(run: Callable[..., Run]) -> None:
-    def press(inputs: Inputs, tick: int) -> None:
-        inputs.kill = tick == MID_WALK * RATE
-
-    killed = run(request=press)
+    killed = run(request=Request.KILL)
     tick = int(MID_WALK * RATE)
     assert killed.states[-2:] == [State.STREAMING, State.FAULT]
     assert killed.driver.sent[-1][0] == tick  # reads are one ahead of ticks: nothing was sent in this one
@@ -265,7 +264,7 @@ def test_a_fault_in_mid_walk_stops_parks_and_latches(
 ) -> None:
     broken = run(spoil=from_tick(int(MID_WALK * RATE), change))
     assert broken.states[-4:] == [State.STREAMING, State.HOLD, State.PARK, State.FAULT]
-    assert broken.session.loop.ladder.fault == message
+    assert broken.loop.ladder.fault == message
     assert broken.tilt < 0.8
     assert all(np.isfinite(goal).all() for _, goal in broken.driver.sent)
     assert broken.record.violations_sent == 0
@@ -274,7 +273,7 @@ def test_a_fault_in_mid_walk_stops_parks_and_latches(
 def test_a_joint_that_returns_no_number_is_a_joint_that_does_not_answer(run: Callable[..., Run]) -> None:
     blind = run(spoil=from_tick(int(MID_WALK * RATE), not_a_number))
     assert blind.states[-1] is State.FAULT
-    assert blind.session.loop.ladder.fault == "servo of l_knee (id 14) does not answer"
+    assert blind.loop.ladder.fault == "servo of l_knee (id 14) does not answer"
     assert all(np.isfinite(goal).all() for _, goal in blind.driver.sent)
     # Taken to follow its reference it still carries the robot home; held at its last position it felled it.
     assert blind.states[-3:] == [State.HOLD, State.PARK, State.FAULT] and blind.tilt < 0.8

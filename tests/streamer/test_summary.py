@@ -8,9 +8,10 @@ import pytest
 from rich.console import Console
 
 from streamer.metrics import HumanTrack, RobotFigures
-from streamer.record import Event, RunRecord
+from streamer.record import RunRecord
 from streamer.report import RunInfo, build_report
 from streamer.summary import failures, render, verdict
+from streamer.telemetry import Event
 
 INFO = RunInfo(robot="op3", driver="sim", source="walk.bvh", elapsed_s=1.0)
 
@@ -31,7 +32,7 @@ def test_verdict_comes_first(record: RunRecord, figures: RobotFigures, human: Hu
 
 def test_every_reason_for_failing_is_named(record: RunRecord, figures: RobotFigures) -> None:
     record.true_base[500:, 2] = 0.0
-    record.violations_sent, record.missed_deadlines = 2, 3
+    record.rows["violations"], record.rows["missed_deadlines"] = 2, 3
     record.events.append(Event(1, "fault", "l_knee: lost"))
     report = build_report(record, INFO, figures)
     assert failures(report) == [

@@ -1,0 +1,57 @@
+"""What the system grants a process in time: realtime scheduling, a processor of its own, memory that stays."""
+
+from __future__ import annotations
+
+import ctypes
+import gc
+import os
+from typing import Literal
+
+Scheduling = Literal["fifo", "other"]
+
+LOOP_PRIORITY, ROBOT_PRIORITY, PLANNER_PRIORITY = 60, 40, 20
+"""Of the control loop, of a simulated robot or an emulated bus, and of the planner (SCHED_FIFO)."""
+
+_MCL_CURRENT, _MCL_FUTURE = 1, 2
+_PR_SET_TIMERSLACK = 29
+
+
+def claim(priority: int, *, allowed: bool = True) -> Scheduling:
+    """Run this process under SCHED_FIFO on the last processor, its timers exact, as far as the system grants it.
+
+    All of the motion's processes share that one processor, ordered by priority; the rest of the machine has the others.
+
+    Returns:
+        "fifo", or "other" where the system refuses or it is not `allowed`.
+    """
+    _libc().prctl(_PR_SET_TIMERSLACK, 1, 0, 0, 0)
+    if not allowed:
+        return "other"
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
+    except (PermissionError, OSError):
+        return "other"
+    available = sorted(os.sched_getaffinity(0))
+    if len(available) > 1:
+        os.sched_setaffinity(0, {available[-1]})
+    return "fifo"
+
+
+def settle(*, collect: bool) -> bool:
+    """Keep this process's memory in place, and its garbage out of the collector's sight.
+
+    Args:
+        collect: whether the collector goes on with what is allocated from now on.
+
+    Returns:
+        Whether the memory is locked.
+    """
+    gc.collect()
+    gc.freeze()
+    if not collect:
+        gc.disable()
+    return _libc().mlockall(_MCL_CURRENT | _MCL_FUTURE) == 0
+
+
+def _libc() -> ctypes.CDLL:
+    return ctypes.CDLL(None, use_errno=True)

@@ -1,0 +1,52 @@
+"""The control loop's process: realtime scheduling, absolute deadlines, nobody to wait for."""
+
+from __future__ import annotations
+
+import contextlib
+import signal
+from collections.abc import Sequence
+from multiprocessing.connection import Connection
+
+from drivers.realtime import priority
+from drivers.realtime.ticker import Ticker
+from streamer.controls import Controls, Request
+from streamer.loop import ControlLoop
+from streamer.operator import Operator
+
+
+def serve(
+    loop: ControlLoop, operator: Operator, controls: Sequence[Controls], realtime: bool, outcome: Connection
+) -> None:
+    """Open the driver, tick until the run is over, close the driver.
+
+    Sends through `outcome` the scheduling that was granted, then the error that ended the run or None.
+    """
+    # Its supervisor has died: an orderly end.
+    signal.signal(signal.SIGTERM, lambda _number, _frame: operator.hear(Request.END))
+    error: Exception | None = None
+    try:
+        with loop.driver:
+            # Locking memory takes long inside the kernel: not yet at a priority that keeps everybody else waiting.
+            priority.settle(collect=False)
+            outcome.send(priority.claim(priority.LOOP_PRIORITY, allowed=realtime))
+            _tick(loop, operator, controls)
+    except Exception as failure:  # whatever it is, the supervisor must learn of it
+        error = failure
+    with contextlib.suppress(BrokenPipeError):  # it has died
+        outcome.send(error)
+
+
+def _tick(loop: ControlLoop, operator: Operator, controls: Sequence[Controls]) -> None:
+    listeners = [one.listener() for one in controls]
+    row = loop.telemetry.row
+    ticker = Ticker(1.0 / loop.robot.rate_hz)
+    while not operator.finished:
+        ticker.wait()
+        row["missed_deadlines"] += ticker.missed
+        # Clamp, never re-time: the plan has gone on meanwhile, as the robot has.
+        loop.tick_count += ticker.skipped
+        for listener in listeners:
+            for request, reason in listener.heard():
+                operator.hear(request, reason)
+        operator.act()
+        loop.tick(ticker.late_ns)

@@ -1,0 +1,192 @@
+"""`Supervisor`: starts the processes of a live run, passes on what the operator asks, notices who dies, cleans up."""
+
+from __future__ import annotations
+
+import signal
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from multiprocessing.connection import Connection, Pipe
+from multiprocessing.process import BaseProcess
+from typing import Any, Protocol, cast
+
+from configs.errors import DriverError
+from configs.stream import StreamSettings
+from drivers.realtime import child
+from drivers.realtime.priority import Scheduling
+from streamer.controls import Controls, Request
+from streamer.live import loop_process, planner_process
+from streamer.live.planner_process import Heartbeat
+from streamer.loop import ControlLoop
+from streamer.operator import Operator
+from streamer.planning import Planning
+from streamer.record import Collector
+
+_LOOK_S = 0.02
+"""How often it looks after everybody [s]."""
+_SILENT_S = 0.6
+"""A planner that has not moved for this long is told of [s]."""
+_LAST_WORDS_S = 2.0
+"""What a service has to finish in, a log to be closed say [s]."""
+
+
+class Service(Protocol):
+    """Something that follows a run and may die without harm to it: a recorder, a viewer.
+
+    Attributes:
+        name: what it is called in messages.
+    """
+
+    name: str
+
+    def follow(self) -> Callable[[bool], None]:
+        """What is to be called over and over: it takes whether this is the last time. Runs in the service's process."""
+        ...
+
+
+@dataclass
+class _Running:
+    service: Service
+    process: BaseProcess
+    missed: bool = False
+
+
+class Supervisor:
+    """Runs loop, planner and services as processes, and watches them.
+
+    Args: as of `streamer.session.Session`.
+    """
+
+    def __init__(
+        self,
+        loop: ControlLoop,
+        planning: Planning,
+        settings: StreamSettings,
+        *,
+        seconds: float | None,
+        stay: bool,
+        realtime: bool,
+        services: tuple[Service, ...] = (),
+    ) -> None:
+        self.loop, self.planning, self.realtime = loop, planning, realtime
+        self.operator = Operator(loop, settings, seconds=seconds, stay=stay)
+        self.services = services
+        self.controls, self.planner_controls = Controls(), Controls()
+        self.heartbeat = Heartbeat()
+        self._silent = False
+
+    def run(
+        self,
+        collector: Collector,
+        request: Callable[[], Request | None] | None,
+        progress: Callable[[float], None] | None,
+    ) -> Scheduling:
+        """Run to the end.
+
+        Returns:
+            The scheduling that the loop was granted.
+
+        Raises:
+            DriverError: the driver failed, or the loop's process died.
+        """
+        ears, mouth = Pipe(duplex=False)
+        rate = self.loop.robot.rate_hz
+        planner = child.start(
+            "planner",
+            planner_process.serve,
+            self.planning,
+            self.loop.telemetry.ticks,
+            rate,
+            self.planner_controls,
+            self.heartbeat,
+            self.realtime,
+        )
+        running = [
+            _Running(service, child.start(service.name, _follow, service, orphaned=signal.SIGTERM))
+            for service in self.services
+        ]
+        loop = child.start(
+            "loop",
+            loop_process.serve,
+            self.loop,
+            self.operator,
+            [self.controls, self.planner_controls],
+            self.realtime,
+            mouth,
+            orphaned=signal.SIGTERM,
+        )
+        mouth.close()
+        try:
+            while loop.is_alive():
+                loop.join(_LOOK_S)
+                asked = None if request is None else request()
+                if asked is not None:
+                    self.controls.ask(asked)
+                self._look_after_planner(planner)
+                self._look_after(running)
+                collector.collect()
+                if progress is not None and collector.record.used:
+                    progress(float(collector.record.source_s[-1]))
+            collector.collect()
+            return _outcome(loop, ears)
+        finally:
+            for process in (loop, planner):
+                child.end(process, patience_s=0.0)
+            for one in running:
+                one.process.terminate()
+                child.end(one.process, patience_s=_LAST_WORDS_S)
+
+    def _look_after_planner(self, planner: BaseProcess) -> None:
+        """Tell the loop, once, of a planner that is gone or stands still: what plays ends in its own stop."""
+        silent = not planner.is_alive() or self.heartbeat.age_s > _SILENT_S
+        if silent == self._silent:
+            return
+        self._silent = silent
+        if not silent:
+            self.controls.ask(Request.NOTE, "the planner moves again")
+        elif planner.is_alive():
+            self.controls.ask(Request.LOST, f"the planner has not moved for {_SILENT_S:g} s")
+        elif planner.exitcode:
+            self.controls.ask(Request.LOST, f"the planner's process died ({_cause(planner)})")
+
+    def _look_after(self, running: list[_Running]) -> None:
+        """Tell, once, of a service that is gone; the run goes on without it."""
+        for one in running:
+            if not one.missed and not one.process.is_alive():
+                one.missed = True
+                self.controls.ask(Request.NOTE, f"{one.service.name} ended ({_cause(one.process)}); the run goes on")
+
+
+def _cause(process: BaseProcess) -> str:
+    code = process.exitcode or 0
+    return f"signal {-code}" if code < 0 else f"exit code {code}"
+
+
+def _outcome(loop: BaseProcess, ears: Connection) -> Scheduling:
+    """What the loop's process left: the scheduling it had. Raises what ended it."""
+    said: list[Any] = []
+    while ears.poll():
+        try:
+            said.append(ears.recv())
+        except EOFError:
+            break
+    if loop.exitcode:
+        raise DriverError(f"the control loop's process died ({_cause(loop)}): the servos are left to their watchdog")
+    error = said[-1]
+    if error is None:
+        return cast(Scheduling, said[0])
+    if isinstance(error, OSError):
+        # A port that went away: pyserial's errors are OSErrors.
+        raise DriverError(f"driver: {error}") from error
+    raise error
+
+
+def _follow(service: Service) -> None:
+    """A service's process: follows until it is asked to end, and once more."""
+    ended: list[int] = []
+    signal.signal(signal.SIGTERM, lambda number, _frame: ended.append(number))
+    follow = service.follow()
+    while not ended:
+        follow(False)
+        time.sleep(_LOOK_S)
+    follow(True)
