@@ -23,6 +23,7 @@ from streamer.commands.emulate import emulate
 from streamer.commands.retarget import retarget
 from streamer.commands.robots import robots
 from streamer.commands.run import run
+from streamer.commands.train import train
 
 OK, CHECK_FAILED, BAD_USAGE, INTERRUPTED = 0, 1, 2, 130
 
@@ -41,6 +42,7 @@ app.command("retarget")(retarget)
 app.add_typer(check, name="check")
 app.add_typer(data, name="data")
 app.command("emulate")(emulate)
+app.add_typer(train, name="train")
 app.command("robots")(robots)
 app.command("drivers")(drivers)
 

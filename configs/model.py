@@ -1,0 +1,208 @@
+"""Model settings: windows, networks, losses and training stages; `paper` and `stream` come with the project."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pydantic import Field, model_validator
+
+from configs.errors import ConfigError
+from configs.schema import Strict, load
+
+FOLDER = Path(__file__).parent / "model"
+
+
+class Window(Strict):
+    """What one sample covers. Frames are counted at `fps`.
+
+    Attributes:
+        fps: frames per second.
+        history: frames that are known; 0 for whole clips.
+        future: frames that are generated.
+        patch: frames of one token.
+        muscles: whether muscle activations are part of a frame.
+        padded: whether clips shorter than a window are held at their end (whole clips); else they are left out.
+    """
+
+    fps: float = Field(gt=0)
+    history: int = Field(ge=0)
+    future: int = Field(gt=0)
+    patch: int = Field(gt=0)
+    muscles: bool = True
+    padded: bool = False
+
+    @model_validator(mode="after")
+    def _fits(self) -> Window:
+        for name in ("history", "future"):
+            if getattr(self, name) % self.patch:
+                raise ValueError(f"{name} {getattr(self, name)} must be a multiple of patch {self.patch}")
+        return self
+
+
+class Transformer(Strict):
+    """A stack of Transformer layers; the feed-forward part is `expansion` x `width` wide."""
+
+    width: int = Field(gt=0)
+    heads: int = Field(gt=0)
+    layers: int = Field(gt=0)
+    expansion: int = Field(default=4, gt=0)
+
+    @model_validator(mode="after")
+    def _fits(self) -> Transformer:
+        if self.width % self.heads:
+            raise ValueError(f"width {self.width} must be a multiple of heads {self.heads}")
+        return self
+
+
+class AutoencoderConfig(Strict):
+    """Encoder and decoder around a latent vector of `latent` numbers."""
+
+    latent: int = Field(gt=0)
+    encoder: Transformer
+    decoder: Transformer
+
+
+class LossWeights(Strict):
+    """Weights of the autoencoder's losses; 0 leaves one out.
+
+    Attributes:
+        blocks: of each block of features: mean square of the normalised error, of wrenches mean absolute error.
+        path: of the root's path over the window, from the first frame on.
+        points: of the points of the body as forward kinematics puts them.
+        change: of the change from frame to frame, the join with the history included.
+        divergence: of the latent from a standard normal (Kullback and Leibler).
+        euler_joints, euler_root: residual of the equations of motion, per body weight and leg.
+        muscle_limits: activations outside [0, 1].
+        muscle_torques: torque of the muscles against that of the joints.
+        physics_share: part of every batch on which the physics losses are computed (they cost most).
+    """
+
+    blocks: dict[str, float]
+    path: float = Field(default=0.0, ge=0)
+    points: float = Field(default=0.0, ge=0)
+    change: float = Field(default=0.0, ge=0)
+    divergence: float = Field(default=0.0, ge=0)
+    euler_joints: float = Field(default=0.0, ge=0)
+    euler_root: float = Field(default=0.0, ge=0)
+    muscle_limits: float = Field(default=0.0, ge=0)
+    muscle_torques: float = Field(default=0.0, ge=0)
+    physics_share: float = Field(default=1.0, ge=0, le=1)
+
+
+class DiffusionConfig(Strict):
+    """Latent diffusion.
+
+    Attributes:
+        denoiser: the network.
+        steps: of the noise schedule (cosine).
+        text: width of sentence embeddings.
+        velocity: whether a velocity of the root can be commanded.
+        drop_text, drop_velocity, drop_history: share of samples that do without, for guidance and where there is none.
+        history_noise: spread of the noise on the history, of normalised features.
+        decoded: weight of the error of the decoded motion beside that of the latent.
+        roll_out: share of samples whose history is the model's own sample of the window before, once fully grown.
+        roll_out_from, roll_out_grown: steps of training at which roll-outs begin and are fully grown.
+        guidance: default scale of classifier-free guidance.
+        sampling_steps: default number of DDIM steps.
+    """
+
+    denoiser: Transformer
+    steps: int = Field(default=1000, gt=0)
+    text: int = Field(default=384, gt=0)
+    velocity: bool = True
+    drop_text: float = Field(default=0.1, ge=0, le=1)
+    drop_velocity: float = Field(default=0.5, ge=0, le=1)
+    drop_history: float = Field(default=0.0, ge=0, le=1)
+    history_noise: float = Field(default=0.0, ge=0)
+    decoded: float = Field(default=0.0, ge=0)
+    roll_out: float = Field(default=0.0, ge=0, le=1)
+    roll_out_from: int = Field(default=0, ge=0)
+    roll_out_grown: int = Field(default=1, ge=1)
+    guidance: float = Field(default=2.5, gt=0)
+    sampling_steps: int = Field(default=50, gt=0)
+
+
+class DistillationConfig(Strict):
+    """Consistency distillation to a few steps.
+
+    Attributes:
+        grid: points of the noise schedule that the student is consistent over.
+        skip: points that the teacher's DDIM step spans.
+        guidance_low, guidance_high: the guidance scale is drawn from between these, and given to the student.
+        huber: where the loss turns from square to linear.
+        sampling_steps: default number of steps of the student.
+    """
+
+    grid: int = Field(default=50, gt=1)
+    skip: int = Field(default=1, gt=0)
+    guidance_low: float = Field(default=1.0, gt=0)
+    guidance_high: float = Field(default=4.0, gt=0)
+    huber: float = Field(default=0.5, gt=0)
+    sampling_steps: int = Field(default=2, ge=1)
+
+
+class EvaluatorConfig(Strict):
+    """Encoders of motion and text into one space of `width` numbers, trained contrastively."""
+
+    motion: Transformer
+    width: int = Field(default=128, gt=0)
+    temperature: float = Field(default=0.1, gt=0)
+
+
+class Stage(Strict):
+    """How one network is trained.
+
+    Attributes:
+        steps: of the optimiser.
+        batch: windows a step.
+        learning_rate: after `warm_up` steps; constant until the last `cool_down` share of the steps, then linear to 0.
+        decay: of the weights (AdamW).
+        average: of the running average of the weights, which is what is kept and used.
+        validate_every: steps between validations; the best of them is kept apart.
+    """
+
+    steps: int = Field(gt=0)
+    batch: int = Field(gt=0)
+    learning_rate: float = Field(gt=0)
+    warm_up: int = Field(default=200, ge=0)
+    cool_down: float = Field(default=0.2, ge=0, le=1)
+    decay: float = Field(default=0.01, ge=0)
+    average: float = Field(default=0.999, ge=0, lt=1)
+    validate_every: int = Field(default=500, gt=0)
+
+
+class Stages(Strict):
+    """The networks in the order of their training."""
+
+    autoencoder: Stage
+    diffusion: Stage
+    distill: Stage
+    evaluator: Stage
+
+
+class ModelConfig(Strict):
+    """Everything that a model depends on but its data."""
+
+    name: str
+    window: Window
+    autoencoder: AutoencoderConfig
+    losses: LossWeights
+    diffusion: DiffusionConfig
+    distillation: DistillationConfig
+    evaluator: EvaluatorConfig
+    stages: Stages
+
+
+def shipped_models() -> list[str]:
+    """Names of the configurations that come with the project."""
+    return sorted(path.stem for path in FOLDER.glob("*.yaml"))
+
+
+def load_model_config(name: str | Path) -> ModelConfig:
+    """A shipped configuration by name, or a YAML file. Raises `ConfigError`."""
+    if str(name) in shipped_models():
+        return load(ModelConfig, FOLDER / f"{name}.yaml")
+    path = Path(name)
+    if path.suffix not in (".yaml", ".yml"):
+        raise ConfigError(f"model configuration {str(name)!r}: expected {', '.join(shipped_models())} or a YAML file")
+    return load(ModelConfig, path)

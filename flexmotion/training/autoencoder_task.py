@@ -1,0 +1,76 @@
+"""The autoencoder's stage: reconstruction and physics."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from configs.model import ModelConfig
+from flexmotion.training.autoencoder import Autoencoder
+from flexmotion.training.draws import normal
+from flexmotion.training.feature_store import FeatureStore
+from flexmotion.training.kinematics import points, pose, segments
+from flexmotion.training.losses import Reconstruction, divergence, weighted
+from flexmotion.training.processes import Processes
+from flexmotion.training.windows import Windows, WindowSet
+
+VALIDATION = 256
+"""Windows that validation looks at, always the same."""
+
+
+class AutoencoderTask:
+    """See `stage.Task`.
+
+    Args:
+        config: of the model.
+        store: features of the set.
+        seed: of the weights and of all that is drawn.
+        processes: that train.
+    """
+
+    def __init__(self, config: ModelConfig, store: FeatureStore, seed: int, processes: Processes) -> None:
+        torch.manual_seed(seed)
+        self.config, self.seed, self.processes = config, seed, processes
+        self.network = Autoencoder(config.autoencoder, config.window, store.layout).to(processes.device)
+        self.loss = Reconstruction(store.layout, store.statistics, config.losses)
+        self.training = WindowSet(store, config.window, "train")
+        held_out = WindowSet(store, config.window, "validation")
+        self._held_out = held_out.draw((seed, 1), VALIDATION).to(processes.device)
+        self._humans = self.training.humans.to(processes.device)
+
+    def losses(self, step: int) -> tuple[Tensor, dict[str, Tensor]]:
+        """See `stage.Task`."""
+        batch = self.config.stages.autoencoder.batch
+        windows = self.training.draw((self.seed, 0, step, self.processes.rank), batch).to(self.processes.device)
+        noise = normal((self.seed, 2, step, self.processes.rank), (batch, self.config.autoencoder.latent))
+        noise = noise.to(self.processes.device)
+        return self._losses(windows, noise, self.config.losses.physics_share)
+
+    def _losses(self, windows: Windows, noise: Tensor, physics_share: float) -> tuple[Tensor, dict[str, Tensor]]:
+        with self.processes.mixed_precision():
+            decoded, mean, spread = self.network(windows.history, windows.future, noise)
+        decoded = decoded.float()
+        terms = self.loss.kinematic(decoded, windows) | self.loss.muscular(decoded)
+        terms["divergence"] = divergence(mean.float(), spread.float())
+        part = int(round(physics_share * len(decoded)))
+        if part:
+            some = windows.first_of(part)
+            humans = self._humans[torch.from_numpy(some.clip).to(decoded.device)]
+            terms |= self.loss.physical(decoded[:part], some, humans)
+        return weighted(terms, self.config.losses), terms
+
+    def validate(self) -> dict[str, float]:
+        """Losses, and the mean distance of the body's points from where they were [mm]."""
+        windows = self._held_out
+        noise = torch.zeros(len(windows.future), self.config.autoencoder.latent, device=windows.future.device)
+        total, terms = self._losses(windows, noise, 1.0)
+        figures = {name: float(value) for name, value in terms.items()} | {"loss": float(total)}
+        decoded = self.network.decode(windows.history, self.network.encode(windows.history, windows.future)[0])
+        humans = self._humans[torch.from_numpy(windows.clip).to(decoded.device)]
+        layout = self.loss.layout
+        found, expected = (
+            points(segments(pose(self.loss.restore(frames.float()), layout, humans), humans), humans)
+            for frames in (decoded, windows.future)
+        )
+        figures["points_mm"] = 1e3 * float((found - expected).norm(dim=-1)[windows.mask].mean())
+        return figures

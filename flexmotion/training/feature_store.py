@@ -1,0 +1,172 @@
+"""`FeatureStore`: the features of a whole set, computed once and memory-mapped from then on."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flexmotion.body import Body, Segments
+from flexmotion.dataset.training_set import SetClip, TrainingSet
+from flexmotion.features.encode import encode
+from flexmotion.features.joint_groups import BALL_COLUMNS
+from flexmotion.features.layout import Layout
+from flexmotion.features.statistics import Statistics
+from flexmotion.resample import resample
+from flexmotion.signals import resample_signal, same_rate
+
+INDEX = "index.json"
+
+
+@dataclass(frozen=True)
+class StoredClip:
+    """A clip in the store: rows, and what the set says of it."""
+
+    name: str
+    start: int
+    frames: int
+    split: str
+    variant: str
+    labels: dict[str, str]
+    captions: tuple[str, ...]
+    body: Body
+
+
+class FeatureStore:
+    """Features of every frame of a set, in the order of its clips.
+
+    Args:
+        folder: that `build_store` wrote.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        index = json.loads((folder / INDEX).read_text(encoding="utf-8"))
+        self.layout = Layout(index["fps"], index["muscles"])
+        self._clips = index["clips"]
+        self.features: np.ndarray = np.load(folder / "features.npy", mmap_mode="r")
+        self.branches: np.ndarray = np.load(folder / "branches.npy")
+        self.good: np.ndarray = np.load(folder / "good.npy")
+        with np.load(folder / "statistics.npz") as found:
+            self.statistics = Statistics(found["mean"], found["spread"])
+
+    @cached_property
+    def clips(self) -> tuple[StoredClip, ...]:
+        """Every clip."""
+        return tuple(
+            StoredClip(**{**item, "captions": tuple(item["captions"]), "body": _body(item["body"])})
+            for item in self._clips
+        )
+
+    @cached_property
+    def licences(self) -> tuple[str, ...]:
+        """Of the collections in it."""
+        return tuple(json.loads((self.folder / INDEX).read_text(encoding="utf-8"))["licences"])
+
+
+def build_store(
+    source: TrainingSet, layout: Layout, folder: Path, progress: Callable[[float], None] = lambda done: None
+) -> FeatureStore:
+    """Compute the features of a set, or open them where they have been computed from the same set and layout.
+
+    Statistics are those of the clips for training.
+
+    Raises:
+        MotionFormatError: the set lacks a field.
+    """
+    key = _key(source, layout)
+    index = folder / INDEX
+    if index.is_file() and json.loads(index.read_text(encoding="utf-8"))["key"] == key:
+        return FeatureStore(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    index.unlink(missing_ok=True)
+    counts = [_frames(clip, layout.fps) for clip in source.clips]
+    total = sum(counts)
+    features = np.lib.format.open_memmap(
+        folder / "features.npy", mode="w+", dtype=np.float16, shape=(total, layout.size)
+    )
+    branches, good = np.empty((total, len(BALL_COLUMNS)), np.int8), np.empty(total, np.bool_)
+    clips, start = [], 0
+    for clip, count in zip(source.clips, counts, strict=True):
+        rows = slice(start, start + count)
+        features[rows], branches[rows], good[rows] = _of_clip(source, clip, layout)
+        clips.append(
+            {
+                "name": clip.name,
+                "start": start,
+                "frames": count,
+                "split": clip.split,
+                "variant": clip.variant,
+                "labels": clip.info["labels"],
+                "captions": [caption["text"] for caption in clip.info["captions"]],
+                "body": clip.info["body"],
+            }
+        )
+        start += count
+        progress(start / total)
+    features.flush()
+    np.save(folder / "branches.npy", branches)
+    np.save(folder / "good.npy", good)
+    statistics = Statistics.of(_training_sample(features, clips), layout)
+    np.savez(folder / "statistics.npz", mean=statistics.mean, spread=statistics.spread)
+    content = {
+        "key": key,
+        "fps": layout.fps,
+        "muscles": layout.muscles,
+        "licences": sorted({clip.info["licence"] for clip in source.clips if clip.info["licence"]}),
+        "clips": clips,
+    }
+    temporary = index.with_suffix(".tmp")
+    temporary.write_text(json.dumps(content), encoding="utf-8")
+    os.replace(temporary, index)
+    return FeatureStore(folder)
+
+
+def _of_clip(source: TrainingSet, clip: SetClip, layout: Layout) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    motion = source.motion(clip)
+    if not layout.muscles:
+        motion = replace(motion, activations=None)
+    centres = np.asarray(source["centres"][clip.rows], np.float64)
+    good = np.asarray(source["good"][clip.rows])
+    if not same_rate(motion.fps, layout.fps):
+        nearest = np.arange(_frames(clip, layout.fps)) * motion.fps / layout.fps
+        good = good[np.minimum(np.round(nearest).astype(int), len(motion) - 1)]
+        centres = resample_signal(centres, motion.fps, layout.fps)
+        motion = resample(motion, layout.fps)
+    branches = np.where(np.cos(motion.joints[:, BALL_COLUMNS[:, 1]]) < 0, -1, 1)
+    return encode(motion, layout, centres), branches, good
+
+
+def _frames(clip: SetClip, fps: float) -> int:
+    """Frames of a clip at another rate, as `resample` makes them."""
+    if same_rate(clip.fps, fps):
+        return clip.frames
+    return len(resample_signal(np.zeros(clip.frames), clip.fps, fps))
+
+
+def _training_sample(features: np.ndarray, clips: list[dict[str, Any]]) -> np.ndarray:
+    """Every fourth frame of the clips for training."""
+    return np.concatenate([np.asarray(part, np.float32) for part in _parts(features, clips)])
+
+
+def _parts(features: np.ndarray, clips: list[dict[str, Any]]) -> Iterator[np.ndarray]:
+    for clip in clips:
+        if clip["split"] == "train":
+            yield features[clip["start"] : clip["start"] + clip["frames"] : 4]
+
+
+def _key(source: TrainingSet, layout: Layout) -> str:
+    content = json.dumps([source.manifest["sha256"], layout.hash], sort_keys=True)
+    return hashlib.sha256(content.encode()).hexdigest()
+
+
+def _body(row: dict[str, Any]) -> Body:
+    fitted = row["fitted"]
+    return Body(**{**row, "fitted": Segments(**fitted) if fitted else None})

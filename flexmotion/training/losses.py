@@ -1,0 +1,120 @@
+"""The autoencoder's losses, each under its name, not weighted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from configs.model import LossWeights
+from flexmotion.features.layout import ACTIVATIONS, Layout
+from flexmotion.features.statistics import Statistics
+from flexmotion.training.human_tensors import HumanTensors
+from flexmotion.training.kinematics import path, points, pose, segments
+from flexmotion.training.physics import EDGE, euler_residual
+from flexmotion.training.windows import Windows
+
+CHANGING = ("root", "rotations", "positions")
+"""Blocks whose change from frame to frame must be right."""
+
+WHOLE = 0.1
+"""Residuals beyond this (body weights) count linearly: jumps and falls must not rule the average."""
+
+
+@dataclass
+class Reconstruction:
+    """Losses of decoded windows.
+
+    Args:
+        layout: of the features.
+        statistics: by which they are normalised.
+        weights: which losses are wanted at all.
+    """
+
+    layout: Layout
+    statistics: Statistics
+    weights: LossWeights
+
+    def __post_init__(self) -> None:
+        self._mean = torch.from_numpy(self.statistics.mean)
+        self._spread = torch.from_numpy(self.statistics.spread)
+
+    def restore(self, normalised: Tensor) -> Tensor:
+        """Features in their units."""
+        return normalised * self._spread.to(normalised.device) + self._mean.to(normalised.device)
+
+    def kinematic(self, decoded: Tensor, windows: Windows) -> dict[str, Tensor]:
+        """Errors of blocks, of their change, and of the root's path."""
+        blocks, mask = self.layout.blocks, windows.mask
+        losses = {}
+        for name in self.weights.blocks:
+            if name in blocks:
+                error = decoded[..., blocks[name]] - windows.future[..., blocks[name]]
+                size = error.abs() if name == "wrenches" else error.square()
+                losses[name] = _mean(size.mean(dim=-1), mask)
+        if self.weights.change:
+            columns = [at for name in CHANGING for at in range(blocks[name].start, blocks[name].stop)]
+            last = windows.history[:, -1:]
+            steps = [
+                torch.diff(torch.cat([last, frames], dim=1)[..., columns], dim=1)
+                for frames in (decoded, windows.future)
+            ]
+            offset = decoded.shape[1] - steps[0].shape[1]
+            # Changes from frame to frame are small beside the features themselves.
+            losses["change"] = 10 * _mean((steps[0] - steps[1]).square().mean(dim=-1), mask[:, offset:])
+        if self.weights.path:
+            root = blocks["root"]
+            (place, yaw), (true_place, true_yaw) = (
+                path(self.restore(frames)[..., root], self.layout.fps) for frames in (decoded, windows.future)
+            )
+            error = (place - true_place).square().sum(dim=-1) + (yaw - true_yaw).square()
+            losses["path"] = 10 * _mean(error, mask)
+        return losses
+
+    def physical(self, decoded: Tensor, windows: Windows, humans: HumanTensors) -> dict[str, Tensor]:
+        """Points by forward kinematics and residuals of the equations of motion, of N whole windows."""
+        weights, losses = self.weights, {}
+        true = self.restore(torch.cat([windows.history, windows.future], dim=1))
+        whole = self.restore(torch.cat([windows.history, decoded], dim=1))
+        past = windows.history.shape[1]
+        if weights.points:
+            found, expected = (
+                points(segments(pose(frames, self.layout, humans), humans), humans) for frames in (whole, true)
+            )
+            error = (found - expected)[:, past:] / humans.leg[:, None, None, None]
+            losses["points"] = 100 * _mean(error.square().sum(dim=-1).mean(dim=-1), windows.mask)
+        if weights.euler_joints or weights.euler_root:
+            residual = euler_residual(whole, self.layout, humans, windows.branches)
+            good = windows.good[:, EDGE : -EDGE or None]
+            for name, value in (("euler_joints", residual.joints), ("euler_root", residual.root)):
+                size = torch.nn.functional.huber_loss(value, torch.zeros_like(value), reduction="none", delta=WHOLE)
+                losses[name] = 100 * _mean(size.mean(dim=-1), good)
+        return losses
+
+    def muscular(self, decoded: Tensor) -> dict[str, Tensor]:
+        """By how much activations leave [0, 1]."""
+        if not self.weights.muscle_limits or ACTIVATIONS not in self.layout.blocks:
+            return {}
+        activations = self.restore(decoded)[..., self.layout.blocks[ACTIVATIONS]]
+        beyond = torch.relu(-activations) + torch.relu(activations - 1.0)
+        return {"muscle_limits": 100 * beyond.square().mean()}
+
+
+def weighted(losses: dict[str, Tensor], weights: LossWeights) -> Tensor:
+    """Their weighted sum."""
+    total = torch.zeros(())
+    for name, value in losses.items():
+        total = total + value * (weights.blocks[name] if name in weights.blocks else getattr(weights, name))
+    return total
+
+
+def divergence(mean: Tensor, spread: Tensor) -> Tensor:
+    """Kullback and Leibler's divergence from a standard normal, per latent number."""
+    return 0.5 * (mean.square() + spread.exp() - 1.0 - spread).mean()
+
+
+def _mean(value: Tensor, mask: Tensor) -> Tensor:
+    """Mean over the frames that count."""
+    share = mask.to(value.dtype)
+    return (value * share).sum() / share.sum().clamp(min=1.0)

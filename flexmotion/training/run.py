@@ -1,0 +1,89 @@
+"""`Run`: a folder in which a model is trained, stage by stage."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from configs.errors import ConfigError
+from configs.model import ModelConfig, load_model_config
+from configs.schema import parse
+from flexmotion.dataset.fields import MUSCLES
+from flexmotion.dataset.training_set import TrainingSet
+from flexmotion.features.layout import Layout
+from flexmotion.training.feature_store import FeatureStore, build_store
+
+CONFIG = "config.yaml"
+
+
+class Run:
+    """Configuration, seed and data of a training, and the folders of its stages.
+
+    Args:
+        folder: a new one, or one in which training goes on.
+        config: name or file of the configuration; None for the one that the folder holds.
+        seed: of everything; as `config`.
+
+    Raises:
+        ConfigError: no configuration is given and none is there, or another one is.
+    """
+
+    def __init__(self, folder: Path, config: str | None = None, seed: int | None = None) -> None:
+        self.folder = folder
+        path = folder / CONFIG
+        if path.is_file():
+            content: dict[str, Any] = yaml.safe_load(path.read_text(encoding="utf-8"))
+            self.config, self.seed = parse(ModelConfig, content["model"], path), int(content["seed"])
+            asked = self.config if config is None else load_model_config(config)
+            if _lasting(asked) != _lasting(self.config) or seed not in (None, self.seed):
+                raise ConfigError(f"{path}: training there has other settings or another seed; take another folder")
+            self.config = asked
+        elif config is None:
+            raise ConfigError(f"{path}: not there; name a configuration to begin with")
+        else:
+            self.config, self.seed = load_model_config(config), seed or 0
+        folder.mkdir(parents=True, exist_ok=True)
+        content = {"seed": self.seed, "model": self.config.model_dump()}
+        path.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
+
+    @property
+    def layout(self) -> Layout:
+        """Of the features."""
+        window = self.config.window
+        return Layout(window.fps, MUSCLES if window.muscles else 0)
+
+    def stage(self, name: str) -> Path:
+        """Folder of a stage."""
+        return self.folder / name
+
+    def store(self, data: Path | None = None, progress: Callable[[float], None] = lambda done: None) -> FeatureStore:
+        """Features of a set; without one those that were computed before.
+
+        Raises:
+            ConfigError: they have not been computed.
+            MotionFormatError: there is no set, or it lacks a field.
+        """
+        folder = self.folder / "features"
+        if data is not None:
+            return build_store(TrainingSet(data), self.layout, folder, progress)
+        if not (folder / "index.json").is_file():
+            raise ConfigError(f"{folder}: no features there; name the training set once")
+        return FeatureStore(folder)
+
+    def fingerprint(self) -> str:
+        """Of what weights depend on: networks, windows, seed."""
+        content = json.dumps([_lasting(self.config), self.seed, self.layout.hash], sort_keys=True)
+        return hashlib.sha256(content.encode()).hexdigest()
+
+
+def _lasting(config: ModelConfig) -> dict[str, Any]:
+    """What may not change between the starts of one training: all but how long, how fast and weighed how."""
+    content = config.model_dump(exclude={"stages", "losses"})
+    free = set(type(config.diffusion).model_fields) - {"denoiser", "steps", "text", "velocity"}
+    content["diffusion"] = {name: value for name, value in content["diffusion"].items() if name not in free}
+    return content
