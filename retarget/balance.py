@@ -36,6 +36,22 @@ def divergent_component(zmp: Float, omega: float, dt: float) -> Float:
     return backwards[::-1]
 
 
+def absorb_offset(seconds: float, omega: float, dt: float, rows: int | None = None) -> Float:
+    """How far `absorb` moves the zero-moment point, per metre of jump, (rows,); by default as long as it moves it."""
+    count = int(np.ceil(seconds / dt)) + 1 if rows is None else rows
+    t: Float = np.arange(count, dtype=np.float64) * dt
+    # The derivative over the row that follows, so that the discrete recursion holds too.
+    share, following = _remaining(t, seconds), _remaining(t + dt, seconds)
+    growth = np.exp(omega * dt)
+    offset: Float = (growth * share - following) / (growth - 1.0)
+    return offset
+
+
+def _remaining(t: Float, seconds: float) -> Float:
+    """Share of a jump that is left after a time."""
+    return 1.0 - smoothstep(t / seconds)
+
+
 def absorb(zmp: Float, dcm: Float, error: Float, omega: float, dt: float, seconds: float) -> tuple[Float, Float]:
     """Let a jump of the divergent component at row 0 die away instead of happening.
 
@@ -49,11 +65,8 @@ def absorb(zmp: Float, dcm: Float, error: Float, omega: float, dt: float, second
         zmp and dcm, (T, 2) [m].
     """
     t: Float = np.arange(len(zmp), dtype=np.float64) * dt
-    share = 1.0 - smoothstep(t / seconds)
-    # The derivative over the row that follows, so that the discrete recursion holds too.
-    following = 1.0 - smoothstep((t + dt) / seconds)
-    growth = np.exp(omega * dt)
-    offset = (growth * share - following) / (growth - 1.0)
+    share = _remaining(t, seconds)
+    offset = absorb_offset(seconds, omega, dt, len(zmp))
     return zmp + offset[:, None] * error, dcm + share[:, None] * error
 
 

@@ -25,7 +25,7 @@ _WORTH_LIFT = 0.04
 _TOO_LATE_S = 0.30
 """A step whose human foot landed longer ago is dropped: catching up would trip the next one."""
 _REDRAWN_S = 0.15
-"""A swing that has begun before the last one of its foot was to land is that same one, redrawn, if it lands no later."""
+"""A swing that began before its foot's last one was to land is that one redrawn, unless it lands this much later."""
 _INSERT_YAW = 0.26
 _INSERT_DISTANCE = 0.045
 """Feet further from where they belong (robot scale) are set right by an inserted step."""
@@ -189,6 +189,7 @@ class FootstepPlanner:
         at_rest: bool,
         now: int,
         source_tick: int,
+        put_off: int = 0,
     ) -> list[Step]:
         """The steps from `now` to the end of the window.
 
@@ -200,6 +201,7 @@ class FootstepPlanner:
             at_rest: whether the robot has been standing still.
             now: first tick of the plan.
             source_tick: loop tick of source time 0.
+            put_off: ticks by which a step that is not settled yet must keep more than the shortest notice.
 
         Returns:
             Steps in order of time, the frozen ones first.
@@ -209,7 +211,7 @@ class FootstepPlanner:
         feet, consumed = feet.copy(), consumed.copy()
         pause = int(round(gait.double_support_min_s * self.rate))
         notice = _NOTICE_AT_REST_S if at_rest and not frozen else NOTICE_S
-        free = max(free, now + int(round(notice * self.rate)))
+        free = max(free, now + int(round(notice * self.rate)) + put_off)
         for step in frozen:
             steps.append(step)
             feet[step.side] = step.target

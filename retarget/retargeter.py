@@ -21,6 +21,7 @@ from flexmotion.motion import Motion
 from retarget import balance, posture
 from retarget.footsteps import FootstepPlanner, Scaling, Step
 from retarget.human import HumanWindow
+from retarget.joining import Absorbed, JoinAbsorber
 from retarget.plan import Plan
 from retarget.schedule import SHIFT_S, Schedule
 from retarget.state import StateLayout, pack_steps
@@ -32,6 +33,8 @@ _STOP_S = 0.8
 """Length of the stop tail after the last step has landed: five time constants of a small robot's pendulum."""
 _AT_REST_S = 0.4
 """After this long on both feet the weight has come to rest between them."""
+_PUT_OFF_S = (0.05, 0.1, 0.15, 0.2)
+"""How much longer notice a new step may be given where the weight could not be moved in time."""
 _ACCELERATION_CUTOFF_HZ = 20.0
 """Low-pass of the acceleration: keeps the differences' noise out of the torques."""
 
@@ -52,6 +55,20 @@ class _View:
     source_tick: float
     tick: int
     follow: int
+
+
+@dataclass(frozen=True)
+class _Walk:
+    """Steps and what follows from them.
+
+    Attributes:
+        ticks: loop tick of each row, (T,).
+    """
+
+    steps: list[Step]
+    ticks: Float
+    schedule: Schedule
+    balance: Absorbed
 
 
 class Retargeter:
@@ -81,6 +98,8 @@ class Retargeter:
         self.com_height = float(self.body.dynamics.centre_of_mass(base, q)[0, 2])
         self._smoother = butter(2, _ACCELERATION_CUTOFF_HZ, fs=self.rate, output="sos")
         self.omega = float(np.sqrt(balance.GRAVITY / self.com_height))
+        self.absorber = JoinAbsorber(robot.sole_half_size.min(axis=0), self.omega, self.dt, settings.dcm_absorb_s)
+        self._put_off = [int(round(seconds * self.rate)) for seconds in _PUT_OFF_S]
 
     def _upright(self, height: float) -> Float:
         return np.concatenate([[height, 0.0, 0.0, 0.0], self.robot.stand_pose[self.body.upper.joints]])
@@ -130,13 +149,11 @@ class Retargeter:
         layout = self.layout
         state = state.copy()
         view = self._view(state, motion, first_frame, tick)
-        steps = self._steps(state, view)
-        last = max([tick + view.follow, *[step.land for step in steps]])
-        ticks = tick + np.arange(last - tick + int(round(_STOP_S * self.rate)), dtype=float)
+        walk = self._walk(state, view)
+        steps, ticks, schedule, zmp, dcm = walk.steps, walk.ticks, walk.schedule, walk.balance.zmp, walk.balance.dcm
+        com, com_velocity = balance.centre_of_mass(dcm, layout.get(state, "com"), self.omega, self.dt)
         seconds = (ticks - view.source_tick) / self.rate
         known = seconds[: view.follow]
-        schedule = self._schedule(state, view, steps, ticks, known)
-        zmp, dcm, com, com_velocity = self._balance(state, schedule)
         targets, hands = self._targets(state, view, schedule, known)
         targets[:, 0] = np.minimum(targets[:, 0], self._reachable_height(state, schedule, com))
         position, velocity, slow, soft = self.follower.follow(
@@ -208,7 +225,27 @@ class Retargeter:
         follow = min(max(follow, 0), self.horizon)
         return _View(window if follow else None, scaling, source_tick, tick, follow)
 
-    def _steps(self, state: Float, view: _View) -> list[Step]:
+    def _walk(self, state: Float, view: _View) -> _Walk:
+        """Steps and balance; a step that would have to come too suddenly for the soles is put off."""
+        found = self._try_walk(state, view, 0)
+        if view.window is not None:
+            for put_off in self._put_off:
+                if found.balance.excess <= 1.0:
+                    break
+                later = self._try_walk(state, view, put_off)
+                if later.balance.excess < found.balance.excess:
+                    found = later
+        return found
+
+    def _try_walk(self, state: Float, view: _View, put_off: int) -> _Walk:
+        steps = self._steps(state, view, put_off)
+        last = max([view.tick + view.follow, *[step.land for step in steps]])
+        ticks = view.tick + np.arange(last - view.tick + int(round(_STOP_S * self.rate)), dtype=float)
+        known = (ticks[: view.follow] - view.source_tick) / self.rate
+        schedule = self._schedule(state, view, steps, ticks, known)
+        return _Walk(steps, ticks, schedule, self._balance(state, schedule))
+
+    def _steps(self, state: Float, view: _View, put_off: int) -> list[Step]:
         layout = self.layout
         frozen = layout.steps(state)
         feet = layout.get(state, "feet").copy()
@@ -225,6 +262,7 @@ class Retargeter:
             view.tick > layout.scalar(state, "landed") + _AT_REST_S * self.rate,
             view.tick,
             int(view.source_tick),
+            put_off,
         )
         # Where the human ends inside the horizon this plan is the last: it is played to its end.
         return steps if view.follow == self.horizon else self.footsteps.gather(steps, feet, view.tick + view.follow)
@@ -249,14 +287,11 @@ class Retargeter:
         np.logical_or.accumulate(tail, out=tail)
         return schedule
 
-    def _balance(self, state: Float, schedule: Schedule) -> tuple[Float, Float, Float, Float]:
+    def _balance(self, state: Float, schedule: Schedule) -> Absorbed:
         share = schedule.share[:, None]
         zmp = (1.0 - share) * schedule.feet[:, 0, :2] + share * schedule.feet[:, 1, :2]
         dcm = balance.divergent_component(zmp, self.omega, self.dt)
-        jump = self.layout.get(state, "dcm") - dcm[0]
-        zmp, dcm = balance.absorb(zmp, dcm, jump, self.omega, self.dt, self.settings.dcm_absorb_s)
-        com, velocity = balance.centre_of_mass(dcm, self.layout.get(state, "com"), self.omega, self.dt)
-        return zmp, dcm, com, velocity
+        return self.absorber.absorb(zmp, dcm, self.layout.get(state, "dcm"), float(schedule.feet[0, :, 3].mean()))
 
     def _targets(self, state: Float, view: _View, schedule: Schedule, known: Float) -> tuple[Float, Float | None]:
         """Targets of trunk and upper body, (T, C), and of the hands, (F, 2, 3) by source frame."""

@@ -101,6 +101,25 @@ def test_what_is_consumed_does_not_come_again(plan: Callable[..., list[Step]], w
     assert [round(s.consumed_s, 6) for s in rest] == [round(s.consumed_s, 6) for s in planned[2:]]
 
 
+@pytest.mark.parametrize("later_s", [0.01, 0.04])
+def test_a_swing_that_is_redrawn_to_land_later_is_not_another_step(
+    plan: Callable[..., list[Step]], walk: Motion, later_s: float
+) -> None:
+    """A step was settled; the next window had its foot land 40 ms later: the same foot stepped twice, and it fell."""
+    planned = plan(walk)
+    consumed = np.array([-np.inf, planned[0].consumed_s - later_s])
+    again = plan(walk, consumed=consumed, frozen=[planned[0]], now=planned[0].lift - 10)
+    assert [step.side for step in again] == [step.side for step in planned]
+
+
+def test_a_step_may_be_put_off(plan: Callable[..., list[Step]], walk: Motion) -> None:
+    now = int(0.9 * RATE)
+    soon, later = plan(walk, now=now), plan(walk, now=now, put_off=12)
+    assert later[0].side == soon[0].side and later[0].lift == soon[0].lift + 12
+    settled = plan(walk, now=now + 60, frozen=[soon[0]], put_off=12)
+    assert settled[0] is soon[0]
+
+
 def test_start_poses_are_copies_of_the_feet(
     plan: Callable[..., list[Step]], walk: Motion, spin: Motion, retargeter: Retargeter
 ) -> None:

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -10,8 +11,10 @@ from configs.robot import load_robot
 from configs.stream import load_stream
 from flexmotion.default_clip import default_clip
 from flexmotion.motion import Motion
+from retarget.plan import Plan
 from retarget.retargeter import Retargeter
 from streamer.planner import Planner
+from streamer.replan_noise import NoisySource
 from streamer.sources import ClipSource
 
 RETARGETER = Retargeter(load_robot("op3"), load_stream())
@@ -69,6 +72,37 @@ def test_a_window_that_disagrees_is_blended_in(source: Witness) -> None:
     abrupt = Planner(RETARGETER, ClipSource(moved), load_stream()).plan(150, bare).plan
     assert abrupt.human is not None
     np.testing.assert_allclose(abrupt.human.joints[0], moved.joints[first], atol=1e-12)
+
+
+@pytest.fixture(scope="module")
+def redrawn() -> list[Plan]:
+    """Plans of a whole walk whose every window is off by 5 cm at a second, joined every 250 ms."""
+    planner = Planner(RETARGETER, NoisySource(ClipSource(default_clip()), 0.05, 1), load_stream())
+    planned = planner.plan(0, None)
+    plans = [planned.plan]
+    while not planned.source_over:
+        planned = planner.plan(plans[-1].start_tick + 31, plans[-1])
+        plans.append(planned.plan)
+    return plans
+
+
+def test_joins_of_plans_that_disagree_move_the_dcm_by_less_than_three_millimetres_a_tick(redrawn: list[Plan]) -> None:
+    for old, new in itertools.pairwise(redrawn):
+        rows = new.start_tick - old.start_tick + np.arange(19)
+        apart = new.dcm[:19] - old.dcm[np.minimum(rows, len(old) - 1)]
+        assert np.linalg.norm(np.diff(apart, axis=0, prepend=np.zeros((1, 2))), axis=1).max() < 3e-3
+
+
+def test_a_step_that_has_been_noticed_stays_as_it_is(redrawn: list[Plan]) -> None:
+    settled = 0
+    for old, new in itertools.pairwise(redrawn):
+        for step in old.steps:
+            if new.start_tick >= step.lift - step.notice_s * RETARGETER.rate and new.start_tick < step.land:
+                (same,) = [s for s in RETARGETER.layout.steps(new.states[0]) if s.side == step.side]
+                assert (same.lift, same.land) == (step.lift, step.land)
+                np.testing.assert_array_equal(same.target, step.target)
+                settled += 1
+    assert settled > 10
 
 
 def test_it_asks_for_the_frame_at_or_before_the_join_and_a_horizon_more(planner: Planner, source: Witness) -> None:
