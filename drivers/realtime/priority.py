@@ -12,7 +12,7 @@ Scheduling = Literal["fifo", "other"]
 LOOP_PRIORITY, ROBOT_PRIORITY, PLANNER_PRIORITY = 60, 40, 20
 """Of the control loop, of a simulated robot or an emulated bus, and of the planner (SCHED_FIFO)."""
 
-_MCL_CURRENT, _MCL_FUTURE = 1, 2
+_MCL_CURRENT, _MCL_FUTURE, _MCL_ONFAULT = 1, 2, 4
 _PR_SET_TIMERSLACK = 29
 
 
@@ -38,7 +38,7 @@ def claim(priority: int, *, allowed: bool = True) -> Scheduling:
 
 
 def settle(*, collect: bool) -> bool:
-    """Keep this process's memory in place, and its garbage out of the collector's sight.
+    """Keep what memory this process touches in place, and its garbage out of the collector's sight.
 
     Args:
         collect: whether the collector goes on with what is allocated from now on.
@@ -50,7 +50,7 @@ def settle(*, collect: bool) -> bool:
     gc.freeze()
     if not collect:
         gc.disable()
-    return _libc().mlockall(_MCL_CURRENT | _MCL_FUTURE) == 0
+    return _libc().mlockall(_MCL_CURRENT | _MCL_FUTURE | _MCL_ONFAULT) == 0
 
 
 def _libc() -> ctypes.CDLL:
