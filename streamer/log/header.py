@@ -1,0 +1,83 @@
+"""`LogHeader`: what a log must tell of a run before its first tick, so that it can be read, judged and run again."""
+
+from __future__ import annotations
+
+import json
+import time
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import Field
+
+from configs.robot import Robot
+from configs.schema import Strict, parse
+from configs.stream import StreamSettings
+
+SCHEMA = "flexmotion.log/1"
+"""Name of the metadata record that holds the header."""
+
+
+class LogHeader(Strict):
+    """Everything about a run that is known at its start.
+
+    Attributes:
+        software: version of FlexMotion.
+        robot: name or folder, as asked for; joints in the order of all columns.
+        driver, driver_options: which, and how it was set; the seed is apart.
+        clock: which one the loop ran by.
+        source, source_parts: name of the source, and how to build it from the attachments (`streamer.log.source`).
+        seconds: longest that the source is streamed [s].
+        start_ns: when the log was begun, nanoseconds since the epoch.
+        wall_minus_perf_ns: add it to a `perf_counter_ns` of the run for the wall clock's time; taken once.
+    """
+
+    software: str
+    robot: str
+    joints: tuple[str, ...]
+    rate_hz: float
+    driver: str
+    driver_options: dict[str, Any] = Field(default_factory=dict)
+    seed: int = 0
+    clock: Literal["real", "lockstep"]
+    source: str
+    source_parts: dict[str, Any] = Field(default_factory=dict)
+    seconds: float | None = None
+    feedback: bool = True
+    settings: StreamSettings
+    start_ns: int
+    wall_minus_perf_ns: int
+
+    def metadata(self) -> dict[str, str]:
+        """As MCAP holds it: a JSON text a field."""
+        return {name: json.dumps(value) for name, value in self.model_dump(mode="json").items()}
+
+    @classmethod
+    def from_metadata(cls, metadata: dict[str, str], origin: Path) -> LogHeader:
+        """What `metadata` gave. Raises `ConfigError`."""
+        content: dict[str, Any] = {}
+        for name, text in metadata.items():
+            try:
+                content[name] = json.loads(text)
+            except json.JSONDecodeError:
+                content[name] = text  # the model says what is wrong with it
+        return parse(cls, content, f"{origin}: header")
+
+
+def begin_header(name: str, robot: Robot, **about: Any) -> LogHeader:
+    """The header of a run that begins now, with a robot asked for by `name`; `about` are the fields beyond it."""
+    wall, perf = time.time_ns(), time.perf_counter_ns()
+    return LogHeader(
+        software=version("flexmotion"),
+        robot=name,
+        joints=robot.joint_names,
+        rate_hz=robot.rate_hz,
+        start_ns=wall,
+        wall_minus_perf_ns=wall - perf,
+        **about,
+    )
+
+
+def robot_files(robot: Robot) -> dict[str, bytes]:
+    """The robot file and its MJCF by attachment name, as they were when the run began."""
+    return {f"robot/{file.name}": file.read_bytes() for file in (robot.file, robot.folder / robot.config.mjcf)}

@@ -1,0 +1,97 @@
+"""What a log holds: its topics, and the schema of each."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from typing import Any
+
+from streamer.ladder import State
+from streamer.log.cdr import Column, columns_of, encode
+from streamer.plan_buffer import Offer, Ticket
+from streamer.tick_row import tick_dtype
+
+TICK, PLAN, TARGET, EVENT = "/tick", "/plan", "/target", "/event"
+TICK_SCHEMA, PLAN_SCHEMA = "flexmotion/msg/Tick", "flexmotion/msg/Plan"
+
+_UNITS = {
+    "ns, perf_counter": ("stamp_ns", "target_ns"),
+    "tick": ("tick", "plan_start", "plan_end", "asked_tick", "start_tick"),
+    "s": (
+        *("source_s", "sample_s", "retarget_s", "target_to_command_s", "target_to_effect_s"),
+        *("work_s", "lateness_s", "robot_lateness_s"),
+    ),
+    "rad": ("q_ref", "q_cmd", "q", "tilt", "true_q"),
+    "rad/s": ("qd_ref", "qd", "gyro"),
+    "N·m": ("torque_ref", "torque", "effort", "true_torque"),
+    "V": ("voltage",),
+    "°C": ("temperature",),
+    "m/s²": ("accel",),
+    "m": (
+        *("com_ref", "com", "dcm_ref", "dcm", "zmp_ref", "zmp_shift", "zmp"),
+        *("hand_error", "true_foot", "true_com"),
+    ),
+    "m, m, m, rad; left then right": ("foot_ref", "feet"),
+    "m, w x y z": ("base_ref", "true_base"),
+    "m/s": ("true_foot_velocity",),
+    "N": ("true_foot_force",),
+    "reads": ("stale", "imu_stale"),
+    "row": ("effect_row", "stop_row"),
+}
+UNITS = {name: unit for unit, names in _UNITS.items() for name in names}
+
+_ROWS = (("q", None), ("qd", None), ("torque", None), ("feet", 8), ("com", 3), ("zmp", 2), ("dcm", 2))
+"""What of a plan is logged, row by row, and how many numbers a row has; None: one a joint."""
+
+
+def tick_columns(joints: int) -> list[Column]:
+    """Fields of `/tick`: all of `streamer.tick_row.tick_dtype`, in its order."""
+    states = tuple((state.name, int(state)) for state in State)
+    return [
+        Column(column.name, column.kind, column.size, column.unit, states) if column.name == "state" else column
+        for column in columns_of(tick_dtype(joints), UNITS)
+    ]
+
+
+def _scalar(name: str, kind: str) -> Column:
+    return Column(name, {"int": "int64", "float": "float64", "bool": "bool"}[kind], unit=UNITS.get(name, ""))
+
+
+PLAN_COLUMNS = [
+    *(_scalar(field.name, str(field.type)) for field in fields(Ticket)),
+    *(_scalar(name, "int") for name in ("start_tick", "stop_row", "rows", "joints")),
+    *(Column(name, "float32", None, UNITS.get(name, "")) for name, _ in _ROWS),
+    Column("contacts", "bool", None, "left, right"),
+]
+"""Fields of `/plan`; sequences hold row after row, `rows` of them."""
+
+
+def plan_message(offer: Offer) -> bytes:
+    """A plan as `/plan` holds it."""
+    ticket, plan = offer.ticket, offer.plan
+    values: dict[str, Any] = {field.name: getattr(ticket, field.name) for field in fields(Ticket)}
+    values |= {"start_tick": plan.start_tick, "stop_row": plan.stop_row, "rows": len(plan), "joints": plan.q.shape[1]}
+    values |= {name: getattr(plan, name) for name, _ in _ROWS} | {"contacts": plan.contacts}
+    return encode(PLAN_COLUMNS, values)
+
+
+EVENT_SCHEMA = {
+    "title": "flexmotion.Event",
+    "type": "object",
+    "properties": {
+        "tick": {"type": "integer", "description": "tick of the loop"},
+        "stamp_ns": {"type": "integer", "description": "perf_counter [ns]"},
+        "kind": {"type": "string", "description": "state, request, fault, warning or note"},
+        "message": {"type": "string"},
+    },
+    "required": ["tick", "stamp_ns", "kind", "message"],
+}
+TARGET_SCHEMA = {
+    "title": "flexmotion.Target",
+    "type": "object",
+    "properties": {
+        "id": {"type": "integer", "description": "number of the target, from 1"},
+        "stamp_ns": {"type": "integer", "description": "perf_counter at which it arrived [ns]"},
+    },
+    "required": ["id", "stamp_ns"],
+    "additionalProperties": True,
+}

@@ -1,0 +1,194 @@
+"""`read_log`: a log file back into the record of its run."""
+
+from __future__ import annotations
+
+import json
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from mcap.exceptions import EndOfFile, McapError
+from mcap.records import Attachment, Channel, Footer, McapRecord, Message, Metadata, Schema
+from mcap.stream_reader import StreamReader
+from numpy.typing import NDArray
+
+from configs.errors import ConfigError
+from configs.robot import Robot
+from streamer.log.cdr import ENCAPSULATION, decode, parse_schema, row_dtype
+from streamer.log.header import SCHEMA, LogHeader, robot_files
+from streamer.log.messages import EVENT, PLAN, TARGET, TICK
+from streamer.log.source import unpack
+from streamer.record import RunRecord
+from streamer.sources import Source
+from streamer.telemetry import Event
+from streamer.tick_row import blank, tick_dtype
+
+
+@dataclass
+class Topic:
+    """One topic of a log: name and encoding of its schema, messages and their bytes."""
+
+    schema: str
+    encoding: str
+    messages: int = 0
+    size_bytes: int = 0
+
+
+@dataclass(frozen=True)
+class Log:
+    """What is in a log.
+
+    Attributes:
+        rows: of `streamer.tick_row.tick_dtype`, one a tick; columns that the log lacks are NaN or 0.
+        events: in order.
+        plans: fields of `streamer.log.messages.PLAN_COLUMNS` by name.
+        targets: as sent.
+        files: attachments by name.
+        whole: whether the log was closed; else it ends where writing ended.
+    """
+
+    path: Path
+    header: LogHeader
+    rows: NDArray[Any]
+    events: list[Event]
+    plans: list[dict[str, Any]]
+    targets: list[dict[str, Any]]
+    files: dict[str, bytes]
+    topics: dict[str, Topic]
+    whole: bool
+
+    def record(self) -> RunRecord:
+        """The record that the run itself kept."""
+        record = RunRecord(self.header.rate_hz, self.header.joints, kept_s=len(self.rows) / self.header.rate_hz + 1.0)
+        record.append(self.rows)
+        record.events.extend(self.events)
+        return record
+
+    def source(self) -> Source:
+        """The source that the run followed. Raises `ConfigError` where it is not in the log."""
+        return unpack(self.header.source_parts, self.files, self.path)
+
+    def changed_files(self, robot: Robot) -> list[str]:
+        """Names of the robot's files that are not as they were when the log was written."""
+        return [name for name, content in robot_files(robot).items() if self.files.get(name) != content]
+
+    @property
+    def gaps(self) -> int:
+        """Ticks missing between the first and the last: left out by a loop that was late, or lost by the recorder."""
+        return int(self.rows["tick"][-1] - self.rows["tick"][0]) + 1 - len(self.rows) if len(self.rows) else 0
+
+
+def read_log(path: str | Path) -> Log:
+    """Read a log; one that was cut off is read as far as it goes.
+
+    Raises:
+        ConfigError: the file is missing, no log of ours, or damaged.
+    """
+    path = Path(path)
+    content = _Content(path)
+    whole = False
+    try:
+        with open(path, "rb") as file:
+            for record in _records(StreamReader(file, validate_crcs=True)):
+                whole = whole or isinstance(record, Footer)
+                content.take(record)
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read ({error.strerror or error})") from error
+    except (McapError, ValueError, KeyError, struct.error) as error:
+        raise ConfigError(f"{path}: not a log, or a damaged one ({type(error).__name__}: {error})") from error
+    return content.log(whole)
+
+
+def _records(reader: StreamReader) -> Iterator[McapRecord]:
+    """Every record, up to where the file was cut off."""
+    try:
+        yield from reader.records
+    except EndOfFile:
+        return
+
+
+@dataclass
+class _Content:
+    """What has been read so far."""
+
+    path: Path
+    schemas: dict[int, Schema] = field(default_factory=dict)
+    channels: dict[int, Channel] = field(default_factory=dict)
+    topics: dict[str, Topic] = field(default_factory=dict)
+    header: LogHeader | None = None
+    files: dict[str, bytes] = field(default_factory=dict)
+    ticks: list[bytes] = field(default_factory=list)
+    plans: list[bytes] = field(default_factory=list)
+    targets: list[dict[str, Any]] = field(default_factory=list)
+    events: list[Event] = field(default_factory=list)
+
+    def take(self, record: McapRecord) -> None:
+        if isinstance(record, Message):
+            self._take_message(record)
+        elif isinstance(record, Metadata) and record.name == SCHEMA:
+            self.header = LogHeader.from_metadata(record.metadata, self.path)
+        elif isinstance(record, Attachment):
+            self.files[record.name] = record.data
+        elif isinstance(record, Schema):
+            self.schemas[record.id] = record
+        elif isinstance(record, Channel):
+            self.channels[record.id] = record
+            schema = self.schemas[record.schema_id]
+            self.topics.setdefault(record.topic, Topic(schema.name, record.message_encoding))
+
+    def _take_message(self, message: Message) -> None:
+        name, data = self.channels[message.channel_id].topic, message.data
+        topic = self.topics[name]
+        topic.messages += 1
+        topic.size_bytes += len(data)
+        if name == TICK:
+            self.ticks.append(data)
+        elif name == PLAN:
+            self.plans.append(data)
+        elif name == TARGET:
+            self.targets.append(json.loads(data))
+        elif name == EVENT:
+            event = json.loads(data)
+            self.events.append(Event(event["tick"], event["kind"], event["message"]))
+
+    def log(self, whole: bool) -> Log:
+        if self.header is None:
+            raise ConfigError(f"{self.path}: no log of FlexMotion, it has no metadata record {SCHEMA!r}")
+        plan_columns = parse_schema(self._schema(PLAN)) if self.plans else []
+        return Log(
+            path=self.path,
+            header=self.header,
+            rows=self._rows(len(self.header.joints)),
+            events=self.events,
+            plans=[decode(plan_columns, message) for message in self.plans],
+            targets=self.targets,
+            files=self.files,
+            topics=self.topics,
+            whole=whole,
+        )
+
+    def _schema(self, topic: str) -> str:
+        ids = (channel.schema_id for channel in self.channels.values() if channel.topic == topic)
+        return self.schemas[next(ids)].data.decode()
+
+    def _rows(self, joints: int) -> NDArray[Any]:
+        """The ticks as rows of today's kind, by name of column: a log may be older than this program."""
+        dtype = tick_dtype(joints)
+        rows = blank(dtype, len(self.ticks))
+        if not self.ticks:
+            return rows
+        fields = row_dtype(parse_schema(self._schema(TICK))).descr
+        logged = np.dtype([("encapsulation", "V", len(ENCAPSULATION)), *fields])
+        wrong = {len(message) for message in self.ticks} - {logged.itemsize}
+        if wrong:
+            raise ConfigError(f"{self.path}: {TICK}: {wrong.pop()} bytes, its schema says {logged.itemsize}")
+        old = np.frombuffer(b"".join(self.ticks), logged)
+        for name in set(dtype.names or ()) & set(logged.names or ()):
+            shape = (len(rows), *dtype[name].shape)
+            if old[name].size != int(np.prod(shape)):
+                raise ConfigError(f"{self.path}: {TICK}: {name} has {old[name][0].size} numbers, expected {shape[1:]}")
+            rows[name] = old[name].reshape(shape)
+        return rows

@@ -1,0 +1,73 @@
+"""A source as a log keeps it: its motions as attachments, and how to put it together again from them."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from configs.errors import ConfigError
+from flexmotion.motion import Motion
+from flexmotion.motion_file import load_motion, save_motion
+from streamer.clip_library import ClipLibrary
+from streamer.replan_noise import NoisySource
+from streamer.sources import ClipSource, Source
+
+Parts = dict[str, Any]
+
+_FOLDER = "source"
+MEDIA_TYPE = "application/x-npz"
+
+
+def pack(source: Source) -> tuple[Parts, dict[str, bytes]]:
+    """How to build a source, and the files that it takes, by attachment name (`flexmotion.motion_file`)."""
+    if isinstance(source, ClipSource):
+        file = f"{_FOLDER}/clip.npz"
+        return {"kind": "clip", "name": source.name, "file": file}, {file: _pack_motion(source.motion)}
+    if isinstance(source, ClipLibrary):
+        files = {name: f"{_FOLDER}/{name}.npz" for name in source.clips}
+        packed = {files[name]: _pack_motion(clip) for name, clip in source.clips.items()}
+        return {"kind": "clips", "first": source.first, "files": files}, packed
+    if isinstance(source, NoisySource):
+        parts, packed = pack(source.source)
+        return {"kind": "noise", "size_m": source.size_m, "seed": source.seed, "of": parts}, packed
+    return {"kind": type(source).__name__}, {}
+
+
+def unpack(parts: Parts, files: Mapping[str, bytes], origin: Path) -> Source:
+    """The source again.
+
+    Raises:
+        ConfigError: this kind of source cannot be kept in a log, or the log lacks a part of it.
+        MotionFormatError: a motion in it is damaged.
+    """
+    kind = parts.get("kind")
+    try:
+        if kind == "clip":
+            source = ClipSource(_unpack_motion(files[parts["file"]]))
+            source.name = parts["name"]
+            return source
+        if kind == "clips":
+            clips = {name: _unpack_motion(files[file]) for name, file in parts["files"].items()}
+            return ClipLibrary(clips, parts["first"])
+        if kind == "noise":
+            return NoisySource(unpack(parts["of"], files, origin), parts["size_m"], parts["seed"])
+    except (KeyError, TypeError) as error:
+        raise ConfigError(f"{origin}: source {kind}: the log lacks {error}") from error
+    raise ConfigError(f"{origin}: a source of kind {kind!r} is not kept in a log, only clips are")
+
+
+def _pack_motion(motion: Motion) -> bytes:
+    # `save_motion` takes a path: a motion file is the same wherever it lies.
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "motion.npz"
+        save_motion(motion, file)
+        return file.read_bytes()
+
+
+def _unpack_motion(content: bytes) -> Motion:
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "motion.npz"
+        file.write_bytes(content)
+        return load_motion(file)
