@@ -109,7 +109,7 @@ def trial(task: Task, motion: Motion, noise_m: float, feedback: bool) -> Trial:
     source = NoisySource(clip, noise_m, task.seed)
     driver = create("sim", robot, **options, seed=task.seed)
     session = Session(robot, driver, source, load_stream(), clip.seconds, feedback=feedback)
-    planner = session.planning.planner = WatchedPlanner.over(session.planning.planner)
+    planner = session.planner = WatchedPlanner.over(session.planner)
     record = session.run("lockstep")
     record.human_steps = count_human_steps(motion, planner.retargeter)
     info = RunInfo(robot.name, "sim", motion.source, task.seed, "lockstep")

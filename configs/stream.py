@@ -34,6 +34,7 @@ class StreamSettings(Strict):
 
     Attributes:
         horizon_s: length of a plan.
+        first_s: how far the first plan for a new target follows it: it is made sooner, and the whole one at once after.
         replan_s: time between plans where no new target asks for one.
         commit_s: first part of a running plan that no successor may change.
         min_unplayed_s: plan that must always be left to play.
@@ -44,6 +45,7 @@ class StreamSettings(Strict):
     """
 
     horizon_s: float = Field(default=1.0, gt=0)
+    first_s: float = Field(default=0.4, gt=0)
     replan_s: float = Field(default=0.25, gt=0)
     commit_s: float = Field(default=0.04, ge=0)
     min_unplayed_s: float = Field(default=0.6, ge=0)
@@ -57,6 +59,11 @@ class StreamSettings(Strict):
         if self.replan_s + self.min_unplayed_s > self.horizon_s:
             raise ValueError(
                 f"replan_s {self.replan_s} + min_unplayed_s {self.min_unplayed_s} must not exceed "
+                f"horizon_s {self.horizon_s}"
+            )
+        if not self.commit_s < self.first_s <= self.horizon_s:
+            raise ValueError(
+                f"first_s {self.first_s} must be longer than commit_s {self.commit_s} and not exceed "
                 f"horizon_s {self.horizon_s}"
             )
         if self.commit_s > self.replan_s:

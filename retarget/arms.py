@@ -7,6 +7,7 @@ corner of the joint limits far from the target, the nearest of a set of poses sa
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import mujoco
@@ -137,11 +138,14 @@ class UpperBody:
         reach = np.linalg.norm(hand - shoulder, axis=-1)
         return ArmTargets(hand, elbow, reach < 0.98 * self.lengths.sum(axis=1))
 
-    def solve(self, human: HumanKinematics, start: Float) -> tuple[Float, ArmTargets]:
+    def solve(
+        self, human: HumanKinematics, start: Float, checkpoint: Callable[[], None] | None = None
+    ) -> tuple[Float, ArmTargets]:
         """Joint angles frame by frame, each from the one before.
 
         Args:
             start: all joints where the motion joins, (n,) [rad]; its legs are kept.
+            checkpoint: called before each frame; what it raises ends the work.
 
         Returns:
             Angles of `self.joints`, (F, len(self.joints)) [rad], inside their limits, and the targets.
@@ -152,6 +156,8 @@ class UpperBody:
         gaze = self._gaze(human)
         out = np.empty((len(targets.hand), len(self.joints)))
         for frame in range(len(out)):
+            if checkpoint is not None:
+                checkpoint()
             hand, elbow = targets.hand[frame], targets.elbow[frame]
             error = self._descend(q, hand, elbow, _ITERATIONS if frame else _FIRST_ITERATIONS)
             if (error > _LOST**2).any():

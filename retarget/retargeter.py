@@ -6,10 +6,12 @@ frames reach that it is given. Every plan ends in a balanced stop on two feet.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import make_interp_spline
 from scipy.ndimage import minimum_filter1d
 from scipy.signal import butter, sosfilt, sosfilt_zi
 from scipy.spatial.transform import Rotation
@@ -35,6 +37,8 @@ _AT_REST_S = 0.4
 """After this long on both feet the weight has come to rest between them."""
 _PUT_OFF_S = (0.05, 0.1, 0.15, 0.2)
 """How much longer notice a new step may be given where the weight could not be moved in time."""
+_TORQUE_STRIDE = 2
+"""Torques, low-passed at the frequency below, are worked out at every second row and interpolated."""
 _ACCELERATION_CUTOFF_HZ = 20.0
 """Low-pass of the acceleration: keeps the differences' noise out of the torques."""
 
@@ -48,6 +52,7 @@ class _View:
         scaling: human to robot.
         ticks: loop tick of each row, (T,); seconds: its source time, (T,) [s], NaN without a source.
         follow: rows that follow the human; the rest is the stop tail.
+        whole: whether they reach as far as was asked for, so that the human may go on after them.
     """
 
     window: HumanWindow | None
@@ -55,6 +60,7 @@ class _View:
     source_tick: float
     tick: int
     follow: int
+    whole: bool
 
 
 @dataclass(frozen=True)
@@ -134,7 +140,16 @@ class Retargeter:
             return 0
         return max(int(np.floor((tick - source_tick) / self.rate * fps + 1e-6)), 0)
 
-    def plan(self, state: Float, motion: Motion | None, first_frame: int, tick: int) -> Plan:
+    def plan(
+        self,
+        state: Float,
+        motion: Motion | None,
+        first_frame: int,
+        tick: int,
+        *,
+        horizon: int | None = None,
+        checkpoint: Callable[[], None] = lambda: None,
+    ) -> Plan:
         """The plan that starts at `tick`.
 
         Args:
@@ -142,27 +157,33 @@ class Retargeter:
             motion: the human's frames from source frame `first_frame` on; None or empty: stop.
             first_frame: index of the motion's first frame on the source's own clock (frame 0 at its time 0).
             tick: loop tick of the first row.
+            horizon: rows that may follow the human; the settings' where not given.
+            checkpoint: called every few milliseconds; what it raises ends the work.
 
         Returns:
             A plan of up to the horizon, as far as the motion reaches, and its stop tail.
         """
         layout = self.layout
         state = state.copy()
-        view = self._view(state, motion, first_frame, tick)
+        view = self._view(state, motion, first_frame, tick, self.horizon if horizon is None else horizon)
+        checkpoint()
         walk = self._walk(state, view)
+        checkpoint()
         steps, ticks, schedule, zmp, dcm = walk.steps, walk.ticks, walk.schedule, walk.balance.zmp, walk.balance.dcm
         com, com_velocity = balance.centre_of_mass(dcm, layout.get(state, "com"), self.omega, self.dt)
         seconds = (ticks - view.source_tick) / self.rate
         known = seconds[: view.follow]
-        targets, hands = self._targets(state, view, schedule, known)
+        targets, hands = self._targets(state, view, schedule, known, checkpoint)
         targets[:, 0] = np.minimum(targets[:, 0], self._reachable_height(state, schedule, com))
         position, velocity, slow, soft = self.follower.follow(
             targets, layout.get(state, "position"), layout.get(state, "velocity")
         )
         base, q, offset, short = self.body.solve(schedule.feet, com, position, layout.get(state, "com_offset"))
+        checkpoint()
         outside = (q < self.robot.lower) | (q > self.robot.upper)
         q = np.clip(q, self.robot.lower, self.robot.upper)
         qd, qdd, torque = self._torque(state, schedule, base, q)
+        checkpoint()
         upper = slice(len(POSTURE), None)
         fresh = [step for step in steps if step.lift >= tick]
         rows = len(ticks)
@@ -197,12 +218,12 @@ class Retargeter:
         self._remember(plan, state, view, steps, ticks, position, velocity, offset)
         return plan
 
-    def _view(self, state: Float, motion: Motion | None, first_frame: int, tick: int) -> _View:
+    def _view(self, state: Float, motion: Motion | None, first_frame: int, tick: int, horizon: int) -> _View:
         """Read the frames; a state that has never seen a human starts its clock, heading and feet here."""
         layout = self.layout
         source_tick = layout.scalar(state, "source_tick")
         if motion is None or len(motion) < 2:
-            return _View(None, Scaling(1.0, 0.0, 0.0), source_tick, tick, 0)
+            return _View(None, Scaling(1.0, 0.0, 0.0), source_tick, tick, 0, False)
         yaws = layout.get(state, "yaws")
         start = np.isnan(source_tick)
         window = HumanWindow(
@@ -222,8 +243,8 @@ class Retargeter:
             human_width=motion.body.segments.hip_width,
         )
         follow = int(np.floor(source_tick + window.end_s * self.rate + 1e-6)) + 1 - tick
-        follow = min(max(follow, 0), self.horizon)
-        return _View(window if follow else None, scaling, source_tick, tick, follow)
+        follow = min(max(follow, 0), horizon)
+        return _View(window if follow else None, scaling, source_tick, tick, follow, follow == horizon)
 
     def _walk(self, state: Float, view: _View) -> _Walk:
         """Steps and balance; a step that would have to come too suddenly for the soles is put off."""
@@ -265,7 +286,7 @@ class Retargeter:
             put_off,
         )
         # Where the human ends inside the horizon this plan is the last: it is played to its end.
-        return steps if view.follow == self.horizon else self.footsteps.gather(steps, feet, view.tick + view.follow)
+        return steps if view.whole else self.footsteps.gather(steps, feet, view.tick + view.follow)
 
     def _schedule(self, state: Float, view: _View, steps: list[Step], ticks: Float, known: Float) -> Schedule:
         layout = self.layout
@@ -293,7 +314,9 @@ class Retargeter:
         dcm = balance.divergent_component(zmp, self.omega, self.dt)
         return self.absorber.absorb(zmp, dcm, self.layout.get(state, "dcm"), float(schedule.feet[0, :, 3].mean()))
 
-    def _targets(self, state: Float, view: _View, schedule: Schedule, known: Float) -> tuple[Float, Float | None]:
+    def _targets(
+        self, state: Float, view: _View, schedule: Schedule, known: Float, checkpoint: Callable[[], None]
+    ) -> tuple[Float, Float | None]:
         """Targets of trunk and upper body, (T, C), and of the hands, (F, 2, 3) by source frame."""
         start = self.layout.get(state, "position")
         trunk = posture.trunk_targets(self.gait, schedule)
@@ -307,7 +330,7 @@ class Retargeter:
         )[: view.follow]
         q = self.robot.stand_pose.copy()
         q[self.body.upper.joints] = start[len(POSTURE) :]
-        angles, arms = self.body.upper.solve(window.kinematics, q)
+        angles, arms = self.body.upper.solve(window.kinematics, q, checkpoint)
         ahead = np.minimum(held + 2.0 / self.follower.omega[-1], known[-1])
         return np.hstack([trunk, window.at(angles, ahead)]), np.where(arms.reachable[..., None], arms.hand, np.nan)
 
@@ -340,17 +363,18 @@ class Retargeter:
         qd, qdd = _derivatives(joints, self.dt, self._smoother)
         speed, acceleration = _derivatives(torso[:, :3], self.dt, self._smoother)
         spin, spin_rate = _spin(torso[:, 3:], self.dt, self._smoother)
+        rows = np.unique(np.append(np.arange(0, len(q), _TORQUE_STRIDE), len(q) - 1))
         torque, _ = self.body.dynamics.inverse(
-            base,
-            np.hstack([speed, spin]),
-            np.hstack([acceleration, spin_rate]),
-            q,
-            qd,
-            qdd,
-            schedule.feet,
-            schedule.share,
+            base[rows],
+            np.hstack([speed, spin])[rows],
+            np.hstack([acceleration, spin_rate])[rows],
+            q[rows],
+            qd[rows],
+            qdd[rows],
+            schedule.feet[rows],
+            schedule.share[rows],
         )
-        return qd, qdd, torque
+        return qd, qdd, make_interp_spline(rows, torque, k=1)(np.arange(len(q)))
 
     def _remember(
         self,

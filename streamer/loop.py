@@ -152,19 +152,19 @@ class ControlLoop:
             self._imu_unread = 0
 
     def _take_plan(self) -> None:
-        """Let the waiting plan take over when its tick has come; look at a new one where none waits."""
+        """Let the waiting plan take over when its tick has come; a newer one that fits takes its place."""
         if self.waiting is not None and self.tick_count >= self.waiting.plan.start_tick:
             self._begin_plan(self.waiting)
-        if self.waiting is not None:
-            return
         offer = self.plans.newest(self._looked_at)
         if offer is None:
             return
-        self._looked_at = offer.ticket.id
-        if self._acceptable(offer):
-            self.waiting = offer
-            if self.tick_count == offer.plan.start_tick:
-                self._begin_plan(offer)
+        # One that goes on from the plan that waits is looked at once that one plays.
+        if self.waiting is None or offer.ticket.resumed != self.waiting.ticket.id:
+            self._looked_at = offer.ticket.id
+            if self._acceptable(offer):
+                self.waiting = offer
+                if self.tick_count == offer.plan.start_tick:
+                    self._begin_plan(offer)
         self.plans.hold(self.playing, self.waiting)
 
     def _begin_plan(self, offer: Offer) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -13,8 +13,8 @@ from retarget.plan import Plan
 from retarget.state import STEP_SIZE, pack_steps, unpack_step
 from streamer.tick_row import REPAIRS
 
-SLOTS = 4
-"""One plays, one waits for its tick, one is newest and not looked at yet, one is being written."""
+SLOTS = 5
+"""One plays, one waits for its tick, one is looked at, one is newest, one is being written."""
 MOST_STEPS = 16
 _TAIL_S = 5.0
 """Room for what follows the horizon: steps under way, and the stop [s]."""
@@ -32,6 +32,7 @@ class Ticket:
         target: id of the newest target that it follows; 0: none.
         target_ns: when that target arrived (`time.perf_counter_ns`).
         effect_row: first row that differs from what the plan before would have sent; -1: none does.
+        partial: it follows the source for a moment only; the whole plan comes at once.
         stops: it comes to a stop whatever the source has.
         source_over: the source has nothing after it.
         sample_s, retarget_s: time it took to get the human motion, and to retarget it [s].
@@ -43,6 +44,7 @@ class Ticket:
     target: int
     target_ns: int
     effect_row: int
+    partial: bool
     stops: bool
     source_over: bool
     sample_s: float
@@ -101,7 +103,7 @@ class PlanBuffer:
         self._heads = shared_array(SLOTS, head)
         self._newest = shared_array(1, np.int64)  # id of the newest plan; its slot is in `_slot`
         self._slot = shared_array(1, np.int64)
-        self._held = shared_array(2, np.int64)  # slots that the loop plays and keeps for its tick
+        self._held = shared_array(3, np.int64)  # slots that the loop plays, keeps for its tick, and looks at
         self._newest[0], self._slot[0], self._held[:] = 0, -1, -1
 
     @property
@@ -151,7 +153,7 @@ class PlanBuffer:
             return None
         while True:
             slot = int(self._slot[0])
-            self._held[1] = slot
+            self._held[2] = slot
             fence()
             # Had the planner gone on meanwhile it might not have seen that this slot is in use.
             if slot == int(self._slot[0]):
@@ -161,6 +163,24 @@ class PlanBuffer:
         """Say which plans the loop still reads; the others' slots may be written to."""
         self._held[0] = -1 if playing is None else playing.slot
         self._held[1] = -1 if waiting is None else waiting.slot
+        self._held[2] = -1
+
+    # ---------------------------------------------------------------- an observer's side
+
+    def observe(self, seen: int) -> Offer | None:
+        """A copy of the newest plan, if it is newer than the id `seen`, for one whom neither side knows of.
+
+        None also where the slot was written to meanwhile: a newer plan is there, ask again.
+        """
+        if self.newest_id <= seen:
+            return None
+        slot = int(self._slot[0])
+        fence()
+        copy = _copy(self._offer(slot))
+        fence()
+        # The newest slot is never written to. Had it been newest, written to and newest again, its id would differ.
+        unchanged = slot == int(self._slot[0]) and copy.ticket.id == int(self._heads[slot]["id"])
+        return copy if unchanged else None
 
     def _offer(self, slot: int) -> Offer:
         columns, head = self._columns[slot], self._heads[slot]
@@ -174,3 +194,8 @@ class PlanBuffer:
             **rows,
         )
         return Offer(Ticket(**{field.name: head[field.name].item() for field in fields(Ticket)}), plan, slot)
+
+
+def _copy(offer: Offer) -> Offer:
+    arrays = {name: value.copy() for name, value in vars(offer.plan).items() if isinstance(value, np.ndarray)}
+    return replace(offer, plan=replace(offer.plan, **arrays))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -41,28 +42,41 @@ class Planner:
         self.retargeter, self.source, self.settings = retargeter, source, settings
         self.rate = retargeter.rate
 
-    def plan(self, join: int, current: Plan | None, *, stop: bool = False) -> Planned:
+    def plan(
+        self,
+        join: int,
+        current: Plan | None,
+        *,
+        stop: bool = False,
+        partial: bool = False,
+        checkpoint: Callable[[], None] = lambda: None,
+    ) -> Planned:
         """The plan that plays from tick `join` on.
 
         Args:
             current: the plan that plays until then; None when the robot stands at its stand pose.
             stop: come to a balanced stop from there, whatever the source has.
+            partial: follow the source only for the settings' `first_s`, which takes less time.
+            checkpoint: called every few milliseconds; what it raises ends the work.
         """
         begin = time.perf_counter()
         retargeter = self.retargeter
         state = self._state(join, current)
         first = retargeter.next_frame(state, join, self.source.fps)
-        frames = int(np.ceil(self.settings.horizon_s * self.source.fps)) + 2
+        horizon_s = self.settings.first_s if partial else self.settings.horizon_s
+        horizon = int(round(horizon_s * self.rate))
+        frames = int(np.ceil(horizon_s * self.source.fps)) + 2
         motion = None if stop else self.source.window(first, frames)
         sampled = time.perf_counter()
+        checkpoint()
         ended = motion is None or len(motion) < frames
         if motion is not None and current is not None and current.human is not None:
             motion = take_over(current.human, current.human_first_frame, motion, first, self.settings.blend_frames)
-        plan = retargeter.plan(state, motion, first, join)
+        plan = retargeter.plan(state, motion, first, join, horizon=horizon, checkpoint=checkpoint)
         if not (np.isfinite(plan.q).all() and np.isfinite(plan.qd).all() and np.isfinite(plan.torque).all()):
             raise RetargetError(f"{self.source.name}: the plan for tick {join} holds values that are no numbers")
         # A short window is only the end where the plan has followed all of it.
-        over = ended and plan.stop_row < retargeter.horizon and not stop
+        over = ended and plan.stop_row < horizon and not stop
         return Planned(plan, sampled - begin, time.perf_counter() - sampled, stop, over)
 
     def first_frame(self, join: int, current: Plan | None) -> int:

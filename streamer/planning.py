@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,6 +14,7 @@ from drivers.realtime.ring import Ring
 from retarget.plan import Plan
 from streamer.clip_library import LiveSource
 from streamer.ladder import State
+from streamer.lead import Kind, Lead
 from streamer.plan_buffer import PlanBuffer, Ticket
 from streamer.planner import Planner
 from streamer.targets import NO_TARGET, Target, TargetMailbox
@@ -22,12 +25,17 @@ EFFECT_RAD = np.radians(2.0)
 """A joint that is sent this much elsewhere shows a target's effect (the report's definition)."""
 
 
+class Superseded(Exception):  # noqa: N818 - no error: something newer is asked for
+    """The plan that is being made is no longer wanted."""
+
+
 class Planning:
     """The planner's side of the live system.
 
     Args:
         ticks: the loop's rows.
-        targets: where targets arrive; a source that takes none ignores it.
+        targets: where targets arrive; a source that takes none ignores them.
+        lead: how far ahead plans join.
     """
 
     def __init__(
@@ -36,22 +44,22 @@ class Planning:
         plans: PlanBuffer,
         ticks: Ring,
         settings: StreamSettings,
-        targets: TargetMailbox | None = None,
+        targets: TargetMailbox,
+        lead: Lead,
     ) -> None:
         self.planner, self.plans, self.ticks, self.settings = planner, plans, ticks, settings
-        self.targets = targets
+        self.targets, self.lead = targets, lead
+        self._follows = isinstance(planner.source, LiveSource)
         self._replan_ticks = round(settings.replan_s * planner.rate)
-        self.commit_ticks = max(round(settings.commit_s * planner.rate), 1)
+        self._commit_ticks = max(round(settings.commit_s * planner.rate), 1)
         self._made: dict[int, tuple[Ticket, Plan]] = {}
         self._asked_tick = 0
-        self._target = NO_TARGET  # the newest; it may not have reached a plan that plays yet
 
-    def step(self, tick: int, lead: int) -> bool:
+    def step(self, tick: int) -> bool:
         """Make and publish a plan if one is due.
 
         Args:
             tick: the tick that the loop does next.
-            lead: ticks from there to the join.
 
         Returns:
             Whether one was made.
@@ -60,19 +68,31 @@ class Planning:
             FlexMotionError, ArithmeticError, ValueError, LookupError: source or retargeter failed.
         """
         status = self.ticks.latest()
-        if self.targets is not None:
-            self._target = self.targets.newest()
-        if status is None or not self._due(status):
+        target = self.targets.newest() if self._follows else NO_TARGET
+        if status is None or not self._due(status, target):
+            return False
+        begin = time.perf_counter()
+        kind = self._kind(status, target)
+        join = tick + self.lead.ticks(kind)
+        resumed = self._playing_at(join, status)
+        current = self._made[resumed][1] if resumed else None
+        if current is not None:
+            join = max(join, current.start_tick + self._commit_ticks)
+        if kind is Kind.STOP:
+            target = NO_TARGET
+        elif self._is_new(target, status):
+            self._turn_to(target, current, join)
+        try:
+            planned = self.planner.plan(
+                join,
+                current,
+                stop=kind is Kind.STOP,
+                partial=kind is Kind.PARTIAL,
+                checkpoint=partial(self._check, kind, target),
+            )
+        except Superseded:
             return False
         self._asked_tick = tick
-        resumed = int(status["plan"])
-        current = self._made[resumed][1] if resumed else None
-        join = tick + lead
-        stop = bool(status["must_stop"])
-        target = NO_TARGET if stop else self._target
-        if target.id > int(status["target"]):
-            self._turn_to(target, current, join)
-        planned = self.planner.plan(join, current, stop=stop)
         ticket = Ticket(
             id=self.plans.newest_id + 1,
             resumed=resumed,
@@ -80,6 +100,7 @@ class Planning:
             target=target.id,
             target_ns=target.stamp_ns,
             effect_row=-1 if current is None else _effect_row(current, planned.plan),
+            partial=kind is Kind.PARTIAL,
             stops=planned.stops,
             source_over=planned.source_over,
             sample_s=planned.sample_s,
@@ -88,39 +109,68 @@ class Planning:
         self._made[ticket.id] = ticket, planned.plan
         self._made = {key: self._made[key] for key in sorted(self._made)[-_KEPT:] if key >= resumed}
         self.plans.publish(ticket, planned.plan)
+        self.lead.took(kind, time.perf_counter() - begin)
         return True
 
     def warm_up(self) -> None:
         """Plan once from the stand pose, for nothing but to touch all that planning needs."""
         self.planner.plan(0, None)
 
-    def _due(self, status: NDArray[Any]) -> bool:
+    def _due(self, status: NDArray[Any], target: Target) -> bool:
         """Whether a plan is to be made now."""
         newest, plan = self.plans.newest_id, int(status["plan"])
-        if status["pending"] or newest > int(status["offer"]):
-            return False  # the last one has not joined, or has not been looked at
+        if newest > int(status["offer"]):
+            return False  # the last one has not been looked at
         must_stop = bool(status["must_stop"])
         if not plan:
-            return bool(status["ready"]) and not must_stop
-        if status["state"] not in (State.STREAMING, State.HOLD):
+            return bool(status["ready"]) and not status["pending"] and not must_stop
+        last = int(status["pending"]) or plan
+        if status["state"] not in (State.STREAMING, State.HOLD) or last not in self._made:
             return False
-        if plan not in self._made:
-            return False
-        ticket = self._made[plan][0]
+        ticket = self._made[last][0]
         if must_stop:
             return not ticket.stops and not status["plan_over"]
-        if self._target.id > int(status["target"]):
+        if self._is_new(target, status):
             return True
-        if ticket.source_over:
+        if status["pending"]:
             return False
+        if ticket.partial:
+            return True
         refused = newest != plan
-        return refused or int(status["tick"]) + 1 >= self._asked_tick + self._replan_ticks
+        return not ticket.source_over and (
+            refused or int(status["tick"]) + 1 >= self._asked_tick + self._replan_ticks
+        )
+
+    def _is_new(self, target: Target, status: NDArray[Any]) -> bool:
+        """Whether neither the plan that plays nor the one that waits follows this target."""
+        return target.id > max(int(status["target"]), self._target_of(int(status["pending"])))
+
+    def _target_of(self, plan: int) -> int:
+        return self._made[plan][0].target if plan in self._made else 0
+
+    def _playing_at(self, join: int, status: NDArray[Any]) -> int:
+        """Id of the plan that will play just before tick `join`: what the new one goes on from."""
+        pending = int(status["pending"])
+        waits = pending in self._made and self._made[pending][1].start_tick < join
+        return pending if waits else int(status["plan"])
+
+    def _kind(self, status: NDArray[Any], target: Target) -> Kind:
+        if status["must_stop"]:
+            return Kind.STOP
+        return Kind.PARTIAL if status["plan"] and self._is_new(target, status) else Kind.WHOLE
+
+    def _check(self, kind: Kind, target: Target) -> None:
+        """Drop what is being made as soon as something more urgent is asked for."""
+        status = self.ticks.latest()
+        stop = status is not None and bool(status["must_stop"]) and kind is not Kind.STOP
+        newer = self._follows and kind is not Kind.STOP and self.targets.newest().id > target.id
+        if stop or newer:
+            raise Superseded
 
     def _turn_to(self, target: Target, current: Plan | None, join: int) -> None:
         """Let the source follow a new target from the join on."""
         source = self.planner.source
-        if not isinstance(source, LiveSource):
-            return
+        assert isinstance(source, LiveSource)
         frame = self.planner.first_frame(join, current)
         here = None
         if current is not None and current.human is not None:

@@ -15,6 +15,7 @@ from flexmotion.motion import Motion
 from retarget.human import HumanWindow
 from retarget.retargeter import Retargeter
 from streamer.controls import Request
+from streamer.lead import FixedLead, Kind, Lead, MeasuredLead
 from streamer.live.supervisor import Service, Supervisor
 from streamer.loop import ControlLoop
 from streamer.operator import Operator
@@ -25,6 +26,9 @@ from streamer.record import Collector, RunRecord
 from streamer.sources import Source
 from streamer.targets import TargetMailbox
 from streamer.telemetry import Telemetry
+
+_AT_FIRST_S = {Kind.WHOLE: 0.05, Kind.PARTIAL: 0.02, Kind.STOP: 0.02}
+"""What plans are taken to cost before any was made [s]."""
 
 
 @dataclass
@@ -55,7 +59,7 @@ class Session:
     telemetry: Telemetry = field(init=False)
     plans: PlanBuffer = field(init=False)
     targets: TargetMailbox = field(init=False)
-    planning: Planning = field(init=False)
+    planner: Planner = field(init=False)
     record: RunRecord = field(init=False)
     loop: ControlLoop | None = field(init=False, default=None)
     scheduling: Scheduling = field(init=False, default="other")
@@ -66,8 +70,7 @@ class Session:
         self.telemetry = Telemetry(robot.n, rate)
         self.plans = PlanBuffer(robot.n, retargeter.layout.size, retargeter.horizon, rate)
         self.targets = TargetMailbox()
-        planner = Planner(retargeter, self.source, self.settings)
-        self.planning = Planning(planner, self.plans, self.telemetry.ticks, self.settings, self.targets)
+        self.planner = Planner(retargeter, self.source, self.settings)
         self.record = RunRecord(rate, robot.joint_names)
 
     def run(self, clock: str = "lockstep") -> RunRecord:
@@ -89,8 +92,12 @@ class Session:
         retargeter = Retargeter(self.robot, self.settings)
         return ControlLoop(self.robot, driver, retargeter, self.plans, self.telemetry, feedback=self.feedback)
 
+    def _planning(self, lead: Lead) -> Planning:
+        return Planning(self.planner, self.plans, self.telemetry.ticks, self.settings, self.targets, lead)
+
     def _run_lockstep(self) -> RunRecord:
         period = 1.0 / self.robot.rate_hz
+        planning = self._planning(FixedLead(max(round(self.settings.commit_s * self.robot.rate_hz), 1)))
         collector = Collector(self.telemetry, self.record)
         followers = [service.follow() for service in self.services]
         with self.driver:
@@ -103,7 +110,7 @@ class Session:
                 operator.act()
                 if operator.broken is None:
                     try:
-                        self.planning.step(loop.tick_count, self.planning.commit_ticks)
+                        planning.step(loop.tick_count)
                     except (FlexMotionError, ArithmeticError, ValueError, LookupError) as error:
                         # What plays ends in its own stop.
                         operator.broken = f"{type(error).__name__}: {error}"
@@ -124,7 +131,7 @@ class Session:
             driver = driver.detached(realtime=self.realtime)
         supervisor = Supervisor(
             self.control_loop(driver),
-            self.planning,
+            self._planning(MeasuredLead(self.robot.rate_hz, _AT_FIRST_S)),
             self.settings,
             seconds=self.seconds,
             stay=self.stay,

@@ -106,7 +106,7 @@ def stream(request: RunRequest) -> Outcome:
         begin = time.perf_counter()
         record = session.run(request.clock)
         elapsed = time.perf_counter() - begin
-    record.human_steps = count_human_steps(played.motion, session.planning.planner.retargeter)
+    record.human_steps = count_human_steps(played.motion, session.planner.retargeter)
     for event in record.events:
         if event.kind in ("warning", "note"):
             print_note(f"{event.kind}: {event.message}")

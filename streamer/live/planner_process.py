@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections import deque
 
 import numpy as np
 
@@ -15,11 +14,6 @@ from streamer.planning import Planning
 
 _LOOK_S = 0.002
 """How often it looks for something to do [s]."""
-_REMEMBERED = 32
-"""Plans whose cost tells how far ahead the next one must join."""
-_MARGIN = 1.15
-_AT_FIRST_S = 0.05
-"""What a plan is taken to cost before one was made [s]."""
 
 
 class Heartbeat:
@@ -43,7 +37,6 @@ def serve(planning: Planning, ticks: Ring, rate_hz: float, controls: Controls, b
     """Plan until this process is ended, or until source or retargeter fail: that is told through `controls`."""
     try:
         planning.warm_up()
-        costs = deque([_AT_FIRST_S], maxlen=_REMEMBERED)
         priority.settle(collect=True)
         priority.claim(priority.PLANNER_PRIORITY, allowed=realtime)
         while True:
@@ -52,14 +45,9 @@ def serve(planning: Planning, ticks: Ring, rate_hz: float, controls: Controls, b
             if status is None:
                 time.sleep(_LOOK_S)
                 continue
-            begin = time.perf_counter_ns()
             # The tick that the loop does next: it woke for the last one at `stamp_ns`.
-            since = (begin - int(status["stamp_ns"])) * 1e-9
-            tick = int(status["tick"]) + 1 + int(since * rate_hz)
-            lead = max(planning.commit_ticks, int(np.ceil(_MARGIN * max(costs) * rate_hz)) + 1)
-            if planning.step(tick, lead):
-                costs.append((time.perf_counter_ns() - begin) * 1e-9)
-            else:
+            since = (time.perf_counter_ns() - int(status["stamp_ns"])) * 1e-9
+            if not planning.step(int(status["tick"]) + 1 + int(since * rate_hz)):
                 time.sleep(_LOOK_S)
     except (FlexMotionError, ArithmeticError, ValueError, LookupError) as error:
         controls.ask(Request.FAULT, f"{type(error).__name__}: {error}")

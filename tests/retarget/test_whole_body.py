@@ -23,7 +23,7 @@ def reach(body: WholeBody, height: float, tilt: float = 0.0) -> tuple[np.ndarray
     com = np.column_stack([0.01 * np.sin(np.linspace(0, 6, ROWS)), 0.02 * np.cos(np.linspace(0, 6, ROWS))])
     channels = np.zeros((ROWS, len(POSTURE) + len(body.upper.joints)))
     channels[:, 0] = height
-    channels[:, 1:4] = tilt * rng.uniform(-1, 1, (ROWS, 3))
+    channels[:, 1:4] = tilt * np.sin(np.linspace(0, 4, ROWS)[:, None] + rng.uniform(-3, 3, 3))
     channels[:, 4:] = body.robot.stand_pose[body.upper.joints] + 0.2 * np.sin(np.linspace(0, 3, ROWS))[:, None]
     return feet, com, channels
 

@@ -67,6 +67,7 @@ def offer(loop: ControlLoop, plan: Plan, *, resumed: int = 0, stops: bool = Fals
         target=0,
         target_ns=0,
         effect_row=-1,
+        partial=False,
         stops=stops,
         source_over=False,
         sample_s=0.001,

@@ -136,7 +136,7 @@ def test_the_default_clip_ends_off_parked_and_upright(whole: Run, op3: Robot) ->
 
 
 def test_it_makes_the_steps_of_the_clip(whole: Run) -> None:
-    human = count_human_steps(default_clip(), whole.session.planning.planner.retargeter)
+    human = count_human_steps(default_clip(), whole.session.planner.retargeter)
     assert whole.record.steps_planned >= human > 3
     assert whole.record.true_base[whole.record.used - 1, 0] > 0.15
 
