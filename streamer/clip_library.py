@@ -36,7 +36,7 @@ class ClipLibrary:
         rates = {name: clip.fps for name, clip in clips.items()}
         if len(set(rates.values())) > 1:
             raise ConfigError(f"clips: expected one frame rate, found {rates}")
-        self.clips = dict(clips)
+        self.clips, self.first = dict(clips), first
         self.name, self.fps = f"clips:{len(clips)}", self._clip(first).fps
         self._start, self._playing = 0, poses_only(self._clip(first))
 
