@@ -64,9 +64,9 @@ class WatchedPlanner(Planner):
     moves: list[np.ndarray]
     """Of each join, (ticks,) [m]; the first is the jump at the join itself."""
 
-    def plan(self, join: int, current: Plan | None, *, stop: bool = False) -> Planned:
+    def plan(self, join: int, current: Plan | None, **how: Any) -> Planned:
         """See `Planner.plan`."""
-        planned = super().plan(join, current, stop=stop)
+        planned = super().plan(join, current, **how)
         if current is not None:
             rows = np.arange(int(round(self.settings.dcm_absorb_s * self.rate)))
             old = current.dcm[np.clip(join - current.start_tick + rows, 0, len(current) - 1)]
