@@ -51,6 +51,8 @@ class Operator:
     def hear(self, request: Request, reason: str = "") -> None:
         """Take a request; it acts on the next tick."""
         inputs = self.loop.inputs
+        if request not in (Request.LOST, Request.NOTE):
+            self.loop.telemetry.tell(self.loop.tick_count, "request", request.name)
         if request is Request.STOP:
             inputs.stop = True
         elif request is Request.ESTOP:

@@ -197,5 +197,7 @@ class PlanBuffer:
 
 
 def _copy(offer: Offer) -> Offer:
-    arrays = {name: value.copy() for name, value in vars(offer.plan).items() if isinstance(value, np.ndarray)}
+    arrays: dict[str, Any] = {
+        name: value.copy() for name, value in vars(offer.plan).items() if isinstance(value, np.ndarray)
+    }
     return replace(offer, plan=replace(offer.plan, **arrays))

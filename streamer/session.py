@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 
 from configs.errors import ConfigError, FlexMotionError
@@ -63,6 +64,7 @@ class Session:
     record: RunRecord = field(init=False)
     loop: ControlLoop | None = field(init=False, default=None)
     scheduling: Scheduling = field(init=False, default="other")
+    memory_mb: tuple[float, float] | None = field(init=False, default=None)
 
     def __post_init__(self) -> None:
         robot, rate = self.robot, self.robot.rate_hz
@@ -100,7 +102,9 @@ class Session:
         planning = self._planning(FixedLead(max(round(self.settings.commit_s * self.robot.rate_hz), 1)))
         collector = Collector(self.telemetry, self.record)
         followers = [service.follow() for service in self.services]
-        with self.driver:
+        with ExitStack() as ending, self.driver:
+            for follow in followers:
+                ending.callback(follow, True)
             loop = self.loop = self.control_loop(self.driver)
             operator = Operator(loop, self.settings, seconds=self.seconds, stay=False)
             while not operator.finished:
@@ -121,8 +125,6 @@ class Session:
                     follow(False)
                 if self.progress is not None:
                     self.progress(float(self.record.source_s[-1]))
-        for follow in followers:
-            follow(True)
         return self.record
 
     def _run_real(self) -> RunRecord:
@@ -139,6 +141,7 @@ class Session:
             services=self.services,
         )
         self.scheduling = supervisor.run(Collector(self.telemetry, self.record), self.request, self.progress)
+        self.memory_mb = supervisor.memory_mb
         return self.record
 
 

@@ -11,6 +11,7 @@ from streamer.commands.options import (
     Clock,
     FeedbackOption,
     JsonOption,
+    LogOption,
     MappingOption,
     PromptOption,
     ReportOption,
@@ -47,6 +48,7 @@ def dry_run(
     feedback: FeedbackOption = True,
     settings: SettingsOption = None,
     report: ReportOption = None,
+    log: LogOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Stream a motion to the simulated robot and report how well it followed.
@@ -65,6 +67,7 @@ def dry_run(
     from configs.stream import load_stream
     from streamer.commands.choice import choose_motion
     from streamer.commands.driver_options import simulation_options
+    from streamer.commands.recording import log_file
     from streamer.commands.streaming import RunRequest, present, stream
 
     stream_settings = load_stream(settings)
@@ -82,6 +85,7 @@ def dry_run(
             clock=clock,
             feedback=feedback,
             driver_options=simulation_options(perturbed, perturb or ()),
+            log=log_file(log, report),
         )
     )
     present(outcome, report, as_json)

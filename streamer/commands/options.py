@@ -37,5 +37,26 @@ ReportOption = Annotated[
     Path | None,
     typer.Option("--report", help="Folder for report.json, index.html and the pictures.", show_default=False),
 ]
+LogOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--log",
+        help="Log (.mcap) of everything, or a folder for it; beside the report if there is one.",
+        show_default=False,
+    ),
+]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")]
+RealtimeOption = Annotated[
+    bool,
+    typer.Option("--realtime/--no-realtime", help="On the real clock: ask the system for realtime scheduling."),
+]
+ReplanNoiseOption = Annotated[
+    float,
+    typer.Option(
+        "--replan-noise",
+        metavar="METRES",
+        min=0.0,
+        help="Every plan's human motion is redrawn with an error that grows to this in a second, as a live model's is.",
+    ),
+]
 FeedbackOption = Annotated[bool, typer.Option("--feedback/--no-feedback", help="Balance feedback.")]

@@ -11,6 +11,7 @@ from streamer.commands.options import (
     Clock,
     FeedbackOption,
     JsonOption,
+    LogOption,
     MappingOption,
     PromptOption,
     ReportOption,
@@ -40,6 +41,7 @@ def run(
     feedback: FeedbackOption = True,
     settings: SettingsOption = None,
     report: ReportOption = None,
+    log: LogOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Stream a motion to a robot: stand up, follow, stop, park.
@@ -54,6 +56,7 @@ def run(
     from configs.stream import load_stream
     from streamer.commands.choice import choose_motion
     from streamer.commands.driver_options import parse_options
+    from streamer.commands.recording import log_file
     from streamer.commands.streaming import RunRequest, present, stream
 
     stream_settings = load_stream(settings)
@@ -74,6 +77,7 @@ def run(
             clock=clock,
             feedback=feedback,
             driver_options=options,
+            log=log_file(log, report),
         )
     )
     present(outcome, report, as_json)

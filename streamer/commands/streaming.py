@@ -21,11 +21,13 @@ from drivers.registry import create
 from flexmotion.motion import Motion
 from streamer.commands.options import Clock
 from streamer.commands.output import print_json, print_note, print_result, progress_bar
+from streamer.commands.recording import record_to
 from streamer.controls import Request
 from streamer.metrics import HumanTrack, RobotFigures
 from streamer.page import write_page
 from streamer.plots import write_plots
 from streamer.record import RunRecord
+from streamer.recorder import Recorder
 from streamer.report import Report, RunInfo, build_report
 from streamer.session import Session, count_human_steps
 from streamer.sources import ClipSource
@@ -42,6 +44,7 @@ class RunRequest:
         motion: what to follow, at most `seconds` [s] of it.
         stay, realtime: as of `streamer.session.Session`.
         driver_options: fields of the driver's `Options`, without the seed.
+        log: file to log to; None: nowhere.
     """
 
     robot: str
@@ -55,6 +58,7 @@ class RunRequest:
     stay: bool = False
     realtime: bool = True
     driver_options: dict[str, Any] = field(default_factory=dict)
+    log: Path | None = None
 
 
 @dataclass(frozen=True)
@@ -103,8 +107,14 @@ def stream(request: RunRequest) -> Outcome:
             progress=show,
             request=asked.next,
         )
+        recorder = None if request.log is None else _recorder(request, session, robot)
         begin = time.perf_counter()
-        record = session.run(request.clock)
+        try:
+            record = session.run(request.clock)
+        finally:
+            logged = None if recorder is None else recorder.result()
+            if logged is not None:
+                print_note(f"log: {logged}")
         elapsed = time.perf_counter() - begin
     record.human_steps = count_human_steps(played.motion, session.planner.retargeter)
     for event in record.events:
@@ -122,9 +132,24 @@ def stream(request: RunRequest) -> Outcome:
         realtime=session.scheduling,
         missed_allowed=request.settings.budgets.missed_deadlines,
         underruns_allowed=request.settings.budgets.underruns,
+        log=logged,
     )
     report = build_report(record, info, figures, human=HumanTrack.of(played.motion))
     return Outcome(robot, played.motion, figures, record, report, asked.interrupted)
+
+
+def _recorder(request: RunRequest, session: Session, robot: Robot) -> Recorder:
+    assert request.log is not None
+    return record_to(
+        request.log,
+        session,
+        robot,
+        driver=request.driver,
+        driver_options=request.driver_options,
+        seed=request.seed,
+        clock=request.clock,
+        source=request.motion.source,
+    )
 
 
 def present(outcome: Outcome, folder: Path | None, as_json: bool) -> None:

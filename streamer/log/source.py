@@ -17,7 +17,6 @@ from streamer.sources import ClipSource, Source
 Parts = dict[str, Any]
 
 _FOLDER = "source"
-MEDIA_TYPE = "application/x-npz"
 
 
 def pack(source: Source) -> tuple[Parts, dict[str, bytes]]:
@@ -56,6 +55,13 @@ def unpack(parts: Parts, files: Mapping[str, bytes], origin: Path) -> Source:
     except (KeyError, TypeError) as error:
         raise ConfigError(f"{origin}: source {kind}: the log lacks {error}") from error
     raise ConfigError(f"{origin}: a source of kind {kind!r} is not kept in a log, only clips are")
+
+
+def human_motion(source: Source) -> Motion | None:
+    """The one motion that a source follows; None where it follows several."""
+    if isinstance(source, NoisySource):
+        return human_motion(source.source)
+    return source.motion if isinstance(source, ClipSource) else None
 
 
 def _pack_motion(motion: Motion) -> bytes:

@@ -1,0 +1,92 @@
+"""`flexmotion log`: what is in a log of a run, its pictures, and the run once more."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from streamer.commands.options import JsonOption
+from streamer.commands.output import print_json, print_note, print_result, progress_bar
+
+CHECK_FAILED = 1
+
+log = typer.Typer(help="Logs of runs: what is in them, their pictures, and the run once more.", no_args_is_help=True)
+
+FileArgument = Annotated[Path, typer.Argument(metavar="FILE", help="Log (.mcap) of `dry-run` or `run`.")]
+
+
+@log.command()
+def show(file: FileArgument, as_json: JsonOption = False) -> None:
+    """Print what is in a log: length, states, plans, targets, events, timing and topics.
+
+    [bold]Examples[/bold]
+
+      flexmotion log show run.mcap
+    """
+    # Heavy imports wait until the command runs: help and completion answer at once.
+    from streamer.log.reader import read_log
+    from streamer.log.summary import describe, render_log
+
+    content = describe(read_log(file))
+    if as_json:
+        print_json(content)
+    else:
+        print_result(render_log(content))
+
+
+@log.command()
+def plot(
+    file: FileArgument,
+    out: Annotated[Path, typer.Option("--out", "-o", help="Folder for the pictures.")],
+) -> None:
+    """Draw the pictures of a run from its log.
+
+    [bold]Examples[/bold]
+
+      flexmotion log plot run.mcap -o pictures
+    """
+    from configs.errors import ConfigError
+    from streamer.log.judged import Subject
+    from streamer.log.reader import read_log
+    from streamer.plots import write_plots
+
+    found = read_log(file)
+    if not len(found.rows):
+        raise ConfigError(f"{file}: has no tick to draw")
+    subject = Subject.of(found)
+    for path in write_plots(out, found.record(), subject.robot, subject.figures, subject.motion):
+        print_note(f"drawn: {path}")
+
+
+@log.command()
+def replay(file: FileArgument, as_json: JsonOption = False) -> None:
+    """Run a log's source again, in lockstep on the simulated robot, and compare how the robot moved.
+
+    With the log's settings, seed, driver options, targets and requests. Exit code 1 where a figure is further off than
+    its tolerance; a log of a lockstep run must give equal figures.
+
+    [bold]Examples[/bold]
+
+      flexmotion log replay run.mcap
+    """
+    from streamer.log.judged import Subject
+    from streamer.log.reader import read_log
+    from streamer.log.replay import replay as run_again
+    from streamer.log.summary import describe_replay, render_replay
+
+    found = read_log(file)
+    subject = Subject.of(found)
+    for name in found.changed_files(subject.robot):
+        print_note(f"note: {name} is not as it was when the log was written")
+    if found.header.driver != "sim":
+        print_note(f"note: the log is of driver {found.header.driver!r}; the simulation is run with its own options")
+    with progress_bar(f"replays {file.name}") as progress:
+        result = run_again(found, subject, progress)
+    if as_json:
+        print_json(describe_replay(found, result))
+    else:
+        print_result(render_replay(result))
+    if not result.agrees:
+        raise typer.Exit(CHECK_FAILED)

@@ -1,0 +1,57 @@
+"""A run judged from its rows, as its report judged it: for `log show`, `log plot` and `log replay`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from configs.robot import Robot, load_robot
+from flexmotion.motion import Motion
+from retarget.retargeter import Retargeter
+from streamer.log.reader import Log
+from streamer.log.source import human_motion
+from streamer.metrics import HumanTrack, RobotFigures
+from streamer.record import RunRecord
+from streamer.report import Report, RunInfo, build_report
+from streamer.session import count_human_steps
+
+
+@dataclass(frozen=True)
+class Subject:
+    """Who moved in a log, and after whom.
+
+    Attributes:
+        robot: as it is installed now; see `Log.changed_files`.
+        motion: what the human did; None where the source follows several motions or is not in the log.
+    """
+
+    robot: Robot
+    motion: Motion | None
+    figures: RobotFigures
+    human_steps: int
+
+    @classmethod
+    def of(cls, log: Log) -> Subject:
+        """Read from the log and the robot's files. Raises `ConfigError`, `MotionFormatError`."""
+        robot = load_robot(log.header.robot)
+        motion = human_motion(log.source()) if log.files else None
+        figures = RobotFigures.of(robot, None if motion is None else motion.body.leg)
+        steps = 0 if motion is None else count_human_steps(motion, Retargeter(robot, log.header.settings))
+        return cls(robot, motion, figures, steps)
+
+    def report(self, log: Log, record: RunRecord) -> Report:
+        """The report of `record`, the log's own or that of a run made again from it."""
+        header, budgets = log.header, log.header.settings.budgets
+        record.human_steps = self.human_steps
+        info = RunInfo(
+            robot=self.robot.name,
+            driver=header.driver,
+            source=header.source,
+            seed=header.seed,
+            clock=header.clock,
+            options=header.driver_options | ({} if header.feedback else {"feedback": False}),
+            missed_allowed=budgets.missed_deadlines,
+            underruns_allowed=budgets.underruns,
+            log=str(log.path),
+        )
+        human = None if self.motion is None else HumanTrack.of(self.motion)
+        return build_report(record, info, self.figures, human=human)

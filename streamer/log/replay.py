@@ -1,0 +1,174 @@
+"""`replay`: a log's run once more, in lockstep on the simulated robot, and how it compares."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from configs.errors import ConfigError
+from drivers.registry import create
+from streamer.controls import Request
+from streamer.log.judged import Subject
+from streamer.log.reader import Log
+from streamer.record import RunRecord
+from streamer.report import Report
+from streamer.session import Session
+
+TOLERANCES = {
+    "fell": 0.0,
+    "joint_rmse_rad": 0.01,
+    "lag_s": 0.016,
+    "foot_slip_mm_s": 10.0,
+    "net_path_ratio": 0.15,
+    "heading_rms_rad": 0.1,
+    "steps_planned": 2.0,
+    "steps_inserted": 2.0,
+    "hand_error_share": 0.03,
+}
+"""How far apart the figures of two runs may be where plans joined at other ticks, as they do on the real clock.
+
+Assumptions: what runs of the same walk on the real clock differ by, twice over. In lockstep figures must be equal.
+"""
+_TIMING = {
+    *("stamp_ns", "work_s", "lateness_s", "robot_lateness_s", "sample_s", "retarget_s"),
+    *("target_to_command_s", "target_to_effect_s"),
+}
+"""Columns that tell of the wall clock: they differ between equal runs."""
+
+
+@dataclass(frozen=True)
+class Compared:
+    """One figure of both runs; None where it is not known. `tolerance` None: shown, not compared."""
+
+    name: str
+    logged: float | None
+    replayed: float | None
+    tolerance: float | None
+
+    @property
+    def difference(self) -> float | None:
+        """Replayed less logged."""
+        return None if self.logged is None or self.replayed is None else self.replayed - self.logged
+
+    @property
+    def agrees(self) -> bool:
+        """Within tolerance. What the log does not know (no ground truth on hardware) cannot disagree."""
+        if self.tolerance is None or self.logged is None:
+            return True
+        return self.difference is not None and abs(self.difference) <= self.tolerance
+
+
+@dataclass(frozen=True)
+class Replay:
+    """Both runs side by side.
+
+    Attributes:
+        figures: the motion figures.
+        differing: columns of the ticks that are not equal bit for bit, timing apart.
+    """
+
+    figures: list[Compared]
+    differing: list[str]
+
+    @property
+    def agrees(self) -> bool:
+        """Whether every figure does."""
+        return all(figure.agrees for figure in self.figures)
+
+
+def replay(log: Log, subject: Subject, progress: Callable[[float], None] | None = None) -> Replay:
+    """Run a log's source again with its settings, seed, targets and requests, and compare.
+
+    Where the log ends early only as much of the second run is compared.
+
+    Args:
+        progress: called with the share done, in [0, 1].
+
+    Raises:
+        ConfigError: the log has no source that can be run again, does not begin at the start, or is of a robot with
+            other joints.
+        DriverError: the simulation failed.
+    """
+    if not len(log.rows) or log.rows["tick"][0]:
+        raise ConfigError(f"{log.path}: cannot be replayed, its first ticks are missing")
+    if subject.robot.joint_names != log.header.joints:
+        raise ConfigError(f"{log.path}: cannot be replayed, robot {log.header.robot} has other joints now")
+    again = _run(log, subject, progress)
+    logged = log.record()
+    kept = again.rows[again.rows["tick"] <= log.rows["tick"][-1]]
+    cut = RunRecord(again.rate_hz, again.joint_names, kept_s=len(kept) / again.rate_hz + 1.0)
+    cut.append(kept)
+    cut.events.extend(event for event in again.events if event.tick <= log.rows["tick"][-1])
+    lockstep = log.header.clock == "lockstep"
+    figures = _compare(subject.report(log, logged), subject.report(log, cut), exact=lockstep)
+    return Replay(figures, _differing(logged, cut))
+
+
+def _run(log: Log, subject: Subject, progress: Callable[[float], None] | None) -> RunRecord:
+    header = log.header
+    options = header.driver_options if header.driver == "sim" else {}
+    driver = create("sim", subject.robot, **options, seed=header.seed)
+    session = Session(
+        subject.robot,
+        driver,
+        log.source(),
+        header.settings,
+        header.seconds,
+        feedback=header.feedback,
+    )
+    end = max(int(log.rows["tick"][-1]), 1)
+    targets, requests = _targets(log), _requests(log)
+
+    def operate() -> Request | None:
+        tick = 0 if session.loop is None else session.loop.tick_count
+        while targets and targets[0][0] <= tick:
+            session.targets.send(targets.pop(0)[1]["clip"])
+        if progress is not None:
+            progress(min(tick / end, 1.0))
+        return requests.pop(0)[1] if requests and requests[0][0] <= tick else None
+
+    session.request = operate
+    return session.run("lockstep")
+
+
+def _targets(log: Log) -> list[tuple[int, dict[str, Any]]]:
+    """Each target with the first tick that began after it arrived."""
+    rows = np.searchsorted(log.rows["stamp_ns"], [target["stamp_ns"] for target in log.targets])
+    return [
+        (int(log.rows["tick"][row]), target)
+        for row, target in zip(rows, log.targets, strict=True)
+        if row < len(log.rows)
+    ]
+
+
+def _requests(log: Log) -> list[tuple[int, Request]]:
+    """What operators asked for, with the tick that heard it."""
+    asked = [(event.tick, event.message) for event in log.events if event.kind == "request"]
+    return [(tick, Request[name]) for tick, name in asked if name in Request.__members__]
+
+
+def _compare(logged: Report, replayed: Report, *, exact: bool) -> list[Compared]:
+    figures = []
+    before, after = logged.motion.model_dump(), replayed.motion.model_dump()
+    for name, value in before.items():
+        tolerance = 0.0 if exact else TOLERANCES.get(name)
+        figures.append(Compared(name, _number(value), _number(after[name]), tolerance))
+    return figures
+
+
+def _number(value: float | None) -> float | None:
+    return None if value is None else float(value)
+
+
+def _differing(logged: RunRecord, replayed: RunRecord) -> list[str]:
+    if logged.used != replayed.used:
+        return ["tick"]
+    names = [name for name in logged.rows.dtype.names or () if name not in _TIMING]
+    return [n for n in names if not np.array_equal(logged.rows[n], replayed.rows[n], equal_nan=_is_float(logged, n))]
+
+
+def _is_float(record: RunRecord, name: str) -> bool:
+    return bool(record.rows.dtype[name].base.kind == "f")
