@@ -248,11 +248,13 @@ class FootstepPlanner:
             stance = feet[1 - swing.side]
             target = self.target(window, scaling, swing.side, swing.lift_s, land_s, stance)
             target = self.within_reach(feet[swing.side], target, stance, (land - lift) / self.rate)
-            step = Step(swing.side, lift, land, feet[swing.side].copy(), target, land_s, dropped)
+            # A swing whose end is not seen yet is done with when the robot's foot has landed.
+            consumed_s = land_s if swing.landed else max(land_s, (land - source_tick) / self.rate)
+            step = Step(swing.side, lift, land, feet[swing.side].copy(), target, consumed_s, dropped)
             dropped = 0
             steps.append(step)
             feet[swing.side] = target
-            consumed[swing.side] = land_s
+            consumed[swing.side] = consumed_s
             free = land + pause
         self._insert(window, scaling, steps, feet, consumed, free, end, source_tick)
         if steps and not frozen:

@@ -112,6 +112,16 @@ def test_a_swing_that_is_redrawn_to_land_later_is_not_another_step(
     assert [step.side for step in again] == [step.side for step in planned]
 
 
+def test_a_swing_whose_landing_comes_into_sight_is_not_another_step(
+    plan: Callable[..., list[Step]], walk: Motion
+) -> None:
+    """The first window ends in mid-swing, as that of a short plan does; the next one shows where the foot lands."""
+    (early,) = plan(walk[:38])
+    consumed = np.array([-np.inf, early.consumed_s])
+    again = plan(walk, consumed=consumed, frozen=[early], now=early.lift - 10)
+    assert [step.side for step in again] == [1, 0, 1, 0, 1, 0, 1, 0]
+
+
 def test_a_step_may_be_put_off(plan: Callable[..., list[Step]], walk: Motion) -> None:
     now = int(0.9 * RATE)
     soon, later = plan(walk, now=now), plan(walk, now=now, put_off=12)

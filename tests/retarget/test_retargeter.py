@@ -174,6 +174,21 @@ def test_the_robot_walks_as_far_as_the_human_for_its_legs(
     assert sum(len({s.lift for s in p.steps if s.lift < p.start_tick + REPLAN}) for p in walking) == 8
 
 
+def test_a_step_out_of_the_blue_is_put_off_until_the_weight_can_follow(
+    walking: list[Plan], retargeter: Retargeter, walk: Motion
+) -> None:
+    """The human has come to a stand, and in the next window is suddenly half a second before the last step."""
+    plan = next(p for p in walking if p.start_tick == 713)
+    row, half = 25, retargeter.robot.sole_half_size.min(axis=0)
+    tick = plan.start_tick + row
+    first = retargeter.next_frame(plan.states[row], tick, walk.fps)
+    sudden = retargeter.plan(plan.states[row], walk[first - 15 : first - 15 + FRAMES], first, tick)
+    assert sudden.steps[0].lift > tick + NOTICE_S * RATE + 1
+    share = sudden.load_share[:, None]
+    between = (1.0 - share) * sudden.feet[:, 0, :2] + share * sudden.feet[:, 1, :2]
+    assert (np.abs(sudden.zmp - between).max(axis=0) <= 0.5 * half + 1e-9).all()
+
+
 @pytest.mark.parametrize("motion", ["walk", "clip"])
 @pytest.mark.parametrize("row", [1, 5, 17, 31, 62])
 def test_resuming_from_any_row_goes_on_as_planned(
