@@ -116,7 +116,8 @@ def test_a_swing_whose_landing_comes_into_sight_is_not_another_step(
     plan: Callable[..., list[Step]], walk: Motion
 ) -> None:
     """The first window ends in mid-swing, as that of a short plan does; the next one shows where the foot lands."""
-    (early,) = plan(walk[:38])
+    (early,) = plan(walk[:42])
+    assert early.consumed_s == pytest.approx(early.land / RATE, abs=0.01)
     consumed = np.array([-np.inf, early.consumed_s])
     again = plan(walk, consumed=consumed, frozen=[early], now=early.lift - 10)
     assert [step.side for step in again] == [1, 0, 1, 0, 1, 0, 1, 0]
