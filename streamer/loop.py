@@ -106,6 +106,12 @@ class ControlLoop:
         """Whether only a plan that stops is taken."""
         return self.winding_down or self.ladder.stopping or self.ladder.fault is not None
 
+    def touch(self) -> None:
+        """Touch the memory that ticks will need."""
+        self.telemetry.ticks.touch()
+        self.telemetry.events.touch()
+        self.plans.touch()
+
     def tick(self, late_ns: int = 0) -> None:
         """One period: read, decide, send, tell.
 

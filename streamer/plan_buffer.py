@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from configs.errors import RetargetError
-from drivers.realtime.ring import fence, shared_array
+from drivers.realtime.ring import fence, shared_array, touch
 from retarget.plan import Plan
 from retarget.state import STEP_SIZE, pack_steps, unpack_step
 from streamer.tick_row import REPAIRS
@@ -105,6 +105,12 @@ class PlanBuffer:
         self._slot = shared_array(1, np.int64)
         self._held = shared_array(3, np.int64)  # slots that the loop plays, keeps for its tick, and looks at
         self._newest[0], self._slot[0], self._held[:] = 0, -1, -1
+
+    def touch(self) -> None:
+        """Read all of it once, see `drivers.realtime.ring.touch`."""
+        for columns in self._columns:
+            for column in columns.values():
+                touch(column)
 
     @property
     def newest_id(self) -> int:

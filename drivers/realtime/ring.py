@@ -37,6 +37,11 @@ def shared_array(shape: int | tuple[int, ...], dtype: np.dtype[Any] | type) -> R
     return np.frombuffer(memory, kind, count).reshape(shape)
 
 
+def touch(array: Rows) -> None:
+    """Read every page of a shared array, so that this process meets no page fault in it later."""
+    array.view(np.uint8).reshape(-1)[:: mmap.PAGESIZE].max(initial=0)
+
+
 class Ring:
     """The newest `capacity` rows of one writer.
 
@@ -72,6 +77,10 @@ class Ring:
         # The writer would have to lap the whole ring during this copy to spoil it.
         fence()
         return self._rows[(count - 1) % self.capacity].copy()
+
+    def touch(self) -> None:
+        """See `touch`."""
+        touch(self._rows)
 
     def reader(self) -> Reader:
         """A reader that begins with the oldest row still there."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from importlib.resources import as_file, files
 from pathlib import Path
@@ -10,6 +11,7 @@ import typer
 
 from flexmotion.importers import load
 from flexmotion.motion import Motion
+from flexmotion.resample import resample
 from streamer.script import load_script
 from streamer.sequence import sequence
 
@@ -46,3 +48,17 @@ def choose_motion(
         return replace(sequence(clips, end, blend_frames), source=f"script:{script.name}")
     with as_file(files("flexmotion") / "data" / DEFAULT_CLIP) as path:
         return replace(load(path), source="default")
+
+
+def library_of(files: Sequence[Path], mapping: str | None = None) -> dict[str, Motion]:
+    """Clips by file name, all at the first one's frame rate.
+
+    Raises:
+        typer.BadParameter: there are fewer than two, or two have one name.
+        FlexMotionError: a file cannot be read.
+    """
+    clips = {file.name: load(file, mapping=mapping) for file in files}
+    if len(clips) < 2 or len(clips) < len(files):
+        raise typer.BadParameter("--clip: expected two or more files of different names to switch between")
+    fps = next(iter(clips.values())).fps
+    return {name: clip if clip.fps == fps else resample(clip, fps) for name, clip in clips.items()}

@@ -26,6 +26,7 @@ def serve(
     error: Exception | None = None
     try:
         with loop.driver:
+            loop.touch()
             # Locking memory takes long inside the kernel: not yet at a priority that keeps everybody else waiting.
             priority.settle(collect=False)
             outcome.send(priority.claim(priority.LOOP_PRIORITY, allowed=realtime))

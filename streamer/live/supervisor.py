@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import signal
 import time
 from collections.abc import Callable
@@ -9,6 +10,8 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection, Pipe
 from multiprocessing.process import BaseProcess
 from typing import Any, Protocol, cast
+
+import psutil
 
 from configs.errors import DriverError
 from configs.stream import StreamSettings
@@ -26,6 +29,8 @@ _LOOK_S = 0.02
 """How often it looks after everybody [s]."""
 _SILENT_S = 0.6
 """A planner that has not moved for this long is told of [s]."""
+_WARM_S = 5.0
+"""After this long a process has touched what it needs [s]."""
 _LAST_WORDS_S = 2.0
 """What a service has to finish in, a log to be closed say [s]."""
 
@@ -74,6 +79,8 @@ class Supervisor:
         self.controls, self.planner_controls = Controls(), Controls()
         self.heartbeat = Heartbeat()
         self._silent = False
+        self.memory_mb: tuple[float, float] | None = None
+        """Memory of the loop's process, some seconds after its start and last [MB]."""
 
     def run(
         self,
@@ -124,6 +131,7 @@ class Supervisor:
                     self.controls.ask(asked)
                 self._look_after_planner(planner)
                 self._look_after(running)
+                self._measure_memory(loop)
                 collector.collect()
                 if progress is not None and collector.record.used:
                     progress(float(collector.record.source_s[-1]))
@@ -148,6 +156,13 @@ class Supervisor:
             self.controls.ask(Request.LOST, f"the planner has not moved for {_SILENT_S:g} s")
         elif planner.exitcode:
             self.controls.ask(Request.LOST, f"the planner's process died ({_cause(planner)})")
+
+    def _measure_memory(self, loop: BaseProcess) -> None:
+        if self.loop.telemetry.ticks.count < _WARM_S * self.loop.robot.rate_hz or loop.pid is None:
+            return
+        with contextlib.suppress(psutil.NoSuchProcess):
+            now = psutil.Process(loop.pid).memory_info().rss * 1e-6
+            self.memory_mb = (now if self.memory_mb is None else self.memory_mb[0], now)
 
     def _look_after(self, running: list[_Running]) -> None:
         """Tell, once, of a service that is gone; the run goes on without it."""

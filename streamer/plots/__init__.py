@@ -9,9 +9,11 @@ from numpy.typing import NDArray
 
 from configs.robot import Robot
 from flexmotion.motion import Motion
+from streamer.latency import LatencyResult
 from streamer.metrics import HumanTrack, RobotFigures
 from streamer.plots.filmstrip import draw_filmstrip
 from streamer.plots.footsteps import draw_footsteps
+from streamer.plots.latency import draw_latency
 from streamer.plots.style import save, styled
 from streamer.plots.timeline import draw_timeline
 from streamer.plots.torque import draw_torque
@@ -24,6 +26,7 @@ __all__ = [
     "draw_timeline",
     "draw_torque",
     "draw_tracking",
+    "write_latency",
     "write_plots",
     "write_torque",
 ]
@@ -44,6 +47,12 @@ def write_plots(
             "torque.png": draw_torque(record.true_torque[: record.used], record.qd[: record.used], robot),
         }
         return [save(figure, folder / name) for name, figure in drawn.items()]
+
+
+def write_latency(file: Path, result: LatencyResult) -> Path:
+    """Draw the picture of `check latency` (see `latency.draw_latency`)."""
+    with styled():
+        return save(draw_latency(result), file)
 
 
 def write_torque(file: Path, torque: NDArray[np.float64], speed: NDArray[np.float64], robot: Robot) -> Path:

@@ -1,0 +1,239 @@
+"""`measure`: the live system on the real clock while clips are switched at random moments; how fast it answers."""
+
+from __future__ import annotations
+
+import contextlib
+import random
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from configs.robot import Robot
+from configs.stream import Budgets, StreamSettings
+from drivers.interface import Driver
+from drivers.realtime import child
+from drivers.realtime.priority import Scheduling
+from flexmotion.default_clip import default_clip
+from flexmotion.motion import Motion
+from streamer.clip_library import ClipLibrary
+from streamer.controls import Request
+from streamer.record import RunRecord
+from streamer.report import Latency
+from streamer.session import Session
+
+_SETTLE_S = 2.0
+"""After the start, before the first switch [s]."""
+_BETWEEN_S = (0.2, 1.0)
+"""Time between two switches, drawn evenly [s]."""
+HISTOGRAM_US = (0.0, 25.0, 50.0, 75.0, 100.0, 150.0, 200.0, 300.0, 500.0, 1000.0, 2000.0, 4000.0, 8000.0)
+"""Edges of the lateness histogram [µs]; one more bin holds what is later."""
+
+
+@dataclass(frozen=True)
+class LatencyResult:
+    """What was measured.
+
+    Attributes:
+        stages: by name, a time's percentiles in milliseconds, the budget of one of them, and which one it binds.
+        scheduling: of the loop.
+        switches, answered: targets sent, and those that a plan followed.
+        lateness: ticks by how late the loop woke, one a bin of `HISTOGRAM_US`.
+        memory_mb: of the loop's process, early in the run and at its end.
+        failures: budgets that were passed, in words.
+    """
+
+    seconds: float
+    rate_hz: float
+    cycles: int
+    stages: dict[str, Stage]
+    scheduling: Scheduling
+    load: int
+    switches: int
+    answered: int
+    missed_deadlines: int
+    late_plans: int
+    underruns: int
+    violations_sent: int
+    lateness: tuple[int, ...]
+    memory_mb: tuple[float, float] | None
+    faults: tuple[str, ...]
+    failures: tuple[str, ...]
+
+    @property
+    def ok(self) -> bool:
+        """Whether every budget was kept."""
+        return not self.failures
+
+    def content(self) -> dict[str, object]:
+        """All of it as JSON has it."""
+        stages = {name: stage.content() for name, stage in self.stages.items()}
+        return asdict(self) | {"stages": stages, "histogram_us": HISTOGRAM_US, "ok": self.ok}
+
+
+@dataclass(frozen=True)
+class Stage:
+    """One stage's time in milliseconds, and the 99th percentile that it may have; None where nothing is asked."""
+
+    time: Latency | None
+    budget_ms: float | None = None
+
+    @property
+    def over(self) -> bool:
+        """Whether it takes longer than it may."""
+        return self.budget_ms is not None and self.time is not None and self.time.p99 > self.budget_ms
+
+    def content(self) -> dict[str, object]:
+        """As JSON has it."""
+        return {"ms": None if self.time is None else self.time.model_dump(), "budget_p99_ms": self.budget_ms}
+
+
+def measure(
+    robot: Robot,
+    driver: Driver,
+    settings: StreamSettings,
+    *,
+    seconds: float,
+    switches: int | None = None,
+    clips: dict[str, Motion] | None = None,
+    load: int = 0,
+    realtime: bool = True,
+    seed: int = 0,
+    progress: Callable[[float], None] | None = None,
+    interrupted: Callable[[], bool] = lambda: False,
+) -> LatencyResult:
+    """Stream on the real clock, switching clips at random moments.
+
+    Args:
+        seconds: how long; `switches`: until so many switches were made, where given.
+        clips: what is switched between; parts of the shipped motion where not given.
+        load: processes that keep a processor busy meanwhile.
+        realtime: ask the system for realtime scheduling.
+        interrupted: asked now and then whether to end.
+    """
+    library = shipped_clips() if clips is None else clips
+    session = Session(robot, driver, ClipLibrary(library, next(iter(library))), settings, stay=True, realtime=realtime)
+    driver_hand = _Switcher(session, sorted(library), seconds, switches, seed, progress, interrupted)
+    session.request = driver_hand.next
+    with hogs(load):
+        record = session.run("real")
+    return _result(record, session, settings.budgets, load, driver_hand.sent)
+
+
+def shipped_clips() -> dict[str, Motion]:
+    """The shipped motion in parts: both arms waving, a few steps, standing at ease."""
+    motion = default_clip()
+    return {"wave": motion[0:225], "walk": motion[225:330], "stand": motion[330:510]}
+
+
+class _Switcher:
+    """Sends targets at random moments; asks for the end when done."""
+
+    def __init__(
+        self,
+        session: Session,
+        names: list[str],
+        seconds: float,
+        switches: int | None,
+        seed: int,
+        progress: Callable[[float], None] | None,
+        interrupted: Callable[[], bool],
+    ) -> None:
+        self.session, self.names, self.seconds, self.switches = session, names, seconds, switches
+        self.progress, self.interrupted = progress, interrupted
+        self.sent = 0
+        self._random = random.Random(seed)
+        self._begin: float | None = None
+        self._next = _SETTLE_S
+        self._playing = names[0]
+
+    def next(self) -> Request | None:
+        """Called by the supervisor over and over."""
+        now = time.perf_counter()
+        if self._begin is None:
+            if self.session.telemetry.ticks.count:
+                self._begin = now
+            return None
+        passed = now - self._begin
+        share = passed / self.seconds if self.switches is None else self.sent / self.switches
+        if self.progress is not None:
+            self.progress(min(share, 1.0))
+        if share >= 1.0 or self.interrupted():
+            return Request.END
+        if passed >= self._next:
+            self._next = passed + self._random.uniform(*_BETWEEN_S)
+            self._playing = self._random.choice([name for name in self.names if name != self._playing])
+            self.session.targets.send(self._playing)
+            self.sent += 1
+        return None
+
+
+def _result(record: RunRecord, session: Session, budgets: Budgets, load: int, sent: int) -> LatencyResult:
+    def stage(seconds: NDArray[np.float64], budget_ms: float | None = None) -> Stage:
+        return Stage(Latency.of(seconds, 1e-3), budget_ms)
+
+    plans = record.plans
+    stages = {
+        "loop work": stage(record.work_s, budgets.loop_work_p99_ms),
+        "wake lateness": stage(record.lateness_s, budgets.wake_lateness_p99_ms),
+        "robot lateness": stage(record.robot_lateness_s, 1e3 / record.rate_hz),
+        "sample": stage(np.array([plan.sample_s for plan in plans])),
+        "retarget": stage(np.array([plan.retarget_s for plan in plans])),
+        "plan joins after": stage(np.array([(p.join_tick - p.asked_tick) / record.rate_hz for p in plans])),
+        "target to command": stage(record.target_to_command_s, budgets.target_to_command_ms),
+        "target to effect": stage(record.target_to_effect_s),
+    }
+    failures = [
+        f"{name}: p99 {stage.time.p99:.3g} ms, budget {stage.budget_ms:g} ms"
+        for name, stage in stages.items()
+        if stage.over and stage.time is not None
+    ]
+    faults = tuple(event.message for event in record.events if event.kind == "fault")
+    for what, count, allowed in (
+        ("missed deadlines", record.missed_deadlines, budgets.missed_deadlines),
+        ("under-runs", record.underruns, budgets.underruns),
+        ("goals outside the envelope", record.violations_sent, 0),
+    ):
+        if count > allowed:
+            failures.append(f"{what}: {count}, budget {allowed}")
+    if session.scheduling != "fifo":
+        failures.append("no realtime scheduling (SCHED_FIFO): figures do not count")
+    late = record.lateness_s * 1e6
+    return LatencyResult(
+        seconds=record.used / record.rate_hz,
+        rate_hz=record.rate_hz,
+        cycles=record.used,
+        stages=stages,
+        scheduling=session.scheduling,
+        load=load,
+        switches=sent,
+        answered=int(np.isfinite(record.target_to_command_s).sum()),
+        missed_deadlines=record.missed_deadlines,
+        late_plans=record.late_plans,
+        underruns=record.underruns,
+        violations_sent=record.violations_sent,
+        lateness=tuple(int(n) for n in np.histogram(late, [*HISTOGRAM_US, np.inf])[0]),
+        memory_mb=session.memory_mb,
+        faults=faults,
+        failures=(*failures, *(f"fault: {fault}" for fault in faults)),
+    )
+
+
+@contextlib.contextmanager
+def hogs(count: int) -> Iterator[None]:
+    """Within, `count` processes each keep a processor busy."""
+    running = [child.start("hog", _be_busy) for _ in range(count)]
+    try:
+        yield
+    finally:
+        for one in running:
+            one.kill()
+            one.join()
+
+
+def _be_busy() -> None:
+    values = np.arange(1000.0)
+    while True:
+        values = np.sqrt(values + 1.0)
