@@ -1,0 +1,86 @@
+"""Makes `view.png`: the page of `--view` with the robot in mid-step, as a headless Chromium shows it.
+
+    python docs/images/make_view.py [--out docs/images/view.png] [--after 9.7]
+
+It runs in lockstep, so that the run waits for the picture. Needs playwright (`pip install -e .[dev]`) and a Chromium
+on the path; it draws without a graphics card.
+"""
+
+from __future__ import annotations
+
+import io
+import shutil
+import time
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+from PIL import Image
+from playwright.sync_api import sync_playwright
+
+from configs.robot import load_robot
+from configs.stream import load_stream
+from drivers.registry import create
+from streamer.commands.choice import choose_motion
+from streamer.session import Session
+from streamer.sources import ClipSource
+from streamer.viewer.service import Viewer
+
+SIZE = {"width": 1400, "height": 720}
+SHOWN = {"x": 260, "y": 0, "width": 1140, "height": 720}
+"""The robot is in the middle of the page, the panel at its right: the left is empty."""
+FLAGS = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist")
+LIFTED_M = 0.8
+"""Share of a swing's usual height from which a foot is in mid-step."""
+SWING_M = 0.02
+_DRAWN_S, _SETTLED_S = 0.06, 2.5
+"""Longer than between two pictures of the page; time for the browser to load and to draw [s]."""
+
+
+PICTURE = Path(__file__).with_name("view.png")
+
+
+def main(
+    out: Annotated[Path, typer.Option(help="Picture to write.")] = PICTURE,
+    after: Annotated[float, typer.Option(help="Take the first step after this time of the motion [s].")] = 9.7,
+    clip: Annotated[Path | None, typer.Option(help="Motion file; else the one that comes with the project.")] = None,
+) -> None:
+    """Run, wait for a step, take the picture."""
+    robot, settings = load_robot("op3"), load_stream()
+    source = ClipSource(choose_motion(clip=clip))
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=FLAGS)
+        page = browser.new_page(viewport=SIZE)
+        session = Session(robot, create("sim", robot, seed=0), source, settings)
+        viewer = Viewer(robot, session.telemetry)
+        taken = False
+
+        def look(source_s: float) -> None:
+            nonlocal taken
+            row = session.record.rows[-1]
+            if taken or not source_s > after - 1.0:
+                return
+            if page.url != f"{viewer.url}/":
+                page.goto(viewer.url)
+                # viser warns of drawing without a graphics card, which is so on purpose.
+                page.get_by_role("alert").get_by_role("button").click()
+            time.sleep(_DRAWN_S)
+            lifted = np.nanmax(row["foot_ref"][:, 2])
+            if source_s > after and lifted > LIFTED_M * SWING_M and not row["contact_ref"].all():
+                time.sleep(_SETTLED_S)
+                picture = Image.open(io.BytesIO(page.screenshot(clip=SHOWN)))
+                picture.convert("RGB").quantize(256).save(out, optimize=True)
+                taken = True
+
+        session.services = (viewer,)
+        session.progress = look
+        session.run("lockstep")
+        browser.close()
+    if not taken:
+        raise SystemExit(f"no foot was lifted after {after:g} s")
+    print(f"{out}: {out.stat().st_size / 1e3:.0f} kB")
+
+
+if __name__ == "__main__":
+    typer.run(main)

@@ -1,0 +1,173 @@
+"""What is drawn on the floor: footprints, balance, the way that was gone."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Any
+
+import numpy as np
+import trimesh
+import viser
+from numpy.typing import NDArray
+
+from configs.robot import Robot
+from streamer.viewer.colours import COM, DCM, FORCE, PATH, SIDES, ZMP, rgb
+
+Float = NDArray[np.float64]
+Row = np.ndarray[Any, Any]
+
+_PRINT_Z, _PATH_Z, _MARK_Z = 0.001, 0.002, 0.012
+"""Heights above the floor, so that one lies on the other, the last above the plates of the feet [m]."""
+_BORDER = 0.006
+"""By how much a footprint is larger than the sole that covers it [m]."""
+_THICK = 0.0015
+_PRINTS_KEPT = 60
+_PATH_STEP, _PATH_KEPT = 0.01, 600
+"""Distance between points of the path [m], and how many are kept."""
+_FORCE_SCALE = 0.4
+"""Length of the arrow of the robot's whole weight, as a share of its standing height."""
+
+
+class Footprints:
+    """Where the plan has the soles: strong where one bears, pale where it swings; outlines of those left behind."""
+
+    def __init__(self, scene: viser.SceneApi, under: str, robot: Robot) -> None:
+        self.half = robot.sole_half_size + _BORDER
+        self.root = scene.add_frame(under, show_axes=False)
+        self._bears = [True, True]
+        self.soles = [
+            scene.add_box(
+                f"{under}/{side}",
+                color=rgb(SIDES[foot], pale=0.3),
+                dimensions=(*(2 * self.half[foot]), _THICK),
+                cast_shadow=False,
+                visible=False,
+            )
+            for foot, side in enumerate(("left", "right"))
+        ]
+        self.left_behind = scene.add_line_segments(
+            f"{under}/left_behind", np.zeros((1, 2, 3)), (0, 0, 0), thickness=0.002, visible=False
+        )
+        self._lines: deque[tuple[Float, NDArray[np.uint8]]] = deque(maxlen=_PRINTS_KEPT)
+        self._bore = np.zeros(2, bool)
+
+    def take(self, rows: Row) -> None:
+        """Follow rows (k,) of `streamer.tick_row`, none left out: note where soles have landed."""
+        bears = np.concatenate([self._bore[None], rows["contact_ref"]])
+        self._bore = bears[-1].copy()
+        landed = np.argwhere(bears[1:] & ~bears[:-1])
+        for row, foot in landed:
+            self._lines.append(self._outline(rows["foot_ref"][row, foot], int(foot)))
+        if len(landed):
+            self.left_behind.points = np.concatenate([line for line, _ in self._lines]).astype(np.float32)
+            self.left_behind.colors = np.concatenate([colour for _, colour in self._lines])
+            self.left_behind.visible = True
+
+    def show(self, row: Row) -> None:
+        """Put the soles where the plan has them now."""
+        for foot, sole in enumerate(self.soles):
+            x, y, _, yaw = row["foot_ref"][foot]
+            sole.visible = known = bool(np.isfinite(x))
+            if not known:
+                continue
+            sole.position = (x, y, _PRINT_Z)
+            sole.wxyz = (np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2))
+            if self._bears[foot] != bool(row["contact_ref"][foot]):
+                self._bears[foot] = bool(row["contact_ref"][foot])
+                sole.color = rgb(SIDES[foot], pale=0.3 if self._bears[foot] else 0.75)
+
+    def _outline(self, sole: Float, foot: int) -> tuple[Float, NDArray[np.uint8]]:
+        x, y, _, yaw = sole
+        along, across = self.half[foot]
+        corners = np.array([[along, across], [-along, across], [-along, -across], [along, -across]])
+        turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
+        ring = np.column_stack([corners @ turn.T + [x, y], np.full(4, _PRINT_Z)])
+        lines = np.stack([ring, np.roll(ring, -1, axis=0)], axis=1)
+        return lines, np.full((4, 2, 3), rgb(SIDES[foot], pale=0.35), np.uint8)
+
+
+class BalanceMarks:
+    """Zero-moment point and divergent component: rings as planned, discs as commanded and as estimated.
+
+    The centre of mass is a ball with a plumb line, and in a simulation the ground forces are arrows.
+    """
+
+    def __init__(self, scene: viser.SceneApi, under: str, robot: Robot, standing_height: float) -> None:
+        self.root = scene.add_frame(under, show_axes=False)
+        radius = 0.25 * float(robot.sole_half_size.min())
+        self._newton_m = _FORCE_SCALE * standing_height / (robot.mass * 9.81)
+        self.zmp_ref = _ring(scene, f"{under}/zmp_planned", 1.5 * radius, ZMP)
+        self.zmp = _disc(scene, f"{under}/zmp", radius, ZMP)
+        self.dcm_ref = _ring(scene, f"{under}/dcm_planned", 1.5 * radius, DCM)
+        self.dcm = _disc(scene, f"{under}/dcm", radius, DCM)
+        self.com = scene.add_icosphere(f"{under}/com", radius, rgb(COM), visible=False, cast_shadow=False)
+        self.plumb = scene.add_cylinder(
+            f"{under}/plumb", 0.0012, 1.0, rgb(COM), radial_segments=8, visible=False, cast_shadow=False
+        )
+        self.forces = scene.add_arrows(
+            f"{under}/forces",
+            np.zeros((2, 2, 3)),
+            rgb(FORCE),
+            shaft_radius=0.3 * radius,
+            head_radius=0.8 * radius,
+            head_length=2 * radius,
+            visible=False,
+        )
+
+    def show(self, row: Row, com: Float | None) -> None:
+        """Show a row; `com` is the centre of mass of the robot as drawn, (3,), None where that is unknown."""
+        for mark, place in (
+            (self.zmp_ref, row["zmp_ref"]),
+            (self.zmp, row["zmp_ref"] + row["zmp_shift"]),
+            (self.dcm_ref, row["dcm_ref"]),
+            (self.dcm, row["dcm"]),
+        ):
+            mark.visible = known = bool(np.isfinite(place).all())
+            if known:
+                mark.position = (place[0], place[1], _MARK_Z)
+        self.com.visible = self.plumb.visible = com is not None
+        if com is not None:
+            self.com.position = com
+            self.plumb.position = (com[0], com[1], com[2] / 2)
+            self.plumb.scale = (1.0, 1.0, float(com[2]))
+        self._show_forces(row)
+
+    def _show_forces(self, row: Row) -> None:
+        known = bool(np.isfinite(row["true_foot_force"]).all() and row["true_foot_force"][:, 2].max() > 0)
+        self.forces.visible = known
+        if known:
+            foot = row["true_foot"]
+            self.forces.points = np.stack([foot, foot + self._newton_m * row["true_foot_force"]], axis=1)
+
+
+class Path:
+    """The way of the torso, on the floor."""
+
+    def __init__(self, scene: viser.SceneApi, under: str) -> None:
+        self.root = scene.add_frame(under, show_axes=False)
+        self.line = scene.add_line_segments(
+            f"{under}/line", np.zeros((1, 2, 3)), rgb(PATH), thickness=0.003, visible=False
+        )
+        self._points: deque[Float] = deque(maxlen=_PATH_KEPT)
+
+    def reach(self, base: Float) -> None:
+        """Go on to the torso's position `base`, (3,) [m]."""
+        place = np.array([base[0], base[1], _PATH_Z])
+        if self._points and np.linalg.norm(place - self._points[-1]) < _PATH_STEP:
+            return
+        self._points.append(place)
+        if len(self._points) > 1:
+            way = np.array(self._points, np.float32)
+            self.line.points = np.stack([way[:-1], way[1:]], axis=1)
+            self.line.visible = True
+
+
+def _disc(scene: viser.SceneApi, name: str, radius: float, colour: str) -> viser.CylinderHandle:
+    return scene.add_cylinder(name, radius, _THICK, rgb(colour), visible=False, cast_shadow=False)
+
+
+def _ring(scene: viser.SceneApi, name: str, radius: float, colour: str) -> viser.MeshHandle:
+    ring = trimesh.creation.annulus(0.75 * radius, radius, _THICK, sections=48)
+    return scene.add_mesh_simple(
+        name, ring.vertices, ring.faces, color=rgb(colour), flat_shading=True, visible=False, cast_shadow=False
+    )

@@ -1,0 +1,121 @@
+"""Poses of the robot to draw: as it is, and as the plan wants it."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from configs.robot import Robot
+
+Float = NDArray[np.float64]
+Row = np.ndarray[Any, Any]
+
+
+class Pose:
+    """All bodies of one robot in one pose.
+
+    Attributes:
+        base: torso in the world, position and quaternion w x y z, (7,).
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        self.robot, self.model, self.data = robot, robot.model, mujoco.MjData(robot.model)
+        self.base = np.array([0.0, 0, 0, 1, 0, 0, 0])
+        self.place(self.base, robot.stand_pose)
+        self.base[2] = -self.soles[:, 2].min()
+        self.place(self.base, robot.stand_pose)
+
+    def place(self, base: Float, q: Float) -> None:
+        """Put the torso at `base` (7,) and the joints at `q` (n,) [rad]."""
+        data = self.data
+        self.base[:] = base
+        data.qpos[:7] = base
+        data.qpos[self.robot.qpos_address] = q
+        mujoco.mj_kinematics(self.model, data)
+        mujoco.mj_comPos(self.model, data)
+
+    @property
+    def com(self) -> Float:
+        """Centre of mass in the world, (3,) [m]."""
+        return self.data.subtree_com[self.robot.torso_id]
+
+    @property
+    def soles(self) -> Float:
+        """Centres of the left and right sole in the world, (2, 3) [m]."""
+        feet = list(self.robot.foot_ids)
+        rotation = self.data.xmat[feet].reshape(2, 3, 3)
+        return self.data.xpos[feet] + np.einsum("fij,fj->fi", rotation, self.robot.soles)
+
+    def in_parents(self) -> tuple[Float, Float]:
+        """Position (nbody, 3) [m] and quaternion (nbody, 4) of every body in its parent's frame."""
+        data, parents = self.data, self.model.body_parentid
+        away = data.xpos - data.xpos[parents]
+        position = np.einsum("bji,bj->bi", data.xmat[parents].reshape(-1, 3, 3), away)
+        return position, _relative(data.xquat[parents], data.xquat)
+
+
+class MeasuredPose(Pose):
+    """The robot as it is: the simulation's truth; on a real robot what encoders and IMU tell, on its planned feet."""
+
+    def show(self, row: Row) -> bool:
+        """Take the pose of a row of `streamer.tick_row`; returns whether it is known."""
+        if not np.isfinite(row["q"]).all():
+            return False
+        if np.isfinite(row["true_base"]).all():
+            self.place(row["true_base"], row["q"])
+        else:
+            self._stand_on_plan(row)
+        return True
+
+    def _stand_on_plan(self, row: Row) -> None:
+        """Torso as tilted as measured, moved so that the soles that bear load are where the plan has them.
+
+        Without a plan the robot stays where it was, its lower sole on the floor.
+        """
+        planned = bool(np.isfinite(row["base_ref"]).all())
+        base = row["base_ref"].copy() if planned else self.base.copy()
+        if np.isfinite(row["tilt"]).all():
+            base[3:] = _tilted(base[3:], row["tilt"])
+        self.place(base, row["q"])
+        soles = self.soles
+        if planned and row["contact_ref"].any():
+            bearing = row["contact_ref"]
+            base[:3] += (row["foot_ref"][bearing, :3] - soles[bearing]).mean(axis=0)
+        else:
+            base[2] -= soles[:, 2].min()
+        self.place(base, row["q"])
+
+
+class PlannedPose(Pose):
+    """The robot as the plan wants it."""
+
+    def show(self, row: Row) -> bool:
+        """Take the reference of a row of `streamer.tick_row`; returns whether there is one."""
+        known = bool(np.isfinite(row["base_ref"]).all() and np.isfinite(row["q_ref"]).all())
+        if known:
+            self.place(row["base_ref"], row["q_ref"])
+        return known
+
+
+def heading(quaternion: Float) -> float:
+    """Yaw of a quaternion w x y z [rad]."""
+    w, x, y, z = quaternion
+    return math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+
+
+def _tilted(quaternion: Float, tilt: Float) -> Float:
+    """The quaternion's heading with roll and pitch `tilt` (2,) [rad]."""
+    tilted = np.zeros(4)
+    mujoco.mju_euler2Quat(tilted, np.array([heading(quaternion), tilt[1], tilt[0]]), "zyx")
+    return tilted
+
+
+def _relative(of: Float, to: Float) -> Float:
+    """Rotations conj(of) * to of quaternions, (k, 4)."""
+    w, v = of[:, :1], -of[:, 1:]
+    scalar = w * to[:, :1] - (v * to[:, 1:]).sum(axis=1, keepdims=True)
+    return np.concatenate([scalar, w * to[:, 1:] + to[:, :1] * v + np.cross(v, to[:, 1:])], axis=1)

@@ -1,0 +1,64 @@
+"""`Viewer`: the service that shows a run in a browser while it runs. Nothing of the run waits for it."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import socket
+from collections.abc import Callable
+
+from configs.errors import ConfigError
+from configs.robot import Robot
+from streamer.telemetry import Telemetry
+
+HOST = "127.0.0.1"
+FIRST_PORT = 8080
+_PORTS = 100
+"""Ports tried, the asked one first."""
+_NICENESS = 10
+"""It takes what time the run leaves."""
+
+
+class Viewer:
+    """A web page with the robot as measured and as planned, its feet, balance and health (`live.supervisor.Service`).
+
+    Args:
+        port: first port to try; the next free one is taken. Raises `ConfigError` where none is.
+
+    Attributes:
+        name: of the service.
+        port: where the page is served, on this machine only.
+    """
+
+    name = "viewer"
+
+    def __init__(self, robot: Robot, telemetry: Telemetry, *, port: int = FIRST_PORT) -> None:
+        self.robot, self.telemetry, self.port = robot, telemetry, free_port(port)
+
+    @property
+    def url(self) -> str:
+        """Address of the page."""
+        return f"http://{HOST}:{self.port}"
+
+    def follow(self) -> Callable[[bool], None]:
+        """Serve the page; the function returned keeps it up to date."""
+        if multiprocessing.parent_process() is not None:  # in lockstep it shares the run's process
+            os.nice(_NICENESS)
+        # The web server takes half a second to load, and only this process needs it.
+        from streamer.viewer.page import Page
+
+        return Page(self.robot, self.telemetry, HOST, self.port).follow
+
+
+def free_port(first: int) -> int:
+    """The first port from `first` on that nothing serves on this machine. Raises `ConfigError` where there is none."""
+    last = min(first + _PORTS, 65536)
+    for port in range(first, last):
+        with socket.socket() as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            try:
+                probe.bind((HOST, port))
+            except OSError:
+                continue
+            return port
+    raise ConfigError(f"--view-port: ports {first} to {last - 1} are all taken or not allowed")
