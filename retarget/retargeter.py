@@ -35,8 +35,9 @@ _STOP_S = 0.8
 """Length of the stop tail after the last step has landed: five time constants of a small robot's pendulum."""
 _AT_REST_S = 0.4
 """After this long on both feet the weight has come to rest between them."""
-_PUT_OFF_S = (0.05, 0.1, 0.15, 0.2)
-"""How much longer notice a new step may be given where the weight could not be moved in time."""
+_PUT_OFF_S = (0.1, 0.2)
+"""How much longer notice a new step may be given where the weight could not be moved in time; each try costs a
+twentieth of a plan."""
 _TORQUE_STRIDE = 2
 """Torques, low-passed at the frequency below, are worked out at every second row and interpolated."""
 _ACCELERATION_CUTOFF_HZ = 20.0
