@@ -42,10 +42,19 @@ class JointConfig(Strict):
 
 
 class Bus(Strict):
-    """One servo bus: its baud rate [bit/s] and each servo's return delay [us]."""
+    """One servo bus.
+
+    Attributes:
+        baud: bit rate [bit/s].
+        return_delay_us: what every servo waits before it answers [us].
+        watchdog_ms: servos that hear nothing for this long stop where they are [ms]; protocols without it ignore it.
+        current_bound: goals carry a bound of the motor current (Dynamixel: current-based position mode).
+    """
 
     baud: int = Field(default=1_000_000, gt=0)
     return_delay_us: float = Field(default=0.0, ge=0)
+    watchdog_ms: float = Field(default=160.0, ge=100, le=200)
+    current_bound: bool = False
 
 
 class Foot(Strict):

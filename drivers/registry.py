@@ -17,7 +17,10 @@ from drivers.interface import Driver
 
 GROUP = "flexmotion.drivers"
 
-BUILT_IN = {"sim": "drivers.sim.driver:SimDriver"}
+BUILT_IN = {
+    "dynamixel": "drivers.dynamixel.driver:DynamixelDriver",
+    "sim": "drivers.sim.driver:SimDriver",
+}
 """The drivers of this project. They are entry points of its distribution too, but entry points exist only once
 something is installed: this table lets a plain checkout find them. They win over plug-ins of the same name, so that
 no package can slip in front of a driver that moves hardware."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from configs.errors import ConfigError
@@ -13,7 +13,7 @@ from drivers.emulator.device import Device
 from drivers.emulator.dynamixel_bus import DynamixelBus
 from drivers.emulator.emulator import Emulator
 from drivers.emulator.faults import Damage, Fault
-from drivers.emulator.line import EmulatedBus, Line
+from drivers.emulator.line import EmulatedBus, Line, Port
 from drivers.emulator.opencr import OpenCr
 from drivers.emulator.servo import Joints, XServo
 from drivers.emulator.terminal import Terminal
@@ -41,21 +41,35 @@ def build_emulator(
 
     Raises `ConfigError` where a bus mixes protocols, a link exists, or a fault names a servo that is not there.
     """
-    robot = body.robot
-    joints = Joints(body)
-    lines: list[Line] = []
+    buses = body.robot.config.buses
+    ports: dict[str, Terminal] = {}
     try:
-        for number, name in enumerate(robot.config.buses):
-            place = link if link is None or len(robot.config.buses) == 1 else link.with_name(f"{link.name}.{name}")
-            terminal = Terminal(place)
-            lines.append(
-                Line(name, make_bus(joints, name), terminal, Wire(timed=timed), Damage(bad_packets, seed + number))
-            )
-        return Emulator(body, lines, faults)
+        for name in buses:
+            place = link if link is None or len(buses) == 1 else link.with_name(f"{link.name}.{name}")
+            ports[name] = Terminal(place)
+        return assemble(body, ports, timed=timed, faults=faults, bad_packets=bad_packets, seed=seed)
     except BaseException:
-        for line in lines:
-            line.terminal.close()
+        for terminal in ports.values():
+            terminal.close()
         raise
+
+
+def assemble(
+    body: Body,
+    ports: Mapping[str, Port],
+    *,
+    timed: bool = True,
+    faults: Sequence[Fault] = (),
+    bad_packets: float = 0.0,
+    seed: int = 0,
+) -> Emulator:
+    """The same on ports that are there already, by name of the bus."""
+    joints = Joints(body)
+    lines = [
+        Line(name, make_bus(joints, name), port, Wire(timed=timed), Damage(bad_packets, seed + number))
+        for number, (name, port) in enumerate(ports.items())
+    ]
+    return Emulator(body, lines, faults)
 
 
 def make_bus(joints: Joints, name: str) -> EmulatedBus:

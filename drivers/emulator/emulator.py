@@ -45,6 +45,8 @@ class Emulator:
         self.powered_at = math.nan
         self.lateness_s = self.lost_s = 0.0
         self._stopping = False
+        self._next_step = self._next_watch = math.nan
+        self._elapsed = self._processor = math.nan
         self._acting: tuple[Fault, ...] = ()
         self._supply = body.plant.supply
 
@@ -64,26 +66,31 @@ class Emulator:
         self._stopping = True
 
     def run(self, seconds: float = math.inf) -> None:
-        """Live until `stop`, or for `seconds`."""
+        """Live on the real clock until `stop`, or for `seconds`."""
         begin = time.perf_counter()
         processor = time.process_time()
-        next_step = next_watch = begin
         while not self._stopping and (now := time.perf_counter()) < begin + seconds:
-            for line in self.lines:
-                line.deliver(now)
-            due = min((line.wire.due or math.inf for line in self.lines), default=math.inf)
-            if now >= next_step and (due > now + SPARE_S or now > next_step + 2 * self.body.timestep):
-                self.body.step(self.body.timestep)
-                next_step = self._on_time(next_step + self.body.timestep, now)
-                if now >= next_watch:
-                    self._watch(now)
-                    next_watch = now + WATCH_S
-                now = time.perf_counter()
-            # A step that waits for bytes to go out is due right after them.
-            wake = min(due, next_step if next_step > now or due > now + SPARE_S else due)
-            self._wait(max(wake - now, 0.0))
+            self._wait(self.poll(now) - time.perf_counter())
         self._elapsed = time.perf_counter() - begin
         self._processor = time.process_time() - processor
+
+    def poll(self, now: float) -> float:
+        """Do what is due at time `now` [s], at most one step of physics; when to call again at the latest."""
+        for line in self.lines:
+            line.deliver(now)
+        due = min((line.wire.due or math.inf for line in self.lines), default=math.inf)
+        if math.isnan(self._next_step):
+            self._next_step = self._next_watch = now
+        timestep = self.body.timestep
+        free = due > now + SPARE_S or now > self._next_step + 2 * timestep
+        if now >= self._next_step and free:
+            self.body.step(timestep)
+            self._next_step = self._on_time(self._next_step + timestep, now)
+            if now >= self._next_watch:
+                self._watch(now)
+                self._next_watch = now + WATCH_S
+        # A step that waits for bytes to go out is due right after them.
+        return min(due, self._next_step if self._next_step > now or free else due)
 
     def report(self) -> dict[str, Any]:
         """Figures of what happened, once `run` has ended."""
@@ -108,7 +115,7 @@ class Emulator:
 
     def _wait(self, seconds: float) -> None:
         ports = {line.terminal.descriptor: line for line in self.lines if line.terminal.open}
-        for descriptor in select.select(list(ports), (), (), seconds)[0]:
+        for descriptor in select.select(list(ports), (), (), max(seconds, 0.0))[0]:
             ports[descriptor].hear(time.perf_counter())
 
     def _on_time(self, next_step: float, now: float) -> float:

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from typing import Protocol
 
 from drivers.emulator.faults import Damage, Fault, FaultKind
-from drivers.emulator.terminal import Terminal
 from drivers.emulator.wire import Reply, Wire
 
 SILENCE_S = 0.02
@@ -38,6 +37,33 @@ class EmulatedBus(Protocol):
         """A servo loses power for a moment."""
 
 
+class Port(Protocol):
+    """The emulator's end of a serial port.
+
+    Attributes:
+        path: what the client opens.
+        open: whether the port is still there.
+        descriptor: for `select`; -1 where there is none.
+    """
+
+    path: str
+    open: bool
+    descriptor: int
+
+    @property
+    def baud(self) -> int:
+        """Bit rate that the client has set."""
+
+    def read(self) -> bytes:
+        """What the client wrote since the last call."""
+
+    def write(self, data: bytes) -> None:
+        """Give bytes to the client."""
+
+    def close(self) -> None:
+        """The port is gone, for its client too."""
+
+
 class Line:
     """A bus on its wire.
 
@@ -47,7 +73,7 @@ class Line:
         cut: whether its cable is pulled.
     """
 
-    def __init__(self, name: str, bus: EmulatedBus, terminal: Terminal, wire: Wire, damage: Damage) -> None:
+    def __init__(self, name: str, bus: EmulatedBus, terminal: Port, wire: Wire, damage: Damage) -> None:
         self.name, self.bus, self.terminal, self.wire, self.damage = name, bus, terminal, wire, damage
         self.cut = False
         self._last_heard = 0.0

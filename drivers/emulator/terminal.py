@@ -25,7 +25,7 @@ class Terminal:
         link: where a symbolic link to the client's end is made; it disappears on `close`.
 
     Attributes:
-        path, link: the client's end, and the link to it.
+        path: what the client opens: the link where there is one, else the device.
         descriptor: our end, non-blocking.
     """
 
@@ -36,12 +36,13 @@ class Terminal:
         self.descriptor, self._client = os.openpty()
         tty.setraw(self._client)
         os.set_blocking(self.descriptor, False)
-        self.path = os.ttyname(self._client)
-        self.link = link
+        self._device = os.ttyname(self._client)
+        self.path = self._device if link is None else str(link)
+        self._link = link
         self.open = True
         if link is not None:
             link.unlink(missing_ok=True)  # what is left of an emulator that was killed
-            link.symlink_to(self.path)
+            link.symlink_to(self._device)
 
     @property
     def baud(self) -> int:
@@ -71,5 +72,5 @@ class Terminal:
         self.open = False
         os.close(self.descriptor)
         os.close(self._client)
-        if self.link is not None and self.link.is_symlink() and os.readlink(self.link) == self.path:
-            self.link.unlink()
+        if self._link is not None and self._link.is_symlink() and os.readlink(self._link) == self._device:
+            self._link.unlink()

@@ -45,6 +45,9 @@ def emulate(
     perturbed: Annotated[
         bool, typer.Option("--perturbed", help="The standard mismatch: mass, delay, gains, friction, slope, pushes.")
     ] = False,
+    realtime: Annotated[
+        bool, typer.Option("--realtime/--no-realtime", help="Realtime scheduling where the system grants it.")
+    ] = True,
     seconds: Annotated[
         float | None, typer.Option("--seconds", "-s", min=0.1, help="End after this time.", show_default=False)
     ] = None,
@@ -71,6 +74,7 @@ def emulate(
     from drivers.emulator.build import build_emulator
     from drivers.emulator.faults import Fault
     from drivers.emulator.sim_body import SimBody
+    from drivers.realtime.priority import ROBOT_PRIORITY, claim, settle
     from drivers.sim.options import SimOptions
     from streamer.commands.driver_options import simulation_options
 
@@ -81,7 +85,9 @@ def emulate(
     emulator = build_emulator(body, link=port_link, timed=timing, faults=faults, bad_packets=bad_packets, seed=seed)
     with emulator, _ends_on_signals(emulator):
         for line in emulator.lines:
-            print_note(f"{chosen.name}, bus {line.name}: {line.terminal.link or line.terminal.path}")
+            print_note(f"{chosen.name}, bus {line.name}: {line.terminal.path}")
+        claim(ROBOT_PRIORITY, allowed=realtime)
+        settle(collect=False)
         emulator.run(float("inf") if seconds is None else seconds)
         figures = emulator.report()
     if as_json:

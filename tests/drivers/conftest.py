@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Iterator
 
 import numpy as np
 import pytest
 
 from configs.robot import Robot, load_robot
+from drivers.emulator.body import BenchBody
+from drivers.emulator.build import build_emulator
+from drivers.emulator.emulator import Emulator
 from drivers.interface import JointCommand, RobotState
 from drivers.sim.driver import SimDriver
 from drivers.sim.options import SimOptions
@@ -62,3 +66,22 @@ def start(op3: Robot) -> Iterator[Callable[..., Run]]:
     yield make
     for driver in drivers:
         driver.close()
+
+
+@pytest.fixture
+def emulated(op3: Robot) -> Iterator[Callable[..., Emulator]]:
+    """Call with arguments of `build_emulator`: an emulator that lives in a thread, servos on a bench."""
+    running: list[tuple[Emulator, threading.Thread]] = []
+
+    def make(robot: Robot = op3, **arguments: object) -> Emulator:
+        emulator = build_emulator(BenchBody(robot), **arguments)  # type: ignore[arg-type]
+        thread = threading.Thread(target=emulator.run, daemon=True)
+        thread.start()
+        running.append((emulator, thread))
+        return emulator
+
+    yield make
+    for emulator, thread in running:
+        emulator.stop()
+        thread.join()
+        emulator.close()

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import threading
-from collections.abc import Callable, Iterator
-
 import pytest
 
 from configs.robot import Robot
 from drivers.dynamixel.packet import Decoder, Instruction, Packet, encode
 from drivers.emulator.body import BenchBody
-from drivers.emulator.build import build_emulator, make_bus
+from drivers.emulator.build import make_bus
 from drivers.emulator.dynamixel_bus import DynamixelBus
-from drivers.emulator.emulator import Emulator
 from drivers.emulator.servo import Joints, XServo
 
 
@@ -76,22 +72,3 @@ def _span(address: int, size: int) -> bytes:
 @pytest.fixture
 def host(op3: Robot) -> Host:
     return Host(op3)
-
-
-@pytest.fixture
-def emulated(op3: Robot) -> Iterator[Callable[..., Emulator]]:
-    """Call with arguments of `build_emulator`: an emulator that lives in a thread, servos on a bench."""
-    running: list[tuple[Emulator, threading.Thread]] = []
-
-    def make(robot: Robot = op3, **arguments: object) -> Emulator:
-        emulator = build_emulator(BenchBody(robot), **arguments)  # type: ignore[arg-type]
-        thread = threading.Thread(target=emulator.run, daemon=True)
-        thread.start()
-        running.append((emulator, thread))
-        return emulator
-
-    yield make
-    for emulator, thread in running:
-        emulator.stop()
-        thread.join()
-        emulator.close()

@@ -1,0 +1,202 @@
+"""`BusDriver`: a robot on one or several servo buses, behind the one door that the simulated robot has too."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from configs.errors import DriverError
+from configs.robot import Robot
+from configs.schema import Strict
+from drivers.bus.options import BusOptions
+from drivers.bus.port import SerialPort
+from drivers.bus.servo_bus import TORQUE_LOST, ImuSample, ServoBus
+from drivers.interface import Capabilities, Driver, JointCommand, RobotState
+
+Float = NDArray[np.float64]
+
+READ_SHARE = 0.6
+"""Share of a tick that reading may take at most; the rest is for the loop and for writing."""
+
+SERVO_CYCLE_S = 0.001
+"""Time that a servo takes to act on a goal (assumption) [s]."""
+
+SETTLE_S = 0.05
+"""Time after switching on in which servos that missed it are told again; later it is a fault [s]."""
+
+log = logging.getLogger(__name__)
+
+
+class BusDriver(Driver):
+    """What drivers of all vendors share: units, staleness, budgets, several buses with one time base.
+
+    Subclasses name the `Bus` that speaks to their servos.
+
+    Attributes:
+        buses: of the robot file, in its order, while open.
+        open_port: makes a port from path and baud rate.
+    """
+
+    Options = BusOptions
+    Bus: ClassVar[type[ServoBus]]
+
+    def __init__(self, robot: Robot, *, options: Strict | None = None) -> None:
+        super().__init__(robot, options=options)
+        if not isinstance(self.options, BusOptions):
+            raise TypeError(f"{type(self).__name__} takes BusOptions, not {type(self.options).__name__}")
+        self._settings: BusOptions = self.options
+        self._paths = {name: self._settings.port_of(name, robot) for name in robot.config.buses}
+        for name in self._paths:
+            self.Bus.check(robot, name)
+        n = robot.n
+        self.open_port: Callable[[str, int], SerialPort] = SerialPort
+        self.buses: list[ServoBus] = []
+        self._imu: ImuSample | None = None
+        self._period = 1.0 / robot.rate_hz
+        self._ticks, self._raw = np.zeros(n), np.zeros(n)
+        self._velocity, self._effort = np.zeros(n), np.full(n, np.nan)
+        self._voltage, self._temperature = np.full(n, np.nan), np.full(n, np.nan)
+        self._error, self._stale = np.zeros(n, np.int64), np.zeros(n, np.int64)
+        self._torque = np.zeros(n, np.bool_)
+        self._imu_stale = 0
+        self._on_since: float | None = None
+        self._stamp_ns = 0
+
+    @property
+    def delay_s(self) -> float:
+        """Time of the goals on the wire, and a servo's own cycle (an assumption)."""
+        return max((bus.cycle_s[1] for bus in self.buses), default=0.0) + SERVO_CYCLE_S
+
+    def open(self) -> None:
+        """Take every port, audit and set up every servo; torque stays as it is. Raises `DriverError`."""
+        try:
+            for name, path in self._paths.items():
+                port = self.open_port(path, self.robot.config.buses[name].baud)
+                self.buses.append(self.Bus(self.robot, name, port, self._settings))
+            for bus in self.buses:
+                bus.audit()
+        except BaseException:
+            self._let_go()
+            raise
+        self._imu = next((bus.imu for bus in self.buses if bus.imu is not None), None)
+
+    def close(self) -> None:
+        """Torque off, ports released. May be called twice."""
+        if self.buses:
+            self.set_torque(False)
+            self._let_go()
+
+    def read(self, state: RobotState) -> None:
+        """Ask all buses at once and wait for their answers, at most `READ_SHARE` of a tick."""
+        begin = self.buses[0].port.now()
+        self._cycle(begin, begin + READ_SHARE * self._period)
+        for bus in self.buses:
+            self._take(bus)
+        self._look_at_torque(begin)
+        robot = self.robot
+        robot.from_ticks(self._ticks, out=state.position)
+        np.multiply(self._velocity, robot.direction, out=state.velocity)
+        np.multiply(self._effort, robot.direction, out=state.effort)
+        state.voltage[:], state.temperature[:] = self._voltage, self._temperature
+        state.hardware_error[:], state.stale[:] = self._error, self._stale
+        self._read_imu(state)
+        state.stamp_ns = self._stamp_ns
+
+    def write(self, command: JointCommand) -> None:
+        """Send the goals to all buses; what is no number is not sent, and the goal before it stays in force."""
+        robot, bad = self.robot, ~np.isfinite(command.position)
+        if bad.any():
+            log.error("joint %s: goal is no number", robot.joint_names[int(np.flatnonzero(bad)[0])])
+            return
+        robot.to_ticks(command.position, out=self._raw)
+        for bus in self.buses:
+            bus.send_goals(self._raw[bus.joints], command.torque_bound[bus.joints])
+
+    def set_torque(self, on: bool) -> None:
+        """Switch all servos. On: goals are pinned to present positions and checked first; raises where that fails."""
+        if not on:
+            self._on_since = None
+            for bus in self.buses:
+                bus.switch_off()
+            return
+        try:
+            for bus in self.buses:
+                bus.switch_on()
+        except DriverError:
+            self.set_torque(False)
+            raise
+        self._on_since = self.buses[0].port.now()
+
+    def damp(self) -> None:
+        """Pin the goals and give way softly, as far as the servos can."""
+        for bus in self.buses:
+            bus.damp()
+
+    # ---------------------------------------------------------------- inside
+
+    def _cycle(self, begin: float, deadline: float) -> None:
+        waiting, clock = list(self.buses), self.buses[0].port
+        for bus in waiting:
+            bus.request(begin)
+        self._stamp_ns = round(begin * 1e9)
+        while waiting:
+            now = clock.now()
+            waiting = [bus for bus in waiting if not bus.receive(now) and now < bus.patience]
+            if not waiting or now >= deadline:
+                break
+            until = min(deadline, *(bus.patience for bus in waiting))
+            clock.wait_any([bus.port for bus in waiting], until - clock.now())
+        for bus in self.buses:
+            bus.finish()
+
+    def _take(self, bus: ServoBus) -> None:
+        measured, joints = bus.measured, bus.joints
+        fresh = joints[measured.fresh]
+        missed = joints[measured.asked & ~measured.fresh]
+        self._stale[fresh] = 0
+        self._stale[missed] += 1
+        self._ticks[joints] = measured.ticks
+        self._velocity[joints], self._effort[joints] = measured.velocity, measured.effort
+        self._voltage[joints], self._temperature[joints] = measured.voltage, measured.temperature
+        self._error[joints] = measured.error
+        self._torque[joints] = measured.torque
+
+    def _look_at_torque(self, now: float) -> None:
+        """Torque that is off though it was switched on: told again just after switching on, else a fault."""
+        if self._on_since is None:
+            return
+        off = ~self._torque & (self._stale == 0)
+        if not off.any():
+            return
+        if now - self._on_since < SETTLE_S:
+            for bus in self.buses:
+                bus.repeat_on(off[bus.joints])
+        else:
+            self._error[off] |= TORQUE_LOST
+
+    def _read_imu(self, state: RobotState) -> None:
+        imu = self._imu
+        if imu is None:
+            state.imu_stale = -1
+            return
+        self._imu_stale = 0 if imu.fresh else self._imu_stale + 1
+        state.gyro[:], state.accel[:] = imu.gyro, imu.accel
+        state.imu_stale = self._imu_stale
+
+    def _let_go(self) -> None:
+        for bus in self.buses:
+            bus.close()
+        self.buses = []
+
+    @property
+    def capabilities(self) -> Capabilities:
+        """An IMU where the robot file has one, effort where servos measure current."""
+        return Capabilities(
+            imu=self.robot.config.imu is not None,
+            effort=any(servo.current_unit is not None for servo in self.robot.servos),
+            torque_bound=self.Bus.bounds_torque(self.robot),
+        )

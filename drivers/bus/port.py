@@ -1,0 +1,128 @@
+"""`SerialPort`: a serial device that answers at once, belongs to one program, and may vanish without an exception."""
+
+from __future__ import annotations
+
+import errno
+import logging
+import select
+import time
+from collections.abc import Sequence
+
+import serial
+
+from configs.errors import DriverError
+
+BITS_A_BYTE = 10
+"""Start bit, eight bits, stop bit."""
+
+log = logging.getLogger(__name__)
+
+
+class SerialPort:
+    """An open port. After it has been opened nothing here raises: a port that fails is `lost` from then on.
+
+    Args:
+        path: the device.
+        baud: bit rate.
+
+    Attributes:
+        path, baud: as given.
+        lost: why the port is gone; None while it works.
+        sent: bytes sent so far.
+    """
+
+    def __init__(self, path: str, baud: int) -> None:
+        """Raises `DriverError` where there is no such device, it is another's, or it refuses the baud rate."""
+        self.path, self.baud = path, baud
+        self.lost: str | None = None
+        self.sent = 0
+        try:
+            self._serial = serial.Serial(path, baud, timeout=0, write_timeout=0, exclusive=True)
+        except serial.SerialException as error:
+            raise DriverError(f"port {path}: {_reason(error)}") from error
+        except ValueError as error:
+            raise DriverError(f"port {path}: cannot run at {baud} baud: {error}") from error
+        try:
+            # Otherwise an FTDI adapter gathers bytes for 16 ms before it hands them over.
+            self._serial.set_low_latency_mode(True)
+        except (OSError, ValueError, NotImplementedError, AttributeError):
+            log.debug("port %s has no low-latency mode", path)
+
+    def seconds(self, size: int) -> float:
+        """Time that `size` bytes take on the wire [s]."""
+        return size * BITS_A_BYTE / self.baud
+
+    def send(self, data: bytes) -> None:
+        """Hand bytes to the adapter, which sends them when the wire is free."""
+        if self.lost is None:
+            try:
+                self._serial.write(data)
+                self.sent += len(data)
+            except OSError as error:
+                self._lose(error)
+
+    def receive(self) -> bytes:
+        """Bytes that have come, without waiting."""
+        if self.lost is not None:
+            return b""
+        try:
+            return bytes(self._serial.read(self._serial.in_waiting))
+        except (OSError, TypeError) as error:  # TypeError: pyserial on a port that another thread closed
+            self._lose(error)
+            return b""
+
+    def wait(self, seconds: float) -> bytes:
+        """Bytes that have come, waiting at most `seconds` for the first."""
+        self.wait_any([self], seconds)
+        return self.receive()
+
+    def wait_any(self, ports: Sequence[SerialPort], seconds: float) -> None:
+        """Sleep until one of the ports, of this kind, has bytes, at most `seconds`."""
+        descriptors = [port.descriptor for port in ports if port.lost is None]
+        if descriptors:
+            select.select(descriptors, (), (), max(seconds, 0.0))
+        else:
+            self.sleep(seconds)
+
+    def now(self) -> float:
+        """Time on the clock that everything on this port goes by [s]."""
+        return time.perf_counter()
+
+    def sleep(self, seconds: float) -> None:
+        """Let time pass on that clock."""
+        time.sleep(max(seconds, 0.0))
+
+    def set_baud(self, baud: int) -> None:
+        """Another bit rate from now on. Raises `DriverError` where the port refuses it."""
+        try:
+            self._serial.baudrate = baud
+        except (ValueError, OSError) as error:
+            raise DriverError(f"port {self.path}: cannot run at {baud} baud: {error}") from error
+        self.baud = baud
+
+    def close(self) -> None:
+        """Let go of the device. May be called twice."""
+        self.lost = self.lost or "closed"
+        try:
+            self._serial.close()
+        except OSError as error:
+            log.debug("port %s: %s", self.path, error)
+
+    @property
+    def descriptor(self) -> int:
+        """For `select`; -1 once the port is lost."""
+        return -1 if self.lost is not None else int(self._serial.fileno())
+
+    def _lose(self, error: Exception) -> None:
+        self.lost = str(error) or type(error).__name__
+        log.error("port %s is lost: %s", self.path, self.lost)
+
+
+def _reason(error: serial.SerialException) -> str:
+    if error.errno == errno.ENOENT:
+        return "there is no such device"
+    if error.errno == errno.EACCES:
+        return "permission denied; on most systems a member of group dialout may use it"
+    if error.errno in (errno.EBUSY, errno.EAGAIN) or "exclusively lock" in str(error):
+        return "another program holds it"
+    return " ".join(str(error).split())

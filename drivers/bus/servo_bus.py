@@ -1,0 +1,156 @@
+"""`ServoBus`: the servos on one port, whatever they speak; what drivers of all vendors have in common."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+
+import numpy as np
+from numpy.typing import NDArray
+
+from configs.errors import ConfigError
+from configs.robot import Robot
+from configs.servo import Protocol
+from drivers.bus.options import BusOptions
+from drivers.bus.port import SerialPort
+
+Float = NDArray[np.float64]
+Bool = NDArray[np.bool_]
+
+TORQUE_LOST = 0x100
+"""Bit of `RobotState.hardware_error` that no servo reports: torque went off without being told to."""
+
+
+class Measurement:
+    """The newest values of the servos of one bus, (m,) each, in the order of the bus.
+
+    Attributes:
+        ticks: position in servo units.
+        velocity: of the servo's shaft [rad/s].
+        effort: torque at the shaft [N·m]; NaN where unknown.
+        voltage, temperature: [V, °C]; NaN where unknown.
+        error: bits as the servo reports them.
+        torque: torque is on, as the servo says.
+        fresh: answered in the last cycle.
+        asked: was asked in the last cycle; a bus too slow to ask all asks the others later.
+    """
+
+    def __init__(self, m: int) -> None:
+        self.ticks, self.velocity = np.zeros(m), np.zeros(m)
+        self.effort, self.voltage, self.temperature = (np.full(m, np.nan) for _ in range(3))
+        self.error = np.zeros(m, np.int64)
+        self.torque = np.zeros(m, np.bool_)
+        self.fresh, self.asked = np.zeros(m, np.bool_), np.ones(m, np.bool_)
+
+
+class ImuSample:
+    """The newest sample of an inertial sensor, in the torso's frame.
+
+    Attributes:
+        gyro, accel: angular velocity [rad/s] and specific force [m/s²], (3,).
+        fresh: whether it came since the last cycle.
+    """
+
+    def __init__(self) -> None:
+        self.gyro, self.accel = np.zeros(3), np.array([0.0, 0.0, 9.81])
+        self.fresh = False
+
+
+class ServoBus(ABC):
+    """One port with servos of one protocol.
+
+    `audit` and `switch_on` may take their time and raise; everything else is done within a tick and never raises for
+    what happens on the bus: servos that do not answer are not `fresh`.
+
+    Class attributes:
+        protocol: of servos in the catalogue that it speaks to.
+
+    Attributes:
+        name: in the robot file; `config` what the file says of it.
+        joints: indices of its joints in the robot's order, (m,).
+        ids: addresses of their servos.
+        measured: the newest values.
+        imu: sample of an IMU on this bus; None where there is none.
+    """
+
+    protocol: Protocol
+
+    def __init__(self, robot: Robot, name: str, port: SerialPort, options: BusOptions) -> None:
+        self.robot, self.name, self.port, self.options = robot, name, port, options
+        self.config = robot.config.buses[name]
+        self.joints = np.array([i for i, joint in enumerate(robot.joints) if joint.bus == name], np.int64)
+        self.ids = [robot.joints[i].id for i in self.joints]
+        self.servos = [robot.servos[i] for i in self.joints]
+        self.measured = Measurement(len(self.joints))
+        self.imu: ImuSample | None = None
+
+    @classmethod
+    def check(cls, robot: Robot, name: str) -> None:
+        """Raise `ConfigError` where a servo of the bus speaks another protocol, or the file asks for the impossible."""
+        for joint, servo in zip(robot.joints, robot.servos, strict=True):
+            if joint.bus == name and servo.protocol != cls.protocol:
+                raise ConfigError(
+                    f"{robot.file}: joint {joint.name!r}: servo {servo.name} on bus {name!r} speaks {servo.protocol}, "
+                    f"this driver speaks {cls.protocol}"
+                )
+
+    @classmethod
+    def bounds_torque(cls, robot: Robot) -> bool:
+        """Whether torque bounds reach the servos."""
+        return False
+
+    @abstractmethod
+    def audit(self) -> None:
+        """Find every servo, check it against the robot file and set it up; torque stays as it is.
+
+        Raises `DriverError` naming joint, id and port.
+        """
+
+    @abstractmethod
+    def request(self, now: float) -> None:
+        """Begin a read cycle at time `now` [s]."""
+
+    @abstractmethod
+    def receive(self, now: float) -> bool:
+        """Take what has come, and ask on; whether the cycle is over."""
+
+    @property
+    @abstractmethod
+    def patience(self) -> float:
+        """Time until which it makes sense to wait for more in this cycle [s]."""
+
+    @abstractmethod
+    def finish(self) -> None:
+        """End the cycle: `measured` holds what came, `fresh` tells of what."""
+
+    @abstractmethod
+    def send_goals(self, ticks: Float, bound: Float) -> None:
+        """Goal positions in servo units and torque bounds [N·m, NaN: none], (m,) each."""
+
+    @abstractmethod
+    def switch_on(self) -> None:
+        """Pin every goal to its present position, check that, and switch torque on. Raises `DriverError`."""
+
+    @abstractmethod
+    def repeat_on(self, off: Bool) -> None:
+        """Pin and switch on once more servos that missed it, (m,)."""
+
+    @abstractmethod
+    def switch_off(self) -> None:
+        """Torque off, repeated where servos answer that it is on."""
+
+    @abstractmethod
+    def damp(self) -> None:
+        """Pin the goals and give way softly, as far as the servos can."""
+
+    @property
+    @abstractmethod
+    def cycle_s(self) -> tuple[float, float]:
+        """Calculated time on the wire of a cycle's reading and writing [s]."""
+
+    def joint_name(self, slot: int) -> str:
+        """`servo of JOINT (id N)` for messages."""
+        return f"servo of {self.robot.joint_names[self.joints[slot]]} (id {self.ids[slot]})"
+
+    def close(self) -> None:
+        """Let go of the port."""
+        self.port.close()

@@ -1,0 +1,363 @@
+"""`DynamixelBus`: servos of Protocol 2.0 on one port."""
+
+from __future__ import annotations
+
+import logging
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from configs.errors import ConfigError, DriverError
+from configs.robot import Robot
+from drivers.bus.options import BusOptions
+from drivers.bus.port import SerialPort
+from drivers.bus.servo_bus import ServoBus
+from drivers.dynamixel.cycle import Exchange, ReadMany, ReadOne
+from drivers.dynamixel.layout import ROW, Layout, Span, layout_of
+from drivers.dynamixel.opencr import NAME, OpenCr
+from drivers.dynamixel.packet import BROADCAST, Instruction, encode
+from drivers.dynamixel.registers import BAUD_RATES, VELOCITY_RPM, VOLTAGE, WATCHDOG_S, table_of
+from drivers.dynamixel.sdk import Client
+from drivers.dynamixel.setup import audit
+from drivers.dynamixel.staleness import ReplyClock
+from drivers.plant import DAMPED_SHARE
+
+Float = NDArray[np.float64]
+Bool = NDArray[np.bool_]
+
+PATIENCE_S, SHORT_PATIENCE_S = 0.003, 0.0015
+"""Time beyond that on the wire that answers may take; the short one while something is missing anyway [s]."""
+
+TRIES = 3
+LEARNING_CYCLES = 8
+"""Cycles at `open` from which the servos' clocks are learnt."""
+
+RECENT_SHARE = 0.5
+"""Share of a tick for which the last cycle's positions are recent enough to pin goals to."""
+
+_RAD_S = VELOCITY_RPM * 2 * math.pi / 60
+
+log = logging.getLogger(__name__)
+
+
+class DynamixelBus(ServoBus):
+    """Sync write of goals, fast sync read of everything else, one of each a tick for each family of servos.
+
+    The bus watchdog of every servo is armed while torque is on: a servo that hears nothing for the time that the robot
+    file says stays where it is, with torque on, and takes no goals until the watchdog is cleared.
+    """
+
+    protocol = "dynamixel2"
+
+    def __init__(self, robot: Robot, name: str, port: SerialPort, options: BusOptions) -> None:
+        super().__init__(robot, name, port, options)
+        m = len(self.joints)
+        self._client = Client(port)
+        self._slot = {id_: slot for slot, id_ in enumerate(self.ids)}
+        self._layouts = [layout_of(table_of(s.name), current_bound=self.config.current_bound) for s in self.servos]
+        self._board = _board(robot, name)
+        self._units = round(self.config.watchdog_ms * 1e-3 / WATCHDOG_S)
+        self._torque_per_unit = np.array(
+            [
+                (s.current_unit or math.nan) * (s.torque_constant or s.stall_torque / s.stall_current)
+                for s in self.servos
+            ]
+        )
+        self._gains = np.array([robot.joints[i].p_gain or robot.servos[i].gain_register for i in self.joints])
+        self._groups: list[ReadMany] = []
+        self._exchanges: list[Exchange] = []
+        self._pending: list[Exchange] = []
+        self._clock = ReplyClock(m, oldest_ms=max(600.0 / robot.rate_hz, 2.0))
+        self._learning = False
+        self._begun = self._patience = self._heard_at = self._spoke_at = 0.0
+        self._complete = True
+        self._on = self._damped = False
+        self._rearm = 0
+
+    @classmethod
+    def check(cls, robot: Robot, name: str) -> None:
+        """See `ServoBus`; and the baud rate must be one that these servos have."""
+        super().check(robot, name)
+        baud = robot.config.buses[name].baud
+        if baud not in BAUD_RATES:
+            raise ConfigError(f"{robot.file}: field buses.{name}.baud: {baud}, expected one of {list(BAUD_RATES)}")
+
+    @classmethod
+    def bounds_torque(cls, robot: Robot) -> bool:
+        """Where the robot file asks for it on every bus, and every servo controls its current."""
+        return all(bus.current_bound for bus in robot.config.buses.values()) and all(
+            servo.current_unit is not None for servo in robot.servos
+        )
+
+    # ---------------------------------------------------------------- before the first tick
+
+    def audit(self) -> None:
+        """See `ServoBus`."""
+        if self._board is not None and not self._board.audit(self._client):
+            imu = self.robot.config.imu
+            message = f"port {self.port.path}: no OpenCR board answers at id {self._board.id}: no IMU"
+            if imu is not None and imu.required:
+                raise DriverError(f"{message}, which the robot file requires")
+            log.warning("%s", message)
+            self._board = None
+        self.imu = self._board
+        fast: dict[tuple[Span, bool], list[int]] = {}
+        for joint, id_, layout in zip(self.joints, self.ids, self._layouts, strict=True):
+            found = audit(self._client, self.robot, int(joint), layout, configure=self.options.configure)
+            fast.setdefault((layout.read, found.fast), []).append(id_)
+        self._groups = [
+            ReadMany(ids, span, fast=quick, where=f"bus {self.name}") for (span, quick), ids in fast.items()
+        ]
+        self._exchanges = [*self._groups]
+        if self._board is not None:
+            self._exchanges.append(ReadOne(self._board.id, self._board.span))
+        self._learn_clocks()
+
+    def _learn_clocks(self) -> None:
+        """Cycles of a bus at rest, from which the clocks of the servos are known. Raises where one is silent."""
+        self._clock.begin()
+        self._learning = True
+        heard = np.zeros(len(self.ids), np.bool_)
+        for _ in range(LEARNING_CYCLES):
+            self._run_cycle()
+            heard |= self.measured.fresh
+        self._learning = False
+        if not heard.all():
+            raise DriverError(f"{self.joint_name(int(np.argmin(heard)))} on {self.port.path}: answers no sync read")
+
+    # ---------------------------------------------------------------- the cycle
+
+    def request(self, now: float) -> None:
+        """See `ServoBus`."""
+        self.port.receive()  # late answers to what was asked before
+        self.measured.fresh[:] = False
+        if self._board is not None:
+            self._board.fresh = False
+        self._pending = list(self._exchanges)
+        for exchange in self._exchanges:
+            exchange.answers.clear()
+        self._begun = now
+        self._ask(now)
+
+    def receive(self, now: float) -> bool:
+        """See `ServoBus`."""
+        if not self._pending or self.port.lost is not None:
+            return True
+        data = self.port.receive()
+        if data:
+            self._heard_at = now
+        if self._pending[0].take(data) or now >= self._patience:
+            self._pending.pop(0)
+            if self._pending:
+                self._ask(now)
+        return not self._pending
+
+    @property
+    def patience(self) -> float:
+        """See `ServoBus`."""
+        return self._patience if len(self._pending) == 1 else math.inf
+
+    def finish(self) -> None:
+        """See `ServoBus`."""
+        for group in self._groups:
+            group.end()
+            self._take_rows(group)
+        if self._board is not None:
+            answer = self._exchanges[-1].answers.get(self._board.id)
+            if answer is not None:
+                self._board.take(answer[1])
+        self._complete = bool(self.measured.fresh.all()) and (self._board is None or self._board.fresh)
+
+    def _ask(self, now: float) -> None:
+        exchange = self._pending[0]
+        self.port.send(exchange.begin())
+        slack = PATIENCE_S if self._complete else SHORT_PATIENCE_S
+        self._patience = now + exchange.seconds(self.port, self.config.return_delay_us * 1e-6) + slack
+        self._spoke_at = now
+
+    def _take_rows(self, group: ReadMany) -> None:
+        answers = group.answers
+        if not answers:
+            return
+        slots = np.array([self._slot[id_] for id_ in answers], np.int64)
+        rows = np.frombuffer(b"".join(data for _, data in answers.values()), ROW)
+        tick = rows["tick"].astype(np.float64)
+        if self._learning:
+            self._clock.learn(slots, tick, self._begun)
+        else:
+            # No supply: a servo that has lost power has forgotten what its indirect addresses meant, and sends zeros.
+            fresh = self._clock.accept(slots, tick, self._begun) & (rows["voltage"] > 0)
+            if not fresh.all():
+                slots, rows = slots[fresh], rows[fresh]
+        measured = self.measured
+        measured.ticks[slots] = rows["position"]
+        measured.velocity[slots] = rows["velocity"] * _RAD_S
+        measured.effort[slots] = rows["current"] * self._torque_per_unit[slots]
+        measured.voltage[slots] = rows["voltage"] * VOLTAGE
+        measured.temperature[slots] = rows["temperature"]
+        measured.error[slots] = rows["error"]
+        measured.torque[slots] = rows["torque"] == 1
+        measured.fresh[slots] = True
+
+    def _run_cycle(self) -> None:
+        """A whole cycle at once, outside the loop."""
+        self.request(self.port.now())
+        while not self.receive(now := self.port.now()):
+            self.port.wait_any([self.port], self._patience - now)
+        self.finish()
+
+    # ---------------------------------------------------------------- goals and torque
+
+    def send_goals(self, ticks: Float, bound: Float) -> None:
+        """See `ServoBus`; while torque is off nothing is sent."""
+        if not self._on:
+            return
+        now = self.port.now()
+        if now - max(self._spoke_at, self._heard_at) > self._units * WATCHDOG_S * 0.9:
+            log.warning("bus %s: the loop was silent for longer than the bus watchdog: cleared", self.name)
+            self._rearm = 2
+        if self._rearm:
+            # Twice: a sync write is not acknowledged.
+            self._rearm -= 1
+            self._write_all("bus_watchdog", 0)
+            self._write_all("bus_watchdog", self._units)
+        self._send(ticks, bound)
+        self._spoke_at = now
+
+    def switch_on(self) -> None:
+        """See `ServoBus`; goals and watchdogs are read back before torque goes on."""
+        measured, everyone = self.measured, np.ones(len(self.ids), np.bool_)
+        recent = self.port.now() - self._begun < RECENT_SHARE / self.robot.rate_hz
+        if self._damped:
+            self._set_softness(1.0)
+        for _ in range(TRIES):
+            if not (recent and measured.fresh.all()):
+                self._run_cycle()
+            recent = False
+            if not measured.fresh.all():
+                continue
+            self._write_all("bus_watchdog", 0)
+            self._write_all("bus_watchdog", self._units)
+            self._send(measured.ticks, np.full(len(self.ids), np.nan))
+            pinned = self._pinned()
+            if pinned.all():
+                self._on = True
+                self._rearm = 0
+                self._switch(everyone, on=True)
+                return
+        wrong = int(np.argmin(measured.fresh & (self._pinned() if measured.fresh.all() else True)))
+        what = "does not take its goal" if measured.fresh[wrong] else "does not answer"
+        raise DriverError(f"{self.joint_name(wrong)} on {self.port.path}: {what}: torque stays off")
+
+    def repeat_on(self, off: Bool) -> None:
+        """See `ServoBus`."""
+        if off.any():
+            self._send(np.where(off, self.measured.ticks, self._last_ticks), self._last_bound)
+            self._switch(off, on=True)
+
+    def switch_off(self) -> None:
+        """See `ServoBus`."""
+        self._on = False
+        everyone = np.ones(len(self.ids), np.bool_)
+        for _ in range(TRIES):
+            self._switch(everyone, on=False)
+            if self.port.lost is not None:
+                return
+            self._run_cycle()
+            if self.measured.fresh.all() and not self.measured.torque.any():
+                break
+        self._write_all("bus_watchdog", 0)
+
+    def damp(self) -> None:
+        """See `ServoBus`; position gain and PWM limit go down to `DAMPED_SHARE`, told twice."""
+        self._damped = True
+        for _ in range(2):
+            self._send(self.measured.ticks, np.full(len(self.ids), np.nan))
+            self._set_softness(DAMPED_SHARE)
+
+    @property
+    def cycle_s(self) -> tuple[float, float]:
+        """See `ServoBus`."""
+        delay = self.config.return_delay_us * 1e-6
+        reading = sum(exchange.seconds(self.port, delay) for exchange in self._exchanges)
+        return reading, self.port.seconds(sum(len(packet) for packet in self._goal_packets(self.measured.ticks, None)))
+
+    # ---------------------------------------------------------------- packets
+
+    def _send(self, ticks: Float, bound: Float) -> None:
+        self._last_ticks, self._last_bound = ticks.copy(), bound
+        for packet in self._goal_packets(ticks, bound):
+            self.port.send(packet)
+
+    def _goal_packets(self, ticks: Float, bound: Float | None) -> list[bytes]:
+        goals = ticks.astype("<i4")
+        packets: dict[Layout, bytearray] = {}
+        for slot, layout in enumerate(self._layouts):
+            row = packets.setdefault(layout, bytearray())
+            row.append(self.ids[slot])
+            if layout.bounded:
+                row += self._current(slot, math.nan if bound is None else float(bound[slot])).to_bytes(2, "little")
+            row += goals[slot].tobytes()
+        return [_sync_write(layout.write, bytes(rows)) for layout, rows in packets.items()]
+
+    def _current(self, slot: int, bound: float) -> int:
+        """Goal current for a torque bound; the servo's own limit where there is none."""
+        most = table_of(self.servos[slot].name)["goal_current"].initial
+        return most if math.isnan(bound) else min(int(bound / self._torque_per_unit[slot]), most)
+
+    def _write_all(self, name: str, value: int, which: Bool | None = None) -> None:
+        """Set a register of all servos, or of some, to one value, in one packet for each place that it lies at."""
+        rows: dict[Span, bytearray] = {}
+        for slot, servo in enumerate(self.servos):
+            if which is None or which[slot]:
+                register = table_of(servo.name)[name]
+                row = rows.setdefault(Span(register.address, register.size), bytearray())
+                row += bytes([self.ids[slot]]) + register.pack(value)
+        for span, content in rows.items():
+            self.port.send(_sync_write(span, bytes(content)))
+        self._spoke_at = self.port.now()
+
+    def _switch(self, which: Bool, *, on: bool) -> None:
+        self._write_all("torque_enable", int(on), which)
+
+    def _set_softness(self, share: float) -> None:
+        for slot, servo in enumerate(self.servos):
+            table = table_of(servo.name)
+            one = np.arange(len(self.ids)) == slot
+            self._write_all("position_p_gain", round(share * self._gains[slot]), one)
+            self._write_all("goal_pwm", round(share * table["pwm_limit"].initial), one)
+        self._damped = share < 1.0
+
+    def _pinned(self) -> Bool:
+        """Which servos hold the present position as their goal, and an armed watchdog."""
+        table = table_of(self.servos[0].name)
+        span = Span(table["bus_watchdog"].address, table["goal_position"].end - table["bus_watchdog"].address)
+        fast = all(group.fast for group in self._groups)
+        check = ReadMany(self.ids, span, fast=fast, where=f"bus {self.name}")
+        begin = self.port.now()
+        self.port.receive()
+        self.port.send(check.begin())
+        patience = begin + check.seconds(self.port, self.config.return_delay_us * 1e-6) + PATIENCE_S
+        done = False
+        while not done and (now := self.port.now()) < patience and self.port.lost is None:
+            done = check.take(self.port.wait(patience - now))
+        check.end()
+        pinned = np.zeros(len(self.ids), np.bool_)
+        for id_, (_, data) in check.answers.items():
+            slot = self._slot[id_]
+            goal = table["goal_position"].unpack(data[-4:])
+            pinned[slot] = data[0] == self._units and goal == int(self.measured.ticks[slot])
+        return pinned
+
+
+def _sync_write(span: Span, rows: bytes) -> bytes:
+    params = span.address.to_bytes(2, "little") + span.size.to_bytes(2, "little") + rows
+    return encode(BROADCAST, Instruction.SYNC_WRITE, params)
+
+
+def _board(robot: Robot, bus: str) -> OpenCr | None:
+    imu = robot.config.imu
+    if imu is None or imu.driver != NAME or imu.bus != bus or imu.id is None:
+        return None
+    return OpenCr(imu)

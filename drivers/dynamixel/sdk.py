@@ -1,0 +1,137 @@
+"""The DYNAMIXEL SDK over a `SerialPort`: everything that is not done every tick.
+
+The SDK's own port polls without sleeping, times with the wall clock and waits for a latency timer of 16 ms whatever the
+adapter's is: `SdkPort` sleeps until bytes come, on the monotonic clock. A tick's packets are sent and taken by
+`drivers.dynamixel.cycle`, for the SDK drops the error byte of every servo in a fast sync read.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from dynamixel_sdk import COMM_SUCCESS, PacketHandler, PortHandler
+
+from configs.errors import DriverError
+from drivers.bus.port import SerialPort
+from drivers.dynamixel.packet import ALERT, Error
+from drivers.dynamixel.registers import Register
+
+LATENCY_S = 0.025
+"""Time beyond that on the wire that an answer may take [s]."""
+
+TRIES = 3
+
+
+class SdkPort(PortHandler):
+    """The SDK's view of an open `SerialPort`."""
+
+    def __init__(self, line: SerialPort) -> None:
+        super().__init__(line.path)
+        self.line = line
+        self.is_open = True
+        self._deadline = 0.0
+        self._unread = b""
+
+    def getBaudRate(self) -> int:  # noqa: N802 - the SDK's name, as all below
+        """Bit rate."""
+        return self.line.baud
+
+    def clearPort(self) -> None:  # noqa: N802
+        """Forget what came and was not asked for."""
+        self.line.receive()
+        self._unread = b""
+
+    def writePort(self, packet: Any) -> int:  # noqa: N802
+        """Send a packet; how many bytes of it went out."""
+        self.line.send(bytes(packet))
+        return 0 if self.line.lost else len(packet)
+
+    def readPort(self, length: int) -> bytes:  # noqa: N802
+        """At most `length` bytes; sleeps until some come or the packet's time is over."""
+        if not self._unread:
+            self._unread = self.line.wait(self._deadline - self.line.now())
+        taken, self._unread = self._unread[:length], self._unread[length:]
+        return taken
+
+    def setPacketTimeout(self, packet_length: int) -> None:  # noqa: N802
+        """A packet of so many bytes is to come."""
+        self._deadline = self.line.now() + self.line.seconds(packet_length) + LATENCY_S
+
+    def setPacketTimeoutMillis(self, msec: float) -> None:  # noqa: N802
+        """All of it is to come in this time [ms]."""
+        self._deadline = self.line.now() + msec * 1e-3
+
+    def isPacketTimeout(self) -> bool:  # noqa: N802
+        """Whether it should have come by now."""
+        return self.line.lost is not None or (not self._unread and self.line.now() > self._deadline)
+
+
+class Client:
+    """Single servos, one at a time, with retries: to find them, audit them and set them up.
+
+    Every method raises `DriverError` naming id and port where a servo does not answer or refuses.
+    """
+
+    def __init__(self, line: SerialPort) -> None:
+        self.line = line
+        self._port, self._handler = SdkPort(line), PacketHandler(2.0)
+
+    def ping(self, id_: int, *, tries: int = TRIES) -> int | None:
+        """Model number of a device; None where it does not answer."""
+        for _ in range(tries):
+            model, result, _ = self._handler.ping(self._port, id_)
+            if result == COMM_SUCCESS:
+                return int(model)
+        return None
+
+    def find(self) -> dict[int, tuple[int, int]]:
+        """Model number and firmware of every device that hears a broadcast ping at this baud rate, by id."""
+        found, result = self._handler.broadcastPing(self._port)
+        return {id_: (model, firmware) for id_, (model, firmware) in found.items()} if result == COMM_SUCCESS else {}
+
+    def read_block(self, id_: int, address: int, size: int) -> bytes:
+        """`size` bytes from `address` on."""
+        return bytes(
+            self._try(id_, f"read of {address}", lambda: self._handler.readTxRx(self._port, id_, address, size))
+        )
+
+    def read(self, id_: int, register: Register) -> int:
+        """A register's value."""
+        return register.unpack(self.read_block(id_, register.address, register.size))
+
+    def write(self, id_: int, register: Register, value: int) -> None:
+        """Set a register."""
+        self.write_block(id_, register.address, register.pack(value))
+
+    def write_block(self, id_: int, address: int, data: bytes) -> None:
+        """Set bytes from `address` on."""
+
+        def attempt() -> tuple[None, int, int]:
+            result, error = self._handler.writeTxRx(self._port, id_, address, len(data), list(data))
+            return None, result, error
+
+        self._try(id_, f"write to {address}", attempt)
+
+    def reboot(self, id_: int) -> None:
+        """Restart a servo: torque goes off, hardware errors are forgotten."""
+
+        def attempt() -> tuple[None, int, int]:
+            result, error = self._handler.reboot(self._port, id_)
+            return None, result, error
+
+        self._try(id_, "reboot", attempt)
+
+    def _try(self, id_: int, what: str, attempt: Callable[[], tuple[Any, int, int]]) -> Any:
+        for _ in range(TRIES):
+            answer, result, error = attempt()
+            if result == COMM_SUCCESS:
+                break
+        else:
+            reason = self.line.lost or self._handler.getTxRxResult(result).removeprefix("[TxRxResult] ")
+            raise DriverError(f"port {self.line.path}: id {id_}: {what}: {reason}")
+        if error & ~ALERT:
+            code = error & ~ALERT
+            name = Error(code).name.lower() if code in set(Error) else f"0x{code:02x}"
+            raise DriverError(f"port {self.line.path}: id {id_}: {what} refused: {name} error")
+        return answer

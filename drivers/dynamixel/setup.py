@@ -1,0 +1,121 @@
+"""Audit of a servo against the robot file, and the settings that it must have."""
+
+from __future__ import annotations
+
+import logging
+import math
+from dataclasses import dataclass
+
+from configs.errors import DriverError
+from configs.robot import Robot
+from drivers.dynamixel.layout import Layout
+from drivers.dynamixel.registers import RETURN_DELAY_US, Table, table_of
+from drivers.dynamixel.sdk import Client
+
+POSITION_MODE, CURRENT_POSITION_MODE = 3, 5
+
+PAST_LIMIT = 0.03
+"""A servo's own limits lie this far outside the joint's: where a joint stands past its limit by play or zero error,
+goals must still be pinned to its position [rad]."""
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Audited:
+    """A servo that was found and set up."""
+
+    firmware: int
+    fast: bool
+
+
+def expected_settings(robot: Robot, joint: int, layout: Layout) -> dict[str, int]:
+    """What the registers of a joint's servo must hold, by name, as far as the servo has them."""
+    config, servo = robot.joints[joint], robot.servos[joint]
+    table = table_of(servo.name)
+    ticks = sorted(
+        (angle * config.direction + config.zero) / servo.tick_rad + servo.centre_tick for angle in config.limits
+    )
+    margin = PAST_LIMIT / servo.tick_rad
+    settings = {
+        # kept without power
+        "return_delay_time": round(robot.config.buses[config.bus].return_delay_us / RETURN_DELAY_US),
+        "drive_mode": 0,
+        "operating_mode": CURRENT_POSITION_MODE if layout.bounded else POSITION_MODE,
+        "homing_offset": 0,
+        "min_position_limit": max(math.floor(ticks[0] - margin), servo.min_tick),
+        "max_position_limit": min(math.ceil(ticks[1] + margin), servo.max_tick),
+        "startup_configuration": 0,
+        # forgotten without power
+        "status_return_level": 2,
+        "position_p_gain": config.p_gain or servo.gain_register,
+        "position_i_gain": 0,
+        "position_d_gain": 0,
+        "feedforward_1st_gain": 0,
+        "feedforward_2nd_gain": 0,
+        "profile_velocity": 0,
+        "profile_acceleration": 0,
+        "goal_pwm": table["pwm_limit"].initial,
+        "pwm_limit": table["pwm_limit"].initial,
+    }
+    return {name: value for name, value in settings.items() if name in table}
+
+
+def audit(client: Client, robot: Robot, joint: int, layout: Layout, *, configure: bool) -> Audited:
+    """Check one servo and set it up; only what differs is written, and EEPROM changes are told.
+
+    Raises `DriverError` where the servo does not answer, is another model or protocol, or where a setting differs that
+    may not be written: without `configure`, or while its torque is on.
+    """
+    config, servo = robot.joints[joint], robot.servos[joint]
+    table, id_ = table_of(servo.name), config.id
+    where = f"servo of {config.name} (id {id_}) on {client.line.path}"
+    model = client.ping(id_)
+    if model is None:
+        reason = client.line.lost or f"does not answer at {client.line.baud} baud"
+        raise DriverError(f"{where}: {reason}; is its power on? `flexmotion servo scan` finds servos at any baud rate")
+    if servo.model_number is not None and model != servo.model_number:
+        raise DriverError(f"{where}: model number {model}, expected {servo.model_number} of {servo.name}")
+    memory = client.read_block(id_, 0, max(register.end for register in table.registers.values() if register.end < 128))
+    if _value(table, memory, "protocol_type") != 2:
+        raise DriverError(f"{where}: speaks another protocol than 2.0, which a plug-in driver would have to speak")
+    firmware = _value(table, memory, "firmware_version")
+    torque_on = bool(_value(table, memory, "torque_enable"))
+    wrong = {
+        name: value
+        for name, value in expected_settings(robot, joint, layout).items()
+        if _value(table, memory, name) != value
+    }
+    kept = [name for name in wrong if table[name].address < table.eeprom_end]
+    if kept and not configure:
+        raise DriverError(f"{where}: {_difference(table, memory, kept[0], wrong)}; option configure would write it")
+    if kept and torque_on:
+        raise DriverError(
+            f"{where}: {_difference(table, memory, kept[0], wrong)}, and torque is on, which locks it: "
+            "hold the robot and switch its power off and on"
+        )
+    if kept:
+        changes = ", ".join(f"{name} {_value(table, memory, name)} -> {wrong[name]}" for name in kept)
+        log.warning("%s: written for good: %s", where, changes)
+    for name, value in wrong.items():
+        client.write(id_, table[name], value)
+    _point(client, id_, layout)
+    lowest = table.fast_sync_read_firmware
+    return Audited(firmware, lowest is not None and firmware >= lowest)
+
+
+def _value(table: Table, memory: bytes, name: str) -> int:
+    register = table[name]
+    return register.unpack(memory[register.address : register.end])
+
+
+def _difference(table: Table, memory: bytes, name: str, wrong: dict[str, int]) -> str:
+    return f"{name} is {_value(table, memory, name)}, expected {wrong[name]}"
+
+
+def _point(client: Client, id_: int, layout: Layout) -> None:
+    """Let the indirect slots point where the layout wants them."""
+    first = layout.slots[0][0]
+    wanted = b"".join(target.to_bytes(2, "little") for _, target in layout.slots)
+    if client.read_block(id_, first, len(wanted)) != wanted:
+        client.write_block(id_, first, wanted)

@@ -1,0 +1,134 @@
+"""`Loopback`: emulated buses in this process, on a clock that moves only while somebody waits.
+
+A driver talks to them in bytes as over a real port, with the same wire time, but a run neither depends on how busy the
+machine is nor takes as long as it pretends to.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from configs.errors import DriverError
+from drivers.bus.port import SerialPort
+from drivers.emulator.body import Body
+from drivers.emulator.build import assemble
+from drivers.emulator.emulator import Emulator
+from drivers.emulator.line import Line
+
+_GRAIN_S = 1e-9
+"""Who waits until a time wakes past it, whatever adding and subtracting rounds off [s]."""
+
+
+class _Memory:
+    """The emulator's end of a port that is no port."""
+
+    descriptor = -1
+
+    def __init__(self, name: str) -> None:
+        self.path, self.open, self.baud = name, True, 0
+        self.to_bus, self.to_host = bytearray(), bytearray()
+
+    def read(self) -> bytes:
+        data = bytes(self.to_bus)
+        self.to_bus.clear()
+        return data
+
+    def write(self, data: bytes) -> None:
+        self.to_host += data
+
+    def close(self) -> None:
+        self.open = False
+
+
+class Loopback:
+    """Emulated buses of a body.
+
+    Args:
+        body: what moves.
+        arguments: of `drivers.emulator.build.assemble`.
+
+    Attributes:
+        emulator: with the buses.
+        now: the time [s].
+    """
+
+    def __init__(self, body: Body, **arguments: Any) -> None:
+        self.now = 0.0
+        self._ports = {name: _Memory(name) for name in body.robot.config.buses}
+        self.emulator: Emulator = assemble(body, self._ports, **arguments)
+
+    def open_port(self, name: str, baud: int) -> LoopbackPort:
+        """A port to the bus `name`, for `BusDriver.open_port`. Raises `DriverError` where there is none."""
+        for line in self.emulator.lines:
+            if line.name == name:
+                return LoopbackPort(self, line, self._ports[name], baud)
+        raise DriverError(f"port {name}: there is no such bus, expected one of: {', '.join(self._ports)}")
+
+    def advance(self, seconds: float, *, until: Sequence[_Memory] = ()) -> None:
+        """Let time pass; it stops where one of the ports in `until` has bytes for the host."""
+        end = self.now + max(seconds, 0.0) + _GRAIN_S
+        while not any(port.to_host for port in until):
+            wake = self.emulator.poll(self.now)
+            if any(port.to_host for port in until) or wake > end:
+                break
+            self.now = max(self.now, wake)
+        else:
+            return
+        if not any(port.to_host for port in until):
+            self.now = end
+
+
+class LoopbackPort(SerialPort):
+    """A `SerialPort` to an emulated bus in this process."""
+
+    def __init__(self, world: Loopback, line: Line, memory: _Memory, baud: int) -> None:
+        self.path, self.baud, self.lost, self.sent = line.name, baud, None, 0
+        self._world, self._line, self._memory = world, line, memory
+        memory.baud = baud
+        memory.to_host.clear()
+
+    def send(self, data: bytes) -> None:
+        """See `SerialPort`."""
+        if self._there():
+            self.sent += len(data)
+            self._memory.to_bus += data
+            self._line.hear(self._world.now)
+
+    def receive(self) -> bytes:
+        """See `SerialPort`."""
+        if not self._there():
+            return b""
+        data = bytes(self._memory.to_host)
+        self._memory.to_host.clear()
+        return data
+
+    def wait_any(self, ports: Sequence[SerialPort], seconds: float) -> None:
+        """See `SerialPort`."""
+        self._world.advance(seconds, until=[port._memory for port in ports if isinstance(port, LoopbackPort)])
+
+    def now(self) -> float:
+        """See `SerialPort`."""
+        return self._world.now
+
+    def sleep(self, seconds: float) -> None:
+        """See `SerialPort`."""
+        self._world.advance(seconds)
+
+    def set_baud(self, baud: int) -> None:
+        """See `SerialPort`."""
+        self.baud = self._memory.baud = baud
+
+    def close(self) -> None:
+        """See `SerialPort`."""
+        self.lost = self.lost or "closed"
+
+    @property
+    def descriptor(self) -> int:
+        """None: `wait_any` needs none."""
+        return -1
+
+    def _there(self) -> bool:
+        if self.lost is None and not self._memory.open:
+            self.lost = "unplugged"
+        return self.lost is None

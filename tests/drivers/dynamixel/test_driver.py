@@ -1,0 +1,412 @@
+"""The real driver against emulated servos, byte by byte, on a clock that depends on nothing but the test."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import pytest
+
+from configs.errors import ConfigError, DriverError
+from configs.robot import Robot
+from drivers.bus.port import SerialPort
+from drivers.bus.servo_bus import TORQUE_LOST
+from drivers.dynamixel.driver import DynamixelDriver
+from drivers.emulator.body import BenchBody
+from drivers.emulator.dynamixel_bus import DynamixelBus
+from drivers.emulator.emulator import Emulator
+from drivers.emulator.faults import Fault
+from drivers.emulator.loopback import Loopback
+from drivers.emulator.servo import XServo
+from drivers.interface import JointCommand, RobotState
+from drivers.registry import create
+
+KNEE = 14
+
+
+class Rig:
+    """A driver on the port of an emulated bus.
+
+    Attributes:
+        driver, emulator: both ends.
+        state, command: messages.
+    """
+
+    def __init__(self, robot: Robot, **options: object) -> None:
+        self.robot, self.world = robot, Loopback(BenchBody(robot))
+        self.emulator = self.world.emulator
+        driver = create("dynamixel", robot, port="main", **options)
+        assert isinstance(driver, DynamixelDriver)
+        driver.open_port = self.world.open_port
+        self.driver = driver
+        self.state, self.command = RobotState(robot.n), JointCommand(robot.n)
+        self.command.position[:] = robot.stand_pose
+
+    @property
+    def bus(self) -> DynamixelBus:
+        bus = self.emulator.lines[0].bus
+        assert isinstance(bus, DynamixelBus)
+        return bus
+
+    def servo(self, id_: int) -> XServo:
+        return next(servo for servo in self.bus.servos if servo.id == id_)
+
+    def start(self) -> None:
+        self.driver.open()
+        self.driver.read(self.state)
+        self.driver.set_torque(True)
+
+    def tick(self, ticks: int = 1) -> None:
+        for _ in range(ticks):
+            begin = self.world.now
+            self.driver.read(self.state)
+            self.driver.write(self.command)
+            self.world.advance(begin + 0.008 - self.world.now)
+
+    def suffer(self, *faults: str) -> None:
+        """From now on these faults act, and no others."""
+        self.emulator.faults[:] = [Fault.parse(text) for text in faults]
+        self.world.advance(0.015)
+
+
+@pytest.fixture
+def rig(op3: Robot) -> Iterator[Callable[..., Rig]]:
+    """Call with options of the driver: a rig, not yet open."""
+    rigs: list[Rig] = []
+
+    def make(**options: object) -> Rig:
+        rigs.append(Rig(op3, **options))
+        return rigs[-1]
+
+    yield make
+    for each in rigs:
+        each.driver.close()
+
+
+def test_what_it_reads_is_what_the_servos_have(op3: Robot, rig: Callable[..., Rig]) -> None:
+    it = rig()
+    it.emulator.body.plant.temperature[:] = 41.0
+    it.driver.open()
+    it.driver.read(it.state)
+    np.testing.assert_allclose(it.state.position, op3.stand_pose, atol=op3.tick_rad[0] / 2 + 1e-9)
+    assert (it.state.voltage == 12.0).all() and (it.state.temperature == 41.0).all()
+    assert not it.state.stale.any() and not it.state.hardware_error.any()
+    np.testing.assert_allclose(it.state.accel, [0, 0, 9.81], atol=0.01)
+    assert it.state.imu_stale == 0
+
+
+def test_opening_leaves_torque_off_and_sets_only_what_differs(
+    rig: Callable[..., Rig], caplog: pytest.LogCaptureFixture
+) -> None:
+    it = rig()
+    it.servo(KNEE).put("return_delay_time", 250)
+    it.servo(KNEE).put("profile_velocity", 30)
+    with caplog.at_level(logging.WARNING):
+        it.driver.open()
+    assert "l_knee (id 14)" in caplog.text and "return_delay_time 250 -> 0" in caplog.text
+    assert it.servo(KNEE).get("return_delay_time") == 0 and it.servo(KNEE).get("profile_velocity") == 0
+    assert not it.emulator.body.plant.enabled.any()
+    it.driver.close()
+
+    caplog.clear()
+    with caplog.at_level(logging.WARNING):
+        it.driver.open()
+    assert "written" not in caplog.text
+
+
+def test_without_configure_a_difference_is_refused(rig: Callable[..., Rig]) -> None:
+    it = rig(configure=False)
+    with pytest.raises(DriverError, match=r"min_position_limit is 0, expected .*option configure would write it"):
+        it.driver.open()
+
+
+def test_at_torque_on_no_goal_is_more_than_a_tick_from_where_the_joint_is(op3: Robot, rig: Callable[..., Rig]) -> None:
+    it = rig()
+    it.driver.open()
+    for servo in it.bus.servos:
+        servo.put("goal_position", 3000)  # what an earlier program left
+    it.driver.read(it.state)
+    it.driver.set_torque(True)
+    for servo in it.bus.servos:
+        assert abs(servo.get("goal_position") - op3.to_ticks(it.emulator.body.position)[servo.index]) <= 1
+        assert servo.get("bus_watchdog") == 8
+    it.command.position[:] = it.state.position
+    it.tick(3)
+    assert it.emulator.body.plant.enabled.all()
+    assert np.abs(it.emulator.body.velocity).max() < 0.05
+    assert not it.state.hardware_error.any()
+
+
+def test_goals_arrive_in_the_units_and_directions_of_the_servos(op3: Robot, rig: Callable[..., Rig]) -> None:
+    it = rig()
+    it.start()
+    it.command.position[:] = 0.5 * (op3.stand_pose + op3.rest_pose)
+    for _ in range(60):
+        it.command.position += np.clip(op3.rest_pose - it.command.position, -0.02, 0.02)
+        it.tick()
+    goals = np.array([servo.get("goal_position") for servo in it.bus.servos])
+    np.testing.assert_array_equal(goals, op3.to_ticks(it.command.position))
+    assert it.emulator.body.receiver.position_violations == 0
+
+
+def test_closing_switches_torque_off_and_can_be_repeated(rig: Callable[..., Rig]) -> None:
+    it = rig()
+    it.start()
+    it.driver.close()
+    it.driver.close()
+    assert not any(servo.torque for servo in it.bus.servos)
+    assert all(servo.get("bus_watchdog") == 0 for servo in it.bus.servos)
+
+
+def test_a_program_that_is_gone_leaves_a_robot_that_stands_still_and_can_be_taken_over(
+    op3: Robot, rig: Callable[..., Rig]
+) -> None:
+    it = rig()
+    it.start()
+    it.tick(5)
+    for bus in it.driver.buses:  # what a kill -9 does
+        bus.close()
+    it.driver.buses = []
+    it.world.advance(0.4)
+    assert all(servo.get("bus_watchdog") == -1 and servo.torque for servo in it.bus.servos)
+
+    it.start()
+    it.tick(3)
+    assert all(servo.get("bus_watchdog") == 8 for servo in it.bus.servos)
+    it.command.position[0] += 0.1
+    it.tick(3)
+    head = it.servo(19)
+    assert head.get("goal_position") == op3.to_ticks(it.command.position)[0]
+
+
+def test_a_loop_that_paused_clears_the_watchdog(rig: Callable[..., Rig], caplog: pytest.LogCaptureFixture) -> None:
+    it = rig()
+    it.start()
+    it.tick(2)
+    it.world.advance(0.3)
+    assert it.servo(KNEE).get("bus_watchdog") == -1
+    it.driver.write(it.command)
+    it.tick(2)
+    assert it.servo(KNEE).get("bus_watchdog") == 8
+    assert "silent for longer than the bus watchdog" in caplog.text
+
+
+def test_damping_pins_softens_and_is_undone_by_torque_on(op3: Robot, rig: Callable[..., Rig]) -> None:
+    it = rig()
+    it.start()
+    it.tick(2)
+    it.driver.damp()
+    it.tick(0)
+    it.driver.read(it.state)
+    knee = it.servo(KNEE)
+    assert (knee.get("position_p_gain"), knee.get("goal_pwm")) == (80, 88)
+    it.driver.set_torque(True)
+    it.driver.read(it.state)
+    assert (knee.get("position_p_gain"), knee.get("goal_pwm")) == (800, 885)
+
+
+# ---------------------------------------------------------------- audit
+
+
+@pytest.mark.parametrize(
+    ("register", "value", "says"),
+    [
+        ("model_number", 1060, r"l_knee \(id 14\).*model number 1060, expected 1020 of XM430-W350"),
+        ("protocol_type", 21, r"l_knee \(id 14\).*another protocol"),
+        ("id", 99, r"l_knee \(id 14\).*does not answer at 2000000 baud"),
+    ],
+)
+def test_a_servo_that_is_not_what_the_file_says_is_named(
+    rig: Callable[..., Rig], register: str, value: int, says: str
+) -> None:
+    it = rig()
+    it.servo(KNEE).put(register, value)
+    it.bus._index()
+    with pytest.raises(DriverError, match=says):
+        it.driver.open()
+
+
+def test_settings_locked_by_torque_are_named_and_the_robot_is_not_dropped(rig: Callable[..., Rig]) -> None:
+    it = rig()
+    it.driver.open()
+    it.driver.close()
+    knee = it.servo(KNEE)
+    knee.put("drive_mode", 1)
+    knee.write(64, b"\x01")
+    with pytest.raises(DriverError, match="drive_mode is 1, expected 0, and torque is on"):
+        it.driver.open()
+    assert knee.torque
+
+
+def test_a_port_that_is_not_there(op3: Robot) -> None:
+    with pytest.raises(DriverError, match=r"port /dev/nowhere: there is no such device"):
+        create("dynamixel", op3, port="/dev/nowhere").open()
+
+
+def test_a_port_that_another_program_holds(op3: Robot, emulated: Callable[..., Emulator]) -> None:
+    path = emulated().lines[0].terminal.path
+    holder = SerialPort(path, 2_000_000)
+    with pytest.raises(DriverError, match="another program holds it"):
+        create("dynamixel", op3, port=path).open()
+    holder.close()
+
+
+def test_options_name_a_port_for_every_bus(op3: Robot) -> None:
+    with pytest.raises(ConfigError, match="expected either port"):
+        create("dynamixel", op3)
+    with pytest.raises(ConfigError, match="no device for bus 'main'"):
+        create("dynamixel", op3, ports={"other": "/dev/x"})
+
+
+def test_the_board_switches_the_servos_on(rig: Callable[..., Rig], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("drivers.dynamixel.opencr.START_S", 0.3)
+    it = rig()
+    board = next(device for device in it.bus.devices if device.id == 200)
+    board.write(24, b"\x00")
+    it.bus._powered = False
+    it.driver.open()
+    assert it.bus._powered
+
+
+def test_without_the_board_there_is_no_imu_and_a_warning(
+    rig: Callable[..., Rig], caplog: pytest.LogCaptureFixture
+) -> None:
+    it = rig()
+    it.suffer("dead:200")
+    it.start()
+    it.tick(2)
+    assert it.state.imu_stale == -1 and not it.state.stale.any()
+    assert "no OpenCR board answers at id 200" in caplog.text
+
+
+# ---------------------------------------------------------------- bus health
+
+
+def test_old_firmware_is_read_by_sync_read(rig: Callable[..., Rig]) -> None:
+    it = rig()
+    it.servo(KNEE).put("firmware_version", 40)
+    it.start()
+    it.tick(5)
+    assert not it.state.stale.any()
+    groups = it.driver.buses[0]._groups  # type: ignore[attr-defined]
+    assert sorted((group.fast, len(group.ids)) for group in groups) == [(False, 1), (True, 19)]
+
+
+def test_fast_reads_that_nobody_answers_are_given_up_for_good(
+    rig: Callable[..., Rig], caplog: pytest.LogCaptureFixture
+) -> None:
+    """An adapter may swallow the long reply though every servo knows how to give it."""
+    it = rig()
+    it.start()
+    for servo in it.bus.servos:
+        servo.table = servo.table.model_copy(update={"fast_sync_read_firmware": 99})
+    it.tick(6)
+    assert not it.state.stale.any()
+    assert "sync read from now on" in caplog.text
+
+
+def test_a_dead_servo_is_the_only_one_that_goes_stale(rig: Callable[..., Rig]) -> None:
+    it = rig()
+    it.start()
+    it.tick(3)
+    it.suffer("dead:14")
+    it.tick(10)
+    knee = it.robot.index("l_knee")
+    assert it.state.stale[knee] >= 8
+    assert np.delete(it.state.stale, knee).max() <= 1
+    it.suffer()
+    it.tick(3)
+    assert not it.state.stale.any()
+
+
+@pytest.mark.parametrize("fault", ["cable", "port", "lost"])
+def test_a_bus_that_is_gone_goes_stale_without_an_exception(rig: Callable[..., Rig], fault: str) -> None:
+    it = rig()
+    it.start()
+    it.tick(3)
+    it.suffer(fault)
+    it.tick(7)
+    assert it.state.stale.min() >= 6 and it.state.imu_stale >= 6
+    it.driver.set_torque(False)
+    it.driver.close()
+
+
+def test_values_that_come_a_tick_late_are_not_fresh(rig: Callable[..., Rig]) -> None:
+    it = rig()
+    it.start()
+    it.tick(3)
+    it.suffer("late:0.009")
+    it.tick(10)
+    assert it.state.stale.min() >= 6
+
+
+@pytest.mark.parametrize("fault", ["corrupt", "truncated"])
+def test_broken_packets_are_not_taken(rig: Callable[..., Rig], fault: str) -> None:
+    it = rig()
+    it.start()
+    it.tick(3)
+    it.command.position[0] += 0.3
+    before = it.servo(19).get("goal_position")
+    it.suffer(fault)
+    it.tick(8)
+    assert it.state.stale.max() >= 5
+    assert it.servo(19).get("goal_position") == before
+
+
+def test_packets_that_come_twice_do_no_harm(rig: Callable[..., Rig]) -> None:
+    it = rig()
+    it.start()
+    it.suffer("duplicated")
+    it.tick(10)
+    assert it.state.stale.max() <= 1 and it.state.imu_stale <= 1
+
+
+def test_an_overheated_servo_is_reported_with_its_bits(rig: Callable[..., Rig]) -> None:
+    it = rig()
+    it.start()
+    it.suffer("overheat:14@0")
+    it.tick(3)
+    assert it.state.hardware_error[it.robot.index("l_knee")] & 0x04
+    assert np.count_nonzero(it.state.hardware_error) == 1
+
+
+def test_a_dip_of_the_supply_is_seen(rig: Callable[..., Rig]) -> None:
+    it = rig()
+    it.start()
+    it.suffer("voltage:9.1@0")
+    it.tick(3)
+    assert (it.state.voltage == 9.1).all()
+
+
+def test_a_servo_that_lost_power_for_a_moment_is_noticed(rig: Callable[..., Rig]) -> None:
+    """Its memory of what to read is gone: zeros come back, which must not be taken for a position."""
+    it = rig()
+    it.start()
+    it.tick(3)
+    it.suffer("reset:14@0")
+    it.tick(50)
+    knee = it.robot.index("l_knee")
+    assert it.state.stale[knee] > 5
+    assert it.state.position[knee] == pytest.approx(it.robot.stand_pose[knee], abs=0.05)
+    assert np.delete(it.state.stale, knee).max() <= 1
+
+
+def test_torque_that_goes_off_by_itself_is_an_error(rig: Callable[..., Rig]) -> None:
+    it = rig()
+    it.start()
+    it.tick(10)
+    it.servo(KNEE).write(64, b"\x00")
+    it.tick(3)
+    assert it.state.hardware_error[it.robot.index("l_knee")] & TORQUE_LOST
+    assert np.count_nonzero(it.state.hardware_error) == 1
+
+
+def test_a_goal_that_is_no_number_is_not_sent(rig: Callable[..., Rig]) -> None:
+    it = rig()
+    it.start()
+    it.tick(2)
+    before = [servo.get("goal_position") for servo in it.bus.servos]
+    it.command.position[3] = np.nan
+    it.tick(2)
+    assert [servo.get("goal_position") for servo in it.bus.servos] == before
