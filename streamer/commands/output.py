@@ -54,4 +54,5 @@ def progress_bar(title: str) -> Iterator[Callable[[float], None]]:
     try:
         yield update
     finally:
-        progress.stop()
+        if shown >= 0:
+            progress.stop()

@@ -1,0 +1,70 @@
+"""A logged run that several tests read."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from configs.robot import load_robot
+from configs.stream import load_stream
+from drivers.registry import create
+from flexmotion.default_clip import default_clip
+from streamer.clip_library import ClipLibrary
+from streamer.commands.recording import record_to
+from streamer.controls import Request
+from streamer.recorder import Recorder
+from streamer.session import Session
+from streamer.sources import ClipSource, Source
+
+SEED = 3
+TARGET_TICK, END_TICK = 260, 420
+SETTINGS = load_stream()
+
+
+@dataclass
+class Logged:
+    """A session and its recorder."""
+
+    session: Session
+    recorder: Recorder
+
+    @property
+    def path(self) -> Path:
+        return self.recorder.path
+
+
+@pytest.fixture(scope="session")
+def logged_session() -> Callable[..., Logged]:
+    """Function (path, source, clock, session's fields ...) -> a session that is recorded, not run yet."""
+    robot = load_robot("op3")
+
+    def make(path: Path, source: Source | None = None, clock: str = "lockstep", **options: Any) -> Logged:
+        source = ClipSource(default_clip()[225:290]) if source is None else source
+        session = Session(robot, create("sim", robot, seed=SEED), source, SETTINGS, **options)
+        about = {"driver": "sim", "driver_options": {}, "seed": SEED, "clock": clock, "source": source.name}
+        return Logged(session, record_to(path, session, robot, **about))
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def logged(logged_session: Callable[..., Logged], tmp_path_factory: pytest.TempPathFactory) -> Logged:
+    """A finished lockstep run that follows one clip, is sent to another, and is asked for its end; read-only."""
+    clips = {"steps": default_clip()[225:400], "wave": default_clip()[:120]}
+    made = logged_session(tmp_path_factory.mktemp("log") / "run.mcap", ClipLibrary(clips, "steps"))
+    session = made.session
+
+    def operate() -> Request | None:
+        assert session.loop is not None
+        tick = session.loop.tick_count
+        if tick == TARGET_TICK:
+            session.targets.send("wave")
+        return Request.END if tick == END_TICK else None
+
+    session.request = operate
+    session.run()
+    return made

@@ -1,0 +1,127 @@
+"""A log read back: by us, by another's decoder, when it was cut off, and when it is none."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from foxglove import Context, open_mcap
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+
+from configs.errors import ConfigError
+from streamer.ladder import State
+from streamer.log.reader import read_log
+
+NUMBERS = {
+    "q",
+    "q_cmd",
+    "zmp_ref",
+    "foot_ref",
+    "true_foot_force",
+    "repairs",
+    "stale",
+    "contact_ref",
+    "must_stop",
+    "state",
+}
+
+
+def test_everything_that_the_run_told_is_in_it(logged: Any) -> None:
+    record, log = logged.session.record, read_log(logged.path)
+    assert log.whole and log.gaps == 0
+    for name in record.rows.dtype.names:
+        np.testing.assert_array_equal(log.rows[name], record.rows[name], err_msg=name)
+    assert log.events == record.events and log.record().plans == record.plans
+    assert [event.message for event in log.events if event.kind == "request"] == ["END"]
+    assert [plan["id"] for plan in log.plans] == list(range(1, logged.session.plans.newest_id + 1))
+    assert [target["clip"] for target in log.targets] == ["wave"]
+    played = [plan for plan in log.plans if plan["id"] in record.rows["plan"]]
+    for plan in played:
+        tick = plan["start_tick"] + 1
+        row = record.rows[tick]
+        if row["plan"] == plan["id"] and row["state"] == State.STREAMING:
+            np.testing.assert_allclose(plan["q"].reshape(plan["rows"], -1)[1], row["q_ref"], atol=1e-6)
+    header = log.header
+    assert header.joints == logged.session.robot.joint_names and header.settings == logged.session.settings
+    assert header.start_ns - header.wall_minus_perf_ns < log.rows["stamp_ns"][0]
+    assert log.changed_files(logged.session.robot) == []
+
+
+def test_another_decoder_reads_the_same_numbers(logged: Any) -> None:
+    record = logged.session.record
+    with open(logged.path, "rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        messages = [(message, decoded) for _, _, message, decoded in reader.iter_decoded_messages(topics=["/tick"])]
+        plans = [decoded for *_, decoded in reader.iter_decoded_messages(topics=["/plan"])]
+    assert len(messages) == record.used
+    for row, (_, decoded) in zip(record.rows[::50], messages[::50], strict=True):
+        for name in NUMBERS:
+            np.testing.assert_array_equal(np.ravel(getattr(decoded, name)), np.ravel(row[name]), err_msg=name)
+    # In lockstep the log's time is the time that the ticks stand for.
+    np.testing.assert_allclose(np.diff([message.log_time for message, _ in messages]) * 1e-9, 1 / 125, rtol=1e-6)
+    assert plans[0].rows * plans[0].joints == len(plans[0].q) == len(plans[0].torque)
+
+
+@pytest.mark.parametrize("share", [0.9, 0.5, 0.2])
+def test_a_log_that_was_cut_off_is_read_as_far_as_it_goes(logged: Any, tmp_path: Path, share: float) -> None:
+    content = logged.path.read_bytes()
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(content[: int(share * len(content))])
+    log, record = read_log(cut), logged.session.record
+    assert not log.whole
+    assert 0 < len(log.rows) < record.used
+    np.testing.assert_array_equal(log.rows["q"], record.rows["q"][: len(log.rows)])
+
+
+def test_a_log_of_an_older_row_is_read_by_name(logged: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from streamer import tick_row
+    from streamer.log import reader
+
+    full = tick_row.tick_dtype(logged.session.robot.n)
+    newer = np.dtype([("later", "f8", 2), *((name, full[name]) for name in full.names if name != "tilt")])
+    monkeypatch.setattr(reader, "tick_dtype", lambda n: newer)
+    rows = read_log(logged.path).rows
+    assert np.isnan(rows["later"]).all()
+    np.testing.assert_array_equal(rows["q"], logged.session.record.rows["q"])
+
+
+def damaged(content: bytes) -> bytes:
+    middle = len(content) // 2
+    return content[:middle] + bytes(b ^ 0xFF for b in content[middle : middle + 64]) + content[middle + 64 :]
+
+
+@pytest.mark.parametrize(
+    ("spoil", "expected"),
+    [
+        (lambda content: content[:4], "not a log, or a damaged one"),
+        (lambda content: content[:40], "no log of FlexMotion"),
+        (lambda content: b"", "no log of FlexMotion"),
+        (lambda content: b"HIERARCHY\nROOT Hips\n" * 20, "not a log, or a damaged one"),
+        (damaged, "not a log, or a damaged one"),
+    ],
+    ids=["magic", "header", "empty", "text", "damaged"],
+)
+def test_what_is_no_log_is_one_line(
+    logged: Any, tmp_path: Path, spoil: Callable[[bytes], bytes], expected: str
+) -> None:
+    file = tmp_path / "spoilt.mcap"
+    file.write_bytes(spoil(logged.path.read_bytes()))
+    with pytest.raises(ConfigError, match=f"spoilt.mcap: {expected}") as caught:
+        read_log(file)
+    assert "\n" not in str(caught.value)
+
+
+def test_the_log_of_another_program(tmp_path: Path) -> None:
+    file = tmp_path / "foreign.mcap"
+    open_mcap(file, context=Context()).close()
+    with pytest.raises(ConfigError, match=r"foreign.mcap: no log of FlexMotion, it has no metadata record"):
+        read_log(file)
+
+
+def test_a_missing_file(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"none.mcap: cannot be read \(No such file"):
+        read_log(tmp_path / "none.mcap")

@@ -1,0 +1,77 @@
+"""A log's run once more."""
+
+from __future__ import annotations
+
+from dataclasses import replace as changed
+from typing import Any
+
+import numpy as np
+import pytest
+
+from configs.errors import ConfigError
+from streamer.log.judged import Subject
+from streamer.log.reader import Log, read_log
+from streamer.log.replay import Compared, replay
+from streamer.log.source import pack, unpack
+from streamer.replan_noise import NoisySource
+
+
+@pytest.fixture(scope="module")
+def log(logged: Any) -> Log:
+    return read_log(logged.path)
+
+
+def test_a_lockstep_log_with_a_target_and_a_request_replays_bit_for_bit(log: Log) -> None:
+    shares: list[float] = []
+    result = replay(log, Subject.of(log), shares.append)
+    assert result.differing == []
+    assert result.agrees and all(figure.difference in (None, 0.0) for figure in result.figures)
+    assert shares[-1] == 1.0 and sorted(shares) == shares
+
+
+def test_a_log_that_ends_early_is_compared_as_far_as_it_goes(log: Log) -> None:
+    early = changed(log, rows=log.rows[:300], whole=False)
+    result = replay(early, Subject.of(early))
+    assert result.differing == [] and result.agrees
+
+
+def test_another_seed_is_another_run(log: Log) -> None:
+    other = changed(log, header=log.header.model_copy(update={"seed": 9}), rows=log.rows[:150])
+    result = replay(other, Subject.of(other))
+    assert {"q", "gyro"} <= set(result.differing)
+
+
+def test_a_log_without_its_beginning_or_its_source_cannot_be_replayed(log: Log) -> None:
+    subject = Subject.of(log)
+    with pytest.raises(ConfigError, match="cannot be replayed, its first ticks are missing"):
+        replay(changed(log, rows=log.rows[5:]), subject)
+    model = log.header.model_copy(update={"source_parts": {"kind": "ModelSource"}})
+    with pytest.raises(ConfigError, match="a source of kind 'ModelSource' is not kept in a log, only clips are"):
+        replay(changed(log, header=model), subject)
+    with pytest.raises(ConfigError, match="source clips: the log lacks 'source/"):
+        changed(log, files={}).source()
+
+
+@pytest.mark.parametrize(
+    ("logged_value", "replayed", "tolerance", "agrees"),
+    [
+        (1.0, 1.05, 0.1, True),
+        (1.0, 1.2, 0.1, False),
+        (1.0, 9.0, None, True),
+        (None, 1.0, 0.0, True),
+        (1.0, None, 0.1, False),
+    ],
+)
+def test_figures_agree_within_their_tolerance(
+    logged_value: float | None, replayed: float | None, tolerance: float | None, agrees: bool
+) -> None:
+    assert Compared("lag_s", logged_value, replayed, tolerance).agrees is agrees
+
+
+def test_a_noisy_source_comes_back_as_it_was(log: Log) -> None:
+    noisy = NoisySource(log.source(), 0.05, 7)
+    again = unpack(*pack(noisy), log.path)
+    before, after = noisy.window(10, 30), again.window(10, 30)
+    assert before is not None and after is not None
+    np.testing.assert_array_equal(after.joints, before.joints)
+    assert again.name == noisy.name and again.fps == noisy.fps
