@@ -10,8 +10,8 @@ from drivers.bus.port import SerialPort
 from drivers.dynamixel.layout import Span
 from drivers.dynamixel.packet import BROADCAST, HEADER, Decoder, Instruction, encode, split_fast_status
 
-FAST_FAILURES = 3
-"""Fast reads in a row without one servo's answer before sync read takes over for good."""
+STRIKES = 3
+"""Times in a row that nobody answered a fast read, but then the sync read, before sync read takes over for good."""
 
 _STATUS_OVERHEAD, _FAST_OVERHEAD = 11, 4
 """Bytes around a servo's data in a status packet, and in a fast reply, which has 8 more once."""
@@ -83,7 +83,8 @@ class ReadMany(Exchange):
     """A sync read of servos that keep the same things at the same place; fast where they can.
 
     A servo that does not answer is asked last from then on: in a fast reply nobody speaks after it, and in a sync read
-    the others would wait for it.
+    the others would wait for it. A fast read that nobody answers is followed by a sync read: if that is answered three
+    times running it was the fast one's fault, and sync read takes over for good; else the bus was silent.
 
     Attributes:
         fast: whether it is a fast sync read.
@@ -93,11 +94,11 @@ class ReadMany(Exchange):
         """`where` names the bus in messages."""
         super().__init__()
         self.ids, self.span, self.fast = list(ids), span, fast
-        self._where = where
+        self._where, self._known = where, frozenset(ids)
         self._order = list(ids)
         self._decoder = Decoder()
         self._reply = bytearray()
-        self._failures = 0
+        self._strikes, self._doubted = 0, False
         self._encode()
 
     def begin(self) -> bytes:
@@ -109,50 +110,63 @@ class ReadMany(Exchange):
 
     def take(self, data: bytes) -> bool:
         """See `Exchange`."""
-        if self.fast:
+        if self._asks_fast:
             self._reply += data
             start = self._reply.find(HEADER)
             return start >= 0 and len(self._reply) - start >= self._fast_size
-        known = set(self.ids)
         for packet in self._decoder.feed(data):
-            if packet.intact and packet.id in known and len(packet.params) == self.span.size + 1:
+            if packet.intact and packet.id in self._known and len(packet.params) == self.span.size + 1:
                 self.answers[packet.id] = packet.params[0], packet.params[1:]
         return len(self.answers) == len(self.ids)
 
     def end(self) -> None:
         """See `Exchange`."""
-        if self.fast:
+        if self._asks_fast:
             self._split()
-        missing = [id_ for id_ in self._order if id_ not in self.answers]
-        if self.fast:
-            self._failures = self._failures + 1 if len(missing) == len(self.ids) else 0
-            if self._failures >= FAST_FAILURES:
-                log.warning("%s: no answer to %d fast sync reads: sync read from now on", self._where, FAST_FAILURES)
-                self.fast = False
-                self._encode()
-        if missing and len(missing) < len(self.ids):
+        order = self._order
+        missing = [id_ for id_ in order if id_ not in self.answers]
+        if missing and self.answers:
             # After a gap in a fast reply only the first one missing is to blame.
-            last = missing[:1] if self.fast else missing
-            order = [id_ for id_ in self._order if id_ not in last] + last
-            if order != self._order:
-                self._order = order
-                self._encode()
+            last = missing[:1] if self._asks_fast else missing
+            order = [id_ for id_ in order if id_ not in last] + last
+        doubted = self._doubt()
+        if order != self._order or doubted != self._doubted:
+            self._order, self._doubted = order, doubted
+            self._encode()
 
     @property
     def sizes(self) -> tuple[int, int]:
         """See `Exchange`."""
         many = len(self.ids)
-        answers = self._fast_size if self.fast else many * (self.span.size + _STATUS_OVERHEAD)
+        answers = self._fast_size if self._asks_fast else many * (self.span.size + _STATUS_OVERHEAD)
         return len(self._packet), answers
 
     def seconds(self, port: SerialPort, return_delay: float) -> float:
         """See `Exchange`; in a sync read every servo waits its return delay."""
-        return super().seconds(port, return_delay * (1 if self.fast else len(self.ids)))
+        return super().seconds(port, return_delay * (1 if self._asks_fast else len(self.ids)))
+
+    @property
+    def _asks_fast(self) -> bool:
+        return self.fast and not self._doubted
+
+    def _doubt(self) -> bool:
+        """Whether the next read is a sync read, though fast ones are meant to be answered."""
+        if not self.fast:
+            return False
+        if not self._doubted:
+            self._strikes = 0 if self.answers else self._strikes
+            return not self.answers
+        if self.answers:
+            self._strikes += 1
+            if self._strikes == STRIKES:
+                log.warning("%s: nobody answers fast sync reads: sync read from now on", self._where)
+                self.fast = False
+        return False
 
     def _encode(self) -> None:
         address, size = self.span.address, self.span.size
         params = address.to_bytes(2, "little") + size.to_bytes(2, "little") + bytes(self._order)
-        kind = Instruction.FAST_SYNC_READ if self.fast else Instruction.SYNC_READ
+        kind = Instruction.FAST_SYNC_READ if self._asks_fast else Instruction.SYNC_READ
         self._packet = encode(BROADCAST, kind, params)
         self._fast_size = 8 + len(self.ids) * (size + _FAST_OVERHEAD)
 
@@ -160,7 +174,6 @@ class ReadMany(Exchange):
         start = self._reply.find(HEADER)
         if start < 0:
             return
-        known = set(self.ids)
         for error, id_, data in split_fast_status(bytes(self._reply[start:]), self.span.size):
-            if id_ in known:
+            if id_ in self._known:
                 self.answers[id_] = error, data

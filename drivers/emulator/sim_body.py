@@ -91,7 +91,7 @@ class SimBody(Body):
         travelled = self.driver.truth().base_position[:2] - self._origin
         return {
             "violations": self.receiver.violations,
-            "fell": self.fell,
+            "fell": bool(self.fell),
             "lowest_height_share": round(self._lowest, 4),
             "steepest_tilt_rad": round(self._steepest, 4),
             "travelled_m": round(float(np.hypot(*travelled)), 4),

@@ -86,8 +86,8 @@ def emulate(
     with emulator, _ends_on_signals(emulator):
         for line in emulator.lines:
             print_note(f"{chosen.name}, bus {line.name}: {line.terminal.path}")
-        claim(ROBOT_PRIORITY, allowed=realtime)
         settle(collect=False)
+        claim(ROBOT_PRIORITY, allowed=realtime)
         emulator.run(float("inf") if seconds is None else seconds)
         figures = emulator.report()
     if as_json:
