@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import logging
 import os
 import time
@@ -11,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from drivers.realtime.ring import shared_array
+from streamer.ladder import State
 from streamer.log.cdr import ENCAPSULATION
 from streamer.log.header import LogHeader
 from streamer.log.log_file import LogFile
@@ -82,7 +84,7 @@ class Recorder:
     def result(self) -> str:
         """Path of the log, and what is missing from it if anything is; after the run."""
         self._file.close()
-        missing = self._outcome.missing
+        missing = self._outcome.missing(self.telemetry.ticks.count)
         return f"{self.path} ({missing})" if missing else str(self.path)
 
 
@@ -90,25 +92,25 @@ class Outcome:
     """How the recording went, told through shared memory to whoever started it."""
 
     def __init__(self) -> None:
-        self._cells = shared_array(3, int)
+        self._cells = shared_array(4, int)
 
-    def tell(self, *, error: int, lost: int, closed: bool) -> None:
+    def tell(self, *, error: int, written: int, lost: int, closed: bool) -> None:
         """Say it.
 
         Args:
             error: number of the system's error that ended the recording; 0: none.
+            written: ticks in the file.
             lost: ticks that were overwritten before they were read.
-            closed: whether the file is whole.
+            closed: whether the file has its index.
         """
-        self._cells[:] = error, lost, closed
+        self._cells[:] = error, written, lost, closed
 
-    @property
-    def missing(self) -> str:
-        """What the log lacks; empty where it is whole."""
-        error, lost, closed = (int(cell) for cell in self._cells)
+    def missing(self, ticks: int) -> str:
+        """What the log of a run of so many ticks lacks; empty where it is whole."""
+        error, written, lost, closed = (int(cell) for cell in self._cells)
         if error:
             return f"recording stopped: {os.strerror(error)}"
-        if not closed:
+        if not closed or written + lost < ticks:
             return "the recorder ended before the run"
         return f"{lost} ticks lost" if lost else ""
 
@@ -126,9 +128,9 @@ class _Following:
         self.moving = True
         self._ticks, self._events = recorder.telemetry.ticks.reader(), recorder.telemetry.events.reader()
         self._targets = recorder.targets.reader()
-        self._plan = self._tick = self._lost = 0
+        self._plan = self._tick = self._written = self._lost = self._unflushed = 0
+        self._state = State.OFF
         self._stopped = False
-        self._unflushed = 0
         self._writer = LogWriter(file, recorder.header, recorder.attachments)
 
     def step(self) -> None:
@@ -146,6 +148,9 @@ class _Following:
 
     def close(self) -> None:
         """Finish the file."""
+        if self._state not in (State.OFF, State.FAULT):
+            note = f"the log ends in {self._state.name}: the loop died there, was cut short, or is no longer recorded"
+            self._record_event(self._tick, time.perf_counter_ns(), "note", note)
         self._flush()
         self._writer.close()
         self._check()
@@ -160,6 +165,8 @@ class _Following:
                 self._tick = int(row["tick"])
                 message = ENCAPSULATION + row.tobytes()
                 self._writer.tick(message, self._time(self._tick, int(row["stamp_ns"])))
+            self._state = State(int(rows["state"][-1]))
+            self._written += len(rows)
             self._unflushed += len(rows)
         if self._ticks.lost > first:
             self._lost = self._ticks.lost
@@ -196,5 +203,5 @@ class _Following:
             log.warning("%s: recording stopped at tick %d: %s; the run goes on", self.file.path, self._tick, reason)
 
     def _tell(self, *, closed: bool) -> None:
-        error = self.file.error
-        self.outcome.tell(error=0 if error is None else error.errno or 1, lost=self._lost, closed=closed)
+        error = 0 if self.file.error is None else self.file.error.errno or errno.EIO
+        self.outcome.tell(error=error, written=self._written, lost=self._lost, closed=closed)

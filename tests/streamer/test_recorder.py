@@ -136,6 +136,9 @@ def test_a_killed_loop_is_on_record_to_its_last_tick(tmp_path: Path) -> None:
     log = read_log(recorder.path)
     assert log.whole and recorder.result() == str(recorder.path)
     np.testing.assert_array_equal(log.rows["tick"], session.telemetry.ticks.reader().read()["tick"])
+    assert log.events[-1].message.startswith(
+        f"the log ends in {State(log.rows['state'][-1]).name}: the loop died there"
+    )
 
 
 def test_a_driver_that_fails_in_lockstep_leaves_a_whole_log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
