@@ -68,8 +68,9 @@ class BusDriver(Driver):
 
     @property
     def delay_s(self) -> float:
-        """Time of the goals on the wire, and a servo's own cycle (an assumption)."""
-        return max((bus.cycle_s[1] for bus in self.buses), default=0.0) + SERVO_CYCLE_S
+        """Time from the start of a tick until its goals act: reading, writing, and a servo's own cycle (assumption)."""
+        robot = self.robot
+        return max(self.Bus.budget(robot, name).cycle_s for name in robot.config.buses) + SERVO_CYCLE_S
 
     def open(self) -> None:
         """Take every port, audit and set up every servo; torque stays as it is. Raises `DriverError`."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,26 @@ Bool = NDArray[np.bool_]
 
 TORQUE_LOST = 0x100
 """Bit of `RobotState.hardware_error` that no servo reports: torque went off without being told to."""
+
+
+@dataclass(frozen=True)
+class Budget:
+    """What a cycle costs on the wire, calculated.
+
+    Attributes:
+        read_bytes, write_bytes: both directions together.
+        read_s, write_s: at the bus's baud rate, with return delays [s].
+    """
+
+    read_bytes: int
+    write_bytes: int
+    read_s: float
+    write_s: float
+
+    @property
+    def cycle_s(self) -> float:
+        """A read and a write [s]."""
+        return self.read_s + self.write_s
 
 
 class Measurement:
@@ -94,6 +115,11 @@ class ServoBus(ABC):
                 )
 
     @classmethod
+    @abstractmethod
+    def budget(cls, robot: Robot, name: str) -> Budget:
+        """What a cycle costs on the bus `name`, everything answering as it should."""
+
+    @classmethod
     def bounds_torque(cls, robot: Robot) -> bool:
         """Whether torque bounds reach the servos."""
         return False
@@ -141,11 +167,6 @@ class ServoBus(ABC):
     @abstractmethod
     def damp(self) -> None:
         """Pin the goals and give way softly, as far as the servos can."""
-
-    @property
-    @abstractmethod
-    def cycle_s(self) -> tuple[float, float]:
-        """Calculated time on the wire of a cycle's reading and writing [s]."""
 
     def joint_name(self, slot: int) -> str:
         """`servo of JOINT (id N)` for messages."""

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from configs.errors import ConfigError, DriverError
 from configs.robot import Robot
 from drivers.bus.options import BusOptions
-from drivers.bus.port import SerialPort
-from drivers.bus.servo_bus import ServoBus
+from drivers.bus.port import BITS_A_BYTE, SerialPort
+from drivers.bus.servo_bus import Budget, ServoBus
 from drivers.dynamixel.cycle import Exchange, ReadMany, ReadOne
 from drivers.dynamixel.layout import ROW, Layout, Span, layout_of
 from drivers.dynamixel.opencr import NAME, OpenCr
@@ -89,6 +89,30 @@ class DynamixelBus(ServoBus):
         return all(bus.current_bound for bus in robot.config.buses.values()) and all(
             servo.current_unit is not None for servo in robot.servos
         )
+
+    @classmethod
+    def budget(cls, robot: Robot, name: str) -> Budget:
+        """See `ServoBus`; all that can answer fast sync reads does."""
+        config = robot.config.buses[name]
+        delay = config.return_delay_us * 1e-6
+        tables: dict[tuple[Span, bool], list[int]] = {}
+        writes: dict[Span, int] = {}
+        for joint, servo in zip(robot.joints, robot.servos, strict=True):
+            if joint.bus == name:
+                table = table_of(servo.name)
+                layout = layout_of(table, current_bound=config.current_bound)
+                fast = table.fast_sync_read_firmware is not None
+                tables.setdefault((layout.read, fast), []).append(joint.id)
+                writes[layout.write] = writes.get(layout.write, 0) + 1
+        reads: list[Exchange] = [ReadMany(ids, span, fast=fast, where=name) for (span, fast), ids in tables.items()]
+        board = _board(robot, name)
+        if board is not None:
+            reads.append(ReadOne(board.id, board.span))
+        byte_s = BITS_A_BYTE / config.baud
+        write_bytes = sum(len(_sync_write(span, bytes((span.size + 1) * many))) for span, many in writes.items())
+        read_bytes = sum(sum(exchange.sizes) for exchange in reads)
+        delays = sum(exchange.delays for exchange in reads) * delay
+        return Budget(read_bytes, write_bytes, read_bytes * byte_s + delays, write_bytes * byte_s)
 
     # ---------------------------------------------------------------- before the first tick
 
@@ -275,13 +299,6 @@ class DynamixelBus(ServoBus):
         for _ in range(2):
             self._send(self.measured.ticks, np.full(len(self.ids), np.nan))
             self._set_softness(DAMPED_SHARE)
-
-    @property
-    def cycle_s(self) -> tuple[float, float]:
-        """See `ServoBus`."""
-        delay = self.config.return_delay_us * 1e-6
-        reading = sum(exchange.seconds(self.port, delay) for exchange in self._exchanges)
-        return reading, self.port.seconds(sum(len(packet) for packet in self._goal_packets(self.measured.ticks, None)))
 
     # ---------------------------------------------------------------- packets
 

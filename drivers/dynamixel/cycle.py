@@ -45,9 +45,14 @@ class Exchange(ABC):
     def sizes(self) -> tuple[int, int]:
         """Bytes of the instruction and of all answers."""
 
+    @property
+    def delays(self) -> int:
+        """Return delays that are waited for."""
+        return 1
+
     def seconds(self, port: SerialPort, return_delay: float) -> float:
         """Time on the wire when all goes well [s]."""
-        return port.seconds(sum(self.sizes)) + return_delay
+        return port.seconds(sum(self.sizes)) + return_delay * self.delays
 
 
 class ReadOne(Exchange):
@@ -141,9 +146,10 @@ class ReadMany(Exchange):
         answers = self._fast_size if self._asks_fast else many * (self.span.size + _STATUS_OVERHEAD)
         return len(self._packet), answers
 
-    def seconds(self, port: SerialPort, return_delay: float) -> float:
-        """See `Exchange`; in a sync read every servo waits its return delay."""
-        return super().seconds(port, return_delay * (1 if self._asks_fast else len(self.ids)))
+    @property
+    def delays(self) -> int:
+        """See `Exchange`; in a sync read every servo waits."""
+        return 1 if self._asks_fast else len(self.ids)
 
     @property
     def _asks_fast(self) -> bool:
