@@ -21,16 +21,17 @@ TOLERANCES = {
     "fell": 0.0,
     "joint_rmse_rad": 0.01,
     "lag_s": 0.016,
-    "foot_slip_mm_s": 10.0,
-    "net_path_ratio": 0.15,
-    "heading_rms_rad": 0.1,
-    "steps_planned": 2.0,
-    "steps_inserted": 2.0,
-    "hand_error_share": 0.03,
+    "foot_slip_mm_s": 3.0,
+    "net_path_ratio": 0.05,
+    "heading_rms_rad": 0.05,
+    "steps_planned": 1.0,
+    "steps_inserted": 1.0,
+    "hand_error_share": 0.01,
 }
 """How far apart the figures of two runs may be where plans joined at other ticks, as they do on the real clock.
 
-Assumptions: what runs of the same walk on the real clock differ by, twice over. In lockstep figures must be equal.
+At least twice what 8 perturbed walks, turns and stands on the real clock and their replays differed by: 5 mrad, 0 s,
+1 mm/s, .007, .013 rad, no step, .003. In lockstep figures must be equal.
 """
 _TIMING = {
     *("stamp_ns", "work_s", "lateness_s", "robot_lateness_s", "sample_s", "retarget_s"),
