@@ -20,6 +20,7 @@ from streamer.commands.data import data
 from streamer.commands.drivers import drivers
 from streamer.commands.dry_run import dry_run
 from streamer.commands.emulate import emulate
+from streamer.commands.export import export
 from streamer.commands.log import log
 from streamer.commands.retarget import retarget
 from streamer.commands.robots import robots
@@ -45,6 +46,7 @@ app.add_typer(data, name="data")
 app.command("emulate")(emulate)
 app.add_typer(log, name="log")
 app.add_typer(train, name="train")
+app.command("export")(export)
 app.command("robots")(robots)
 app.command("drivers")(drivers)
 

@@ -64,7 +64,7 @@ class AutoencoderTask:
         windows = self._held_out
         noise = torch.zeros(len(windows.future), self.config.autoencoder.latent, device=windows.future.device)
         total, terms = self._losses(windows, noise, 1.0)
-        figures = {name: float(value) for name, value in terms.items()} | {"loss": float(total)}
+        figures = {name: float(value.detach()) for name, value in terms.items()} | {"loss": float(total.detach())}
         decoded = self.network.decode(windows.history, self.network.encode(windows.history, windows.future)[0])
         humans = self._humans[torch.from_numpy(windows.clip).to(decoded.device)]
         layout = self.loss.layout

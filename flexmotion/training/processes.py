@@ -40,3 +40,8 @@ class Processes:
                 if parameter.grad is not None:
                     torch.distributed.all_reduce(parameter.grad)
                     parameter.grad /= self.count
+
+
+def use_threads(count: int) -> None:
+    """How many threads of the CPU the networks run on."""
+    torch.set_num_threads(count)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -53,6 +53,19 @@ class Windows:
         """The first `count` of them."""
         cut = self._each(lambda tensor: tensor[:count])
         return Windows(clip=self.clip[:count], first=self.first[:count], **cut)
+
+    def with_history(self, history: Tensor) -> Windows:
+        """The same futures after other histories."""
+        return replace(self, history=history)
+
+    def replaced(self, history: Tensor, future: Tensor) -> Windows:
+        """The first windows replaced by others, (n, H, F) and (n, W, F); of those no frame is held or unexplained."""
+        count = len(history)
+        return replace(
+            self,
+            history=torch.cat([history, self.history[count:]]),
+            future=torch.cat([future, self.future[count:]]),
+        )
 
     def _each(self, function: Callable[[Tensor], Tensor]) -> dict[str, Any]:
         names = ("history", "future", "following", "mask", "branches", "good")

@@ -13,6 +13,7 @@ from streamer.commands.options import JsonOption
 from streamer.commands.output import print_json, print_note, print_result, progress_bar
 
 if TYPE_CHECKING:
+    from flexmotion.training.diffusion_task import DiffusionTask
     from flexmotion.training.run import Run
     from flexmotion.training.stage import Task
 
@@ -70,14 +71,99 @@ def autoencoder(
     _train(run, "autoencoder", AutoencoderTask(run.config, store, run.seed, Processes()), steps, minutes, as_json)
 
 
+@train.command()
+def text(
+    out: OutOption,
+    steps: Annotated[int, typer.Option("--steps", min=1, help="Of the optimiser.")] = 6000,
+    threads: ThreadsOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Train the sentence encoder: a small network that imitates a large one, for use without a network.
+
+    [bold]Examples[/bold]
+
+      flexmotion train text -o training
+    """
+    run = _run(out, None, None, threads)
+    from flexmotion.training.conditions import clip_captions
+    from flexmotion.training.text_student import corpus, distil, minilm
+
+    teacher, vocabulary = minilm()
+    captions = sorted({caption for clip in run.store().clips for caption in clip_captions(clip)})
+    with progress_bar("trains text") as progress:
+        sentences = corpus(vocabulary, captions, run.seed)
+        figures = distil(
+            teacher, vocabulary, sentences, run.stage("text"), steps=steps, seed=run.seed, progress=progress
+        )
+    if as_json:
+        print_json({"stage": "text", "steps": steps, "validation": figures})
+    else:
+        print_result(f"{run.stage('text')}: {_figures(figures)}")
+
+
+@train.command()
+def diffusion(
+    out: OutOption,
+    steps: StepsOption = None,
+    minutes: MinutesOption = None,
+    threads: ThreadsOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Train the latent diffusion on text, history and velocity; needs autoencoder and text.
+
+    [bold]Examples[/bold]
+
+      flexmotion train diffusion -o training --minutes 60
+    """
+    run = _run(out, None, None, threads)
+    _train(run, "diffusion", _diffusion_task(run), steps, minutes, as_json)
+
+
+@train.command()
+def distill(
+    out: OutOption,
+    steps: StepsOption = None,
+    minutes: MinutesOption = None,
+    threads: ThreadsOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Distil the diffusion model to a few steps; needs diffusion.
+
+    [bold]Examples[/bold]
+
+      flexmotion train distill -o training
+    """
+    run = _run(out, None, None, threads)
+    from flexmotion.training.distillation_task import DistillationTask
+    from flexmotion.training.stage import load_weights
+
+    teacher = _diffusion_task(run)
+    load_weights(teacher.network, run.stage("diffusion"))
+    _train(run, "distill", DistillationTask(run.config, teacher, run.seed), steps, minutes, as_json)
+
+
+def _diffusion_task(run: Run) -> DiffusionTask:
+    from flexmotion.text.sentence_encoder import NETWORK, SentenceEncoder
+    from flexmotion.training.autoencoder import Autoencoder
+    from flexmotion.training.diffusion_task import DiffusionTask
+    from flexmotion.training.processes import Processes
+    from flexmotion.training.stage import load_weights
+
+    autoencoder = Autoencoder(run.config.autoencoder, run.config.window, run.layout)
+    load_weights(autoencoder, run.stage("autoencoder"))
+    if not (run.stage("text") / NETWORK).is_file():
+        raise ConfigError(f"{run.stage('text')}: not there; run 'flexmotion train text' first")
+    encode = SentenceEncoder(run.stage("text"))
+    return DiffusionTask(run.config, run.store(), autoencoder, encode, run.seed, Processes())
+
+
 def _run(out: Path, config: str | None, seed: int | None, threads: int | None) -> Run:
     needs_training()
-    import torch
-
+    from flexmotion.training.processes import use_threads
     from flexmotion.training.run import Run
 
     if threads is not None:
-        torch.set_num_threads(threads)
+        use_threads(threads)
     return Run(out, config, seed)
 
 

@@ -129,4 +129,3 @@ def test_features_give_points_and_torques_of_the_clip(clip: Motion) -> None:
     assert motion.torques is not None
     error = torques[0].numpy() - motion.torques[middle, -len(JOINTS) :]
     assert np.sqrt(np.mean(error**2)) < 0.02 * np.abs(motion.torques[:, 6:]).max()
-

@@ -1,0 +1,156 @@
+"""`Sampler`: the next second of human motion from the last moments and what is asked for; onnxruntime, no torch."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from configs.errors import ConfigError
+from flexmotion.bundles.bundle import DECODER, DENOISER, Bundle
+from flexmotion.features.decode import Anchor, decode
+from flexmotion.features.encode import LEAD, encode
+from flexmotion.motion import Motion
+from flexmotion.onnx_session import open_session
+from flexmotion.text.prompt_reader import Prompt, PromptReader
+
+Float32 = NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class Condition:
+    """What is asked for.
+
+    Attributes:
+        text: what to do, in words; None for standing still, or for nothing but the velocity where there is one.
+        velocity: of the root: forward, left [m/s], turning left [rad/s], as seen from where it faces; None for none.
+        guidance: how strictly it is followed; None for the bundle's default.
+    """
+
+    text: str | None = None
+    velocity: tuple[float, float, float] | None = None
+    guidance: float | None = None
+
+
+class Sampler:
+    """Samples motion from a bundle, one window at a time, on one thread; buffers are made once.
+
+    Args:
+        bundle: trained and exported.
+        steps: of the diffusion; None for the bundle's default.
+
+    Raises:
+        ConfigError: a network of the bundle cannot be run, or there are no such steps.
+    """
+
+    def __init__(self, bundle: Bundle, steps: int | None = None) -> None:
+        manifest = bundle.manifest
+        self.bundle, self.layout, self.body = bundle, bundle.layout, bundle.body
+        self.history, self.future = manifest.history, manifest.future
+        self.steps = manifest.steps if steps is None else steps
+        if not 1 <= self.steps <= manifest.times:
+            raise ConfigError(f"steps is {self.steps}, expected 1 to {manifest.times}")
+        self._denoiser = open_session(bundle.folder / DENOISER)
+        self._decoder = open_session(bundle.folder / DECODER)
+        prompts = bundle.prompts
+        self.reader = PromptReader(bundle.folder, prompts.kinds, prompts.embeddings, manifest.known)
+        self.read = lru_cache(maxsize=64)(self.reader)
+        self._statistics, self._kept = bundle.statistics, bundle.kept
+        # Where the distilled network stands in for guidance there is one evaluation a step, else one with and one
+        # without the sentence.
+        self._rows = rows = 1 if manifest.guided else 2
+        width = prompts.embeddings.shape[1]
+        self._inputs: dict[str, np.ndarray] = {
+            "noisy": np.zeros((rows, manifest.latent), np.float32),
+            "time": np.zeros(rows, np.int64),
+            "history": np.zeros((rows, self.history, self.layout.size), np.float32),
+            "sentence": np.zeros((rows, width), np.float32),
+            "velocity": np.zeros((rows, 3), np.float32),
+            "present": np.zeros((rows, 2), np.float32),
+        }
+        if manifest.guided:
+            self._inputs["guidance"] = np.zeros(rows, np.float32)
+
+    @property
+    def fps(self) -> float:
+        """Frames per second of history and samples."""
+        return self.layout.fps
+
+    def standing(self) -> Motion:
+        """A human who stands at the origin and faces x: a history to begin with."""
+        return decode(self.bundle.rest, self.layout, self.body, Anchor.origin(), source=self._source)
+
+    def sample(self, history: Motion, condition: Condition, seed: int) -> Motion:
+        """The `future` frames after a history.
+
+        Args:
+            history: the last frames, of the bundle's body, at its frame rate; at least `history + 2` of them tell all,
+                with fewer it is taken to have moved evenly before.
+            condition: what is asked for.
+            seed: of the noise.
+
+        Raises:
+            ValueError: the history is empty, or has another frame rate or body.
+        """
+        return self._decoded(self._latent(self._remember(history), condition, seed), history)
+
+    def _remember(self, history: Motion) -> Float32:
+        """Normalised features of the history, (1, H, F)."""
+        if not len(history):
+            raise ValueError("the history has no frames")
+        if history.body != self.body:
+            raise ValueError(f"the history is of {history.body}, the bundle's human is {self.body}")
+        last = history[max(0, len(history) - self.history - LEAD) :]
+        features = encode(last, self.layout)[-self.history :] if self.history else np.zeros((0, self.layout.size))
+        if len(features) < self.history:
+            first = np.repeat(features[:1], self.history - len(features), axis=0)
+            features = np.concatenate([first, features])
+        return self._statistics.normalise(features)[None]
+
+    def _latent(self, remembered: Float32, condition: Condition, seed: int) -> Float32:
+        """DDIM from noise to a normalised latent, (1, L)."""
+        inputs, manifest = self._inputs, self.bundle.manifest
+        inputs["history"][:] = remembered
+        guidance = manifest.guidance if condition.guidance is None else condition.guidance
+        self._ask(condition)
+        if manifest.guided:
+            inputs["guidance"][:] = guidance
+        noisy = np.random.default_rng(seed).standard_normal((1, manifest.latent), np.float32)
+        times = np.round(np.linspace(manifest.times - 1, 0, self.steps + 1)[:-1]).astype(np.int64)
+        for now, earlier in zip(times, [*times[1:], -1], strict=True):
+            inputs["noisy"][:] = noisy
+            inputs["time"][:] = now
+            (found,) = self._denoiser.run(None, inputs)
+            clean = found if manifest.guided else found[1:] + guidance * (found[:1] - found[1:])
+            kept = self._kept[now]
+            left = self._kept[earlier] if earlier >= 0 else np.float32(1.0)
+            noise = (noisy - np.sqrt(kept) * clean) / np.sqrt(1 - kept)
+            noisy = (np.sqrt(left) * clean + np.sqrt(1 - left) * noise).astype(np.float32)
+        return noisy
+
+    def _ask(self, condition: Condition) -> None:
+        """Put what is asked for into the inputs: with the sentence first, then without."""
+        inputs = self._inputs
+        inputs["present"][:] = 0.0
+        if condition.velocity is not None and self.bundle.manifest.velocity:
+            forward, left, turning = condition.velocity
+            inputs["velocity"][:] = (forward / self.body.leg, left / self.body.leg, turning)
+            inputs["present"][:, 1] = 1.0
+        if condition.text is not None or condition.velocity is None:
+            inputs["sentence"][:] = self.prompt(condition.text).embedding
+            inputs["present"][0, 0] = 1.0
+
+    def prompt(self, text: str | None) -> Prompt:
+        """What a text means; standing still for None."""
+        return self.reader.idle if text is None else self.read(text)
+
+    def _decoded(self, latent: Float32, history: Motion) -> Motion:
+        (frames,) = self._decoder.run(None, {"latent": latent, "history": self._inputs["history"][:1]})
+        features = self._statistics.restore(frames[0])
+        return decode(features, self.layout, self.body, Anchor.after(history), source=self._source)
+
+    @property
+    def _source(self) -> str:
+        return f"model:{self.bundle.manifest.name}"

@@ -1,0 +1,59 @@
+"""Wordings of what motions show: captions for clips that only have labels."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from functools import lru_cache
+from importlib import resources
+from typing import Any
+
+import yaml
+
+STAND = "stand"
+"""Kind of motion that is none: what is done where nothing is asked."""
+
+
+@lru_cache
+def _table() -> Mapping[str, Any]:
+    text = resources.files("flexmotion").joinpath("data", "phrases.yaml").read_text(encoding="utf-8")
+    table: Mapping[str, Any] = yaml.safe_load(text)
+    return table
+
+
+@lru_cache
+def kinds() -> tuple[str, ...]:
+    """Labels that have wordings."""
+    return tuple(_table()["kinds"])
+
+
+@lru_cache
+def wordings(kind: str) -> tuple[str, ...]:
+    """Of a kind of motion; none for a kind that is not known."""
+    row = _table()["kinds"].get(ALIASES.get(kind, kind))
+    if row is None:
+        return ()
+    made = [f"{verb} {ending}".strip() for verb in row["verbs"] for ending in row["endings"]]
+    return tuple(dict.fromkeys([*made, *row["more"]]))
+
+
+def styled(wording: str, style: str) -> tuple[str, ...]:
+    """A wording in a style, in several ways; as it is where the style is not known."""
+    return tuple(f"{wording} {adverb}".strip() for adverb in _table()["styles"].get(style, [""]))
+
+
+ALIASES = {"byebye": "bye"}
+"""Labels of the same motion."""
+
+_SWAPS = {"left": "right", "right": "left", "clockwise": "counterclockwise", "counterclockwise": "clockwise"}
+
+
+def mirrored(text: str) -> str:
+    """A text about the mirror image: left becomes right, clockwise counterclockwise, also within words."""
+
+    def swap(match: re.Match[str]) -> str:
+        word = match[0]
+        other = _SWAPS[word.lower()]
+        return other.capitalize() if word[0].isupper() else other
+
+    return re.sub(r"(?i)counterclockwise|clockwise|left|(?<!up)(?<!b)right", swap, text)

@@ -1,0 +1,44 @@
+"""`SentenceEncoder`: sentences to vectors by a small exported network, without torch and without a network."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import onnxruntime
+from numpy.typing import NDArray
+
+from configs.errors import ConfigError
+from flexmotion.onnx_session import open_session
+from flexmotion.text.word_pieces import WordPieces
+
+NETWORK, VOCABULARY = "text.onnx", "vocabulary.txt"
+
+
+class SentenceEncoder:
+    """Sentence embeddings of unit length.
+
+    Args:
+        folder: with the network and its vocabulary.
+
+    Raises:
+        ConfigError: one of them is missing or broken.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        try:
+            words = (folder / VOCABULARY).read_text(encoding="utf-8").split("\n")
+        except OSError as error:
+            raise ConfigError(f"{folder / VOCABULARY}: cannot be read ({error.strerror})") from error
+        self._pieces = WordPieces(words)
+        self._session: onnxruntime.InferenceSession = open_session(folder / NETWORK)
+        self.size = int(self._session.get_outputs()[0].shape[-1])
+
+    def __call__(self, sentence: str) -> NDArray[np.float32]:
+        """Embedding of a sentence, (size,); zeros for one without a word."""
+        pieces = self._pieces(sentence)
+        if not pieces:
+            return np.zeros(self.size, np.float32)
+        (found,) = self._session.run(None, {"pieces": np.array([pieces], np.int64)})
+        embedding: NDArray[np.float32] = found[0]
+        return embedding

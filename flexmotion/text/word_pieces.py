@@ -1,0 +1,47 @@
+"""Sentences to word pieces: the greedy longest match of BERT's vocabularies, for plain English."""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from collections.abc import Sequence
+
+UNKNOWN = "[UNK]"
+CONTINUED = "##"
+LONGEST = 64
+"""Pieces of a sentence that are looked at."""
+
+
+class WordPieces:
+    """Numbers of pieces.
+
+    Args:
+        vocabulary: pieces in the order of their numbers, `[UNK]` among them.
+    """
+
+    def __init__(self, vocabulary: Sequence[str]) -> None:
+        self._number = {piece: number for number, piece in enumerate(vocabulary)}
+        self.unknown = self._number[UNKNOWN]
+
+    def __call__(self, sentence: str) -> list[int]:
+        """Numbers of a sentence's pieces, `LONGEST` at most; empty for a sentence without a word."""
+        plain = unicodedata.normalize("NFD", sentence.lower())
+        plain = "".join(letter for letter in plain if not unicodedata.combining(letter))
+        pieces: list[int] = []
+        for word in re.findall(r"[^\W_]+", plain):
+            pieces += self._word(word)
+        return pieces[:LONGEST]
+
+    def _word(self, word: str) -> list[int]:
+        found, start = [], 0
+        while start < len(word):
+            prefix = CONTINUED if start else ""
+            for end in range(len(word), start, -1):
+                number = self._number.get(prefix + word[start:end])
+                if number is not None:
+                    found.append(number)
+                    start = end
+                    break
+            else:
+                return [self.unknown]
+        return found

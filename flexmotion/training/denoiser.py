@@ -1,0 +1,100 @@
+"""`Denoiser`: the network of the latent diffusion."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor, nn
+
+from configs.model import DiffusionConfig, Window
+from flexmotion.features.layout import Layout
+from flexmotion.training.autoencoder import Patches
+from flexmotion.training.transformer import Stack, parameter, sinusoids
+
+COMMAND = 3
+"""Commanded velocity: forward, left [leg/s], turning [rad/s]."""
+
+GUIDANCE_UNIT = 100.0
+"""Guidance scales are drawn out by this before their sines and cosines are taken."""
+
+
+class Denoiser(nn.Module):
+    """Clean latent from a noisy one, its time, history, sentence and commanded velocity.
+
+    Tokens: latent, time, sentence, velocity, history. What is absent has a learned token of its own. A guided network
+    (the student of a distillation) is also told the guidance scale that it stands for.
+
+    Args:
+        config: of the diffusion.
+        window: frames.
+        layout: features.
+        latent: size of the latent.
+        guided: whether the guidance scale is an input.
+    """
+
+    latent_mean: Tensor
+    latent_spread: Tensor
+
+    def __init__(
+        self, config: DiffusionConfig, window: Window, layout: Layout, latent: int, *, guided: bool = False
+    ) -> None:
+        super().__init__()
+        width = config.denoiser.width
+        self.width = width
+        self.register_buffer("latent_mean", torch.zeros(latent))
+        self.register_buffer("latent_spread", torch.ones(latent))
+        self.enter, self.leave = nn.Linear(latent, width), nn.Linear(width, latent)
+        self.time = nn.Sequential(nn.Linear(width, width), nn.SiLU(), nn.Linear(width, width))
+        self.guidance = _silent(width) if guided else None
+        self.sentence, self.no_sentence = nn.Linear(config.text, width), parameter(width)
+        self.velocity = nn.Sequential(nn.Linear(COMMAND, width), nn.SiLU(), nn.Linear(width, width))
+        self.no_velocity = parameter(width)
+        past = window.history // window.patch
+        self.recall = Patches(layout, window.patch, width) if past else None
+        self.place = parameter(1, 4 + past, width)
+        self.stack = Stack(config.denoiser)
+
+    def forward(
+        self,
+        noisy: Tensor,
+        time: Tensor,
+        history: Tensor,
+        sentence: Tensor,
+        velocity: Tensor,
+        present: Tensor,
+        guidance: Tensor | None = None,
+    ) -> Tensor:
+        """Clean latent, normalised, (N, latent).
+
+        Args:
+            noisy: normalised latent with noise, (N, latent).
+            time: of the schedule, (N,), 0 is clean.
+            history: normalised features, (N, H, F).
+            sentence: embedding, (N, text).
+            velocity: commanded, (N, 3).
+            present: whether there are a sentence and a velocity, (N, 2), 1 or 0.
+            guidance: scale, (N,); only of a guided network.
+        """
+        when = self.time(sinusoids(time, self.width))
+        if self.guidance is not None and guidance is not None:
+            when = when + self.guidance(sinusoids(guidance * GUIDANCE_UNIT, self.width))
+        said, moved = present[:, :1], present[:, 1:]
+        tokens = torch.stack(
+            [
+                self.enter(noisy),
+                when,
+                said * self.sentence(sentence) + (1 - said) * self.no_sentence,
+                moved * self.velocity(velocity) + (1 - moved) * self.no_velocity,
+            ],
+            dim=1,
+        )
+        if self.recall is not None:
+            tokens = torch.cat([tokens, self.recall(history)], dim=1)
+        return self.leave(self.stack(tokens + self.place)[:, 0])
+
+
+def _silent(width: int) -> nn.Sequential:
+    """A map that gives zero at first: a student begins as its teacher without guidance."""
+    last = nn.Linear(width, width)
+    nn.init.zeros_(last.weight)
+    nn.init.zeros_(last.bias)
+    return nn.Sequential(nn.Linear(width, width), nn.SiLU(), last)

@@ -1,0 +1,233 @@
+"""The diffusion's stage: denoise latents, on true histories first and on the model's own more and more."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from configs.model import ModelConfig
+from flexmotion.training.autoencoder import Autoencoder
+from flexmotion.training.conditions import Conditions, Sentences, describe
+from flexmotion.training.denoiser import Denoiser
+from flexmotion.training.draws import normal, uniform
+from flexmotion.training.feature_store import FeatureStore
+from flexmotion.training.losses import Reconstruction
+from flexmotion.training.noise_schedule import NoiseSchedule
+from flexmotion.training.processes import Processes
+from flexmotion.training.windows import Windows, WindowSet
+
+VALIDATION = 512
+"""Windows that validation looks at, always the same."""
+
+MEASURED = 4096
+"""Windows over which mean and spread of the latent are taken."""
+
+DECODED = ("root", "rotations", "positions")
+"""Blocks by which decoded motion is compared."""
+
+
+@dataclass(frozen=True)
+class Latents:
+    """Windows as the diffusion sees them: normalised latent (N, latent), histories, conditions."""
+
+    latent: Tensor
+    windows: Windows
+    conditions: Conditions
+
+
+class LatentSet:
+    """Windows of a split with their latents and conditions.
+
+    Args:
+        config: of the model.
+        store: features of the set.
+        split: `train` or `validation`.
+        autoencoder: trained.
+        sentences: of the store's clips.
+        processes: that train.
+    """
+
+    def __init__(
+        self,
+        config: ModelConfig,
+        store: FeatureStore,
+        split: str,
+        autoencoder: Autoencoder,
+        sentences: Sentences,
+        processes: Processes,
+    ) -> None:
+        self.config, self.store, self.autoencoder, self.sentences = config, store, autoencoder, sentences
+        self.device = processes.device
+        self.windows = WindowSet(store, config.window, split)
+        self._restore = Reconstruction(store.layout, store.statistics, config.losses).restore
+
+    def draw(self, seed: tuple[int, ...], size: int, *, following: bool = False) -> Windows:
+        """`size` windows."""
+        return self.windows.draw(seed, size, following=following)
+
+    def encode(self, history: Tensor, future: Tensor) -> Tensor:
+        """Mean latents, (N, latent), not normalised."""
+        with torch.no_grad():
+            mean: Tensor = self.autoencoder.encode(history, future)[0]
+        return mean
+
+    def describe(self, windows: Windows, seed: tuple[int, ...]) -> Conditions:
+        """Conditions of windows, some of them dropped."""
+        diffusion = self.config.diffusion
+        drop_velocity = diffusion.drop_velocity if diffusion.velocity else 1.0
+        found = describe(
+            self.store,
+            self.sentences,
+            self._restore(windows.future.cpu()),
+            windows.clip,
+            seed,
+            (diffusion.drop_text, drop_velocity),
+        )
+        return found.to(self.device)
+
+
+class DiffusionTask:
+    """See `stage.Task`.
+
+    Args:
+        config: of the model.
+        store: features of the set.
+        autoencoder: trained; not trained further.
+        encode: sentence to embedding.
+        seed: of the weights and of all that is drawn.
+        processes: that train.
+    """
+
+    def __init__(
+        self,
+        config: ModelConfig,
+        store: FeatureStore,
+        autoencoder: Autoencoder,
+        encode: Callable[[str], np.ndarray],
+        seed: int,
+        processes: Processes,
+    ) -> None:
+        torch.manual_seed(seed)
+        self.config, self.seed, self.processes = config, seed, processes
+        self.autoencoder = autoencoder.to(processes.device).eval().requires_grad_(False)
+        self.noise = NoiseSchedule(config.diffusion.steps, processes.device)
+        self.network = Denoiser(config.diffusion, config.window, store.layout, autoencoder.latent).to(processes.device)
+        sentences = Sentences(store.clips, encode)
+        self.training, self.held_out = (
+            LatentSet(config, store, split, self.autoencoder, sentences, processes) for split in ("train", "validation")
+        )
+        self._measure_latents()
+        windows = self.held_out.draw((seed, 21), VALIDATION).to(processes.device)
+        self._held_out = Latents(
+            self.normalised(self.training.encode(windows.history, windows.future)),
+            windows,
+            self.held_out.describe(windows, (seed, 22)),
+        )
+
+    def _measure_latents(self) -> None:
+        found = []
+        for start in range(0, MEASURED, 512):
+            windows = self.training.draw((self.seed, 20, start), 512).to(self.processes.device)
+            found.append(self.training.encode(windows.history, windows.future))
+        latents = torch.cat(found)
+        self.network.latent_mean.copy_(latents.mean(dim=0))
+        self.network.latent_spread.copy_(latents.std(dim=0).clamp(min=1e-3))
+
+    def normalised(self, latent: Tensor) -> Tensor:
+        """Latents as the denoiser sees them."""
+        return (latent - self.network.latent_mean) / self.network.latent_spread
+
+    def decode(self, history: Tensor, normalised: Tensor) -> Tensor:
+        """Futures, normalised features, of normalised latents."""
+        latent = normalised * self.network.latent_spread + self.network.latent_mean
+        frames: Tensor = self.autoencoder.decode(history, latent)
+        return frames
+
+    def losses(self, step: int) -> tuple[Tensor, dict[str, Tensor]]:
+        """See `stage.Task`."""
+        diffusion, key = self.config.diffusion, (self.seed, 23, step, self.processes.rank)
+        batch, device = self.config.stages.diffusion.batch, self.processes.device
+        share = self._roll_out_share(step)
+        windows = self.training.draw((*key, 0), batch, following=share > 0).to(device)
+        windows = self._disturbed(windows, (*key, 1))
+        count = int(round(share * batch))
+        if count:
+            windows = self._rolled_out(windows, count, (*key, 2))
+        conditions = self.training.describe(windows, (*key, 3))
+        latent = self.normalised(self.training.encode(windows.history, windows.future))
+        time = (uniform((*key, 4), (batch,)) * diffusion.steps).long().to(device)
+        noise = normal((*key, 5), tuple(latent.shape)).to(device)
+        noisy = self.noise.add_noise(latent, noise, time)
+        with self.processes.mixed_precision():
+            clean = self.denoise(noisy, time, windows.history, conditions)
+        clean = clean.float()
+        terms = {"latent": (clean - latent).square().mean()}
+        total = terms["latent"]
+        if diffusion.decoded:
+            terms["decoded"] = self._decoded(windows, clean)
+            total = total + diffusion.decoded * terms["decoded"]
+        return total, terms
+
+    def denoise(self, noisy: Tensor, time: Tensor, history: Tensor, conditions: Conditions) -> Tensor:
+        """Clean latents, normalised."""
+        clean: Tensor = self.network(noisy, time, history, conditions.sentence, conditions.velocity, conditions.present)
+        return clean
+
+    def _decoded(self, windows: Windows, clean: Tensor) -> Tensor:
+        """Error of the decoded motion and of its change, the join with the history included."""
+        blocks = self.training.store.layout.blocks
+        columns = [at for name in DECODED for at in range(blocks[name].start, blocks[name].stop)]
+        decoded, future = self.decode(windows.history, clean)[..., columns], windows.future[..., columns]
+        last = windows.history[:, -1:, columns]
+        mask = windows.mask[..., None]
+        error = ((decoded - future) * mask).square().mean()
+        if not last.shape[1]:
+            return error
+        change = torch.diff(torch.cat([last, decoded], dim=1), dim=1) - torch.diff(
+            torch.cat([last, future], dim=1), dim=1
+        )
+        return error + 10 * (change * mask).square().mean()
+
+    def _roll_out_share(self, step: int) -> float:
+        diffusion = self.config.diffusion
+        grown = max(diffusion.roll_out_grown - diffusion.roll_out_from, 1)
+        share = (step - diffusion.roll_out_from) / grown
+        return diffusion.roll_out * min(max(share, 0.0), 1.0) if self.config.window.history else 0.0
+
+    def _disturbed(self, windows: Windows, seed: tuple[int, ...]) -> Windows:
+        """Histories with an error that is the same in all their frames, and a smaller one that is not."""
+        spread = self.config.diffusion.history_noise
+        if not spread or not self.config.window.history:
+            return windows
+        samples, frames, features = windows.history.shape
+        constant = normal((*seed, 0), (samples, 1, features)).to(windows.history.device)
+        varying = normal((*seed, 1), (samples, frames, features)).to(windows.history.device)
+        return windows.with_history(windows.history + spread * (constant + 0.3 * varying))
+
+    def _rolled_out(self, windows: Windows, count: int, seed: tuple[int, ...]) -> Windows:
+        """The first `count` windows move on by one, with a history that the model has made itself."""
+        assert windows.following is not None
+        some = windows.first_of(count)
+        conditions = self.training.describe(some, (*seed, 0))
+        noise = normal((*seed, 1), (count, self.autoencoder.latent)).to(windows.history.device)
+        time = torch.full((count,), self.config.diffusion.steps - 1, device=noise.device)
+        with torch.no_grad():
+            made = self.decode(some.history, self.denoise(noise, time, some.history, conditions))
+        past = self.config.window.history
+        return windows.replaced(made[:, -past:], windows.following[:count])
+
+    def validate(self) -> dict[str, float]:
+        """Losses at all times of the schedule."""
+        found = self._held_out
+        samples = len(found.latent)
+        time = torch.linspace(0, self.config.diffusion.steps - 1, samples).long().to(found.latent.device)
+        noise = normal((self.seed, 24), tuple(found.latent.shape)).to(found.latent.device)
+        clean = self.denoise(
+            self.noise.add_noise(found.latent, noise, time), time, found.windows.history, found.conditions
+        )
+        latent, decoded = float((clean - found.latent).square().mean()), float(self._decoded(found.windows, clean))
+        return {"loss": latent + self.config.diffusion.decoded * decoded, "latent": latent, "decoded": decoded}

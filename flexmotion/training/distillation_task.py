@@ -1,0 +1,73 @@
+"""The distillation's stage: a student that is consistent along the teacher's paths needs a few steps instead of fifty.
+
+Consistency distillation (Song et al., ICML 2023) with the guidance scale as an input (Luo et al., Latent Consistency
+Models, 2023): where the teacher steps from a time to an earlier one, the student must see one clean latent at both.
+"""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from configs.model import ModelConfig
+from flexmotion.training.denoiser import Denoiser
+from flexmotion.training.diffusion_task import DiffusionTask
+from flexmotion.training.draws import normal, uniform
+
+
+class DistillationTask:
+    """See `stage.Task`.
+
+    Args:
+        config: of the model.
+        teacher: trained diffusion; not trained further.
+        seed: of all that is drawn.
+    """
+
+    def __init__(self, config: ModelConfig, teacher: DiffusionTask, seed: int) -> None:
+        torch.manual_seed(seed)
+        self.config, self.teacher, self.seed = config, teacher, seed
+        teacher.network.eval().requires_grad_(False)
+        layout = teacher.training.store.layout
+        network = Denoiser(config.diffusion, config.window, layout, teacher.autoencoder.latent, guided=True)
+        network.load_state_dict(teacher.network.state_dict(), strict=False)
+        self.network = network.to(teacher.processes.device)
+        distillation = config.distillation
+        self._grid = torch.linspace(0, config.diffusion.steps - 1, distillation.grid).round().long()
+
+    def losses(self, step: int) -> tuple[Tensor, dict[str, Tensor]]:
+        """See `stage.Task`."""
+        return self._losses((self.seed, 31, step, self.teacher.processes.rank), self.config.stages.distill.batch)
+
+    def _losses(self, key: tuple[int, ...], batch: int) -> tuple[Tensor, dict[str, Tensor]]:
+        teacher, distillation = self.teacher, self.config.distillation
+        device = teacher.processes.device
+        windows = teacher.training.draw((*key, 0), batch).to(device)
+        conditions = teacher.training.describe(windows, (*key, 1))
+        latent = teacher.normalised(teacher.training.encode(windows.history, windows.future))
+        place = (uniform((*key, 2), (batch,)) * distillation.grid).long()
+        earlier_place = place - distillation.skip
+        time = self._grid[place].to(device)
+        earlier = torch.where(earlier_place < 0, -1, self._grid[earlier_place.clamp(min=0)]).to(device)
+        low, high = distillation.guidance_low, distillation.guidance_high
+        guidance = (low + (high - low) * uniform((*key, 3), (batch,))).to(device)
+        noise = normal((*key, 4), tuple(latent.shape)).to(device)
+        noisy = teacher.noise.add_noise(latent, noise, time)
+        with torch.no_grad():
+            with_sentence = teacher.denoise(noisy, time, windows.history, conditions)
+            without = teacher.denoise(noisy, time, windows.history, conditions.without_sentence())
+            clean = without + guidance[:, None] * (with_sentence - without)
+            moved = teacher.noise.step(noisy, clean, time, earlier)
+            inputs = (windows.history, conditions.sentence, conditions.velocity, conditions.present, guidance)
+            target = self.network(moved, earlier.clamp(min=0), *inputs)
+            target = torch.where(earlier[:, None] < 0, clean, target)
+        with teacher.processes.mixed_precision():
+            found = self.network(noisy, time, *inputs)
+        delta = distillation.huber
+        loss = torch.nn.functional.huber_loss(found.float(), target, delta=delta)
+        return loss, {"consistency": loss}
+
+    def validate(self) -> dict[str, float]:
+        """Loss on windows that are always the same."""
+        loss, _ = self._losses((self.seed, 32), 512)
+        return {"loss": float(loss)}

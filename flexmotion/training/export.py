@@ -1,0 +1,161 @@
+"""A run's best weights to a bundle."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from importlib.metadata import version
+from pathlib import Path
+from shutil import copyfile
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from configs.errors import ConfigError
+from flexmotion.body import Body
+from flexmotion.bundles.bundle import DECODER, DENOISER, SCHEMA, BodySize, Bundle, Manifest, write_bundle
+from flexmotion.features.layout import Layout
+from flexmotion.text.phrases import kinds, wordings
+from flexmotion.text.sentence_encoder import NETWORK, VOCABULARY, SentenceEncoder
+from flexmotion.training.autoencoder import Autoencoder
+from flexmotion.training.conditions import STILL
+from flexmotion.training.denoiser import Denoiser
+from flexmotion.training.export_onnx import export_network
+from flexmotion.training.feature_store import FeatureStore
+from flexmotion.training.half_weights import halve_weights
+from flexmotion.training.noise_schedule import NoiseSchedule
+from flexmotion.training.run import Run
+from flexmotion.training.stage import load_weights
+from flexmotion.training.windows import WindowSet
+
+LIBRARIES = ("flexmotion", "torch", "diffusers", "onnx")
+
+LEAST_LIKENESS = 0.4
+"""Cosine with the nearest known wording below which a sentence means nothing."""
+
+UNKNOWN_LICENCE = "as the data that it was trained on"
+
+
+class Decoder(nn.Module):
+    """Normalised latent, and history, to normalised frames."""
+
+    def __init__(self, autoencoder: Autoencoder, denoiser: Denoiser) -> None:
+        super().__init__()
+        self.autoencoder = autoencoder
+        self.register_buffer("mean", denoiser.latent_mean.clone())
+        self.register_buffer("spread", denoiser.latent_spread.clone())
+
+    mean: Tensor
+    spread: Tensor
+
+    def forward(self, latent: Tensor, history: Tensor) -> Tensor:
+        """(N, latent), (N, H, F) -> (N, W, F)."""
+        return self.autoencoder.decode(history, latent * self.spread + self.mean)
+
+
+def load_networks(run: Run, *, distilled: bool) -> tuple[Autoencoder, Denoiser]:
+    """The best autoencoder and denoiser of a run.
+
+    Raises:
+        ConfigError: one of them has not been trained.
+    """
+    config, layout = run.config, run.layout
+    autoencoder = Autoencoder(config.autoencoder, config.window, layout)
+    load_weights(autoencoder, run.stage("autoencoder"))
+    denoiser = Denoiser(config.diffusion, config.window, layout, autoencoder.latent, guided=distilled)
+    load_weights(denoiser, run.stage("distill" if distilled else "diffusion"))
+    return autoencoder.eval(), denoiser.eval()
+
+
+def export(run: Run, folder: Path, *, distilled: bool, body: Body | None = None, description: str = "") -> Bundle:
+    """Write a bundle.
+
+    Args:
+        run: trained.
+        folder: of the bundle; made anew.
+        distilled: whether the student of the distillation is exported, else the diffusion model.
+        body: of the human; None for one of mean size.
+        description: for people.
+
+    Raises:
+        ConfigError: a stage has not been trained, or the folder holds other things.
+    """
+    if folder.exists() and any(folder.iterdir()) and not (folder / "manifest.json").is_file():
+        raise ConfigError(f"{folder}: is not empty, and no bundle")
+    folder.mkdir(parents=True, exist_ok=True)
+    autoencoder, denoiser = load_networks(run, distilled=distilled)
+    store, config, layout = run.store(), run.config, run.layout
+    window, diffusion = config.window, config.diffusion
+    rows = 1 if distilled else 2
+    inputs = {
+        "noisy": torch.zeros(rows, autoencoder.latent),
+        "time": torch.zeros(rows, dtype=torch.int64),
+        "history": torch.zeros(rows, window.history, layout.size),
+        "sentence": torch.zeros(rows, diffusion.text),
+        "velocity": torch.zeros(rows, 3),
+        "present": torch.zeros(rows, 2),
+    }
+    if distilled:
+        inputs["guidance"] = torch.ones(rows)
+    export_network(denoiser, folder / DENOISER, inputs, ["clean"])
+    decoding = {"latent": inputs["noisy"][:1], "history": inputs["history"][:1]}
+    export_network(Decoder(autoencoder, denoiser).eval(), folder / DECODER, decoding, ["frames"])
+    for name in (NETWORK, VOCABULARY):
+        copyfile(run.stage("text") / name, folder / name)
+    for name in (DENOISER, DECODER, NETWORK):
+        halve_weights(folder / name)
+    body = body or Body()
+    manifest = Manifest(
+        schema_=SCHEMA,
+        name=config.name,
+        description=description,
+        layout=layout.hash,
+        fps=window.fps,
+        muscles=layout.muscles,
+        history=window.history,
+        future=window.future,
+        latent=autoencoder.latent,
+        steps=config.distillation.sampling_steps if distilled else diffusion.sampling_steps,
+        times=diffusion.steps,
+        guided=distilled,
+        guidance=diffusion.guidance,
+        velocity=diffusion.velocity,
+        known=LEAST_LIKENESS,
+        body=BodySize(height=body.height, mass=body.mass, sex=body.sex),
+        licence="; ".join(store.licences) or UNKNOWN_LICENCE,
+        versions={name: version(name) for name in LIBRARIES},
+    )
+    return write_bundle(folder, manifest, _arrays(run, store, layout, diffusion.steps))
+
+
+def _arrays(run: Run, store: FeatureStore, layout: Layout, steps: int) -> dict[str, np.ndarray]:
+    encode = SentenceEncoder(run.stage("text"))
+    said = [(kind, wording) for kind in kinds() for wording in wordings(kind)]
+    return {
+        **asdict(store.statistics),
+        "kept": NoiseSchedule(steps).kept.numpy(),
+        "rest": standing_features(store, run),
+        "prompt_kinds": np.array([kind for kind, _ in said]),
+        "prompt_embeddings": np.stack([encode(wording) for _, wording in said]).astype(np.float16),
+    }
+
+
+def standing_features(store: FeatureStore, run: Run) -> np.ndarray:
+    """A typical stretch of a human who stands still, not normalised, (H, F): the most middling of many."""
+    window = run.config.window.model_copy(update={"history": 0, "future": max(run.config.window.history, 1)})
+    windows = WindowSet(store, window, "train").draw((run.seed, 41), 4096)
+    features = store.statistics.restore(windows.future.numpy())
+    speed = features[..., layout_columns(store.layout, ("velocities",))]
+    still = np.abs(speed).mean(axis=(1, 2)) < STILL / 4
+    upright = features[..., store.layout.blocks["root"]][..., -1, 3] > 1.0
+    chosen = features[still & upright] if (still & upright).any() else features
+    poses = chosen[:, -1, layout_columns(store.layout, ("rotations",))]
+    nearest = np.linalg.norm(poses - np.median(poses, axis=0), axis=1).argmin()
+    rest: np.ndarray = chosen[nearest].astype(np.float32)
+    return rest
+
+
+def layout_columns(layout: Layout, names: Sequence[str]) -> list[int]:
+    """Columns of some blocks."""
+    return [at for name in names for at in range(layout.blocks[name].start, layout.blocks[name].stop)]

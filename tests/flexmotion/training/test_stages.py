@@ -1,0 +1,215 @@
+"""Every stage at reduced size: it trains, resumes bit for bit, exports, and the sampler takes what comes out."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import onnxruntime
+import pytest
+
+torch = pytest.importorskip("torch", reason="training needs the extra 'train'")
+
+from configs.errors import ConfigError, MotionFormatError  # noqa: E402
+from flexmotion.bundles.bundle import DECODER, DENOISER, Bundle  # noqa: E402
+from flexmotion.dataset.training_set import TrainingSet  # noqa: E402
+from flexmotion.kinematics import forward  # noqa: E402
+from flexmotion.sampler import Condition, Sampler  # noqa: E402
+from flexmotion.text.sentence_encoder import SentenceEncoder  # noqa: E402
+from flexmotion.training.autoencoder import Autoencoder  # noqa: E402
+from flexmotion.training.autoencoder_task import AutoencoderTask  # noqa: E402
+from flexmotion.training.diffusion_task import DiffusionTask  # noqa: E402
+from flexmotion.training.distillation_task import DistillationTask  # noqa: E402
+from flexmotion.training.export import Decoder, export, load_networks  # noqa: E402
+from flexmotion.training.processes import Processes  # noqa: E402
+from flexmotion.training.run import Run  # noqa: E402
+from flexmotion.training.stage import LAST, Progress, load_weights, train_stage  # noqa: E402
+from flexmotion.training.text_student import Corpus, distil  # noqa: E402
+from flexmotion.training.windows import WindowSet  # noqa: E402
+
+
+def _text(run: Run, teacher, vocabulary: list[str]) -> None:
+    said = ("walk forward", "turn left", "turn right", "wave with the right hand", "stand still") * 4
+    words = tuple(word for word in vocabulary if len(word) > 1 and word.isalpha())
+    distil(teacher, vocabulary, Corpus(said, words, said), run.stage("text"), steps=3, seed=0)
+
+
+def _train(run: Run, name: str, task, steps: int | None = None) -> Progress:
+    stage = getattr(run.config.stages, name)
+    stage = stage if steps is None else stage.model_copy(update={"steps": steps, "cool_down": 0.0})
+    return train_stage(task, stage, run.stage(name), fingerprint=run.fingerprint())
+
+
+def _diffusion(run: Run) -> DiffusionTask:
+    autoencoder = Autoencoder(run.config.autoencoder, run.config.window, run.layout)
+    load_weights(autoencoder, run.stage("autoencoder"))
+    encode = SentenceEncoder(run.stage("text"))
+    return DiffusionTask(run.config, run.store(), autoencoder, encode, run.seed, Processes())
+
+
+@pytest.fixture(scope="module")
+def trained(small_set: Path, stream_config: Path, teacher, vocabulary, tmp_path_factory) -> Run:
+    """A run through all stages of `stream`."""
+    run = Run(tmp_path_factory.mktemp("run") / "stream", str(stream_config), seed=3)
+    store = run.store(small_set)
+    _train(run, "autoencoder", AutoencoderTask(run.config, store, run.seed, Processes()))
+    _text(run, teacher, vocabulary)
+    _train(run, "diffusion", _diffusion(run))
+    task = _diffusion(run)
+    load_weights(task.network, run.stage("diffusion"))
+    _train(run, "distill", DistillationTask(run.config, task, run.seed))
+    return run
+
+
+@pytest.fixture(scope="module")
+def bundle(trained: Run, tmp_path_factory) -> Bundle:
+    return export(trained, tmp_path_factory.mktemp("bundle") / "stream", distilled=True)
+
+
+def test_store_is_computed_once(trained: Run, small_set: Path) -> None:
+    store = trained.store()
+    written = (store.folder / "features.npy").stat().st_mtime_ns
+    again = trained.store(small_set)
+    assert (again.folder / "features.npy").stat().st_mtime_ns == written
+    assert len(store.features) == len(TrainingSet(small_set))
+
+
+def test_windows_are_the_clips_frames(trained: Run) -> None:
+    store = trained.store()
+    windows = WindowSet(store, trained.config.window, "train").draw((0,), 5, following=True)
+    assert windows.following is not None
+    for row in range(5):
+        clip = store.clips[windows.clip[row]]
+        assert clip.split == "train"
+        start = clip.start + windows.first[row]
+        expected = store.statistics.normalise(store.features[start : start + trained.config.window.future])
+        np.testing.assert_allclose(windows.future[row], expected, atol=1e-3)
+
+
+def test_losses_fall(trained: Run, tmp_path: Path) -> None:
+    task = AutoencoderTask(trained.config, trained.store(), trained.seed, Processes())
+    before = task.validate()["loss"]
+    stage = trained.config.stages.autoencoder.model_copy(update={"steps": 60, "learning_rate": 3e-3})
+    done = train_stage(task, stage, tmp_path / "autoencoder", fingerprint="")
+    assert done.figures["loss"] < 0.8 * before
+
+
+def test_a_killed_training_goes_on_bit_for_bit(trained: Run, tmp_path: Path) -> None:
+    def weights(name: str, steps: list[int]) -> dict[str, torch.Tensor]:
+        for count in steps:
+            task = AutoencoderTask(trained.config, trained.store(), trained.seed, Processes())
+            stage = trained.config.stages.autoencoder.model_copy(update={"steps": count, "cool_down": 0.0})
+            train_stage(task, stage, tmp_path / name, fingerprint="same")
+        return torch.load(tmp_path / name / LAST, weights_only=True)["network"]
+
+    whole, parts = weights("whole", [5]), weights("parts", [2, 5])
+    assert all(torch.equal(whole[name], parts[name]) for name in whole)
+
+
+def test_other_settings_in_the_same_folder_are_refused(trained: Run, paper_config: Path, tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="other settings"):
+        Run(trained.folder, str(paper_config))
+    with pytest.raises(ConfigError, match="name a configuration"):
+        Run(tmp_path / "new")
+    task = AutoencoderTask(trained.config, trained.store(), trained.seed, Processes())
+    with pytest.raises(ConfigError, match="other settings"):
+        train_stage(task, trained.config.stages.autoencoder, trained.stage("autoencoder"), fingerprint="other")
+
+
+def test_too_short_clips_are_named(trained: Run) -> None:
+    window = trained.config.window.model_copy(update={"future": 4000})
+    with pytest.raises(MotionFormatError, match="no clip of split 'train'"):
+        WindowSet(trained.store(), window, "train")
+
+
+def test_history_of_a_stage_is_json(trained: Run) -> None:
+    rows = [json.loads(line) for line in (trained.stage("diffusion") / "history.jsonl").read_text().splitlines()]
+    assert [row["step"] for row in rows] == [3, 6]
+    assert rows[-1]["validation"]["loss"] > 0
+
+
+def test_exported_networks_are_torchs(trained: Run, bundle: Bundle) -> None:
+    autoencoder, denoiser = load_networks(trained, distilled=True)
+    rng = np.random.default_rng(0)
+
+    def draw(*shape: int) -> np.ndarray:
+        return rng.standard_normal(shape, np.float32)
+
+    window, latent = trained.config.window, autoencoder.latent
+    inputs = {
+        "noisy": draw(1, latent),
+        "time": np.array([700]),
+        "history": draw(1, window.history, trained.layout.size),
+        "sentence": draw(1, trained.config.diffusion.text),
+        "velocity": draw(1, 3),
+        "present": np.ones((1, 2), np.float32),
+        "guidance": np.array([2.0], np.float32),
+    }
+    with torch.no_grad():
+        clean = denoiser(*map(torch.from_numpy, inputs.values())).numpy()
+        frames = Decoder(autoencoder, denoiser)(torch.from_numpy(clean), torch.from_numpy(inputs["history"])).numpy()
+    (found,) = onnxruntime.InferenceSession(str(bundle.folder / DENOISER)).run(None, inputs)
+    assert found == pytest.approx(clean, abs=1e-3)
+    decoding = {"latent": clean, "history": inputs["history"]}
+    (found,) = onnxruntime.InferenceSession(str(bundle.folder / DECODER)).run(None, decoding)
+    assert found == pytest.approx(frames, abs=1e-3)
+
+
+def test_sampler(bundle: Bundle) -> None:
+    sampler = Sampler(bundle)
+    history = sampler.standing()
+    first = sampler.sample(history, Condition("walk forward"), seed=1)
+    assert len(first) == sampler.future and first.fps == sampler.fps and first.body == sampler.body
+    again = sampler.sample(history, Condition("walk forward"), seed=1)
+    np.testing.assert_array_equal(first.joints, again.joints)
+    other = sampler.sample(history, Condition("walk forward"), seed=2)
+    assert np.abs(other.joints - first.joints).max() > 1e-6
+    assert first.torques is not None and first.wrenches is not None and first.contacts is not None
+    # One motion runs on from the other.
+    second = sampler.sample(first, Condition(velocity=(0.5, 0.0, 0.2)), seed=1)
+    assert np.abs(second.joints[0] - first.joints[-1]).max() < np.pi
+    assert forward(second).com.shape == (sampler.future, 3)
+
+
+def test_sampler_refuses_strange_histories(bundle: Bundle, make_standing) -> None:
+    sampler = Sampler(bundle)
+    with pytest.raises(ValueError, match="no frames"):
+        sampler.sample(sampler.standing()[:0], Condition(), 0)
+    with pytest.raises(ValueError, match="fps"):
+        sampler.sample(make_standing(8, sampler.body, fps=25.0), Condition(), 0)
+    with pytest.raises(ConfigError, match="steps is 0"):
+        Sampler(bundle, steps=0)
+
+
+def test_bundle_refuses_what_does_not_match(bundle: Bundle, tmp_path: Path) -> None:
+    from shutil import copytree
+
+    copy = copytree(bundle.folder, tmp_path / "copy")
+    with (copy / DENOISER).open("ab") as file:
+        file.write(b"x")
+    with pytest.raises(ConfigError, match="not what the manifest says"):
+        Bundle(copy)
+    manifest = json.loads((bundle.folder / "manifest.json").read_text())
+    (copy / "manifest.json").write_text(json.dumps(manifest | {"layout": "0" * 16}))
+    with pytest.raises(ConfigError, match="made for layout"):
+        Bundle(copy)
+    (copy / "manifest.json").write_text(json.dumps(manifest | {"schema_": "flexmotion.bundle/0"}))
+    with pytest.raises(ConfigError, match="schema"):
+        Bundle(copy)
+    with pytest.raises(ConfigError, match="no bundle there"):
+        Bundle(tmp_path / "none")
+
+
+def test_paper_configuration_goes_through_the_same_stages(
+    small_set: Path, paper_config: Path, teacher, vocabulary: list[str], tmp_path: Path
+) -> None:
+    run = Run(tmp_path / "paper", str(paper_config))
+    store = run.store(small_set)
+    assert store.layout.fps == 20.0
+    _train(run, "autoencoder", AutoencoderTask(run.config, store, 0, Processes()), 2)
+    _text(run, teacher, vocabulary)
+    _train(run, "diffusion", _diffusion(run), 2)
+    sampler = Sampler(export(run, tmp_path / "bundle", distilled=False), steps=3)
+    clip = sampler.sample(sampler.standing(), Condition("walk forward"), 0)
+    assert len(clip) == run.config.window.future
