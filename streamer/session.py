@@ -15,7 +15,7 @@ from flexmotion.contacts import ContactDetector
 from flexmotion.motion import Motion
 from retarget.human import HumanWindow
 from retarget.retargeter import Retargeter
-from streamer.controls import Request
+from streamer.controls import Controls, Request
 from streamer.lead import FixedLead, Kind, Lead, MeasuredLead
 from streamer.live.supervisor import Service, Supervisor
 from streamer.loop import ControlLoop
@@ -26,7 +26,7 @@ from streamer.planning import Planning
 from streamer.record import Collector, RunRecord
 from streamer.sources import Source
 from streamer.targets import TargetMailbox
-from streamer.telemetry import Telemetry
+from streamer.telemetry import Event, Telemetry
 
 _AT_FIRST_S = {Kind.WHOLE: 0.05, Kind.PARTIAL: 0.02, Kind.STOP: 0.02}
 """What plans are taken to cost before any was made [s]."""
@@ -42,7 +42,8 @@ class Session:
         stay: on the real clock: go on standing when the source is over, until somebody asks for the end.
         realtime: on the real clock: ask the system for realtime scheduling.
         progress: called each tick with the time of the source that plays [s].
-        request: asked each tick what an operator wants, if anything.
+        request: asked each tick (on the real clock every 20 ms) what an operator wants, if anything.
+        tell: told of every event as it happens.
         services: what follows the run in processes of their own on the real clock, in this one in lockstep.
     """
 
@@ -56,7 +57,10 @@ class Session:
     realtime: bool = True
     progress: Callable[[float], None] | None = None
     request: Callable[[], Request | None] | None = None
+    tell: Callable[[Event], None] = lambda _event: None
     services: tuple[Service, ...] = ()
+    controls: Controls = field(init=False)
+    """For requests from this process that must be heard on the next tick; a signal handler may use it."""
     telemetry: Telemetry = field(init=False)
     plans: PlanBuffer = field(init=False)
     targets: TargetMailbox = field(init=False)
@@ -69,6 +73,7 @@ class Session:
     def __post_init__(self) -> None:
         robot, rate = self.robot, self.robot.rate_hz
         retargeter = Retargeter(robot, self.settings)
+        self.controls = Controls()
         self.telemetry = Telemetry(robot.n, rate)
         self.plans = PlanBuffer(robot.n, retargeter.layout.size, retargeter.horizon, rate)
         self.targets = TargetMailbox()
@@ -107,10 +112,13 @@ class Session:
                 ending.callback(follow, True)
             loop = self.loop = self.control_loop(self.driver)
             operator = Operator(loop, self.settings, seconds=self.seconds, stay=False)
+            listener = self.controls.listener()
             while not operator.finished:
                 asked = None if self.request is None else self.request()
                 if asked is not None:
                     operator.hear(asked)
+                for heard, reason in listener.heard():
+                    operator.hear(heard, reason)
                 operator.act()
                 if operator.broken is None:
                     try:
@@ -120,7 +128,8 @@ class Session:
                         operator.broken = f"{type(error).__name__}: {error}"
                 loop.tick()
                 self.driver.advance(period)
-                collector.collect()
+                for event in collector.collect():
+                    self.tell(event)
                 for follow in followers:
                     follow(False)
                 if self.progress is not None:
@@ -135,12 +144,13 @@ class Session:
             self.control_loop(driver),
             self._planning(MeasuredLead(self.robot.rate_hz, _AT_FIRST_S)),
             self.settings,
+            self.controls,
             seconds=self.seconds,
             stay=self.stay,
             realtime=self.realtime,
             services=self.services,
         )
-        self.scheduling = supervisor.run(Collector(self.telemetry, self.record), self.request, self.progress)
+        self.scheduling = supervisor.run(Collector(self.telemetry, self.record), self.request, self.progress, self.tell)
         self.memory_mb = supervisor.memory_mb
         return self.record
 

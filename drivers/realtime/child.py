@@ -10,30 +10,32 @@ from collections.abc import Callable
 from multiprocessing.process import BaseProcess
 from typing import Any
 
-_PR_SET_PDEATHSIG = 1
+_PR_SET_PDEATHSIG, _PR_SET_NAME = 1, 15
 _FORK = multiprocessing.get_context("fork")
 """Forked, so that a child has robot, source and shared memory without a name or a copy, within milliseconds."""
 
 
-def start(
-    name: str, target: Callable[..., None], *args: Any, orphaned: signal.Signals = signal.SIGKILL
-) -> BaseProcess:
-    """Start `target(*args)` in a child process.
+def start(name: str, target: Callable[..., None], *args: Any, orphaned: signal.Signals = signal.SIGKILL) -> BaseProcess:
+    """Start `target(*args)` in a child process that `ps` calls `fm-NAME`.
 
     Ctrl-C in a terminal reaches every process of the program; only the one that the user started listens.
 
     Args:
         orphaned: signal that the child gets when this process ends before it.
     """
-    child = _FORK.Process(target=_run, args=(os.getpid(), orphaned, target, args), name=f"flexmotion-{name}")
+    child = _FORK.Process(target=_run, args=(name, os.getpid(), orphaned, target, args), name=f"flexmotion-{name}")
     child.start()
     return child
 
 
-def _run(parent: int, orphaned: signal.Signals, target: Callable[..., None], args: tuple[Any, ...]) -> None:
+def _run(
+    name: str, parent: int, orphaned: signal.Signals, target: Callable[..., None], args: tuple[Any, ...]
+) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, int(orphaned), 0, 0, 0)
+    libc = ctypes.CDLL(None)
+    libc.prctl(_PR_SET_NAME, f"fm-{name}".encode()[:15], 0, 0, 0)
+    libc.prctl(_PR_SET_PDEATHSIG, int(orphaned), 0, 0, 0)
     if os.getppid() != parent:  # it ended before it could be followed
         os.kill(os.getpid(), orphaned)
     target(*args)

@@ -124,7 +124,7 @@ def latency(
     chosen = load_robot(robot)
     stream_settings = load_stream(settings)
     clips = library_of(clip, mapping) if clip else None
-    with operator_signals() as asked, progress_bar(f"{chosen.name} answers") as progress:
+    with operator_signals() as signals, progress_bar(f"{chosen.name} answers") as progress:
         result = measure(
             chosen,
             create("sim", chosen, seed=seed),
@@ -136,7 +136,7 @@ def latency(
             realtime=realtime,
             seed=seed,
             progress=progress,
-            interrupted=lambda: asked.interrupted,
+            interrupted=lambda: signals.interrupted,
         )
     text = json.dumps(result.content(), indent=2)
     if as_json:
@@ -147,7 +147,7 @@ def latency(
         report.mkdir(parents=True, exist_ok=True)
         (report / "latency.json").write_text(text + "\n", encoding="utf-8")
         print_note(f"drawn: {write_latency(report / 'latency.png', result)}")
-    if asked.interrupted:
+    if signals.interrupted:
         raise typer.Exit(INTERRUPTED)
     if not result.ok:
         raise typer.Exit(CHECK_FAILED)

@@ -14,12 +14,16 @@ from streamer.commands.options import (
     LogOption,
     MappingOption,
     PromptOption,
+    RealtimeOption,
+    ReplanNoiseOption,
     ReportOption,
     RobotOption,
     ScriptOption,
     SecondsOption,
     SeedOption,
     SettingsOption,
+    ViewOption,
+    ViewPortOption,
 )
 
 
@@ -32,8 +36,12 @@ def dry_run(
     seconds: SecondsOption = None,
     seed: SeedOption = 0,
     clock: Annotated[
-        Clock, typer.Option(help="lockstep: step by step, as fast as it computes; real: on the wall clock.")
-    ] = "lockstep",
+        Clock | None,
+        typer.Option(
+            help="lockstep: step by step, as fast as it computes; real: on the wall clock.",
+            show_default="lockstep; with --view real",
+        ),
+    ] = None,
     perturb: Annotated[
         list[str] | None,
         typer.Option(
@@ -45,10 +53,14 @@ def dry_run(
     perturbed: Annotated[
         bool, typer.Option("--perturbed", help="The standard mismatch: mass, delay, gains, friction, slope, pushes.")
     ] = False,
+    replan_noise: ReplanNoiseOption = 0.0,
     feedback: FeedbackOption = True,
+    realtime: RealtimeOption = True,
     settings: SettingsOption = None,
     report: ReportOption = None,
     log: LogOption = None,
+    view: ViewOption = False,
+    view_port: ViewPortOption = 8080,
     as_json: JsonOption = False,
 ) -> None:
     """Stream a motion to the simulated robot and report how well it followed.
@@ -60,6 +72,8 @@ def dry_run(
       flexmotion dry-run
 
       flexmotion dry-run --clip walk.bvh --report report
+
+      flexmotion dry-run --clip walk.bvh --view
 
       flexmotion dry-run --clip walk.bvh --perturbed --perturb total_mass=3.5 --seed 4 --json
     """
@@ -82,10 +96,13 @@ def dry_run(
             settings=stream_settings,
             seconds=seconds,
             seed=seed,
-            clock=clock,
+            clock=clock or ("real" if view else "lockstep"),
             feedback=feedback,
+            realtime=realtime,
+            replan_noise_m=replan_noise,
             driver_options=simulation_options(perturbed, perturb or ()),
             log=log_file(log, report),
+            view_port=view_port if view else None,
         )
     )
     present(outcome, report, as_json)

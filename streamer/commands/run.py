@@ -14,11 +14,14 @@ from streamer.commands.options import (
     LogOption,
     MappingOption,
     PromptOption,
+    RealtimeOption,
     ReportOption,
     ScriptOption,
     SecondsOption,
     SeedOption,
     SettingsOption,
+    ViewOption,
+    ViewPortOption,
 )
 
 
@@ -38,19 +41,28 @@ def run(
     option: Annotated[
         list[str] | None, typer.Option("--option", "-o", metavar="KEY=VALUE", help="Option of the driver (repeatable).")
     ] = None,
+    once: Annotated[
+        bool, typer.Option("--once", help="End when the motion is over; --seconds does so too. Else the robot stays.")
+    ] = False,
     feedback: FeedbackOption = True,
+    realtime: RealtimeOption = True,
     settings: SettingsOption = None,
     report: ReportOption = None,
     log: LogOption = None,
+    view: ViewOption = False,
+    view_port: ViewPortOption = 8080,
     as_json: JsonOption = False,
 ) -> None:
-    """Stream a motion to a robot: stand up, follow, stop, park.
+    """Stream a motion to a robot: stand up, follow, then stay standing until told to end.
 
-    Ctrl-C brings the robot to a balanced stop and parks it; a second one ends at once.
+    Ctrl-C or SIGTERM brings the robot to a balanced stop, parks it and ends; a second one ends at once, torque off.
+    SIGUSR1 is a stop (the robot stands), SIGUSR2 an emergency stop (it freezes, then parks, the fault latched).
 
     [bold]Examples[/bold]
 
       flexmotion run --robot op3 --driver sim --clip wave.bvh
+
+      flexmotion run --robot op3 --driver sim --clip walk.bvh --once --report report
     """
     # Heavy imports wait until the command runs: help and completion answer at once.
     from configs.stream import load_stream
@@ -76,8 +88,11 @@ def run(
             seed=seed,
             clock=clock,
             feedback=feedback,
+            stay=clock == "real" and not once and seconds is None,
+            realtime=realtime,
             driver_options=options,
             log=log_file(log, report),
+            view_port=view_port if view else None,
         )
     )
     present(outcome, report, as_json)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 import signal
 import time
-from collections import deque
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -22,16 +22,19 @@ from flexmotion.motion import Motion
 from streamer.commands.options import Clock
 from streamer.commands.output import print_json, print_note, print_result, progress_bar
 from streamer.commands.recording import record_to
-from streamer.controls import Request
+from streamer.controls import Controls, Request
 from streamer.metrics import HumanTrack, RobotFigures
 from streamer.page import write_page
 from streamer.plots import write_plots
 from streamer.record import RunRecord
 from streamer.recorder import Recorder
+from streamer.replan_noise import NoisySource
 from streamer.report import Report, RunInfo, build_report
 from streamer.session import Session, count_human_steps
 from streamer.sources import ClipSource
 from streamer.summary import render
+from streamer.viewer.service import Viewer
+from streamer.telemetry import Event
 
 CHECK_FAILED, INTERRUPTED = 1, 130
 
@@ -43,8 +46,10 @@ class RunRequest:
     Attributes:
         motion: what to follow, at most `seconds` [s] of it.
         stay, realtime: as of `streamer.session.Session`.
+        replan_noise_m: error of every redrawn window at 1 s lookahead [m] (see `streamer.replan_noise`).
         driver_options: fields of the driver's `Options`, without the seed.
         log: file to log to; None: nowhere.
+        view_port: first port to try for the page that shows the run; None: no page.
     """
 
     robot: str
@@ -57,8 +62,10 @@ class RunRequest:
     feedback: bool = True
     stay: bool = False
     realtime: bool = True
+    replan_noise_m: float = 0.0
     driver_options: dict[str, Any] = field(default_factory=dict)
     log: Path | None = None
+    view_port: int | None = None
 
 
 @dataclass(frozen=True)
@@ -79,7 +86,6 @@ def stream(request: RunRequest) -> Outcome:
     Raises:
         ConfigError: robot, driver or an option is unknown.
         DriverError: the driver failed.
-        KeyboardInterrupt: interrupted twice; the driver has been closed.
     """
     robot = load_robot(request.robot)
     source = ClipSource(request.motion)
@@ -89,7 +95,7 @@ def stream(request: RunRequest) -> Outcome:
     seeded = {"seed": request.seed} if request.driver == "sim" else {}
     driver = create(request.driver, robot, **options, **seeded)
     title = f"{robot.name} follows {request.motion.source}"
-    with operator_signals() as asked, progress_bar(title) as progress:
+    with operator_signals() as signals, progress_bar(title) as progress:
 
         def show(source_s: float) -> None:
             if math.isfinite(source_s):
@@ -98,15 +104,20 @@ def stream(request: RunRequest) -> Outcome:
         session = Session(
             robot,
             driver,
-            played,
+            NoisySource(played, request.replan_noise_m, request.seed) if request.replan_noise_m else played,
             request.settings,
-            seconds,
+            None if request.stay else seconds,
             feedback=request.feedback,
             stay=request.stay,
             realtime=request.realtime,
             progress=show,
-            request=asked.next,
+            tell=partial(_tell, request.stay),
         )
+        signals.pass_to(session.controls)
+        if request.view_port is not None:
+            viewer = Viewer(robot, session.telemetry, port=request.view_port)
+            session.services += (viewer,)
+            print_note(f"view: {viewer.url}")
         recorder = None if request.log is None else _recorder(request, session, robot)
         begin = time.perf_counter()
         try:
@@ -117,9 +128,6 @@ def stream(request: RunRequest) -> Outcome:
                 print_note(f"log: {logged}")
         elapsed = time.perf_counter() - begin
     record.human_steps = count_human_steps(played.motion, session.planner.retargeter)
-    for event in record.events:
-        if event.kind in ("warning", "note"):
-            print_note(f"{event.kind}: {event.message}")
     figures = RobotFigures.of(robot, request.motion.body.leg)
     info = RunInfo(
         robot=robot.name,
@@ -127,7 +135,7 @@ def stream(request: RunRequest) -> Outcome:
         source=request.motion.source,
         seed=request.seed,
         clock=request.clock,
-        options=options | ({} if request.feedback else {"feedback": False}),
+        options=options | _unusual(request),
         elapsed_s=elapsed,
         realtime=session.scheduling,
         missed_allowed=request.settings.budgets.missed_deadlines,
@@ -135,7 +143,19 @@ def stream(request: RunRequest) -> Outcome:
         log=logged,
     )
     report = build_report(record, info, figures, human=HumanTrack.of(played.motion))
-    return Outcome(robot, played.motion, figures, record, report, asked.interrupted)
+    return Outcome(robot, played.motion, figures, record, report, signals.interrupted)
+
+
+def _tell(states: bool, event: Event) -> None:
+    """Say on stderr what has happened; changes of state where the robot stays."""
+    if event.kind != "state" or states:
+        print_note(f"{event.kind}: {event.message}")
+
+
+def _unusual(request: RunRequest) -> dict[str, Any]:
+    """What was set otherwise than usual, for the report."""
+    unusual: dict[str, Any] = {} if request.feedback else {"feedback": False}
+    return unusual | ({"replan_noise_m": request.replan_noise_m} if request.replan_noise_m else {})
 
 
 def _recorder(request: RunRequest, session: Session, robot: Robot) -> Recorder:
@@ -182,24 +202,33 @@ class OperatorSignals:
 
     def __init__(self) -> None:
         self.interrupted = False
-        self._asked: deque[Request] = deque()
+        self._controls: Controls | None = None
+        self._early: list[Request] = []
 
-    def next(self) -> Request | None:
-        """The oldest request not taken yet."""
-        return self._asked.popleft() if self._asked else None
+    def pass_to(self, controls: Controls) -> None:
+        """From now on signals are asked of a run; those before are asked now."""
+        self._controls = controls
+        for request in self._early:
+            controls.ask(request)
 
     def hear(self, number: int, _frame: FrameType | None) -> None:
         """Signal handler."""
         if number == signal.SIGUSR1:
-            self._asked.append(Request.STOP)
+            self._ask(Request.STOP)
         elif number == signal.SIGUSR2:
-            self._asked.append(Request.ESTOP)
+            self._ask(Request.ESTOP)
         elif self.interrupted:
-            self._asked.append(Request.QUIT)
+            self._ask(Request.QUIT)
         else:
             self.interrupted = True
-            self._asked.append(Request.END)
+            self._ask(Request.END)
             print_note("stopping: the robot comes to a stand and parks; once more to cut this short")
+
+    def _ask(self, request: Request) -> None:
+        if self._controls is None:
+            self._early.append(request)
+        else:
+            self._controls.ask(request)
 
 
 @contextmanager

@@ -24,6 +24,7 @@ from streamer.loop import ControlLoop
 from streamer.operator import Operator
 from streamer.planning import Planning
 from streamer.record import Collector
+from streamer.telemetry import Event
 
 _LOOK_S = 0.02
 """How often it looks after everybody [s]."""
@@ -67,6 +68,7 @@ class Supervisor:
         loop: ControlLoop,
         planning: Planning,
         settings: StreamSettings,
+        controls: Controls,
         *,
         seconds: float | None,
         stay: bool,
@@ -76,7 +78,7 @@ class Supervisor:
         self.loop, self.planning, self.realtime = loop, planning, realtime
         self.operator = Operator(loop, settings, seconds=seconds, stay=stay)
         self.services = services
-        self.controls, self.planner_controls = Controls(), Controls()
+        self.outside_controls, self.controls, self.planner_controls = controls, Controls(), Controls()
         self.heartbeat = Heartbeat()
         self._silent = False
         self.memory_mb: tuple[float, float] | None = None
@@ -87,6 +89,7 @@ class Supervisor:
         collector: Collector,
         request: Callable[[], Request | None] | None,
         progress: Callable[[float], None] | None,
+        tell: Callable[[Event], None],
     ) -> Scheduling:
         """Run to the end.
 
@@ -117,7 +120,7 @@ class Supervisor:
             loop_process.serve,
             self.loop,
             self.operator,
-            [self.controls, self.planner_controls],
+            [self.outside_controls, self.controls, self.planner_controls],
             self.realtime,
             mouth,
             orphaned=signal.SIGTERM,
@@ -132,10 +135,12 @@ class Supervisor:
                 self._look_after_planner(planner)
                 self._look_after(running)
                 self._measure_memory(loop)
-                collector.collect()
+                for event in collector.collect():
+                    tell(event)
                 if progress is not None and collector.record.used:
                     progress(float(collector.record.source_s[-1]))
-            collector.collect()
+            for event in collector.collect():
+                tell(event)
             return _outcome(loop, ears)
         finally:
             for process in (loop, planner):

@@ -1,0 +1,88 @@
+"""What dies, stops or jumps in the middle of a walk, and what becomes of the robot."""
+
+from __future__ import annotations
+
+import signal
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from streamer.controls import Request
+from streamer.ladder import State
+
+Live = Callable[..., Any]
+Send = Callable[..., Any]
+Ask = Callable[..., Any]
+
+MID_WALK = 1.9
+"""Seconds after the first plan at which a foot is in the air, or nearly."""
+
+
+@pytest.mark.parametrize("at", [0.4, MID_WALK, 2.6])
+def test_a_planner_that_is_killed_leaves_a_robot_that_stands(live: Live, send: Send, at: float) -> None:
+    run = live([(at, send(signal.SIGKILL, "fm-planner"))])
+    assert State.HOLD in run.states and State.DAMPED not in run.states
+    # Ended by an operator: it stood until then.
+    assert run.states[-3:] == [State.HOLD, State.PARK, State.OFF] and run.upright
+    assert run.told("fault") == ["the planner's process died (signal 9)"]
+    assert run.record.underruns == 1 and run.record.violations_sent == 0
+
+
+def test_a_planner_that_is_stopped_and_goes_on_is_used_again(live: Live, send: Send) -> None:
+    run = live(
+        [(0.9, send(signal.SIGSTOP, "fm-planner")), (4.5, send(signal.SIGCONT, "fm-planner"))],
+        end_s=4.0,
+    )
+    assert run.told("fault") == ["the planner has not moved for 0.6 s"]
+    assert "the planner moves again" in run.told("note")
+    walked = [State.STREAMING, State.HOLD, State.STREAMING, State.HOLD, State.PARK, State.OFF]
+    assert run.states[-6:] == walked and run.upright
+    assert run.record.violations_sent == 0
+
+
+def test_a_run_that_should_end_by_itself_does_not_wait_for_a_dead_planner(live: Live, send: Send) -> None:
+    run = live([(MID_WALK, send(signal.SIGKILL, "fm-planner"))], stay=False, end_s=60.0)
+    assert run.states[-2:] == [State.PARK, State.FAULT] and run.upright
+    assert any("no plan for 5 s" in message for message in run.told("fault"))
+
+
+def test_a_robot_that_dies_is_a_fault_within_200_ms(live: Live, send: Send) -> None:
+    run = live([(MID_WALK, send(signal.SIGKILL, "fm-robot"))])
+    assert run.states[-1] is State.FAULT
+    assert run.ticks_until(State.FAULT) <= 0.2 * run.record.rate_hz
+    assert any("no joint has answered" in message for message in run.told("fault"))
+
+
+def test_an_emergency_stop_freezes_the_goals_within_two_periods(live: Live, ask: Ask) -> None:
+    run = live([(MID_WALK, ask(Request.ESTOP))])
+    after = np.flatnonzero(run.record.stamp_ns > run.acted_ns[0])
+    frozen = run.record.q_cmd[after[1] : after[1] + 40]
+    np.testing.assert_array_equal(frozen, np.broadcast_to(frozen[0], frozen.shape))
+    assert run.states[-3:] == [State.HOLD, State.PARK, State.FAULT] and run.upright
+    assert run.told("fault")[0].endswith("e-stop: frozen by an operator")
+
+
+def test_a_stop_in_mid_walk_ends_standing(live: Live, ask: Ask) -> None:
+    run = live([(MID_WALK, ask(Request.STOP))])
+    assert run.states[-4:] == [State.STREAMING, State.HOLD, State.PARK, State.OFF] and run.upright
+    assert run.seconds_until(State.HOLD) < 2.5
+    assert run.told("fault") == [] and run.record.underruns == 0
+
+
+def test_a_wall_clock_that_jumps_by_an_hour_changes_nothing(
+    live: Live, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An hour forward, then an hour back, in every process: nothing that moves the robot looks at that clock."""
+    real, begin = time.time, time.monotonic()
+
+    def jumping() -> float:
+        return real() + (3600.0 if int(time.monotonic() - begin) % 2 else -3600.0)
+
+    monkeypatch.setattr(time, "time", jumping)
+    monkeypatch.setattr(time, "time_ns", lambda: int(jumping() * 1e9))
+    run = live([(3.0, lambda _session: None)], end_s=1.5)
+    assert run.states == [State.READY, State.STREAMING, State.HOLD, State.PARK, State.OFF] and run.upright
+    assert run.told("fault") == [] and run.record.underruns == 0
