@@ -59,4 +59,9 @@ ReplanNoiseOption = Annotated[
         help="Every plan's human motion is redrawn with an error that grows to this in a second, as a live model's is.",
     ),
 ]
+ViewOption = Annotated[bool, typer.Option("--view/--no-view", help="Show the run in the browser while it runs.")]
+ViewPortOption = Annotated[
+    int,
+    typer.Option("--view-port", min=1, max=65535, help="Port of that page on this machine, or the next free one."),
+]
 FeedbackOption = Annotated[bool, typer.Option("--feedback/--no-feedback", help="Balance feedback.")]

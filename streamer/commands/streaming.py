@@ -33,8 +33,8 @@ from streamer.report import Report, RunInfo, build_report
 from streamer.session import Session, count_human_steps
 from streamer.sources import ClipSource
 from streamer.summary import render
-from streamer.viewer.service import Viewer
 from streamer.telemetry import Event
+from streamer.viewer.service import Viewer
 
 CHECK_FAILED, INTERRUPTED = 1, 130
 

@@ -150,13 +150,16 @@ class Path:
         )
         self._points: deque[Float] = deque(maxlen=_PATH_KEPT)
 
-    def reach(self, base: Float) -> None:
-        """Go on to the torso's position `base`, (3,) [m]."""
-        place = np.array([base[0], base[1], _PATH_Z])
-        if self._points and np.linalg.norm(place - self._points[-1]) < _PATH_STEP:
-            return
-        self._points.append(place)
-        if len(self._points) > 1:
+    def take(self, rows: Row) -> None:
+        """Follow rows (k,): the torso where it is known, else where it is planned."""
+        base = np.where(np.isfinite(rows["true_base"]), rows["true_base"], rows["base_ref"])[:, :2]
+        grown = False
+        for x, y in base[np.isfinite(base).all(axis=1)]:
+            place = np.array([x, y, _PATH_Z])
+            if not self._points or np.linalg.norm(place - self._points[-1]) >= _PATH_STEP:
+                self._points.append(place)
+                grown = True
+        if grown and len(self._points) > 1:
             way = np.array(self._points, np.float32)
             self.line.points = np.stack([way[:-1], way[1:]], axis=1)
             self.line.visible = True

@@ -102,11 +102,11 @@ class Page:
         known = self.is_pose.show(row)
         if known:
             self.measured.update()
-            self.path.reach(self.is_pose.base[:3])
             self._move_world(elapsed_s)
         self.planned.root.visible = self.plan_pose.show(row) and self._shows_plan
         if self.planned.root.visible:
             self.planned.update()
+        self.path.take(rows)
         self.footprints.take(rows)
         self.footprints.show(row)
         self.balance.show(row, self.is_pose.com if known else None)
