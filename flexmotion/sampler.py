@@ -94,7 +94,14 @@ class Sampler:
         Raises:
             ValueError: the history is empty, or has another frame rate or body.
         """
-        return self._decoded(self._latent(self._remember(history), condition, seed), history)
+        features = self.features(history, condition, seed)
+        return decode(features, self.layout, self.body, Anchor.after(history), source=self._source)
+
+    def features(self, history: Motion, condition: Condition, seed: int) -> Float32:
+        """Features of what `sample` makes, not normalised, (W, layout.size)."""
+        latent = self._latent(self._remember(history), condition, seed)
+        (frames,) = self._decoder.run(None, {"latent": latent, "history": self._inputs["history"][:1]})
+        return self._statistics.restore(frames[0])
 
     def _remember(self, history: Motion) -> Float32:
         """Normalised features of the history, (1, H, F)."""
@@ -145,11 +152,6 @@ class Sampler:
     def prompt(self, text: str | None) -> Prompt:
         """What a text means; standing still for None."""
         return self.reader.idle if text is None else self.read(text)
-
-    def _decoded(self, latent: Float32, history: Motion) -> Motion:
-        (frames,) = self._decoder.run(None, {"latent": latent, "history": self._inputs["history"][:1]})
-        features = self._statistics.restore(frames[0])
-        return decode(features, self.layout, self.body, Anchor.after(history), source=self._source)
 
     @property
     def _source(self) -> str:

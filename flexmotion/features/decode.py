@@ -101,22 +101,47 @@ def _continuous(quaternion: Float) -> Float:
     return quaternion * np.concatenate([[1.0], np.where(np.cumsum(flips) % 2, -1.0, 1.0)])[: len(quaternion), None]
 
 
+def pressure_centres(features: NDArray, layout: Layout, motion: Motion) -> Float:
+    """Centres of pressure on the floor that the moments of a decoded motion's wrenches are about, (T, 2, 3) [m].
+
+    Below the ankle where a foot carries next to nothing.
+
+    Args:
+        features: that the motion was decoded from, (T, layout.size).
+        layout: of the features.
+        motion: decoded.
+    """
+    values = np.asarray(features, np.float64)
+    yaw = continuous_heading(Rotation.from_quat(motion.root_quaternion, scalar_first=True).as_matrix())
+    leg, weight = motion.body.leg, motion.body.mass * GRAVITY
+    ankles = turned(_ankles(values, layout), yaw) * leg + (motion.root_position * [1.0, 1.0, 0.0])[:, None]
+    force, moment, height = _ankle_wrenches(values, layout, yaw, weight, leg)
+    return ankles + _levers(force, moment, height, weight)
+
+
 def _wrenches(values: Float, layout: Layout, yaw: Float, weight: float, leg: float) -> Float:
     """Ground reaction about the centres of pressure, world axes, (T, 2, 6)."""
-    frames = len(values)
-    parts = values[:, layout.blocks["wrenches"]].reshape(frames, 2, 2, 3)
+    force, moment, height = _ankle_wrenches(values, layout, yaw, weight, leg)
+    return np.concatenate([force, moment - np.cross(_levers(force, moment, height, weight), force)], axis=-1)
+
+
+def _ankle_wrenches(values: Float, layout: Layout, yaw: Float, weight: float, leg: float) -> tuple[Float, Float, Float]:
+    """Forces and moments about the ankles, world axes, (T, 2, 3) each, and heights of the ankles, (T, 2)."""
+    parts = values[:, layout.blocks["wrenches"]].reshape(len(values), 2, 2, 3)
     force, moment = turned(parts[:, :, 0], yaw) * weight, turned(parts[:, :, 1], yaw) * (weight * leg)
-    places = values[:, layout.blocks["positions"]].reshape(frames, len(POINTS), 3)
-    height = places[:, [POINTS.index(f"ankle_{side}") for side in SIDES], 2] * leg
-    # Centre of pressure relative to the ankle, on the floor: where the moment has no part in the floor's plane.
+    return force, moment, _ankles(values, layout)[..., 2] * leg
+
+
+def _ankles(values: Float, layout: Layout) -> Float:
+    """In the heading frame, (T, 2, 3) [leg]."""
+    places = values[:, layout.blocks["positions"]].reshape(len(values), len(POINTS), 3)
+    return places[:, [POINTS.index(f"ankle_{side}") for side in SIDES]]
+
+
+def _levers(force: Float, moment: Float, height: Float, weight: float) -> Float:
+    """Centres of pressure relative to the ankles: on the floor, where the moment has no part in the floor's plane."""
     firm = force[..., 2] > FIRM * weight
     load = np.where(firm, force[..., 2], 1.0)
-    lever = np.stack(
-        [
-            np.where(firm, (-moment[..., 1] - height * force[..., 0]) / load, 0.0),
-            np.where(firm, (moment[..., 0] - height * force[..., 1]) / load, 0.0),
-            -height,
-        ],
-        axis=-1,
-    )
-    return np.concatenate([force, moment - np.cross(lever, force)], axis=-1)
+    x = np.where(firm, (-moment[..., 1] - height * force[..., 0]) / load, 0.0)
+    y = np.where(firm, (moment[..., 0] - height * force[..., 1]) / load, 0.0)
+    return np.stack([x, y, -height], axis=-1)

@@ -13,11 +13,11 @@ from flexmotion.training.transformer import Stack, parameter
 class Patches(nn.Module):
     """Frames to tokens: each modality has its own map of `patch` frames into the token, and these add up."""
 
-    def __init__(self, layout: Layout, patch: int, width: int) -> None:
+    def __init__(self, blocks: dict[str, slice], patch: int, width: int) -> None:
         super().__init__()
-        self.patch, self.blocks = patch, layout.blocks
+        self.patch, self.blocks = patch, blocks
         self.maps = nn.ModuleDict(
-            {name: nn.Linear(patch * (cut.stop - cut.start), width) for name, cut in layout.blocks.items()}
+            {name: nn.Linear(patch * (cut.stop - cut.start), width) for name, cut in blocks.items()}
         )
 
     def forward(self, frames: Tensor) -> Tensor:
@@ -34,11 +34,11 @@ class Patches(nn.Module):
 class Frames(nn.Module):
     """Tokens to frames: each modality is read from the token by its own map."""
 
-    def __init__(self, layout: Layout, patch: int, width: int) -> None:
+    def __init__(self, blocks: dict[str, slice], patch: int, width: int) -> None:
         super().__init__()
         self.patch = patch
         self.maps = nn.ModuleDict(
-            {name: nn.Linear(width, patch * (cut.stop - cut.start)) for name, cut in layout.blocks.items()}
+            {name: nn.Linear(width, patch * (cut.stop - cut.start)) for name, cut in blocks.items()}
         )
 
     def forward(self, tokens: Tensor) -> Tensor:
@@ -61,17 +61,17 @@ class Autoencoder(nn.Module):
         self.latent = config.latent
         self.past, ahead = window.history // window.patch, window.future // window.patch
         width = config.encoder.width
-        self.read = Patches(layout, window.patch, width)
+        self.read = Patches(layout.blocks, window.patch, width)
         self.encoder_place = parameter(1, self.past + ahead, width)
         self.summary = parameter(1, 1, width)
         self.encoder = Stack(config.encoder)
         self.distribution = nn.Linear(width, 2 * config.latent)
         width = config.decoder.width
-        self.recall = Patches(layout, window.patch, width) if self.past else None
+        self.recall = Patches(layout.blocks, window.patch, width) if self.past else None
         self.unfold = nn.Linear(config.latent, width)
         self.decoder_place = parameter(1, 1 + self.past + ahead, width)
         self.decoder = Stack(config.decoder)
-        self.write = Frames(layout, window.patch, width)
+        self.write = Frames(layout.blocks, window.patch, width)
 
     def encode(self, history: Tensor, future: Tensor) -> tuple[Tensor, Tensor]:
         """Mean and logarithm of the variance of the latent, (N, latent) each, of normalised features."""

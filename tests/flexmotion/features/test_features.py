@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from flexmotion.biomechanics.dynamics import dynamics
 from flexmotion.body import Body
-from flexmotion.features.decode import Anchor, decode
+from flexmotion.features.decode import Anchor, decode, pressure_centres
 from flexmotion.features.encode import LEAD, encode
 from flexmotion.features.joint_groups import BALL_COLUMNS, BALLS, ball_angles, ball_matrices, matrix, six
 from flexmotion.features.layout import Layout
@@ -51,6 +51,8 @@ def test_dynamics_come_back(clip: Motion) -> None:
     assert back.wrenches[loaded][:, 3:5] == pytest.approx(0.0, abs=1e-6)
     assert back.wrenches[loaded][:, 5] == pytest.approx(motion.wrenches[1:][loaded][:, 5], abs=0.5)
     np.testing.assert_array_equal(back.contacts, motion.contacts[1:])
+    centres = pressure_centres(encode(motion, layout, found.centres)[1:], layout, back)
+    assert centres[loaded] == pytest.approx(found.centres[1:][loaded], abs=1e-3)
 
 
 def test_features_do_not_depend_on_where_it_is(clip: Motion, layout: Layout) -> None:

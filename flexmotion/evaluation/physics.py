@@ -1,0 +1,51 @@
+"""Metrics on the physics of a motion: do its torques, forces and activations belong to how it moves?"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexmotion.biomechanics.dynamics import dynamics
+from flexmotion.biomechanics.inverse_dynamics import GRAVITY, joint_torques
+from flexmotion.biomechanics.segment_motion import segment_motion
+from flexmotion.motion import Motion
+from flexmotion.skeleton import JOINTS
+
+Float = NDArray[np.float64]
+
+
+def physics_metrics(motion: Motion, centres: Float) -> dict[str, float]:
+    """How far a motion's dynamics are from its kinematics.
+
+    Keys: `contact_force`, mean distance of the forces from those recomputed from the kinematics [% of body weight];
+    `actuation`, mean distance of the torques from inverse dynamics under the motion's own forces [N·m/kg];
+    `euler_force`, `euler_moment`, what the root would have to be held with [% of body weight, N·m/kg];
+    `muscle_limit`, share of muscle-frames beyond [0, 1] [%], absent without activations.
+
+    Args:
+        motion: with torques and wrenches.
+        centres: what the wrenches' moments are about, (T, 2, 3) [m].
+
+    Raises:
+        ValueError: it has no torques or wrenches.
+    """
+    if motion.torques is None or motion.wrenches is None:
+        raise ValueError("physics metrics need torques and wrenches")
+    body, weight = motion.body, motion.body.mass * GRAVITY
+    needed = joint_torques(body, segment_motion(motion), motion.wrenches, centres)
+    expected = dynamics(motion).motion.wrenches
+    assert expected is not None
+    figures = {
+        "contact_force": 100 * _mean(motion.wrenches[..., :3] - expected[..., :3]) / weight,
+        "actuation": float(np.abs(motion.torques[:, -len(JOINTS) :] - needed[:, -len(JOINTS) :]).mean()) / body.mass,
+        "euler_force": 100 * _mean(needed[:, :3]) / weight,
+        "euler_moment": _mean(needed[:, 3:6]) / body.mass,
+    }
+    if motion.activations is not None:
+        beyond = (motion.activations < 0) | (motion.activations > 1)
+        figures["muscle_limit"] = 100 * float(beyond.mean())
+    return figures
+
+
+def _mean(vectors: Float) -> float:
+    return float(np.linalg.norm(vectors, axis=-1).mean())

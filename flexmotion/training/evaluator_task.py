@@ -1,0 +1,82 @@
+"""The evaluator's stage: a window and its sentence near each other, others apart."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import torch
+from torch import Tensor
+from torch.nn.functional import cross_entropy
+
+from configs.model import ModelConfig
+from flexmotion.evaluation.embeddings import r_precision
+from flexmotion.training.conditions import Sentences, describe
+from flexmotion.training.evaluator import Evaluator
+from flexmotion.training.feature_store import FeatureStore
+from flexmotion.training.losses import Reconstruction
+from flexmotion.training.processes import Processes
+from flexmotion.training.windows import WindowSet
+
+ALIKE = 0.9
+"""Sentences with a greater cosine are not held apart: they say the same (Petrovich et al., TMR, ICCV 2023)."""
+
+VALIDATION = 512
+
+
+class EvaluatorTask:
+    """See `stage.Task`.
+
+    Args:
+        config: of the model.
+        store: features of the set.
+        encode: sentence to embedding.
+        seed: of the weights and of all that is drawn.
+        processes: that train.
+    """
+
+    def __init__(
+        self,
+        config: ModelConfig,
+        store: FeatureStore,
+        encode: Callable[[str], np.ndarray],
+        seed: int,
+        processes: Processes,
+    ) -> None:
+        torch.manual_seed(seed)
+        self.config, self.store, self.seed, self.processes = config, store, seed, processes
+        self.network = Evaluator(config.evaluator, config.window, store.layout, config.diffusion.text)
+        self.network.to(processes.device)
+        self._sentences = Sentences(store.clips, encode)
+        self._restore = Reconstruction(store.layout, store.statistics, config.losses).restore
+        self._training, self._held_out = (WindowSet(store, config.window, split) for split in ("train", "validation"))
+
+    def losses(self, step: int) -> tuple[Tensor, dict[str, Tensor]]:
+        """See `stage.Task`."""
+        key = (self.seed, 51, step, self.processes.rank)
+        motion, said, alike = self._embedded(self._training, key, self.config.stages.evaluator.batch)
+        logits = motion @ said.T / self.config.evaluator.temperature
+        # On the diagonal every sentence is like itself.
+        logits = logits.masked_fill(alike & ~torch.eye(len(logits), dtype=torch.bool, device=logits.device), -1e4)
+        wanted = torch.arange(len(logits), device=logits.device)
+        loss = 0.5 * (cross_entropy(logits, wanted) + cross_entropy(logits.T, wanted))
+        return loss, {"contrast": loss}
+
+    def _embedded(self, windows: WindowSet, key: tuple[int, ...], batch: int) -> tuple[Tensor, Tensor, Tensor]:
+        """Embeddings of motions and of their sentences, and which sentences say the same."""
+        found = windows.draw((*key, 0), batch)
+        conditions = describe(
+            self.store, self._sentences, self._restore(found.future), found.clip, (*key, 1), (0.0, 1.0)
+        )
+        told = conditions.present[:, 0] > 0
+        device = self.processes.device
+        future, sentence = found.future[told].to(device), conditions.sentence[told].to(device)
+        with self.processes.mixed_precision():
+            motion, said = self.network.motion(future), self.network.sentence(sentence)
+        return motion.float(), said.float(), sentence @ sentence.T > ALIKE
+
+    def validate(self) -> dict[str, float]:
+        """Loss and R-precision in batches of 32."""
+        motion, said, _ = self._embedded(self._held_out, (self.seed, 52), VALIDATION)
+        precision = r_precision(motion.cpu().numpy(), said.cpu().numpy(), np.random.default_rng(self.seed))
+        return {"loss": -precision[2], **{f"top{k + 1}": value for k, value in enumerate(precision)}}
