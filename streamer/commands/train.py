@@ -13,6 +13,7 @@ from streamer.commands.options import JsonOption
 from streamer.commands.output import print_json, print_note, print_result, progress_bar
 
 if TYPE_CHECKING:
+    from flexmotion.text.sentence_encoder import SentenceEncoder
     from flexmotion.training.diffusion_task import DiffusionTask
     from flexmotion.training.run import Run
     from flexmotion.training.stage import Task
@@ -142,8 +143,38 @@ def distill(
     _train(run, "distill", DistillationTask(run.config, teacher, run.seed), steps, minutes, as_json)
 
 
-def _diffusion_task(run: Run) -> DiffusionTask:
+@train.command()
+def evaluator(
+    out: OutOption,
+    steps: StepsOption = None,
+    minutes: MinutesOption = None,
+    threads: ThreadsOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Train the evaluator, by which `evaluate` compares motions and sentences; needs text.
+
+    [bold]Examples[/bold]
+
+      flexmotion train evaluator -o training
+    """
+    run = _run(out, None, None, threads)
+    from flexmotion.training.evaluator_task import EvaluatorTask
+    from flexmotion.training.processes import Processes
+
+    task = EvaluatorTask(run.config, run.store(), _encoder(run), run.seed, Processes())
+    _train(run, "evaluator", task, steps, minutes, as_json)
+
+
+def _encoder(run: Run) -> SentenceEncoder:
+    """The run's own sentence encoder."""
     from flexmotion.text.sentence_encoder import NETWORK, SentenceEncoder
+
+    if not (run.stage("text") / NETWORK).is_file():
+        raise ConfigError(f"{run.stage('text')}: not there; run 'flexmotion train text' first")
+    return SentenceEncoder(run.stage("text"))
+
+
+def _diffusion_task(run: Run) -> DiffusionTask:
     from flexmotion.training.autoencoder import Autoencoder
     from flexmotion.training.diffusion_task import DiffusionTask
     from flexmotion.training.processes import Processes
@@ -151,10 +182,7 @@ def _diffusion_task(run: Run) -> DiffusionTask:
 
     autoencoder = Autoencoder(run.config.autoencoder, run.config.window, run.layout)
     load_weights(autoencoder, run.stage("autoencoder"))
-    if not (run.stage("text") / NETWORK).is_file():
-        raise ConfigError(f"{run.stage('text')}: not there; run 'flexmotion train text' first")
-    encode = SentenceEncoder(run.stage("text"))
-    return DiffusionTask(run.config, run.store(), autoencoder, encode, run.seed, Processes())
+    return DiffusionTask(run.config, run.store(), autoencoder, _encoder(run), run.seed, Processes())
 
 
 def _run(out: Path, config: str | None, seed: int | None, threads: int | None) -> Run:
