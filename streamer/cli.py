@@ -20,8 +20,10 @@ from streamer.commands.data import data
 from streamer.commands.drivers import drivers
 from streamer.commands.dry_run import dry_run
 from streamer.commands.emulate import emulate
+from streamer.commands.evaluate import evaluate
 from streamer.commands.export import export
 from streamer.commands.log import log
+from streamer.commands.personalize import personalize
 from streamer.commands.retarget import retarget
 from streamer.commands.robots import robots
 from streamer.commands.run import run
@@ -46,6 +48,8 @@ app.add_typer(data, name="data")
 app.command("emulate")(emulate)
 app.add_typer(log, name="log")
 app.add_typer(train, name="train")
+app.command("personalize")(personalize)
+app.command("evaluate")(evaluate)
 app.command("export")(export)
 app.command("robots")(robots)
 app.command("drivers")(drivers)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -31,19 +31,27 @@ NONE = -1
 
 @dataclass(frozen=True)
 class Conditions:
-    """Of N windows: sentence embeddings (N, D), velocities (N, 3), and which are present (N, 2)."""
+    """What N windows are told.
 
+    Attributes:
+        row: of the sentence among `Sentences.texts`, (N,); `NONE` for none.
+        sentence: embeddings, (N, D).
+        velocity: (N, 3) [leg/s, rad/s].
+        present: which of the two are told, (N, 2), 1 or 0.
+    """
+
+    row: np.ndarray
     sentence: Tensor
     velocity: Tensor
     present: Tensor
 
     def to(self, device: torch.device) -> Conditions:
         """On another device."""
-        return Conditions(self.sentence.to(device), self.velocity.to(device), self.present.to(device))
+        return Conditions(self.row, self.sentence.to(device), self.velocity.to(device), self.present.to(device))
 
     def without_sentence(self) -> Conditions:
         """The same with no sentence."""
-        return Conditions(self.sentence, self.velocity, self.present * self.present.new_tensor([0.0, 1.0]))
+        return replace(self, present=self.present * self.present.new_tensor([0.0, 1.0]))
 
 
 class Sentences:
@@ -52,9 +60,10 @@ class Sentences:
     Args:
         clips: of the store.
         encode: sentence to embedding.
+        manner: what is said behind every sentence of motion that a clip shows.
     """
 
-    def __init__(self, clips: Iterable[StoredClip], encode: Callable[[str], np.ndarray]) -> None:
+    def __init__(self, clips: Iterable[StoredClip], encode: Callable[[str], np.ndarray], manner: str = "") -> None:
         self._number: dict[str, int] = {}
         cache: dict[tuple, tuple[np.ndarray, np.ndarray]] = {}
         self._plain: list[np.ndarray] = []
@@ -64,7 +73,7 @@ class Sentences:
             kind, style, captions = clip_kind(clip), clip.labels.get("style", ""), clip_captions(clip)
             key = (kind, style, captions)
             if key not in cache:
-                plain = [*wordings(kind), *captions]
+                plain = [f"{said} {manner}".strip() for said in (*wordings(kind), *captions)] or [manner] * bool(manner)
                 cache[key] = self._rows(plain), self._rows(said for text in plain for said in styled(text, style))
             self._plain.append(cache[key][0])
             self._styled.append(cache[key][1])
@@ -74,6 +83,11 @@ class Sentences:
 
     def _rows(self, texts: Iterable[str]) -> np.ndarray:
         return np.array([self._number.setdefault(text, len(self._number)) for text in texts], np.intp)
+
+    @property
+    def texts(self) -> tuple[str, ...]:
+        """Every sentence, in the order of `embeddings`."""
+        return tuple(self._number)
 
     def draw(self, rng: np.random.Generator, clips: np.ndarray, still: np.ndarray, straight: np.ndarray) -> np.ndarray:
         """A sentence for each window, (N,); `NONE` where nothing is known.
@@ -143,6 +157,7 @@ def describe(
     said = (rows != NONE) & (rng.random(len(rows)) >= drop[0])
     moved = rng.random(len(rows)) >= drop[1]
     return Conditions(
+        row=rows,
         sentence=sentences.embeddings[torch.from_numpy(np.maximum(rows, 0))],
         velocity=velocity,
         present=torch.from_numpy(np.stack([said, moved], axis=1).astype(np.float32)),

@@ -100,6 +100,8 @@ class DiffusionTask:
         encode: sentence to embedding.
         seed: of the weights and of all that is drawn.
         processes: that train.
+        manner: what is said behind every sentence.
+        held_out: split that validation looks at.
     """
 
     def __init__(
@@ -110,15 +112,17 @@ class DiffusionTask:
         encode: Callable[[str], np.ndarray],
         seed: int,
         processes: Processes,
+        manner: str = "",
+        held_out: str = "validation",
     ) -> None:
         torch.manual_seed(seed)
         self.config, self.seed, self.processes = config, seed, processes
         self.autoencoder = autoencoder.to(processes.device).eval().requires_grad_(False)
         self.noise = NoiseSchedule(config.diffusion.steps, processes.device)
         self.network = Denoiser(config.diffusion, config.window, store.layout, autoencoder.latent).to(processes.device)
-        sentences = Sentences(store.clips, encode)
+        sentences = Sentences(store.clips, encode, manner)
         self.training, self.held_out = (
-            LatentSet(config, store, split, self.autoencoder, sentences, processes) for split in ("train", "validation")
+            LatentSet(config, store, split, self.autoencoder, sentences, processes) for split in ("train", held_out)
         )
         self._measure_latents()
         windows = self.held_out.draw((seed, 21), VALIDATION).to(processes.device)

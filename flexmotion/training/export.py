@@ -132,6 +132,7 @@ def export(run: Run, folder: Path, *, distilled: bool, body: Body | None = None,
 def _arrays(run: Run, store: FeatureStore, layout: Layout, steps: int) -> dict[str, np.ndarray]:
     encode = SentenceEncoder(run.stage("text"))
     said = [(kind, wording) for kind in kinds() for wording in wordings(kind)]
+    said += [("personal", wording) for wording in run.personal_wordings()]
     return {
         **asdict(store.statistics),
         "kept": NoiseSchedule(steps).kept.numpy(),

@@ -19,6 +19,8 @@ from flexmotion.features.layout import Layout
 from flexmotion.training.feature_store import FeatureStore, build_store
 
 CONFIG = "config.yaml"
+PERSONAL = "personal.json"
+"""Wordings that a personalised run has beside those that all have."""
 
 
 class Run:
@@ -74,6 +76,11 @@ class Run:
         if not (folder / "index.json").is_file():
             raise ConfigError(f"{folder}: no features there; name the training set once")
         return FeatureStore(folder)
+
+    def personal_wordings(self) -> tuple[str, ...]:
+        """Sentences that ask for the manner a run was personalised to; none for others."""
+        path = self.folder / PERSONAL
+        return tuple(json.loads(path.read_text(encoding="utf-8"))) if path.is_file() else ()
 
     def fingerprint(self) -> str:
         """Of what weights depend on: networks, windows, seed."""

@@ -69,7 +69,9 @@ def autoencoder(
     from flexmotion.training.autoencoder_task import AutoencoderTask
     from flexmotion.training.processes import Processes
 
-    _train(run, "autoencoder", AutoencoderTask(run.config, store, run.seed, Processes()), steps, minutes, as_json)
+    train_and_report(
+        run, "autoencoder", AutoencoderTask(run.config, store, run.seed, Processes()), steps, minutes, as_json
+    )
 
 
 @train.command()
@@ -117,7 +119,7 @@ def diffusion(
       flexmotion train diffusion -o training --minutes 60
     """
     run = _run(out, None, None, threads)
-    _train(run, "diffusion", _diffusion_task(run), steps, minutes, as_json)
+    train_and_report(run, "diffusion", _diffusion_task(run), steps, minutes, as_json)
 
 
 @train.command()
@@ -140,7 +142,7 @@ def distill(
 
     teacher = _diffusion_task(run)
     load_weights(teacher.network, run.stage("diffusion"))
-    _train(run, "distill", DistillationTask(run.config, teacher, run.seed), steps, minutes, as_json)
+    train_and_report(run, "distill", DistillationTask(run.config, teacher, run.seed), steps, minutes, as_json)
 
 
 @train.command()
@@ -162,7 +164,7 @@ def evaluator(
     from flexmotion.training.processes import Processes
 
     task = EvaluatorTask(run.config, run.store(), _encoder(run), run.seed, Processes())
-    _train(run, "evaluator", task, steps, minutes, as_json)
+    train_and_report(run, "evaluator", task, steps, minutes, as_json)
 
 
 def _encoder(run: Run) -> SentenceEncoder:
@@ -195,7 +197,8 @@ def _run(out: Path, config: str | None, seed: int | None, threads: int | None) -
     return Run(out, config, seed)
 
 
-def _train(run: Run, name: str, task: Task, steps: int | None, minutes: float | None, as_json: bool) -> None:
+def train_and_report(run: Run, name: str, task: Task, steps: int | None, minutes: float | None, as_json: bool) -> None:
+    """Train a stage of a run with a bar on stderr, and print where it is."""
     from flexmotion.training.processes import Processes
     from flexmotion.training.stage import Progress, train_stage
 

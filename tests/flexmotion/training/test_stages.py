@@ -17,11 +17,14 @@ from flexmotion.dataset.training_set import TrainingSet  # noqa: E402
 from flexmotion.kinematics import forward  # noqa: E402
 from flexmotion.sampler import Condition, Sampler  # noqa: E402
 from flexmotion.text.sentence_encoder import SentenceEncoder  # noqa: E402
+from flexmotion.training import evaluate  # noqa: E402
 from flexmotion.training.autoencoder import Autoencoder  # noqa: E402
 from flexmotion.training.autoencoder_task import AutoencoderTask  # noqa: E402
 from flexmotion.training.diffusion_task import DiffusionTask  # noqa: E402
 from flexmotion.training.distillation_task import DistillationTask  # noqa: E402
+from flexmotion.training.evaluator_task import EvaluatorTask  # noqa: E402
 from flexmotion.training.export import Decoder, export, load_networks  # noqa: E402
+from flexmotion.training.personal import personal_run, personal_task  # noqa: E402
 from flexmotion.training.processes import Processes  # noqa: E402
 from flexmotion.training.run import Run  # noqa: E402
 from flexmotion.training.stage import LAST, Progress, load_weights, train_stage  # noqa: E402
@@ -199,6 +202,44 @@ def test_bundle_refuses_what_does_not_match(bundle: Bundle, tmp_path: Path) -> N
         Bundle(copy)
     with pytest.raises(ConfigError, match="no bundle there"):
         Bundle(tmp_path / "none")
+
+
+@pytest.fixture(scope="module")
+def judged(trained: Run) -> Run:
+    encode = SentenceEncoder(trained.stage("text"))
+    task = EvaluatorTask(trained.config, trained.store(), encode, trained.seed, Processes())
+    _train(trained, "evaluator", task)
+    return trained
+
+
+def test_evaluation(judged: Run, bundle: Bundle, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(evaluate, "PHYSICAL", 1)
+    monkeypatch.setattr(evaluate, "TEXTS", 2)
+    monkeypatch.setattr(evaluate, "NEIGHBOURS", 64)
+    judge = evaluate.Judge(judged, bundle.body, 64)
+    real, model, still = (
+        judge.measure(generator) for generator in (judge.real, judge.sampled(Sampler(bundle)), judge.motionless)
+    )
+    assert set(real) == set(model) and {"fid", "contact_force", "jerk_join", "skate_ratio"} <= set(real)
+    assert real["fid"] == pytest.approx(0.0, abs=1e-3)
+    assert still["fid"] > real["fid"]
+    assert still["multimodality"] == pytest.approx(0.0, abs=1e-6)
+    assert judge.nearest()(0, 0).shape == judge.real(0, 0).shape
+
+
+def test_personalisation(trained: Run, small_set: Path, tmp_path: Path) -> None:
+    run = personal_run(trained, tmp_path / "ada", "like Ada")
+    task = personal_task(run, trained, small_set, "like Ada")
+    before = {name: value.clone() for name, value in task.network.state_dict().items()}
+    done = _train(run, "diffusion", task, 2)
+    assert set(done.parts) == {"kept", "learnt"}
+    after = task.network.state_dict()
+    assert any(not torch.equal(before[name], after[name]) for name in before)
+    assert torch.equal(before["latent_mean"], after["latent_mean"])
+    sampler = Sampler(export(run, tmp_path / "bundle", distilled=False), steps=2)
+    assert sampler.prompt("walk like Ada").kind == "personal"
+    with pytest.raises(ConfigError, match="not trained"):
+        personal_run(Run(tmp_path / "empty", "stream"), tmp_path / "none", "like Ada")
 
 
 def test_paper_configuration_goes_through_the_same_stages(

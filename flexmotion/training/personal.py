@@ -1,0 +1,111 @@
+"""Personalisation: a trained model learns how one person moves, and keeps what it knew.
+
+Half of every step's loss is of the person's clips, told with the person's name, and half of the clips that the model
+was trained on, told as before (prior preservation: Ruiz et al., DreamBooth, CVPR 2023). Autoencoder, statistics and
+sentence encoder stay as they are.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from shutil import copyfile, copytree
+
+import torch
+from torch import Tensor, nn
+
+from configs.errors import ConfigError
+from flexmotion.dataset.training_set import TrainingSet
+from flexmotion.text.sentence_encoder import NETWORK, SentenceEncoder
+from flexmotion.training.autoencoder import Autoencoder
+from flexmotion.training.diffusion_task import DiffusionTask
+from flexmotion.training.feature_store import build_store
+from flexmotion.training.processes import Processes
+from flexmotion.training.run import CONFIG, PERSONAL, Run
+from flexmotion.training.stage import BEST, load_weights
+
+
+class PersonalTask:
+    """See `stage.Task`.
+
+    Args:
+        base: diffusion of the trained model, on its own set.
+        person: the same network on the person's clips.
+        prior: share of the loss that is of the model's own set.
+    """
+
+    def __init__(self, base: DiffusionTask, person: DiffusionTask, prior: float = 0.5) -> None:
+        person.network = base.network
+        self._base, self._person, self._prior = base, person, prior
+
+    @property
+    def network(self) -> nn.Module:
+        """See `stage.Task`."""
+        return self._base.network
+
+    def losses(self, step: int) -> tuple[Tensor, dict[str, Tensor]]:
+        """See `stage.Task`."""
+        kept, _ = self._base.losses(step)
+        learnt, _ = self._person.losses(step)
+        return self._prior * kept + (1 - self._prior) * learnt, {"kept": kept, "learnt": learnt}
+
+    def validate(self) -> dict[str, float]:
+        """Losses on what is to be kept and on what is to be learnt."""
+        kept, learnt = self._base.validate()["loss"], self._person.validate()["loss"]
+        return {"loss": self._prior * kept + (1 - self._prior) * learnt, "kept": kept, "learnt": learnt}
+
+
+def personal_run(trained: Run, out: Path, manner: str) -> Run:
+    """A new run that begins as a trained one.
+
+    Args:
+        trained: with autoencoder, text and diffusion.
+        out: folder of the new run.
+        manner: what is said behind every sentence, as "like Ada".
+
+    Raises:
+        ConfigError: a stage of the trained run is missing.
+    """
+    for stage, name in (("autoencoder", BEST), ("diffusion", BEST), ("text", NETWORK)):
+        if not (trained.stage(stage) / name).is_file():
+            raise ConfigError(f"{trained.stage(stage)}: not trained; run 'flexmotion train {stage}' first")
+    out.mkdir(parents=True, exist_ok=True)
+    if not (out / CONFIG).is_file():
+        copyfile(trained.folder / CONFIG, out / CONFIG)
+        copytree(trained.stage("text"), out / "text")
+        (out / "autoencoder").mkdir()
+        copyfile(trained.stage("autoencoder") / BEST, out / "autoencoder" / BEST)
+        # As large as the set itself, and not changed: linked, not copied.
+        (out / "features").symlink_to((trained.folder / "features").resolve(), target_is_directory=True)
+    (out / PERSONAL).write_text(json.dumps([manner, f"move {manner}", f"walk {manner}"]), encoding="utf-8")
+    return Run(out)
+
+
+def personal_task(
+    run: Run, trained: Run, data: Path, manner: str, progress: Callable[[float], None] = lambda done: None
+) -> PersonalTask:
+    """The task of a personalisation; its network has the trained weights.
+
+    Args:
+        run: made by `personal_run`.
+        trained: what it begins from.
+        data: set of the person's clips, of `data build`.
+        manner: as in `personal_run`.
+        progress: of computing the clips' features.
+    """
+    autoencoder = Autoencoder(run.config.autoencoder, run.config.window, run.layout)
+    load_weights(autoencoder, run.stage("autoencoder"))
+    encode, processes = SentenceEncoder(run.stage("text")), Processes()
+    base_store = run.store()
+    store = build_store(TrainingSet(data), run.layout, run.folder / "person", progress)
+    # The networks know features by the spread of the set that they were trained on.
+    store.statistics = base_store.statistics
+    base = DiffusionTask(run.config, base_store, autoencoder, encode, run.seed, processes)
+    # A few clips are too few to hold some out.
+    held_out = "validation" if any(clip.split == "validation" for clip in store.clips) else "train"
+    person = DiffusionTask(run.config, store, autoencoder, encode, run.seed, processes, manner, held_out)
+    load_weights(base.network, trained.stage("diffusion"))
+    with torch.no_grad():
+        person.network.load_state_dict(base.network.state_dict())
+    return PersonalTask(base, person)
