@@ -146,7 +146,7 @@ class BusDriver(Driver):
         self._stamp_ns = round(begin * 1e9)
         while waiting:
             now = clock.now()
-            waiting = [bus for bus in waiting if not bus.receive(now) and now < bus.patience]
+            waiting = [bus for bus in waiting if not bus.receive(now)]
             if not waiting or now >= deadline:
                 break
             until = min(deadline, *(bus.patience for bus in waiting))

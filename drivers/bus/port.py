@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import logging
+import os
 import select
 import time
 from collections.abc import Sequence
@@ -14,6 +15,8 @@ from configs.errors import DriverError
 
 BITS_A_BYTE = 10
 """Start bit, eight bits, stop bit."""
+
+_CHUNK = 4096
 
 log = logging.getLogger(__name__)
 
@@ -29,13 +32,14 @@ class SerialPort:
         path, baud: as given.
         lost: why the port is gone; None while it works.
         sent: bytes sent so far.
+        busy_until: time at which all that was sent is on its way [s].
     """
 
     def __init__(self, path: str, baud: int) -> None:
         """Raises `DriverError` where there is no such device, it is another's, or it refuses the baud rate."""
         self.path, self.baud = path, baud
         self.lost: str | None = None
-        self.sent = 0
+        self.sent, self.busy_until = 0, 0.0
         try:
             self._serial = serial.Serial(path, baud, timeout=0, write_timeout=0, exclusive=True)
         except serial.SerialException as error:
@@ -57,7 +61,7 @@ class SerialPort:
         if self.lost is None:
             try:
                 self._serial.write(data)
-                self.sent += len(data)
+                self._count(data)
             except OSError as error:
                 self._lose(error)
 
@@ -66,10 +70,14 @@ class SerialPort:
         if self.lost is not None:
             return b""
         try:
-            return bytes(self._serial.read(self._serial.in_waiting))
-        except (OSError, TypeError) as error:  # TypeError: pyserial on a port that another thread closed
+            # Past pyserial, which would first select what is known to be there.
+            data = os.read(self._serial.fd, _CHUNK)
+            if not data:
+                _ = self._serial.in_waiting  # raises where there is nothing because the device is gone
+        except OSError as error:
             self._lose(error)
             return b""
+        return data
 
     def wait(self, seconds: float) -> bytes:
         """Bytes that have come, waiting at most `seconds` for the first."""
@@ -112,6 +120,10 @@ class SerialPort:
     def descriptor(self) -> int:
         """For `select`; -1 once the port is lost."""
         return -1 if self.lost is not None else int(self._serial.fileno())
+
+    def _count(self, data: bytes) -> None:
+        self.sent += len(data)
+        self.busy_until = max(self.busy_until, self.now()) + self.seconds(len(data))
 
     def _lose(self, error: Exception) -> None:
         self.lost = str(error) or type(error).__name__

@@ -137,12 +137,12 @@ class ServoBus(ABC):
 
     @abstractmethod
     def receive(self, now: float) -> bool:
-        """Take what has come, and ask on; whether the cycle is over."""
+        """Take what has come, and ask on where that was all or its time is over; whether the cycle is done."""
 
     @property
     @abstractmethod
     def patience(self) -> float:
-        """Time until which it makes sense to wait for more in this cycle [s]."""
+        """Time at which `receive` gives up on what it waits for, and asks on [s]."""
 
     @abstractmethod
     def finish(self) -> None:

@@ -14,7 +14,7 @@ from drivers.bus.options import BusOptions
 from drivers.bus.port import BITS_A_BYTE, SerialPort
 from drivers.bus.servo_bus import Budget, ServoBus
 from drivers.dynamixel.cycle import Exchange, ReadMany, ReadOne
-from drivers.dynamixel.layout import ROW, Layout, Span, layout_of
+from drivers.dynamixel.layout import FAST_ROW, ROW, Layout, Span, layout_of
 from drivers.dynamixel.opencr import NAME, OpenCr
 from drivers.dynamixel.packet import BROADCAST, Instruction, encode
 from drivers.dynamixel.registers import BAUD_RATES, VELOCITY_RPM, VOLTAGE, WATCHDOG_S, table_of
@@ -65,6 +65,8 @@ class DynamixelBus(ServoBus):
             ]
         )
         self._gains = np.array([robot.joints[i].p_gain or robot.servos[i].gain_register for i in self.joints])
+        self._slots: dict[bytes, NDArray[np.int64]] = {}
+        self._goals = [_Goals(self, layout) for layout in dict.fromkeys(self._layouts)]
         self._groups: list[ReadMany] = []
         self._exchanges: list[Exchange] = []
         self._pending: list[Exchange] = []
@@ -160,7 +162,7 @@ class DynamixelBus(ServoBus):
             self._board.fresh = False
         self._pending = list(self._exchanges)
         for exchange in self._exchanges:
-            exchange.answers.clear()
+            exchange.forget()
         self._begun = now
         self._ask(now)
 
@@ -180,7 +182,7 @@ class DynamixelBus(ServoBus):
     @property
     def patience(self) -> float:
         """See `ServoBus`."""
-        return self._patience if len(self._pending) == 1 else math.inf
+        return self._patience
 
     def finish(self) -> None:
         """See `ServoBus`."""
@@ -197,16 +199,20 @@ class DynamixelBus(ServoBus):
         exchange = self._pending[0]
         self.port.send(exchange.begin())
         slack = PATIENCE_S if self._complete else SHORT_PATIENCE_S
-        self._patience = now + exchange.seconds(self.port, self.config.return_delay_us * 1e-6) + slack
+        answer = self.port.seconds(exchange.sizes[1]) + exchange.delays * self.config.return_delay_us * 1e-6
+        self._patience = self.port.busy_until + answer + slack
         self._spoke_at = now
 
     def _take_rows(self, group: ReadMany) -> None:
-        answers = group.answers
-        if not answers:
+        if group.whole is not None:
+            rows = np.frombuffer(group.whole, FAST_ROW)
+            slots = self._slots_of(group)
+        elif group.answers:
+            rows = np.frombuffer(b"".join(data for _, data in group.answers.values()), ROW)
+            slots = np.array([self._slot[id_] for id_ in group.answers], np.int64)
+        else:
             return
-        slots = np.array([self._slot[id_] for id_ in answers], np.int64)
-        rows = np.frombuffer(b"".join(data for _, data in answers.values()), ROW)
-        tick = rows["tick"].astype(np.float64)
+        tick = rows["tick"].astype(np.int64)
         if self._learning:
             self._clock.learn(slots, tick, self._begun)
         else:
@@ -223,6 +229,12 @@ class DynamixelBus(ServoBus):
         measured.error[slots] = rows["error"]
         measured.torque[slots] = rows["torque"] == 1
         measured.fresh[slots] = True
+
+    def _slots_of(self, group: ReadMany) -> NDArray[np.int64]:
+        order = bytes(group.order)
+        if order not in self._slots:
+            self._slots = {order: np.array([self._slot[id_] for id_ in order], np.int64)}
+        return self._slots[order]
 
     def _run_cycle(self) -> None:
         """A whole cycle at once, outside the loop."""
@@ -304,24 +316,8 @@ class DynamixelBus(ServoBus):
 
     def _send(self, ticks: Float, bound: Float) -> None:
         self._last_ticks, self._last_bound = ticks.copy(), bound
-        for packet in self._goal_packets(ticks, bound):
-            self.port.send(packet)
-
-    def _goal_packets(self, ticks: Float, bound: Float | None) -> list[bytes]:
-        goals = ticks.astype("<i4")
-        packets: dict[Layout, bytearray] = {}
-        for slot, layout in enumerate(self._layouts):
-            row = packets.setdefault(layout, bytearray())
-            row.append(self.ids[slot])
-            if layout.bounded:
-                row += self._current(slot, math.nan if bound is None else float(bound[slot])).to_bytes(2, "little")
-            row += goals[slot].tobytes()
-        return [_sync_write(layout.write, bytes(rows)) for layout, rows in packets.items()]
-
-    def _current(self, slot: int, bound: float) -> int:
-        """Goal current for a torque bound; the servo's own limit where there is none."""
-        most = table_of(self.servos[slot].name)["goal_current"].initial
-        return most if math.isnan(bound) else min(int(bound / self._torque_per_unit[slot]), most)
+        for goals in self._goals:
+            self.port.send(goals.packet(ticks, bound))
 
     def _write_all(self, name: str, value: int, which: Bool | None = None) -> None:
         """Set a register of all servos, or of some, to one value, in one packet for each place that it lies at."""
@@ -350,22 +346,49 @@ class DynamixelBus(ServoBus):
         """Which servos hold the present position as their goal, and an armed watchdog."""
         table = table_of(self.servos[0].name)
         span = Span(table["bus_watchdog"].address, table["goal_position"].end - table["bus_watchdog"].address)
-        fast = all(group.fast for group in self._groups)
-        check = ReadMany(self.ids, span, fast=fast, where=f"bus {self.name}")
-        begin = self.port.now()
+        check = ReadMany(self.ids, span, fast=False, where=f"bus {self.name}")
         self.port.receive()
         self.port.send(check.begin())
-        patience = begin + check.seconds(self.port, self.config.return_delay_us * 1e-6) + PATIENCE_S
-        done = False
-        while not done and (now := self.port.now()) < patience and self.port.lost is None:
-            done = check.take(self.port.wait(patience - now))
-        check.end()
+        answer = self.port.seconds(check.sizes[1]) + check.delays * self.config.return_delay_us * 1e-6
+        patience = self.port.busy_until + answer + PATIENCE_S
+        while (now := self.port.now()) < patience and self.port.lost is None:
+            if check.take(self.port.wait(patience - now)):
+                break
         pinned = np.zeros(len(self.ids), np.bool_)
         for id_, (_, data) in check.answers.items():
             slot = self._slot[id_]
             goal = table["goal_position"].unpack(data[-4:])
             pinned[slot] = data[0] == self._units and goal == int(self.measured.ticks[slot])
         return pinned
+
+
+class _Goals:
+    """The sync write of goals to the servos of one layout.
+
+    Args:
+        bus: their bus.
+        layout: theirs.
+    """
+
+    def __init__(self, bus: DynamixelBus, layout: Layout) -> None:
+        self._span = layout.write
+        self._slots = np.array([slot for slot, other in enumerate(bus._layouts) if other == layout], np.int64)
+        fields = [("id", "u1"), *([("current", "<i2")] if layout.bounded else []), ("position", "<i4")]
+        self._rows = np.zeros(len(self._slots), np.dtype(fields))
+        self._rows["id"] = [bus.ids[slot] for slot in self._slots]
+        self._bounded = layout.bounded
+        if layout.bounded:
+            tables = [table_of(bus.servos[slot].name) for slot in self._slots]
+            self._most = np.array([table["goal_current"].initial for table in tables], np.float64)
+            self._unit = bus._torque_per_unit[self._slots]
+
+    def packet(self, ticks: Float, bound: Float) -> bytes:
+        """The packet for goals of the whole bus; a bound that is no number is the servo's own limit, (m,) each."""
+        self._rows["position"] = ticks[self._slots]
+        if self._bounded:
+            units = np.minimum(bound[self._slots] / self._unit, self._most)
+            self._rows["current"] = np.where(np.isnan(units), self._most, units)
+        return _sync_write(self._span, self._rows.tobytes())
 
 
 def _sync_write(span: Span, rows: bytes) -> bytes:

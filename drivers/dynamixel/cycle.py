@@ -6,15 +6,14 @@ import logging
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 
-from drivers.bus.port import SerialPort
 from drivers.dynamixel.layout import Span
-from drivers.dynamixel.packet import BROADCAST, HEADER, Decoder, Instruction, encode, split_fast_status
+from drivers.dynamixel.packet import BROADCAST, HEADER, Decoder, Instruction, crc16, encode, split_fast_status
 
 STRIKES = 3
 """Times in a row that nobody answered a fast read, but then the sync read, before sync read takes over for good."""
 
-_STATUS_OVERHEAD, _FAST_OVERHEAD = 11, 4
-"""Bytes around a servo's data in a status packet, and in a fast reply, which has 8 more once."""
+_STATUS_OVERHEAD, _FAST_OVERHEAD, _FAST_HEAD = 11, 4, 8
+"""Bytes around a servo's data in a status packet, and in a fast reply, and those before the first servo's."""
 
 log = logging.getLogger(__name__)
 
@@ -37,6 +36,10 @@ class Exchange(ABC):
     def take(self, data: bytes) -> bool:
         """Bytes that came; whether all are there."""
 
+    def forget(self) -> None:
+        """What came in an earlier cycle is no answer in this one."""
+        self.answers.clear()
+
     def end(self) -> None:  # noqa: B027 - most have nothing to learn from a cycle
         """The cycle is over, whatever came."""
 
@@ -49,10 +52,6 @@ class Exchange(ABC):
     def delays(self) -> int:
         """Return delays that are waited for."""
         return 1
-
-    def seconds(self, port: SerialPort, return_delay: float) -> float:
-        """Time on the wire when all goes well [s]."""
-        return port.seconds(sum(self.sizes)) + return_delay * self.delays
 
 
 class ReadOne(Exchange):
@@ -93,6 +92,9 @@ class ReadMany(Exchange):
 
     Attributes:
         fast: whether it is a fast sync read.
+        order: ids in the order asked.
+        whole: a fast reply that came whole, without its header: error, id, data and CRC of each servo in that order;
+            `answers` is empty then. None where it did not.
     """
 
     def __init__(self, ids: Sequence[int], span: Span, *, fast: bool, where: str) -> None:
@@ -100,18 +102,24 @@ class ReadMany(Exchange):
         super().__init__()
         self.ids, self.span, self.fast = list(ids), span, fast
         self._where, self._known = where, frozenset(ids)
-        self._order = list(ids)
+        self.order = list(ids)
         self._decoder = Decoder()
         self._reply = bytearray()
         self._strikes, self._doubted = 0, False
+        self.whole: bytes | None = None
         self._encode()
 
     def begin(self) -> bytes:
         """See `Exchange`."""
-        self.answers.clear()
+        self.forget()
         self._decoder.clear()
         self._reply.clear()
         return self._packet
+
+    def forget(self) -> None:
+        """See `Exchange`."""
+        self.answers.clear()
+        self.whole = None
 
     def take(self, data: bytes) -> bool:
         """See `Exchange`."""
@@ -126,17 +134,18 @@ class ReadMany(Exchange):
 
     def end(self) -> None:
         """See `Exchange`."""
-        if self._asks_fast:
-            self._split()
-        order = self._order
+        if self._asks_fast and self._split():
+            self._strikes = 0
+            return
+        order = self.order
         missing = [id_ for id_ in order if id_ not in self.answers]
         if missing and self.answers:
             # After a gap in a fast reply only the first one missing is to blame.
             last = missing[:1] if self._asks_fast else missing
             order = [id_ for id_ in order if id_ not in last] + last
         doubted = self._doubt()
-        if order != self._order or doubted != self._doubted:
-            self._order, self._doubted = order, doubted
+        if order != self.order or doubted != self._doubted:
+            self.order, self._doubted = order, doubted
             self._encode()
 
     @property
@@ -171,15 +180,25 @@ class ReadMany(Exchange):
 
     def _encode(self) -> None:
         address, size = self.span.address, self.span.size
-        params = address.to_bytes(2, "little") + size.to_bytes(2, "little") + bytes(self._order)
+        params = address.to_bytes(2, "little") + size.to_bytes(2, "little") + bytes(self.order)
         kind = Instruction.FAST_SYNC_READ if self._asks_fast else Instruction.SYNC_READ
         self._packet = encode(BROADCAST, kind, params)
-        self._fast_size = 8 + len(self.ids) * (size + _FAST_OVERHEAD)
+        self._asked = bytes(self.order)
+        self._fast_size = _FAST_HEAD + len(self.ids) * (size + _FAST_OVERHEAD)
 
-    def _split(self) -> None:
+    def _split(self) -> bool:
+        """Take a fast reply apart; whether it came whole."""
         start = self._reply.find(HEADER)
         if start < 0:
-            return
-        for error, id_, data in split_fast_status(bytes(self._reply[start:]), self.span.size):
+            return False
+        reply = bytes(self._reply[start : start + self._fast_size])
+        if len(reply) == self._fast_size and crc16(reply[:-2]) == int.from_bytes(reply[-2:], "little"):
+            # Every CRC covers all that came before it: the last one vouches for the rest.
+            rows = reply[_FAST_HEAD:]
+            if rows[1 :: self.span.size + _FAST_OVERHEAD] == self._asked:
+                self.whole = rows
+                return True
+        for error, id_, data in split_fast_status(reply, self.span.size):
             if id_ in self._known:
                 self.answers[id_] = error, data
+        return False

@@ -40,6 +40,12 @@ ROW = np.dtype(
 """The same as it comes off the wire."""
 
 
+FAST_ROW = np.dtype(
+    [("error_byte", "u1"), ("id", "u1"), *[(name, ROW[name]) for name in ROW.names or ()], ("crc", "<u2")]
+)
+"""And as it comes in a fast reply."""
+
+
 @dataclass(frozen=True)
 class Span:
     """A run of bytes in every servo's control table."""

@@ -5,15 +5,18 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-Float = NDArray[np.float64]
+Slots = NDArray[np.int64]
 
-_CREEP_MS = 0.05
-"""How far a cycle may move the estimate of a servo's clock: follows 6,000 ppm at 125 Hz."""
+_UNITS = 32
+"""Time is counted in whole 32nds of a millisecond: 13 bits of it wrap with the counter's byte."""
+
+_CREEP = 2
+"""How far a cycle may move the estimate of a servo's clock [units]: follows 7,000 ppm at 125 Hz."""
 
 FORGET_S = 0.1
 """Past this time without an answer the counter's low byte says nothing any more [s]."""
 
-_NEWEST_MS = 40.0
+_NEWEST_MS = 40
 """An answer may seem newer than usual by this: the request took longer on its way [ms]."""
 
 
@@ -28,38 +31,49 @@ class ReplyClock:
     """
 
     def __init__(self, m: int, oldest_ms: float) -> None:
-        self._oldest = oldest_ms
-        self._offset = np.full(m, np.nan)
-        self._tick, self._heard, self._accepted = np.full(m, -1.0), np.zeros(m), np.zeros(m)
+        self._oldest = round(oldest_ms * _UNITS)
+        self._offset = np.zeros(m, np.int64)
+        self._known = np.zeros(m, np.bool_)
+        self._tick = np.full(m, -1, np.int64)
+        self._heard, self._accepted = np.zeros(m), np.zeros(m)
 
     def begin(self) -> None:
         """Learn anew: the next answers are taken as they come, and the oldest-looking of them counts."""
-        self._offset.fill(np.nan)
+        self._known.fill(False)
 
-    def learn(self, slots: NDArray[np.int64], tick: Float, now: float) -> None:
+    def learn(self, slots: Slots, tick: Slots, now: float) -> None:
         """Answers of a bus at rest to requests sent at `now` [s]."""
-        offset = now * 1e3 - tick
-        known = ~np.isnan(self._offset[slots])
-        ahead = _wrapped(offset - np.where(known, self._offset[slots], offset))
-        self._offset[slots] = np.where(known, self._offset[slots] + np.maximum(ahead, 0.0), offset)
+        offset = _units(now) - tick * _UNITS
+        known = self._known[slots]
+        ahead = np.maximum(_wrapped(offset - self._offset[slots]), 0)
+        self._offset[slots] = np.where(known, self._offset[slots] + ahead, offset)
+        self._known[slots] = True
         self._tick[slots], self._heard[slots], self._accepted[slots] = tick, now, now
 
-    def accept(self, slots: NDArray[np.int64], tick: Float, now: float) -> NDArray[np.bool_]:
+    def accept(self, slots: Slots, tick: Slots, now: float) -> NDArray[np.bool_]:
         """Which of the answers to a request sent at `now` [s] are of now, in the order of `slots`."""
-        late = _wrapped(now * 1e3 - tick - self._offset[slots])
-        in_time = (late > -_NEWEST_MS) & (late < self._oldest)
-        # Out of touch for so long that the offset says nothing: two answers must agree on how much time passed.
-        since = now - self._heard[slots]
-        agrees = np.abs(_wrapped(since * 1e3 - (tick - self._tick[slots]))) < self._oldest
-        out_of_touch = now - self._accepted[slots] > FORGET_S
-        fresh = (tick != self._tick[slots]) & np.where(out_of_touch, agrees & (since < FORGET_S), in_time)
-        step = np.where(out_of_touch, late, np.clip(late, -_CREEP_MS, _CREEP_MS))
-        self._offset[slots] += np.where(fresh, step, 0.0)
+        late = _wrapped(_units(now) - tick * _UNITS - self._offset[slots])
+        fresh = (late > -_NEWEST_MS * _UNITS) & (late < self._oldest)
+        step = np.minimum(np.maximum(late, -_CREEP), _CREEP)
+        out_of_touch = self._accepted[slots] < now - FORGET_S
+        if out_of_touch.any():
+            # The offset says nothing any more: two answers must agree on how much time passed between them.
+            since = now - self._heard[slots]
+            passed = (since * 1e3 * _UNITS).astype(np.int64) - (tick - self._tick[slots]) * _UNITS
+            agrees = (np.abs(_wrapped(passed)) < self._oldest) & (since < FORGET_S)
+            fresh, step = np.where(out_of_touch, agrees, fresh), np.where(out_of_touch, late, step)
+        fresh &= tick != self._tick[slots]
+        self._offset[slots] += step * fresh
         self._tick[slots], self._heard[slots] = tick, now
         self._accepted[slots[fresh]] = now
         return fresh
 
 
-def _wrapped(milliseconds: Float) -> Float:
-    """The same modulo 256, in [-128, 128)."""
-    return np.mod(milliseconds + 128.0, 256.0) - 128.0
+def _units(seconds: float) -> int:
+    return round(seconds * 1e3 * _UNITS)
+
+
+def _wrapped(units: Slots) -> Slots:
+    """The same modulo 256 ms, in [-128, 128) ms."""
+    half = 128 * _UNITS
+    return ((units + half) & (2 * half - 1)) - half

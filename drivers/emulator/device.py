@@ -24,6 +24,7 @@ class Device:
 
     Attributes:
         memory: the control table, byte by byte.
+        id, baud: address on the bus and bit rate, as the table says.
         registered: a write that waits for an action instruction, or None.
         dark_until: time until which it hears nothing, while it reboots [s].
     """
@@ -31,6 +32,8 @@ class Device:
     def __init__(self, table: Table, id_: int, model_number: int, firmware: int) -> None:
         self.table = table
         self.memory = bytearray(table.size)
+        self.id = self.baud = 0
+        self._fields = {name: (r.address, r.end, r.signed) for name, r in table.registers.items()}
         self.registered: tuple[int, bytes] | None = None
         self.dark_until = 0.0
         self._parts: dict[tuple[int, int], tuple[_Part, ...] | int] = {}
@@ -44,16 +47,6 @@ class Device:
         self.put("model_number", model_number)
         self.put("firmware_version", firmware)
         self.put("id", id_)
-
-    @property
-    def id(self) -> int:
-        """Its address on the bus."""
-        return self.get("id")
-
-    @property
-    def baud(self) -> int:
-        """Its bit rate."""
-        return BAUD_RATES[self.get("baud_rate")]
 
     @property
     def return_delay(self) -> float:
@@ -72,13 +65,14 @@ class Device:
 
     def get(self, name: str) -> int:
         """A register's value."""
-        register = self.table[name]
-        return register.unpack(self.memory[register.address : register.end])
+        first, end, signed = self._fields[name]
+        return int.from_bytes(self.memory[first:end], "little", signed=signed)
 
     def put(self, name: str, value: int) -> None:
         """Set a register from inside, whatever the rules for writing it."""
         register = self.table[name]
         self.memory[register.address : register.end] = register.pack(value)
+        self._identify(name)
 
     def refresh(self, now: float) -> None:
         """Bring the measurements in the table up to `now` [s]."""
@@ -115,6 +109,7 @@ class Device:
             if error:
                 return error
             self.memory[register.address : register.end] = register.pack(value)
+            self._identify(part.name)
             if part.name.startswith("indirect"):
                 self._parts.clear()
                 self._targets.clear()
@@ -136,6 +131,12 @@ class Device:
         self.reboot(now)
 
     # ---------------------------------------------------------------- inside
+
+    def _identify(self, changed: str) -> None:
+        if changed == "id":
+            self.id = self.get("id")
+        elif changed == "baud_rate":
+            self.baud = BAUD_RATES[self.get("baud_rate")]
 
     def _all_registers(self) -> dict[str, Register]:
         registers = dict(self.table.registers)

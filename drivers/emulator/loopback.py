@@ -83,7 +83,7 @@ class LoopbackPort(SerialPort):
     """A `SerialPort` to an emulated bus in this process."""
 
     def __init__(self, world: Loopback, line: Line, memory: _Memory, baud: int) -> None:
-        self.path, self.baud, self.lost, self.sent = line.name, baud, None, 0
+        self.path, self.baud, self.lost, self.sent, self.busy_until = line.name, baud, None, 0, 0.0
         self._world, self._line, self._memory = world, line, memory
         memory.baud = baud
         memory.to_host.clear()
@@ -91,7 +91,7 @@ class LoopbackPort(SerialPort):
     def send(self, data: bytes) -> None:
         """See `SerialPort`."""
         if self._there():
-            self.sent += len(data)
+            self._count(data)
             self._memory.to_bus += data
             self._line.hear(self._world.now)
 

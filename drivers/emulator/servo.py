@@ -133,13 +133,15 @@ class XServo(Device):
     def watch(self, now: float) -> None:
         """Let hardware errors and the bus watchdog act."""
         plant, index = self.joints.body.plant, self.index
-        error = self.get("hardware_error_status") & ~INPUT_VOLTAGE
+        known = self.get("hardware_error_status")
+        error = known & ~INPUT_VOLTAGE
         if plant.temperature[index] > self.get("temperature_limit"):
             error |= OVERHEATING
         volts = round(plant.voltage / VOLTAGE)
         if not self.get("min_voltage_limit") <= volts <= self.get("max_voltage_limit"):
             error |= INPUT_VOLTAGE
-        self.fail(error)
+        if error != known:
+            self.fail(error)
         units = self.get("bus_watchdog")
         if units > 0 and self.torque and now - self.fed > units * WATCHDOG_S:
             self.put("bus_watchdog", TRIPPED)
