@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import contextlib
-import io
 import math
 import sys
+import threading
 import time
 from functools import partial
 
 import numpy as np
+import rich
 import viser
 
 from configs.robot import Robot
@@ -24,6 +24,8 @@ from streamer.viewer.pose import MeasuredPose, PlannedPose
 
 _DRAW_S, _IDLE_S, _TEXT_S = 0.04, 1.0, 0.25
 """Time between pictures, between pictures that nobody looks at, and between new figures in the panel [s]."""
+_CLOSE_S = 1.0
+"""What clients have to say good-bye in [s]."""
 _FOLLOW_S = 0.4
 """Time constant with which the view follows the robot: it walks steadily, it sways from foot to foot [s]."""
 _CELL_M, _SECTION_M = 0.05, 0.25
@@ -46,8 +48,8 @@ class Page:
         self.health = Health(robot)
         self.is_pose, self.plan_pose = MeasuredPose(robot), PlannedPose(robot)
         height = 2.0 * float(self.is_pose.base[2])
-        with contextlib.redirect_stdout(io.StringIO()):  # viser says where it serves on stdout: results go there
-            self.server = viser.ViserServer(host, port, label=f"FlexMotion · {robot.name}", verbose=False)
+        rich.reconfigure(quiet=True)  # viser tells of itself on stdout, where results go
+        self.server = viser.ViserServer(host, port, label=f"FlexMotion · {robot.name}", verbose=False)
         if self.server.get_port() != port:  # taken since it was looked for
             print(f"view: http://{host}:{self.server.get_port()}", file=sys.stderr, flush=True)
         scene = self.server.scene
@@ -92,9 +94,14 @@ class Page:
                 self._written = now
                 self.panel.show(self.health)
         if last:
-            self.server.flush()
-            with contextlib.redirect_stdout(io.StringIO()):
-                self.server.stop()
+            self._close()
+
+    def _close(self) -> None:
+        """End the server; a client that has stalled is not waited for."""
+        self.server.flush()
+        closing = threading.Thread(target=self.server.stop, daemon=True)
+        closing.start()
+        closing.join(_CLOSE_S)
 
     def _draw(self, rows: Row, elapsed_s: float) -> None:
         row = rows[-1]

@@ -276,6 +276,13 @@ def test_a_run_is_the_same_with_and_without_a_viewer(robot: Robot) -> None:
         np.testing.assert_array_equal(getattr(one, column), getattr(other, column))
 
 
+def test_nothing_of_the_server_is_on_stdout(robot: Robot, capfd: pytest.CaptureFixture[str]) -> None:
+    session = _session(robot, 0.2)
+    session.services = (Viewer(robot, session.telemetry, port=18080),)
+    session.run("lockstep")
+    assert capfd.readouterr().out == ""
+
+
 def test_a_viewer_that_is_killed_only_takes_the_view_away(robot: Robot) -> None:
     session = _session(robot, 1.0)
     session.services = (Viewer(robot, session.telemetry, port=18080),)
