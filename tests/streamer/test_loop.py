@@ -197,9 +197,7 @@ def test_once_it_must_stop_only_a_plan_that_stops_is_taken(
     assert loop.playing.ticket.id == 3
 
 
-def test_a_plan_that_runs_out_is_told_of(
-    loop: ControlLoop, run: Callable[..., None], retargeter: Retargeter
-) -> None:
+def test_a_plan_that_runs_out_is_told_of(loop: ControlLoop, run: Callable[..., None], retargeter: Retargeter) -> None:
     run(1, start=True)
     run(READY)
     plan = offer(loop, plan_at(retargeter, loop.tick_count))
