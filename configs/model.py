@@ -74,7 +74,9 @@ class LossWeights(Strict):
         euler_joints, euler_root: residual of the equations of motion, per body weight and leg.
         muscle_limits: activations outside [0, 1].
         muscle_torques: torque of the muscles against that of the joints.
-        physics_share: part of every batch on which the physics losses are computed (they cost most).
+        physics_share: part of every batch on which points and physics are computed (they cost most).
+        physics_from: step at which the losses of physics begin, to be full after as many steps more: before poses are
+            nearly right, residuals of second derivatives are noise that drowns all else.
     """
 
     blocks: dict[str, float]
@@ -87,6 +89,7 @@ class LossWeights(Strict):
     muscle_limits: float = Field(default=0.0, ge=0)
     muscle_torques: float = Field(default=0.0, ge=0)
     physics_share: float = Field(default=1.0, ge=0, le=1)
+    physics_from: int = Field(default=0, ge=0)
 
 
 class DiffusionConfig(Strict):

@@ -72,6 +72,8 @@ class Autoencoder(nn.Module):
         self.decoder_place = parameter(1, 1 + self.past + ahead, width)
         self.decoder = Stack(config.decoder)
         self.write = Frames(layout.blocks, window.patch, width)
+        # A pose changes little in a second: decoding begins with the last known frame and learns the difference.
+        self.persistence = nn.Parameter(torch.ones(layout.size)) if self.past else None
 
     def encode(self, history: Tensor, future: Tensor) -> tuple[Tensor, Tensor]:
         """Mean and logarithm of the variance of the latent, (N, latent) each, of normalised features."""
@@ -88,7 +90,8 @@ class Autoencoder(nn.Module):
         if self.recall is not None:
             parts.insert(1, self.recall(history))
         tokens = self.decoder(torch.cat(parts, dim=1) + self.decoder_place)
-        return self.write(tokens[:, 1 + self.past :])
+        frames: Tensor = self.write(tokens[:, 1 + self.past :])
+        return frames if self.persistence is None else frames + self.persistence * history[:, -1:]
 
     def forward(self, history: Tensor, future: Tensor, noise: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Decoded future, mean and logarithm of the variance; `noise` is standard normal, (N, latent)."""

@@ -44,9 +44,13 @@ class AutoencoderTask:
         windows = self.training.draw((self.seed, 0, step, self.processes.rank), batch).to(self.processes.device)
         noise = normal((self.seed, 2, step, self.processes.rank), (batch, self.config.autoencoder.latent))
         noise = noise.to(self.processes.device)
-        return self._losses(windows, noise, self.config.losses.physics_share)
+        weights = self.config.losses
+        begun = min(max(step / weights.physics_from - 1.0, 0.0), 1.0) if weights.physics_from else 1.0
+        return self._losses(windows, noise, weights.physics_share, begun)
 
-    def _losses(self, windows: Windows, noise: Tensor, physics_share: float) -> tuple[Tensor, dict[str, Tensor]]:
+    def _losses(
+        self, windows: Windows, noise: Tensor, physics_share: float, physics: float = 1.0
+    ) -> tuple[Tensor, dict[str, Tensor]]:
         with self.processes.mixed_precision():
             decoded, mean, spread = self.network(windows.history, windows.future, noise)
         decoded = decoded.float()
@@ -57,7 +61,7 @@ class AutoencoderTask:
             some = windows.first_of(part)
             humans = self._humans[torch.from_numpy(some.clip).to(decoded.device)]
             terms |= self.loss.physical(decoded[:part], some, humans)
-        return weighted(terms, self.config.losses), terms
+        return weighted(terms, self.config.losses, physics), terms
 
     def validate(self) -> dict[str, float]:
         """Losses, and the mean distance of the body's points from where they were [mm]."""

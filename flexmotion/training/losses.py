@@ -18,6 +18,8 @@ from flexmotion.training.windows import Windows
 CHANGING = ("root", "rotations", "positions")
 """Blocks whose change from frame to frame must be right."""
 
+PHYSICS = ("euler_joints", "euler_root", "muscle_limits", "muscle_torques")
+
 WHOLE = 0.1
 """Residuals beyond this (body weights) count linearly: jumps and falls must not rule the average."""
 
@@ -101,11 +103,12 @@ class Reconstruction:
         return {"muscle_limits": 100 * beyond.square().mean()}
 
 
-def weighted(losses: dict[str, Tensor], weights: LossWeights) -> Tensor:
-    """Their weighted sum."""
+def weighted(losses: dict[str, Tensor], weights: LossWeights, physics: float = 1.0) -> Tensor:
+    """Their weighted sum, those of physics times `physics`."""
     total = torch.zeros(())
     for name, value in losses.items():
-        total = total + value * (weights.blocks[name] if name in weights.blocks else getattr(weights, name))
+        weight = weights.blocks[name] if name in weights.blocks else getattr(weights, name)
+        total = total + value * weight * (physics if name in PHYSICS else 1.0)
     return total
 
 
