@@ -19,6 +19,8 @@ GROUP = "flexmotion.drivers"
 
 BUILT_IN = {
     "dynamixel": "drivers.dynamixel.driver:DynamixelDriver",
+    "feetech": "drivers.feetech.driver:FeetechDriver",
+    "lx16a": "drivers.lx16a.driver:Lx16aDriver",
     "sim": "drivers.sim.driver:SimDriver",
 }
 """The drivers of this project. They are entry points of its distribution too, but entry points exist only once

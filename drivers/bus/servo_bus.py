@@ -162,7 +162,7 @@ class ServoBus(ABC):
 
     @abstractmethod
     def switch_off(self) -> None:
-        """Torque off, repeated where servos answer that it is on."""
+        """Torque off, told more than once."""
 
     @abstractmethod
     def damp(self) -> None:

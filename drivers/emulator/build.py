@@ -13,11 +13,14 @@ from drivers.emulator.device import Device
 from drivers.emulator.dynamixel_bus import DynamixelBus
 from drivers.emulator.emulator import Emulator
 from drivers.emulator.faults import Damage, Fault
+from drivers.emulator.feetech_bus import EmulatedFeetechBus, StsServo
 from drivers.emulator.line import EmulatedBus, Line, Port
+from drivers.emulator.lx16a_bus import EmulatedLx16aBus, Lx16aServo
 from drivers.emulator.opencr import OpenCr
 from drivers.emulator.servo import Joints, XServo
 from drivers.emulator.terminal import Terminal
 from drivers.emulator.wire import Wire
+from drivers.feetech.registers import BAUD_RATES as STS_BAUD_RATES
 
 OPENCR = "opencr"
 """What a robot file calls the IMU on the servo bus."""
@@ -78,6 +81,20 @@ def make_bus(joints: Joints, name: str) -> EmulatedBus:
     protocols = {servo.protocol for joint, servo in zip(robot.joints, robot.servos, strict=True) if joint.bus == name}
     if len(protocols) != 1:
         raise ConfigError(f"{robot.file}: bus {name!r}: expected servos of one protocol, found {sorted(protocols)}")
+    servos = [
+        (index, joint.id, servo)
+        for index, (joint, servo) in enumerate(zip(robot.joints, robot.servos, strict=True))
+        if joint.bus == name
+    ]
+    protocol = protocols.pop()
+    if protocol == "feetech":
+        bus = EmulatedFeetechBus(joints, [StsServo(joints, *servo) for servo in servos])
+        for sts in bus.servos:
+            sts.put("baud_rate", _code(robot.config.buses[name].baud, STS_BAUD_RATES))
+            sts.put("return_delay", round(robot.config.buses[name].return_delay_us / RETURN_DELAY_US))
+        return bus
+    if protocol == "lx16a":
+        return EmulatedLx16aBus(joints, [Lx16aServo(joints, *servo) for servo in servos])
     return DynamixelBus(joints, _dynamixels(joints, robot, name))
 
 
@@ -93,8 +110,12 @@ def _dynamixels(joints: Joints, robot: Robot, name: str) -> list[Device]:
 
 
 def _set_up(device: Device, baud: int, return_delay_us: float) -> Device:
-    if baud not in BAUD_RATES:
-        raise ConfigError(f"baud {baud}: expected one of {list(BAUD_RATES)}")
-    device.put("baud_rate", BAUD_RATES.index(baud))
+    device.put("baud_rate", _code(baud, BAUD_RATES))
     device.put("return_delay_time", round(return_delay_us / RETURN_DELAY_US))
     return device
+
+
+def _code(baud: int, rates: Sequence[int]) -> int:
+    if baud not in rates:
+        raise ConfigError(f"baud {baud}: expected one of {list(rates)}")
+    return rates.index(baud)

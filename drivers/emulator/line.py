@@ -17,12 +17,15 @@ class EmulatedBus(Protocol):
 
     Attributes:
         dead: ids that hear and say nothing.
-        heard, bad: packets that came from the host, whole and broken.
+        heard: whole packets that came from the host.
     """
 
     dead: set[int]
     heard: int
-    bad: int
+
+    @property
+    def bad(self) -> int:
+        """Broken packets that came from the host."""
 
     def hear(self, data: bytes, baud: int, now: float) -> list[tuple[int, list[Reply]]]:
         """Bytes from the host at `baud`: for every packet in them, its size in bytes and the answers to it."""

@@ -1,0 +1,30 @@
+"""`SumClient`: one servo at a time, with retries, for protocols whose packets end in a sum."""
+
+from __future__ import annotations
+
+from drivers.bus.packet import SumDecoder, SumFormat, SumPacket
+from drivers.bus.port import SerialPort
+
+TRIES = 3
+LATENCY_S = 0.02
+"""Time beyond that on the wire that an answer may take [s]."""
+
+
+class SumClient:
+    """Asks and waits; not for every tick."""
+
+    def __init__(self, port: SerialPort, form: SumFormat) -> None:
+        self.port, self.form = port, form
+
+    def ask(self, id_: int, code: int, params: bytes = b"", *, answer: int) -> SumPacket | None:
+        """The answer with `answer` params of a servo to an instruction; None where none comes."""
+        for _ in range(TRIES):
+            self.port.receive()
+            self.port.send(self.form.encode(id_, code, params))
+            decoder = SumDecoder(self.form)
+            patience = self.port.busy_until + self.port.seconds(answer + self.form.overhead) + LATENCY_S
+            while (now := self.port.now()) < patience and self.port.lost is None:
+                for packet in decoder.feed(self.port.wait(patience - now)):
+                    if packet.id == id_ and len(packet.params) == answer:
+                        return packet
+        return None

@@ -1,0 +1,123 @@
+"""`EmulatedLx16aBus`: LX-16A servos that hear commands in bytes and answer in bytes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from configs.servo import Servo
+from drivers.bus.packet import BROADCAST, SumDecoder, SumPacket
+from drivers.emulator.servo import Joints
+from drivers.emulator.wire import Reply
+from drivers.lx16a.protocol import BAUD, FORMAT, MILLIVOLT, Command
+
+
+class Lx16aServo:
+    """One servo; the time of a move is not followed, a goal acts at once.
+
+    Attributes:
+        id: its address.
+        loaded: whether torque is on.
+        goal: last goal in servo units.
+        dark_until: time until which it hears nothing, after it lost power [s].
+    """
+
+    def __init__(self, joints: Joints, index: int, id_: int, servo: Servo) -> None:
+        self.joints, self.index, self.id, self.servo = joints, index, id_, servo
+        self.loaded, self.dark_until = False, 0.0
+        joints.refresh()
+        self.goal = int(joints.ticks[index])
+
+    def load(self, on: bool) -> None:
+        """Switch torque."""
+        self.loaded = on
+        body = self.joints.body
+        body.set_torque(np.arange(body.robot.n) == self.index, on)
+
+    def move(self, tick: int) -> None:
+        """Take a goal."""
+        self.goal = min(max(tick, self.servo.min_tick), self.servo.max_tick)
+        robot, joints, index = self.joints.body.robot, self.joints, self.index
+        angle = (self.goal - self.servo.centre_tick) * robot.tick_rad[index]
+        joints.goal[index] = (angle - robot.zero[index]) * robot.direction[index]
+        joints.fresh[index] = True
+        joints.touch()
+
+    def watch(self) -> None:
+        """Heat switches torque off."""
+        if self.loaded and self.joints.body.plant.temperature[self.index] > self.servo.temperature_limit:
+            self.load(False)
+
+    def answer(self, command: int) -> bytes | None:
+        """What it answers to a question; None where it was none."""
+        plant = self.joints.body.plant
+        if command == Command.READ_POSITION:
+            self.joints.refresh()
+            return int(self.joints.ticks[self.index]).to_bytes(2, "little", signed=True)
+        if command == Command.READ_VOLTAGE:
+            return round(plant.voltage / MILLIVOLT).to_bytes(2, "little")
+        if command == Command.READ_TEMPERATURE:
+            return bytes([min(round(plant.temperature[self.index]), 255)])
+        if command == Command.READ_LOAD:
+            return bytes([self.loaded])
+        return bytes([self.id]) if command == Command.READ_ID else None
+
+
+class EmulatedLx16aBus:
+    """See `drivers.emulator.line.EmulatedBus`."""
+
+    def __init__(self, joints: Joints, servos: Iterable[Lx16aServo]) -> None:
+        self.joints, self.servos = joints, list(servos)
+        self.dead: set[int] = set()
+        self.heard = 0
+        self._decoder = SumDecoder(FORMAT)
+
+    @property
+    def bad(self) -> int:
+        """Packets with a wrong sum."""
+        return self._decoder.bad
+
+    def hear(self, data: bytes, baud: int, now: float) -> list[tuple[int, list[Reply]]]:
+        """See `EmulatedBus`."""
+        heard = []
+        for packet in self._decoder.feed(data):
+            self.heard += 1
+            replies = self._handle(packet, now) if baud == BAUD else []
+            heard.append((packet.size, replies))
+            self.joints.commit()
+        return heard
+
+    def silence(self) -> None:
+        """See `EmulatedBus`."""
+        self._decoder.clear()
+
+    def watch(self, now: float) -> None:
+        """See `EmulatedBus`."""
+        for servo in self.servos:
+            servo.watch()
+
+    def reset(self, id_: int, now: float) -> None:
+        """See `EmulatedBus`."""
+        for servo in self.servos:
+            if servo.id == id_:
+                servo.load(False)
+                servo.dark_until = now + 0.2
+
+    def _handle(self, packet: SumPacket, now: float) -> list[Reply]:
+        replies = []
+        for servo in self.servos:
+            if packet.id not in (servo.id, BROADCAST) or servo.id in self.dead or now < servo.dark_until:
+                continue
+            params = packet.params
+            if packet.code == Command.MOVE and len(params) == 4:
+                servo.move(int.from_bytes(params[:2], "little"))
+            elif packet.code == Command.LOAD and len(params) == 1:
+                servo.load(params[0] == 1)
+            elif packet.code == Command.SET_ID and len(params) == 1:
+                servo.id = params[0]
+            else:
+                answer = servo.answer(packet.code)
+                if answer is not None:
+                    replies.append(Reply(servo.id, 0.0, FORMAT.encode(servo.id, packet.code, answer)))
+        return replies

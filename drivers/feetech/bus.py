@@ -1,0 +1,236 @@
+"""`FeetechBus`: servos of Feetech's STS series on one port: a sync write and a sync read a tick."""
+
+from __future__ import annotations
+
+import logging
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from configs.errors import ConfigError, DriverError
+from configs.robot import Robot
+from drivers.bus.options import BusOptions
+from drivers.bus.packet import BROADCAST, SumDecoder
+from drivers.bus.port import BITS_A_BYTE, SerialPort
+from drivers.bus.servo_bus import Budget, ServoBus
+from drivers.bus.sum_client import SumClient
+from drivers.feetech.registers import BAUD_RATES, FORMAT, VOLTAGE, Instruction, sts
+from drivers.plant import DAMPED_SHARE
+
+Float = NDArray[np.float64]
+Bool = NDArray[np.bool_]
+
+PATIENCE_S = 0.003
+TRIES = 3
+
+_READ = ("present_position", "present_speed", "present_load", "present_voltage", "present_temperature", "status",
+         "present_current")  # fmt: skip
+
+log = logging.getLogger(__name__)
+
+
+class FeetechBus(ServoBus):
+    """Goals by sync write, everything else by sync read.
+
+    These servos have no watchdog: after a crash they hold their last goal. Whether torque is on is not read every tick;
+    a servo that protects itself says so in its status.
+    """
+
+    protocol = "feetech"
+
+    def __init__(self, robot: Robot, name: str, port: SerialPort, options: BusOptions) -> None:
+        super().__init__(robot, name, port, options)
+        table = sts()
+        self._client, self._decoder = SumClient(port, FORMAT), SumDecoder(FORMAT)
+        self._slot = {id_: slot for slot, id_ in enumerate(self.ids)}
+        self._fields = [table[field] for field in _READ]
+        self._first, self._size = _read_span()
+        self._tick = np.array([servo.tick_rad for servo in self.servos])
+        self._torque_per_unit = np.array(
+            [
+                (s.current_unit or math.nan) * (s.torque_constant or s.stall_torque / s.stall_current)
+                for s in self.servos
+            ]
+        )
+        self._patience = 0.0
+        self._answered: set[int] = set()
+        self._on = False
+        self._order = list(self.ids)
+
+    @classmethod
+    def check(cls, robot: Robot, name: str) -> None:
+        """See `ServoBus`; and the baud rate must be one that these servos have."""
+        super().check(robot, name)
+        baud = robot.config.buses[name].baud
+        if baud not in BAUD_RATES:
+            raise ConfigError(f"{robot.file}: field buses.{name}.baud: {baud}, expected one of {list(BAUD_RATES)}")
+
+    @classmethod
+    def budget(cls, robot: Robot, name: str) -> Budget:
+        """See `ServoBus`."""
+        config = robot.config.buses[name]
+        m = sum(joint.bus == name for joint in robot.joints)
+        _, size = _read_span()
+        read = FORMAT.overhead + 2 + m + m * (FORMAT.overhead + size)
+        write = FORMAT.overhead + 2 + 3 * m
+        byte_s = BITS_A_BYTE / config.baud
+        return Budget(read, write, read * byte_s + m * config.return_delay_us * 1e-6, write * byte_s)
+
+    def audit(self) -> None:
+        """See `ServoBus`."""
+        table = sts()
+        for slot, servo in enumerate(self.servos):
+            id_, where = self.ids[slot], f"{self.joint_name(slot)} on {self.port.path}"
+            answer = self._client.ask(id_, Instruction.READ, bytes([0, 56]), answer=56)
+            if answer is None:
+                reason = self.port.lost or f"does not answer at {self.port.baud} baud; is its power on?"
+                raise DriverError(f"{where}: {reason}")
+            held = {
+                name: r.unpack(answer.params[r.address : r.end]) for name, r in table.registers.items() if r.end <= 56
+            }
+            if servo.model_number is not None and held["model_number"] != servo.model_number:
+                raise DriverError(f"{where}: model number {held['model_number']}, expected {servo.model_number}")
+            wrong = {name: value for name, value in self._settings(slot).items() if held[name] != value}
+            kept = [name for name in wrong if table[name].address < table.eeprom_end]
+            changes = ", ".join(f"{name} {held[name]} -> {wrong[name]}" for name in kept)
+            if kept and not self.options.configure:
+                raise DriverError(f"{where}: option configure would write: {changes}")
+            if kept and held["torque_enable"]:
+                raise DriverError(f"{where}: torque is on, which forbids: {changes}")
+            if kept:
+                log.warning("%s: written for good: %s", where, changes)
+                self._write(slot, "lock", 0)
+            for name, value in wrong.items():
+                self._write(slot, name, value)
+            if kept:
+                self._write(slot, "lock", 1)
+
+    def request(self, now: float) -> None:
+        """See `ServoBus`."""
+        self.port.receive()
+        self._decoder.clear()
+        self._answered.clear()
+        self.measured.fresh[:] = False
+        params = bytes([self._first, self._size, *self._order])
+        self.port.send(FORMAT.encode(BROADCAST, Instruction.SYNC_READ, params))
+        answers = len(self.ids) * (self.port.seconds(self._size + FORMAT.overhead) + self.config.return_delay_us * 1e-6)
+        self._patience = self.port.busy_until + answers + PATIENCE_S
+
+    def receive(self, now: float) -> bool:
+        """See `ServoBus`."""
+        for packet in self._decoder.feed(self.port.receive()):
+            slot = self._slot.get(packet.id)
+            if slot is not None and len(packet.params) == self._size:
+                self._take(slot, packet.params)
+        return len(self._answered) == len(self.ids) or now >= self._patience or self.port.lost is not None
+
+    @property
+    def patience(self) -> float:
+        """See `ServoBus`."""
+        return self._patience
+
+    def finish(self) -> None:
+        """See `ServoBus`; servos that were silent are asked last from then on, for others may wait for them."""
+        silent = [id_ for id_ in self.ids if self._slot[id_] not in self._answered]
+        self._order = [id_ for id_ in self.ids if id_ not in silent] + silent
+
+    def send_goals(self, ticks: Float, bound: Float) -> None:
+        """See `ServoBus`; these servos take no bound."""
+        if self._on:
+            self._sync_write("goal_position", [int(tick) for tick in ticks])
+
+    def switch_on(self) -> None:
+        """See `ServoBus`."""
+        wrong = "does not answer"
+        for _ in range(TRIES):
+            self._run_cycle()
+            if not self.measured.fresh.all():
+                continue
+            goals = [int(tick) for tick in self.measured.ticks]
+            self._sync_write("goal_position", goals)
+            held = [self._read(slot, "goal_position") for slot in range(len(goals))]
+            if held == goals:
+                self._on = True
+                self._sync_write("torque_limit", [1000] * len(goals))
+                self._sync_write("torque_enable", [1] * len(goals))
+                if all(self._read(slot, "torque_enable") == 1 for slot in range(len(goals))):
+                    self.measured.torque[:] = True
+                    return
+            wrong = "does not take its goal"
+        self._on = False
+        slot = int(np.argmin(self.measured.fresh))
+        raise DriverError(f"{self.joint_name(slot)} on {self.port.path}: {wrong}: torque stays off")
+
+    def repeat_on(self, off: Bool) -> None:
+        """Never needed: `switch_on` reads back."""
+
+    def switch_off(self) -> None:
+        """See `ServoBus`."""
+        self._on = False
+        for _ in range(TRIES):
+            self._sync_write("torque_enable", [0] * len(self.ids))
+        self.measured.torque[:] = False
+
+    def damp(self) -> None:
+        """See `ServoBus`; the torque limit goes down to `DAMPED_SHARE`, told twice."""
+        for _ in range(2):
+            self._sync_write("goal_position", [int(tick) for tick in self.measured.ticks])
+            self._sync_write("torque_limit", [round(1000 * DAMPED_SHARE)] * len(self.ids))
+
+    # ---------------------------------------------------------------- inside
+
+    def _settings(self, slot: int) -> dict[str, int]:
+        joint, servo = self.robot.joints[self.joints[slot]], self.servos[slot]
+        return {
+            "return_delay": round(self.config.return_delay_us / 2),
+            "homing_offset": 0,
+            "operating_mode": 0,
+            "min_position_limit": servo.min_tick,
+            "max_position_limit": servo.max_tick,
+            "p_gain": joint.p_gain or servo.gain_register,
+            "acceleration": 0,
+            "goal_time": 0,
+            "goal_speed": 0,
+        }
+
+    def _take(self, slot: int, data: bytes) -> None:
+        position, speed, _, voltage, temperature, status, current = (
+            field.unpack(data[field.address - self._first : field.end - self._first]) for field in self._fields
+        )
+        measured = self.measured
+        measured.ticks[slot], measured.velocity[slot] = position, speed * self._tick[slot]
+        measured.effort[slot] = current * self._torque_per_unit[slot]
+        measured.voltage[slot], measured.temperature[slot] = voltage * VOLTAGE, temperature
+        measured.error[slot], measured.fresh[slot] = status, True
+        self._answered.add(slot)
+
+    def _run_cycle(self) -> None:
+        self.request(self.port.now())
+        while not self.receive(now := self.port.now()):
+            self.port.wait_any([self.port], self._patience - now)
+
+    def _read(self, slot: int, name: str) -> int | None:
+        register = sts()[name]
+        params = bytes([register.address, register.size])
+        answer = self._client.ask(self.ids[slot], Instruction.READ, params, answer=register.size)
+        return None if answer is None else register.unpack(answer.params)
+
+    def _write(self, slot: int, name: str, value: int) -> None:
+        register = sts()[name]
+        params = bytes([register.address]) + register.pack(value)
+        if self._client.ask(self.ids[slot], Instruction.WRITE, params, answer=0) is None:
+            raise DriverError(f"{self.joint_name(slot)} on {self.port.path}: does not acknowledge {name}")
+
+    def _sync_write(self, name: str, values: list[int]) -> None:
+        register = sts()[name]
+        rows = b"".join(bytes([id_]) + register.pack(value) for id_, value in zip(self.ids, values, strict=True))
+        params = bytes([register.address, register.size]) + rows
+        self.port.send(FORMAT.encode(BROADCAST, Instruction.SYNC_WRITE, params))
+
+
+def _read_span() -> tuple[int, int]:
+    """First address and size of what a cycle reads."""
+    fields = [sts()[name] for name in _READ]
+    first = min(field.address for field in fields)
+    return first, max(field.end for field in fields) - first

@@ -1,0 +1,72 @@
+"""The control table of Feetech's STS series, read from `tables/sts.yaml` (which names its source)."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from functools import cache
+from pathlib import Path
+from typing import Literal
+
+from pydantic import Field
+
+from configs.schema import Strict, load
+from drivers.bus.packet import SumFormat, from_sign_magnitude, to_sign_magnitude
+
+FORMAT = SumFormat(header=0xFF, counted=2)
+
+BAUD_RATES = (1_000_000, 500_000, 250_000, 128_000, 115_200, 76_800, 57_600, 38_400)
+"""Bit rate that each value of the baud rate register stands for."""
+
+VOLTAGE = 0.1
+"""One unit of voltage [V]."""
+
+
+class Instruction(IntEnum):
+    """What a packet asks for."""
+
+    PING = 0x01
+    READ = 0x02
+    WRITE = 0x03
+    SYNC_READ = 0x82
+    SYNC_WRITE = 0x83
+
+
+class Register(Strict):
+    """One register; `sign_bit` where it may be negative."""
+
+    address: int = Field(ge=0)
+    size: Literal[1, 2]
+    access: Literal["r", "rw"] = "rw"
+    sign_bit: int | None = None
+    initial: int = 0
+
+    @property
+    def end(self) -> int:
+        """Address after its last byte."""
+        return self.address + self.size
+
+    def pack(self, value: int) -> bytes:
+        """The value as it stands in the table."""
+        raw = value if self.sign_bit is None else to_sign_magnitude(value, self.sign_bit)
+        return raw.to_bytes(self.size, "little")
+
+    def unpack(self, data: bytes | bytearray) -> int:
+        """The value of the register's bytes."""
+        raw = int.from_bytes(data, "little")
+        return raw if self.sign_bit is None else from_sign_magnitude(raw, self.sign_bit)
+
+
+class Table(Strict):
+    """The control table."""
+
+    eeprom_end: int
+    registers: dict[str, Register]
+
+    def __getitem__(self, name: str) -> Register:
+        return self.registers[name]
+
+
+@cache
+def sts() -> Table:
+    """The table. Raises `ConfigError` where its file is malformed."""
+    return load(Table, Path(__file__).parent / "tables" / "sts.yaml")

@@ -1,0 +1,203 @@
+"""`Lx16aBus`: LX-16A servos on one port, a packet for every servo and question."""
+
+from __future__ import annotations
+
+import logging
+
+import numpy as np
+from numpy.typing import NDArray
+
+from configs.errors import ConfigError, DriverError
+from configs.robot import Robot
+from drivers.bus.options import BusOptions
+from drivers.bus.packet import SumDecoder
+from drivers.bus.port import BITS_A_BYTE, SerialPort
+from drivers.bus.servo_bus import Budget, ServoBus
+from drivers.bus.sum_client import SumClient
+from drivers.lx16a.protocol import ANSWER_SIZE, BAUD, FORMAT, MILLIVOLT, Command
+
+Float = NDArray[np.float64]
+Bool = NDArray[np.bool_]
+
+PATIENCE_S = 0.003
+READ_SHARE, WRITE_SHARE = 0.4, 0.4
+"""Shares of a tick for asking and for telling; servos that do not fit have their turn in the next one."""
+
+log = logging.getLogger(__name__)
+
+
+class Lx16aBus(ServoBus):
+    """Positions are asked in turns, as many a tick as fit; speeds are their differences.
+
+    These servos measure no current, bound no torque, have no watchdog and no gain to lower: after a crash they hold
+    their last goal, and damping is torque off.
+    """
+
+    protocol = "lx16a"
+
+    def __init__(self, robot: Robot, name: str, port: SerialPort, options: BusOptions) -> None:
+        super().__init__(robot, name, port, options)
+        m = len(self.ids)
+        self._client, self._decoder = SumClient(port, FORMAT), SumDecoder(FORMAT)
+        self._tick = np.array([servo.tick_rad for servo in self.servos])
+        self._read_at = np.zeros(m)
+        self._told = np.full(m, np.nan)
+        self._next_ask = self._next_tell = self._next_care = 0
+        self._queue: list[tuple[int, Command]] = []
+        self._patience = 0.0
+        self._on = False
+
+    @classmethod
+    def check(cls, robot: Robot, name: str) -> None:
+        """See `ServoBus`; the baud rate is fixed."""
+        super().check(robot, name)
+        if robot.config.buses[name].baud != BAUD:
+            raise ConfigError(
+                f"{robot.file}: field buses.{name}.baud: {robot.config.buses[name].baud}, expected {BAUD}: "
+                "these servos have no other"
+            )
+
+    @classmethod
+    def budget(cls, robot: Robot, name: str) -> Budget:
+        """See `ServoBus`; of a tick in which every servo is asked and told."""
+        m = sum(joint.bus == name for joint in robot.joints)
+        read = m * (2 * FORMAT.overhead + ANSWER_SIZE[Command.READ_POSITION])
+        write = m * (FORMAT.overhead + 4)
+        return Budget(read, write, read * BITS_A_BYTE / BAUD, write * BITS_A_BYTE / BAUD)
+
+    def audit(self) -> None:
+        """See `ServoBus`; there is no model number to check."""
+        for slot in range(len(self.ids)):
+            if self._ask(slot, Command.READ_POSITION) is None:
+                reason = self.port.lost or "does not answer; is its power on?"
+                raise DriverError(f"{self.joint_name(slot)} on {self.port.path}: {reason}")
+            for command in (Command.READ_VOLTAGE, Command.READ_TEMPERATURE, Command.READ_LOAD):
+                self._ask(slot, command)
+
+    def request(self, now: float) -> None:
+        """See `ServoBus`."""
+        self.port.receive()
+        self._decoder.clear()
+        measured, m = self.measured, len(self.ids)
+        measured.fresh[:] = measured.asked[:] = False
+        each = self.port.seconds(2 * FORMAT.overhead + 2)
+        many = min(m, max(1, int(READ_SHARE / self.robot.rate_hz / each) - 1))
+        turn = [(self._next_ask + k) % m for k in range(many)]
+        self._next_ask = (self._next_ask + many) % m
+        self._queue = [(slot, Command.READ_POSITION) for slot in turn]
+        self._next_care = (self._next_care + 1) % (3 * m)
+        care = (Command.READ_VOLTAGE, Command.READ_TEMPERATURE, Command.READ_LOAD)[self._next_care % 3]
+        self._queue.append((self._next_care // 3, care))
+        measured.asked[turn] = True
+        self._send_next()
+
+    def receive(self, now: float) -> bool:
+        """See `ServoBus`."""
+        if self.port.lost is not None:
+            self._queue.clear()
+        for packet in self._decoder.feed(self.port.receive()):
+            if self._queue and packet.id == self.ids[self._queue[0][0]] and packet.code == self._queue[0][1]:
+                slot, command = self._queue.pop(0)
+                self._take(slot, command, packet.params, now)
+                self._send_next()
+        if self._queue and now >= self._patience:
+            self._queue.pop(0)
+            self._send_next()
+        return not self._queue
+
+    @property
+    def patience(self) -> float:
+        """See `ServoBus`."""
+        return self._patience
+
+    def finish(self) -> None:
+        """See `ServoBus`; who was not asked for want of time was not asked."""
+        for slot, command in self._queue:
+            if command is Command.READ_POSITION:
+                self.measured.asked[slot] = False
+        self._queue.clear()
+
+    def send_goals(self, ticks: Float, bound: Float) -> None:
+        """See `ServoBus`; what changed, in turns, as much as fits a tick."""
+        if not self._on:
+            return
+        m, end = len(self.ids), self.port.now() + WRITE_SHARE / self.robot.rate_hz
+        for _ in range(m):
+            if self.port.busy_until > end:
+                return
+            slot = self._next_tell
+            self._next_tell = (slot + 1) % m
+            if ticks[slot] != self._told[slot]:
+                self._move(slot, int(ticks[slot]))
+
+    def switch_on(self) -> None:
+        """See `ServoBus`; a goal cannot be read back, so every servo is asked whether torque is on."""
+        for slot in range(len(self.ids)):
+            if self._ask(slot, Command.READ_POSITION) is None:
+                raise DriverError(f"{self.joint_name(slot)} on {self.port.path}: does not answer: torque stays off")
+            for _ in range(2):
+                self._move(slot, int(self.measured.ticks[slot]))
+            self.port.send(FORMAT.encode(self.ids[slot], Command.LOAD, b"\x01"))
+            if self._ask(slot, Command.READ_LOAD) is None or not self.measured.torque[slot]:
+                raise DriverError(f"{self.joint_name(slot)} on {self.port.path}: torque does not go on")
+        self._on = True
+
+    def repeat_on(self, off: Bool) -> None:
+        """Never needed: `switch_on` reads back."""
+
+    def switch_off(self) -> None:
+        """See `ServoBus`."""
+        self._on = False
+        for slot in range(len(self.ids)):
+            for _ in range(2):
+                self.port.send(FORMAT.encode(self.ids[slot], Command.LOAD, b"\x00"))
+            if self.port.lost is not None:
+                return
+        self.measured.torque[:] = False
+
+    def damp(self) -> None:
+        """See `ServoBus`."""
+        self.switch_off()
+
+    # ---------------------------------------------------------------- inside
+
+    def _move(self, slot: int, tick: int) -> None:
+        goal = min(max(tick, self.servos[slot].min_tick), self.servos[slot].max_tick)
+        at_once = 0
+        self.port.send(
+            FORMAT.encode(self.ids[slot], Command.MOVE, goal.to_bytes(2, "little") + at_once.to_bytes(2, "little"))
+        )
+        self._told[slot] = tick
+
+    def _send_next(self) -> None:
+        if self._queue:
+            slot, command = self._queue[0]
+            self.port.send(FORMAT.encode(self.ids[slot], command))
+            answer = self.port.seconds(FORMAT.overhead + ANSWER_SIZE[command])
+            self._patience = self.port.busy_until + answer + PATIENCE_S
+
+    def _ask(self, slot: int, command: Command) -> bytes | None:
+        """One question at once, outside a cycle."""
+        answer = self._client.ask(self.ids[slot], command, answer=ANSWER_SIZE[command])
+        if answer is None:
+            return None
+        self._take(slot, command, answer.params, self.port.now())
+        return answer.params
+
+    def _take(self, slot: int, command: Command, params: bytes, now: float) -> None:
+        measured = self.measured
+        if len(params) != ANSWER_SIZE[command]:
+            return
+        if command is Command.READ_POSITION:
+            tick = int.from_bytes(params, "little", signed=True)
+            since = now - self._read_at[slot]
+            moved = (tick - measured.ticks[slot]) * self._tick[slot]
+            measured.velocity[slot] = moved / since if 0 < since < 0.5 else 0.0
+            measured.ticks[slot], self._read_at[slot] = tick, now
+            measured.fresh[slot] = True
+        elif command is Command.READ_VOLTAGE:
+            measured.voltage[slot] = int.from_bytes(params, "little") * MILLIVOLT
+        elif command is Command.READ_TEMPERATURE:
+            measured.temperature[slot] = params[0]
+        elif command is Command.READ_LOAD:
+            measured.torque[slot] = params[0] == 1

@@ -1,0 +1,13 @@
+"""`Lx16aDriver`: robots with LX-16A servos."""
+
+from __future__ import annotations
+
+from drivers.bus.driver import BusDriver
+from drivers.lx16a.bus import Lx16aBus
+
+
+class Lx16aDriver(BusDriver):
+    """Hiwonder / LewanSoul LX-16A servos: slow, a packet each, no current."""
+
+    name = "lx16a"
+    Bus = Lx16aBus

@@ -1,0 +1,36 @@
+"""Commands of the LewanSoul / Hiwonder LX-16A bus (vendor's bus communication protocol)."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+from drivers.bus.packet import SumFormat
+
+FORMAT = SumFormat(header=0x55, counted=3)
+BAUD = 115_200
+
+MILLIVOLT = 0.001
+
+
+class Command(IntEnum):
+    """What a packet asks for; an answer carries the same number."""
+
+    MOVE = 1
+    MOVE_STOP = 12
+    SET_ID = 13
+    READ_ID = 14
+    READ_TEMPERATURE = 26
+    READ_VOLTAGE = 27
+    READ_POSITION = 28
+    LOAD = 31
+    READ_LOAD = 32
+
+
+ANSWER_SIZE = {
+    Command.READ_ID: 1,
+    Command.READ_TEMPERATURE: 1,
+    Command.READ_VOLTAGE: 2,
+    Command.READ_POSITION: 2,
+    Command.READ_LOAD: 1,
+}
+"""Params of each answer."""

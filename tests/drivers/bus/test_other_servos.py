@@ -1,0 +1,107 @@
+"""Feetech and LX-16A: what they promise, what they do not, and what goes wrong on their buses."""
+
+from __future__ import annotations
+
+import logging
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from configs.errors import ConfigError, DriverError
+from configs.robot import Robot, load_robot
+from drivers.bus.driver import BusDriver
+from drivers.emulator.faults import Fault
+from drivers.emulator.feetech_bus import EmulatedFeetechBus
+from drivers.emulator.loopback import Loopback
+from drivers.feetech.bus import FeetechBus
+from drivers.interface import JointCommand, RobotState
+from drivers.lx16a.bus import Lx16aBus
+from drivers.registry import create
+
+from .robots import looped, op3_with
+
+
+def ticks(driver: BusDriver, world: Loopback, state: RobotState, command: JointCommand, many: int) -> None:
+    for _ in range(many):
+        driver.read(state)
+        driver.write(command)
+        world.advance(0.008)
+
+
+@pytest.fixture
+def sts(tmp_path: Path) -> Robot:
+    return op3_with(tmp_path, servo="STS3215-12V", baud=1_000_000)
+
+
+@pytest.fixture
+def lx(tmp_path: Path) -> Robot:
+    return op3_with(tmp_path, servo="LX-16A", baud=115_200)
+
+
+def test_a_driver_refuses_servos_of_another_protocol(sts: Robot) -> None:
+    with pytest.raises(ConfigError, match=r"servo STS3215-12V on bus 'main' speaks feetech, .* speaks dynamixel2"):
+        create("dynamixel", sts, port="main")
+    with pytest.raises(ConfigError, match="speaks dynamixel2, this driver speaks lx16a"):
+        create("lx16a", load_robot("op3"), port="main")
+
+
+def test_capabilities_are_honest(sts: Robot, lx: Robot) -> None:
+    assert create("feetech", sts, port="main").capabilities.effort
+    poor = create("lx16a", lx, port="main").capabilities
+    assert not (poor.effort or poor.torque_bound or poor.imu)
+
+
+def test_the_budget_says_that_twenty_lx16a_are_slow(sts: Robot, lx: Robot) -> None:
+    assert FeetechBus.budget(sts, "main").cycle_s == pytest.approx(0.0052, rel=0.1)
+    assert Lx16aBus.budget(lx, "main").cycle_s > 0.035
+
+
+def test_lx16a_has_its_turns_and_none_is_called_stale_for_waiting(lx: Robot) -> None:
+    driver, world = looped("lx16a", lx)
+    state, command = RobotState(lx.n), JointCommand(lx.n)
+    with driver:
+        command.position[:] = lx.stand_pose
+        ticks(driver, world, state, command, 100)
+        assert not state.stale.any()
+        assert np.isfinite(state.voltage).all() and np.isnan(state.effort).all()
+
+
+def test_a_setting_that_differs_is_written_once_and_told(sts: Robot, caplog: pytest.LogCaptureFixture) -> None:
+    driver, world = looped("feetech", sts)
+    bus = world.emulator.lines[0].bus
+    assert isinstance(bus, EmulatedFeetechBus)
+    with caplog.at_level(logging.WARNING), driver:
+        assert "return_delay" not in caplog.text
+    bus.servos[3].put("homing_offset", -80)
+    with caplog.at_level(logging.WARNING), driver:
+        assert "homing_offset -80 -> 0" in caplog.text
+    assert bus.servos[3].get("homing_offset") == 0 and bus.servos[3].get("lock") == 1
+
+
+@pytest.mark.parametrize("name", ["feetech", "lx16a"])
+def test_a_missing_servo_is_named(name: str, sts: Robot, lx: Robot) -> None:
+    driver, world = looped(name, sts if name == "feetech" else lx)
+    world.emulator.lines[0].bus.dead = {14}
+    with pytest.raises(DriverError, match=r"servo of l_knee \(id 14\) on main: does not answer"):
+        driver.open()
+
+
+@pytest.mark.parametrize("name", ["feetech", "lx16a"])
+def test_a_dead_servo_goes_stale_alone_and_a_pulled_cable_takes_all(name: str, tmp_path: Path) -> None:
+    kind = {"feetech": ("STS3215-12V", 1_000_000), "lx16a": ("LX-16A", 115_200)}[name]
+    robot = op3_with(tmp_path, servo=kind[0], baud=kind[1])
+    driver, world = looped(name, robot)
+    state, command = RobotState(robot.n), JointCommand(robot.n)
+    with driver:
+        driver.read(state)
+        driver.set_torque(True)
+        command.position[:] = state.position
+        ticks(driver, world, state, command, 3)
+        world.emulator.faults[:] = [Fault.parse("dead:14")]
+        ticks(driver, world, state, command, 150)
+        knee = robot.index("l_knee")
+        assert state.stale[knee] > 5 and np.delete(state.stale, knee).max() == 0
+        world.emulator.faults[:] = [Fault.parse("cable")]
+        ticks(driver, world, state, command, 150)
+        assert state.stale.min() > 5

@@ -1,0 +1,76 @@
+"""Every driver of the project passes the suite that it offers to others."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from configs.robot import Robot, load_robot
+from drivers.conformance import DriverConformance
+from drivers.emulator.loopback import Loopback
+from drivers.interface import Driver
+from drivers.sim.driver import SimDriver
+from drivers.sim.options import SimOptions
+
+from .bus.robots import looped, op3_with
+
+
+class TestSim(DriverConformance):
+    def make_driver(self) -> Driver:
+        return SimDriver(load_robot("op3"), options=SimOptions(suspended=True))
+
+
+class OnLoopback(DriverConformance):
+    """Bus drivers on emulated servos; time passes in their world."""
+
+    driver: str
+    robot: Robot
+    world: Loopback
+
+    def make_driver(self) -> Driver:
+        driver, self.world = looped(self.driver, self.robot)
+        return driver
+
+    def wait(self, driver: Driver, seconds: float) -> None:
+        self.world.advance(seconds)
+
+
+class TestDynamixel(OnLoopback):
+    driver = "dynamixel"
+
+    @pytest.fixture(autouse=True)
+    def _robot(self) -> None:
+        self.robot = load_robot("op3")
+
+
+class TestDynamixelWithoutCurrent(OnLoopback):
+    driver = "dynamixel"
+
+    @pytest.fixture(autouse=True)
+    def _robot(self, tmp_path: Path) -> None:
+        self.robot = op3_with(tmp_path, servo="2XL430-W250", baud=1_000_000)
+
+
+class TestDynamixelBoundByCurrent(OnLoopback):
+    driver = "dynamixel"
+
+    @pytest.fixture(autouse=True)
+    def _robot(self, tmp_path: Path) -> None:
+        self.robot = op3_with(tmp_path, servo="XC330-T288", baud=1_000_000, current_bound=True)
+
+
+class TestFeetech(OnLoopback):
+    driver = "feetech"
+
+    @pytest.fixture(autouse=True)
+    def _robot(self, tmp_path: Path) -> None:
+        self.robot = op3_with(tmp_path, servo="STS3215-12V", baud=1_000_000)
+
+
+class TestLx16a(OnLoopback):
+    driver = "lx16a"
+
+    @pytest.fixture(autouse=True)
+    def _robot(self, tmp_path: Path) -> None:
+        self.robot = op3_with(tmp_path, servo="LX-16A", baud=115_200)
