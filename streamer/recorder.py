@@ -26,7 +26,9 @@ NICENESS = 10
 """Of the recorder's own process: it shares two cores with the motion."""
 _MOST_ROWS = 250
 """Ticks written at a time; the ring holds many more."""
-_LINGER_S = 0.1
+_REPARENTED_S = 0.1
+"""After this an orphan knows that it is one [s]."""
+_LINGER_S = 0.5
 """A loop that has not ticked for this long has ended [s]."""
 
 log = logging.getLogger(__name__)
@@ -73,13 +75,16 @@ class Recorder:
         def step(last: bool) -> None:
             following.step()
             if last:
-                # Orphaned: the loop still brings the robot to a stand.
-                while own_process and os.getppid() != self._parent and following.moving:
-                    time.sleep(_LINGER_S)
-                    following.step()
+                if own_process and self._orphaned():
+                    following.follow_to_the_end()
                 following.close()
 
         return step
+
+    def _orphaned(self) -> bool:
+        # While a program with several threads dies, its children still see it as their parent for a moment.
+        time.sleep(_REPARENTED_S)
+        return os.getppid() != self._parent
 
     def result(self) -> str:
         """Path of the log, and what is missing from it if anything is; after the run."""
@@ -119,13 +124,13 @@ class _Following:
     """One log being written.
 
     Attributes:
-        moving: whether the loop ticked between the last two steps.
+        moving: whether the loop had ticked at the last step.
     """
 
     def __init__(self, recorder: Recorder, file: LogFile, outcome: Outcome) -> None:
         self.header, self.file, self.outcome = recorder.header, file, outcome
         self.plans = recorder.plans
-        self.moving = True
+        self.moving = False
         self._ticks, self._events = recorder.telemetry.ticks.reader(), recorder.telemetry.events.reader()
         self._targets = recorder.targets.reader()
         self._plan = self._tick = self._written = self._lost = self._unflushed = 0
@@ -145,6 +150,13 @@ class _Following:
         # Once a second of run: what is in the file is never further behind than that.
         if self._unflushed >= self.header.rate_hz:
             self._flush()
+
+    def follow_to_the_end(self) -> None:
+        """Go on until the loop has ended: left alone it still brings the robot to a stand."""
+        self.moving = True
+        while self.moving:
+            time.sleep(_LINGER_S)
+            self.step()
 
     def close(self) -> None:
         """Finish the file."""

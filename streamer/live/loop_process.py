@@ -21,8 +21,9 @@ def serve(
 
     Sends through `outcome` the scheduling that was granted, then the error that ended the run or None.
     """
-    # Its supervisor has died: an orderly end.
-    signal.signal(signal.SIGTERM, lambda _number, _frame: operator.hear(Request.END))
+    # Its supervisor has died: an orderly end. Heard at the next tick, since a handler may interrupt one anywhere.
+    signalled: list[Request] = []
+    signal.signal(signal.SIGTERM, lambda _number, _frame: signalled.append(Request.END))
     error: Exception | None = None
     try:
         with loop.driver:
@@ -30,14 +31,14 @@ def serve(
             # Locking memory takes long inside the kernel: not yet at a priority that keeps everybody else waiting.
             priority.settle(collect=False)
             outcome.send(priority.claim(priority.LOOP_PRIORITY, allowed=realtime))
-            _tick(loop, operator, controls)
+            _tick(loop, operator, controls, signalled)
     except Exception as failure:  # whatever it is, the supervisor must learn of it
         error = failure
     with contextlib.suppress(BrokenPipeError):  # it has died
         outcome.send(error)
 
 
-def _tick(loop: ControlLoop, operator: Operator, controls: Sequence[Controls]) -> None:
+def _tick(loop: ControlLoop, operator: Operator, controls: Sequence[Controls], signalled: list[Request]) -> None:
     listeners = [one.listener() for one in controls]
     row = loop.telemetry.row
     ticker = Ticker(1.0 / loop.robot.rate_hz)
@@ -46,6 +47,8 @@ def _tick(loop: ControlLoop, operator: Operator, controls: Sequence[Controls]) -
         row["missed_deadlines"] += ticker.missed
         # Clamp, never re-time: the plan has gone on meanwhile, as the robot has.
         loop.tick_count += ticker.skipped
+        while signalled:
+            operator.hear(signalled.pop())
         for listener in listeners:
             for request, reason in listener.heard():
                 operator.hear(request, reason)

@@ -11,6 +11,12 @@ import pytest
 from streamer.cli import execute
 
 
+@pytest.mark.parametrize("command", ["show", "plot", "replay"])
+def test_help_has_an_example(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert execute(["log", command, "--help"]) == 0
+    assert f"flexmotion log {command}" in capsys.readouterr().out.split("Examples")[1]
+
+
 def test_show(logged: Any, capsys: pytest.CaptureFixture[str]) -> None:
     assert execute(["log", "show", str(logged.path), "--json"]) == 0
     content = json.loads(capsys.readouterr().out)
