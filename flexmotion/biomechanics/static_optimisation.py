@@ -106,6 +106,15 @@ def infeasible(state: MuscleState, motion: Motion) -> NDArray[np.bool_]:
     return np.abs(state.missing) > np.maximum(FEASIBLE * largest, 1.0)
 
 
+def muscle_moments(muscles: MuscleModel, motion: Motion) -> tuple[Float, Float]:
+    """What the muscles of a model can do: moments per activation (T, J, M) and passive ones (T, J) [N·m of the model].
+
+    J joints of `muscles.joints`, M muscles; times `strength` they are the human's.
+    """
+    found = _actuation(muscles, motion)
+    return found.active, found.passive
+
+
 def _actuation(muscles: MuscleModel, motion: Motion) -> _Actuation:
     model, data = muscles.model, mujoco.MjData(muscles.model)
     angles = motion.joints[:, muscles.columns]

@@ -11,6 +11,7 @@ from flexmotion.training.draws import normal
 from flexmotion.training.feature_store import FeatureStore
 from flexmotion.training.kinematics import points, pose, segments
 from flexmotion.training.losses import Reconstruction, divergence, weighted
+from flexmotion.training.muscle_torques import MuscleTorques
 from flexmotion.training.processes import Processes
 from flexmotion.training.windows import Windows, WindowSet
 
@@ -26,13 +27,21 @@ class AutoencoderTask:
         store: features of the set.
         seed: of the weights and of all that is drawn.
         processes: that train.
+        muscles: torques of the muscles; None for no loss of theirs.
     """
 
-    def __init__(self, config: ModelConfig, store: FeatureStore, seed: int, processes: Processes) -> None:
+    def __init__(
+        self,
+        config: ModelConfig,
+        store: FeatureStore,
+        seed: int,
+        processes: Processes,
+        muscles: MuscleTorques | None = None,
+    ) -> None:
         torch.manual_seed(seed)
         self.config, self.seed, self.processes = config, seed, processes
         self.network = Autoencoder(config.autoencoder, config.window, store.layout).to(processes.device)
-        self.loss = Reconstruction(store.layout, store.statistics, config.losses)
+        self.loss = Reconstruction(store.layout, store.statistics, config.losses, muscles)
         self.training = WindowSet(store, config.window, "train")
         held_out = WindowSet(store, config.window, "validation")
         self._held_out = held_out.draw((seed, 1), VALIDATION).to(processes.device)

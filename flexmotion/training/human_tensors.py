@@ -10,6 +10,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from flexmotion.biomechanics.muscle_geometry import MODEL_HEIGHT, MODEL_MASS
 from flexmotion.body import Body
 from flexmotion.features.joint_groups import BALLS, HINGES, sign
 from flexmotion.features.layout import POINTS
@@ -74,6 +75,7 @@ class HumanTensors:
         inertia: principal moments about it, along the segment's axes, (N, S, 3) [kg·m²].
         point: of `layout.POINTS` in their segments, (N, P, 3) [m].
         leg: (N,) [m].
+        strength: torque of the muscles over that of the muscle models', (N,).
     """
 
     offset: Tensor
@@ -83,6 +85,7 @@ class HumanTensors:
     inertia: Tensor
     point: Tensor
     leg: Tensor
+    strength: Tensor
 
     @classmethod
     def of(cls, bodies: Sequence[Body], dtype: torch.dtype = torch.float32) -> HumanTensors:
@@ -127,4 +130,5 @@ def _constants(body: Body) -> dict[str, np.ndarray]:
         "inertia": model.body_inertia[rows],
         "point": point,
         "leg": np.array(body.leg),
+        "strength": np.array(body.mass * body.height / (MODEL_MASS * MODEL_HEIGHT)),
     }

@@ -12,6 +12,7 @@ from flexmotion.features.layout import ACTIVATIONS, Layout
 from flexmotion.features.statistics import Statistics
 from flexmotion.training.human_tensors import HumanTensors
 from flexmotion.training.kinematics import path, points, pose, segments
+from flexmotion.training.muscle_torques import MuscleTorques
 from flexmotion.training.physics import EDGE, euler_residual
 from flexmotion.training.windows import Windows
 
@@ -32,11 +33,13 @@ class Reconstruction:
         layout: of the features.
         statistics: by which they are normalised.
         weights: which losses are wanted at all.
+        muscles: torques of the muscles; None where there is no loss of theirs.
     """
 
     layout: Layout
     statistics: Statistics
     weights: LossWeights
+    muscles: MuscleTorques | None = None
 
     def __post_init__(self) -> None:
         self._mean = torch.from_numpy(self.statistics.mean)
@@ -92,6 +95,10 @@ class Reconstruction:
             for name, value in (("euler_joints", residual.joints), ("euler_root", residual.root)):
                 size = torch.nn.functional.huber_loss(value, torch.zeros_like(value), reduction="none", delta=WHOLE)
                 losses[name] = 100 * _mean(size.mean(dim=-1), good)
+        if self.muscles is not None and weights.muscle_torques:
+            missing = self.muscles.residual(whole, self.layout, humans)
+            size = torch.nn.functional.huber_loss(missing, torch.zeros_like(missing), reduction="none", delta=WHOLE)
+            losses["muscle_torques"] = 100 * _mean(size.mean(dim=-1), windows.good[:, 1:-1])
         return losses
 
     def muscular(self, decoded: Tensor) -> dict[str, Tensor]:

@@ -17,6 +17,7 @@ from flexmotion.dataset.fields import MUSCLES
 from flexmotion.dataset.training_set import TrainingSet
 from flexmotion.features.layout import Layout
 from flexmotion.training.feature_store import FeatureStore, build_store
+from flexmotion.training.muscle_torques import MuscleTorques, fit_muscle_torques, load_muscle_torques
 
 CONFIG = "config.yaml"
 PERSONAL = "personal.json"
@@ -76,6 +77,21 @@ class Run:
         if not (folder / "index.json").is_file():
             raise ConfigError(f"{folder}: no features there; name the training set once")
         return FeatureStore(folder)
+
+    def muscles(self, data: Path | None = None) -> MuscleTorques | None:
+        """Torques of the muscles, for their loss; None where the configuration wants none.
+
+        Raises:
+            ConfigError: they have not been fitted and no set is named, or `myo-sim` is not installed.
+        """
+        if not self.config.window.muscles or not self.config.losses.muscle_torques:
+            return None
+        path = self.folder / "muscle_torques.npz"
+        if data is not None and not path.is_file():
+            fit_muscle_torques(TrainingSet(data), path, self.seed)
+        if not path.is_file():
+            raise ConfigError(f"{path}: not there; name the training set once")
+        return load_muscle_torques(path)
 
     def personal_wordings(self) -> tuple[str, ...]:
         """Sentences that ask for the manner a run was personalised to; none for others."""

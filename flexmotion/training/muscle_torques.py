@@ -1,0 +1,172 @@
+"""Differentiable torques of the muscles: polynomials of joint angles and speeds, fitted to the muscle models.
+
+The torque that a muscle makes at a joint is its moment arm times gain times activation, plus a passive part; arms and
+gains are smooth functions of the pose (polynomials of them: Sartori et al., J. Biomech. 45(3), 2012). The polynomials
+are of third order in the angles and second in the speeds.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from flexmotion.biomechanics.differentiation import derivative
+from flexmotion.biomechanics.muscle_geometry import muscle_models
+from flexmotion.biomechanics.static_optimisation import muscle_moments
+from flexmotion.dataset.training_set import SetClip, TrainingSet
+from flexmotion.features.encode import GRAVITY
+from flexmotion.features.joint_groups import BALL_COLUMNS, BALL_SIGNS, HINGE_COLUMNS
+from flexmotion.features.layout import ACTIVATIONS, Layout
+from flexmotion.skeleton import JOINTS
+from flexmotion.training.human_tensors import HumanTensors
+from flexmotion.training.kinematics import pose
+
+CLIPS = 300
+FRAMES = 40
+"""Frames of each of so many clips to which the polynomials are fitted."""
+
+RIDGE = 1e-4
+
+SPEED = 5.0
+"""Speeds are taken in multiples of this [rad/s], so that all terms are of one size."""
+
+
+@dataclass(frozen=True)
+class Limb:
+    """Polynomials of one muscle model, J joints, M muscles, P terms.
+
+    Attributes:
+        columns: joints in the order of `JOINTS`, (J,).
+        active: moment per activation, (P, J, M) [N·m of the model].
+        passive: (P, J).
+    """
+
+    columns: np.ndarray
+    active: Tensor
+    passive: Tensor
+
+
+@dataclass(frozen=True)
+class MuscleTorques:
+    """Polynomials of all muscle models, in the order of their activations."""
+
+    limbs: tuple[Limb, ...]
+
+    def residual(self, features: Tensor, layout: Layout, humans: HumanTensors) -> Tensor:
+        """Torque of the muscles less that of the joints, per weight and leg, (N, T - 2, 13).
+
+        Args:
+            features: not normalised, (N, T, F).
+            layout: with activations.
+            humans: N of them.
+        """
+        angles = joint_angles(features, layout, humans)
+        speeds = 0.5 * layout.fps * (angles[:, 2:] - angles[:, :-2])
+        inner = features[:, 1:-1]
+        activations, torques = inner[..., layout.blocks[ACTIVATIONS]], inner[..., layout.blocks["torques"]]
+        scale = (humans.strength / (humans.mass.sum(dim=1) * GRAVITY * humans.leg))[:, None, None]
+        found, start = [], 0
+        for limb in self.limbs:
+            columns = torch.from_numpy(limb.columns)
+            terms = polynomial(angles[:, 1:-1, columns], speeds[..., columns])
+            count = limb.active.shape[2]
+            arms = torch.einsum("ntp,pjm->ntjm", terms, limb.active.to(terms.device))
+            made = torch.einsum("ntjm,ntm->ntj", arms, activations[..., start : start + count])
+            made = made + terms @ limb.passive.to(terms.device)
+            found.append(scale * made - torques[..., columns])
+            start += count
+        return torch.cat(found, dim=-1)
+
+
+def joint_angles(features: Tensor, layout: Layout, humans: HumanTensors) -> Tensor:
+    """Angles in the order of `JOINTS`, (N, T, 26) [rad]; of balls those with a second angle within ±90°."""
+    found = pose(features, layout, humans)
+    balls = found.balls
+    angles = features.new_zeros((*features.shape[:2], len(JOINTS)))
+    three = torch.stack(
+        [
+            torch.atan2(balls[..., 0, 2], balls[..., 2, 2]),
+            torch.asin((-balls[..., 1, 2]).clamp(-0.999, 0.999)),
+            torch.atan2(balls[..., 1, 0], balls[..., 1, 1]),
+        ],
+        dim=-1,
+    )
+    signs = torch.as_tensor(BALL_SIGNS, dtype=features.dtype, device=features.device)
+    angles[..., torch.from_numpy(BALL_COLUMNS)] = three * signs
+    angles[..., torch.from_numpy(HINGE_COLUMNS)] = found.hinges
+    return angles
+
+
+def polynomial(angles: Tensor, speeds: Tensor) -> Tensor:
+    """Terms of angles (..., J) [rad] up to the third order and of speeds (..., J) [rad/s] up to the second."""
+    joints = angles.shape[-1]
+    speeds = speeds / SPEED
+    pairs = torch.triu_indices(joints, joints)
+    two = angles[..., pairs[0]] * angles[..., pairs[1]]
+    triples = torch.tensor([(i, j, k) for i in range(joints) for j in range(i, joints) for k in range(j, joints)]).T
+    three = angles[..., triples[0]] * angles[..., triples[1]] * angles[..., triples[2]]
+    one = torch.ones_like(angles[..., :1])
+    return torch.cat([one, angles, two, three, speeds, speeds * speeds.abs()], dim=-1)
+
+
+def fit_muscle_torques(source: TrainingSet, path: Path, seed: int = 0) -> None:
+    """Fit the polynomials to poses of a set and write them.
+
+    Raises:
+        ConfigError: `myo-sim` is not installed.
+    """
+    clips = list(source.select(split="train"))
+    chosen = np.random.default_rng((seed, 71)).permutation(len(clips))[:CLIPS]
+    arrays: dict[str, np.ndarray] = {}
+    for number, (active, passive) in enumerate(_fitted(source, [clips[at] for at in sorted(chosen)])):
+        arrays |= {f"active{number}": active, f"passive{number}": passive}
+    np.savez(path, **arrays)  # type: ignore[arg-type]
+
+
+def load_muscle_torques(path: Path) -> MuscleTorques:
+    """Read what `fit_muscle_torques` wrote."""
+    with np.load(path) as found:
+        limbs = [
+            Limb(
+                np.array([JOINTS.index(name) for name in names]),
+                torch.from_numpy(found[f"active{number}"]),
+                torch.from_numpy(found[f"passive{number}"]),
+            )
+            for number, names in enumerate(LIMBS)
+        ]
+    return MuscleTorques(tuple(limbs))
+
+
+LIMBS = tuple(
+    tuple(f"{joint}_{side}" for joint in ("hip_flexion", "hip_adduction", "hip_rotation", "knee_flexion"))
+    + (f"ankle_dorsiflexion_{side}",)
+    for side in ("l", "r")
+) + (("lumbar_extension", "lumbar_bending", "lumbar_rotation"),)
+"""Joints of every muscle model, in the order of `muscle_models`."""
+
+
+def _fitted(source: TrainingSet, clips: list[SetClip]) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Coefficients of every muscle model, (P, J, M) and (P, J), by ridge regression."""
+    found = []
+    for muscles, names in zip(muscle_models(), LIMBS, strict=True):
+        assert muscles.joints == names
+        terms, moments = [], []
+        for clip in clips:
+            middle = max(0, (clip.frames - FRAMES) // 2)
+            motion = source.motion(clip)[middle : middle + FRAMES]
+            angles = motion.joints[:, muscles.columns]
+            active, passive = muscle_moments(muscles, motion)
+            speeds = derivative(angles, motion.fps)
+            terms.append(polynomial(torch.from_numpy(angles), torch.from_numpy(speeds)).numpy())
+            moments.append(np.concatenate([active.reshape(len(motion), -1), passive], axis=1))
+        design, wanted = np.concatenate(terms), np.concatenate(moments)
+        normal = design.T @ design + RIDGE * len(design) * np.eye(design.shape[1])
+        solution = np.linalg.solve(normal, design.T @ wanted).astype(np.float32)
+        joints = len(names)
+        split = solution.shape[1] - joints
+        found.append((solution[:, :split].reshape(len(solution), joints, split // joints), solution[:, split:]))
+    return found
