@@ -20,6 +20,7 @@ from streamer.posture_move import PostureMove
 from streamer.reference import Reference
 from streamer.servo_command import ServoCommand
 from streamer.stabiliser import Stabiliser
+from streamer.suspension import Suspension
 from streamer.telemetry import Telemetry
 from streamer.tick_row import REPAIRS
 
@@ -72,6 +73,7 @@ class ControlLoop:
         self.estimator = Estimator(robot, retargeter.omega)
         self.stabiliser = Stabiliser(robot, enabled=feedback)
         self.load = LoadEstimator(robot)
+        self.suspension = Suspension(robot)
         self.servo = ServoCommand(robot, driver.delay_s)
         self.move = PostureMove(robot, retargeter.body.dynamics)
         self.stand_pose = retargeter.layout.get(retargeter.standing(), "q")[0].copy()
@@ -273,6 +275,7 @@ class ControlLoop:
         if state is State.READY:
             self.servo.reset(self.state.position)
             self.load.reset()
+            self.suspension.reset()
             self.estimator.reset()
             self.command.position[:] = self.state.position
             self.driver.set_torque(True)
@@ -310,15 +313,26 @@ class ControlLoop:
         else:
             self.move.step(self.now)
             self.ahead.copy(self.now)
-        self.stabiliser.update(self.estimator, self.now)
-        self.load.update(self.now.q, self.state.position, self.now.torque)
-        torque = self.load.factor * self.ahead.torque + self.stabiliser.torque
+        torque = self._torque()
         goal = self.servo.update(self.ahead.q, self.ahead.qd, torque, self.state)
         self.command.position[:] = goal
         repairs = self.telemetry.row["repairs"]
         repairs[_POSITION] += self.servo.position_clamps
         repairs[_TORQUE] += self.servo.torque_clamps
         self.driver.write(self.command)
+
+    def _torque(self) -> Float:
+        """What the servos are to make beyond following, (n,) [N·m]: carry the robot, and balance it."""
+        now, measured, suspension = self.now, self.state, self.suspension
+        if suspension.update(self.command.position, measured.position, measured.velocity, now.torque):
+            self._event("note", "the feet are in the air: balance is off" if suspension.hung else "back on its feet")
+        if suspension.hung:
+            torque = self.ahead.torque.copy()
+            torque[suspension.legs] = 0.0
+            return torque
+        self.stabiliser.update(self.estimator, now)
+        self.load.update(now.q, measured.position, now.torque)
+        return self.load.factor * self.ahead.torque + self.stabiliser.torque
 
     def _describe(self, playback: Playback) -> None:
         """Fill this tick's row."""
@@ -329,7 +343,7 @@ class ControlLoop:
         row["robot_lateness_s"], row["violations"] = self.driver.lateness_s, self.driver.violations
         for name in _MEASURED:
             row[_COLUMNS.get(name, name)] = getattr(state, name)
-        row["tilt"] = self.estimator.tilt
+        row["tilt"], row["hung"] = self.estimator.tilt, self.suspension.hung
         row["contact_ref"] = False
         self._describe_plan()
         if self.driver.capabilities.truth:

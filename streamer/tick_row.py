@@ -36,6 +36,7 @@ def tick_dtype(n: int) -> np.dtype[Any]:
     true_*                   ground truth of a simulation (drivers.interface.Truth)
     contact_ref              planned contact of left and right foot
     ready, plan_over, must_stop           waits for its first plan; the plan is played; only a plan that stops is taken
+    hung                     the feet are in the air
     ```
     """
     whole = ("tick", "stamp_ns", "state", "plan", "plan_start", "plan_end", "offer", "pending", "asked_tick", "target")
@@ -69,6 +70,7 @@ def tick_dtype(n: int) -> np.dtype[Any]:
             ("ready", "?"),
             ("plan_over", "?"),
             ("must_stop", "?"),
+            ("hung", "?"),
         ]
     )
 
