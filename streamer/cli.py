@@ -16,6 +16,7 @@ import typer
 
 from configs.errors import FlexMotionError
 from streamer.commands.check import check
+from streamer.commands.check_bus import bus
 from streamer.commands.data import data
 from streamer.commands.drivers import drivers
 from streamer.commands.dry_run import dry_run
@@ -27,6 +28,7 @@ from streamer.commands.personalize import personalize
 from streamer.commands.retarget import retarget
 from streamer.commands.robots import robots
 from streamer.commands.run import run
+from streamer.commands.servo import servo
 from streamer.commands.train import train
 
 OK, CHECK_FAILED, BAD_USAGE, INTERRUPTED = 0, 1, 2, 130
@@ -43,8 +45,10 @@ app = typer.Typer(
 app.command("dry-run")(dry_run)
 app.command("run")(run)
 app.command("retarget")(retarget)
+check.command("bus")(bus)
 app.add_typer(check, name="check")
 app.add_typer(data, name="data")
+app.add_typer(servo, name="servo")
 app.command("emulate")(emulate)
 app.add_typer(log, name="log")
 app.add_typer(train, name="train")

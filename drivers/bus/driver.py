@@ -81,7 +81,7 @@ class BusDriver(Driver):
             for bus in self.buses:
                 bus.audit()
         except BaseException:
-            self._let_go()
+            self.let_go()
             raise
         self._imu = next((bus.imu for bus in self.buses if bus.imu is not None), None)
 
@@ -89,7 +89,13 @@ class BusDriver(Driver):
         """Torque off, ports released. May be called twice."""
         if self.buses:
             self.set_torque(False)
-            self._let_go()
+            self.let_go()
+
+    def let_go(self) -> None:
+        """Release the ports and leave torque as it is: for those who only look."""
+        for bus in self.buses:
+            bus.close()
+        self.buses = []
 
     def read(self, state: RobotState) -> None:
         """Ask all buses at once and wait for their answers, at most `READ_SHARE` of a tick."""
@@ -187,11 +193,6 @@ class BusDriver(Driver):
         self._imu_stale = 0 if imu.fresh else self._imu_stale + 1
         state.gyro[:], state.accel[:] = imu.gyro, imu.accel
         state.imu_stale = self._imu_stale
-
-    def _let_go(self) -> None:
-        for bus in self.buses:
-            bus.close()
-        self.buses = []
 
     @property
     def capabilities(self) -> Capabilities:

@@ -16,9 +16,9 @@ class SumClient:
     def __init__(self, port: SerialPort, form: SumFormat) -> None:
         self.port, self.form = port, form
 
-    def ask(self, id_: int, code: int, params: bytes = b"", *, answer: int) -> SumPacket | None:
+    def ask(self, id_: int, code: int, params: bytes = b"", *, answer: int, tries: int = TRIES) -> SumPacket | None:
         """The answer with `answer` params of a servo to an instruction; None where none comes."""
-        for _ in range(TRIES):
+        for _ in range(tries):
             self.port.receive()
             self.port.send(self.form.encode(id_, code, params))
             decoder = SumDecoder(self.form)

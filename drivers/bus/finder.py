@@ -1,0 +1,19 @@
+"""Which driver of the project speaks to a robot's servos."""
+
+from __future__ import annotations
+
+from configs.errors import ConfigError
+from configs.robot import Robot
+from drivers import registry
+from drivers.bus.driver import BusDriver
+
+
+def bus_driver_of(robot: Robot) -> type[BusDriver]:
+    """The bus driver for the protocol of a robot's servos. Raises `ConfigError` where there is none, or not one."""
+    protocols = sorted({servo.protocol for servo in robot.servos})
+    drivers = [driver for driver in registry.available().values() if issubclass(driver, BusDriver)]
+    for driver in drivers:
+        if protocols == [driver.Bus.protocol]:
+            return driver
+    known = ", ".join(sorted(driver.Bus.protocol for driver in drivers))
+    raise ConfigError(f"{robot.file}: servos speak {', '.join(protocols)}, expected one of: {known}")

@@ -1,0 +1,45 @@
+"""Bench tools for Dynamixel servos."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from configs.errors import DriverError
+from drivers.bus.port import SerialPort
+from drivers.bus.tools import BusTools, Found, model_name
+from drivers.dynamixel.registers import BAUD_RATES, open_cr, table_of
+from drivers.dynamixel.sdk import Client
+
+_ANY = table_of("XM430-W350")
+"""Id, torque and firmware lie at the same place in every table of the X series."""
+
+
+class DynamixelTools(BusTools):
+    """Protocol 2.0."""
+
+    protocol = "dynamixel2"
+    baud_rates = BAUD_RATES[:-1]  # the SDK and most adapters refuse 4.5 M
+
+    def __init__(self, port: SerialPort) -> None:
+        super().__init__(port)
+        self._client = Client(port)
+
+    def scan_here(self) -> Iterator[Found]:
+        """See `BusTools`."""
+        for id_, (model, firmware) in sorted(self._client.find().items()):
+            name = "OpenCR board" if model == open_cr().model_number else model_name(model)
+            yield Found(self.port.baud, id_, name, firmware)
+
+    def answers(self, id_: int) -> bool:
+        """See `BusTools`."""
+        return self._client.ping(id_) is not None
+
+    def write_id(self, old: int, new: int) -> None:
+        """See `BusTools`. Raises `DriverError` while torque is on."""
+        if self._client.read(old, _ANY["torque_enable"]):
+            raise DriverError(f"port {self.port.path}: id {old}: torque is on, which locks the id")
+        self._client.write(old, _ANY["id"], new)
+
+    def reboot(self, id_: int) -> None:
+        """See `BusTools`."""
+        self._client.reboot(id_)

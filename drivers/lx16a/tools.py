@@ -1,0 +1,40 @@
+"""Bench tools for LX-16A servos."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from drivers.bus.packet import MAX_ID
+from drivers.bus.port import SerialPort
+from drivers.bus.sum_client import SumClient
+from drivers.bus.tools import BusTools, Found
+from drivers.lx16a.protocol import ANSWER_SIZE, BAUD, FORMAT, Command
+
+
+class Lx16aTools(BusTools):
+    """LX-16A and servos like it; they tell no model."""
+
+    protocol = "lx16a"
+    baud_rates = (BAUD,)
+
+    def __init__(self, port: SerialPort) -> None:
+        super().__init__(port)
+        self._client = SumClient(port, FORMAT)
+
+    def scan_here(self) -> Iterator[Found]:
+        """See `BusTools`; every id is asked once."""
+        for id_ in range(MAX_ID + 1):
+            if self._ask(id_, tries=1):
+                yield Found(self.port.baud, id_, "LX-16A")
+
+    def answers(self, id_: int) -> bool:
+        """See `BusTools`."""
+        return self._ask(id_, tries=3)
+
+    def write_id(self, old: int, new: int) -> None:
+        """See `BusTools`."""
+        self.port.send(FORMAT.encode(old, Command.SET_ID, bytes([new])))
+
+    def _ask(self, id_: int, *, tries: int) -> bool:
+        answer = self._client.ask(id_, Command.READ_ID, answer=ANSWER_SIZE[Command.READ_ID], tries=tries)
+        return answer is not None

@@ -1,0 +1,122 @@
+"""`flexmotion check bus`: does the loop's rate fit the servo bus, and are all servos what the robot file says."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.table import Table
+
+from streamer.commands.check import CHECK_FAILED
+from streamer.commands.options import JsonOption, RobotOption
+from streamer.commands.output import print_json, print_result
+
+if TYPE_CHECKING:
+    from configs.robot import Robot
+
+
+def bus(
+    robot: RobotOption = "op3",
+    port: Annotated[
+        str | None, typer.Option("--port", "-p", help="Audit the servos on this port too.", show_default=False)
+    ] = None,
+    rate: Annotated[
+        float | None, typer.Option("--rate", min=1, help="Loop rate [Hz]; the robot file's if not given.")
+    ] = None,
+    configure: Annotated[
+        bool, typer.Option("--configure", help="Write the settings in which a servo differs from the robot file.")
+    ] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Check whether the loop's rate fits the servo bus: bytes, baud rate and delays make the highest rate.
+
+    With a port every servo is audited as before a run, and torque stays as it is. Exit code 1 where the rate does not
+    fit, 3 where the port fails or a servo is not as the robot file says.
+
+    [bold]Examples[/bold]
+
+      flexmotion check bus --robot op3
+
+      flexmotion check bus --robot op3 --port /dev/ttyUSB0 --rate 200
+    """
+    # Heavy imports wait until the command runs: help and completion answer at once.
+    from configs.robot import load_robot
+    from streamer.bus_check import check_buses
+
+    chosen = load_robot(robot)
+    wanted = chosen.rate_hz if rate is None else rate
+    checks = check_buses(chosen, wanted)
+    audit = [] if port is None else _audit(chosen, port, configure)
+    if as_json:
+        buses = [
+            {
+                "bus": check.name,
+                "baud": check.baud,
+                "servos": check.servos,
+                "read_bytes": check.budget.read_bytes,
+                "write_bytes": check.budget.write_bytes,
+                "read_ms": check.budget.read_s * 1e3,
+                "write_ms": check.budget.write_s * 1e3,
+                "highest_rate_hz": check.highest_hz,
+                "fits": check.fits,
+            }
+            for check in checks
+        ]
+        content: dict[str, Any] = {"schema": "flexmotion.bus/1", "robot": chosen.name, "rate_hz": wanted}
+        print_json(content | {"ok": all(check.fits for check in checks), "buses": buses, "servos": audit})
+    else:
+        table = Table(box=None, pad_edge=False, header_style="dim")
+        for column in ("bus", "baud", "servos", "read", "write", "highest rate", f"{wanted:g} Hz"):
+            table.add_column(column)
+        for check in checks:
+            budget = check.budget
+            table.add_row(
+                check.name,
+                str(check.baud),
+                str(check.servos),
+                f"{budget.read_bytes} B, {budget.read_s * 1e3:.2f} ms",
+                f"{budget.write_bytes} B, {budget.write_s * 1e3:.2f} ms",
+                f"{check.highest_hz:.0f} Hz",
+                "fits" if check.fits else "does not fit",
+            )
+        print_result(table)
+        if audit:
+            print_result(_servo_table(audit))
+    if not all(check.fits for check in checks):
+        raise typer.Exit(CHECK_FAILED)
+
+
+def _audit(robot: Robot, port: str, configure: bool) -> list[dict[str, Any]]:
+    """Every servo as it is now. Raises `DriverError` where one is missing or not what the robot file says."""
+    from drivers.bus.finder import bus_driver_of
+    from drivers.bus.options import BusOptions
+    from drivers.interface import RobotState
+
+    driver = bus_driver_of(robot)(robot, options=BusOptions(port=port, configure=configure))
+    state = RobotState(robot.n)
+    driver.open()
+    try:
+        driver.read(state)
+    finally:
+        driver.let_go()
+    return [
+        {
+            "joint": joint.name,
+            "id": joint.id,
+            "servo": joint.servo,
+            "position_rad": round(float(state.position[index]), 4),
+            "voltage": round(float(state.voltage[index]), 1),
+            "temperature": float(state.temperature[index]),
+            "hardware_error": int(state.hardware_error[index]),
+        }
+        for index, joint in enumerate(robot.joints)
+    ]
+
+
+def _servo_table(audit: list[dict[str, Any]]) -> Table:
+    table = Table(box=None, pad_edge=False, header_style="dim")
+    for column in audit[0]:
+        table.add_column(column.replace("_", " "))
+    for row in audit:
+        table.add_row(*(str(value) for value in row.values()))
+    return table

@@ -1,0 +1,89 @@
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from configs.robot import load_robot
+from streamer.bus_check import check_buses
+from streamer.cli import execute
+
+
+@pytest.fixture(scope="module")
+def port(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """The bus of OP3's servos, emulated on a bench by the command itself."""
+    link = tmp_path_factory.mktemp("emulated") / "bus"
+    command = [sys.executable, "-m", "streamer.cli", "emulate", "--bench", "--no-realtime", "--json"]
+    process = subprocess.Popen([*command, "--port-link", str(link)], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
+    for _ in range(600):
+        if link.exists() or process.poll() is not None:
+            break
+        time.sleep(0.05)
+    time.sleep(0.3)
+    yield link
+    process.send_signal(signal.SIGTERM)
+    output, _ = process.communicate(timeout=20)
+    assert process.returncode == 0
+    assert json.loads(output)["violations"] == 0
+    assert not os.path.lexists(link)
+
+
+def test_op3_fits_its_own_rate_and_not_a_thousand_hertz(capsys: pytest.CaptureFixture[str]) -> None:
+    assert execute(["check", "bus", "--json"]) == 0
+    report = json.loads(capsys.readouterr().out)
+    (bus,) = report["buses"]
+    assert report["ok"] and (bus["read_bytes"], bus["write_bytes"]) == (379, 114)
+    assert bus["read_ms"] == pytest.approx(1.895) and 125 < bus["highest_rate_hz"] < 1000
+    assert execute(["check", "bus", "--rate", "1000"]) == 1
+
+
+def test_a_slower_loop_always_fits() -> None:
+    robot = load_robot("op3")
+    highest = check_buses(robot, 1.0)[0].highest_hz
+    assert check_buses(robot, highest * 0.99)[0].fits and not check_buses(robot, highest * 1.01)[0].fits
+
+
+def test_a_port_that_is_not_there_is_one_line_and_exit_code_3(capfd: pytest.CaptureFixture[str]) -> None:
+    assert execute(["check", "bus", "--port", "/dev/nowhere"]) == 3
+    assert capfd.readouterr().err == "flexmotion: port /dev/nowhere: there is no such device\n"
+
+
+def test_servos_are_audited_found_renamed_and_watched(port: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    bus = ["--port", str(port), "--baud", "2000000"]
+    assert execute(["check", "bus", "--port", str(port), "--json"]) == 3  # new servos: their limits are wide open
+    assert execute(["check", "bus", "--port", str(port), "--configure", "--json"]) == 0
+    capsys.readouterr()
+    assert execute(["check", "bus", "--port", str(port), "--json"]) == 0
+    servos = json.loads(capsys.readouterr().out)["servos"]
+    assert len(servos) == 20 and {servo["voltage"] for servo in servos} == {12.0}
+
+    assert execute(["servo", "scan", *bus, "--json"]) == 0
+    assert [each["id"] for each in json.loads(capsys.readouterr().out)] == [*range(1, 21), 200]
+    assert execute(["servo", "set-id", "14", "77", *bus]) == 0
+    assert execute(["servo", "watch", "--port", str(port), "--seconds", "0.2", "--json"]) == 3  # id 14 is missing
+    assert execute(["servo", "set-id", "77", "14", *bus]) == 0
+    capsys.readouterr()
+    assert execute(["servo", "watch", "--port", str(port), "--seconds", "0.2", "--json"]) == 0
+    assert [row["id"] for row in json.loads(capsys.readouterr().out)] == [
+        joint.id for joint in load_robot("op3").joints
+    ]
+    assert execute(["servo", "reboot", "14", *bus]) == 0
+
+
+def test_an_unknown_fault_is_bad_usage(capfd: pytest.CaptureFixture[str]) -> None:
+    assert execute(["emulate", "--fault", "fire"]) == 2
+    assert "KIND one of: lost, corrupt" in capfd.readouterr().err
+
+
+def test_a_link_that_exists_is_not_replaced(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    precious = tmp_path / "precious"
+    precious.write_text("mine", encoding="utf-8")
+    assert execute(["emulate", "--bench", "--port-link", str(precious)]) == 2
+    assert precious.read_text(encoding="utf-8") == "mine"
