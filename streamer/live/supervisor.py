@@ -167,7 +167,8 @@ class Supervisor:
             return
         with contextlib.suppress(psutil.NoSuchProcess):
             now = psutil.Process(loop.pid).memory_info().rss * 1e-6
-            self.memory_mb = (now if self.memory_mb is None else self.memory_mb[0], now)
+            if now > 0.0:  # a process that has just ended has none
+                self.memory_mb = (now if self.memory_mb is None else self.memory_mb[0], now)
 
     def _look_after(self, running: list[_Running]) -> None:
         """Tell, once, of a service that is gone; the run goes on without it."""
