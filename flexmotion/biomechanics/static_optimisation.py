@@ -118,7 +118,7 @@ def muscle_moments(muscles: MuscleModel, motion: Motion) -> tuple[Float, Float]:
 def _actuation(muscles: MuscleModel, motion: Motion) -> _Actuation:
     model, data = muscles.model, mujoco.MjData(muscles.model)
     angles = motion.joints[:, muscles.columns]
-    rates = derivative(angles, motion.fps)
+    rates = derivative(np.unwrap(angles, axis=0), motion.fps)
     frames, count, joints = len(motion), model.nu, len(muscles.joints)
     slides = muscles.slides.ravel()
     active, passive = np.empty((frames, joints, count)), np.empty((frames, joints))

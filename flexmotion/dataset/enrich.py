@@ -14,6 +14,7 @@ from flexmotion.biomechanics.dynamics import dynamics
 from flexmotion.biomechanics.external_load import ExternalLoad
 from flexmotion.biomechanics.joint_contact import joint_contact_forces
 from flexmotion.biomechanics.mirror import mirror
+from flexmotion.biomechanics.plausibility import plausible, within_turn
 from flexmotion.biomechanics.static_optimisation import infeasible, static_optimisation
 from flexmotion.dataset.clips import Clip
 from flexmotion.dataset.fields import FIELDS
@@ -84,17 +85,22 @@ def _entry(
     if motion.duration < settings.shortest:
         return Entry(name, info, {}, f"short: {motion.duration:.2f} s")
     found = dynamics(motion, settings.cutoff, settings.ground, settings.nearness, loads=loads)
-    good = (found.residual[:, 0] <= settings.residual_force) & (found.residual[:, 1] <= settings.residual_moment)
+    moved = replace(found.motion, joints=within_turn(found.motion.joints))
+    explained = (found.residual[:, 0] <= settings.residual_force) & (found.residual[:, 1] <= settings.residual_moment)
+    good = explained & plausible(moved, settings.reach)
     medians = np.median(found.residual, axis=0)
     info |= {
         "body": asdict(found.motion.body),
         "good_share": round(float(good.mean()), 4),
+        "implausible_share": round(float((explained & ~good).mean()), 4),
         "residual_median": [round(float(value), 5) for value in medians],
     }
-    if good.mean() < settings.kept_share:
-        reason = f"residual: {100 * good.mean():.0f} % of its frames can be explained by the ground"
+    if explained.mean() < settings.kept_share:
+        reason = f"residual: {100 * explained.mean():.0f} % of its frames can be explained by the ground"
         return Entry(name, info, {}, reason)
-    moved = found.motion
+    if good.mean() < settings.kept_share:
+        reason = f"implausible: {100 * good.mean():.0f} % of its frames are within a human's reach"
+        return Entry(name, info, {}, reason)
     arrays = {
         "root_position": moved.root_position,
         "root_quaternion": moved.root_quaternion,

@@ -8,10 +8,11 @@ from dataclasses import asdict, dataclass
 
 from flexmotion.biomechanics.augmentation import Ranges
 from flexmotion.biomechanics.ground_reaction import GroundSettings
+from flexmotion.biomechanics.plausibility import JointReach
 from flexmotion.biomechanics.smoothing import CUTOFF
 from flexmotion.biomechanics.sole import Nearness
 
-REVISION = 1
+REVISION = 2
 """Raised whenever the same settings give other numbers."""
 
 
@@ -28,6 +29,7 @@ class BuildSettings:
         seed: of their variety.
         muscles: whether activations are computed.
         residual_force, residual_moment: a frame with more is not `good` [body weights, body weights x m].
+        reach: neither is one with joints beyond this.
         kept_share: a clip with fewer good frames is dropped.
         shortest: a clip of less is dropped [s].
     """
@@ -46,6 +48,7 @@ class BuildSettings:
     ground: GroundSettings = GroundSettings()
     nearness: Nearness = Nearness()
     ranges: Ranges = Ranges()
+    reach: JointReach = JointReach()
 
     def fingerprint(self) -> str:
         """A hash of the settings and the revision of the code."""

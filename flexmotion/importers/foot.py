@@ -8,7 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexmotion.importers.landmarks import Landmarks
-from flexmotion.signals import smoothstep
+from flexmotion.joint_limits import joint_limits
+from flexmotion.signals import fill, smoothstep
+from flexmotion.skeleton import JOINTS
 from flexmotion.vectors import in_frame, unit
 
 Float = NDArray[np.float64]
@@ -76,7 +78,7 @@ def dorsiflexion(tibia: Float, line: Float, elevation: float, yaw: float) -> Flo
     """
     direction = unit(line)
     local = in_frame(tibia, direction)
-    angle = np.unwrap(np.arctan2(local[:, 2], local[:, 0])) - elevation
+    angle = _in_plane(local) - elevation
     # World height of the model's line as a function of the angle d: a cos d + b sin d + c.
     x, y, z = np.cos(elevation) * np.cos(yaw), np.cos(elevation) * np.sin(yaw), np.sin(elevation)
     row = tibia[:, 2]
@@ -90,6 +92,25 @@ def dorsiflexion(tibia: Float, line: Float, elevation: float, yaw: float) -> Flo
     # Where the line is steep both solutions meet and say little.
     trust = smoothstep(np.sqrt(1 - cosine**2), 0.3, 0.6) * (1 - smoothstep(np.abs(nearest), CORRECTED, LEFT_ALONE))
     return angle + trust * nearest
+
+
+def _in_plane(local: Float) -> Float:
+    """Angle of the foot above the shank's forward axis, (T,) [rad]; carried over where the foot points out of it.
+
+    Within half a turn of the middle of the ankle's range: counted on from frame to frame, one glitch would leave the
+    ankle a turn off for the rest of the clip.
+    """
+    direction = local[:, [0, 2]]
+    weight = smoothstep(np.linalg.norm(direction, axis=-1), 0.2, 0.5)
+    direction = unit(direction)
+    if weight.min() < 1 and weight.any():
+        direction = weight[:, None] * direction + (1 - weight)[:, None] * fill(direction, weight, sigma=5.0)
+    middle = joint_limits()[JOINTS.index("ankle_dorsiflexion_l")].mean()
+    angle: Float = middle + np.arctan2(
+        direction[:, 1] * np.cos(middle) - direction[:, 0] * np.sin(middle),
+        direction[:, 0] * np.cos(middle) + direction[:, 1] * np.sin(middle),
+    )
+    return angle
 
 
 def _above_lowest(point: Float) -> Float:

@@ -11,6 +11,7 @@ import pytest
 
 from configs.errors import MotionFormatError
 from flexmotion.biomechanics.mirror import mirror
+from flexmotion.biomechanics.plausibility import JointReach
 from flexmotion.dataset import engines
 from flexmotion.dataset.build import build
 from flexmotion.dataset.clips import Clip, find_clips
@@ -145,6 +146,14 @@ def test_two_ray_workers_give_the_same_bytes(folder: Path, tmp_path: Path) -> No
     build([folder], tmp_path / "one", PLAIN)
     build([folder], tmp_path / "two", PLAIN, engine="ray", workers=2)
     assert files(tmp_path / "one") == files(tmp_path / "two")
+
+
+def test_clips_that_no_human_can_do_are_dropped(folder: Path, tmp_path: Path) -> None:
+    """Glitches, an ankle at 13 rad or a hip with 1300 N·m, were `good` as long as the ground explained them."""
+    settings = BuildSettings(muscles=False, mirrored=False, reach=JointReach(torque=0.01))
+    manifest = build([folder], tmp_path / "set", settings)
+    assert {"walk_001", "wave_happy_001"} <= {clip["name"] for clip in manifest["dropped"]}
+    assert manifest["summary"]["clips_dropped"]["implausible"] == 2
 
 
 def test_variants_record_their_seed_and_close(folder: Path, tmp_path: Path) -> None:
