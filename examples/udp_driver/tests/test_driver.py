@@ -1,0 +1,95 @@
+# ruff: noqa: D101, D102 - tests say by their names what they test
+"""The conformance suite against a robot in a thread."""
+
+from __future__ import annotations
+
+import socket
+import threading
+import time
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from flexmotion_udp.driver import UdpDriver, UdpOptions
+from flexmotion_udp.wire import GOALS, TORQUE, pack_state, unpack
+
+from configs.errors import DriverError
+from configs.robot import load_robot
+from drivers.conformance import DriverConformance
+from drivers.interface import Driver, JointCommand, RobotState
+
+PERIOD = 0.002
+
+
+class ThreadRobot(threading.Thread):
+    """Joints that close half the way to their goals every few milliseconds."""
+
+    def __init__(self) -> None:
+        super().__init__(daemon=True)
+        robot = load_robot("op3")
+        self.position, self.torque, self.running = robot.stand_pose.copy(), False, True
+        self.goal = self.position.copy()
+        self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.socket.bind(("127.0.0.1", 0))
+        self.socket.settimeout(PERIOD)
+        self.port = self.socket.getsockname()[1]
+
+    def run(self) -> None:
+        client = None
+        while self.running:
+            end = time.monotonic() + PERIOD
+            while time.monotonic() < end:
+                try:
+                    datagram, client = self.socket.recvfrom(65536)
+                except TimeoutError:
+                    break
+                self.hear(*unpack(datagram))
+            if self.torque:
+                self.position += 0.5 * (self.goal - self.position)
+            if client is not None:
+                self.socket.sendto(pack_state(self.torque, self.position, np.zeros_like(self.position)), client)
+        self.socket.close()
+
+    def hear(self, kind: bytes, values: np.ndarray) -> None:
+        if kind == TORQUE:
+            if values[0] == 1.0 and not self.torque:
+                self.goal[:] = self.position
+            self.torque = values[0] == 1.0
+        elif kind == GOALS and self.torque and np.isfinite(values).all():
+            self.goal[:] = values
+
+
+@pytest.fixture
+def robot() -> Iterator[ThreadRobot]:
+    robot = ThreadRobot()
+    robot.start()
+    yield robot
+    robot.running = False
+    robot.join()
+
+
+class TestUdpDriver(DriverConformance):
+    @pytest.fixture(autouse=True)
+    def _robot(self, robot: ThreadRobot) -> None:
+        self.robot = robot
+
+    def make_driver(self) -> Driver:
+        return UdpDriver(load_robot("op3"), options=UdpOptions(udp_port=self.robot.port))
+
+
+def test_a_robot_that_falls_silent_goes_stale(robot: ThreadRobot) -> None:
+    state, command = RobotState(20), JointCommand(20)
+    with UdpDriver(load_robot("op3"), options=UdpOptions(udp_port=robot.port)) as driver:
+        robot.running = False
+        robot.join()
+        driver.read(state)
+        for _ in range(6):
+            driver.write(command)
+            driver.read(state)
+        assert state.stale.min() >= 5
+
+
+def test_a_robot_that_is_not_there_is_named() -> None:
+    driver = UdpDriver(load_robot("op3"), options=UdpOptions(udp_port=1))
+    with pytest.raises(DriverError, match=r"robot at 127.0.0.1:1: does not answer"):
+        driver.open()
