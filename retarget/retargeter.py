@@ -104,6 +104,7 @@ class Retargeter:
         base, q, _, _ = self.body.solve(self.body.home_feet[None], np.zeros((1, 2)), walking[None], np.zeros(2), 4)
         self.com_height = float(self.body.dynamics.centre_of_mass(base, q)[0, 2])
         self._smoother = butter(2, _ACCELERATION_CUTOFF_HZ, fs=self.rate, output="sos")
+        self._settled = sosfilt_zi(self._smoother)[:, :, None]
         self.omega = float(np.sqrt(balance.GRAVITY / self.com_height))
         self.absorber = JoinAbsorber(robot.sole_half_size.min(axis=0), self.omega, self.dt, settings.dcm_absorb_s)
         self._put_off = [int(round(seconds * self.rate)) for seconds in _PUT_OFF_S]
@@ -361,14 +362,15 @@ class Retargeter:
         layout = self.layout
         joints = np.concatenate([layout.get(state, "q")[::-1], q])
         torso = np.concatenate([layout.get(state, "base")[::-1], base])
-        qd, qdd = _derivatives(joints, self.dt, self._smoother)
-        speed, acceleration = _derivatives(torso[:, :3], self.dt, self._smoother)
-        spin, spin_rate = _spin(torso[:, 3:], self.dt, self._smoother)
+        moves = np.hstack([np.diff(joints, axis=0), np.diff(torso[:, :3], axis=0), _turns(torso[:, 3:])])
+        speed, acceleration = self._rates(moves / self.dt)
+        n = joints.shape[1]
+        qd, qdd = speed[:, :n], acceleration[:, :n]
         rows = np.unique(np.append(np.arange(0, len(q), _TORQUE_STRIDE), len(q) - 1))
         torque, _ = self.body.dynamics.inverse(
             base[rows],
-            np.hstack([speed, spin])[rows],
-            np.hstack([acceleration, spin_rate])[rows],
+            speed[rows, n:],
+            acceleration[rows, n:],
             q[rows],
             qd[rows],
             qdd[rows],
@@ -376,6 +378,17 @@ class Retargeter:
             schedule.share[rows],
         )
         return qd, qdd, make_interp_spline(rows, torque, k=1)(np.arange(len(q)))
+
+    def _rates(self, between: Float) -> tuple[Float, Float]:
+        """Speed and low-passed acceleration at rows, (T, C), from the mean speeds between them, (T + 1, C).
+
+        Central differences; the last row goes on as it came.
+        """
+        after = np.concatenate([between[2:], between[-1:]])
+        change = np.diff(between, axis=0) / self.dt
+        acceleration = np.concatenate([change[1:], np.zeros((1, between.shape[1]))])
+        smooth, _ = sosfilt(self._smoother, acceleration, axis=0, zi=self._settled * change[0])
+        return 0.5 * (between[1:] + after), smooth
 
     def _remember(
         self,
@@ -425,29 +438,7 @@ class Retargeter:
             self.layout.set(states, name, kept)
 
 
-def _derivatives(rows: Float, dt: float, smoother: Float) -> tuple[Float, Float]:
-    """Speed and low-passed acceleration of all but the first two rows.
-
-    Args:
-        rows: (T + 2, C), the two rows before the plan first.
-        smoother: second-order sections of the low-pass.
-
-    Returns:
-        Both (T, C): central differences; the last row goes on as it came.
-    """
-    return _rates(np.diff(rows, axis=0) / dt, dt, smoother)
-
-
-def _spin(quaternions: Float, dt: float, smoother: Float) -> tuple[Float, Float]:
-    """Angular velocity and acceleration in the body's frame, (T, 3), from (T + 2, 4) quaternions w x y z."""
+def _turns(quaternions: Float) -> Float:
+    """Rotation vectors from row to row in the body's frame, (T + 1, 3), from (T + 2, 4) quaternions w x y z."""
     rotation = Rotation.from_quat(quaternions, scalar_first=True)
-    return _rates((rotation[:-1].inv() * rotation[1:]).as_rotvec() / dt, dt, smoother)
-
-
-def _rates(between: Float, dt: float, smoother: Float) -> tuple[Float, Float]:
-    """Speed and low-passed acceleration at rows from the mean speeds between them, (T + 1, C)."""
-    after = np.concatenate([between[2:], between[-1:]])
-    change = np.diff(between, axis=0)
-    acceleration = np.concatenate([change[1:], np.zeros((1, between.shape[1]))]) / dt
-    smooth, _ = sosfilt(smoother, acceleration, axis=0, zi=sosfilt_zi(smoother)[:, :, None] * (change[0] / dt))
-    return 0.5 * (between[1:] + after), smooth
+    return (rotation[:-1].inv() * rotation[1:]).as_rotvec()
