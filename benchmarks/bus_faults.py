@@ -31,9 +31,9 @@ from streamer.sources import ClipSource
 
 FAULT_AT = 3.0
 FAULTS = (
-    "cable", "port", "lost", "corrupt", "truncated", "late", "late:0.009", "duplicated", "dead:4", "dead:14", "dead:200",
-    "overheat:4", "overheat:14", "reset:4", "reset:14", "voltage:9.5",
-)  # fmt: skip
+    *("cable", "port", "lost", "corrupt", "truncated", "late", "late:0.009", "duplicated"),
+    *("dead:4", "dead:14", "dead:200", "overheat:4", "overheat:14", "reset:4", "reset:14", "voltage:9.5"),
+)
 
 
 @dataclass(frozen=True)
