@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 
@@ -30,6 +31,19 @@ def _limit_threads() -> None:
         os.environ[name] = "1"
 
 
+def _begin_worker() -> None:
+    _limit_threads()
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    """A parent that was killed cannot stop its workers, and they would wait for work for ever."""
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    parent.join()
+    os._exit(1)
+
+
 def processes(clips: Sequence[Clip], settings: BuildSettings, workers: int) -> Iterator[Result]:
     """On the cores of this machine, in whatever order they finish."""
     if workers <= 1:
@@ -37,7 +51,7 @@ def processes(clips: Sequence[Clip], settings: BuildSettings, workers: int) -> I
         return
     _limit_threads()
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, mp_context=context, initializer=_limit_threads) as pool:
+    with ProcessPoolExecutor(workers, mp_context=context, initializer=_begin_worker) as pool:
         futures = {pool.submit(compute, clip, settings): number for number, clip in enumerate(clips)}
         try:
             for future in as_completed(futures):

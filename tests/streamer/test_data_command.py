@@ -3,6 +3,11 @@
 from __future__ import annotations
 
 import json
+import os
+import signal
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -32,6 +37,49 @@ def test_build_inspect_export(folder: Path, tmp_path: Path, capsys: pytest.Captu
     assert execute(["data", "export", out, "-o", str(tmp_path / "set.fms")]) == OK
     (tmp_path / "set" / "joints.npy").write_bytes(b"torn")
     assert execute(["data", "inspect", out, "--verify"]) == CHECK_FAILED
+
+
+def test_killed_half_way_it_goes_on_to_the_same_bytes(tmp_path: Path) -> None:
+    """SIGKILL in the middle of a build: what was computed is kept, nobody is left behind, and the set is the same."""
+    motions = tmp_path / "motions"
+    motions.mkdir()
+    for number in range(8):
+        save_motion(default_clip()[10 * number : 10 * number + 90 - number], motions / f"wave_{number}.npz")
+
+    def command(out: Path, workers: int) -> list[str]:
+        return ["data", "build", str(motions), "-o", str(out), "--workers", str(workers), "--no-muscles"]
+
+    whole, killed = tmp_path / "whole", tmp_path / "killed"
+    assert execute(command(whole, 1)) == OK
+    program = [sys.executable, "-c", "from streamer.cli import main; main()", *command(killed, 2)]
+    quiet = subprocess.DEVNULL
+    process = subprocess.Popen(program, stdout=quiet, stderr=quiet, start_new_session=True)
+    parts = killed / "work" / "parts"
+    deadline = time.monotonic() + 60
+    while len(list(parts.glob("*.npz"))) < 2 and time.monotonic() < deadline:
+        time.sleep(0.005)
+    os.kill(process.pid, signal.SIGKILL)
+    process.wait()
+    done = {path.name: path.stat().st_mtime_ns for path in parts.glob("*.npz")}
+    assert 2 <= len(done) < 8 and not (killed / "manifest.json").exists()
+    while _group_lives(process.pid) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert not _group_lives(process.pid)
+
+    assert execute(command(killed, 1)) == OK
+    assert {name: (parts / name).stat().st_mtime_ns for name in done} == done
+    files = [path for path in whole.iterdir() if path.is_file()]
+    assert len(files) > 5
+    for path in files:
+        assert (killed / path.name).read_bytes() == path.read_bytes(), path.name
+
+
+def _group_lives(group: int) -> bool:
+    try:
+        os.killpg(group, 0)
+    except ProcessLookupError:
+        return False
+    return True
 
 
 def test_import_and_augment(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
