@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from configs.calibration import calibrated
 from configs.errors import ConfigError
 from configs.robot_file import Gait, JointConfig, Mapping, RobotFile
 from configs.schema import load
@@ -53,7 +54,7 @@ class Robot:
         file, folder: the YAML file and where it lies.
         config: the file's content.
         name, rate_hz, gait, mapping, safety: parts of it.
-        joints: joint configurations; `joint_names` their names; `servos` their servos; `n` how many.
+        joints: joint configurations, calibrated; `joint_names` their names; `servos` their servos; `n` how many.
         lower, upper: limits [rad].
         kp: stiffness of the position loop at nominal voltage and the joint's gain [N·m/rad].
         back_emf: b, torque lost per speed [N·m·s/rad].
@@ -79,7 +80,7 @@ class Robot:
         self.gait: Gait = self.config.gait
         self.mapping: Mapping = self.config.mapping
         self.safety = self.config.safety
-        self.joints: tuple[JointConfig, ...] = tuple(self.config.joints)
+        self.joints: tuple[JointConfig, ...] = calibrated(self.config.joints, self.folder)
         self.joint_names = tuple(joint.name for joint in self.joints)
         self.n = len(self.joints)
         self._check_addresses()

@@ -10,12 +10,14 @@ import typer
 from rich.live import Live
 from rich.table import Table
 
+from configs.errors import DriverError
 from streamer.commands.options import JsonOption, RobotOption
-from streamer.commands.output import print_json, print_result
+from streamer.commands.output import print_json, print_note, print_result
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from configs.calibration import Calibration
     from configs.robot import Robot
     from drivers.bus.driver import BusDriver
     from drivers.bus.tools import BusTools
@@ -137,6 +139,79 @@ def watch(
             time.sleep(0.1)
     if as_json:
         print_json(_rows(chosen, state))
+
+
+@servo.command()
+def calibrate(
+    port: PortOption,
+    robot: Annotated[str, typer.Option("--robot", "-r", help="Robot folder; the calibration is stored in it.")],
+    joint: Annotated[
+        list[str] | None, typer.Option("--joint", "-j", help="Only this joint (repeatable).", show_default=False)
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Tell the program where every joint's zero is: you hold the joint there, it reads the servo.
+
+    Hang the robot up, torque off. For each joint it says which way to bring the limb: the angle 0 of the robot's model,
+    which `flexmotion robots` shows. Enter takes the angle, s leaves the joint as it was, q ends without storing.
+    The result lies beside the robot file, with the date and the servos that it was made with.
+
+    [bold]Examples[/bold]
+
+      flexmotion servo calibrate --port /dev/ttyUSB0 --robot ./my_robot
+
+      flexmotion servo calibrate --port /dev/ttyUSB0 --robot ./my_robot --joint l_knee
+    """
+    from configs.calibration import write_calibration
+    from configs.robot import load_robot
+
+    chosen = load_robot(robot)
+    for name in joint or ():
+        chosen.index(name)
+    calibration = _measure_zeros(chosen, port, joint or list(chosen.joint_names))
+    if calibration is None:
+        print_result("ended, nothing stored")
+        return
+    file = write_calibration(chosen.folder, calibration)
+    if as_json:
+        print_json(calibration.model_dump())
+    else:
+        print_result(f"stored: {file}")
+
+
+def _measure_zeros(robot: Robot, port: str, names: list[str]) -> Calibration | None:
+    """Zeros as a person shows them, over the ones known; None where the person ends it."""
+    from datetime import UTC, datetime
+
+    from configs.calibration import CalibratedJoint, Calibration
+    from drivers.interface import RobotState
+
+    zeros = {joint.name: joint.zero for joint in robot.joints}
+    state = RobotState(robot.n)
+    with _looking(robot, port) as driver:
+        for name in names:
+            index = robot.index(name)
+            answer = typer.prompt(
+                f"{name} (id {robot.joints[index].id}): bring it to 0, then Enter [s skip, q end]",
+                default="",
+                show_default=False,
+                err=True,
+            )
+            if answer == "q":
+                return None
+            if answer == "s":
+                continue
+            driver.read(state)
+            if state.stale[index]:
+                raise DriverError(f"servo of {name} (id {robot.joints[index].id}): does not answer")
+            # What it calls the joint's angle now is the error of its zero.
+            zeros[name] += float(robot.direction[index] * state.position[index])
+            print_note(f"{name}: zero at {zeros[name]:+.4f} rad of the servo")
+    joints = {
+        joint.name: CalibratedJoint(zero=round(zeros[joint.name], 6), servo=joint.servo, id=joint.id)
+        for joint in robot.joints
+    }
+    return Calibration(date=datetime.now(UTC).isoformat(timespec="seconds"), joints=joints)
 
 
 @contextmanager

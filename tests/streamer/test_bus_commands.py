@@ -1,7 +1,9 @@
 from __future__ import annotations
 
+import io
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -11,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from configs.robot import load_robot
+from configs.robot import ROBOTS, load_robot
 from streamer.bus_check import check_buses
 from streamer.cli import execute
 
@@ -75,6 +77,22 @@ def test_servos_are_audited_found_renamed_and_watched(port: Path, capsys: pytest
         joint.id for joint in load_robot("op3").joints
     ]
     assert execute(["servo", "reboot", "14", *bus]) == 0
+
+
+def test_a_joint_is_calibrated_by_hand(
+    port: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = Path(shutil.copytree(ROBOTS / "op3", tmp_path / "op3"))
+    wanted = ["servo", "calibrate", "--port", str(port), "--robot", str(folder), "--joint", "l_ank_pitch", "--json"]
+    monkeypatch.setattr("sys.stdin", io.StringIO("q\n"))
+    assert execute(wanted) == 0 and not (folder / "calibration.yaml").exists()
+    capsys.readouterr()
+    # Whoever stands at the bench presses Enter with the ankle where it is: at its angle of the stand pose.
+    monkeypatch.setattr("sys.stdin", io.StringIO("\n"))
+    assert execute(wanted) == 0
+    robot = load_robot(folder)
+    ankle = robot.index("l_ank_pitch")
+    assert robot.zero[ankle] == pytest.approx(load_robot("op3").stand_pose[ankle], abs=0.002)
 
 
 def test_an_unknown_fault_is_bad_usage(capfd: pytest.CaptureFixture[str]) -> None:

@@ -1,0 +1,66 @@
+"""A robot's calibration: where its servos' zeros really are. It lies beside the robot file and wins over it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import yaml
+
+from configs.errors import ConfigError
+from configs.robot_file import JointConfig
+from configs.schema import Strict, load
+
+FILE = "calibration.yaml"
+
+
+class CalibratedJoint(Strict):
+    """One joint: servo angle = direction * joint angle + zero [rad], for the servo that was there."""
+
+    zero: float
+    servo: str
+    id: int
+
+
+class Calibration(Strict):
+    """What was measured, and when (ISO 8601)."""
+
+    date: str
+    joints: dict[str, CalibratedJoint]
+
+
+def read_calibration(folder: Path) -> Calibration | None:
+    """The calibration beside a robot file; None where there is none. Raises `ConfigError` where it is malformed."""
+    file = folder / FILE
+    return load(Calibration, file) if file.is_file() else None
+
+
+def write_calibration(folder: Path, calibration: Calibration) -> Path:
+    """Put it beside the robot file; the file. Raises `ConfigError` where that cannot be written."""
+    file = folder / FILE
+    try:
+        file.write_text(yaml.safe_dump(calibration.model_dump(), sort_keys=False), encoding="utf-8")
+    except OSError as error:
+        raise ConfigError(f"{file}: cannot be written: {error.strerror}") from error
+    return file
+
+
+def calibrated(joints: list[JointConfig], folder: Path) -> tuple[JointConfig, ...]:
+    """Joints of a robot file with their calibrated zeros.
+
+    Raises `ConfigError` where the calibration names a joint that is not there, or was made with another servo or id.
+    """
+    calibration = read_calibration(folder)
+    if calibration is None:
+        return tuple(joints)
+    known = {joint.name: joint for joint in joints}
+    for name, measured in calibration.joints.items():
+        if name not in known:
+            raise ConfigError(f"{folder / FILE}: field joints: unknown joint {name!r}, calibrate again")
+        joint = known[name]
+        if (measured.servo, measured.id) != (joint.servo, joint.id):
+            raise ConfigError(
+                f"{folder / FILE}: joint {name!r} was calibrated with {measured.servo} (id {measured.id}), "
+                f"the robot file has {joint.servo} (id {joint.id}): calibrate again"
+            )
+        known[name] = joint.model_copy(update={"zero": measured.zero})
+    return tuple(known.values())

@@ -1,0 +1,44 @@
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from configs.calibration import CalibratedJoint, Calibration, read_calibration, write_calibration
+from configs.errors import ConfigError
+from configs.robot import ROBOTS, load_robot
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    return Path(shutil.copytree(ROBOTS / "op3", tmp_path / "op3"))
+
+
+def calibration(joint: str = "l_knee", *, servo: str = "XM430-W350", id_: int = 14) -> Calibration:
+    return Calibration(date="2026-01-01T00:00:00+00:00", joints={joint: CalibratedJoint(zero=0.1, servo=servo, id=id_)})
+
+
+def test_a_robot_is_loaded_with_its_calibration(folder: Path) -> None:
+    plain = load_robot(folder)
+    write_calibration(folder, calibration())
+    assert read_calibration(folder) == calibration()
+    robot = load_robot(folder)
+    knee = robot.index("l_knee")
+    assert robot.zero[knee] == 0.1 and np.delete(robot.zero, knee).max() == 0
+    shift = robot.to_ticks(robot.stand_pose) - plain.to_ticks(plain.stand_pose)
+    assert shift[knee] == pytest.approx(0.1 / robot.tick_rad[knee], abs=1)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "says"),
+    [
+        (calibration("l_kne"), "unknown joint 'l_kne', calibrate again"),
+        (calibration(id_=15), r"was calibrated with XM430-W350 \(id 15\), .* has XM430-W350 \(id 14\)"),
+    ],
+)
+def test_a_calibration_of_another_robot_is_refused(folder: Path, wrong: Calibration, says: str) -> None:
+    write_calibration(folder, wrong)
+    with pytest.raises(ConfigError, match=says):
+        load_robot(folder)
