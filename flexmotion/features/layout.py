@@ -33,6 +33,10 @@ BLOCKS: dict[str, int] = {
 }
 """Sizes of the blocks that every layout has, in their order."""
 
+KINEMATIC = ("root", "rotations", "positions", "velocities")
+"""Blocks that a model sees of its history, and an evaluator of a motion: how a human or a robot moves is known at run
+time, what torques and forces it took is not."""
+
 ACTIVATIONS = "activations"
 """Name of the last block: muscle activations in [0, 1]; layouts of sets without muscles lack it."""
 
@@ -61,6 +65,11 @@ class Layout:
             slices[name] = slice(start, start + size)
             start += size
         return slices
+
+    @property
+    def kinematic(self) -> dict[str, slice]:
+        """The blocks of `KINEMATIC`."""
+        return {name: self.blocks[name] for name in KINEMATIC}
 
     @property
     def size(self) -> int:

@@ -9,6 +9,9 @@ from configs.model import AutoencoderConfig, Window
 from flexmotion.features.layout import Layout
 from flexmotion.training.transformer import Stack, parameter
 
+QUIET = -5.0
+"""Logarithm of the latent's variance at first."""
+
 
 class Patches(nn.Module):
     """Frames to tokens: each modality has its own map of `patch` frames into the token, and these add up."""
@@ -56,6 +59,8 @@ class Autoencoder(nn.Module):
         layout: features.
     """
 
+    known: Tensor
+
     def __init__(self, config: AutoencoderConfig, window: Window, layout: Layout) -> None:
         super().__init__()
         self.latent = config.latent
@@ -66,14 +71,20 @@ class Autoencoder(nn.Module):
         self.summary = parameter(1, 1, width)
         self.encoder = Stack(config.encoder)
         self.distribution = nn.Linear(width, 2 * config.latent)
+        # A latent that begins as mostly noise takes long to be noticed by the decoder.
+        nn.init.constant_(self.distribution.bias[config.latent :], QUIET)
         width = config.decoder.width
-        self.recall = Patches(layout.blocks, window.patch, width) if self.past else None
+        self.recall = Patches(layout.kinematic, window.patch, width) if self.past else None
         self.unfold = nn.Linear(config.latent, width)
         self.decoder_place = parameter(1, 1 + self.past + ahead, width)
         self.decoder = Stack(config.decoder)
         self.write = Frames(layout.blocks, window.patch, width)
         # A pose changes little in a second: decoding begins with the last known frame and learns the difference.
         self.persistence = nn.Parameter(torch.ones(layout.size)) if self.past else None
+        known = torch.zeros(layout.size)
+        for columns in layout.kinematic.values():
+            known[columns] = 1.0
+        self.register_buffer("known", known, persistent=False)
 
     def encode(self, history: Tensor, future: Tensor) -> tuple[Tensor, Tensor]:
         """Mean and logarithm of the variance of the latent, (N, latent) each, of normalised features."""
@@ -91,7 +102,7 @@ class Autoencoder(nn.Module):
             parts.insert(1, self.recall(history))
         tokens = self.decoder(torch.cat(parts, dim=1) + self.decoder_place)
         frames: Tensor = self.write(tokens[:, 1 + self.past :])
-        return frames if self.persistence is None else frames + self.persistence * history[:, -1:]
+        return frames if self.persistence is None else frames + self.persistence * self.known * history[:, -1:]
 
     def forward(self, history: Tensor, future: Tensor, noise: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Decoded future, mean and logarithm of the variance; `noise` is standard normal, (N, latent)."""

@@ -49,7 +49,7 @@ class Denoiser(nn.Module):
         self.velocity = nn.Sequential(nn.Linear(COMMAND, width), nn.SiLU(), nn.Linear(width, width))
         self.no_velocity = parameter(width)
         past = window.history // window.patch
-        self.recall = Patches(layout.blocks, window.patch, width) if past else None
+        self.recall = Patches(layout.kinematic, window.patch, width) if past else None
         self.place = parameter(1, 4 + past, width)
         self.stack = Stack(config.denoiser)
 

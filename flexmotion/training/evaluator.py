@@ -10,9 +10,6 @@ from flexmotion.features.layout import Layout
 from flexmotion.training.autoencoder import Patches
 from flexmotion.training.transformer import Stack, parameter
 
-SEEN = ("root", "rotations", "positions", "velocities")
-"""Blocks by which motion is judged: what follows from its kinematics."""
-
 
 class Evaluator(nn.Module):
     """A Transformer over windows, a small network over sentence embeddings.
@@ -27,7 +24,7 @@ class Evaluator(nn.Module):
     def __init__(self, config: EvaluatorConfig, window: Window, layout: Layout, text: int) -> None:
         super().__init__()
         width = config.motion.width
-        self.read = Patches({name: layout.blocks[name] for name in SEEN}, window.patch, width)
+        self.read = Patches(layout.kinematic, window.patch, width)
         self.summary = parameter(1, 1, width)
         self.place = parameter(1, 1 + window.future // window.patch, width)
         self.stack = Stack(config.motion)

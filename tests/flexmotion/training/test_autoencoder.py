@@ -1,0 +1,67 @@
+"""What the networks see, and what they do not."""
+
+from __future__ import annotations
+
+import pytest
+
+torch = pytest.importorskip("torch", reason="training needs the extra 'train'")
+
+from configs.model import load_model_config  # noqa: E402
+from flexmotion.features.layout import Layout  # noqa: E402
+from flexmotion.training.autoencoder import Autoencoder  # noqa: E402
+from flexmotion.training.denoiser import Denoiser  # noqa: E402
+from flexmotion.training.noise_schedule import NoiseSchedule  # noqa: E402
+
+
+@pytest.mark.parametrize("name", ["stream", "paper"])
+def test_shapes(name: str) -> None:
+    config = load_model_config(name)
+    window, layout = config.window, Layout(config.window.fps, 290)
+    network = Autoencoder(config.autoencoder, window, layout)
+    history, future = torch.randn(2, window.history, layout.size), torch.randn(2, window.future, layout.size)
+    decoded, mean, spread = network(history, future, torch.randn(2, config.autoencoder.latent))
+    assert decoded.shape == future.shape
+    assert mean.shape == spread.shape == (2, config.autoencoder.latent)
+
+
+def test_forces_of_the_history_are_not_seen() -> None:
+    """At run time nobody knows them: a history with other torques and forces must give the same motion."""
+    config = load_model_config("stream")
+    window, layout = config.window, Layout(30.0, 290)
+    autoencoder = Autoencoder(config.autoencoder, window, layout).eval()
+    denoiser = Denoiser(config.diffusion, window, layout, config.autoencoder.latent).eval()
+    history = torch.randn(1, window.history, layout.size)
+    other = history.clone()
+    other[..., layout.blocks["torques"].start :] = 7.0
+    latent, present = torch.randn(1, config.autoencoder.latent), torch.ones(1, 2)
+    sentence, velocity, time = torch.randn(1, config.diffusion.text), torch.randn(1, 3), torch.tensor([500])
+    with torch.no_grad():
+        assert torch.equal(autoencoder.decode(history, latent), autoencoder.decode(other, latent))
+        first, second = (denoiser(latent, time, past, sentence, velocity, present) for past in (history, other))
+    assert torch.equal(first, second)
+
+
+def test_what_is_absent_is_not_seen() -> None:
+    config = load_model_config("stream")
+    denoiser = Denoiser(config.diffusion, config.window, Layout(30.0, 290), 128)
+    history, latent = torch.randn(2, 8, Layout(30.0, 290).size), torch.randn(1, 128).expand(2, -1)
+    history = history[:1].expand(2, -1, -1)
+    time, absent = torch.tensor([500, 500]), torch.zeros(2, 2)
+    with torch.no_grad():
+        found = denoiser(latent, time, history, torch.randn(2, 384), torch.randn(2, 3), absent)
+    torch.testing.assert_close(found[0], found[1])
+
+
+def test_ddim_steps_are_those_of_diffusers() -> None:
+    from diffusers import DDIMScheduler
+
+    schedule = NoiseSchedule(1000)
+    other = DDIMScheduler(1000, beta_schedule="squaredcos_cap_v2", prediction_type="sample", clip_sample=False)
+    other.set_timesteps(10)
+    noisy, clean = torch.randn(3, 16), torch.randn(3, 16)
+    for now, earlier in [(900, 800), (500, 400), (100, 0)]:
+        expected = other.step(clean, now, noisy).prev_sample
+        found = schedule.step(noisy, clean, torch.full((3,), now), torch.full((3,), earlier))
+        torch.testing.assert_close(found, expected, atol=1e-4, rtol=1e-4)
+    at_the_end = schedule.step(noisy, clean, torch.full((3,), 100), torch.full((3,), -1))
+    torch.testing.assert_close(at_the_end, clean)
