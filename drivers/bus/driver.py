@@ -84,6 +84,8 @@ class BusDriver(Driver):
             self.let_go()
             raise
         self._imu = next((bus.imu for bus in self.buses if bus.imu is not None), None)
+        if self.robot.config.imu is not None and not self.capabilities.imu:
+            log.warning("driver %s reads no IMU but one on its bus: there is none", self.name)
 
     def close(self) -> None:
         """Torque off, ports released. May be called twice."""
@@ -196,9 +198,9 @@ class BusDriver(Driver):
 
     @property
     def capabilities(self) -> Capabilities:
-        """An IMU where the robot file has one, effort where servos measure current."""
+        """An IMU where the robot's answers on a bus, effort where servos measure current."""
         return Capabilities(
-            imu=self.robot.config.imu is not None,
+            imu=any(self.Bus.carries_imu(self.robot, name) for name in self._paths),
             effort=any(servo.current_unit is not None for servo in self.robot.servos),
             torque_bound=self.Bus.bounds_torque(self.robot),
         )

@@ -15,14 +15,12 @@ class BusOptions(Strict):
     Attributes:
         port: device of the robot's only bus.
         ports: device of each bus, by the robot file's names, where there are several.
-        imu_port: device of an IMU with a port of its own.
         configure: settings that servos keep without power are written where they differ from the robot file; without
             it a difference is an error.
     """
 
     port: str | None = None
     ports: dict[str, str] = {}
-    imu_port: str | None = None
     configure: bool = True
 
     @model_validator(mode="after")

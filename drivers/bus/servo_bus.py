@@ -124,6 +124,11 @@ class ServoBus(ABC):
         """Whether torque bounds reach the servos."""
         return False
 
+    @classmethod
+    def carries_imu(cls, robot: Robot, name: str) -> bool:
+        """Whether the robot's IMU is one that answers on this bus."""
+        return False
+
     @abstractmethod
     def audit(self) -> None:
         """Find every servo, check it against the robot file and set it up; torque stays as it is.

@@ -25,6 +25,7 @@ from drivers.plant import DAMPED_SHARE
 
 Float = NDArray[np.float64]
 Bool = NDArray[np.bool_]
+Slots = NDArray[np.int64]
 
 PATIENCE_S, SHORT_PATIENCE_S = 0.003, 0.0015
 """Time beyond that on the wire that answers may take; the short one while something is missing anyway [s]."""
@@ -65,7 +66,7 @@ class DynamixelBus(ServoBus):
             ]
         )
         self._gains = np.array([robot.joints[i].p_gain or robot.servos[i].gain_register for i in self.joints])
-        self._slots: dict[bytes, NDArray[np.int64]] = {}
+        self._slots: dict[bytes, Slots | slice] = {}
         self._goals = [_Goals(self, layout) for layout in dict.fromkeys(self._layouts)]
         self._groups: list[ReadMany] = []
         self._exchanges: list[Exchange] = []
@@ -91,6 +92,11 @@ class DynamixelBus(ServoBus):
         return all(bus.current_bound for bus in robot.config.buses.values()) and all(
             servo.current_unit is not None for servo in robot.servos
         )
+
+    @classmethod
+    def carries_imu(cls, robot: Robot, name: str) -> bool:
+        """OP3's OpenCR board."""
+        return _board(robot, name) is not None
 
     @classmethod
     def budget(cls, robot: Robot, name: str) -> Budget:
@@ -206,7 +212,7 @@ class DynamixelBus(ServoBus):
     def _take_rows(self, group: ReadMany) -> None:
         if group.whole is not None:
             rows = np.frombuffer(group.whole, FAST_ROW)
-            slots = self._slots_of(group)
+            slots: Slots | slice = self._slots_of(group)
         elif group.answers:
             rows = np.frombuffer(b"".join(data for _, data in group.answers.values()), ROW)
             slots = np.array([self._slot[id_] for id_ in group.answers], np.int64)
@@ -219,7 +225,8 @@ class DynamixelBus(ServoBus):
             # No supply: a servo that has lost power has forgotten what its indirect addresses meant, and sends zeros.
             fresh = self._clock.accept(slots, tick, self._begun) & (rows["voltage"] > 0)
             if not fresh.all():
-                slots, rows = slots[fresh], rows[fresh]
+                slots = np.flatnonzero(fresh) if isinstance(slots, slice) else slots[fresh]
+                rows = rows[fresh]
         measured = self.measured
         measured.ticks[slots] = rows["position"]
         measured.velocity[slots] = rows["velocity"] * _RAD_S
@@ -230,10 +237,13 @@ class DynamixelBus(ServoBus):
         measured.torque[slots] = rows["torque"] == 1
         measured.fresh[slots] = True
 
-    def _slots_of(self, group: ReadMany) -> NDArray[np.int64]:
+    def _slots_of(self, group: ReadMany) -> Slots | slice:
+        """Where the servos of a reply lie; a slice if it is all of them in order, which numpy takes without a copy."""
         order = bytes(group.order)
         if order not in self._slots:
-            self._slots = {order: np.array([self._slot[id_] for id_ in order], np.int64)}
+            slots = np.array([self._slot[id_] for id_ in order], np.int64)
+            in_order = np.array_equal(slots, np.arange(len(self.ids)))
+            self._slots = {order: slice(None) if in_order else slots}
         return self._slots[order]
 
     def _run_cycle(self) -> None:

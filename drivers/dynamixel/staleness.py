@@ -41,7 +41,7 @@ class ReplyClock:
         """Learn anew: the next answers are taken as they come, and the oldest-looking of them counts."""
         self._known.fill(False)
 
-    def learn(self, slots: Slots, tick: Slots, now: float) -> None:
+    def learn(self, slots: Slots | slice, tick: Slots, now: float) -> None:
         """Answers of a bus at rest to requests sent at `now` [s]."""
         offset = _units(now) - tick * _UNITS
         known = self._known[slots]
@@ -50,7 +50,7 @@ class ReplyClock:
         self._known[slots] = True
         self._tick[slots], self._heard[slots], self._accepted[slots] = tick, now, now
 
-    def accept(self, slots: Slots, tick: Slots, now: float) -> NDArray[np.bool_]:
+    def accept(self, slots: Slots | slice, tick: Slots, now: float) -> NDArray[np.bool_]:
         """Which of the answers to a request sent at `now` [s] are of now, in the order of `slots`."""
         late = _wrapped(_units(now) - tick * _UNITS - self._offset[slots])
         fresh = (late > -_NEWEST_MS * _UNITS) & (late < self._oldest)
@@ -65,7 +65,7 @@ class ReplyClock:
         fresh &= tick != self._tick[slots]
         self._offset[slots] += step * fresh
         self._tick[slots], self._heard[slots] = tick, now
-        self._accepted[slots[fresh]] = now
+        self._accepted[slots] = np.where(fresh, now, self._accepted[slots])
         return fresh
 
 
