@@ -125,7 +125,8 @@ class Client:
     def _try(self, id_: int, what: str, attempt: Callable[[], tuple[Any, int, int]]) -> Any:
         for _ in range(TRIES):
             answer, result, error = attempt()
-            if result == COMM_SUCCESS:
+            # A CRC error is told by a servo that heard a broken packet: another try.
+            if result == COMM_SUCCESS and error & ~ALERT != Error.CRC:
                 break
         else:
             reason = self.line.lost or self._handler.getTxRxResult(result).removeprefix("[TxRxResult] ")

@@ -280,6 +280,14 @@ def test_without_the_board_there_is_no_imu_and_a_warning(
     assert "no OpenCR board answers at id 200" in caplog.text
 
 
+def test_a_bad_packet_while_opening_is_asked_again(rig: Callable[..., Rig]) -> None:
+    it = rig()
+    damage = it.emulator.lines[0].damage
+    damage.bad_packets = 0.03
+    it.driver.open()
+    assert sum(damage.spoilt.values()) > 3
+
+
 # ---------------------------------------------------------------- bus health
 
 
