@@ -182,6 +182,12 @@ def load_weights(network: nn.Module, folder: Path) -> int:
     return int(state["step"])
 
 
+def best_of(folder: Path) -> tuple[int, dict[str, float]]:
+    """Step of the best weights of a trained stage, and their figures at validation."""
+    state = torch.load(folder / BEST, map_location="cpu", weights_only=True)
+    return int(state["step"]), dict(state["figures"])
+
+
 def _rate(stage: Stage, step: int) -> float:
     """Learning rate at a step."""
     rise = min(1.0, (step + 1) / max(stage.warm_up, 1))
