@@ -1,25 +1,28 @@
-"""Our inverse dynamics against OpenSim's on the same skeleton and the same motion (extra `opensim`).
+"""Our inverse dynamics and static optimisation against OpenSim's, same skeleton and motion (extra `opensim`).
 
     python benchmarks/opensim_reference.py [TRIAL.npz] [--osim human.osim]
 
-Exports the human model as `.osim` (segments, inertia, joints), gives both the smoothed motion and the time derivatives
-of its coordinates, and prints the agreement of the joint torques and the ratio of the times, without ground forces.
+Exports the human model as `.osim` (segments, inertia, joints, leg muscles). Inverse dynamics: both get the smoothed
+motion and the time derivatives of its coordinates, without ground forces. Static optimisation: see `opensim_muscles`.
+Prints the agreement of both and the ratios of the times.
 """
 
 from __future__ import annotations
 
 import argparse
 import sys
+import tempfile
 import time
 from pathlib import Path
 
 import numpy as np
 import opensim
 from gait_trial import default_path, load_trial
+from opensim_muscles import add_actuators, leg_muscles, opensim_activations, own_activations
 from scipy.spatial.transform import Rotation
 
 from flexmotion.biomechanics.differentiation import derivative, second_derivative
-from flexmotion.biomechanics.dynamics import dynamics
+from flexmotion.biomechanics.dynamics import Dynamics, dynamics
 from flexmotion.biomechanics.inverse_dynamics import joint_torques
 from flexmotion.biomechanics.segment_motion import segment_motion
 from flexmotion.human_model import human_model
@@ -30,6 +33,12 @@ ROOT = ("pelvis_rz", "pelvis_ry", "pelvis_rx", "pelvis_tx", "pelvis_ty", "pelvis
 AGREE = 0.01
 """Largest difference, as a share of each joint's largest torque plus 1 N·m."""
 
+ACTIVE = 0.02
+"""A muscle that never gets beyond is not active."""
+
+AGREE_ACTIVATION = 0.02
+"""Largest root mean square difference of activations."""
+
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -37,11 +46,9 @@ def main() -> int:
     parser.add_argument("--osim", type=Path, help="write the exported skeleton here")
     options = parser.parse_args()
     opensim.Logger.setLevelString("Error")
-    motion = dynamics(load_trial(options.trial, 60.0).motion).motion
+    found = dynamics(load_trial(options.trial, 60.0).motion)
+    motion = found.motion
     model = export(motion)
-    if options.osim:
-        model.printToXML(str(options.osim))
-
     start = time.perf_counter()
     ours = joint_torques(
         motion.body, segment_motion(motion), np.zeros((len(motion), 2, 6)), np.zeros((len(motion), 2, 3))
@@ -58,7 +65,35 @@ def main() -> int:
         print(f"  {name:24s} RMS difference {difference:8.4f} N·m, peak {peak:8.2f} N·m")
     print(f"{len(motion)} frames: ours {1e3 * own_time:.1f} ms, OpenSim {1e3 * their_time:.1f} ms,")
     print(f"ratio {their_time / own_time:.1f} (OpenSim through its Python binding, model already built)")
-    return 0 if (error <= AGREE * (largest + 1.0)).all() else 1
+    passed = bool((error <= AGREE * (largest + 1.0)).all())
+    passed &= compare_muscles(model, found, options.osim)
+    return 0 if passed else 1
+
+
+def compare_muscles(model: opensim.Model, found: Dynamics, osim: Path | None) -> bool:
+    """Print how far both static optimisations agree, and the times they take."""
+    motion = found.motion
+    legs = leg_muscles(motion)
+    fit_error = add_actuators(model, motion, legs)
+    if osim:
+        model.printToXML(str(osim))
+    start = time.perf_counter()
+    ours = own_activations(motion, legs)
+    own_time = time.perf_counter() - start
+    with tempfile.TemporaryDirectory() as folder:
+        values = dict(zip((*ROOT, *JOINTS), coordinate_values(motion).T, strict=True))
+        theirs, their_time = opensim_activations(model, values, found, legs, Path(folder))
+    inner = slice(4, -4)
+    error = float(np.sqrt(np.mean((ours - theirs)[inner] ** 2)))
+    active = theirs[inner].max(axis=0) > ACTIVE
+    likeness = [np.corrcoef(ours[inner, i], theirs[inner, i])[0, 1] for i in np.flatnonzero(active)]
+    print(f"static optimisation, {ours.shape[1]} leg muscles: RMS difference of activation {error:.4f},")
+    print(
+        f"median correlation {np.median(likeness):.4f} over {active.sum()} active ones (moment arms fitted to", end=" "
+    )
+    print(f"{1e3 * fit_error:.2f} mm); {len(motion)} frames: ours {1e3 * own_time:.0f} ms, OpenSim", end=" ")
+    print(f"{their_time:.1f} s, ratio {their_time / own_time:.0f}")
+    return error <= AGREE_ACTIVATION
 
 
 def export(motion: Motion) -> opensim.Model:
@@ -119,11 +154,16 @@ def _vector(values: np.ndarray) -> opensim.Vec3:
     return opensim.Vec3(*(float(value) for value in values))
 
 
+def coordinate_values(motion: Motion) -> np.ndarray:
+    """Values of the coordinates `ROOT`, then `JOINTS`, (T, 32)."""
+    euler = Rotation.from_quat(motion.root_quaternion, scalar_first=True).as_euler("ZYX")
+    return np.concatenate([np.unwrap(euler, axis=0), motion.root_position, motion.joints], axis=1)
+
+
 def opensim_torques(model: opensim.Model, motion: Motion) -> np.ndarray:
     """Generalised forces of the joints in our order, (T, 26)."""
     state = model.initSystem()
-    euler = Rotation.from_quat(motion.root_quaternion, scalar_first=True).as_euler("ZYX")
-    values = np.concatenate([np.unwrap(euler, axis=0), motion.root_position, motion.joints], axis=1)
+    values = coordinate_values(motion)
     rates, accelerations = derivative(values, motion.fps), second_derivative(values, motion.fps)
     coordinates = [model.getCoordinateSet().get(name) for name in (*ROOT, *JOINTS)]
     # The place of a coordinate among the system's speeds: where the state changes when it alone is set.
