@@ -33,6 +33,14 @@ class Processes:
         """bfloat16 where a GPU does the work."""
         return torch.autocast("cuda", torch.bfloat16) if self.device.type == "cuda" else nullcontext()
 
+    def any(self, here: bool) -> bool:
+        """Whether something is so in any of the processes: all must stop at the same step."""
+        if self.count == 1:
+            return here
+        flag = torch.tensor(float(here), device=self.device)
+        torch.distributed.all_reduce(flag)
+        return float(flag) > 0
+
     def average_gradients(self, network: nn.Module) -> None:
         """The mean of all processes' gradients, in place."""
         if self.count > 1:

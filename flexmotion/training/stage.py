@@ -133,7 +133,7 @@ def train_stage(
     parts: dict[str, float] = {}
     begin = saved = time.monotonic()
     network.train()
-    while step < stage.steps and (seconds is None or time.monotonic() - begin < seconds):
+    while step < stage.steps and not group.any(seconds is not None and time.monotonic() - begin >= seconds):
         for entry in optimiser.param_groups:
             entry["lr"] = _rate(stage, step)
         optimiser.zero_grad(set_to_none=True)
