@@ -10,9 +10,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline, PchipInterpolator
+from scipy.spatial.transform import Rotation
 
+from flexmotion.angles import three_angle_rotation, three_angles
 from flexmotion.biomechanics.external_load import ExternalLoad
 from flexmotion.biomechanics.inverse_dynamics import GRAVITY
+from flexmotion.biomechanics.smoothing import BALL_JOINTS
 from flexmotion.body import Body, Segments
 from flexmotion.joint_limits import joint_limits
 from flexmotion.motion import Motion
@@ -64,12 +67,22 @@ def time_warped(motion: Motion, generator: np.random.Generator, ranges: Ranges =
         values: Float = CubicSpline(np.arange(frames), signal)(at)
         return values
 
-    quaternions = sampled(continuous_quaternions(motion.root_quaternion))
+    def turned(quaternions: Float) -> Float:
+        values = sampled(continuous_quaternions(quaternions))
+        normal: Float = values / np.linalg.norm(values, axis=-1, keepdims=True)
+        return normal
+
+    joints = sampled(motion.joints)
+    # Between two frames near a gimbal lock the angles do not tell the pose: rotations are sampled, not angles.
+    for names, side in BALL_JOINTS:
+        columns = [JOINTS.index(f"{name}_{side}" if side else name) for name in names]
+        quaternions = three_angle_rotation(motion.joints[:, columns], names, side).as_quat()
+        joints[:, columns] = three_angles(Rotation.from_quat(turned(quaternions)).as_matrix(), names, side)
     return replace(
         motion,
         root_position=sampled(motion.root_position),
-        root_quaternion=quaternions / np.linalg.norm(quaternions, axis=-1, keepdims=True),
-        joints=sampled(motion.joints),
+        root_quaternion=turned(motion.root_quaternion),
+        joints=joints,
         torques=None,
         wrenches=None,
         activations=None,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from flexmotion.angles import rotation_about, three_angle_rotation, three_angles
 from flexmotion.biomechanics.augmentation import Ranges, time_warped, varied
 from flexmotion.biomechanics.dynamics import dynamics
 from flexmotion.biomechanics.external_load import ExternalLoad
@@ -13,6 +14,7 @@ from flexmotion.biomechanics.mirror import mirror
 from flexmotion.joint_limits import joint_limits
 from flexmotion.kinematics import HumanKinematics, forward
 from flexmotion.motion import Motion
+from flexmotion.skeleton import JOINTS
 
 FLIP = [1.0, -1.0, 1.0]
 
@@ -67,3 +69,19 @@ def test_a_burden_weighs_on_the_floor(make_standing) -> None:
     assert total == pytest.approx(np.full(30, motion.body.mass * GRAVITY + 50.0), rel=0.01)
     # It hangs on the left: that foot carries more.
     assert (found.motion.wrenches[:, 0, 2] > found.motion.wrenches[:, 1, 2] + 20).all()
+
+
+def test_a_warped_wave_keeps_its_pose_near_the_gimbal_lock(make_standing) -> None:
+    """Shoulder angles race there (48 rad/s in clips of waving); splines of angles bent the arm off its way."""
+    angle = np.linspace(0, 8 * np.pi, 80)
+    tilt = rotation_about("x", np.pi / 2) @ rotation_about("y", np.full(80, 0.05))
+    arm = rotation_about("y", angle) @ tilt @ rotation_about("z", -angle)
+    names = ("shoulder_flexion", "shoulder_adduction", "shoulder_rotation")
+    columns = [JOINTS.index(f"{name}_l") for name in names]
+    motion = make_standing(80)
+    motion.joints[:, columns] = three_angles(arm, names, "l")
+    warped = time_warped(motion, np.random.default_rng(0))
+    found = three_angle_rotation(warped.joints[:, columns], names, "l").as_matrix()
+    # The upper arm stays on its cone of .05 rad round the body's side axis.
+    sideways = np.arccos(np.clip(np.abs(found[:, 1, 2]), 0, 1))
+    assert sideways == pytest.approx(0.05, abs=0.01)
