@@ -19,8 +19,11 @@ from flexmotion.dataset.training_set import TrainingSet
 
 MAGIC = b"FMSET1\n\0"
 FULL = ("root_position",)
-LEFT_OUT = ("loads", "centres", "good")
-"""Loads are zero in originals, centres of pressure and good frames follow from wrenches and residuals."""
+LEFT_OUT = ("loads", "good")
+"""Loads are zero in originals, good frames follow from residuals."""
+
+RELATIVE = ("centres",)
+"""Places that are written relative to the root, where a half is fine enough."""
 
 
 def export_compact(source: TrainingSet, path: Path) -> int:
@@ -42,7 +45,10 @@ def export_compact(source: TrainingSet, path: Path) -> int:
     buffer.write(struct.pack("<q", len(text)) + text)
     for name in sorted(fields):
         dtype = _dtype(name, fields[name]["dtype"])
-        values = np.concatenate([np.asarray(source[name][clip.rows]) for clip in clips]).astype(dtype)
+        values = np.concatenate([np.asarray(source[name][clip.rows]) for clip in clips])
+        if name in RELATIVE:
+            values = values - np.concatenate([source["root_position"][clip.rows, None] for clip in clips])
+        values = values.astype(dtype)
         columns = values.reshape(len(values), -1).T
         # Column by column, high bytes apart from low ones: neighbours in time are alike, which is what packs.
         planes = np.ascontiguousarray(columns).view(np.uint8).reshape(*columns.shape, dtype.itemsize)
@@ -74,6 +80,9 @@ def read_compact(path: Path) -> tuple[dict, dict[str, np.ndarray]]:
         values = np.ascontiguousarray(np.moveaxis(planes, 1, -1)).view(dtype).reshape(columns, frames)
         arrays[name] = np.ascontiguousarray(values.T).reshape(frames, *shape)
         at += size
+    for name in RELATIVE:
+        if name in arrays:
+            arrays[name] = arrays[name] + arrays["root_position"][:, None]
     return header, arrays
 
 

@@ -35,6 +35,13 @@ class SetClip:
         """Its rows in every array."""
         return slice(self.start, self.start + self.frames)
 
+    @property
+    def body(self) -> Body:
+        """Whose motion it is."""
+        row = dict(self.info["body"])
+        fitted = row.pop("fitted")
+        return Body(**row, fitted=Segments(**fitted) if fitted else None)
+
 
 class TrainingSet:
     """A set in a folder; nothing is read before it is asked for.
@@ -87,15 +94,27 @@ class TrainingSet:
             if split in (None, clip.split) and variant in (None, clip.variant):
                 yield clip
 
+    @property
+    def hashes(self) -> dict[str, str]:
+        """What the set is known by: the hash of every file."""
+        found: dict[str, str] = self.manifest["sha256"]
+        return found
+
+    def centres(self, clip: SetClip) -> np.ndarray:
+        """What the moments of a clip's wrenches are about, (T, 2, 3) [m]."""
+        return np.asarray(self["centres"][clip.rows], np.float64)
+
+    def good(self, clip: SetClip) -> np.ndarray:
+        """Whether the ground explains a clip's frames, (T,)."""
+        return np.asarray(self["good"][clip.rows])
+
     def motion(self, clip: SetClip) -> Motion:
         """One clip with all that is known of it."""
-        body = dict(clip.info["body"])
-        fitted = body.pop("fitted")
         names = ("root_position", "root_quaternion", "joints", "torques", "wrenches", "activations")
         present = [name for name in names if name in self.manifest["fields"]]
         return Motion(
             fps=clip.fps,
-            body=Body(**body, fitted=Segments(**fitted) if fitted else None),
+            body=clip.body,
             contacts=np.array(self["contacts"][clip.rows]),
             source=clip.info["source"],
             **{name: np.asarray(self[name][clip.rows], np.float64) for name in present},

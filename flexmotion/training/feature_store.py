@@ -13,8 +13,10 @@ from typing import Any
 
 import numpy as np
 
+from configs.errors import MotionFormatError
 from flexmotion.body import Body, Segments
-from flexmotion.dataset.training_set import SetClip, TrainingSet
+from flexmotion.dataset.compact_set import MotionSet
+from flexmotion.dataset.training_set import SetClip
 from flexmotion.features.encode import encode
 from flexmotion.features.joint_groups import BALL_COLUMNS
 from flexmotion.features.layout import Layout
@@ -72,14 +74,14 @@ class FeatureStore:
 
 
 def build_store(
-    source: TrainingSet, layout: Layout, folder: Path, progress: Callable[[float], None] = lambda done: None
+    source: MotionSet, layout: Layout, folder: Path, progress: Callable[[float], None] = lambda done: None
 ) -> FeatureStore:
     """Compute the features of a set, or open them where they have been computed from the same set and layout.
 
     Statistics are those of the clips for training.
 
     Raises:
-        MotionFormatError: the set lacks a field.
+        MotionFormatError: the set lacks a field, or muscles that the layout has.
     """
     key = _key(source, layout)
     index = folder / INDEX
@@ -129,12 +131,13 @@ def build_store(
     return FeatureStore(folder)
 
 
-def _of_clip(source: TrainingSet, clip: SetClip, layout: Layout) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _of_clip(source: MotionSet, clip: SetClip, layout: Layout) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     motion = source.motion(clip)
     if not layout.muscles:
         motion = replace(motion, activations=None)
-    centres = np.asarray(source["centres"][clip.rows], np.float64)
-    good = np.asarray(source["good"][clip.rows])
+    elif motion.activations is None:
+        raise MotionFormatError(f"{clip.name}: this set has no muscle activations; set window.muscles to false")
+    centres, good = source.centres(clip), source.good(clip)
     if not same_rate(motion.fps, layout.fps):
         nearest = np.arange(_frames(clip, layout.fps)) * motion.fps / layout.fps
         good = good[np.minimum(np.round(nearest).astype(int), len(motion) - 1)]
@@ -162,8 +165,8 @@ def _parts(features: np.ndarray, clips: list[dict[str, Any]]) -> Iterator[np.nda
             yield features[clip["start"] : clip["start"] + clip["frames"] : 4]
 
 
-def _key(source: TrainingSet, layout: Layout) -> str:
-    content = json.dumps([source.manifest["sha256"], layout.hash], sort_keys=True)
+def _key(source: MotionSet, layout: Layout) -> str:
+    content = json.dumps([source.hashes, layout.hash], sort_keys=True)
     return hashlib.sha256(content.encode()).hexdigest()
 
 

@@ -17,7 +17,8 @@ from torch import Tensor
 from flexmotion.biomechanics.differentiation import derivative
 from flexmotion.biomechanics.muscle_geometry import muscle_models
 from flexmotion.biomechanics.static_optimisation import muscle_moments
-from flexmotion.dataset.training_set import SetClip, TrainingSet
+from flexmotion.dataset.compact_set import MotionSet
+from flexmotion.dataset.training_set import SetClip
 from flexmotion.features.encode import GRAVITY
 from flexmotion.features.joint_groups import BALL_COLUMNS, BALL_SIGNS, HINGE_COLUMNS
 from flexmotion.features.layout import ACTIVATIONS, Layout
@@ -113,7 +114,7 @@ def polynomial(angles: Tensor, speeds: Tensor) -> Tensor:
     return torch.cat([one, angles, two, three, speeds, speeds * speeds.abs()], dim=-1)
 
 
-def fit_muscle_torques(source: TrainingSet, path: Path, seed: int = 0) -> None:
+def fit_muscle_torques(source: MotionSet, path: Path, seed: int = 0) -> None:
     """Fit the polynomials to poses of a set and write them.
 
     Raises:
@@ -149,7 +150,7 @@ LIMBS = tuple(
 """Joints of every muscle model, in the order of `muscle_models`."""
 
 
-def _fitted(source: TrainingSet, clips: list[SetClip]) -> list[tuple[np.ndarray, np.ndarray]]:
+def _fitted(source: MotionSet, clips: list[SetClip]) -> list[tuple[np.ndarray, np.ndarray]]:
     """Coefficients of every muscle model, (P, J, M) and (P, J), by ridge regression."""
     found = []
     for muscles, names in zip(muscle_models(), LIMBS, strict=True):

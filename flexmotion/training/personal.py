@@ -16,7 +16,7 @@ import torch
 from torch import Tensor, nn
 
 from configs.errors import ConfigError
-from flexmotion.dataset.training_set import TrainingSet
+from flexmotion.dataset.compact_set import open_set
 from flexmotion.text.sentence_encoder import NETWORK, SentenceEncoder
 from flexmotion.training.autoencoder import Autoencoder
 from flexmotion.training.diffusion_task import DiffusionTask
@@ -98,7 +98,7 @@ def personal_task(
     load_weights(autoencoder, run.stage("autoencoder"))
     encode, processes = SentenceEncoder(run.stage("text")), Processes()
     base_store = run.store()
-    store = build_store(TrainingSet(data), run.layout, run.folder / "person", progress)
+    store = build_store(open_set(data), run.layout, run.folder / "person", progress)
     # The networks know features by the spread of the set that they were trained on.
     store.statistics = base_store.statistics
     base = DiffusionTask(run.config, base_store, autoencoder, encode, run.seed, processes)

@@ -13,8 +13,8 @@ import yaml
 from configs.errors import ConfigError
 from configs.model import ModelConfig, load_model_config
 from configs.schema import parse
+from flexmotion.dataset.compact_set import open_set
 from flexmotion.dataset.fields import MUSCLES
-from flexmotion.dataset.training_set import TrainingSet
 from flexmotion.features.layout import Layout
 from flexmotion.training.feature_store import FeatureStore, build_store
 from flexmotion.training.muscle_torques import MuscleTorques, fit_muscle_torques, load_muscle_torques
@@ -73,7 +73,7 @@ class Run:
         """
         folder = self.folder / "features"
         if data is not None:
-            return build_store(TrainingSet(data), self.layout, folder, progress)
+            return build_store(open_set(data), self.layout, folder, progress)
         if not (folder / "index.json").is_file():
             raise ConfigError(f"{folder}: no features there; name the training set once")
         return FeatureStore(folder)
@@ -88,7 +88,7 @@ class Run:
             return None
         path = self.folder / "muscle_torques.npz"
         if data is not None and not path.is_file():
-            fit_muscle_torques(TrainingSet(data), path, self.seed)
+            fit_muscle_torques(open_set(data), path, self.seed)
         if not path.is_file():
             raise ConfigError(f"{path}: not there; name the training set once")
         return load_muscle_torques(path)

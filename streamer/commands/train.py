@@ -22,7 +22,7 @@ train = typer.Typer(help="Train a model, stage by stage; every stage goes on whe
 
 OutOption = Annotated[Path, typer.Option("--out", "-o", help="Folder of the training; a new one or one to go on with.")]
 SetOption = Annotated[
-    Path | None, typer.Option("--set", help="Set that `data build` wrote; needed once.", show_default=False)
+    Path | None, typer.Option("--set", help="Of `data build` or `data export`; needed once.", show_default=False)
 ]
 ConfigOption = Annotated[
     str | None,

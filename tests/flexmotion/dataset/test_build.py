@@ -16,6 +16,7 @@ from flexmotion.dataset import engines
 from flexmotion.dataset.build import build
 from flexmotion.dataset.clips import Clip, find_clips
 from flexmotion.dataset.compact import export_compact, read_compact
+from flexmotion.dataset.compact_set import open_set
 from flexmotion.dataset.fields import MUSCLES
 from flexmotion.dataset.settings import BuildSettings
 from flexmotion.dataset.splits import bucket, split_of
@@ -191,6 +192,20 @@ def test_compact_form(folder: Path, tmp_path: Path) -> None:
     assert arrays["joints"].shape == (header["frames"], len(JOINTS))
     assert arrays["joints"] == pytest.approx(found["joints"][rows], abs=2e-3)
     assert arrays["wrenches"] == pytest.approx(found["wrenches"][rows], rel=1e-3, abs=0.5)
+    compact = open_set(tmp_path / "set.fms")
+    assert [clip.name for clip in compact.clips] == [clip.name for clip in found.clips]
+    for clip, other in zip(found.clips, compact.clips, strict=True):
+        assert (clip.split, clip.variant, clip.frames) == (other.split, other.variant, other.frames)
+        expected, motion = found.motion(clip), compact.motion(other)
+        assert motion.body == expected.body
+        assert motion.root_position == pytest.approx(expected.root_position, abs=1e-3)
+        assert motion.joints == pytest.approx(expected.joints, abs=2e-3)
+        assert motion.wrenches == pytest.approx(expected.wrenches, rel=1e-3, abs=0.5)
+        assert expected.wrenches is not None
+        loaded = expected.wrenches[..., 2] > 50.0
+        assert compact.centres(other)[loaded] == pytest.approx(found.centres(clip)[loaded], abs=5e-3)
+        np.testing.assert_array_equal(compact.good(other), found.good(clip))
+    assert isinstance(open_set(tmp_path / "set"), TrainingSet)
     (tmp_path / "bad.fms").write_bytes(b"x")
     with pytest.raises(MotionFormatError, match="not a compact set"):
         read_compact(tmp_path / "bad.fms")

@@ -1,0 +1,117 @@
+"""`CompactSet`: the compact form of a set, read back as a set without muscles; mirror images are made anew."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import cached_property
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+from flexmotion.biomechanics.mirror import POLAR, mirror
+from flexmotion.dataset.compact import read_compact
+from flexmotion.dataset.training_set import SetClip, TrainingSet
+from flexmotion.motion import Motion
+
+MIRROR = "mirror"
+
+
+class MotionSet(Protocol):
+    """What training reads of a set, in whatever form it is."""
+
+    @property
+    def clips(self) -> tuple[SetClip, ...]:
+        """Every clip."""
+        ...
+
+    @property
+    def hashes(self) -> dict[str, str]:
+        """What the set is known by."""
+        ...
+
+    def select(self, split: str | None = None, variant: str | None = None) -> Iterator[SetClip]:
+        """Clips of a split, of a variant, or all."""
+        ...
+
+    def motion(self, clip: SetClip) -> Motion:
+        """One clip with all that is known of it."""
+        ...
+
+    def centres(self, clip: SetClip) -> np.ndarray:
+        """What the moments of its wrenches are about, (T, 2, 3) [m]."""
+        ...
+
+    def good(self, clip: SetClip) -> np.ndarray:
+        """Whether the ground explains its frames, (T,)."""
+        ...
+
+
+def open_set(path: Path) -> MotionSet:
+    """A set: the folder that `data build` wrote, or the file that `data export` did. Raises `MotionFormatError`."""
+    return CompactSet(path) if path.is_file() else TrainingSet(path)
+
+
+class CompactSet:
+    """A set from its compact form, held in memory; see `MotionSet`.
+
+    Args:
+        path: file that `export_compact` wrote.
+
+    Raises:
+        MotionFormatError: it cannot be read.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._header, self._arrays = read_compact(path)
+        self.hashes = {path.name: hashlib.sha256(path.read_bytes()).hexdigest()}
+
+    @cached_property
+    def clips(self) -> tuple[SetClip, ...]:
+        """Every clip, its mirror image behind it where the set was built with those."""
+        keys = ("name", "start", "frames", "fps", "split", "variant")
+        clips = []
+        for item in self._header["clips"]:
+            clip = SetClip(**{key: item[key] for key in keys}, info=item)
+            clips.append(clip)
+            if self._header["settings"]["mirrored"]:
+                clips.append(replace(clip, name=f"{clip.name}~{MIRROR}", variant=MIRROR))
+        return tuple(clips)
+
+    def select(self, split: str | None = None, variant: str | None = None) -> Iterator[SetClip]:
+        """See `MotionSet`."""
+        for clip in self.clips:
+            if split in (None, clip.split) and variant in (None, clip.variant):
+                yield clip
+
+    def motion(self, clip: SetClip) -> Motion:
+        """See `MotionSet`."""
+
+        def rows(name: str) -> np.ndarray:
+            return np.asarray(self._arrays[name][clip.rows], np.float64)
+
+        quaternion = rows("root_quaternion")
+        motion = Motion(
+            fps=clip.fps,
+            body=clip.body,
+            source=clip.info["source"],
+            root_position=rows("root_position"),
+            root_quaternion=quaternion / np.linalg.norm(quaternion, axis=1, keepdims=True),
+            joints=rows("joints"),
+            torques=rows("torques"),
+            wrenches=rows("wrenches"),
+            contacts=np.array(self._arrays["contacts"][clip.rows]),
+        )
+        return mirror(motion) if clip.variant == MIRROR else motion
+
+    def centres(self, clip: SetClip) -> np.ndarray:
+        """See `MotionSet`."""
+        centres = np.asarray(self._arrays["centres"][clip.rows], np.float64)
+        return centres[:, ::-1] * POLAR if clip.variant == MIRROR else centres
+
+    def good(self, clip: SetClip) -> np.ndarray:
+        """See `MotionSet`."""
+        settings, residual = self._header["settings"], self._arrays["residual"][clip.rows]
+        return (residual[:, 0] <= settings["residual_force"]) & (residual[:, 1] <= settings["residual_moment"])
