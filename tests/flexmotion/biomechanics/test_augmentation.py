@@ -71,17 +71,15 @@ def test_a_burden_weighs_on_the_floor(make_standing) -> None:
     assert (found.motion.wrenches[:, 0, 2] > found.motion.wrenches[:, 1, 2] + 20).all()
 
 
-def test_a_warped_wave_keeps_its_pose_near_the_gimbal_lock(make_standing) -> None:
+def test_a_warped_arm_keeps_its_way_past_the_gimbal_lock(make_standing) -> None:
     """Shoulder angles race there (48 rad/s in clips of waving); splines of angles bent the arm off its way."""
-    angle = np.linspace(0, 8 * np.pi, 80)
-    tilt = rotation_about("x", np.pi / 2) @ rotation_about("y", np.full(80, 0.05))
-    arm = rotation_about("y", angle) @ tilt @ rotation_about("z", -angle)
     names = ("shoulder_flexion", "shoulder_adduction", "shoulder_rotation")
     columns = [JOINTS.index(f"{name}_l") for name in names]
-    motion = make_standing(80)
-    motion.joints[:, columns] = three_angles(arm, names, "l")
+    aside = rotation_about("y", 0.02) @ rotation_about("z", 0.02)
+    motion = make_standing(40)
+    lifted = aside @ rotation_about("x", np.pi / 2 + np.linspace(-0.8, 0.8, 40))
+    motion.joints[:, columns] = three_angles(lifted, names, "l")
     warped = time_warped(motion, np.random.default_rng(0))
-    found = three_angle_rotation(warped.joints[:, columns], names, "l").as_matrix()
-    # The upper arm stays on its cone of .05 rad round the body's side axis.
-    sideways = np.arccos(np.clip(np.abs(found[:, 1, 2]), 0, 1))
-    assert sideways == pytest.approx(0.05, abs=0.01)
+    arm = three_angle_rotation(warped.joints[:, columns], names, "l").as_matrix()[:, :, 2]
+    # The upper arm swings in a plane.
+    assert arm @ aside[:, 0] == pytest.approx(0.0, abs=1e-4)
