@@ -20,6 +20,7 @@ import numpy as np
 from configs.errors import MotionFormatError
 from flexmotion.captions import Caption, read_captions
 from flexmotion.dataset.splits import split_of
+from flexmotion.importers.acclaim import find_skeleton
 from flexmotion.importers.packed import is_packed
 from flexmotion.importers.smpl import is_amass
 
@@ -122,6 +123,9 @@ def _collection(path: Path, folder: Path) -> str:
 def _clips_in(path: Path) -> list[tuple[int, str, str]]:
     """Rank, name and member of every clip in a file; none for what is no motion."""
     suffix = path.suffix.lower()
+    if suffix == ".amc" and find_skeleton(path) is None:
+        # Cannot be read: anything else of its name is better.
+        return [(len(LOOSE) + 1, path.stem, "")]
     if suffix in LOOSE:
         return [(LOOSE.index(suffix), path.stem, "")]
     if suffix != ".npz":

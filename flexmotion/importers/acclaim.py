@@ -54,7 +54,10 @@ def read_acclaim(path: Path) -> Capture:
     Raises:
         MotionFormatError: a file cannot be read, or there is no skeleton; names line and what is wrong there.
     """
-    skeleton_path = _find_skeleton(path)
+    skeleton_path = find_skeleton(path)
+    if skeleton_path is None:
+        expected = " or ".join(candidate.name for candidate in _skeleton_names(path))
+        raise MotionFormatError(f"{path}: no skeleton beside it, expected {expected}")
     skeleton = read_asf(skeleton_path)
     table, degrees = _read_amc(path, skeleton)
     frames = len(next(iter(table.values())))
@@ -83,17 +86,15 @@ def read_acclaim(path: Path) -> Capture:
     return Capture(str(path), FPS, tuple(order), scale * positions, rotations, parents, scale * zero)
 
 
-def _find_skeleton(path: Path) -> Path:
-    candidates = [path.with_suffix(".asf"), path.with_name(path.stem.partition("_")[0] + ".asf")]
-    found = next((candidate for candidate in candidates if candidate.is_file()), None)
-    if found is None:
-        others = sorted(path.parent.glob("*.asf"))
-        if len(others) != 1:
-            raise MotionFormatError(
-                f"{path}: no skeleton beside it, expected {' or '.join(c.name for c in candidates)}"
-            )
-        found = others[0]
-    return found
+def find_skeleton(path: Path) -> Path | None:
+    """The skeleton of an AMC file (see `read_acclaim`), if there is one."""
+    found = next((candidate for candidate in _skeleton_names(path) if candidate.is_file()), None)
+    others = sorted(path.parent.glob("*.asf"))
+    return found or (others[0] if len(others) == 1 else None)
+
+
+def _skeleton_names(path: Path) -> tuple[Path, Path]:
+    return path.with_suffix(".asf"), path.with_name(path.stem.partition("_")[0] + ".asf")
 
 
 def _lines(path: Path) -> list[tuple[int, list[str]]]:

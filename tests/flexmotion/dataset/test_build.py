@@ -67,6 +67,16 @@ def test_clips_of_one_name_are_taken_once(folder: Path, tmp_path: Path) -> None:
     assert clips["walk_001"].licence.startswith("CC BY-NC")
 
 
+def test_an_amc_without_skeleton_gives_way(folder: Path, tmp_path: Path) -> None:
+    """Five CMU clips were dropped as unreadable although the packed file has their joint centres."""
+    (folder / "88_01.amc").write_text("1\nroot 0 0 0 0 0 0\n")
+    assert {clip.name: clip for clip in find_clips([folder], tmp_path / "work")}["88_01"].path.suffix == ".amc"
+    np.savez(folder / "packed.npz", **{"88_01": np.zeros((9, 22, 3), np.int16)})
+    assert {clip.name: clip for clip in find_clips([folder], tmp_path / "work")}["88_01"].member == "88_01"
+    (folder / "88.asf").touch()
+    assert {clip.name: clip for clip in find_clips([folder], tmp_path / "work")}["88_01"].path.suffix == ".amc"
+
+
 def test_set(folder: Path, tmp_path: Path) -> None:
     out = tmp_path / "set"
     manifest = build([folder], out, PLAIN)
