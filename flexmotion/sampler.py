@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -110,7 +110,9 @@ class Sampler:
         if history.body != self.body:
             raise ValueError(f"the history is of {history.body}, the bundle's human is {self.body}")
         last = history[max(0, len(history) - self.history - LEAD) :]
-        features = encode(last, self.layout)[-self.history :] if self.history else np.zeros((0, self.layout.size))
+        # The networks see its kinematics only.
+        moved = replace(last, torques=None, wrenches=None, activations=None, contacts=None)
+        features = encode(moved, self.layout)[-self.history :] if self.history else np.zeros((0, self.layout.size))
         if len(features) < self.history:
             first = np.repeat(features[:1], self.history - len(features), axis=0)
             features = np.concatenate([first, features])

@@ -90,7 +90,8 @@ class HumanTensors:
     @classmethod
     def of(cls, bodies: Sequence[Body], dtype: torch.dtype = torch.float32) -> HumanTensors:
         """Of these humans."""
-        rows = [_constants(body) for body in bodies]
+        constants = {body: _constants(body) for body in dict.fromkeys(bodies)}
+        rows = [constants[body] for body in bodies]
         names = [item.name for item in fields(cls)]
         return cls(**{name: torch.tensor(np.stack([row[name] for row in rows]), dtype=dtype) for name in names})
 

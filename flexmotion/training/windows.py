@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -109,7 +110,11 @@ class WindowSet:
             share[name] += int(count)
         weights = self._count / np.sqrt([share[name] for name in kinds])
         self._weights = weights / weights.sum()
-        self.humans = HumanTensors.of([clip.body for clip in store.clips])
+
+    @cached_property
+    def humans(self) -> HumanTensors:
+        """The humans of all clips of the store."""
+        return HumanTensors.of([clip.body for clip in self.store.clips])
 
     def draw(self, seed: tuple[int, ...], size: int, *, following: bool = False) -> Windows:
         """`size` windows.
