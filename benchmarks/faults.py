@@ -105,7 +105,7 @@ def trial(kind: str, file: Path, perturbed: bool, share: float, seed: int) -> Tr
         tick / robot.rate_hz,
         upright=bool(up[:until].all()),
         held=bool((record.state[tick:] == State.HOLD).any()),
-        frozen_ticks=int(moved[-1]) + 1 if len(moved) else 0,
+        frozen_ticks=int(moved[-1]) + 1 if request is Request.ESTOP and len(moved) else 0,
     )
 
 
@@ -149,7 +149,8 @@ def main(
             table.add_row(
                 kind, "perturbed" if perturbed else "nominal", str(len(group)), f"{up:.0%}", f"{held:.0%}", moved
             )
-            failed |= not perturbed and up < wanted
+            ends_right = sum(t.upright and t.held and t.frozen_ticks <= 2 for t in group) / len(group)
+            failed |= not perturbed and ends_right < wanted
     console.print(table)
     for t in done:
         if not t.upright:

@@ -180,9 +180,10 @@ class Ladder:
             self._left -= 1
             if self._left <= 0:
                 self.state, self._frozen = State.PARK, False
-        elif inputs.park or self._parking or self.fault is not None:
+        elif not inputs.plan_ready and (inputs.park or self._parking or self.fault is not None):
             self.state = State.PARK
         else:
+            self._parking |= inputs.park
             self._hear_stop(inputs)
             if inputs.plan_ready and not self.stopping:
                 self.state = State.STREAMING

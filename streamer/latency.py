@@ -26,6 +26,7 @@ from streamer.session import Session
 
 _SETTLE_S = 2.0
 """After the start, before the first switch [s]."""
+_MARGIN_S = 60.0
 _BETWEEN_S = (0.2, 1.0)
 """Time between two switches, drawn evenly [s]."""
 HISTOGRAM_US = (0.0, 25.0, 50.0, 75.0, 100.0, 150.0, 200.0, 300.0, 500.0, 1000.0, 2000.0, 4000.0, 8000.0)
@@ -102,7 +103,8 @@ def measure(
     realtime: bool = True,
     seed: int = 0,
     progress: Callable[[float], None] | None = None,
-    interrupted: Callable[[], bool] = lambda: False,
+    request: Callable[[], Request | None] = lambda: None,
+    wake: int | None = None,
 ) -> LatencyResult:
     """Stream on the real clock, switching clips at random moments.
 
@@ -111,15 +113,19 @@ def measure(
         clips: what is switched between; parts of the shipped motion where not given.
         load: processes that keep a processor busy meanwhile.
         realtime: ask the system for realtime scheduling.
-        interrupted: asked now and then whether to end.
+        request, wake: as of `streamer.session.Session`.
     """
     library = shipped_clips() if clips is None else clips
-    session = Session(robot, driver, ClipLibrary(library, next(iter(library))), settings, stay=True, realtime=realtime)
-    driver_hand = _Switcher(session, sorted(library), seconds, switches, seed, progress, interrupted)
-    session.request = driver_hand.next
+    source = ClipLibrary(library, next(iter(library)))
+    longest = seconds if switches is None else switches * _BETWEEN_S[1]
+    session = Session(
+        robot, driver, source, settings, stay=True, realtime=realtime, wake=wake, kept_s=longest + _MARGIN_S
+    )
+    switcher = _Switcher(session, sorted(library), seconds, switches, seed, progress)
+    session.request = lambda: request() or switcher.next()
     with hogs(load):
         record = session.run("real")
-    return _result(record, session, settings.budgets, load, driver_hand.sent)
+    return _result(record, session, settings.budgets, load, switcher.sent)
 
 
 def shipped_clips() -> dict[str, Motion]:
@@ -139,10 +145,9 @@ class _Switcher:
         switches: int | None,
         seed: int,
         progress: Callable[[float], None] | None,
-        interrupted: Callable[[], bool],
     ) -> None:
         self.session, self.names, self.seconds, self.switches = session, names, seconds, switches
-        self.progress, self.interrupted = progress, interrupted
+        self.progress, self._ended = progress, False
         self.sent = 0
         self._random = random.Random(seed)
         self._begin: float | None = None
@@ -160,8 +165,9 @@ class _Switcher:
         share = passed / self.seconds if self.switches is None else self.sent / self.switches
         if self.progress is not None:
             self.progress(min(share, 1.0))
-        if share >= 1.0 or self.interrupted():
-            return Request.END
+        if share >= 1.0:
+            asked, self._ended = (None if self._ended else Request.END), True
+            return asked
         if passed >= self._next:
             self._next = passed + self._random.uniform(*_BETWEEN_S)
             self._playing = self._random.choice([name for name in self.names if name != self._playing])
@@ -178,7 +184,7 @@ def _result(record: RunRecord, session: Session, budgets: Budgets, load: int, se
     stages = {
         "loop work": stage(record.work_s, budgets.loop_work_p99_ms),
         "wake lateness": stage(record.lateness_s, budgets.wake_lateness_p99_ms),
-        "robot lateness": stage(record.robot_lateness_s, 1e3 / record.rate_hz),
+        "robot lateness": stage(record.robot_lateness_s),
         "sample": stage(np.array([plan.sample_s for plan in plans])),
         "retarget": stage(np.array([plan.retarget_s for plan in plans])),
         "plan joins after": stage(np.array([(p.join_tick - p.asked_tick) / record.rate_hz for p in plans])),
@@ -190,6 +196,14 @@ def _result(record: RunRecord, session: Session, budgets: Budgets, load: int, se
         for name, stage in stages.items()
         if stage.over and stage.time is not None
     ]
+    unmeasured = [name for name, stage in stages.items() if stage.budget_ms is not None and stage.time is None]
+    failures.extend(f"{name}: nothing was measured" for name in unmeasured)
+    answered = int(np.isfinite(record.target_to_command_s).sum())
+    if answered < sent - 1:  # the end may overtake the last one
+        failures.append(f"{sent - answered} of {sent} switches were not followed")
+    robot_late = stages["robot lateness"].time
+    if robot_late is not None and robot_late.max > 1e3 / record.rate_hz:
+        failures.append(f"the simulated robot was {robot_late.max:.3g} ms late, more than a tick: figures do not count")
     faults = tuple(event.message for event in record.events if event.kind == "fault")
     for what, count, allowed in (
         ("missed deadlines", record.missed_deadlines, budgets.missed_deadlines),
@@ -209,7 +223,7 @@ def _result(record: RunRecord, session: Session, budgets: Budgets, load: int, se
         scheduling=session.scheduling,
         load=load,
         switches=sent,
-        answered=int(np.isfinite(record.target_to_command_s).sum()),
+        answered=answered,
         missed_deadlines=record.missed_deadlines,
         late_plans=record.late_plans,
         underruns=record.underruns,

@@ -54,16 +54,19 @@ class MeasuredLead:
 
     Args:
         at_first: what one takes [s], until more is known.
+        most_s: no plan joins further ahead: the one that plays would be over. What took longer was held up [s].
     """
 
-    def __init__(self, rate_hz: float, at_first: dict[Kind, float]) -> None:
-        self._rate = rate_hz
+    def __init__(self, rate_hz: float, at_first: dict[Kind, float], most_s: float) -> None:
+        self._rate, self._most_s = rate_hz, most_s
         self._took = {kind: deque([seconds], maxlen=_REMEMBERED) for kind, seconds in at_first.items()}
 
     def ticks(self, kind: Kind) -> int:
         """See `Lead.ticks`."""
-        return int(np.ceil(_MARGIN * np.percentile(self._took[kind], _SHARE) * self._rate)) + 1
+        seconds = min(_MARGIN * float(np.percentile(self._took[kind], _SHARE)), self._most_s)
+        return int(np.ceil(seconds * self._rate)) + 1
 
     def took(self, kind: Kind, seconds: float) -> None:
         """See `Lead.took`."""
-        self._took[kind].append(seconds)
+        if seconds < self._most_s:
+            self._took[kind].append(seconds)

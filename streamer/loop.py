@@ -81,7 +81,8 @@ class ControlLoop:
         self.waiting: Offer | None = None
         self.winding_down = False
         self.tick_count = 0
-        self._looked_at = 0
+        self._looked_at = self._ran_out = 0
+        self._described = -1
         self._answered: Ticket | None = None
         self._seen, self._unread = np.full(robot.n, np.nan), np.zeros(robot.n, np.int64)
         self._imu_unread = self._low_reads = 0
@@ -161,6 +162,11 @@ class ControlLoop:
 
     def _take_plan(self) -> None:
         """Let the waiting plan take over when its tick has come; a newer one that fits takes its place."""
+        standing = self.ladder.state in (State.READY, State.HOLD)
+        if self.waiting is not None and standing and self.must_stop and not self.waiting.ticket.stops:
+            # Accepted before the stop was asked for: a robot that stands does not start to walk after it.
+            self.waiting = None
+            self.plans.hold(self.playing, None)
         if self.waiting is not None and self.tick_count >= self.waiting.plan.start_tick:
             self._begin_plan(self.waiting)
         offer = self.plans.newest(self._looked_at)
@@ -387,12 +393,19 @@ class ControlLoop:
         row["hand_error"] = plan.hand_error[place]
         for index, kind in enumerate(REPAIRS):
             row["repairs"][index] += plan.repairs[kind][place]
+        # Ticks may have been skipped since the last one.
+        since, self._described = self._described, self.tick_count
         for step in plan.steps:
-            if step.lift == self.tick_count:
+            if since < step.lift <= self.tick_count:
                 row["steps_planned"] += 1
                 row["steps_inserted"] += int(step.inserted)
         ticket = playing.ticket
-        if place == plan.stop_row and not (ticket.stops or ticket.source_over or self.must_stop):
+        if (
+            place >= plan.stop_row
+            and ticket.id != self._ran_out
+            and not (ticket.stops or ticket.source_over or self.must_stop)
+        ):
+            self._ran_out = ticket.id
             row["underruns"] += 1
             self._event("warning", f"no plan followed plan {ticket.id}: its own stop is played")
 

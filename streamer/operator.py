@@ -35,7 +35,7 @@ class Operator:
         self.loop, self.settings, self.seconds, self.stay = loop, settings, seconds, stay
         self.quit = False
         self.broken: str | None = None
-        self._ending = False
+        self._started = self._ending = False
         self._stream_start: int | None = None
         self._hold_ticks = self._idle_ticks = 0
         self._most_ticks = None if stay or seconds is None else int((seconds + MARGIN_S) * loop.robot.rate_hz)
@@ -46,7 +46,7 @@ class Operator:
         loop = self.loop
         if self.quit or (self._most_ticks is not None and loop.tick_count >= self._most_ticks):
             return True
-        return loop.tick_count > 0 and loop.ladder.state in (State.OFF, State.FAULT)
+        return self._started and loop.ladder.state in (State.OFF, State.FAULT)
 
     def hear(self, request: Request, reason: str = "") -> None:
         """Take a request; it acts on the next tick."""
@@ -74,14 +74,14 @@ class Operator:
         """Ask the loop for what this tick needs."""
         loop, inputs, rate = self.loop, self.loop.inputs, self.loop.robot.rate_hz
         state = loop.ladder.state
-        if loop.tick_count == 0:
-            inputs.start = True
+        if not self._started:
+            self._started = inputs.start = True
         if self._stream_start is None and loop.playing is not None:
             self._stream_start = loop.playing.plan.start_tick
         loop.winding_down = self._ending or self._stream_over()
         if self.broken is not None:
             inputs.fault = f"planner: {self.broken}"
-        if self._most_ticks is not None and loop.tick_count == self._most_ticks - int(_PARKING_S * rate):
+        if self._most_ticks is not None and loop.tick_count >= self._most_ticks - int(_PARKING_S * rate):
             inputs.fault = "the run went on past its time"
         if state is State.READY and self._ending:
             inputs.park = True

@@ -144,6 +144,7 @@ class PlanBuffer:
             head["steps"][0, index] = pack_steps([step])[0]
         fence()
         self._slot[0] = slot
+        fence()
         self._newest[0] = ticket.id
 
     def _free(self) -> int:
@@ -157,6 +158,7 @@ class PlanBuffer:
         """The newest plan, if it is newer than the id `seen`; hold it or look away before the next call."""
         if self.newest_id <= seen:
             return None
+        fence()
         while True:
             slot = int(self._slot[0])
             self._held[2] = slot

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from configs.errors import ConfigError
 from configs.stream import StreamSettings
 from drivers.realtime.ring import Ring
 from retarget.plan import Plan
@@ -19,8 +21,6 @@ from streamer.plan_buffer import PlanBuffer, Ticket
 from streamer.planner import Planner
 from streamer.targets import NO_TARGET, Target, TargetMailbox
 
-_KEPT = 4
-"""Plans that may still be gone on from: playing, waiting, offered, and one more."""
 EFFECT_RAD = np.radians(2.0)
 """A joint that is sent this much elsewhere shows a target's effect (the report's definition)."""
 
@@ -36,6 +36,7 @@ class Planning:
         ticks: the loop's rows.
         targets: where targets arrive; a source that takes none ignores them.
         lead: how far ahead plans join.
+        tell: told of targets that cannot be followed.
     """
 
     def __init__(
@@ -46,11 +47,14 @@ class Planning:
         settings: StreamSettings,
         targets: TargetMailbox,
         lead: Lead,
+        tell: Callable[[str], None] = lambda _message: None,
     ) -> None:
         self.planner, self.plans, self.ticks, self.settings = planner, plans, ticks, settings
-        self.targets, self.lead = targets, lead
+        self.targets, self.lead, self.tell = targets, lead, tell
+        self._refused = 0
         self._follows = isinstance(planner.source, LiveSource)
         self._replan_ticks = round(settings.replan_s * planner.rate)
+        self._least_unplayed = round(settings.min_unplayed_s * planner.rate)
         self._commit_ticks = max(round(settings.commit_s * planner.rate), 1)
         self._made: dict[int, tuple[Ticket, Plan]] = {}
         self._asked_tick = 0
@@ -68,7 +72,7 @@ class Planning:
             FlexMotionError, ArithmeticError, ValueError, LookupError: source or retargeter failed.
         """
         status = self.ticks.latest()
-        target = self.targets.newest() if self._follows else NO_TARGET
+        target = self._newest_target()
         if status is None or not self._due(status, target):
             return False
         begin = time.perf_counter()
@@ -80,8 +84,8 @@ class Planning:
             join = max(join, current.start_tick + self._commit_ticks)
         if kind is Kind.STOP:
             target = NO_TARGET
-        elif self._is_new(target, status):
-            self._turn_to(target, current, join)
+        elif self._is_new(target, status) and not self._turn_to(target, current, join):
+            return False
         try:
             planned = self.planner.plan(
                 join,
@@ -107,7 +111,8 @@ class Planning:
             retarget_s=planned.retarget_s,
         )
         self._made[ticket.id] = ticket, planned.plan
-        self._made = {key: self._made[key] for key in sorted(self._made)[-_KEPT:] if key >= resumed}
+        # Whatever was refused since, the plan that plays can be gone on from.
+        self._made = {key: made for key, made in self._made.items() if key >= int(status["plan"])}
         self.plans.publish(ticket, planned.plan)
         self.lead.took(kind, time.perf_counter() - begin)
         return True
@@ -136,10 +141,11 @@ class Planning:
             return False
         if ticket.partial:
             return True
-        refused = newest != plan
-        return not ticket.source_over and (
-            refused or int(status["tick"]) + 1 >= self._asked_tick + self._replan_ticks
-        )
+        if ticket.source_over:
+            return False
+        tick, refused = int(status["tick"]) + 1, newest != plan
+        unplayed = self._made[plan][1].start_tick + self._made[plan][1].stop_row - tick
+        return refused or tick >= self._asked_tick + self._replan_ticks or unplayed < self._least_unplayed
 
     def _is_new(self, target: Target, status: NDArray[Any]) -> bool:
         """Whether neither the plan that plays nor the one that waits follows this target."""
@@ -163,12 +169,17 @@ class Planning:
         """Drop what is being made as soon as something more urgent is asked for."""
         status = self.ticks.latest()
         stop = status is not None and bool(status["must_stop"]) and kind is not Kind.STOP
-        newer = self._follows and kind is not Kind.STOP and self.targets.newest().id > target.id
+        newer = kind is not Kind.STOP and self._newest_target().id > target.id
         if stop or newer:
             raise Superseded
 
-    def _turn_to(self, target: Target, current: Plan | None, join: int) -> None:
-        """Let the source follow a new target from the join on."""
+    def _newest_target(self) -> Target:
+        """The target that counts; one that was refused counts no more."""
+        target = self.targets.newest() if self._follows else NO_TARGET
+        return NO_TARGET if target.id == self._refused else target
+
+    def _turn_to(self, target: Target, current: Plan | None, join: int) -> bool:
+        """Let the source follow a new target from the join on; False where it cannot."""
         source = self.planner.source
         assert isinstance(source, LiveSource)
         frame = self.planner.first_frame(join, current)
@@ -176,7 +187,13 @@ class Planning:
         if current is not None and current.human is not None:
             place = min(max(frame - current.human_first_frame, 0), len(current.human) - 1)
             here = current.human[place : place + 1]
-        source.turn_to(target, frame, here)
+        try:
+            source.turn_to(target, frame, here)
+        except ConfigError as error:
+            self._refused = target.id
+            self.tell(str(error))
+            return False
+        return True
 
 
 def _effect_row(before: Plan, after: Plan) -> int:
@@ -185,4 +202,3 @@ def _effect_row(before: Plan, after: Plan) -> int:
     rows = np.minimum(np.arange(len(after)) + offset, len(before) - 1)
     differs = np.abs(after.q - before.q[rows]).max(axis=1) > EFFECT_RAD
     return int(np.argmax(differs)) if differs.any() else -1
-

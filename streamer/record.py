@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,8 +14,9 @@ from streamer.tick_row import REPAIRS, blank, tick_dtype
 
 Float = NDArray[np.float64]
 
-KEPT_S = 1200.0
-"""A record keeps the last twenty minutes of a run: it must not grow for as long as a robot is on [s]."""
+KEPT_S = 300.0
+"""A record keeps the last five minutes of a run without an end: it must not grow for as long as a robot is on [s]."""
+_EVENTS_KEPT = 10_000
 _FIRST_ROWS = 4096
 
 
@@ -44,7 +46,7 @@ class RunRecord:
 
     def __init__(self, rate_hz: float, joint_names: tuple[str, ...], *, kept_s: float = KEPT_S) -> None:
         self.rate_hz, self.joint_names = rate_hz, joint_names
-        self.events: list[Event] = []
+        self.events: deque[Event] = deque(maxlen=_EVENTS_KEPT)
         self.human_steps = 0
         self.forgotten = 0
         self._most = int(kept_s * rate_hz)
@@ -55,6 +57,16 @@ class RunRecord:
     def used(self) -> int:
         """Rows kept."""
         return self._used
+
+    @property
+    def cycles(self) -> int:
+        """Ticks of the whole run, those forgotten included."""
+        return self._used + self.forgotten
+
+    @property
+    def duration_s(self) -> float:
+        """Length of the whole run [s]."""
+        return (self._last("tick") + 1) / self.rate_hz if self._used else 0.0
 
     @property
     def rows(self) -> NDArray[Any]:

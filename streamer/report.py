@@ -197,7 +197,7 @@ def build_report(
 ) -> Report:
     """The report of a finished run; `human` is the source's path, None where it has none."""
     states = record.state[: record.used]
-    duration = record.used / record.rate_hz
+    duration = record.duration_s
     figures = motion_figures(record, robot, human, should_stand=np.isin(states, (State.STREAMING, State.HOLD)))
     motion = asdict(figures)
     if not figures.fell and (damped := np.flatnonzero(states == State.DAMPED)).size:
@@ -223,7 +223,7 @@ def build_report(
         options=info.options,
         loop=LoopSection(
             rate_hz=record.rate_hz,
-            cycles=record.used,
+            cycles=record.cycles,
             missed_deadlines=record.missed_deadlines,
             missed_allowed=info.missed_allowed,
             # Nobody wakes in lockstep.

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass, field
+from functools import partial
 
 from configs.errors import ConfigError, FlexMotionError
 from configs.robot import Robot
@@ -19,11 +20,11 @@ from streamer.controls import Controls, Request
 from streamer.lead import FixedLead, Kind, Lead, MeasuredLead
 from streamer.live.supervisor import Service, Supervisor
 from streamer.loop import ControlLoop
-from streamer.operator import Operator
+from streamer.operator import MARGIN_S, Operator
 from streamer.plan_buffer import PlanBuffer
 from streamer.planner import Planner
 from streamer.planning import Planning
-from streamer.record import Collector, RunRecord
+from streamer.record import KEPT_S, Collector, RunRecord
 from streamer.sources import Source
 from streamer.targets import TargetMailbox
 from streamer.telemetry import Event, Telemetry
@@ -43,7 +44,9 @@ class Session:
         realtime: on the real clock: ask the system for realtime scheduling.
         progress: called each tick with the time of the source that plays [s].
         request: asked each tick (on the real clock every 20 ms) what an operator wants, if anything.
+        wake: file descriptor that becomes readable when `request` should be asked sooner.
         tell: told of every event as it happens.
+        kept_s: how much of the run, its end, the record keeps [s].
         services: what follows the run in processes of their own on the real clock, in this one in lockstep.
     """
 
@@ -57,6 +60,8 @@ class Session:
     realtime: bool = True
     progress: Callable[[float], None] | None = None
     request: Callable[[], Request | None] | None = None
+    wake: int | None = None
+    kept_s: float = KEPT_S
     tell: Callable[[Event], None] = lambda _event: None
     services: tuple[Service, ...] = ()
     controls: Controls = field(init=False)
@@ -78,7 +83,7 @@ class Session:
         self.plans = PlanBuffer(robot.n, retargeter.layout.size, retargeter.horizon, rate)
         self.targets = TargetMailbox()
         self.planner = Planner(retargeter, self.source, self.settings)
-        self.record = RunRecord(rate, robot.joint_names)
+        self.record = RunRecord(rate, robot.joint_names, kept_s=max(self.kept_s, (self.seconds or 0.0) + MARGIN_S))
 
     def run(self, clock: str = "lockstep") -> RunRecord:
         """Run to the end on clock "lockstep" or "real" and return the record.
@@ -99,12 +104,13 @@ class Session:
         retargeter = Retargeter(self.robot, self.settings)
         return ControlLoop(self.robot, driver, retargeter, self.plans, self.telemetry, feedback=self.feedback)
 
-    def _planning(self, lead: Lead) -> Planning:
-        return Planning(self.planner, self.plans, self.telemetry.ticks, self.settings, self.targets, lead)
+    def _planning(self, lead: Lead, tell: Callable[[str], None]) -> Planning:
+        return Planning(self.planner, self.plans, self.telemetry.ticks, self.settings, self.targets, lead, tell)
 
     def _run_lockstep(self) -> RunRecord:
         period = 1.0 / self.robot.rate_hz
-        planning = self._planning(FixedLead(max(round(self.settings.commit_s * self.robot.rate_hz), 1)))
+        lead = FixedLead(max(round(self.settings.commit_s * self.robot.rate_hz), 1))
+        planning = self._planning(lead, partial(self.controls.ask, Request.NOTE))
         collector = Collector(self.telemetry, self.record)
         followers = [service.follow() for service in self.services]
         with ExitStack() as ending, self.driver:
@@ -140,15 +146,18 @@ class Session:
         driver = self.driver
         if driver.capabilities.lockstep:
             driver = driver.detached(realtime=self.realtime)
+        planner_controls = Controls()
+        lead = MeasuredLead(self.robot.rate_hz, _AT_FIRST_S, self.settings.horizon_s - self.settings.replan_s)
         supervisor = Supervisor(
             self.control_loop(driver),
-            self._planning(MeasuredLead(self.robot.rate_hz, _AT_FIRST_S)),
+            self._planning(lead, partial(planner_controls.ask, Request.NOTE)),
             self.settings,
-            self.controls,
+            (self.controls, planner_controls),
             seconds=self.seconds,
             stay=self.stay,
             realtime=self.realtime,
             services=self.services,
+            wake=self.wake,
         )
         self.scheduling = supervisor.run(Collector(self.telemetry, self.record), self.request, self.progress, self.tell)
         self.memory_mb = supervisor.memory_mb

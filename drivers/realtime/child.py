@@ -18,7 +18,8 @@ _FORK = multiprocessing.get_context("fork")
 def start(name: str, target: Callable[..., None], *args: Any, orphaned: signal.Signals = signal.SIGKILL) -> BaseProcess:
     """Start `target(*args)` in a child process that `ps` calls `fm-NAME`.
 
-    Ctrl-C in a terminal reaches every process of the program; only the one that the user started listens.
+    A terminal's signals reach every process of a group; a child has a group of its own, so that only the process that
+    the user started listens, and what it was to hear is forgotten.
 
     Args:
         orphaned: signal that the child gets when this process ends before it.
@@ -31,8 +32,11 @@ def start(name: str, target: Callable[..., None], *args: Any, orphaned: signal.S
 def _run(
     name: str, parent: int, orphaned: signal.Signals, target: Callable[..., None], args: tuple[Any, ...]
 ) -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    os.setpgid(0, 0)
+    for number in (signal.SIGINT, signal.SIGHUP, signal.SIGUSR1, signal.SIGUSR2):
+        signal.signal(number, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    signal.set_wakeup_fd(-1)
     libc = ctypes.CDLL(None)
     libc.prctl(_PR_SET_NAME, f"fm-{name}".encode()[:15], 0, 0, 0)
     libc.prctl(_PR_SET_PDEATHSIG, int(orphaned), 0, 0, 0)

@@ -116,7 +116,7 @@ def latency(
     from configs.stream import load_stream
     from drivers.registry import create
     from streamer.commands.choice import library_of
-    from streamer.commands.streaming import operator_signals
+    from streamer.commands.signals import operator_signals
     from streamer.latency import measure
     from streamer.latency_text import render_latency
     from streamer.plots import write_latency
@@ -136,7 +136,8 @@ def latency(
             realtime=realtime,
             seed=seed,
             progress=progress,
-            interrupted=lambda: signals.interrupted,
+            request=signals.next,
+            wake=signals.wake,
         )
     text = json.dumps(result.content(), indent=2)
     if as_json:

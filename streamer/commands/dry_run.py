@@ -77,32 +77,37 @@ def dry_run(
 
       flexmotion dry-run --clip walk.bvh --perturbed --perturb total_mass=3.5 --seed 4 --json
     """
-    # Heavy imports wait until the command runs: help and completion answer at once.
-    from configs.stream import load_stream
-    from streamer.commands.choice import choose_motion
-    from streamer.commands.driver_options import simulation_options
-    from streamer.commands.recording import log_file
-    from streamer.commands.streaming import RunRequest, present, stream
+    # From here on a signal is a request, also while the rest is loaded. Heavy imports wait until the command runs: help
+    # and completion answer at once.
+    from streamer.commands.signals import operator_signals
 
-    stream_settings = load_stream(settings)
-    motion = choose_motion(
-        clip=clip, script=script, prompt=prompt, mapping=mapping, blend_frames=stream_settings.blend_frames
-    )
-    outcome = stream(
-        RunRequest(
-            robot=robot,
-            driver="sim",
-            motion=motion,
-            settings=stream_settings,
-            seconds=seconds,
-            seed=seed,
-            clock=clock or ("real" if view else "lockstep"),
-            feedback=feedback,
-            realtime=realtime,
-            replan_noise_m=replan_noise,
-            driver_options=simulation_options(perturbed, perturb or ()),
-            log=log_file(log, report),
-            view_port=view_port if view else None,
+    with operator_signals() as signals:
+        from configs.stream import load_stream
+        from streamer.commands.choice import choose_motion
+        from streamer.commands.driver_options import simulation_options
+        from streamer.commands.recording import log_file
+        from streamer.commands.streaming import RunRequest, present, stream
+
+        stream_settings = load_stream(settings)
+        motion = choose_motion(
+            clip=clip, script=script, prompt=prompt, mapping=mapping, blend_frames=stream_settings.blend_frames
         )
-    )
+        outcome = stream(
+            RunRequest(
+                robot=robot,
+                driver="sim",
+                motion=motion,
+                settings=stream_settings,
+                seconds=seconds,
+                seed=seed,
+                clock=clock or ("real" if view else "lockstep"),
+                feedback=feedback,
+                realtime=realtime,
+                replan_noise_m=replan_noise,
+                driver_options=simulation_options(perturbed, perturb or ()),
+                log=log_file(log, report),
+                view_port=view_port if view else None,
+            ),
+            signals,
+        )
     present(outcome, report, as_json)

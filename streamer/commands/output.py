@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any
 
 from rich.console import Console, RenderableType
@@ -27,9 +27,21 @@ def print_json(content: Any) -> None:
     print(content if isinstance(content, str) else json.dumps(content, indent=2, allow_nan=False), flush=True)
 
 
+class _Stderr(Console):
+    """A console whose reader may go away without ending the program, as rich would have it: a robot may be moving."""
+
+    def __init__(self) -> None:
+        super().__init__(stderr=True, highlight=False)
+
+    def on_broken_pipe(self) -> None:
+        """Called by rich."""
+        self.quiet = True
+
+
 def print_note(text: str) -> None:
     """One line to stderr."""
-    Console(stderr=True, highlight=False).print(text, style="dim", soft_wrap=True)
+    with suppress(OSError, ValueError):
+        _Stderr().print(text, style="dim", soft_wrap=True)
 
 
 @contextmanager
@@ -39,8 +51,7 @@ def progress_bar(title: str) -> Iterator[Callable[[float], None]]:
     It appears with the first call: its thread must not run yet when processes are forked.
     """
     columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:>3.0f} %"))
-    console = Console(stderr=True)
-    progress = Progress(*columns, TimeElapsedColumn(), console=console, transient=True)
+    progress = Progress(*columns, TimeElapsedColumn(), console=_Stderr(), transient=True)
     task = progress.add_task(title, total=1.0)
     shown = -1
 

@@ -64,35 +64,40 @@ def run(
 
       flexmotion run --robot op3 --driver sim --clip walk.bvh --once --report report
     """
-    # Heavy imports wait until the command runs: help and completion answer at once.
-    from configs.stream import load_stream
-    from streamer.commands.choice import choose_motion
-    from streamer.commands.driver_options import parse_options
-    from streamer.commands.recording import log_file
-    from streamer.commands.streaming import RunRequest, present, stream
+    # From here on a signal is a request, also while the rest is loaded. Heavy imports wait until the command runs: help
+    # and completion answer at once.
+    from streamer.commands.signals import operator_signals
 
-    stream_settings = load_stream(settings)
-    motion = choose_motion(
-        clip=clip, script=script, prompt=prompt, mapping=mapping, blend_frames=stream_settings.blend_frames
-    )
-    options = parse_options(option or ())
-    if port is not None:
-        options["port"] = port
-    outcome = stream(
-        RunRequest(
-            robot=robot,
-            driver=driver,
-            motion=motion,
-            settings=stream_settings,
-            seconds=seconds,
-            seed=seed,
-            clock=clock,
-            feedback=feedback,
-            stay=clock == "real" and not once and seconds is None,
-            realtime=realtime,
-            driver_options=options,
-            log=log_file(log, report),
-            view_port=view_port if view else None,
+    with operator_signals() as signals:
+        from configs.stream import load_stream
+        from streamer.commands.choice import choose_motion
+        from streamer.commands.driver_options import parse_options
+        from streamer.commands.recording import log_file
+        from streamer.commands.streaming import RunRequest, present, stream
+
+        stream_settings = load_stream(settings)
+        motion = choose_motion(
+            clip=clip, script=script, prompt=prompt, mapping=mapping, blend_frames=stream_settings.blend_frames
         )
-    )
+        options = parse_options(option or ())
+        if port is not None:
+            options["port"] = port
+        outcome = stream(
+            RunRequest(
+                robot=robot,
+                driver=driver,
+                motion=motion,
+                settings=stream_settings,
+                seconds=seconds,
+                seed=seed,
+                clock=clock,
+                feedback=feedback,
+                stay=clock == "real" and not once and seconds is None,
+                realtime=realtime,
+                driver_options=options,
+                log=log_file(log, report),
+                view_port=view_port if view else None,
+            ),
+            signals,
+        )
     present(outcome, report, as_json)

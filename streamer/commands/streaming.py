@@ -3,14 +3,10 @@
 from __future__ import annotations
 
 import math
-import signal
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from types import FrameType
 from typing import Any
 
 import typer
@@ -22,7 +18,7 @@ from flexmotion.motion import Motion
 from streamer.commands.options import Clock
 from streamer.commands.output import print_json, print_note, print_result, progress_bar
 from streamer.commands.recording import record_to
-from streamer.controls import Controls, Request
+from streamer.commands.signals import OperatorSignals
 from streamer.metrics import HumanTrack, RobotFigures
 from streamer.page import write_page
 from streamer.plots import write_plots
@@ -80,8 +76,8 @@ class Outcome:
     interrupted: bool
 
 
-def stream(request: RunRequest) -> Outcome:
-    """Run to the end, or until Ctrl-C asks for a stop and a second one cuts it short.
+def stream(request: RunRequest, signals: OperatorSignals | None = None) -> Outcome:
+    """Run to the end, or until `signals` ask for it.
 
     Raises:
         ConfigError: robot, driver or an option is unknown.
@@ -95,7 +91,7 @@ def stream(request: RunRequest) -> Outcome:
     seeded = {"seed": request.seed} if request.driver == "sim" else {}
     driver = create(request.driver, robot, **options, **seeded)
     title = f"{robot.name} follows {request.motion.source}"
-    with operator_signals() as signals, progress_bar(title) as progress:
+    with progress_bar(title) as progress:
 
         def show(source_s: float) -> None:
             if math.isfinite(source_s):
@@ -111,9 +107,10 @@ def stream(request: RunRequest) -> Outcome:
             stay=request.stay,
             realtime=request.realtime,
             progress=show,
+            request=None if signals is None else signals.next,
+            wake=None if signals is None else signals.wake,
             tell=partial(_tell, request.stay),
         )
-        signals.pass_to(session.controls)
         if request.view_port is not None:
             viewer = Viewer(robot, session.telemetry, port=request.view_port)
             session.services += (viewer,)
@@ -143,7 +140,7 @@ def stream(request: RunRequest) -> Outcome:
         log=logged,
     )
     report = build_report(record, info, figures, human=HumanTrack.of(played.motion))
-    return Outcome(robot, played.motion, figures, record, report, signals.interrupted)
+    return Outcome(robot, played.motion, figures, record, report, signals is not None and signals.interrupted)
 
 
 def _tell(states: bool, event: Event) -> None:
@@ -188,57 +185,3 @@ def present(outcome: Outcome, folder: Path | None, as_json: bool) -> None:
         raise typer.Exit(INTERRUPTED)
     if not report.ok:
         raise typer.Exit(CHECK_FAILED)
-
-
-class OperatorSignals:
-    """What signals ask for.
-
-    The first SIGINT or SIGTERM asks for a stop, parking and the end, the second one for the end at once; SIGUSR1 for a
-    stop, SIGUSR2 for an emergency stop.
-
-    Attributes:
-        interrupted: whether the end was asked for.
-    """
-
-    def __init__(self) -> None:
-        self.interrupted = False
-        self._controls: Controls | None = None
-        self._early: list[Request] = []
-
-    def pass_to(self, controls: Controls) -> None:
-        """From now on signals are asked of a run; those before are asked now."""
-        self._controls = controls
-        for request in self._early:
-            controls.ask(request)
-
-    def hear(self, number: int, _frame: FrameType | None) -> None:
-        """Signal handler."""
-        if number == signal.SIGUSR1:
-            self._ask(Request.STOP)
-        elif number == signal.SIGUSR2:
-            self._ask(Request.ESTOP)
-        elif self.interrupted:
-            self._ask(Request.QUIT)
-        else:
-            self.interrupted = True
-            self._ask(Request.END)
-            print_note("stopping: the robot comes to a stand and parks; once more to cut this short")
-
-    def _ask(self, request: Request) -> None:
-        if self._controls is None:
-            self._early.append(request)
-        else:
-            self._controls.ask(request)
-
-
-@contextmanager
-def operator_signals() -> Iterator[OperatorSignals]:
-    """Within, signals are requests."""
-    signals = OperatorSignals()
-    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGUSR1, signal.SIGUSR2)
-    before = {number: signal.signal(number, signals.hear) for number in numbers}
-    try:
-        yield signals
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)

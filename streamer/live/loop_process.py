@@ -7,6 +7,7 @@ import signal
 from collections.abc import Sequence
 from multiprocessing.connection import Connection
 
+from configs.errors import DriverError, FlexMotionError
 from drivers.realtime import priority
 from drivers.realtime.ticker import Ticker
 from streamer.controls import Controls, Request
@@ -32,8 +33,12 @@ def serve(
             priority.settle(collect=False)
             outcome.send(priority.claim(priority.LOOP_PRIORITY, allowed=realtime))
             _tick(loop, operator, controls, signalled)
-    except Exception as failure:  # whatever it is, the supervisor must learn of it
+    except FlexMotionError as failure:
         error = failure
+    except Exception as failure:  # whatever it is, the supervisor must learn of it, and so must the log
+        error = DriverError(f"the control loop failed, torque is off: {type(failure).__name__}: {failure}")
+    if error is not None:
+        loop.telemetry.tell(loop.tick_count, "fault", str(error))
     with contextlib.suppress(BrokenPipeError):  # it has died
         outcome.send(error)
 

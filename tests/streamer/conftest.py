@@ -35,6 +35,7 @@ def make_record(seconds: float = 8.0, rate_hz: float = 125.0) -> RunRecord:
     ticks, n = int(seconds * rate_hz), len(JOINTS)
     record = RunRecord(rate_hz=rate_hz, joint_names=JOINTS)
     record.append(blank(tick_dtype(n), ticks))
+    record.rows["tick"] = np.arange(ticks)
     t = np.arange(ticks) / rate_hz
     rows, quiet = slice(ticks), int(0.5 * rate_hz)
     playing = np.zeros(ticks, bool)

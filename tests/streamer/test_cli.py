@@ -17,8 +17,8 @@ from drivers import registry
 from drivers.sim.driver import SimDriver
 from streamer.cli import execute
 from streamer.commands.driver_options import simulation_options
-from streamer.commands.streaming import operator_signals
-from streamer.controls import Controls, Request
+from streamer.commands.signals import operator_signals
+from streamer.controls import Request
 from streamer.report import TIMING_KEYS
 
 COMMANDS = ["dry-run", "run", "retarget", "check torque", "robots", "drivers"]
@@ -204,16 +204,13 @@ def test_a_broken_plug_in_is_named_and_the_rest_listed(
 
 def test_signals_are_requests_and_the_second_interrupt_ends_at_once() -> None:
     before = signal.getsignal(signal.SIGINT)
-    controls = Controls()
     with operator_signals() as signals:
-        os.kill(os.getpid(), signal.SIGUSR1)  # before there is a run
-        signals.pass_to(controls)
-        assert not signals.interrupted
-        for number in (signal.SIGUSR2, signal.SIGINT, signal.SIGTERM):
+        assert signals.next() is None
+        for number in (signal.SIGUSR1, signal.SIGUSR2, signal.SIGHUP, signal.SIGTERM):
             os.kill(os.getpid(), number)
-        assert signals.interrupted
-    heard = [request for request, _ in controls.listener().heard()]
-    assert heard == [Request.STOP, Request.ESTOP, Request.END, Request.QUIT]
+        assert os.read(signals.wake, 16)
+        asked = [signals.next() for _ in range(5)]
+        assert asked == [Request.STOP, Request.ESTOP, Request.END, Request.QUIT, None] and signals.interrupted
     assert signal.getsignal(signal.SIGINT) is before
 
 

@@ -148,6 +148,8 @@ def test_a_fault_while_streaming_lets_the_plan_end_then_parks() -> None:
     ladder.step(Inputs(plan_over=True))
     assert ladder.state is State.HOLD
     ladder.step(Inputs(plan_ready=True))
+    assert ladder.state is State.HOLD  # a plan in mid-step is not cut short
+    ladder.step(Inputs(plan_over=True))
     assert ladder.state is State.PARK
     ladder.step(Inputs(move_done=True))
     assert (ladder.state, ladder.fault) == (State.FAULT, "servo hot")

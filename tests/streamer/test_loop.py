@@ -205,3 +205,36 @@ def test_a_plan_that_runs_out_is_told_of(loop: ControlLoop, run: Callable[..., N
     assert loop.telemetry.row["underruns"] == 1
     told = events(loop.telemetry.events.reader())
     assert [e.message for e in told if e.kind == "warning"] == ["no plan followed plan 1: its own stop is played"]
+
+
+def test_a_plan_that_waits_in_hold_is_dropped_by_a_stop(
+    loop: ControlLoop, run: Callable[..., None], retargeter: Retargeter
+) -> None:
+    """It once began to walk after STOP: a plan that had been accepted before played in HOLD."""
+    run(1, start=True)
+    run(READY)
+    plan = offer(loop, retargeter.plan(retargeter.standing(), None, 0, loop.tick_count), stops=True)
+    run(len(plan) + 5)
+    assert loop.ladder.state is State.HOLD
+    offer(loop, retargeter.plan(plan.states[-1], default_clip()[240:290], 0, loop.tick_count + 4), resumed=1)
+    run(1)
+    assert loop.waiting is not None
+    run(1, stop=True)
+    run(30)
+    assert loop.ladder.state is State.HOLD and loop.waiting is None
+    assert loop.playing is not None and loop.playing.ticket.id == 1
+
+
+def test_steps_and_runouts_are_counted_over_ticks_that_were_skipped(
+    loop: ControlLoop, run: Callable[..., None], retargeter: Retargeter
+) -> None:
+    run(1, start=True)
+    run(READY)
+    plan = offer(loop, retargeter.plan(retargeter.standing(), default_clip()[240:290], 0, loop.tick_count))
+    assert plan.steps
+    run(1)
+    while loop.tick_count < plan.end_tick:
+        loop.tick_count += 3
+        run(1)
+    assert loop.telemetry.row["steps_planned"] == len(plan.steps)
+    assert loop.telemetry.row["underruns"] == 1

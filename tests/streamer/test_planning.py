@@ -185,7 +185,7 @@ def test_an_effect_is_two_degrees_away_from_what_would_have_been_sent(bench: Ben
 
 
 def test_the_lead_follows_what_plans_take_but_not_one_slow_one() -> None:
-    lead = MeasuredLead(125.0, dict.fromkeys(Kind, 0.05))
+    lead = MeasuredLead(125.0, dict.fromkeys(Kind, 0.05), 0.75)
     assert lead.ticks(Kind.WHOLE) == 9  # 1.15 * 50 ms, and one
     for _ in range(40):
         lead.took(Kind.WHOLE, 0.012)
@@ -195,3 +195,39 @@ def test_the_lead_follows_what_plans_take_but_not_one_slow_one() -> None:
     for _ in range(5):
         lead.took(Kind.WHOLE, 0.03)
     assert lead.ticks(Kind.WHOLE) == 6
+
+
+def test_however_many_plans_are_refused_the_next_is_made(bench: Bench) -> None:
+    """After four late plans in a row the planner had forgotten the one that plays, and fell silent for good."""
+    bench.first()
+    for tick in range(131, 161, 3):
+        bench.loop_says(tick, state=State.STREAMING, plan=1)
+        assert bench.planning.step(tick + 1)
+        assert bench.newest().resumed == 1
+    bench.targets.send("walk")
+    bench.loop_says(170, state=State.STREAMING, plan=1, pending=bench.plans.newest_id)
+    assert bench.planning.step(171)
+
+
+def test_a_target_that_cannot_be_followed_is_told_and_the_rest_goes_on(bench: Bench) -> None:
+    told: list[str] = []
+    bench.planning.tell = told.append
+    bench.first()
+    bench.targets.send("fly")
+    assert not bench.planning.step(107)
+    assert told == ["target: unknown clip 'fly', expected one of: bow, walk, wave"]
+    bench.loop_says(140, state=State.STREAMING, plan=1)
+    assert bench.planning.step(141) and bench.newest().target == 0
+    bench.targets.send("walk")
+    bench.loop_says(150, state=State.STREAMING, plan=2)
+    assert bench.planning.step(151) and bench.newest().target == 2
+
+
+def test_the_lead_is_bounded_and_forgets_what_was_held_up() -> None:
+    """A planner that had been stopped for seconds once asked for plans that would join seconds ahead."""
+    lead = MeasuredLead(125.0, dict.fromkeys(Kind, 0.02), 0.75)
+    lead.took(Kind.STOP, 3.6)
+    assert lead.ticks(Kind.STOP) == 4
+    for _ in range(40):
+        lead.took(Kind.STOP, 0.74)
+    assert lead.ticks(Kind.STOP) == 95

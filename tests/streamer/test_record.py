@@ -73,7 +73,7 @@ def test_what_is_told_is_collected_and_counts_go_on() -> None:
     (event,) = collector.collect()
     assert event == Event(1, "warning", "ä" * 244)
     record = collector.record
-    assert record.underruns == 2 and record.events == [event]
+    assert record.underruns == 2 and list(record.events) == [event]
     assert (record.q[0] == 0.25).all() and np.isnan(record.q[1]).all()
 
 

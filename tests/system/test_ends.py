@@ -15,6 +15,7 @@ import psutil
 import pytest
 
 Run = subprocess.Popen[str]
+ChildNamed = Callable[..., psutil.Process]
 
 
 def wait_for(run: Run, words: str, patience_s: float = 30.0) -> None:
@@ -36,7 +37,12 @@ def walking(tmp_path: Path) -> Iterator[Run]:
     """`flexmotion run` on the shipped motion, some seconds after it began to stream."""
     command = [sys.executable, "-m", "streamer.cli", "run", "-r", "op3", "-d", "sim", "--json"]
     run = subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=os.environ | {"COLUMNS": "200"}
+        command,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=os.environ | {"COLUMNS": "200"},
+        process_group=0,  # as a terminal would have it
     )
     try:
         wait_for(run, "READY -> STREAMING")
@@ -79,7 +85,7 @@ def test_a_second_ctrl_c_ends_at_once(walking: Run) -> None:
 
 
 def test_a_loop_killed_by_force_leaves_nothing_behind(
-    walking: Run, shared_memory: Callable[[], set[str]], child_named: Callable[..., psutil.Process]
+    walking: Run, shared_memory: Callable[[], set[str]], child_named: ChildNamed
 ) -> None:
     before = shared_memory()
     family = psutil.Process(walking.pid).children(recursive=True)
@@ -91,12 +97,41 @@ def test_a_loop_killed_by_force_leaves_nothing_behind(
     assert shared_memory() <= before
 
 
-def test_a_supervisor_killed_by_force_leaves_a_loop_that_parks_the_robot(
-    walking: Run, child_named: Callable[..., psutil.Process]
-) -> None:
+def test_a_supervisor_killed_by_force_leaves_a_loop_that_parks_the_robot(walking: Run, child_named: ChildNamed) -> None:
     family = psutil.Process(walking.pid).children(recursive=True)
     loop = child_named("fm-loop", walking.pid)
     walking.kill()
     walking.wait()
     assert loop.is_running()  # it still has a robot to bring down
     assert gone(family, 8.0)
+
+
+def test_a_terminal_that_is_closed_parks_the_robot(walking: Run) -> None:
+    """A dropped connection once killed every process in mid-walk, with the torque on."""
+    os.killpg(os.getpgid(walking.pid), signal.SIGHUP)
+    out, err = walking.communicate(timeout=10.0)
+    assert walking.returncode == 130
+    assert json.loads(out)["safety"] == {"final_state": "OFF", "faults": []} and "HOLD -> PARK" in err
+
+
+def test_a_loop_that_hangs_is_ended_and_so_is_everything(walking: Run, child_named: ChildNamed) -> None:
+    """Two Ctrl-Cs once left it hanging for ever: only the loop itself could hear them."""
+    family = psutil.Process(walking.pid).children(recursive=True)
+    os.kill(child_named("fm-loop", walking.pid).pid, signal.SIGSTOP)
+    _, err = walking.communicate(timeout=5.0)
+    assert walking.returncode == 3 and gone(family, 0.5)
+    assert "the control loop's process was ended: it did not move for 2 s" in err
+
+
+def test_a_reader_that_goes_away_does_not_stop_the_robot(walking: Run) -> None:
+    """A message to a pipe that nobody reads any more once killed the loop in mid-walk."""
+    assert walking.stderr is not None
+    walking.stderr.close()
+    os.kill(walking.pid, signal.SIGUSR1)
+    time.sleep(3.0)
+    assert walking.poll() is None
+    os.kill(walking.pid, signal.SIGINT)
+    assert walking.wait(timeout=10.0) == 130
+    assert walking.stdout is not None
+    assert json.loads(walking.stdout.read())["safety"]["final_state"] == "OFF"
+    walking.stderr = None

@@ -72,9 +72,7 @@ def test_a_stop_in_mid_walk_ends_standing(live: Live, ask: Ask) -> None:
     assert run.told("fault") == [] and run.record.underruns == 0
 
 
-def test_a_wall_clock_that_jumps_by_an_hour_changes_nothing(
-    live: Live, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_wall_clock_that_jumps_by_an_hour_changes_nothing(live: Live, monkeypatch: pytest.MonkeyPatch) -> None:
     """An hour forward, then an hour back, in every process: nothing that moves the robot looks at that clock."""
     real, begin = time.time, time.monotonic()
 

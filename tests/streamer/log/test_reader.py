@@ -35,7 +35,7 @@ def test_everything_that_the_run_told_is_in_it(logged: Any) -> None:
     assert log.whole and log.gaps == 0
     for name in record.rows.dtype.names:
         np.testing.assert_array_equal(log.rows[name], record.rows[name], err_msg=name)
-    assert log.events == record.events and log.record().plans == record.plans
+    assert log.events == list(record.events) and log.record().plans == record.plans
     assert [event.message for event in log.events if event.kind == "request"] == ["END"]
     assert [plan["id"] for plan in log.plans] == list(range(1, logged.session.plans.newest_id + 1))
     assert [target["clip"] for target in log.targets] == ["wave"]
