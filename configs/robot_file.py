@@ -202,6 +202,7 @@ class SafetyLimits(Strict):
         max_stale_reads: reads in a row that one servo may miss before FAULT.
         fall_tilt: torso tilt that counts as a fall [rad].
         voltage_min: supply below which it parks [V].
+        thermal_margin: a servo this near its own shutdown makes it park, at twice that it warns [°C].
         park_s: time to lower itself to the rest pose [s].
         soft_start_speed: greatest joint speed of the way to the stand pose [rad/s].
     """
@@ -209,6 +210,7 @@ class SafetyLimits(Strict):
     max_stale_reads: int = Field(default=5, ge=1)
     fall_tilt: float = Field(default=0.785, gt=0)
     voltage_min: float | None = Field(default=None, gt=0)
+    thermal_margin: float = Field(default=5.0, ge=0)
     park_s: float = Field(default=2.0, gt=0)
     soft_start_speed: float = Field(default=0.8, gt=0)
 

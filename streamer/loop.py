@@ -88,6 +88,7 @@ class ControlLoop:
         self._imu_unread = self._low_reads = 0
         self._lead = driver.delay_s * robot.rate_hz
         self._warned: set[str] = set()
+        self._shutdown_at = np.array([servo.temperature_limit for servo in robot.servos])
 
     @property
     def ready(self) -> bool:
@@ -253,8 +254,17 @@ class ControlLoop:
         if measured.hardware_error.any():
             worst = int(np.flatnonzero(measured.hardware_error)[0])
             return self._name(f"reports hardware error 0x{int(measured.hardware_error[worst]):02x}", worst)
-        if measured.imu_stale > limits.max_stale_reads:
+        imu = self.robot.config.imu
+        if imu is not None and imu.required and measured.imu_stale > limits.max_stale_reads:
             return f"IMU has not answered for {measured.imu_stale} reads"
+        heat = measured.temperature - self._shutdown_at
+        if np.fmax.reduce(heat) > -2 * limits.thermal_margin:
+            hottest = int(np.nanargmax(heat))
+            now, shutdown = measured.temperature[hottest], self._shutdown_at[hottest]
+            degrees = f"is at {now:.0f} °C and shuts down at {shutdown:.0f} °C"
+            if heat[hottest] > -limits.thermal_margin:
+                return self._name(degrees, hottest)
+            self._warn(f"heat {hottest}", self._name(degrees, hottest))
         supply = np.fmin.reduce(measured.voltage)
         low = limits.voltage_min is not None and supply < limits.voltage_min
         self._low_reads = self._low_reads + 1 if low else 0

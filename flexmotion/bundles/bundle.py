@@ -14,7 +14,7 @@ from pydantic import ValidationError
 
 from configs.errors import ConfigError
 from configs.schema import Strict
-from flexmotion.body import Body
+from flexmotion.body import Body, Segments, Sex
 from flexmotion.features.layout import Layout
 from flexmotion.features.statistics import Statistics
 
@@ -23,11 +23,12 @@ MANIFEST, ARRAYS, DENOISER, DECODER = "manifest.json", "arrays.npz", "denoiser.o
 
 
 class BodySize(Strict):
-    """The human that a bundle makes move; mean proportions."""
+    """The human that a bundle makes move, with the proportions of those that it was trained on (`body.Segments`)."""
 
     height: float
     mass: float
-    sex: str
+    sex: Sex
+    segments: dict[str, float]
 
 
 class Manifest(Strict):
@@ -149,7 +150,8 @@ class Bundle:
     @property
     def body(self) -> Body:
         """Whose motion it makes."""
-        return Body(**self.manifest.body.model_dump())
+        size = self.manifest.body
+        return Body(size.height, size.mass, size.sex, Segments(**size.segments))
 
     @property
     def hash(self) -> str:

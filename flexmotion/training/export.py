@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, fields, replace
 from importlib.metadata import version
 from pathlib import Path
 from shutil import copyfile
@@ -13,7 +13,7 @@ import torch
 from torch import Tensor, nn
 
 from configs.errors import ConfigError
-from flexmotion.body import Body
+from flexmotion.body import Body, Segments
 from flexmotion.bundles.bundle import DECODER, DENOISER, SCHEMA, BodySize, Bundle, Manifest, write_bundle
 from flexmotion.bundles.card import write_card
 from flexmotion.features.layout import Layout
@@ -76,7 +76,7 @@ def export(run: Run, folder: Path, *, distilled: bool, body: Body | None = None,
         run: trained.
         folder: of the bundle; made anew.
         distilled: whether the student of the distillation is exported, else the diffusion model.
-        body: of the human; None for one of mean size.
+        body: size and mass of the human, whose proportions are those of the set; None for one of mean size.
         description: for people.
 
     Raises:
@@ -106,7 +106,7 @@ def export(run: Run, folder: Path, *, distilled: bool, body: Body | None = None,
         copyfile(run.stage("text") / name, folder / name)
     for name in (DENOISER, DECODER, NETWORK):
         halve_weights(folder / name)
-    body = body or Body()
+    body = with_proportions(body or Body(), store)
     manifest = Manifest(
         schema_=SCHEMA,
         name=config.name,
@@ -123,7 +123,7 @@ def export(run: Run, folder: Path, *, distilled: bool, body: Body | None = None,
         guidance=diffusion.guidance,
         velocity=diffusion.velocity,
         known=LEAST_LIKENESS,
-        body=BodySize(height=body.height, mass=body.mass, sex=body.sex),
+        body=BodySize(height=body.height, mass=body.mass, sex=body.sex, segments=asdict(body.segments)),
         licence="; ".join(store.licences) or UNKNOWN_LICENCE,
         versions={name: version(name) for name in LIBRARIES},
     )
@@ -147,6 +147,22 @@ def _arrays(run: Run, store: FeatureStore, layout: Layout, steps: int) -> dict[s
         "prompt_kinds": np.array([kind for kind, _ in said]),
         "prompt_embeddings": np.stack([encode(wording) for _, wording in said]).astype(np.float16),
     }
+
+
+def with_proportions(body: Body, store: FeatureStore) -> Body:
+    """A human of this size with the median proportions of those in a store, each counted by its frames.
+
+    Another human's angles would put its feet above or below the floor.
+    """
+    clips = [clip for clip in store.clips if clip.split == "train"]
+    seconds = np.maximum(np.array([clip.frames for clip in clips]) // round(store.layout.fps), 1)
+    segments = {}
+    for name in (item.name for item in fields(Segments)):
+        lengths = name != "toe_out"
+        values = [getattr(clip.body.segments, name) / (clip.body.leg if lengths else 1.0) for clip in clips]
+        median = float(np.median(np.repeat(values, seconds)))
+        segments[name] = round(median * (body.leg if lengths else 1.0), 5)
+    return replace(body, fitted=Segments(**segments))
 
 
 def standing_features(store: FeatureStore, run: Run) -> np.ndarray:

@@ -242,6 +242,14 @@ def sagging(state: RobotState) -> None:
     state.voltage[:] = 10.0
 
 
+def too_hot(state: RobotState) -> None:
+    state.temperature[11] = 76.0
+
+
+def warm(state: RobotState) -> None:
+    state.temperature[11] = 71.0
+
+
 def not_a_number(state: RobotState) -> None:
     state.position[11] = state.velocity[11] = np.nan
 
@@ -256,7 +264,7 @@ def imu_not_a_number(state: RobotState) -> None:
         (stale, "servo of l_knee (id 14) does not answer"),
         (overheated, "servo of l_knee (id 14) reports hardware error 0x04"),
         (sagging, "supply at 10.0 V, below 10.2 V"),
-        (imu_not_a_number, "IMU has not answered for 6 reads"),
+        (too_hot, "servo of l_knee (id 14) is at 76 °C and shuts down at 80 °C"),
     ],
 )
 def test_a_fault_in_mid_walk_stops_parks_and_latches(
@@ -268,6 +276,30 @@ def test_a_fault_in_mid_walk_stops_parks_and_latches(
     assert broken.tilt < 0.8
     assert all(np.isfinite(goal).all() for _, goal in broken.driver.sent)
     assert broken.record.violations_sent == 0
+
+
+def test_a_warm_servo_is_told_of_once(run: Callable[..., Run]) -> None:
+    warned = run(spoil=from_tick(RATE, warm), seconds=1.0)
+    assert warned.states == [*STREAMED[1:], State.OFF] and warned.told("fault") == []
+    assert warned.told("warning") == ["servo of l_knee (id 14) is at 71 °C and shuts down at 80 °C"]
+
+
+def test_a_silent_imu_means_open_loop_where_the_robot_file_does_not_require_one(run: Callable[..., Run]) -> None:
+    blind = run(spoil=from_tick(RATE, imu_not_a_number))
+    assert blind.states == [*STREAMED[1:], State.OFF] and blind.told("fault") == []
+    assert blind.told("warning") == ["no IMU: the robot runs open loop, falls are not detected"]
+    assert blind.tilt < 0.6
+
+
+def test_a_silent_imu_parks_a_robot_that_requires_one(
+    run: Callable[..., Run], op3: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert op3.config.imu is not None
+    required = op3.config.imu.model_copy(update={"required": True})
+    monkeypatch.setitem(vars(op3), "config", op3.config.model_copy(update={"imu": required}))
+    blind = run(spoil=from_tick(int(MID_WALK * RATE), imu_not_a_number))
+    assert blind.states[-2:] == [State.PARK, State.FAULT]
+    assert blind.told("fault")[0].endswith("IMU has not answered for 6 reads")
 
 
 def test_a_joint_that_returns_no_number_is_a_joint_that_does_not_answer(run: Callable[..., Run]) -> None:
