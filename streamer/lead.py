@@ -64,7 +64,8 @@ class MeasuredLead:
     def ticks(self, kind: Kind) -> int:
         """See `Lead.ticks`."""
         seconds = min(_MARGIN * float(np.percentile(self._took[kind], _SHARE)), self._most_s)
-        return int(np.ceil(seconds * self._rate)) + 1
+        # Counted from the tick that comes next, which on average is half a period away: that is the margin on top.
+        return max(int(np.ceil(seconds * self._rate)), 1)
 
     def took(self, kind: Kind, seconds: float) -> None:
         """See `Lead.took`."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 
 from configs.errors import DriverError
@@ -10,6 +11,8 @@ from drivers.bus.tools import BusTools, Found, model_name
 from drivers.dynamixel.registers import BAUD_RATES, open_cr, table_of
 from drivers.dynamixel.sdk import Client
 
+_REBOOT_S = 3.0
+"""What a servo may take to start again [s]; it takes some tenths."""
 _ANY = table_of("XM430-W350")
 """Id, torque and firmware lie at the same place in every table of the X series."""
 
@@ -41,5 +44,9 @@ class DynamixelTools(BusTools):
         self._client.write(old, _ANY["id"], new)
 
     def reboot(self, id_: int) -> None:
-        """See `BusTools`."""
+        """See `BusTools`; returns once the servo answers again."""
         self._client.reboot(id_)
+        end = time.monotonic() + _REBOOT_S
+        while self._client.ping(id_, tries=1) is None:
+            if time.monotonic() > end:
+                raise DriverError(f"port {self.port.path}: id {id_}: has not answered for {_REBOOT_S:g} s after a reboot")

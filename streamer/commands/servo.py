@@ -103,7 +103,7 @@ def reboot(
     """
     with _open(_tools(protocol), port, baud) as tools:
         tools.reboot(id_)
-    print_result(f"id {id_} restarts")
+    print_result(f"id {id_} has started again, its torque is off")
 
 
 @servo.command()
