@@ -49,4 +49,4 @@ class DynamixelTools(BusTools):
         end = time.monotonic() + _REBOOT_S
         while self._client.ping(id_, tries=1) is None:
             if time.monotonic() > end:
-                raise DriverError(f"port {self.port.path}: id {id_}: has not answered for {_REBOOT_S:g} s after a reboot")
+                raise DriverError(f"port {self.port.path}: id {id_}: does not answer {_REBOOT_S:g} s after a reboot")
