@@ -36,7 +36,7 @@ class StreamSettings(Strict):
         horizon_s: length of a plan.
         first_s: how far the first plan for a new target follows it: it is made sooner, and the whole one at once after.
         replan_s: time between plans where no new target asks for one.
-        commit_s: first part of a running plan that no successor may change.
+        commit_s: first part of a running plan that no redraw may change; a new target or a stop may.
         min_unplayed_s: plan that must always be left to play.
         lead_in_s: time from the first plan to the source's first frame, in which the robot gets ready for it.
         dcm_absorb_s: over which a new plan absorbs the jump of the divergent component of motion.

@@ -81,7 +81,8 @@ class Planning:
         resumed = self._playing_at(join, status)
         current = self._made[resumed][1] if resumed else None
         if current is not None:
-            join = max(join, current.start_tick + self._commit_ticks)
+            # The first moments of a plan are committed against its own redraw; a new target or a stop does not wait.
+            join = max(join, current.start_tick + (self._commit_ticks if kind is Kind.WHOLE else 1))
         if kind is Kind.STOP:
             target = NO_TARGET
         elif self._is_new(target, status) and not self._turn_to(target, current, join):
