@@ -27,6 +27,7 @@ from streamer.session import Session
 _SETTLE_S = 2.0
 """After the start, before the first switch [s]."""
 _MARGIN_S = 60.0
+"""Kept of a run beyond its switches: standing up, settling, parking [s]."""
 _BETWEEN_S = (0.2, 1.0)
 """Time between two switches, drawn evenly [s]."""
 HISTOGRAM_US = (0.0, 25.0, 50.0, 75.0, 100.0, 150.0, 200.0, 300.0, 500.0, 1000.0, 2000.0, 4000.0, 8000.0)

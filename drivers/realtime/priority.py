@@ -30,7 +30,7 @@ def claim(priority: int, *, allowed: bool = True) -> Scheduling:
         return "other"
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
-    except (PermissionError, OSError):
+    except OSError:
         return "other"
     available = sorted(os.sched_getaffinity(0))
     if len(available) > 1:
@@ -38,20 +38,17 @@ def claim(priority: int, *, allowed: bool = True) -> Scheduling:
     return "fifo"
 
 
-def settle(*, collect: bool) -> bool:
+def settle(*, collect: bool) -> None:
     """Keep what memory this process touches in place, and its garbage out of the collector's sight.
 
     Args:
         collect: whether the collector goes on with what is allocated from now on.
-
-    Returns:
-        Whether the memory is locked.
     """
     gc.collect()
     gc.freeze()
     if not collect:
         gc.disable()
-    return _libc().mlockall(_MCL_CURRENT | _MCL_FUTURE | _MCL_ONFAULT) == 0
+    _libc().mlockall(_MCL_CURRENT | _MCL_FUTURE | _MCL_ONFAULT)
 
 
 def _libc() -> ctypes.CDLL:

@@ -29,6 +29,9 @@ def test_a_child_whose_parent_is_killed_ends() -> None:
     parent = get_context("fork").Process(target=_parent, args=(say,))
     parent.start()
     orphan = psutil.Process(hear.recv())
+    end = time.monotonic() + 2.0
+    while orphan.name() != "fm-sleeper" and time.monotonic() < end:
+        time.sleep(0.005)  # it has not named itself yet
     assert orphan.name() == "fm-sleeper"
     assert parent.pid is not None
     os.kill(parent.pid, signal.SIGKILL)
