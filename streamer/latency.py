@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 
 import numpy as np
+import psutil
 from numpy.typing import NDArray
 
 from configs.robot import Robot
@@ -44,6 +45,8 @@ class LatencyResult:
         switches, answered: targets sent, and those that a plan followed.
         lateness: ticks by how late the loop woke, one a bin of `HISTOGRAM_US`.
         memory_mb: of the loop's process, early in the run and at its end.
+        stolen_ms: time that a host took from this (virtual) machine's processors meanwhile, all together; it comes in
+            single stalls that no priority prevents, and in steps of 10 ms.
         failures: budgets that were passed, in words.
     """
 
@@ -61,6 +64,7 @@ class LatencyResult:
     violations_sent: int
     lateness: tuple[int, ...]
     memory_mb: tuple[float, float] | None
+    stolen_ms: float
     faults: tuple[str, ...]
     failures: tuple[str, ...]
 
@@ -124,9 +128,10 @@ def measure(
     )
     switcher = _Switcher(session, sorted(library), seconds, switches, seed, progress)
     session.request = lambda: request() or switcher.next()
+    before = _stolen_ms()
     with hogs(load):
         record = session.run("real")
-    return _result(record, session, settings.budgets, load, switcher.sent)
+    return _result(record, session, settings.budgets, load, switcher.sent, _stolen_ms() - before)
 
 
 def shipped_clips() -> dict[str, Motion]:
@@ -177,7 +182,14 @@ class _Switcher:
         return None
 
 
-def _result(record: RunRecord, session: Session, budgets: Budgets, load: int, sent: int) -> LatencyResult:
+def _stolen_ms() -> float:
+    """Time since the start that this machine was ready to run and its host ran something else."""
+    return 1e3 * float(psutil.cpu_times().steal)
+
+
+def _result(
+    record: RunRecord, session: Session, budgets: Budgets, load: int, sent: int, stolen_ms: float
+) -> LatencyResult:
     def stage(seconds: NDArray[np.float64], budget_ms: float | None = None) -> Stage:
         return Stage(Latency.of(seconds, 1e-3), budget_ms)
 
@@ -231,6 +243,7 @@ def _result(record: RunRecord, session: Session, budgets: Budgets, load: int, se
         violations_sent=record.violations_sent,
         lateness=tuple(int(n) for n in np.histogram(late, [*HISTOGRAM_US, np.inf])[0]),
         memory_mb=session.memory_mb,
+        stolen_ms=stolen_ms,
         faults=faults,
         failures=(*failures, *(f"fault: {fault}" for fault in faults)),
     )

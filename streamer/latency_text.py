@@ -59,8 +59,9 @@ def _counts(result: LatencyResult) -> Text:
     memory = ""
     if result.memory_mb is not None:
         memory = f"; loop memory {result.memory_mb[0]:.1f} -> {result.memory_mb[1]:.1f} MB"
+    stolen = f"; the host of this machine took {result.stolen_ms:.0f} ms from it" if result.stolen_ms else ""
     return Text(
         f"{result.scheduling} scheduling, {result.load} hogs; {result.cycles} ticks, {result.missed_deadlines} missed; "
         f"{result.answered} of {result.switches} switches followed, {result.late_plans} plans late, "
-        f"{result.underruns} under-runs; {result.violations_sent} goals outside the envelope{memory}"
+        f"{result.underruns} under-runs; {result.violations_sent} goals outside the envelope{memory}{stolen}"
     )
