@@ -50,7 +50,7 @@ def test_the_text_names_the_failures_and_shows_the_histogram(result: LatencyResu
 
 
 def test_time_that_a_host_took_is_said(result: LatencyResult) -> None:
-    """Went wrong: a run on a virtual machine missed ten periods in one stall of 27 ms, and nothing said whose it was."""
+    """Went wrong: a run on a virtual machine missed ten periods in one stall, and nothing said whose it was."""
     said = []
     for stolen_ms in (0.0, 120.0):
         out = io.StringIO()
