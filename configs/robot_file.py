@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
@@ -93,8 +93,9 @@ class Imu(Strict):
         body: body that carries it.
         position: in the body frame [m].
         quaternion: its frame in the body frame, w x y z.
-        driver: name of its driver where it has one of its own.
+        driver: who reads it on a real robot (docs/drivers.md); none there where not given.
         id, bus: address on a servo bus where it sits on one.
+        options: of its driver, such as the port where it has one of its own.
         required: without it the robot must not stream (else it runs open loop with a warning).
     """
 
@@ -104,6 +105,7 @@ class Imu(Strict):
     driver: str | None = None
     id: int | None = Field(default=None, ge=0, le=252)
     bus: str | None = None
+    options: dict[str, Any] = {}
     required: bool = False
 
     @model_validator(mode="after")

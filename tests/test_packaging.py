@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from drivers.imu import registry as imus
 from drivers.registry import BUILT_IN, GROUP
 
 ROOT = Path(__file__).parents[1]
@@ -51,6 +52,7 @@ def test_script_and_driver_entry_points(wheel: zipfile.ZipFile) -> None:
     points.read_string(wheel.read(file).decode())
     assert points["console_scripts"]["flexmotion"] == "streamer.cli:main"
     assert dict(points[GROUP]) == BUILT_IN
+    assert dict(points[imus.GROUP]) == imus.BUILT_IN
 
 
 def test_runtime_asks_for_no_torch(wheel: zipfile.ZipFile) -> None:

@@ -14,7 +14,9 @@ from configs.robot import Robot
 from configs.schema import Strict
 from drivers.bus.options import BusOptions
 from drivers.bus.port import SerialPort
-from drivers.bus.servo_bus import TORQUE_LOST, ImuSample, ServoBus
+from drivers.bus.servo_bus import TORQUE_LOST, ServoBus
+from drivers.imu import registry as imus
+from drivers.imu.interface import Imu, StandaloneImu, do_without
 from drivers.interface import Capabilities, Driver, JointCommand, RobotState
 
 Float = NDArray[np.float64]
@@ -55,7 +57,8 @@ class BusDriver(Driver):
         n = robot.n
         self.open_port: Callable[[str, int], SerialPort] = SerialPort
         self.buses: list[ServoBus] = []
-        self._imu: ImuSample | None = None
+        self._standalone_imu = self._own_imu()
+        self._imu: Imu | None = None
         self._period = 1.0 / robot.rate_hz
         self._ticks, self._raw = np.zeros(n), np.zeros(n)
         self._velocity, self._effort = np.zeros(n), np.full(n, np.nan)
@@ -78,14 +81,15 @@ class BusDriver(Driver):
             for name, path in self._paths.items():
                 port = self.open_port(path, self.robot.config.buses[name].baud)
                 self.buses.append(self.Bus(self.robot, name, port, self._settings))
+            self._imu = self._open_imu()
             for bus in self.buses:
                 bus.audit()
+                self._imu = self._imu or bus.imu
         except BaseException:
             self.let_go()
             raise
-        self._imu = next((bus.imu for bus in self.buses if bus.imu is not None), None)
-        if self.robot.config.imu is not None and not self.capabilities.imu:
-            log.warning("driver %s reads no IMU but one on its bus: there is none", self.name)
+        if self._imu is not None:
+            self._imu.read(self.buses[0].port.now())
 
     def close(self) -> None:
         """Torque off, ports released. May be called twice."""
@@ -94,10 +98,12 @@ class BusDriver(Driver):
             self.let_go()
 
     def let_go(self) -> None:
-        """Release the ports and leave torque as it is: for those who only look."""
+        """Release all ports and leave torque as it is: for those who only look."""
         for bus in self.buses:
             bus.close()
         self.buses = []
+        if self._standalone_imu is not None:
+            self._standalone_imu.close()
 
     def read(self, state: RobotState) -> None:
         """Ask all buses at once and wait for their answers, at most `READ_SHARE` of a tick."""
@@ -187,20 +193,39 @@ class BusDriver(Driver):
         else:
             self._error[off] |= TORQUE_LOST
 
+    def _own_imu(self) -> StandaloneImu | None:
+        """The robot's IMU where it is no part of a bus. Raises `ConfigError` where nobody knows it."""
+        imu = self.robot.config.imu
+        if imu is None or imu.driver is None or any(self.Bus.carries_imu(self.robot, name) for name in self._paths):
+            return None
+        return imus.create(self.robot, self._settings.imu_port)
+
+    def _open_imu(self) -> StandaloneImu | None:
+        imu = self._standalone_imu
+        if imu is None:
+            return None
+        try:
+            imu.open(self.open_port, self.robot.rate_hz)
+        except DriverError as error:
+            do_without(imu.config, error)
+            return None
+        return imu
+
     def _read_imu(self, state: RobotState) -> None:
         imu = self._imu
         if imu is None:
             state.imu_stale = -1
             return
-        self._imu_stale = 0 if imu.fresh else self._imu_stale + 1
+        self._imu_stale = 0 if imu.read(self.buses[0].port.now()) else self._imu_stale + 1
         state.gyro[:], state.accel[:] = imu.gyro, imu.accel
         state.imu_stale = self._imu_stale
 
     @property
     def capabilities(self) -> Capabilities:
-        """An IMU where the robot's answers on a bus, effort where servos measure current."""
+        """An IMU where the robot file names its driver, effort where servos measure current."""
+        imu = self.robot.config.imu
         return Capabilities(
-            imu=any(self.Bus.carries_imu(self.robot, name) for name in self._paths),
+            imu=imu is not None and imu.driver is not None,
             effort=any(servo.current_unit is not None for servo in self.robot.servos),
             torque_bound=self.Bus.bounds_torque(self.robot),
         )

@@ -13,6 +13,7 @@ from configs.robot import Robot
 from configs.servo import Protocol
 from drivers.bus.options import BusOptions
 from drivers.bus.port import SerialPort
+from drivers.imu.interface import Imu
 
 Float = NDArray[np.float64]
 Bool = NDArray[np.bool_]
@@ -63,19 +64,6 @@ class Measurement:
         self.fresh, self.asked = np.zeros(m, np.bool_), np.ones(m, np.bool_)
 
 
-class ImuSample:
-    """The newest sample of an inertial sensor, in the torso's frame.
-
-    Attributes:
-        gyro, accel: angular velocity [rad/s] and specific force [m/s²], (3,).
-        fresh: whether it came since the last cycle.
-    """
-
-    def __init__(self) -> None:
-        self.gyro, self.accel = np.zeros(3), np.array([0.0, 0.0, 9.81])
-        self.fresh = False
-
-
 class ServoBus(ABC):
     """One port with servos of one protocol.
 
@@ -90,7 +78,7 @@ class ServoBus(ABC):
         joints: indices of its joints in the robot's order, (m,).
         ids: addresses of their servos.
         measured: the newest values.
-        imu: sample of an IMU on this bus; None where there is none.
+        imu: that answers on this bus; None where there is none.
     """
 
     protocol: Protocol
@@ -102,7 +90,7 @@ class ServoBus(ABC):
         self.ids = [robot.joints[i].id for i in self.joints]
         self.servos = [robot.servos[i] for i in self.joints]
         self.measured = Measurement(len(self.joints))
-        self.imu: ImuSample | None = None
+        self.imu: Imu | None = None
 
     @classmethod
     def check(cls, robot: Robot, name: str) -> None:

@@ -15,12 +15,13 @@ from drivers.bus.port import BITS_A_BYTE, SerialPort
 from drivers.bus.servo_bus import Budget, ServoBus
 from drivers.dynamixel.cycle import Exchange, ReadMany, ReadOne
 from drivers.dynamixel.layout import FAST_ROW, ROW, Layout, Span, layout_of
-from drivers.dynamixel.opencr import NAME, OpenCr
+from drivers.dynamixel.opencr import OpenCr
 from drivers.dynamixel.packet import BROADCAST, Instruction, encode
 from drivers.dynamixel.registers import BAUD_RATES, VELOCITY_RPM, VOLTAGE, WATCHDOG_S, table_of
 from drivers.dynamixel.sdk import Client
 from drivers.dynamixel.setup import audit
 from drivers.dynamixel.staleness import ReplyClock
+from drivers.imu.interface import do_without
 from drivers.plant import DAMPED_SHARE
 
 Float = NDArray[np.float64]
@@ -126,13 +127,12 @@ class DynamixelBus(ServoBus):
 
     def audit(self) -> None:
         """See `ServoBus`."""
-        if self._board is not None and not self._board.audit(self._client):
-            imu = self.robot.config.imu
-            message = f"port {self.port.path}: no OpenCR board answers at id {self._board.id}: no IMU"
-            if imu is not None and imu.required:
-                raise DriverError(f"{message}, which the robot file requires")
-            log.warning("%s", message)
-            self._board = None
+        if self._board is not None:
+            try:
+                self._board.audit(self._client)
+            except DriverError as error:
+                do_without(self._board.config, error)
+                self._board = None
         self.imu = self._board
         fast: dict[tuple[Span, bool], list[int]] = {}
         for joint, id_, layout in zip(self.joints, self.ids, self._layouts, strict=True):
@@ -165,7 +165,7 @@ class DynamixelBus(ServoBus):
         self.port.receive()  # late answers to what was asked before
         self.measured.fresh[:] = False
         if self._board is not None:
-            self._board.fresh = False
+            self._board.forget()
         self._pending = list(self._exchanges)
         for exchange in self._exchanges:
             exchange.forget()
@@ -199,7 +199,7 @@ class DynamixelBus(ServoBus):
             answer = self._exchanges[-1].answers.get(self._board.id)
             if answer is not None:
                 self._board.take(answer[1])
-        self._complete = bool(self.measured.fresh.all()) and (self._board is None or self._board.fresh)
+        self._complete = bool(self.measured.fresh.all()) and (self._board is None or self._board.read(self._begun))
 
     def _ask(self, now: float) -> None:
         exchange = self._pending[0]
@@ -408,6 +408,6 @@ def _sync_write(span: Span, rows: bytes) -> bytes:
 
 def _board(robot: Robot, bus: str) -> OpenCr | None:
     imu = robot.config.imu
-    if imu is None or imu.driver != NAME or imu.bus != bus or imu.id is None:
+    if imu is None or imu.driver != OpenCr.name or imu.bus != bus or imu.id is None:
         return None
     return OpenCr(imu)

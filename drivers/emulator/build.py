@@ -7,6 +7,8 @@ from pathlib import Path
 
 from configs.errors import ConfigError
 from configs.robot import Robot
+from configs.schema import parse
+from drivers.dynamixel.opencr import OpenCr as BoardDriver
 from drivers.dynamixel.registers import BAUD_RATES, RETURN_DELAY_US
 from drivers.emulator.body import Body
 from drivers.emulator.device import Device
@@ -14,16 +16,18 @@ from drivers.emulator.dynamixel_bus import DynamixelBus
 from drivers.emulator.emulator import Emulator
 from drivers.emulator.faults import Damage, Fault
 from drivers.emulator.feetech_bus import EmulatedFeetechBus, StsServo
-from drivers.emulator.line import EmulatedBus, Line, Port
+from drivers.emulator.line import BusLine, EmulatedBus, Line, Port
 from drivers.emulator.lx16a_bus import EmulatedLx16aBus, Lx16aServo
 from drivers.emulator.opencr import OpenCr
 from drivers.emulator.servo import Joints, XServo
 from drivers.emulator.terminal import Terminal
 from drivers.emulator.wire import Wire
+from drivers.emulator.witmotion import WitMotionLine
 from drivers.feetech.registers import BAUD_RATES as STS_BAUD_RATES
+from drivers.imu.witmotion.sensor import WitMotion, WitOptions
 
-OPENCR = "opencr"
-"""What a robot file calls the IMU on the servo bus."""
+IMU_PORT = "imu"
+"""What the port of an IMU goes by."""
 
 
 def build_emulator(
@@ -35,10 +39,10 @@ def build_emulator(
     bad_packets: float = 0.0,
     seed: int = 0,
 ) -> Emulator:
-    """One pseudo-terminal for every bus of the body's robot.
+    """One pseudo-terminal for every bus of the body's robot, and one for its IMU where that has a port of its own.
 
     Args:
-        link: symbolic link to the port; with several buses `.NAME` of each is added.
+        link: symbolic link to the port; with several buses `.NAME` of each is added, `.imu` for the IMU.
         timed: bytes take their time on the wire at the baud rate.
         faults, bad_packets, seed: see `drivers.emulator.faults`.
 
@@ -47,9 +51,9 @@ def build_emulator(
     buses = body.robot.config.buses
     ports: dict[str, Terminal] = {}
     try:
-        for name in buses:
-            place = link if link is None or len(buses) == 1 else link.with_name(f"{link.name}.{name}")
-            ports[name] = Terminal(place)
+        for name in port_names(body.robot):
+            alone = name in buses and len(buses) == 1
+            ports[name] = Terminal(link if link is None or alone else link.with_name(f"{link.name}.{name}"))
         return assemble(body, ports, timed=timed, faults=faults, bad_packets=bad_packets, seed=seed)
     except BaseException:
         for terminal in ports.values():
@@ -66,13 +70,26 @@ def assemble(
     bad_packets: float = 0.0,
     seed: int = 0,
 ) -> Emulator:
-    """The same on ports that are there already, by name of the bus."""
+    """The same on ports that are there already, by the names that `port_names` gives."""
     joints = Joints(body)
-    lines = [
-        Line(name, make_bus(joints, name), port, Wire(timed=timed), Damage(bad_packets, seed + number))
-        for number, (name, port) in enumerate(ports.items())
-    ]
+    lines: list[Line] = []
+    for number, (name, port) in enumerate(ports.items()):
+        wire, damage = Wire(timed=timed), Damage(bad_packets, seed + number)
+        if name in body.robot.config.buses:
+            lines.append(BusLine(name, make_bus(joints, name), port, wire, damage))
+        else:
+            lines.append(_imu_line(body, name, port, wire, damage))
     return Emulator(body, lines, faults)
+
+
+def port_names(robot: Robot) -> list[str]:
+    """What a robot's ports go by: its buses, and `imu` where that has one of its own. Raises `ConfigError`."""
+    imu, names = robot.config.imu, list(robot.config.buses)
+    if imu is not None and imu.driver == WitMotion.name:
+        if IMU_PORT in names:
+            raise ConfigError(f"{robot.file}: field buses.{IMU_PORT}: that is what the IMU's port is called here")
+        names.append(IMU_PORT)
+    return names
 
 
 def make_bus(joints: Joints, name: str) -> EmulatedBus:
@@ -104,9 +121,16 @@ def _dynamixels(joints: Joints, robot: Robot, name: str) -> list[Device]:
         if joint.bus == name:
             devices.append(_set_up(XServo(joints, index, joint.id, servo), bus.baud, bus.return_delay_us))
     imu = robot.config.imu
-    if imu is not None and imu.driver == OPENCR and imu.bus == name and imu.id is not None:
+    if imu is not None and imu.driver == BoardDriver.name and imu.bus == name and imu.id is not None:
         devices.append(_set_up(OpenCr(joints.body, imu.id, imu.quaternion), bus.baud, bus.return_delay_us))
     return devices
+
+
+def _imu_line(body: Body, name: str, port: Port, wire: Wire, damage: Damage) -> WitMotionLine:
+    imu = body.robot.config.imu
+    assert imu is not None
+    options = parse(WitOptions, {"port": name} | imu.options, f"{body.robot.file}: field imu.options")
+    return WitMotionLine(name, body, imu.quaternion, options.baud, port, wire, damage)
 
 
 def _set_up(device: Device, baud: int, return_delay_us: float) -> Device:

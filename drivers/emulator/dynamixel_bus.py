@@ -35,6 +35,7 @@ class DynamixelBus:
     Attributes:
         dead: ids that hear and say nothing.
         heard, bad: packets that came from the host, whole and broken.
+        imu_ids: of boards with an inertial sensor.
     """
 
     def __init__(self, joints: Joints, devices: Iterable[Device]) -> None:
@@ -45,6 +46,7 @@ class DynamixelBus:
         self._powered = self._board is None or self._board.powered
         self.dead: set[int] = set()
         self.heard = self.bad = 0
+        self.imu_ids = frozenset(device.id for device in self.devices if isinstance(device, OpenCr))
         self._decoder = Decoder()
         self._index()
 

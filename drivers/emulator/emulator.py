@@ -11,7 +11,7 @@ from typing import Any
 from configs.errors import ConfigError
 from drivers.emulator.body import Body
 from drivers.emulator.faults import Fault, FaultKind
-from drivers.emulator.line import Line
+from drivers.emulator.line import BusLine, Line
 
 WATCH_S = 0.01
 """Time between looks at watchdogs and hardware errors [s]."""
@@ -28,7 +28,7 @@ class Emulator:
 
     Args:
         body: what moves.
-        lines: its buses.
+        lines: its buses, and what else has a port.
         faults: what is to go wrong.
 
     Attributes:
@@ -78,7 +78,7 @@ class Emulator:
         """Do what is due at time `now` [s], at most one step of physics; when to call again at the latest."""
         for line in self.lines:
             line.deliver(now)
-        due = min((line.wire.due or math.inf for line in self.lines), default=math.inf)
+        due = min((line.due for line in self.lines), default=math.inf)
         if math.isnan(self._next_step):
             self._next_step = self._next_watch = now
         timestep = self.body.timestep
@@ -95,16 +95,7 @@ class Emulator:
     def report(self) -> dict[str, Any]:
         """Figures of what happened, once `run` has ended."""
         return self.body.report() | {
-            "buses": {
-                line.name: {
-                    "packets": line.bus.heard,
-                    "bad_packets": line.bus.bad,
-                    "collisions": line.wire.collisions,
-                    "wire_busy_share": round(line.wire.busy_s / self._elapsed, 4),
-                    "spoilt": {str(kind): count for kind, count in line.damage.spoilt.items() if count},
-                }
-                for line in self.lines
-            },
+            "buses": {line.name: line.report(self._elapsed) for line in self.lines},
             "elapsed_s": round(self._elapsed, 3),
             "processor_share": round(self._processor / self._elapsed, 4),
             "lateness_ms": round(self.lateness_s * 1e3, 3),
@@ -132,7 +123,7 @@ class Emulator:
             self.powered_at = now
         self._act(now)
         for line in self.lines:
-            line.bus.watch(now)
+            line.watch(now)
 
     def _act(self, now: float) -> None:
         since = -1.0 if math.isnan(self.powered_at) else now - self.powered_at
@@ -153,9 +144,11 @@ class Emulator:
         for line in self.lines:
             line.act(acting)
 
-    def _owner(self, fault: Fault) -> tuple[Line, int]:
+    def _owner(self, fault: Fault) -> tuple[BusLine, int]:
         """Line and joint of the servo that a fault names. Raises `ConfigError`."""
         for line in self.lines:
+            if not isinstance(line, BusLine):
+                continue
             joints = [joint.bus == line.name and joint.id == int(fault.argument) for joint in self.body.robot.joints]
             if any(joints):
                 return line, joints.index(True)

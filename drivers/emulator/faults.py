@@ -27,6 +27,7 @@ class FaultKind(StrEnum):
     RESET = "reset"
     CABLE = "cable"
     PORT = "port"
+    IMU = "imu"
 
 
 PACKET_FAULTS = (
@@ -50,6 +51,7 @@ MEANING = {
     FaultKind.RESET: "the servo with id ARGUMENT loses power for a moment",
     FaultKind.CABLE: "the cable to the servos is pulled: nothing gets through",
     FaultKind.PORT: "the adapter is unplugged: the port is gone",
+    FaultKind.IMU: "the inertial sensor says nothing",
 }
 
 _WITH_ARGUMENT = {FaultKind.DEAD, FaultKind.OVERHEAT, FaultKind.VOLTAGE, FaultKind.RESET}

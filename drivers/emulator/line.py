@@ -1,9 +1,11 @@
-"""`Line`: one emulated bus behind one pseudo-terminal: bytes in, wire time, faults, bytes out."""
+"""`Line`: what hangs behind one emulated port: bytes in, wire time, faults, bytes out. `BusLine`: a servo bus."""
 
 from __future__ import annotations
 
+import math
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from typing import Protocol
+from typing import Any, Protocol
 
 from drivers.emulator.faults import Damage, Fault, FaultKind
 from drivers.emulator.wire import Reply, Wire
@@ -18,10 +20,12 @@ class EmulatedBus(Protocol):
     Attributes:
         dead: ids that hear and say nothing.
         heard: whole packets that came from the host.
+        imu_ids: of the inertial sensors among them.
     """
 
     dead: set[int]
     heard: int
+    imu_ids: frozenset[int]
 
     @property
     def bad(self) -> int:
@@ -67,32 +71,74 @@ class Port(Protocol):
         """The port is gone, for its client too."""
 
 
-class Line:
-    """A bus on its wire.
+class Line(ABC):
+    """What hangs behind one emulated port.
 
     Attributes:
-        name: of the bus in the robot file.
-        bus, wire, terminal, damage: its parts.
+        name: it goes by.
+        terminal, damage: its port, and what happens to the bytes on their way.
         cut: whether its cable is pulled.
     """
 
-    def __init__(self, name: str, bus: EmulatedBus, terminal: Port, wire: Wire, damage: Damage) -> None:
-        self.name, self.bus, self.terminal, self.wire, self.damage = name, bus, terminal, wire, damage
+    def __init__(self, name: str, terminal: Port, wire: Wire, damage: Damage) -> None:
+        self.name, self.terminal, self.wire, self.damage = name, terminal, wire, damage
         self.cut = False
+
+    @property
+    def due(self) -> float:
+        """Time at which `deliver` has something to do [s]; infinite where nothing is on its way."""
+        return math.inf if self.wire.due is None else self.wire.due
+
+    @abstractmethod
+    def act(self, faults: Sequence[Fault]) -> None:
+        """These faults act from now on, and no others."""
+
+    @abstractmethod
+    def hear(self, now: float) -> None:
+        """Take what the host sent, and prepare the answers."""
+
+    def deliver(self, now: float) -> None:
+        """Give the host what has come over the wire by now."""
+        data = self.wire.take(now)
+        if data and not self.cut:
+            self.terminal.write(data)
+
+    def watch(self, now: float) -> None:  # noqa: B027 - not everything watches over itself
+        """Let what happens by itself happen; called as time passes."""
+
+    def report(self, elapsed: float) -> dict[str, Any]:
+        """Figures of what happened in `elapsed` [s]."""
+        spoilt = {str(kind): count for kind, count in self.damage.spoilt.items() if count}
+        return {"wire_busy_share": round(self.wire.busy_s / elapsed, 4), "spoilt": spoilt}
+
+
+class BusLine(Line):
+    """A bus of servos on its wire, half duplex.
+
+    Attributes:
+        bus: its devices.
+    """
+
+    def __init__(self, name: str, bus: EmulatedBus, terminal: Port, wire: Wire, damage: Damage) -> None:
+        super().__init__(name, terminal, wire, damage)
+        self.bus = bus
         self._last_heard = 0.0
         self._incomplete = False
 
     def act(self, faults: Sequence[Fault]) -> None:
-        """These faults act from now on, and no others."""
+        """See `Line`."""
+        kinds = {fault.kind for fault in faults}
         self.damage.act(faults)
-        self.cut = any(fault.kind is FaultKind.CABLE for fault in faults)
+        self.cut = FaultKind.CABLE in kinds
         self.bus.dead = {int(fault.argument) for fault in faults if fault.kind is FaultKind.DEAD}
-        if any(fault.kind is FaultKind.PORT for fault in faults):
+        if FaultKind.IMU in kinds:
+            self.bus.dead |= self.bus.imu_ids
+        if FaultKind.PORT in kinds:
             self.wire.clear()
             self.terminal.close()
 
     def hear(self, now: float) -> None:
-        """Take what the host sent, and prepare the answers."""
+        """See `Line`."""
         data = self.terminal.read()
         if self._incomplete and now - self._last_heard > SILENCE_S:
             self.bus.silence()
@@ -108,8 +154,11 @@ class Line:
             if replies:
                 self.wire.answer([(reply, *self.damage.spoil(reply.data)) for reply in replies], baud, end)
 
-    def deliver(self, now: float) -> None:
-        """Give the host what has come over the wire by now."""
-        data = self.wire.take(now)
-        if data and not self.cut:
-            self.terminal.write(data)
+    def watch(self, now: float) -> None:
+        """See `Line`."""
+        self.bus.watch(now)
+
+    def report(self, elapsed: float) -> dict[str, Any]:
+        """See `Line`."""
+        counts = {"packets": self.bus.heard, "bad_packets": self.bus.bad, "collisions": self.wire.collisions}
+        return counts | super().report(elapsed)

@@ -12,7 +12,7 @@ from typing import Any
 from configs.errors import DriverError
 from drivers.bus.port import SerialPort
 from drivers.emulator.body import Body
-from drivers.emulator.build import assemble
+from drivers.emulator.build import assemble, port_names
 from drivers.emulator.emulator import Emulator
 from drivers.emulator.line import Line
 
@@ -55,15 +55,15 @@ class Loopback:
 
     def __init__(self, body: Body, **arguments: Any) -> None:
         self.now = 0.0
-        self._ports = {name: _Memory(name) for name in body.robot.config.buses}
+        self._ports = {name: _Memory(name) for name in port_names(body.robot)}
         self.emulator: Emulator = assemble(body, self._ports, **arguments)
 
     def open_port(self, name: str, baud: int) -> LoopbackPort:
-        """A port to the bus `name`, for `BusDriver.open_port`. Raises `DriverError` where there is none."""
+        """The port of that name, for `BusDriver.open_port`. Raises `DriverError` where there is none."""
         for line in self.emulator.lines:
             if line.name == name:
                 return LoopbackPort(self, line, self._ports[name], baud)
-        raise DriverError(f"port {name}: there is no such bus, expected one of: {', '.join(self._ports)}")
+        raise DriverError(f"port {name}: there is no such port, expected one of: {', '.join(self._ports)}")
 
     def advance(self, seconds: float, *, until: Sequence[_Memory] = ()) -> None:
         """Let time pass; it stops where one of the ports in `until` has bytes for the host."""

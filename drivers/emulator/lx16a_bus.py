@@ -71,6 +71,7 @@ class EmulatedLx16aBus:
         self.joints, self.servos = joints, list(servos)
         self.dead: set[int] = set()
         self.heard = 0
+        self.imu_ids: frozenset[int] = frozenset()
         self._decoder = SumDecoder(FORMAT)
 
     @property

@@ -12,7 +12,7 @@ import pytest
 
 from configs.errors import ConfigError
 from configs.robot import Robot
-from drivers import registry
+from drivers import plugins, registry
 
 PACKAGE = Path(__file__).parents[2] / "examples" / "udp_driver"
 
@@ -22,7 +22,7 @@ def test_its_entry_point_names_a_driver(op3: Robot, monkeypatch: pytest.MonkeyPa
     entries = [
         EntryPoint(name, value, registry.GROUP) for name, value in project["entry-points"][registry.GROUP].items()
     ]
-    monkeypatch.setattr(registry, "entry_points", lambda group: tuple(entries))
+    monkeypatch.setattr(plugins, "entry_points", lambda group: tuple(entries))
     monkeypatch.syspath_prepend(str(PACKAGE))
     assert registry.create("udp", op3, udp_port=9750).name == "udp"
     with pytest.raises(ConfigError, match="options of driver 'udp': field udp_port"):

@@ -7,7 +7,7 @@ import pytest
 
 from configs.errors import ConfigError
 from configs.robot import Robot
-from drivers import registry
+from drivers import plugins, registry
 from drivers.sim.driver import SimDriver
 
 
@@ -15,7 +15,7 @@ from drivers.sim.driver import SimDriver
 def plug_ins(monkeypatch: pytest.MonkeyPatch) -> list[EntryPoint]:
     """Entry points that pretend to be installed; none but what a test puts in."""
     installed: list[EntryPoint] = []
-    monkeypatch.setattr(registry, "entry_points", lambda group: tuple(installed))
+    monkeypatch.setattr(plugins, "entry_points", lambda group: tuple(installed))
     return installed
 
 

@@ -1,0 +1,124 @@
+"""The WIT standard protocol in bytes (WitMotion, "WIT Standard Communication Protocol").
+
+    frame    55 | kind | four numbers of 2 bytes | sum of all bytes before        sent by the sensor, unasked
+    command  FF AA | register | value, 2 bytes                                    for ten seconds after the key
+
+Low byte first; numbers are signed.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+from enum import IntEnum, IntFlag
+
+FRAME_SIZE = 11
+KEY = 0xB588
+"""Value of register `KEY` that unlocks the others."""
+
+ACCEL_FULL_G = 16.0
+GYRO_FULL_DEG_S = 2000.0
+FULL = 32768
+"""What a number of `FULL` would mean: fixed in the protocol, whatever the sensor inside."""
+
+RATES = {10: 0x06, 20: 0x07, 50: 0x08, 100: 0x09, 200: 0x0B}
+"""Samples a second -> value of register `RATE`."""
+
+BANDWIDTHS = {256: 0, 184: 1, 94: 2, 44: 3, 21: 4, 10: 5, 5: 6}
+"""Low-pass of the sensor [Hz] -> value of register `BANDWIDTH`."""
+
+_HEADER, _COMMAND = 0x55, b"\xff\xaa"
+_NUMBERS = struct.Struct("<4h")
+
+
+class Kind(IntEnum):
+    """What a frame tells: three axes and something else (temperature, voltage)."""
+
+    ACCEL = 0x51
+    GYRO = 0x52
+
+
+KINDS = range(0x50, 0x60)
+"""Every kind that a sensor may send."""
+
+
+class Register(IntEnum):
+    """Where a command goes."""
+
+    SAVE = 0x00
+    OUTPUT = 0x02
+    RATE = 0x03
+    BANDWIDTH = 0x1F
+    KEY = 0x69
+
+
+class Output(IntFlag):
+    """Bits of register `OUTPUT`: which frames a sample consists of."""
+
+    ACCEL = 0x02
+    GYRO = 0x04
+
+
+def command(register: Register, value: int) -> bytes:
+    """Set a register."""
+    return _COMMAND + bytes([register]) + value.to_bytes(2, "little")
+
+
+def frame(kind: int, numbers: tuple[int, int, int, int]) -> bytes:
+    """A frame."""
+    body = bytes([_HEADER, kind]) + _NUMBERS.pack(*numbers)
+    return body + bytes([sum(body) & 0xFF])
+
+
+class FrameDecoder:
+    """Cuts a stream of bytes into frames, whatever comes between them.
+
+    Attributes:
+        bad: frames whose sum was wrong.
+    """
+
+    def __init__(self) -> None:
+        self._buffer = bytearray()
+        self.bad = 0
+
+    def feed(self, data: bytes) -> Iterator[tuple[int, tuple[int, int, int, int]]]:
+        """Take in bytes; yields kind and numbers of every frame that they complete."""
+        buffer = self._buffer
+        buffer += data
+        while True:
+            start = buffer.find(_HEADER)
+            del buffer[: start if start >= 0 else len(buffer)]
+            if len(buffer) < FRAME_SIZE:
+                return
+            if buffer[1] not in KINDS:
+                del buffer[:1]
+            elif sum(buffer[: FRAME_SIZE - 1]) & 0xFF != buffer[FRAME_SIZE - 1]:
+                self.bad += 1
+                del buffer[:1]
+            else:
+                content = buffer[1], _NUMBERS.unpack_from(buffer, 2)
+                del buffer[:FRAME_SIZE]
+                yield content
+
+
+class CommandDecoder:
+    """The sensor's side: cuts a stream of bytes into commands."""
+
+    def __init__(self) -> None:
+        self._buffer = bytearray()
+
+    def feed(self, data: bytes) -> Iterator[tuple[int, int]]:
+        """Take in bytes; yields register and value of every command that they complete."""
+        buffer = self._buffer
+        buffer += data
+        while True:
+            start = buffer.find(_COMMAND)
+            if start < 0:
+                del buffer[: max(len(buffer) - 1, 0)]
+                return
+            del buffer[:start]
+            if len(buffer) < 5:
+                return
+            content = buffer[2], int.from_bytes(buffer[3:5], "little")
+            del buffer[:5]
+            yield content

@@ -1,0 +1,139 @@
+"""`WitMotion`: inertial sensors that speak the WIT standard protocol over a serial port (WT901, JY901, HWT901B)."""
+
+from __future__ import annotations
+
+import math
+
+from pydantic import Field
+
+from configs.errors import DriverError
+from configs.robot_file import Imu as ImuConfig
+from configs.schema import Strict
+from drivers.bus.port import BITS_A_BYTE, SerialPort
+from drivers.imu.interface import GRAVITY, OpenPort, StandaloneImu
+from drivers.imu.witmotion.protocol import (
+    ACCEL_FULL_G,
+    BANDWIDTHS,
+    FRAME_SIZE,
+    FULL,
+    GYRO_FULL_DEG_S,
+    KEY,
+    RATES,
+    FrameDecoder,
+    Kind,
+    Output,
+    Register,
+    command,
+)
+
+SAMPLE_SIZE = 2 * FRAME_SIZE
+"""Bytes of a sample: a frame of acceleration, then one of angular velocity."""
+
+COMMAND_GAP_S = 0.1
+"""What the sensor wants between commands (the vendor's own examples wait as long) [s]."""
+
+LISTEN_S = 0.3
+"""How long is listened for samples before one says that there are none [s]."""
+
+ENOUGH = 0.8
+"""Share of the samples asked for that must come."""
+
+
+class WitOptions(Strict):
+    """Serial port of the sensor, and the bit rate that it was set to (new ones leave the factory at 9600 or 115200)."""
+
+    port: str
+    baud: int = Field(default=115_200, gt=0)
+
+
+class WitMotion(StandaloneImu):
+    """WitMotion's sensors with the WIT standard protocol, on a serial port of their own.
+
+    They send samples unasked. What they send, how often and how smoothed is set at `open`, and forgotten when their
+    power goes off: nothing is saved in them.
+    """
+
+    name = "witmotion"
+    Options = WitOptions
+
+    def __init__(self, config: ImuConfig, *, options: Strict | None = None) -> None:
+        super().__init__(config, options=options)
+        if not isinstance(self.options, WitOptions):
+            raise TypeError(f"{type(self).__name__} takes WitOptions, not {type(self.options).__name__}")
+        self._path, self._baud = self.options.port, self.options.baud
+        self._port: SerialPort | None = None
+        self._decoder = FrameDecoder()
+        self._to_accel = self.mount * (ACCEL_FULL_G * GRAVITY / FULL)
+        self._to_gyro = self.mount * (math.radians(GYRO_FULL_DEG_S) / FULL)
+        self._pending: tuple[int, int, int] | None = None
+        self._samples, self._looked_at = 0, 0.0
+
+    def open(self, open_port: OpenPort, rate_hz: float) -> None:
+        """See `StandaloneImu`; takes about a second. Raises `DriverError` where too few samples come."""
+        samples = min((rate for rate in RATES if rate >= rate_hz), default=max(RATES))
+        needed = samples * SAMPLE_SIZE * BITS_A_BYTE
+        where = f"IMU {self.name} on {self._path}"
+        if needed > self._baud:
+            raise DriverError(f"{where}: {samples} samples a second need more than {needed} baud, it has {self._baud}")
+        self._samples = samples
+        self._port = open_port(self._path, self._baud)
+        try:
+            self._set_up(self._port, samples)
+            came = self._listen(self._port)
+            if came < ENOUGH * LISTEN_S * samples:
+                found = f"{came / LISTEN_S:.0f} samples a second, {samples} were asked for" if came else "no sample"
+                raise DriverError(f"{where}: {found} at {self._baud} baud")
+        except BaseException:
+            self.close()
+            raise
+
+    def read(self, now: float) -> bool:
+        """See `Imu`."""
+        came, due = self._take_all(), (now - self._looked_at) * self._samples
+        self._looked_at = now
+        # Bytes do not say when they came. Where many less have come than were due the stream broke off, and its last
+        # sample may be as old as the loop's pause.
+        return came > max(ENOUGH * due - 2, 0)
+
+    def close(self) -> None:
+        """See `StandaloneImu`."""
+        if self._port is not None:
+            self._port.close()
+            self._port = None
+
+    def _set_up(self, port: SerialPort, samples: int) -> None:
+        # As wide as half the sampling rate allows: what is smoothed away comes late.
+        bandwidth = max(hz for hz in BANDWIDTHS if hz <= samples / 2)
+        for register, value in (
+            (Register.OUTPUT, Output.ACCEL | Output.GYRO),
+            (Register.BANDWIDTH, BANDWIDTHS[bandwidth]),
+            (Register.RATE, RATES[samples]),
+        ):
+            for packet in (command(Register.KEY, KEY), command(register, value)):
+                port.send(packet)
+                port.sleep(COMMAND_GAP_S)
+
+    def _listen(self, port: SerialPort) -> int:
+        """How many samples come while one listens."""
+        self._take_all()
+        came, end = 0, port.now() + LISTEN_S
+        while port.lost is None and (now := port.now()) < end:
+            port.wait_any([port], end - now)
+            came += self._take_all()
+        self._looked_at = port.now()
+        return came
+
+    def _take_all(self) -> int:
+        """Take in everything that has come; how many samples it completed. The last one stays."""
+        samples = 0
+        while self._port is not None and (data := self._port.receive()):
+            for kind, numbers in self._decoder.feed(data):
+                if kind == Kind.ACCEL:
+                    self._pending = numbers[:3]
+                elif kind == Kind.GYRO and self._pending is not None:
+                    self._to_accel.dot(self._pending, out=self.accel)
+                    self._to_gyro.dot(numbers[:3], out=self.gyro)
+                    self._pending = None
+                    samples += 1
+        self.bad = self._decoder.bad
+        return samples

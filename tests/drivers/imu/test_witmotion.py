@@ -1,0 +1,313 @@
+"""The serial IMU: what it measures, how it is set up, and what is made of one that fails."""
+
+from __future__ import annotations
+
+import logging
+import math
+import sys
+import time
+from collections.abc import Callable, Sequence
+from importlib.metadata import EntryPoint
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+import witmotion
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from configs.errors import ConfigError, DriverError
+from configs.robot import Robot
+from drivers import plugins
+from drivers.bus.driver import BusDriver
+from drivers.bus.port import SerialPort
+from drivers.emulator.body import BenchBody
+from drivers.emulator.emulator import Emulator
+from drivers.emulator.faults import Fault
+from drivers.emulator.loopback import Loopback
+from drivers.emulator.witmotion import WitMotionLine
+from drivers.imu import registry as imus
+from drivers.imu.interface import StandaloneImu
+from drivers.imu.witmotion.protocol import Kind, frame
+from drivers.interface import JointCommand, RobotState
+from drivers.registry import create
+
+from .robots import looped, op3_with_imu
+
+TICK = 0.008
+TILTED = [math.cos(0.3), math.sin(0.3), 0.0, 0.0]
+"""Mounting: turned by 0.6 about the torso's x."""
+
+
+@pytest.fixture
+def robot(tmp_path: Path) -> Robot:
+    return op3_with_imu(tmp_path, driver="witmotion", quaternion=TILTED)
+
+
+def ticks(driver: BusDriver, world: Loopback, many: int) -> RobotState:
+    state, command = RobotState(driver.robot.n), JointCommand(driver.robot.n)
+    command.position[:] = driver.robot.stand_pose
+    for _ in range(many):
+        begin = world.now
+        driver.read(state)
+        driver.write(command)
+        world.advance(begin + TICK - world.now)
+    return state
+
+
+def imu_line(world: Loopback) -> WitMotionLine:
+    line = world.emulator.lines[-1]
+    assert isinstance(line, WitMotionLine)
+    return line
+
+
+def test_it_measures_in_the_torsos_frame_at_every_tick(robot: Robot) -> None:
+    driver, world = looped(robot)
+    body = world.emulator.body
+    body.gyro[:], body.accel[:] = [0.1, -0.2, 0.3], [1.0, -2.0, 9.0]
+    with driver:
+        assert driver.capabilities.imu
+        for _ in range(20):
+            state = ticks(driver, world, 1)
+            assert state.imu_stale == 0
+        np.testing.assert_allclose(state.gyro, body.gyro, atol=math.radians(2000) / 32768)
+        np.testing.assert_allclose(state.accel, body.accel, atol=16 * 9.81 / 32768)
+
+
+def test_it_sends_two_hundred_samples_for_a_loop_of_125_hertz(robot: Robot) -> None:
+    driver, world = looped(robot)
+    with driver:
+        before, begin = imu_line(world).samples, world.now
+        ticks(driver, world, 125)
+        assert imu_line(world).samples - before == pytest.approx(200 * (world.now - begin), abs=2)
+
+
+def test_broken_frames_are_counted_and_the_last_good_sample_stays(robot: Robot) -> None:
+    driver, world = looped(robot)
+    with driver:
+        ticks(driver, world, 2)
+        imu_line(world).damage.bad_packets = 0.2
+        state, stale = RobotState(robot.n), 0
+        for _ in range(125):
+            state = ticks(driver, world, 1)
+            stale = max(stale, state.imu_stale)
+            np.testing.assert_allclose(state.accel, [0, 0, 9.81], atol=0.01)
+        assert driver._imu is not None and driver._imu.bad > 5
+        assert 0 < stale <= 3 and not state.stale.any()
+
+
+def test_a_pulled_cable_is_a_silent_imu_and_nothing_else(robot: Robot) -> None:
+    driver, world = looped(robot)
+    with driver:
+        ticks(driver, world, 2)
+        world.emulator.faults[:] = [Fault.parse("imu")]
+        world.advance(0.015)
+        state = ticks(driver, world, 7)
+        assert state.imu_stale >= 6 and not state.stale.any()
+        world.emulator.faults[:] = []
+        world.advance(0.015)
+        assert ticks(driver, world, 2).imu_stale == 0
+
+
+def test_what_came_long_ago_is_not_fresh(robot: Robot) -> None:
+    """The loop pauses; the cable was pulled early in the pause, and its last samples still lie in the buffer."""
+    driver, world = looped(robot)
+    with driver:
+        ticks(driver, world, 2)
+        world.advance(0.05)
+        imu_line(world).cut = True
+        world.advance(0.5)
+        assert ticks(driver, world, 1).imu_stale == 1
+
+
+def test_a_stream_that_ran_on_through_a_pause_is_fresh(robot: Robot) -> None:
+    driver, world = looped(robot)
+    with driver:
+        ticks(driver, world, 2)
+        world.advance(0.5)
+        assert ticks(driver, world, 1).imu_stale == 0
+
+
+@pytest.mark.parametrize("required", [False, True])
+def test_one_that_is_missing_is_done_without_unless_it_is_required(
+    tmp_path: Path, required: bool, caplog: pytest.LogCaptureFixture
+) -> None:
+    robot = op3_with_imu(tmp_path, driver="witmotion", required=required)
+    driver, world = looped(robot)
+    world.emulator.faults[:] = [Fault.parse("imu")]
+    world.advance(0.02)
+    if required:
+        with pytest.raises(DriverError, match="no sample at 115200 baud: no IMU, which the robot file requires"):
+            driver.open()
+        return
+    with driver:
+        assert ticks(driver, world, 3).imu_stale == -1
+    assert "IMU witmotion on imu: no sample at 115200 baud: no IMU" in caplog.text
+
+
+def test_another_bit_rate_is_no_sample(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    robot = op3_with_imu(tmp_path, driver="witmotion", options={"baud": 230_400})
+    driver, world = looped(robot)
+    imu_line(world)._baud = 115_200
+    with driver, caplog.at_level(logging.WARNING):
+        pass
+    assert "no sample at 230400 baud" in caplog.text
+
+
+def test_a_bit_rate_too_low_for_the_loop_is_told(tmp_path: Path) -> None:
+    robot = op3_with_imu(tmp_path, driver="witmotion", options={"baud": 9600}, required=True)
+    driver, _ = looped(robot)
+    with pytest.raises(DriverError, match="200 samples a second need more than 44000 baud, it has 9600"):
+        driver.open()
+
+
+def test_it_is_let_go_and_found_again(robot: Robot) -> None:
+    driver, world = looped(robot)
+    for _ in range(2):
+        with driver:
+            assert ticks(driver, world, 1).imu_stale == 0
+        driver.close()
+
+
+# ---------------------------------------------------------------- the robot file
+
+
+@pytest.mark.parametrize(
+    ("imu", "says"),
+    [
+        ({"driver": "bno"}, r"imu\.driver: unknown IMU 'bno', expected one of: witmotion; or opencr, on a dynamixel"),
+        ({"driver": "opencr", "bus": "main"}, "unknown IMU 'opencr'"),
+        ({"driver": "witmotion"}, r"field imu\.options: field port: Field required"),
+        ({"driver": "witmotion", "options": {"port": "/dev/x", "speed": 1}}, r"field speed: unknown field, .* baud"),
+    ],
+)
+def test_what_the_robot_file_says_wrong_is_named(tmp_path: Path, imu: dict[str, object], says: str) -> None:
+    robot = op3_with_imu(tmp_path, **imu)
+    with pytest.raises(ConfigError, match=says) as error:
+        create("dynamixel", robot, port="main")
+    assert "robot.yaml" in str(error.value)
+
+
+def test_the_port_given_wins_over_the_files(tmp_path: Path) -> None:
+    robot = op3_with_imu(tmp_path, driver="witmotion", options={"port": "/dev/imu", "baud": 921_600})
+    assert imus.create(robot).options == imus.create(robot, "/dev/imu").options
+    assert imus.create(robot, "/dev/other").options.port == "/dev/other"
+
+
+class Sensor(StandaloneImu):
+    """A plug-in's: no port, one sample for ever."""
+
+    name = "mine"
+
+    def open(self, open_port: object, rate_hz: float) -> None:
+        self.gyro[:] = [0.0, 0.0, rate_hz]
+
+    def read(self, now: float) -> bool:
+        return True
+
+    def close(self) -> None:
+        self.gyro[:] = 0.0
+
+
+def test_a_plug_in_is_found_by_its_entry_point(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    module = ModuleType("somebodys_imu")
+    module.Sensor = Sensor  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "somebodys_imu", module)
+    entry = EntryPoint("mine", "somebodys_imu:Sensor", imus.GROUP)
+    monkeypatch.setattr(plugins, "entry_points", lambda group: (entry,) if group == imus.GROUP else ())
+    robot = op3_with_imu(tmp_path, driver="mine")
+    driver, world = create("dynamixel", robot, port="main"), Loopback(BenchBody(robot))
+    assert isinstance(driver, BusDriver)
+    driver.open_port = world.open_port
+    with driver:
+        state = ticks(driver, world, 1)
+        assert state.imu_stale == 0 and state.gyro[2] == robot.rate_hz
+
+
+# ---------------------------------------------------------------- bytes
+
+
+class NoisyPort(SerialPort):
+    """Whatever a test says comes."""
+
+    def __init__(self) -> None:
+        self.path, self.baud, self.lost, self.sent, self.busy_until = "noise", 115_200, None, 0, 0.0
+        self.pieces: list[bytes] = []
+        self.time = 0.0
+
+    def send(self, data: bytes) -> None:
+        self._count(data)
+
+    def receive(self) -> bytes:
+        return self.pieces.pop(0) if self.pieces else b""
+
+    def wait_any(self, ports: Sequence[SerialPort], seconds: float) -> None:
+        self.time += max(seconds, 0.001)
+        self.pieces.append(SAMPLE * 60)
+
+    def now(self) -> float:
+        return self.time
+
+    def sleep(self, seconds: float) -> None:
+        self.time += seconds
+
+    def close(self) -> None:
+        self.lost = "closed"
+
+
+SAMPLE = frame(Kind.ACCEL, (0, 0, 2048, 0)) + frame(Kind.GYRO, (1, 2, 3, 0))
+
+
+@pytest.fixture(scope="module")
+def noisy(tmp_path_factory: pytest.TempPathFactory) -> tuple[StandaloneImu, NoisyPort]:
+    port = NoisyPort()
+    imu = imus.create(op3_with_imu(tmp_path_factory.mktemp("noise"), driver="witmotion"), "noise")
+    imu.open(lambda path, baud: port, 125)
+    return imu, port
+
+
+_cut = st.integers(0, len(SAMPLE)).map(lambda at: SAMPLE[:at])
+_tail = st.integers(0, len(SAMPLE)).map(lambda at: SAMPLE[at:])
+
+
+@settings(
+    derandomize=True, deadline=None, max_examples=1000, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+@given(pieces=st.lists(st.one_of(st.binary(max_size=60), _cut, _tail), max_size=4))
+def test_no_bytes_crash_it(noisy: tuple[StandaloneImu, NoisyPort], pieces: list[bytes]) -> None:
+    imu, port = noisy
+    port.pieces = [piece for piece in pieces if piece]
+    port.time += TICK
+    imu.read(port.time)
+    assert np.isfinite(imu.gyro).all() and np.isfinite(imu.accel).all()
+    port.pieces = [SAMPLE * 3]
+    assert imu.read(port.time + TICK)
+
+
+# ---------------------------------------------------------------- a real port
+
+
+def test_over_a_pseudo_terminal(robot: Robot, emulated: Callable[..., Emulator]) -> None:
+    bus, imu = emulated(robot).lines
+    driver = create("dynamixel", robot, port=bus.terminal.path, imu_port=imu.terminal.path)
+    state = RobotState(robot.n)
+    with driver:
+        for _ in range(20):
+            driver.read(state)
+        np.testing.assert_allclose(state.accel, [0, 0, 9.81], atol=0.01)
+
+
+def test_another_library_reads_the_emulated_sensor(tmp_path: Path, emulated: Callable[..., Emulator]) -> None:
+    robot = op3_with_imu(tmp_path, driver="witmotion")
+    emulator = emulated(robot)
+    emulator.body.gyro[:] = [0.0, math.radians(50), 0.0]
+    client = witmotion.IMU(emulator.lines[-1].terminal.path, baudrate=115_200)
+    try:
+        end = time.monotonic() + 5.0
+        while not (client.get_angular_velocity() or (0, 0))[1] and time.monotonic() < end:
+            time.sleep(0.01)
+        assert client.get_acceleration()[2] == pytest.approx(9.8, abs=0.01)
+        assert client.get_angular_velocity()[1] == pytest.approx(50, abs=0.1)
+    finally:
+        client.close()
