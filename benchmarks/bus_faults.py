@@ -68,7 +68,7 @@ def run(
 ) -> Result:
     """One run of the clip."""
     settings = load_stream(None)
-    motion = choose_motion(clip=clip, script=None, prompt=None, mapping=None, blend_frames=settings.blend_frames)
+    motion = choose_motion(clip)
     body = SimBody(robot)
     faults = [] if fault is None else [Fault.parse(f"{fault}@{FAULT_AT}")]
     world = Loopback(body, faults=faults, bad_packets=bad_packets, seed=seed)

@@ -78,9 +78,29 @@ class Sampler:
         """Frames per second of history and samples."""
         return self.layout.fps
 
-    def standing(self) -> Motion:
-        """A human who stands at the origin and faces x: a history to begin with."""
-        return decode(self.bundle.rest, self.layout, self.body, Anchor.origin(), source=self._source)
+    @property
+    def name(self) -> str:
+        """Of the bundle."""
+        return self.bundle.manifest.name
+
+    @property
+    def remembers(self) -> int:
+        """Frames of a history that tell all."""
+        return self.history + LEAD
+
+    @property
+    def follows_velocity(self) -> bool:
+        """Whether a velocity can be asked for."""
+        return self.bundle.manifest.velocity
+
+    def standing(self, after: Motion | None = None) -> Motion:
+        """A human who stands: a history to begin with.
+
+        Args:
+            after: stands where that motion ends and faces as it does then; None: at the origin, facing x.
+        """
+        anchor = Anchor.origin() if after is None else Anchor.after(after)
+        return decode(self.bundle.rest, self.layout, self.body, anchor, source=self._source)
 
     def sample(self, history: Motion, condition: Condition, seed: int) -> Motion:
         """The `future` frames after a history.
@@ -157,4 +177,4 @@ class Sampler:
 
     @property
     def _source(self) -> str:
-        return f"model:{self.bundle.manifest.name}"
+        return f"model:{self.name}"

@@ -3,22 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Protocol, runtime_checkable
 
 from configs.errors import ConfigError
 from flexmotion.motion import Motion
+from streamer.intents import Clip, word_of
 from streamer.sequence import placed, poses_only
-from streamer.sources import Source
 from streamer.targets import Target
-
-
-@runtime_checkable
-class LiveSource(Source, Protocol):
-    """A source that follows targets."""
-
-    def turn_to(self, target: Target, frame: int, here: Motion | None) -> None:
-        """From `frame` on follow `target`; `here` is the human at that frame, None where nobody has moved yet."""
-        ...
 
 
 class ClipLibrary:
@@ -40,10 +30,12 @@ class ClipLibrary:
         self.name, self.fps = f"clips:{len(clips)}", self._clip(first).fps
         self._start, self._playing = 0, poses_only(self._clip(first))
 
-    def turn_to(self, target: Target, frame: int, here: Motion | None) -> None:
-        """See `LiveSource.turn_to`. Raises `ConfigError` where there is no such clip."""
-        clip = self._clip(target.clip)
-        at = here if here is not None else self._frame(frame)
+    def turn_to(self, target: Target, frame: int, played: Motion | None) -> None:
+        """See `streamer.sources.LiveSource.turn_to`. Raises `ConfigError` for anything but one of its clips."""
+        if not isinstance(target.intent, Clip):
+            raise ConfigError(f"target: {word_of(target.intent)} cannot be followed, only clips are played here")
+        clip = self._clip(target.intent.name)
+        at = self._frame(frame) if played is None else played[len(played) - 1 :]
         scale = at.body.standing_height / clip.body.standing_height
         self._start, self._playing = frame, placed(poses_only(clip), at, scale)
 

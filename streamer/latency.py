@@ -1,11 +1,11 @@
-"""`measure`: the live system on the real clock while clips are switched at random moments; how fast it answers."""
+"""`measure`: the live system on the real clock while targets change at random moments; how fast it answers."""
 
 from __future__ import annotations
 
 import contextlib
 import random
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 
 import numpy as np
@@ -21,9 +21,11 @@ from flexmotion.default_clip import default_clip
 from flexmotion.motion import Motion
 from streamer.clip_library import ClipLibrary
 from streamer.controls import Request
+from streamer.intents import Clip, Intent
 from streamer.record import RunRecord
 from streamer.report import Latency
 from streamer.session import Session
+from streamer.sources import LiveSource
 
 _SETTLE_S = 2.0
 """After the start, before the first switch [s]."""
@@ -100,10 +102,11 @@ def measure(
     robot: Robot,
     driver: Driver,
     settings: StreamSettings,
+    source: LiveSource,
+    intents: Sequence[Intent],
     *,
     seconds: float,
     switches: int | None = None,
-    clips: dict[str, Motion] | None = None,
     load: int = 0,
     realtime: bool = True,
     seed: int = 0,
@@ -111,22 +114,21 @@ def measure(
     request: Callable[[], Request | None] = lambda: None,
     wake: int | None = None,
 ) -> LatencyResult:
-    """Stream on the real clock, switching clips at random moments.
+    """Stream on the real clock, asking for something else at random moments.
 
     Args:
+        source: what follows.
+        intents: what it is asked for in turn, two or more.
         seconds: how long; `switches`: until so many switches were made, where given.
-        clips: what is switched between; parts of the shipped motion where not given.
         load: processes that keep a processor busy meanwhile.
         realtime: ask the system for realtime scheduling.
         request, wake: as of `streamer.session.Session`.
     """
-    library = shipped_clips() if clips is None else clips
-    source = ClipLibrary(library, next(iter(library)))
     longest = seconds if switches is None else switches * _BETWEEN_S[1]
     session = Session(
         robot, driver, source, settings, stay=True, realtime=realtime, wake=wake, kept_s=longest + _MARGIN_S
     )
-    switcher = _Switcher(session, sorted(library), seconds, switches, seed, progress)
+    switcher = _Switcher(session, intents, seconds, switches, seed, progress)
     session.request = lambda: request() or switcher.next()
     before = _stolen_ms()
     with hogs(load):
@@ -140,25 +142,30 @@ def shipped_clips() -> dict[str, Motion]:
     return {"wave": motion[0:225], "walk": motion[225:330], "stand": motion[330:510]}
 
 
+def switched(clips: dict[str, Motion]) -> tuple[ClipLibrary, tuple[Intent, ...]]:
+    """A source that plays clips, beginning with the first, and what it can be asked for."""
+    return ClipLibrary(clips, next(iter(clips))), tuple(Clip(name) for name in sorted(clips))
+
+
 class _Switcher:
     """Sends targets at random moments; asks for the end when done."""
 
     def __init__(
         self,
         session: Session,
-        names: list[str],
+        intents: Sequence[Intent],
         seconds: float,
         switches: int | None,
         seed: int,
         progress: Callable[[float], None] | None,
     ) -> None:
-        self.session, self.names, self.seconds, self.switches = session, names, seconds, switches
+        self.session, self.intents, self.seconds, self.switches = session, intents, seconds, switches
         self.progress, self._ended = progress, False
         self.sent = 0
         self._random = random.Random(seed)
         self._begin: float | None = None
         self._next = _SETTLE_S
-        self._playing = names[0]
+        self._asked: Intent | None = None
 
     def next(self) -> Request | None:
         """Called by the supervisor over and over."""
@@ -176,8 +183,8 @@ class _Switcher:
             return asked
         if passed >= self._next:
             self._next = passed + self._random.uniform(*_BETWEEN_S)
-            self._playing = self._random.choice([name for name in self.names if name != self._playing])
-            self.session.targets.send(self._playing)
+            self._asked = self._random.choice([intent for intent in self.intents if intent != self._asked])
+            self.session.targets.send(self._asked)
             self.sent += 1
         return None
 

@@ -14,7 +14,7 @@ from retarget.plan import Plan
 from retarget.retargeter import Retargeter
 from streamer.planner import Planner
 from streamer.session import count_human_steps
-from streamer.sources import ClipSource
+from streamer.sources import Performance
 
 Float = NDArray[np.float64]
 
@@ -64,13 +64,14 @@ _ROWS = ("source_s", "q", "qd", "qdd", "torque", "contacts", "feet", "base", "co
 
 def retarget_offline(
     robot: Robot,
-    source: ClipSource,
+    source: Performance,
     settings: StreamSettings,
     progress: Callable[[float], None] | None = None,
 ) -> Trajectory:
-    """Plan a whole clip at the cadence of a live run: each plan is played until the next joins, the last to its end.
+    """Plan all of a source at the cadence of a live run: each plan is played until the next joins, the last to its end.
 
     Args:
+        source: one that comes to an end.
         progress: called with the share done, in [0, 1].
     """
     planner = Planner(Retargeter(robot, settings), source, settings)
@@ -88,13 +89,13 @@ def retarget_offline(
         times.append(planned.retarget_s)
         join += rows
         if progress is not None:
-            progress(min(join / robot.rate_hz / max(source.seconds, 1e-9), 1.0))
+            progress(min(join / robot.rate_hz / max(source.seconds or np.inf, 1e-9), 1.0))
     made = [step for plan, rows in played for step in plan.steps if step.lift < plan.start_tick + rows]
     arrays = {name: np.concatenate([getattr(plan, name)[:rows] for plan, rows in played]) for name in _ROWS}
     return Trajectory(
         rate_hz=robot.rate_hz,
         **arrays,
-        human_steps=count_human_steps(source.motion, planner.retargeter),
+        human_steps=count_human_steps(source.human(), planner.retargeter),
         steps=len(made),
         inserted=sum(step.inserted for step in made),
         dropped=sum(step.dropped for step in made),

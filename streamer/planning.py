@@ -14,11 +14,11 @@ from configs.errors import ConfigError
 from configs.stream import StreamSettings
 from drivers.realtime.ring import Ring
 from retarget.plan import Plan
-from streamer.clip_library import LiveSource
 from streamer.ladder import State
 from streamer.lead import Kind, Lead
 from streamer.plan_buffer import PlanBuffer, Ticket
 from streamer.planner import Planner
+from streamer.sources import LiveSource
 from streamer.targets import NO_TARGET, Target, TargetMailbox
 
 EFFECT_RAD = np.radians(2.0)
@@ -184,12 +184,12 @@ class Planning:
         source = self.planner.source
         assert isinstance(source, LiveSource)
         frame = self.planner.first_frame(join, current)
-        here = None
+        played = None
         if current is not None and current.human is not None:
-            place = min(max(frame - current.human_first_frame, 0), len(current.human) - 1)
-            here = current.human[place : place + 1]
+            place = frame - current.human_first_frame
+            played = current.human[: place + 1] if 0 <= place < len(current.human) else None
         try:
-            source.turn_to(target, frame, here)
+            source.turn_to(target, frame, played)
         except ConfigError as error:
             self._refused = target.id
             self.tell(str(error))

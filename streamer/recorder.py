@@ -7,11 +7,11 @@ import logging
 import os
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from drivers.realtime.ring import shared_array
+from streamer.intents import to_content
 from streamer.ladder import State
 from streamer.log.cdr import ENCAPSULATION
 from streamer.log.header import LogHeader
@@ -143,7 +143,8 @@ class _Following:
         self._record_plan()
         self._record_ticks()
         for target in arrived(self._targets):
-            self._writer.target(asdict(target), self._time(self._tick, target.stamp_ns))
+            content = {"id": target.id, "stamp_ns": target.stamp_ns, **to_content(target.intent)}
+            self._writer.target(content, self._time(self._tick, target.stamp_ns))
         for row in self._events.read():
             message = row["message"].decode(errors="replace")
             self._record_event(int(row["tick"]), int(row["stamp_ns"]), row["kind"].decode(), message)

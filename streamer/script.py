@@ -1,10 +1,13 @@
 """Scripts: a YAML list of what to do at which time.
 
 ```yaml
-- {at: 0, clip: wave.bvh}
-- {at: 4.5, clip: walk.bvh}
+- {at: 0, text: walk forward}
+- {at: 4.5, velocity: [0.4, 0, 0.5]}
+- {at: 8, text: wave with the right hand}
 - {at: 12, stop: true}
 ```
+
+or of clips, each with `clip: FILE`.
 """
 
 from __future__ import annotations
@@ -16,17 +19,17 @@ from typing import Any
 import yaml
 
 from configs.errors import ConfigError
+from streamer.intents import WORDS, Clip, Intent, Stop, from_content, word_of
 
-ACTIONS = ("clip", "text", "velocity", "stop")
-NEED_MODEL = ("text", "velocity")
+_ITEM = "{at: seconds, text: WORDS | velocity: [vx, vy, wz] | clip: FILE | stop: true}"
 
 
 @dataclass(frozen=True)
 class Item:
-    """From `at` [s] on, follow `clip`, or come to a stop where it is None."""
+    """From `at` [s] on, do as `intent` says; a clip's name is its file."""
 
     at: float
-    clip: Path | None
+    intent: Intent
 
 
 def load_script(file: Path) -> list[Item]:
@@ -43,47 +46,52 @@ def load_script(file: Path) -> list[Item]:
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise ConfigError(f"{file}: not valid YAML: {' '.join(str(error).split())}") from error
     if not isinstance(root, yaml.SequenceNode) or not root.value:
-        raise ConfigError(f"{file}: expected a list of {{at: seconds, clip: FILE | stop: true}}")
+        raise ConfigError(f"{file}: expected a list of {_ITEM}")
     items: list[Item] = []
     for node in root.value:
         where = f"{file}, line {node.start_mark.line + 1}"
         item = _item(where, node, file.parent)
-        if items and item.at <= items[-1].at:
-            raise ConfigError(f"{where}: at: {item.at:g} does not come after {items[-1].at:g}")
-        if items and items[-1].clip is None:
-            raise ConfigError(f"{where}: nothing may follow stop")
+        _follows(where, item, items)
         items.append(item)
-    if items[0].at != 0 or items[0].clip is None:
-        first = root.value[0].start_mark.line + 1
-        raise ConfigError(f"{file}, line {first}: a script starts with {{at: 0, clip: FILE}}")
     return items
+
+
+def _follows(where: str, item: Item, before: list[Item]) -> None:
+    """Whether an item may come after those before it. Raises `ConfigError`."""
+    if not before:
+        if item.at != 0 or isinstance(item.intent, Stop):
+            raise ConfigError(f"{where}: a script starts with something to do at: 0, expected {_ITEM}")
+        return
+    if item.at <= before[-1].at:
+        raise ConfigError(f"{where}: at: {item.at:g} does not come after {before[-1].at:g}")
+    if isinstance(before[-1].intent, Stop):
+        raise ConfigError(f"{where}: nothing may follow stop")
+    first = before[0].intent
+    if not isinstance(item.intent, Stop) and isinstance(item.intent, Clip) != isinstance(first, Clip):
+        raise ConfigError(
+            f"{where}: {word_of(item.intent)} after {word_of(first)}: a script is either of clips, or of text and "
+            "velocity, which a model follows"
+        )
 
 
 def _item(where: str, node: yaml.Node, folder: Path) -> Item:
     if not isinstance(node, yaml.MappingNode):
-        raise ConfigError(f"{where}: expected {{at: seconds, clip: FILE | stop: true}}")
+        raise ConfigError(f"{where}: expected {_ITEM}")
     content: dict[str, Any] = {}
     for key, value in node.value:
         content[str(key.value)] = yaml.safe_load(yaml.serialize(value))
-        if key.value not in ("at", *ACTIONS):
+        if key.value not in ("at", *WORDS):
             raise ConfigError(
                 f"{where.rsplit(' ', 1)[0]} {key.start_mark.line + 1}: unknown word {key.value!r}, "
-                f"expected at and one of: {', '.join(ACTIONS)}"
+                f"expected at and one of: {', '.join(WORDS)}"
             )
-    actions = [word for word in ACTIONS if word in content]
-    if len(actions) != 1:
-        found = " and ".join(actions) or "none"
-        raise ConfigError(f"{where}: expected exactly one of: {', '.join(ACTIONS)}; found {found}")
+    try:
+        intent = from_content(content)
+    except ConfigError as error:
+        raise ConfigError(f"{where}: {error}") from error
     at = content.get("at")
     if isinstance(at, bool) or not isinstance(at, int | float) or not 0 <= at < float("inf"):
         raise ConfigError(f"{where}: at: expected seconds from the start, found {at!r}")
-    action, value = actions[0], content[actions[0]]
-    if action in NEED_MODEL:
-        raise ConfigError(f"{where}: {action} needs a model bundle, which this version lacks; use clip or stop")
-    if action == "stop":
-        if value is not True:
-            raise ConfigError(f"{where}: stop: expected true, found {value!r}")
-        return Item(float(at), None)
-    if not isinstance(value, str):
-        raise ConfigError(f"{where}: clip: expected a file, found {value!r}")
-    return Item(float(at), folder / Path(value).expanduser())
+    if isinstance(intent, Clip):
+        intent = Clip(str(folder / Path(intent.name).expanduser()))
+    return Item(float(at), intent)

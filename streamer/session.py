@@ -7,6 +7,8 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field
 from functools import partial
 
+import numpy as np
+
 from configs.errors import ConfigError, FlexMotionError
 from configs.robot import Robot
 from configs.stream import StreamSettings
@@ -25,7 +27,8 @@ from streamer.plan_buffer import PlanBuffer
 from streamer.planner import Planner
 from streamer.planning import Planning
 from streamer.record import KEPT_S, Collector, RunRecord
-from streamer.sources import Source
+from streamer.replan_noise import NoisySource
+from streamer.sources import LiveSource, Performance, Source
 from streamer.targets import TargetMailbox
 from streamer.telemetry import Event, Telemetry
 
@@ -162,6 +165,23 @@ class Session:
         self.scheduling = supervisor.run(Collector(self.telemetry, self.record), self.request, self.progress, self.tell)
         self.memory_mb = supervisor.memory_mb
         return self.record
+
+
+def human_motion(source: Source, record: RunRecord) -> Motion | None:
+    """What the human did in a run, as far as it was played; None where nobody can tell.
+
+    Nobody can of a source that followed targets, and of a run that is longer than what a record keeps.
+    """
+    if isinstance(source, NoisySource):
+        return human_motion(source.source, record)
+    if not isinstance(source, Performance):
+        return None
+    if not isinstance(source, LiveSource):
+        return source.human()
+    played = record.source_s[np.isfinite(record.source_s)]
+    if not len(played) or played[-1] > KEPT_S or record.rows["target"].any():
+        return None
+    return source.cut(min(float(played[-1]) + 1.0 / source.fps, source.seconds or np.inf)).human()
 
 
 def count_human_steps(motion: Motion, retargeter: Retargeter) -> int:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Protocol, Self, runtime_checkable
 
 import numpy as np
 
 from configs.errors import MotionFormatError
+from flexmotion.body import Body
 from flexmotion.motion import Motion
+from streamer.targets import Target
 
 
 class Source(Protocol):
@@ -26,6 +28,49 @@ class Source(Protocol):
         ...
 
 
+@runtime_checkable
+class LiveSource(Source, Protocol):
+    """A source that follows targets."""
+
+    def turn_to(self, target: Target, frame: int, played: Motion | None) -> None:
+        """From `frame` on follow `target`.
+
+        Args:
+            target: what to do.
+            frame: at which the human as it was goes over into what the target asks for.
+            played: the human as played, some frames up to and with that one; None where it does not move: before the
+                first plan, or after a stop.
+
+        Raises:
+            ConfigError: this source cannot follow such a target.
+        """
+        ...
+
+
+@runtime_checkable
+class Performance(Source, Protocol):
+    """A source that is streamed by itself from its start, and can say what the human does in it.
+
+    Attributes:
+        body: whose motion it is.
+    """
+
+    body: Body
+
+    @property
+    def seconds(self) -> float | None:
+        """How long it lasts [s]; None: without an end."""
+        ...
+
+    def cut(self, seconds: float) -> Self:
+        """The first part of it, from the start anew."""
+        ...
+
+    def human(self) -> Motion:
+        """All that the human does where no target comes in between; only of one with an end."""
+        ...
+
+
 class ClipSource:
     """A clip played from its start, once."""
 
@@ -34,8 +79,8 @@ class ClipSource:
         if len(motion) < 2:
             raise MotionFormatError(f"{motion.source or 'clip'}: has {len(motion)} frame(s), needs at least two")
         self.motion = motion
-        self.name = f"clip:{motion.source}" if motion.source else "clip"
-        self.fps = motion.fps
+        self.name = motion.source or "clip"
+        self.fps, self.body = motion.fps, motion.body
 
     @property
     def seconds(self) -> float:
@@ -52,3 +97,7 @@ class ClipSource:
         source = ClipSource(self.motion[: int(np.floor(seconds * self.fps)) + 1])
         source.name = self.name
         return source
+
+    def human(self) -> Motion:
+        """See `Performance.human`."""
+        return self.motion

@@ -9,9 +9,13 @@ import numpy as np
 
 from configs.errors import ConfigError
 from drivers.realtime.ring import Reader, Ring
+from streamer.intents import WORDS, Clip, Intent, Stop, Text, Velocity, word_of
 
-_NAME_BYTES = 240
-_DTYPE = np.dtype([("id", "i8"), ("stamp_ns", "i8"), ("clip", f"S{_NAME_BYTES}")])
+_TEXT_BYTES = 240
+_KINDS = tuple(WORDS)
+_DTYPE = np.dtype(
+    [("id", "i8"), ("stamp_ns", "i8"), ("kind", "i8"), ("text", f"S{_TEXT_BYTES}"), ("velocity", "f8", 3)]
+)
 
 
 @dataclass(frozen=True)
@@ -21,15 +25,15 @@ class Target:
     Attributes:
         id: number, from 1, rising.
         stamp_ns: when it arrived (`time.perf_counter_ns`).
-        clip: name of the clip to follow from now on.
+        intent: what is to be done from now on.
     """
 
     id: int
     stamp_ns: int
-    clip: str
+    intent: Intent
 
 
-NO_TARGET = Target(0, 0, "")
+NO_TARGET = Target(0, 0, Stop())
 
 
 class TargetMailbox:
@@ -39,18 +43,26 @@ class TargetMailbox:
         self._ring = Ring(_DTYPE, 64)
         self._row = np.zeros((), _DTYPE)
 
-    def send(self, clip: str) -> Target:
-        """Ask for a clip, from the one process that owns this end.
+    def send(self, intent: Intent) -> Target:
+        """Ask for something, from the one process that owns this end.
 
         Raises:
-            ConfigError: the name is too long.
+            ConfigError: its text or name is too long.
         """
-        name = clip.encode()
-        if len(name) > _NAME_BYTES:
-            raise ConfigError(f"target: clip: {len(name)} bytes, expected at most {_NAME_BYTES}")
-        target = Target(self._ring.count + 1, time.perf_counter_ns(), clip)
-        self._row["id"], self._row["stamp_ns"], self._row["clip"] = target.id, target.stamp_ns, name
-        self._ring.publish(self._row)
+        row = self._row
+        row["kind"], row["text"], row["velocity"] = _KINDS.index(word_of(intent)), b"", 0.0
+        match intent:
+            case Clip(text) | Text(text):
+                encoded = text.encode()
+                if len(encoded) > _TEXT_BYTES:
+                    word = word_of(intent)
+                    raise ConfigError(f"target: {word}: {len(encoded)} bytes, expected at most {_TEXT_BYTES}")
+                row["text"] = encoded
+            case Velocity(forward, left, turning):
+                row["velocity"] = forward, left, turning
+        target = Target(self._ring.count + 1, time.perf_counter_ns(), intent)
+        row["id"], row["stamp_ns"] = target.id, target.stamp_ns
+        self._ring.publish(row)
         return target
 
     def newest(self) -> Target:
@@ -69,4 +81,14 @@ def arrived(reader: Reader) -> list[Target]:
 
 
 def _target(row: np.ndarray) -> Target:
-    return Target(int(row["id"]), int(row["stamp_ns"]), bytes(row["clip"]).decode(errors="replace"))
+    return Target(int(row["id"]), int(row["stamp_ns"]), _intent(row))
+
+
+def _intent(row: np.ndarray) -> Intent:
+    kind = _KINDS[int(row["kind"])]
+    text = bytes(row["text"]).decode(errors="replace")
+    if kind == "velocity":
+        return Velocity(*(float(value) for value in row["velocity"]))
+    if kind == "stop":
+        return Stop()
+    return Clip(text) if kind == "clip" else Text(text)

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from streamer.commands.options import (
+    BundleOption,
     ClipOption,
     JsonOption,
     MappingOption,
@@ -17,6 +18,7 @@ from streamer.commands.options import (
     ReportOption,
     RobotOption,
     ScriptOption,
+    SecondsOption,
     SeedOption,
     SettingsOption,
 )
@@ -37,8 +39,11 @@ def torque(
     clip: ClipOption = None,
     script: ScriptOption = None,
     prompt: PromptOption = None,
+    bundle: BundleOption = None,
     robot: RobotOption = "op3",
     mapping: MappingOption = None,
+    seconds: SecondsOption = None,
+    seed: SeedOption = 0,
     settings: SettingsOption = None,
     report: ReportOption = None,
     as_json: JsonOption = False,
@@ -51,25 +56,33 @@ def torque(
 
       flexmotion check torque --clip walk.bvh
 
+      flexmotion check torque --prompt "walk forward" --seconds 5
+
       flexmotion check torque --clip walk.bvh --robot ./my_robot --json
     """
     # Heavy imports wait until the command runs: help and completion answer at once.
     from configs.robot import load_robot
     from configs.stream import load_stream
-    from streamer.commands.choice import choose_motion
+    from streamer.commands.choice import choose_source
     from streamer.offline import retarget_offline
     from streamer.plots import write_torque
-    from streamer.sources import ClipSource
     from streamer.torque_check import check_trajectory, render_check
 
     chosen = load_robot(robot)
     stream_settings = load_stream(settings)
-    motion = choose_motion(
-        clip=clip, script=script, prompt=prompt, mapping=mapping, blend_frames=stream_settings.blend_frames
+    source = choose_source(
+        clip=clip,
+        script=script,
+        prompt=prompt,
+        bundle=bundle,
+        mapping=mapping,
+        blend_frames=stream_settings.blend_frames,
+        seed=seed,
+        seconds=seconds,
     )
-    with progress_bar(f"{chosen.name} retargets {motion.source}") as progress:
-        trajectory = retarget_offline(chosen, ClipSource(motion), stream_settings, progress)
-    result = check_trajectory(trajectory, chosen, motion.source)
+    with progress_bar(f"{chosen.name} retargets {source.name}") as progress:
+        trajectory = retarget_offline(chosen, source, stream_settings, progress)
+    result = check_trajectory(trajectory, chosen, source.name)
     if as_json:
         print_json(result.json_text())
     else:
@@ -87,8 +100,9 @@ def latency(
     robot: RobotOption = "op3",
     clip: Annotated[
         list[Path] | None,
-        typer.Option("--clip", "-c", help="Clips to switch between (two or more); else parts of the shipped one."),
+        typer.Option("--clip", "-c", help="Switch between these clips (two or more) instead of asking a model."),
     ] = None,
+    bundle: BundleOption = None,
     seconds: Annotated[float, typer.Option(help="How long to measure [s].", min=5.0)] = 60.0,
     switches: Annotated[
         int | None, typer.Option(help="Measure until so many switches were made, instead.", min=1, show_default=False)
@@ -103,8 +117,9 @@ def latency(
 ) -> None:
     """Measure on this machine how late the loop wakes and how fast a new target becomes a command.
 
-    Runs the live system with the simulated robot on the real clock and switches clips at random moments. Exit code 1
-    where a budget of the stream settings is passed, or where the system grants no realtime scheduling.
+    Runs the live system with the simulated robot on the real clock and asks the model for something else at random
+    moments (for another clip where there is no model). Exit code 1 where a budget of the stream settings is passed, or
+    where the system grants no realtime scheduling.
 
     [bold]Examples[/bold]
 
@@ -115,7 +130,7 @@ def latency(
     from configs.robot import load_robot
     from configs.stream import load_stream
     from drivers.registry import create
-    from streamer.commands.choice import library_of
+    from streamer.commands.choice import choose_switched
     from streamer.commands.signals import operator_signals
     from streamer.latency import measure
     from streamer.latency_text import render_latency
@@ -123,15 +138,16 @@ def latency(
 
     chosen = load_robot(robot)
     stream_settings = load_stream(settings)
-    clips = library_of(clip, mapping) if clip else None
+    source, intents = choose_switched(clip or (), bundle, mapping, seed)
     with operator_signals() as signals, progress_bar(f"{chosen.name} answers") as progress:
         result = measure(
             chosen,
             create("sim", chosen, seed=seed),
             stream_settings,
+            source,
+            intents,
             seconds=seconds,
             switches=switches,
-            clips=clips,
             load=load,
             realtime=realtime,
             seed=seed,

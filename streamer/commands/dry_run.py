@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from streamer.commands.options import (
+    BundleOption,
     ClipOption,
     Clock,
     FeedbackOption,
@@ -32,6 +33,7 @@ def dry_run(
     clip: ClipOption = None,
     script: ScriptOption = None,
     prompt: PromptOption = None,
+    bundle: BundleOption = None,
     mapping: MappingOption = None,
     seconds: SecondsOption = None,
     seed: SeedOption = 0,
@@ -83,22 +85,28 @@ def dry_run(
 
     with operator_signals() as signals:
         from configs.stream import load_stream
-        from streamer.commands.choice import choose_motion
+        from streamer.commands.choice import choose_source
         from streamer.commands.driver_options import simulation_options
         from streamer.commands.recording import log_file
         from streamer.commands.streaming import RunRequest, present, stream
 
         stream_settings = load_stream(settings)
-        motion = choose_motion(
-            clip=clip, script=script, prompt=prompt, mapping=mapping, blend_frames=stream_settings.blend_frames
+        source = choose_source(
+            clip=clip,
+            script=script,
+            prompt=prompt,
+            bundle=bundle,
+            mapping=mapping,
+            blend_frames=stream_settings.blend_frames,
+            seed=seed,
+            seconds=seconds,
         )
         outcome = stream(
             RunRequest(
                 robot=robot,
                 driver="sim",
-                motion=motion,
+                source=source,
                 settings=stream_settings,
-                seconds=seconds,
                 seed=seed,
                 clock=clock or ("real" if view else "lockstep"),
                 feedback=feedback,

@@ -32,7 +32,7 @@ def emulate(
             "--fault",
             metavar="KIND[:ARG][@S[+DURATION]]",
             help="What goes wrong (repeatable), S seconds after torque goes on: lost, corrupt, late, duplicated, "
-            "truncated, dead:ID, overheat:ID, voltage:V, reset:ID, cable, port.",
+            "truncated, dead:ID, overheat:ID, voltage:V, reset:ID, cable, port, imu.",
         ),
     ] = None,
     bad_packets: Annotated[
@@ -85,7 +85,7 @@ def emulate(
     emulator = build_emulator(body, link=port_link, timed=timing, faults=faults, bad_packets=bad_packets, seed=seed)
     with emulator, _ends_on_signals(emulator):
         for line in emulator.lines:
-            print_note(f"{chosen.name}, bus {line.name}: {line.terminal.path}")
+            print_note(f"{chosen.name}, {line.name}: {line.terminal.path}")
         settle(collect=False)
         claim(ROBOT_PRIORITY, allowed=realtime)
         emulator.run(float("inf") if seconds is None else seconds)
@@ -115,5 +115,5 @@ def _lines(figures: dict[str, Any]) -> str:
     buses = figures.pop("buses")
     rows = [f"{name.replace('_', ' ')}: {value}" for name, value in figures.items()]
     for bus, counts in buses.items():
-        rows += [f"bus {bus}, {name.replace('_', ' ')}: {value}" for name, value in counts.items()]
+        rows += [f"{bus}, {name.replace('_', ' ')}: {value}" for name, value in counts.items()]
     return "\n".join(rows)

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+from rich.table import Table
 
 from streamer.commands.options import JsonOption
 from streamer.commands.output import print_json, print_note, print_result, progress_bar
 from streamer.commands.train import needs_training
+
+if TYPE_CHECKING:
+    from flexmotion.evaluation.interval import Interval
 
 
 def evaluate(
@@ -17,7 +22,7 @@ def evaluate(
         Path, typer.Argument(metavar="TRAINING", help="Folder that `train` wrote, evaluator included.")
     ],
     bundles: Annotated[list[Path], typer.Option("--bundle", "-b", help="Bundle to evaluate; may be given again.")],
-    windows: Annotated[int, typer.Option("--windows", min=64, help="Held-out windows.")] = 512,
+    windows: Annotated[int, typer.Option("--windows", min=64, help="Held-out windows.")] = 1024,
     steps: Annotated[int | None, typer.Option("--steps", min=1, help="Of the diffusion.", show_default=False)] = None,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Of windows and samples.")] = 0,
     as_json: JsonOption = False,
@@ -41,30 +46,21 @@ def evaluate(
     judge = Judge(Run(training), bodies.pop(), windows, seed)
     generators = {"real": judge.real, "motionless": judge.motionless, "nearest": judge.nearest()}
     generators |= {name: judge.sampled(sampler) for name, sampler in samplers.items()}
-    figures: dict[str, dict[str, Any]] = {}
+    figures: dict[str, dict[str, Interval]] = {}
     with progress_bar("evaluates") as progress:
         for number, (name, generator) in enumerate(generators.items()):
             figures[name] = judge.measure(generator)
             progress((number + 1) / len(generators))
     if as_json:
-        print_json({"windows": len(judge.cases), "fps": judge.layout.fps, "heights": "heel and toe", "models": figures})
+        models = {name: {metric: asdict(value) for metric, value in row.items()} for name, row in figures.items()}
+        print_json({"windows": len(judge.cases), "fps": judge.layout.fps, "heights": "heel and toe", "models": models})
     else:
         print_result(_table(figures))
         print_note(f"{len(judge.cases)} held-out windows at {judge.layout.fps:g} fps; heights are of heels and toes")
 
 
-def _table(figures: dict[str, dict[str, Any]]) -> Any:
-    from rich.table import Table
-
+def _table(figures: dict[str, dict[str, Interval]]) -> Table:
     table = Table("metric", *figures)
     for metric in dict.fromkeys(name for row in figures.values() for name in row):
-        table.add_row(metric, *(_cell(row.get(metric)) for row in figures.values()))
+        table.add_row(metric, *(str(row.get(metric, "-")) for row in figures.values()))
     return table
-
-
-def _cell(value: Any) -> str:
-    if value is None:
-        return "-"
-    if isinstance(value, dict):
-        return f"{value['mean']:.4g} ± {value['interval']:.2g}"
-    return f"{value:.4g}"

@@ -17,10 +17,18 @@ ClipOption = Annotated[
 ]
 ScriptOption = Annotated[
     Path | None,
-    typer.Option("--script", help="YAML list of {at: seconds, clip: FILE | stop: true}.", show_default=False),
+    typer.Option(
+        "--script",
+        help="YAML list of {at: seconds, text: WORDS | velocity: [vx, vy, wz] | stop: true}, or of clips.",
+        show_default=False,
+    ),
 ]
 PromptOption = Annotated[
-    str | None, typer.Option("--prompt", help="What to do, in words (needs a model bundle).", show_default=False)
+    str | None, typer.Option("--prompt", help='What to do, in words: "wave with the right hand".', show_default=False)
+]
+BundleOption = Annotated[
+    Path | None,
+    typer.Option("--bundle", help="Motion model to sample from, a folder; else the shipped one.", show_default=False),
 ]
 MappingOption = Annotated[
     str | None,

@@ -42,7 +42,7 @@ def retarget(
     if not out.parent.is_dir():
         raise typer.BadParameter(f"{out.parent}: no such folder to write {out.name} into")
     chosen = load_robot(robot)
-    motion = choose_motion(clip=clip, mapping=mapping)
+    motion = choose_motion(clip, mapping)
     with progress_bar(f"{chosen.name} retargets {motion.source}") as progress:
         trajectory = retarget_offline(chosen, ClipSource(motion), load_stream(settings), progress)
     write_trajectory(out, trajectory, chosen)

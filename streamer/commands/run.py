@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from streamer.commands.options import (
+    BundleOption,
     ClipOption,
     Clock,
     FeedbackOption,
@@ -32,6 +33,7 @@ def run(
     clip: ClipOption = None,
     script: ScriptOption = None,
     prompt: PromptOption = None,
+    bundle: BundleOption = None,
     mapping: MappingOption = None,
     seconds: SecondsOption = None,
     seed: SeedOption = 0,
@@ -70,14 +72,23 @@ def run(
 
     with operator_signals() as signals:
         from configs.stream import load_stream
-        from streamer.commands.choice import choose_motion
+        from streamer.commands.choice import choose_source
         from streamer.commands.driver_options import parse_options
         from streamer.commands.recording import log_file
         from streamer.commands.streaming import RunRequest, present, stream
 
         stream_settings = load_stream(settings)
-        motion = choose_motion(
-            clip=clip, script=script, prompt=prompt, mapping=mapping, blend_frames=stream_settings.blend_frames
+        stay = clock == "real" and not once and seconds is None
+        source = choose_source(
+            clip=clip,
+            script=script,
+            prompt=prompt,
+            bundle=bundle,
+            mapping=mapping,
+            blend_frames=stream_settings.blend_frames,
+            seed=seed,
+            seconds=seconds,
+            endless=stay,
         )
         options = parse_options(option or ())
         if port is not None:
@@ -86,13 +97,12 @@ def run(
             RunRequest(
                 robot=robot,
                 driver=driver,
-                motion=motion,
+                source=source,
                 settings=stream_settings,
-                seconds=seconds,
                 seed=seed,
                 clock=clock,
                 feedback=feedback,
-                stay=clock == "real" and not once and seconds is None,
+                stay=stay,
                 realtime=realtime,
                 driver_options=options,
                 log=log_file(log, report),

@@ -17,11 +17,16 @@ from streamer.commands.output import print_json, print_note, print_result
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    import numpy as np
+    from numpy.typing import NDArray
+
     from configs.calibration import Calibration
     from configs.robot import Robot
     from drivers.bus.driver import BusDriver
     from drivers.bus.tools import BusTools
     from drivers.interface import RobotState
+
+    Float = NDArray[np.float64]
 
 ProtocolName = Literal["dynamixel2", "feetech", "lx16a"]
 
@@ -29,6 +34,11 @@ PortOption = Annotated[str, typer.Option("--port", "-p", help="Port of the servo
 ProtocolOption = Annotated[ProtocolName, typer.Option("--protocol", help="What the servos speak.")]
 BaudOption = Annotated[int, typer.Option("--baud", "-b", help="Bit rate of the bus.")]
 IdArgument = Annotated[int, typer.Argument(min=0, max=252, help="Id of the servo.")]
+
+_SAMPLES = 125
+"""Reads of the IMU that a direction of gravity is the mean of."""
+_STILL = 0.2
+"""A torso that turns faster than this is not held still [rad/s]."""
 
 servo = typer.Typer(no_args_is_help=True)
 
@@ -179,11 +189,78 @@ def calibrate(
         print_result(f"stored: {file}")
 
 
+@servo.command("calibrate-imu")
+def calibrate_imu(
+    port: PortOption,
+    robot: Annotated[str, typer.Option("--robot", "-r", help="Robot folder; the calibration is stored in it.")],
+    imu_port: Annotated[
+        str | None,
+        typer.Option("--imu-port", help="Port of an IMU with one of its own; the robot file's if not given."),
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Tell the program how the IMU sits in the torso: you show it two attitudes, it reads gravity.
+
+    First the torso stands upright, then it leans forward, by 15 degrees or more and about its own left-right axis only,
+    held still both times. Torque stays as it is. The result lies beside the robot file and wins over it.
+
+    [bold]Examples[/bold]
+
+      flexmotion servo calibrate-imu --port /dev/ttyUSB0 --robot ./my_robot
+    """
+    from datetime import UTC, datetime
+
+    from scipy.spatial.transform import Rotation
+
+    from configs.calibration import CalibratedImu, Calibration, read_calibration, write_calibration
+    from configs.errors import ConfigError
+    from configs.robot import load_robot
+    from drivers.imu.mounting import mounting
+
+    chosen = load_robot(robot)
+    imu = chosen.config.imu
+    if imu is None or imu.driver is None:
+        raise ConfigError(f"{chosen.file}: field imu.driver: there is no IMU to calibrate")
+    with _looking(chosen, port, imu_port) as driver:
+        upright = _specific_force(driver, "bring the torso upright and hold it still")
+        leaning = _specific_force(driver, "lean it forward and hold it still")
+    sits = mounting(Rotation.from_quat(imu.quaternion, scalar_first=True), upright, leaning)
+    w, x, y, z = (round(float(part), 6) for part in sits.as_quat(canonical=True, scalar_first=True))
+    known = read_calibration(chosen.folder) or Calibration(date="")
+    measured = CalibratedImu(quaternion=(w, x, y, z), driver=imu.driver)
+    date = datetime.now(UTC).isoformat(timespec="seconds")
+    file = write_calibration(chosen.folder, known.model_copy(update={"imu": measured, "date": date}))
+    if as_json:
+        print_json(measured.model_dump())
+    else:
+        print_result(f"the IMU's frame in the torso, w x y z: {w:g} {x:g} {y:g} {z:g}; stored: {file}")
+
+
+def _specific_force(driver: BusDriver, what: str) -> Float:
+    """Mean over a second at rest, (3,) [m/s²]. Raises `DriverError` where the IMU is silent, or turned."""
+    import numpy as np
+
+    from drivers.interface import RobotState
+
+    typer.prompt(f"{what}, then Enter", default="", show_default=False, err=True)
+    state, forces = RobotState(driver.robot.n), []
+    for _ in range(_SAMPLES):
+        time.sleep(1.0 / driver.robot.rate_hz)
+        driver.read(state)
+        if state.imu_stale == 0:
+            forces.append(state.accel.copy())
+            if float(np.linalg.norm(state.gyro)) > _STILL:
+                raise DriverError(f"IMU: turns at {float(np.linalg.norm(state.gyro)):.2f} rad/s: hold it still")
+    if len(forces) < _SAMPLES // 2:
+        raise DriverError("IMU: does not answer")
+    return np.mean(forces, axis=0)
+
+
 def _measure_zeros(robot: Robot, port: str, names: list[str]) -> Calibration | None:
     """Zeros as a person shows them, over the ones known; None where the person ends it."""
     from datetime import UTC, datetime
 
-    from configs.calibration import CalibratedJoint, Calibration
+    from configs.calibration import CalibratedJoint, Calibration, read_calibration
     from drivers.interface import RobotState
 
     zeros = {joint.name: joint.zero for joint in robot.joints}
@@ -211,7 +288,9 @@ def _measure_zeros(robot: Robot, port: str, names: list[str]) -> Calibration | N
         joint.name: CalibratedJoint(zero=round(zeros[joint.name], 6), servo=joint.servo, id=joint.id)
         for joint in robot.joints
     }
-    return Calibration(date=datetime.now(UTC).isoformat(timespec="seconds"), joints=joints)
+    known = read_calibration(robot.folder)
+    imu = None if known is None else known.imu
+    return Calibration(date=datetime.now(UTC).isoformat(timespec="seconds"), joints=joints, imu=imu)
 
 
 @contextmanager
@@ -235,12 +314,12 @@ def _tools(protocol: ProtocolName) -> type[BusTools]:
 
 
 @contextmanager
-def _looking(robot: Robot, port: str) -> Iterator[BusDriver]:
+def _looking(robot: Robot, port: str, imu_port: str | None = None) -> Iterator[BusDriver]:
     """An open driver that leaves torque as it is."""
     from drivers.bus.finder import bus_driver_of
     from drivers.bus.options import BusOptions
 
-    driver = bus_driver_of(robot)(robot, options=BusOptions(port=port))
+    driver = bus_driver_of(robot)(robot, options=BusOptions(port=port, imu_port=imu_port))
     driver.open()
     try:
         yield driver

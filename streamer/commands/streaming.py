@@ -26,8 +26,8 @@ from streamer.record import RunRecord
 from streamer.recorder import Recorder
 from streamer.replan_noise import NoisySource
 from streamer.report import Report, RunInfo, build_report
-from streamer.session import Session, count_human_steps
-from streamer.sources import ClipSource
+from streamer.session import Session, count_human_steps, human_motion
+from streamer.sources import Performance
 from streamer.summary import render
 from streamer.telemetry import Event
 from streamer.viewer.service import Viewer
@@ -40,7 +40,7 @@ class RunRequest:
     """A run as asked for.
 
     Attributes:
-        motion: what to follow, at most `seconds` [s] of it.
+        source: what to follow, to its end.
         stay, realtime: as of `streamer.session.Session`.
         replan_noise_m: error of every redrawn window at 1 s lookahead [m] (see `streamer.replan_noise`).
         driver_options: fields of the driver's `Options`, without the seed.
@@ -50,9 +50,8 @@ class RunRequest:
 
     robot: str
     driver: str
-    motion: Motion
+    source: Performance
     settings: StreamSettings
-    seconds: float | None = None
     seed: int = 0
     clock: Clock = "lockstep"
     feedback: bool = True
@@ -66,10 +65,14 @@ class RunRequest:
 
 @dataclass(frozen=True)
 class Outcome:
-    """A finished run."""
+    """A finished run.
+
+    Attributes:
+        motion: what the human did; None where it is not known.
+    """
 
     robot: Robot
-    motion: Motion
+    motion: Motion | None
     figures: RobotFigures
     record: RunRecord
     report: Report
@@ -84,23 +87,21 @@ def stream(request: RunRequest, signals: OperatorSignals | None = None) -> Outco
         DriverError: the driver failed.
     """
     robot = load_robot(request.robot)
-    source = ClipSource(request.motion)
-    seconds = min(request.seconds or source.seconds, source.seconds)
-    played = source.cut(seconds)
+    source, seconds = request.source, request.source.seconds
     options = dict(request.driver_options)
     seeded = {"seed": request.seed} if request.driver == "sim" else {}
     driver = create(request.driver, robot, **options, **seeded)
-    title = f"{robot.name} follows {request.motion.source}"
+    title = f"{robot.name} follows {source.name}"
     with progress_bar(title) as progress:
 
         def show(source_s: float) -> None:
-            if math.isfinite(source_s):
+            if seconds is not None and math.isfinite(source_s):
                 progress(min(max(source_s / seconds, 0.0), 1.0))
 
         session = Session(
             robot,
             driver,
-            NoisySource(played, request.replan_noise_m, request.seed) if request.replan_noise_m else played,
+            NoisySource(source, request.replan_noise_m, request.seed) if request.replan_noise_m else source,
             request.settings,
             None if request.stay else seconds,
             feedback=request.feedback,
@@ -124,12 +125,14 @@ def stream(request: RunRequest, signals: OperatorSignals | None = None) -> Outco
             if logged is not None:
                 print_note(f"log: {logged}")
         elapsed = time.perf_counter() - begin
-    record.human_steps = count_human_steps(played.motion, session.planner.retargeter)
-    figures = RobotFigures.of(robot, request.motion.body.leg)
+    motion = human_motion(source, record)
+    if motion is not None:
+        record.human_steps = count_human_steps(motion, session.planner.retargeter)
+    figures = RobotFigures.of(robot, source.body.leg)
     info = RunInfo(
         robot=robot.name,
         driver=request.driver,
-        source=request.motion.source,
+        source=source.name,
         seed=request.seed,
         clock=request.clock,
         options=options | _unusual(request),
@@ -139,8 +142,8 @@ def stream(request: RunRequest, signals: OperatorSignals | None = None) -> Outco
         underruns_allowed=request.settings.budgets.underruns,
         log=logged,
     )
-    report = build_report(record, info, figures, human=HumanTrack.of(played.motion))
-    return Outcome(robot, played.motion, figures, record, report, signals is not None and signals.interrupted)
+    report = build_report(record, info, figures, human=None if motion is None else HumanTrack.of(motion))
+    return Outcome(robot, motion, figures, record, report, signals is not None and signals.interrupted)
 
 
 def _tell(states: bool, event: Event) -> None:
@@ -165,7 +168,7 @@ def _recorder(request: RunRequest, session: Session, robot: Robot) -> Recorder:
         driver_options=request.driver_options,
         seed=request.seed,
         clock=request.clock,
-        source=request.motion.source,
+        source=request.source.name,
     )
 
 

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from configs.errors import ConfigError
 from configs.robot import Robot, load_robot
 from flexmotion.motion import Motion
 from retarget.retargeter import Retargeter
 from streamer.log.reader import Log
-from streamer.log.source import human_motion
+from streamer.log.source import MODEL
 from streamer.metrics import HumanTrack, RobotFigures
 from streamer.record import RunRecord
 from streamer.report import Report, RunInfo, build_report
-from streamer.session import count_human_steps
+from streamer.session import count_human_steps, human_motion
 
 
 @dataclass(frozen=True)
@@ -33,7 +34,7 @@ class Subject:
     def of(cls, log: Log) -> Subject:
         """Read from the log and the robot's files. Raises `ConfigError`, `MotionFormatError`."""
         robot = load_robot(log.header.robot)
-        motion = human_motion(log.source()) if log.files else None
+        motion = _human(log)
         figures = RobotFigures.of(robot, None if motion is None else motion.body.leg)
         steps = 0 if motion is None else count_human_steps(motion, Retargeter(robot, log.header.settings))
         return cls(robot, motion, figures, steps)
@@ -55,3 +56,17 @@ class Subject:
         )
         human = None if self.motion is None else HumanTrack.of(self.motion)
         return build_report(record, info, self.figures, human=human)
+
+
+def _human(log: Log) -> Motion | None:
+    """What the human did, where the log tells."""
+    if not log.files:
+        return None
+    try:
+        source = log.source()
+    except ConfigError:
+        # A model is too large for a log and may not be on this machine; the rest of the log can be read all the same.
+        if log.header.source_parts.get("kind") != MODEL:
+            raise
+        return None
+    return human_motion(source, log.record())

@@ -91,6 +91,14 @@ TARGET_SCHEMA = {
     "properties": {
         "id": {"type": "integer", "description": "number of the target, from 1"},
         "stamp_ns": {"type": "integer", "description": "perf_counter at which it arrived [ns]"},
+        "clip": {"type": "string", "description": "follow the clip of this name"},
+        "text": {"type": "string", "description": "do what it says"},
+        "velocity": {
+            "type": "array",
+            "items": {"type": "number"},
+            "description": "forward, left [m/s], turning [rad/s]",
+        },
+        "stop": {"type": "boolean", "description": "come to a stop"},
     },
     "required": ["id", "stamp_ns"],
     "additionalProperties": True,

@@ -11,6 +11,7 @@ import numpy as np
 from configs.errors import ConfigError
 from drivers.registry import create
 from streamer.controls import Request
+from streamer.intents import from_content
 from streamer.log.judged import Subject
 from streamer.log.reader import Log
 from streamer.record import RunRecord
@@ -126,7 +127,7 @@ def _run(log: Log, subject: Subject, progress: Callable[[float], None] | None) -
     def operate() -> Request | None:
         tick = 0 if session.loop is None else session.loop.tick_count
         while targets and targets[0][0] <= tick:
-            session.targets.send(targets.pop(0)[1]["clip"])
+            session.targets.send(from_content(targets.pop(0)[1]))
         if progress is not None:
             progress(min(tick / end, 1.0))
         return requests.pop(0)[1] if requests and requests[0][0] <= tick else None

@@ -8,14 +8,22 @@ from pathlib import Path
 from typing import Any
 
 from configs.errors import ConfigError
+from flexmotion.bundles.bundle import Bundle
+from flexmotion.bundles.shipped import shipped_bundle
 from flexmotion.motion import Motion
 from flexmotion.motion_file import load_motion, save_motion
+from flexmotion.sampler import Sampler
 from streamer.clip_library import ClipLibrary
+from streamer.intents import from_content, to_content
+from streamer.model_source import ModelSource
 from streamer.replan_noise import NoisySource
+from streamer.script import Item
 from streamer.sources import ClipSource, Source
 
 Parts = dict[str, Any]
 
+MODEL = "model"
+"""Kind of a source that samples from a bundle, which the log names but does not hold."""
 _FOLDER = "source"
 
 
@@ -31,6 +39,8 @@ def pack(source: Source) -> tuple[Parts, dict[str, bytes]]:
     if isinstance(source, NoisySource):
         parts, packed = pack(source.source)
         return {"kind": "noise", "size_m": source.size_m, "seed": source.seed, "of": parts}, packed
+    if isinstance(source, ModelSource):
+        return _pack_model(source), {}
     return {"kind": type(source).__name__}, {}
 
 
@@ -52,16 +62,35 @@ def unpack(parts: Parts, files: Mapping[str, bytes], origin: Path) -> Source:
             return ClipLibrary(clips, parts["first"])
         if kind == "noise":
             return NoisySource(unpack(parts["of"], files, origin), parts["size_m"], parts["seed"])
+        if kind == MODEL:
+            return _unpack_model(parts, origin)
     except (KeyError, TypeError) as error:
         raise ConfigError(f"{origin}: source {kind}: the log lacks {error}") from error
-    raise ConfigError(f"{origin}: a source of kind {kind!r} is not kept in a log, only clips are")
+    raise ConfigError(f"{origin}: a source of kind {kind!r} is not kept in a log, only clips and models are")
 
 
-def human_motion(source: Source) -> Motion | None:
-    """The one motion that a source follows; None where it follows several."""
-    if isinstance(source, NoisySource):
-        return human_motion(source.source)
-    return source.motion if isinstance(source, ClipSource) else None
+def _pack_model(source: ModelSource) -> Parts:
+    bundle = source.sampler.bundle
+    return {
+        "kind": MODEL,
+        "name": source.name,
+        "bundle": None if bundle.folder == shipped_bundle() else str(bundle.folder.resolve()),
+        "hash": bundle.hash,
+        "items": [{"at": item.at, **to_content(item.intent)} for item in source.items],
+        "seed": source.seed,
+        "seconds": source.seconds,
+    }
+
+
+def _unpack_model(parts: Parts, origin: Path) -> ModelSource:
+    folder = shipped_bundle() if parts["bundle"] is None else Path(parts["bundle"])
+    if folder is None:
+        raise ConfigError(f"{origin}: source {parts['name']}: sampled from a bundle that this version comes without")
+    bundle = Bundle(folder)
+    if bundle.hash != parts["hash"]:
+        raise ConfigError(f"{origin}: source {parts['name']}: {folder} is not the bundle of the run (hash)")
+    items = [Item(content["at"], from_content(content)) for content in parts["items"]]
+    return ModelSource(Sampler(bundle), items, parts["name"], parts["seed"], parts["seconds"])
 
 
 def _pack_motion(motion: Motion) -> bytes:

@@ -9,6 +9,7 @@ import numpy as np
 from rich.console import Group, RenderableType
 from rich.table import Table
 
+from streamer.intents import WORDS
 from streamer.ladder import State
 from streamer.log.reader import Log
 from streamer.log.replay import Replay
@@ -112,12 +113,17 @@ def render_log(content: dict[str, Any]) -> RenderableType:
         topics.add_row(name, str(topic["messages"]), topic["schema"], topic["encoding"], f"{topic['bytes'] / 1e6:.2f}")
     told = _table("at", "kind", "what")
     lines = [(e["at_s"], e["kind"], e["message"]) for e in content["events"]]
-    lines += [(t["at_s"], "target", str(t.get("clip", t["id"]))) for t in content["targets"] if t["at_s"] is not None]
+    lines += [(t["at_s"], "target", _asked(t)) for t in content["targets"] if t["at_s"] is not None]
     for at, kind, message in sorted(lines)[:_EVENTS_SHOWN]:
         told.add_row(f"{at:.2f} s", kind, message)
     if len(lines) > _EVENTS_SHOWN:
         told.add_row("…", "", f"{len(lines) - _EVENTS_SHOWN} more, in --json")
     return Group(about, "", topics, "", told)
+
+
+def _asked(target: dict[str, Any]) -> str:
+    """What a target asks for, in its own words."""
+    return ", ".join(f"{word} {target[word]}" for word in WORDS if word in target)
 
 
 def describe_replay(log: Log, result: Replay) -> dict[str, Any]:

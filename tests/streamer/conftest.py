@@ -15,6 +15,7 @@ from streamer.ladder import State
 from streamer.metrics import HumanTrack, RobotFigures
 from streamer.plots import write_plots
 from streamer.record import RunRecord
+from streamer.sources import ClipSource
 from streamer.telemetry import Event
 from streamer.tick_row import REPAIRS, blank, tick_dtype
 
@@ -136,8 +137,8 @@ def human() -> HumanTrack:
 @pytest.fixture(scope="session")
 def outcome() -> Outcome:
     """A real run of the shipped motion's first moments on the simulated OP3; treat as read-only."""
-    motion = choose_motion()
-    return stream(RunRequest(robot="op3", driver="sim", motion=motion, settings=load_stream(), seconds=1.5))
+    source = ClipSource(choose_motion()).cut(1.5)
+    return stream(RunRequest(robot="op3", driver="sim", source=source, settings=load_stream()))
 
 
 @pytest.fixture(scope="session")

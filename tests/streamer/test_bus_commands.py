@@ -7,13 +7,18 @@ import shutil
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from configs.robot import ROBOTS, load_robot
+from drivers.emulator.body import BenchBody
+from drivers.emulator.build import build_emulator
 from streamer.bus_check import check_buses
 from streamer.cli import execute
 
@@ -93,6 +98,36 @@ def test_a_joint_is_calibrated_by_hand(
     robot = load_robot(folder)
     ankle = robot.index("l_ank_pitch")
     assert robot.zero[ankle] == pytest.approx(load_robot("op3").stand_pose[ankle], abs=0.002)
+
+
+def test_an_imu_is_calibrated_from_two_attitudes(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = Path(shutil.copytree(ROBOTS / "op3", tmp_path / "op3"))
+    sits, up = Rotation.from_euler("zy", [90, 20], degrees=True), np.array([0.0, 0.0, 9.81])
+    emulator = build_emulator(BenchBody(load_robot(folder)))
+    attitudes = iter([0.0, 40.0])
+
+    def show(what: str, **_: object) -> str:
+        """Somebody brings the torso there; the robot file does not know yet how the sensor sits in it."""
+        torso = Rotation.from_euler("y", next(attitudes), degrees=True)
+        emulator.body.accel[:] = sits.inv().apply(torso.inv().apply(up))
+        return ""
+
+    monkeypatch.setattr("typer.prompt", show)
+    thread = threading.Thread(target=emulator.run, daemon=True)
+    thread.start()
+    try:
+        port = emulator.lines[0].terminal.path
+        assert execute(["servo", "calibrate-imu", "--port", port, "--robot", str(folder), "--json"]) == 0
+    finally:
+        emulator.stop()
+        thread.join()
+        emulator.close()
+    assert json.loads(capsys.readouterr().out)["driver"] == "opencr"
+    imu = load_robot(folder).config.imu
+    assert imu is not None
+    assert (Rotation.from_quat(imu.quaternion, scalar_first=True) * sits.inv()).magnitude() < 0.005
 
 
 def test_an_unknown_fault_is_bad_usage(capfd: pytest.CaptureFixture[str]) -> None:

@@ -58,7 +58,9 @@ BAD_USAGE = {
     "kind of clip": (["dry-run", "--clip", "dance.mp4"], "dance.mp4: unknown kind of motion file, expected .bvh"),
     "missing script": (["dry-run", "--script", "none.yaml"], "none.yaml: cannot be read"),
     "two sources": (["dry-run", "--clip", "a.bvh", "--script", "b"], "--clip and --script exclude each other"),
-    "prompt": (["dry-run", "--prompt", "wave"], "--prompt needs a model bundle"),
+    "no bundle": (["dry-run", "--prompt", "wave", "--bundle", "none"], "none/manifest.json: no bundle there"),
+    "bundle for a clip": (["dry-run", "--clip", "a.npz", "--bundle", "none"], "a.npz: cannot be read"),
+    "bundle to switch clips": (["check", "latency", "-c", "a", "--bundle", "b"], "--bundle: clips need no model"),
     "perturbation": (["dry-run", "--perturb", "wind=3"], "field wind: unknown field, expected one of: seed, timestep"),
     "no value": (["dry-run", "--perturb", "friction"], "expected KEY=VALUE, found 'friction'"),
     "wrong value": (["dry-run", "--perturb", "friction=ice"], "field friction: Input should be a valid number"),
@@ -270,3 +272,15 @@ def test_a_reader_that_leaves_causes_no_traceback() -> None:
     assert b"Traceback" not in process.stderr.read()
     process.stderr.close()
     process.wait()
+
+
+def test_a_version_without_a_model_says_so(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("flexmotion.bundles.shipped.FOLDER", tmp_path)
+    script = tmp_path / "talk.yaml"
+    script.write_text("- {at: 0, text: wave}\n")
+    for arguments, asker in ((["--prompt", "wave"], "--prompt"), (["--script", str(script)], "talk.yaml")):
+        assert run("dry-run", *arguments) == 2
+        error = capsys.readouterr().err
+        assert f"{asker} needs a model bundle" in error and "give --bundle DIR" in error and error.count("\n") == 1

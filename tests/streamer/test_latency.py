@@ -14,7 +14,7 @@ from configs.robot import load_robot
 from configs.stream import load_stream
 from drivers.registry import create
 from streamer.cli import execute
-from streamer.latency import HISTOGRAM_US, LatencyResult, measure
+from streamer.latency import HISTOGRAM_US, LatencyResult, measure, shipped_clips, switched
 from streamer.latency_text import render_latency
 from streamer.plots import write_latency
 
@@ -25,7 +25,10 @@ PNG = b"\x89PNG\r\n\x1a\n"
 def result() -> LatencyResult:
     """Six switches on this machine, under whatever else it does, without realtime scheduling."""
     op3 = load_robot("op3")
-    return measure(op3, create("sim", op3), load_stream(), seconds=60.0, switches=6, realtime=False, load=1)
+    source, intents = switched(shipped_clips())
+    return measure(
+        op3, create("sim", op3), load_stream(), source, intents, seconds=60.0, switches=6, realtime=False, load=1
+    )
 
 
 def test_every_switch_is_followed_and_every_stage_is_measured(result: LatencyResult) -> None:

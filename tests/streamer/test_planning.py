@@ -12,6 +12,7 @@ from configs.stream import load_stream
 from flexmotion.default_clip import default_clip
 from retarget.retargeter import Retargeter
 from streamer.clip_library import ClipLibrary
+from streamer.intents import Clip
 from streamer.ladder import State
 from streamer.lead import FixedLead, Kind, MeasuredLead
 from streamer.plan_buffer import PlanBuffer, Ticket
@@ -103,7 +104,7 @@ def test_a_refused_plan_is_made_again_at_once(bench: Bench) -> None:
 
 def test_a_new_target_gets_a_short_plan_at_once_and_the_whole_one_after_it(bench: Bench) -> None:
     bench.first()
-    target = bench.targets.send("walk")
+    target = bench.targets.send(Clip("walk"))
     assert bench.planning.step(106)
     ticket = bench.newest()
     assert (ticket.target, ticket.target_ns, ticket.partial) == (target.id, target.stamp_ns, True)
@@ -122,7 +123,7 @@ def test_a_target_does_not_wait_for_a_plan_that_waits(bench: Bench) -> None:
     bench.loop_says(130, state=State.STREAMING, plan=1)
     assert bench.planning.step(131)  # joins at 136
     bench.loop_says(131, state=State.STREAMING, plan=1, pending=2)
-    bench.targets.send("walk")
+    bench.targets.send(Clip("walk"))
     assert bench.planning.step(132)  # would join at 137: the plan that waits plays by then
     assert bench.newest().resumed == 2
     offer = bench.plans.newest(0)
@@ -132,7 +133,7 @@ def test_a_target_does_not_wait_for_a_plan_that_waits(bench: Bench) -> None:
     other.loop_says(130, state=State.STREAMING, plan=1)
     assert other.planning.step(140)  # joins at 145
     other.loop_says(131, state=State.STREAMING, plan=1, pending=2)
-    other.targets.send("walk")
+    other.targets.send(Clip("walk"))
     assert other.planning.step(132)  # joins at 137, before the one that waits
     assert other.newest().resumed == 1
 
@@ -157,7 +158,7 @@ def test_what_is_being_made_gives_way_to_a_stop_and_to_a_target(bench: Bench, mo
         if interrupted:
             return plan(*arguments, checkpoint=checkpoint, **how)  # type: ignore[arg-type]
         interrupted.append("by a target")
-        bench.targets.send("walk")
+        bench.targets.send(Clip("walk"))
         with pytest.raises(Superseded):
             checkpoint()
         raise Superseded
@@ -172,7 +173,7 @@ def test_what_is_being_made_gives_way_to_a_stop_and_to_a_target(bench: Bench, mo
 def test_an_effect_is_two_degrees_away_from_what_would_have_been_sent(bench: Bench) -> None:
     bench.first()
     bench.loop_says(200, state=State.STREAMING, plan=1)
-    bench.targets.send("bow")
+    bench.targets.send(Clip("bow"))
     assert bench.planning.step(201)
     offer = bench.plans.newest(1)
     assert offer is not None
@@ -204,7 +205,7 @@ def test_however_many_plans_are_refused_the_next_is_made(bench: Bench) -> None:
         bench.loop_says(tick, state=State.STREAMING, plan=1)
         assert bench.planning.step(tick + 1)
         assert bench.newest().resumed == 1
-    bench.targets.send("walk")
+    bench.targets.send(Clip("walk"))
     bench.loop_says(170, state=State.STREAMING, plan=1, pending=bench.plans.newest_id)
     assert bench.planning.step(171)
 
@@ -213,12 +214,12 @@ def test_a_target_that_cannot_be_followed_is_told_and_the_rest_goes_on(bench: Be
     told: list[str] = []
     bench.planning.tell = told.append
     bench.first()
-    bench.targets.send("fly")
+    bench.targets.send(Clip("fly"))
     assert not bench.planning.step(107)
     assert told == ["target: unknown clip 'fly', expected one of: bow, walk, wave"]
     bench.loop_says(140, state=State.STREAMING, plan=1)
     assert bench.planning.step(141) and bench.newest().target == 0
-    bench.targets.send("walk")
+    bench.targets.send(Clip("walk"))
     bench.loop_says(150, state=State.STREAMING, plan=2)
     assert bench.planning.step(151) and bench.newest().target == 2
 

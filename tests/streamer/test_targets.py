@@ -9,10 +9,11 @@ import pytest
 
 from configs.errors import ConfigError
 from flexmotion.default_clip import default_clip
-from streamer.clip_library import ClipLibrary, LiveSource
+from streamer.clip_library import ClipLibrary
 from streamer.controls import Controls, Request
+from streamer.intents import Clip, Intent, Stop, Text, Velocity
 from streamer.metrics import heading
-from streamer.sources import ClipSource
+from streamer.sources import ClipSource, LiveSource
 from streamer.targets import NO_TARGET, TargetMailbox, arrived
 
 
@@ -21,15 +22,16 @@ def test_the_newest_target_counts_and_the_log_sees_all() -> None:
     reader = mailbox.reader()
     assert mailbox.newest() is NO_TARGET
     before = time.perf_counter_ns()
-    sent = [mailbox.send(name) for name in ("wave", "gehen – schnell", "wave")]
-    assert mailbox.newest() == sent[-1] and sent[-1].id == 3
+    asked = (Clip("wave"), Text("gehen – schnell"), Velocity(0.5, -0.1, 1.0), Stop(), Clip("wave"))
+    sent = [mailbox.send(intent) for intent in asked]
+    assert mailbox.newest() == sent[-1] and sent[-1].id == 5
     assert before <= sent[0].stamp_ns <= sent[-1].stamp_ns <= time.perf_counter_ns()
     assert arrived(reader) == sent and arrived(reader) == []
 
 
 def test_a_name_that_is_too_long_is_refused() -> None:
-    with pytest.raises(ConfigError, match="at most 240"):
-        TargetMailbox().send("x" * 241)
+    with pytest.raises(ConfigError, match="text: 241 bytes, expected at most 240"):
+        TargetMailbox().send(Text("x" * 241))
 
 
 def test_requests_are_heard_in_order_with_their_reasons() -> None:
@@ -59,7 +61,7 @@ def test_another_clip_begins_where_the_human_is_and_faces_where_it_faces() -> No
     before = source.window(40, 20)
     assert before is not None
     here = default_clip()[300:301]
-    source.turn_to(mailbox.send("walk"), 50, here)
+    source.turn_to(mailbox.send(Clip("walk")), 50, here)
     after = source.window(50, 200)
     assert after is not None and len(after) == 105
     np.testing.assert_allclose(after.root_position[0, :2], here.root_position[0, :2], atol=1e-12)
@@ -69,7 +71,7 @@ def test_another_clip_begins_where_the_human_is_and_faces_where_it_faces() -> No
 
 def test_a_clip_after_one_that_is_over_goes_on_from_its_last_frame() -> None:
     source, mailbox = library(), TargetMailbox()
-    source.turn_to(mailbox.send("walk"), 500, None)
+    source.turn_to(mailbox.send(Clip("walk")), 500, None)
     after = source.window(500, 10)
     last = default_clip()[119:120]
     assert after is not None
@@ -78,6 +80,12 @@ def test_a_clip_after_one_that_is_over_goes_on_from_its_last_frame() -> None:
 
 def test_an_unknown_clip_is_refused_with_what_there_is() -> None:
     with pytest.raises(ConfigError, match="unknown clip 'fly', expected one of: walk, wave"):
-        library().turn_to(TargetMailbox().send("fly"), 0, None)
+        library().turn_to(TargetMailbox().send(Clip("fly")), 0, None)
     with pytest.raises(ConfigError, match="unknown clip 'fly'"):
         ClipLibrary({"wave": default_clip()}, "fly")
+
+
+@pytest.mark.parametrize("intent", [Text("wave"), Velocity(0.5, 0.0, 0.0), Stop()])
+def test_a_library_refuses_what_only_a_model_can_follow(intent: Intent) -> None:
+    with pytest.raises(ConfigError, match="cannot be followed, only clips are played here"):
+        library().turn_to(TargetMailbox().send(intent), 0, None)

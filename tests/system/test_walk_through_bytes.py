@@ -64,7 +64,7 @@ def robot() -> Robot:
 
 def through(robot: Robot, driver: Driver, body: SimBody | None = None) -> Run:
     settings = load_stream(None)
-    motion = choose_motion(clip=None, script=None, prompt=None, mapping=None, blend_frames=settings.blend_frames)
+    motion = choose_motion()
     session = Session(robot, driver, ClipSource(motion), settings, SECONDS)
     return Run(session.run("lockstep"), driver, body)
 

@@ -16,6 +16,7 @@ from flexmotion.default_clip import default_clip
 from streamer.clip_library import ClipLibrary
 from streamer.commands.recording import record_to
 from streamer.controls import Request
+from streamer.intents import Clip
 from streamer.recorder import Recorder
 from streamer.session import Session
 from streamer.sources import ClipSource, Source
@@ -62,7 +63,7 @@ def logged(logged_session: Callable[..., Logged], tmp_path_factory: pytest.TempP
         assert session.loop is not None
         tick = session.loop.tick_count
         if tick == TARGET_TICK:
-            session.targets.send("wave")
+            session.targets.send(Clip("wave"))
         return Request.END if tick == END_TICK else None
 
     session.request = operate

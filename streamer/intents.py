@@ -1,0 +1,102 @@
+"""Intents: what a human, and the robot after it, is asked to do; the words that scripts, targets and logs share."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from configs.errors import ConfigError
+
+FASTEST = (3.0, 1.5, 3.0)
+"""Greatest velocity that may be asked for, either way: a run forward, a quick sidestep, half a turn a second
+[m/s, m/s, rad/s]."""
+
+
+@dataclass(frozen=True)
+class Clip:
+    """Follow a clip: its name in a library, or its file in a script."""
+
+    name: str
+
+
+@dataclass(frozen=True)
+class Text:
+    """Do what the words say."""
+
+    text: str
+
+
+@dataclass(frozen=True)
+class Velocity:
+    """Move at a velocity as seen from where the human faces: forward, left [m/s], turning left [rad/s]."""
+
+    forward: float
+    left: float
+    turning: float
+
+
+@dataclass(frozen=True)
+class Stop:
+    """Come to a balanced stop."""
+
+
+Intent = Clip | Text | Velocity | Stop
+
+WORDS: dict[str, type[Intent]] = {"clip": Clip, "text": Text, "velocity": Velocity, "stop": Stop}
+
+
+def word_of(intent: Intent) -> str:
+    """The word that stands for a kind of intent."""
+    return next(word for word, kind in WORDS.items() if isinstance(intent, kind))
+
+
+def to_content(intent: Intent) -> dict[str, Any]:
+    """As scripts and logs hold it: its word and what goes with it."""
+    match intent:
+        case Clip(name):
+            value: Any = name
+        case Text(text):
+            value = text
+        case Velocity(forward, left, turning):
+            value = [forward, left, turning]
+        case Stop():
+            value = True
+    return {word_of(intent): value}
+
+
+def from_content(content: Mapping[str, Any]) -> Intent:
+    """The intent in a mapping that has exactly one of `WORDS`; other keys do not matter.
+
+    Raises:
+        ConfigError: there is none or more than one, or its value is not what the word takes.
+    """
+    found = [word for word in WORDS if word in content]
+    if len(found) != 1:
+        raise ConfigError(f"expected exactly one of: {', '.join(WORDS)}; found {' and '.join(found) or 'none'}")
+    (word,) = found
+    value = content[word]
+    if word == "velocity":
+        return _velocity(value)
+    if word == "stop":
+        if value is not True:
+            raise ConfigError(f"stop: expected true, found {value!r}")
+        return Stop()
+    if not isinstance(value, str) or not value.strip():
+        expected = "a file or a name" if word == "clip" else "words that say what to do"
+        raise ConfigError(f"{word}: expected {expected}, found {value!r}")
+    return Clip(value) if word == "clip" else Text(value)
+
+
+def _velocity(value: Any) -> Velocity:
+    expected = "velocity: expected [forward m/s, left m/s, turning rad/s]"
+    if not isinstance(value, list | tuple) or len(value) != len(FASTEST):
+        raise ConfigError(f"{expected}, found {value!r}")
+    for number, fastest in zip(value, FASTEST, strict=True):
+        if isinstance(number, bool) or not isinstance(number, int | float) or not math.isfinite(number):
+            raise ConfigError(f"{expected}, found {value!r}")
+        if abs(number) > fastest:
+            limits = ", ".join(f"±{limit:g}" for limit in FASTEST)
+            raise ConfigError(f"{expected} within [{limits}], found {value!r}")
+    return Velocity(*(float(number) for number in value))

@@ -1,0 +1,160 @@
+"""`ModelSource`: human motion sampled live from a model, window after window, as a script or targets ask for it."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+
+import numpy as np
+
+from configs.errors import ConfigError
+from flexmotion.concatenate import concatenate
+from flexmotion.motion import Motion
+from flexmotion.sampler import Condition, Sampler
+from streamer.intents import Intent, Stop, Text, Velocity, word_of
+from streamer.script import Item
+from streamer.targets import Target
+
+_KEPT_S = 2.0
+"""Motion this much older than what is asked for is forgotten: a plan that was given up may have looked further [s]."""
+
+
+class ModelSource:
+    """Samples each window from its own motion as history, and keeps it: what was said once is said again.
+
+    A new plan sees the frames that the last one saw, and more at their end; only a target draws anew, from where it
+    arrives. What is sampled depends on the frame at which a window begins, on what is asked for there, on what was
+    before and on the seed: never on the clock.
+
+    Args:
+        sampler: of the model.
+        items: what to do from when on, as of `streamer.script.load_script`, without clips.
+        name: what the report calls it.
+        seed: of all noise.
+        seconds: how long it lasts [s]; None: until a stop.
+
+    Raises:
+        ConfigError: the model cannot follow an item.
+    """
+
+    def __init__(
+        self, sampler: Sampler, items: Sequence[Item], name: str, seed: int = 0, seconds: float | None = None
+    ) -> None:
+        self.sampler, self.items, self.name, self.seed = sampler, tuple(items), name, seed
+        self.fps, self.body = sampler.fps, sampler.body
+        self._length_s = seconds
+        self._end = None if seconds is None else int(np.floor(seconds * self.fps)) + 1
+        self._asked: list[tuple[int, Intent]] = []
+        for item in self.items:
+            self._require(item.intent)
+            self._asked.append((round(item.at * self.fps), item.intent))
+        # What is spoken: frames from `_first` on; before frame 0 it stands.
+        self._spoken = sampler.standing()
+        self._first = -len(self._spoken)
+
+    @property
+    def seconds(self) -> float | None:
+        """See `streamer.sources.Performance.seconds`: to its end, or to the script's stop."""
+        stops = [item.at for item in self.items if isinstance(item.intent, Stop)]
+        return min([*stops, *([] if self._length_s is None else [self._length_s])], default=None)
+
+    def cut(self, seconds: float) -> ModelSource:
+        """See `streamer.sources.Performance.cut`."""
+        return ModelSource(self.sampler, self.items, self.name, self.seed, seconds)
+
+    def human(self) -> Motion:
+        """See `streamer.sources.Performance.human`. Raises `ValueError` where there is no end."""
+        if self.seconds is None:
+            raise ValueError(f"{self.name}: has no end")
+        again = self.cut(self.seconds)
+        end, step = again._until(sys.maxsize), self.sampler.future
+        return concatenate([again._say(first, min(first + step, end)) for first in range(0, end, step)])
+
+    def window(self, first_frame: int, frames: int) -> Motion | None:
+        """See `streamer.sources.Source.window`. Raises `LookupError` where the frames are forgotten."""
+        last = self._until(first_frame + frames)
+        if last - first_frame < 2:
+            return None
+        if first_frame > self._next + self.sampler.future:
+            # Nobody has asked for so long that the robot has come to a stop, and so has the human.
+            self._rest(first_frame)
+        return self._say(first_frame, last)
+
+    def turn_to(self, target: Target, frame: int, played: Motion | None) -> None:
+        """See `streamer.sources.LiveSource.turn_to`; nothing remains of the script from `frame` on."""
+        self._require(target.intent)
+        if played is None:
+            self._rest(frame + 1)
+        else:
+            begin = frame + 1 - len(played)
+            before = self._frames(self._first, begin) if self._first < begin <= self._next else played[:0]
+            self._spoken, self._first = concatenate([before, played]), begin - len(before)
+        self._asked = [(frame + 1, target.intent)]
+
+    @property
+    def _next(self) -> int:
+        """The first frame that is not spoken yet."""
+        return self._first + len(self._spoken)
+
+    def _until(self, frame: int) -> int:
+        """`frame`, or where it is over before."""
+        stops = [at for at, intent in self._asked if isinstance(intent, Stop)]
+        return min([frame, *stops, *([] if self._end is None else [self._end])])
+
+    def _say(self, first: int, last: int) -> Motion:
+        """Frames from `first` to before `last`, sampled as far as they are not yet."""
+        while self._next < last:
+            self._speak()
+        frames = self._frames(first, last)
+        self._forget(first - int(_KEPT_S * self.fps))
+        return frames
+
+    def _frames(self, first: int, last: int) -> Motion:
+        """What is spoken already."""
+        if first < self._first:
+            raise LookupError(f"{self.name}: frame {first} is forgotten, the oldest is {self._first}")
+        return self._spoken[first - self._first : last - self._first]
+
+    def _speak(self) -> None:
+        """Sample on, up to where something else is asked for."""
+        begin = self._next
+        intent = next((intent for at, intent in reversed(self._asked) if at <= begin), None)
+        change = min((at for at, _ in self._asked if at > begin), default=begin + self.sampler.future)
+        # Numbered by frame, noise is the same however often plans are drawn; frames before 0 are never sampled.
+        window = self.sampler.sample(self._spoken, _condition(intent), (self.seed << 32) + begin)
+        self._spoken = concatenate([self._spoken, window[: change - begin]])
+
+    def _rest(self, before: int) -> None:
+        """From the place of the last frame spoken before `before`, stand until then."""
+        known = self._spoken[: max(before - self._first, 1)]
+        self._spoken = self.sampler.standing(after=known)
+        self._first = before - len(self._spoken)
+
+    def _forget(self, before: int) -> None:
+        """Drop frames before that one, but none that the next window is sampled from."""
+        drop = min(before - self._first, len(self._spoken) - self.sampler.remembers)
+        if drop > 0:
+            self._spoken, self._first = self._spoken[drop:], self._first + drop
+            current = max((at for at, _ in self._asked if at <= self._first), default=self._first)
+            self._asked = [(at, intent) for at, intent in self._asked if at >= current]
+
+    def _require(self, intent: Intent) -> None:
+        """What the model cannot follow is refused; words are read now, which takes time and warns."""
+        match intent:
+            case Text(text):
+                self.sampler.prompt(text)
+            case Velocity() if not self.sampler.follows_velocity:
+                raise ConfigError(f"velocity: model {self.sampler.name} was trained without, expected: text, stop")
+            case Velocity() | Stop():
+                return
+            case _:
+                raise ConfigError(f"target: a model cannot follow {word_of(intent)}, expected: text, velocity, stop")
+
+
+def _condition(intent: Intent | None) -> Condition:
+    match intent:
+        case Text(text):
+            return Condition(text)
+        case Velocity(forward, left, turning):
+            return Condition(velocity=(forward, left, turning))
+    return Condition()

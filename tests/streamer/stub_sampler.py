@@ -1,0 +1,74 @@
+"""A model of a human that any machine has: glides where it is asked to, as its words or a velocity say."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from flexmotion.body import Body
+from flexmotion.motion import Motion
+from flexmotion.sampler import Condition
+from flexmotion.skeleton import JOINTS
+from streamer.metrics import heading
+
+NOISE_M = 1e-3
+SPEEDS = {"walk forward": (1.0, 0.0), "turn left": (0.0, 1.0)}
+"""Forward [m/s] and turning [rad/s]."""
+
+
+@dataclass(frozen=True)
+class Asked:
+    """One window as it was asked for."""
+
+    begin: Motion
+    condition: Condition
+    seed: int
+
+
+class StubSampler:
+    """Has of `flexmotion.sampler.Sampler` what a source needs; the pelvis' height tells the noise."""
+
+    def __init__(self, follows_velocity: bool = True) -> None:
+        self.fps, self.history, self.future, self.remembers = 30.0, 8, 32, 10
+        self.name, self.follows_velocity, self.body = "stub", follows_velocity, Body()
+        self.asked: list[Asked] = []
+        self.read: list[str] = []
+
+    def standing(self, after: Motion | None = None) -> Motion:
+        place, yaw = np.zeros(2), 0.0
+        if after is not None:
+            place, yaw = after.root_position[-1, :2], float(heading(after.root_quaternion)[-1])
+        return self._motion(np.broadcast_to(place, (self.history, 2)), np.full(self.history, yaw), 0.0)
+
+    def sample(self, history: Motion, condition: Condition, seed: int) -> Motion:
+        assert len(history) >= min(self.remembers, self.history)
+        self.asked.append(Asked(history[-self.remembers :], condition, seed))
+        if condition.velocity is not None:
+            speed, turning = condition.velocity[0], condition.velocity[2]
+        else:
+            speed, turning = SPEEDS.get(condition.text or "", (0.0, 0.0))
+        t = np.arange(1, self.future + 1) / self.fps
+        yaw = heading(history.root_quaternion)[-1] + turning * t
+        step = speed / self.fps * np.stack([np.cos(yaw), np.sin(yaw)], axis=1)
+        return self._motion(history.root_position[-1, :2] + np.cumsum(step, axis=0), yaw, self._noise(seed))
+
+    def prompt(self, text: str) -> Any:
+        self.read.append(text)
+
+    def _noise(self, seed: int) -> float:
+        return NOISE_M * float(np.random.default_rng(seed).uniform())
+
+    def _motion(self, place: np.ndarray, yaw: np.ndarray, noise: float) -> Motion:
+        frames, weight = len(yaw), self.body.mass * 9.81
+        wrenches = np.zeros((frames, 2, 6))
+        wrenches[:, :, 2] = weight / 2
+        standing = Motion(
+            fps=self.fps,
+            root_position=np.column_stack([place, np.full(frames, self.body.standing_height + noise)]),
+            root_quaternion=np.column_stack([np.cos(yaw / 2), np.zeros(frames), np.zeros(frames), np.sin(yaw / 2)]),
+            joints=np.zeros((frames, len(JOINTS))),
+            body=self.body,
+        )
+        return replace(standing, wrenches=wrenches, source="model:stub")
