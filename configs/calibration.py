@@ -1,4 +1,4 @@
-"""A robot's calibration: where its servos' zeros really are. It lies beside the robot file and wins over it."""
+"""A robot's calibration: where its servos' zeros are and how its IMU sits. It lies beside the robot file and wins."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 import yaml
 
 from configs.errors import ConfigError
-from configs.robot_file import JointConfig
+from configs.robot_file import Imu, JointConfig, Quaternion
 from configs.schema import Strict, load
 
 FILE = "calibration.yaml"
@@ -21,11 +21,19 @@ class CalibratedJoint(Strict):
     id: int
 
 
+class CalibratedImu(Strict):
+    """The IMU's frame in the body that carries it, w x y z, for the driver that read it."""
+
+    quaternion: Quaternion
+    driver: str
+
+
 class Calibration(Strict):
-    """What was measured, and when (ISO 8601)."""
+    """What was measured, and when it was last (ISO 8601)."""
 
     date: str
-    joints: dict[str, CalibratedJoint]
+    joints: dict[str, CalibratedJoint] = {}
+    imu: CalibratedImu | None = None
 
 
 def read_calibration(folder: Path) -> Calibration | None:
@@ -64,3 +72,17 @@ def calibrated(joints: list[JointConfig], folder: Path) -> tuple[JointConfig, ..
             )
         known[name] = joint.model_copy(update={"zero": measured.zero})
     return tuple(known.values())
+
+
+def calibrated_imu(imu: Imu | None, folder: Path) -> Imu | None:
+    """A robot file's IMU, mounted as calibrated. Raises `ConfigError` where another one was calibrated."""
+    calibration = read_calibration(folder)
+    if calibration is None or calibration.imu is None:
+        return imu
+    if imu is None or imu.driver != calibration.imu.driver:
+        found = "none" if imu is None else repr(imu.driver)
+        raise ConfigError(
+            f"{folder / FILE}: field imu: was calibrated with driver {calibration.imu.driver!r}, the robot file has "
+            f"{found}: calibrate again, or take it out"
+        )
+    return imu.model_copy(update={"quaternion": calibration.imu.quaternion})

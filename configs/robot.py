@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from configs.calibration import calibrated
+from configs.calibration import calibrated, calibrated_imu
 from configs.errors import ConfigError
 from configs.robot_file import Gait, JointConfig, Mapping, RobotFile
 from configs.schema import load
@@ -52,7 +52,7 @@ class Robot:
 
     Attributes:
         file, folder: the YAML file and where it lies.
-        config: the file's content.
+        config: the file's content, its IMU mounted as calibrated.
         name, rate_hz, gait, mapping, safety: parts of it.
         joints: joint configurations, calibrated; `joint_names` their names; `servos` their servos; `n` how many.
         lower, upper: limits [rad].
@@ -75,7 +75,8 @@ class Robot:
     def __init__(self, file: Path) -> None:
         """Load and check `file`. Raises `ConfigError` naming file, field and what would be valid."""
         self.file, self.folder = file, file.parent
-        self.config = load(RobotFile, file)
+        written = load(RobotFile, file)
+        self.config = written.model_copy(update={"imu": calibrated_imu(written.imu, self.folder)})
         self.name, self.rate_hz = self.config.name, self.config.rate_hz
         self.gait: Gait = self.config.gait
         self.mapping: Mapping = self.config.mapping

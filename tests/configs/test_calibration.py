@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from configs.calibration import CalibratedJoint, Calibration, read_calibration, write_calibration
+from configs.calibration import CalibratedImu, CalibratedJoint, Calibration, read_calibration, write_calibration
 from configs.errors import ConfigError
 from configs.robot import ROBOTS, load_robot
 
@@ -41,4 +41,14 @@ def test_a_robot_is_loaded_with_its_calibration(folder: Path) -> None:
 def test_a_calibration_of_another_robot_is_refused(folder: Path, wrong: Calibration, says: str) -> None:
     write_calibration(folder, wrong)
     with pytest.raises(ConfigError, match=says):
+        load_robot(folder)
+
+
+def test_an_imu_is_mounted_as_calibrated_and_another_is_refused(folder: Path) -> None:
+    sits = CalibratedImu(quaternion=(0.0, 1.0, 0.0, 0.0), driver="opencr")
+    write_calibration(folder, calibration().model_copy(update={"imu": sits}))
+    imu = load_robot(folder).config.imu
+    assert imu is not None and imu.quaternion == (0.0, 1.0, 0.0, 0.0)
+    write_calibration(folder, calibration().model_copy(update={"imu": sits.model_copy(update={"driver": "witmotion"})}))
+    with pytest.raises(ConfigError, match="calibrated with driver 'witmotion', the robot file has 'opencr': calibrate"):
         load_robot(folder)
