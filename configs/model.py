@@ -55,9 +55,15 @@ class Transformer(Strict):
 
 
 class AutoencoderConfig(Strict):
-    """Encoder and decoder around a latent vector of `latent` numbers."""
+    """Encoder and decoder around a latent vector of `latent` numbers.
+
+    Attributes:
+        shortcut: the principal components of windows beside each network, which learns what they leave. For short
+            windows; their size is that of a window times that of the latent.
+    """
 
     latent: int = Field(gt=0)
+    shortcut: bool = False
     encoder: Transformer
     decoder: Transformer
 
@@ -103,7 +109,11 @@ class DiffusionConfig(Strict):
         drop_text, drop_velocity, drop_history: share of samples that do without, for guidance and where there is none.
         history_noise: spread of the noise on the history, of normalised features.
         decoded: weight of the error of the decoded motion beside that of the latent.
+        decoded_every: every how manieth sample of a batch is decoded (that costs as much as the denoising).
         roll_out: share of samples whose history is the model's own sample of the window before, once fully grown.
+        roll_out_steps: DDIM steps of that sample.
+        switched: share of samples that go over from the motion of one clip to that of another, as after a new target.
+        switch_frames: frames that this takes.
         roll_out_from, roll_out_grown: steps of training at which roll-outs begin and are fully grown.
         guidance: default scale of classifier-free guidance.
         sampling_steps: default number of DDIM steps.
@@ -118,7 +128,11 @@ class DiffusionConfig(Strict):
     drop_history: float = Field(default=0.0, ge=0, le=1)
     history_noise: float = Field(default=0.0, ge=0)
     decoded: float = Field(default=0.0, ge=0)
+    decoded_every: int = Field(default=1, gt=0)
     roll_out: float = Field(default=0.0, ge=0, le=1)
+    roll_out_steps: int = Field(default=1, gt=0)
+    switched: float = Field(default=0.0, ge=0, le=1)
+    switch_frames: int = Field(default=16, gt=0)
     roll_out_from: int = Field(default=0, ge=0)
     roll_out_grown: int = Field(default=1, ge=1)
     guidance: float = Field(default=2.5, gt=0)

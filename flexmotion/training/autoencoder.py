@@ -7,6 +7,7 @@ from torch import Tensor, nn
 
 from configs.model import AutoencoderConfig, Window
 from flexmotion.features.layout import Layout
+from flexmotion.training.principal_components import Components, kinematic_columns, straight_columns
 from flexmotion.training.transformer import Stack, parameter
 
 QUIET = -5.0
@@ -60,6 +61,7 @@ class Autoencoder(nn.Module):
     """
 
     known: Tensor
+    columns: Tensor
 
     def __init__(self, config: AutoencoderConfig, window: Window, layout: Layout) -> None:
         super().__init__()
@@ -85,12 +87,35 @@ class Autoencoder(nn.Module):
         for columns in layout.kinematic.values():
             known[columns] = 1.0
         self.register_buffer("known", known, persistent=False)
+        self.register_buffer("columns", kinematic_columns(layout), persistent=False)
+        self.read_straight: nn.Linear | None = None
+        self.write_straight: nn.Linear | None = None
+        if config.shortcut:
+            # Not trained: a step of Adam that suits a network moves a sum over 5,000 inputs much too far.
+            width = window.future * len(straight_columns(layout))
+            self.read_straight = nn.Linear(window.future * len(self.columns), config.latent).requires_grad_(False)
+            self.write_straight = nn.Linear(config.latent, width).requires_grad_(False)
+
+    def begin_with(self, components: Components) -> None:
+        """Let the linear maps be the principal components, and the networks beside them add nothing at first."""
+        assert self.read_straight is not None and self.write_straight is not None
+        with torch.no_grad():
+            self.read_straight.weight.copy_(components.read)
+            self.read_straight.bias.copy_(components.read_bias)
+            self.write_straight.weight.copy_(components.write)
+            self.write_straight.bias.copy_(components.write_bias)
+            self.distribution.weight.zero_()
+            for value in self.write.parameters():
+                value.zero_()
 
     def encode(self, history: Tensor, future: Tensor) -> tuple[Tensor, Tensor]:
         """Mean and logarithm of the variance of the latent, (N, latent) each, of normalised features."""
         tokens = self.read(torch.cat([history, future], dim=1)) + self.encoder_place
         tokens = torch.cat([self.summary.expand(len(tokens), -1, -1), tokens], dim=1)
         mean, spread = self.distribution(self.encoder(tokens)[:, 0]).chunk(2, dim=-1)
+        if self.read_straight is not None:
+            ahead = future - self.known * history[:, -1:] if self.recall is not None else future
+            mean = mean + self.read_straight(ahead[..., self.columns].flatten(1))
         return mean, spread.clamp(-12.0, 4.0)
 
     def decode(self, history: Tensor, latent: Tensor) -> Tensor:
@@ -102,6 +127,9 @@ class Autoencoder(nn.Module):
             parts.insert(1, self.recall(history))
         tokens = self.decoder(torch.cat(parts, dim=1) + self.decoder_place)
         frames: Tensor = self.write(tokens[:, 1 + self.past :])
+        if self.write_straight is not None:
+            straight = self.write_straight(latent).unflatten(1, (frames.shape[1], -1))
+            frames = frames + nn.functional.pad(straight, (0, frames.shape[2] - straight.shape[2]))
         return frames if self.persistence is None else frames + self.persistence * self.known * history[:, -1:]
 
     def forward(self, history: Tensor, future: Tensor, noise: Tensor) -> tuple[Tensor, Tensor, Tensor]:

@@ -12,6 +12,7 @@ from flexmotion.training.feature_store import FeatureStore
 from flexmotion.training.kinematics import points, pose, segments
 from flexmotion.training.losses import Reconstruction, divergence, weighted
 from flexmotion.training.muscle_torques import MuscleTorques
+from flexmotion.training.principal_components import principal_components
 from flexmotion.training.processes import Processes
 from flexmotion.training.windows import Windows, WindowSet
 
@@ -46,6 +47,11 @@ class AutoencoderTask:
         held_out = WindowSet(store, config.window, "validation")
         self._held_out = held_out.draw((seed, 1), VALIDATION).to(processes.device)
         self._humans = self.training.humans.to(processes.device)
+        if config.autoencoder.shortcut:
+            known = self.network.known.cpu()
+            self.network.begin_with(
+                principal_components(self.training, store.layout, config.losses, config.autoencoder.latent, known, seed)
+            )
 
     def losses(self, step: int) -> tuple[Tensor, dict[str, Tensor]]:
         """See `stage.Task`."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import reduce
 
 import numpy as np
 import torch
@@ -155,12 +156,7 @@ class DiffusionTask:
         """See `stage.Task`."""
         diffusion, key = self.config.diffusion, (self.seed, 23, step, self.processes.rank)
         batch, device = self.config.stages.diffusion.batch, self.processes.device
-        share = self._roll_out_share(step)
-        windows = self.training.draw((*key, 0), batch, following=share > 0).to(device)
-        windows = self._disturbed(windows, (*key, 1))
-        count = int(round(share * batch))
-        if count:
-            windows = self._rolled_out(windows, count, (*key, 2))
+        windows = self.windows(key, batch, self._roll_out_share(step))
         conditions = self.training.describe(windows, (*key, 3))
         latent = self.normalised(self.training.encode(windows.history, windows.future))
         time = (uniform((*key, 4), (batch,)) * diffusion.steps).long().to(device)
@@ -172,9 +168,29 @@ class DiffusionTask:
         terms = {"latent": (clean - latent).square().mean()}
         total = terms["latent"]
         if diffusion.decoded:
-            terms["decoded"] = self._decoded(windows, clean)
+            step = diffusion.decoded_every
+            terms["decoded"] = self._decoded(windows.every(step), clean[::step])
             total = total + diffusion.decoded * terms["decoded"]
         return total, terms
+
+    def windows(self, key: tuple[int, ...], size: int, roll_out: float) -> Windows:
+        """What is trained on: windows of clips, such that go over to another clip, such that follow the model's own.
+
+        Args:
+            key: seed.
+            size: how many.
+            roll_out: share of the last kind.
+        """
+        diffusion = self.config.diffusion
+        rolled = int(round(roll_out * size))
+        switched = int(round(diffusion.switched * size)) if self.config.window.history else 0
+        parts = [self._drawn((*key, 0), size - rolled - switched)]
+        if switched:
+            others = self._drawn((*key, 2), switched)
+            parts.append(self._drawn((*key, 1), switched).going_over_to(others, diffusion.switch_frames))
+        if rolled:
+            parts.append(self._rolled_out(rolled, (*key, 6)))
+        return reduce(Windows.with_others, parts)
 
     def denoise(self, noisy: Tensor, time: Tensor, history: Tensor, conditions: Conditions) -> Tensor:
         """Clean latents, normalised."""
@@ -200,7 +216,13 @@ class DiffusionTask:
         diffusion = self.config.diffusion
         grown = max(diffusion.roll_out_grown - diffusion.roll_out_from, 1)
         share = (step - diffusion.roll_out_from) / grown
-        return diffusion.roll_out * min(max(share, 0.0), 1.0) if self.config.window.history else 0.0
+        possible = bool(self.config.window.history) and self.training.windows.goes_on
+        return diffusion.roll_out * min(max(share, 0.0), 1.0) if possible else 0.0
+
+    def _drawn(self, key: tuple[int, ...], size: int, *, following: bool = False) -> Windows:
+        """Windows of clips, their histories disturbed."""
+        windows = self.training.draw((*key, 0), size, following=following).to(self.processes.device)
+        return self._disturbed(windows, (*key, 1))
 
     def _disturbed(self, windows: Windows, seed: tuple[int, ...]) -> Windows:
         """Histories with an error that is the same in all their frames, and a smaller one that is not."""
@@ -212,17 +234,20 @@ class DiffusionTask:
         varying = normal((*seed, 1), (samples, frames, features)).to(windows.history.device)
         return windows.with_history(windows.history + spread * (constant + 0.3 * varying))
 
-    def _rolled_out(self, windows: Windows, count: int, seed: tuple[int, ...]) -> Windows:
-        """The first `count` windows move on by one, with a history that the model has made itself."""
-        assert windows.following is not None
-        some = windows.first_of(count)
-        conditions = self.training.describe(some, (*seed, 0))
-        noise = normal((*seed, 1), (count, self.autoencoder.latent)).to(windows.history.device)
-        time = torch.full((count,), self.config.diffusion.steps - 1, device=noise.device)
+    def _rolled_out(self, count: int, seed: tuple[int, ...]) -> Windows:
+        """Windows whose history the model has made itself, from the true history before it."""
+        diffusion, device = self.config.diffusion, self.processes.device
+        windows = self._drawn((*seed, 0), count, following=True)
+        conditions = self.training.describe(windows, (*seed, 2))
+        noisy = normal((*seed, 3), (count, self.autoencoder.latent)).to(device)
+        times = torch.linspace(diffusion.steps - 1, 0, diffusion.roll_out_steps + 1).round().long().tolist()[:-1]
         with torch.no_grad():
-            made = self.decode(some.history, self.denoise(noise, time, some.history, conditions))
-        past = self.config.window.history
-        return windows.replaced(made[:, -past:], windows.following[:count])
+            for now, earlier in zip(times, [*times[1:], -1], strict=True):
+                time, to = (torch.full((count,), at, device=device) for at in (now, earlier))
+                clean = self.denoise(noisy, time, windows.history, conditions)
+                noisy = self.noise.step(noisy, clean, time, to)
+            made = self.decode(windows.history, noisy)
+        return windows.moved_on(made[:, -self.config.window.history :])
 
     def validate(self) -> dict[str, float]:
         """Losses at all times of the schedule."""

@@ -55,18 +55,44 @@ class Windows:
         cut = self._each(lambda tensor: tensor[:count])
         return Windows(clip=self.clip[:count], first=self.first[:count], **cut)
 
+    def every(self, step: int) -> Windows:
+        """Every `step`-th of them."""
+        return Windows(clip=self.clip[::step], first=self.first[::step], **self._each(lambda tensor: tensor[::step]))
+
     def with_history(self, history: Tensor) -> Windows:
         """The same futures after other histories."""
         return replace(self, history=history)
 
-    def replaced(self, history: Tensor, future: Tensor) -> Windows:
-        """The first windows replaced by others, (n, H, F) and (n, W, F); of those no frame is held or unexplained."""
-        count = len(history)
+    def moved_on(self, history: Tensor) -> Windows:
+        """The windows after them, after another history, (N, H, F).
+
+        Raises:
+            ValueError: they were not drawn with what follows.
+        """
+        if self.following is None:
+            raise ValueError("expected windows that were drawn with what follows them")
+        first = self.first + self.future.shape[1]
+        return replace(self, history=history, future=self.following, following=None, first=first)
+
+    def going_over_to(self, others: Windows, frames: int) -> Windows:
+        """The clips of `others`, after these histories, whose motion gives way to theirs over `frames` frames."""
+        share = ((torch.arange(self.future.shape[1], device=self.future.device) + 1) / (frames + 1)).clamp(max=1.0)
+        share = (share.square() * (3.0 - 2.0 * share))[:, None]
         return replace(
-            self,
-            history=torch.cat([history, self.history[count:]]),
-            future=torch.cat([future, self.future[count:]]),
+            others,
+            history=self.history,
+            future=self.future + share * (others.future - self.future),
+            mask=self.mask & others.mask,
         )
+
+    def with_others(self, others: Windows) -> Windows:
+        """These, then others, both without what follows."""
+        both = {
+            name: torch.cat([getattr(self, name), getattr(others, name)])
+            for name in ("history", "future", "mask", "branches", "good")
+        }
+        clip, first = np.concatenate([self.clip, others.clip]), np.concatenate([self.first, others.first])
+        return Windows(clip=clip, first=first, following=None, **both)
 
     def _each(self, function: Callable[[Tensor], Tensor]) -> dict[str, Any]:
         names = ("history", "future", "following", "mask", "branches", "good")
@@ -108,8 +134,12 @@ class WindowSet:
         share: Counter[str] = Counter()
         for name, count in zip(kinds, self._count, strict=True):
             share[name] += int(count)
-        weights = self._count / np.sqrt([share[name] for name in kinds])
-        self._weights = weights / weights.sum()
+        self._rarity = 1.0 / np.sqrt([share[name] for name in kinds])
+
+    @property
+    def goes_on(self) -> bool:
+        """Whether any clip has two windows in a row."""
+        return bool((self._count > self.window.future).any())
 
     @cached_property
     def humans(self) -> HumanTensors:
@@ -122,11 +152,18 @@ class WindowSet:
         Args:
             seed: of what is drawn.
             size: how many.
-            following: with the windows after them, where the clips go on; clips that do not are held at their end.
+            following: with the windows after them, of clips that go on for so long.
+
+        Raises:
+            MotionFormatError: no clip goes on for so long.
         """
+        count = np.maximum(self._count - self.window.future, 0) if following else self._count
+        weights = count * self._rarity
+        if not weights.any():
+            raise MotionFormatError(f"{self.store.folder}: no clip of split {self.split!r} has two windows in a row")
         rng = np.random.default_rng(seed)
-        chosen = rng.choice(len(self.clips), size, p=self._weights)
-        offset = rng.integers(0, self._count[chosen])
+        chosen = rng.choice(len(self.clips), size, p=weights / weights.sum())
+        offset = rng.integers(0, count[chosen])
         return self.at(chosen, offset, following=following)
 
     def at(self, chosen: np.ndarray, offset: np.ndarray, *, following: bool = False) -> Windows:

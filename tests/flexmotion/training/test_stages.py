@@ -95,7 +95,42 @@ def test_losses_fall(trained: Run, tmp_path: Path) -> None:
     before = task.validate()["loss"]
     stage = trained.config.stages.autoencoder.model_copy(update={"steps": 60, "learning_rate": 3e-3})
     done = train_stage(task, stage, tmp_path / "autoencoder", fingerprint="")
-    assert done.figures["loss"] < 0.8 * before
+    assert done.figures["loss"] < 0.9 * before
+
+
+def test_an_untrained_autoencoder_is_the_principal_components(trained: Run) -> None:
+    """Went wrong: in 2,000 steps the networks alone learnt less than linear maps give for nothing."""
+    alone = trained.config.autoencoder.model_copy(update={"shortcut": False})
+    with_components, without = (
+        AutoencoderTask(
+            trained.config.model_copy(update={"autoencoder": config}), trained.store(), trained.seed, Processes()
+        ).validate()
+        for config in (trained.config.autoencoder, alone)
+    )
+    for block in ("root", "rotations", "positions"):
+        assert with_components[block] < 0.5 * without[block]
+
+
+def test_windows_that_go_over_to_another_clip(trained: Run) -> None:
+    windows = WindowSet(trained.store(), trained.config.window, "train")
+    before, after = windows.draw((1,), 6), windows.draw((2,), 6)
+    both = before.going_over_to(after, 8)
+    torch.testing.assert_close(both.future[:, 8:], after.future[:, 8:])
+    assert (both.future[:, 0] - before.future[:, 0]).norm() < 0.1 * (after.future[:, 0] - before.future[:, 0]).norm()
+    assert torch.equal(both.history, before.history) and np.array_equal(both.clip, after.clip)
+
+
+def test_windows_with_what_follows_lie_within_their_clips(trained: Run) -> None:
+    """Went wrong: what followed a clip's last window was its last pose, and the model learnt to freeze."""
+    windows = WindowSet(trained.store(), trained.config.window, "train")
+    drawn = windows.draw((4,), 64, following=True)
+    for row in range(64):
+        clip = trained.store().clips[drawn.clip[row]]
+        assert drawn.first[row] + 2 * trained.config.window.future <= clip.frames
+    moved = drawn.moved_on(drawn.history)
+    assert drawn.following is not None and torch.equal(moved.future, drawn.following)
+    with pytest.raises(ValueError, match="what follows"):
+        moved.moved_on(drawn.history)
 
 
 def test_a_killed_training_goes_on_bit_for_bit(trained: Run, tmp_path: Path) -> None:
@@ -221,9 +256,9 @@ def test_evaluation(judged: Run, bundle: Bundle, monkeypatch: pytest.MonkeyPatch
         judge.measure(generator) for generator in (judge.real, judge.sampled(Sampler(bundle)), judge.motionless)
     )
     assert set(real) == set(model) and {"fid", "contact_force", "jerk_join", "skate_ratio"} <= set(real)
-    assert real["fid"] == pytest.approx(0.0, abs=1e-3)
-    assert still["fid"] > real["fid"]
-    assert still["multimodality"] == pytest.approx(0.0, abs=1e-6)
+    assert still["fid"].mean > real["fid"].mean > 0.0 and real["fid"].half_width > 0.0
+    assert still["multimodality"].mean == pytest.approx(0.0, abs=1e-6)
+    assert model["jerk_join"].half_width > 0.0
     assert judge.nearest()(0, 0).shape == judge.real(0, 0).shape
 
 

@@ -1,0 +1,94 @@
+"""Principal components of windows: the fixed linear part of the autoencoder."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from configs.model import LossWeights
+from flexmotion.features.layout import ACTIVATIONS, KINEMATIC, Layout
+from flexmotion.training.windows import WindowSet
+
+WINDOWS, WINDOWS_EACH = 8192, 64
+"""So many windows of the training split are looked at, or so many for each component where that is less."""
+
+CHUNK = 512
+
+ITERATIONS = 4
+"""Of the randomised decomposition (Halko et al., SIAM Review 53(2), 2011; `torch.svd_lowrank`)."""
+
+
+@dataclass(frozen=True)
+class Components:
+    """Linear maps between a window's difference from the last known frame and L uncorrelated numbers of unit spread.
+
+    Attributes:
+        read, read_bias: from the kinematic blocks, (L, W * K) and (L,).
+        write, write_bias: to all features but the muscle activations, (W * G, L) and (W * G,).
+    """
+
+    read: Tensor
+    read_bias: Tensor
+    write: Tensor
+    write_bias: Tensor
+
+
+def kinematic_columns(layout: Layout) -> Tensor:
+    """Columns of the blocks that a latent is read from, (K,)."""
+    blocks = layout.kinematic
+    return torch.cat([torch.arange(blocks[name].start, blocks[name].stop) for name in KINEMATIC])
+
+
+def straight_columns(layout: Layout) -> Tensor:
+    """Columns that are written from a latent, (G,): all but the muscle activations, which are many and not linear."""
+    blocks = layout.blocks
+    return torch.cat([torch.arange(blocks[name].start, blocks[name].stop) for name in blocks if name != ACTIVATIONS])
+
+
+def principal_components(
+    windows: WindowSet, layout: Layout, weights: LossWeights, latent: int, known: Tensor, seed: int
+) -> Components:
+    """The components that lose least of the kinematic blocks by the weights of the loss.
+
+    Torques and forces are written from them by linear regression.
+
+    Args:
+        windows: of the training split.
+        layout: of their features.
+        weights: of the blocks; a block counts as a whole, however many columns it has.
+        latent: L, how many components.
+        known: 1 for features that are decoded as differences from the last known frame, else 0, (F,).
+        seed: of the windows that are looked at.
+    """
+    columns, straight = kinematic_columns(layout), straight_columns(layout)
+    scale = torch.cat(
+        [torch.full((cut.stop - cut.start,), (weights.blocks.get(name, 0.0) / (cut.stop - cut.start)) ** 0.5)
+         for name, cut in layout.kinematic.items()]
+    )  # fmt: skip
+
+    def differences(number: int) -> Tensor:
+        drawn = windows.draw((seed, 3, number), CHUNK)
+        last = drawn.history[:, -1:] if drawn.history.shape[1] else torch.zeros(1)
+        return drawn.future - known * last
+
+    chunks = range(min(WINDOWS, WINDOWS_EACH * latent) // CHUNK)
+    seen = torch.cat([(differences(number)[..., columns] * scale).flatten(1) for number in chunks])
+    mean = seen.mean(dim=0)
+    seen -= mean
+    torch.manual_seed(seed)
+    left, spread, right = torch.svd_lowrank(seen, q=min(latent, *seen.shape), niter=ITERATIONS)
+    numbers = left * len(seen) ** 0.5  # of unit spread
+    weight = right / spread * len(seen) ** 0.5
+    total, product = torch.zeros(()), torch.zeros(())
+    for number in chunks:
+        frames = differences(number)[..., straight].flatten(1)
+        total = total + frames.sum(dim=0)
+        product = product + frames.T @ numbers[number * CHUNK : (number + 1) * CHUNK]
+    read = torch.zeros(latent, seen.shape[1])
+    write = torch.zeros(len(total), latent)
+    count = numbers.shape[1]
+    read[:count] = (weight * scale.repeat(windows.window.future)[:, None]).T
+    write[:, :count] = product / len(seen)
+    return Components(read, -(mean @ weight @ torch.eye(count, latent)), write, total / len(seen))
