@@ -10,13 +10,16 @@ from numpy.typing import NDArray
 from flexmotion.motion import Motion
 
 Float = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 
 
 def take_over(old: Motion, old_first: int, new: Motion, first: int, frames: int) -> Motion:
     """`new`, blended in from `old`: its first two frames are the old ones, `frames` later it is all new.
 
     Between the first two frames lies the moment at which motion changes hands, so pose and speed are continuous there.
-    Forces, activations and contacts of two motions do not mix; they are dropped where anything is blended.
+    Forces, torques and activations that both have are mixed as their poses are: as far as the two agree that is what the
+    mixed motion takes. Moments of wrenches about different points are no more than near. A foot is in contact as in the
+    motion that has the greater weight.
 
     Args:
         old_first, first: index of either motion's first frame on their common clock.
@@ -36,18 +39,33 @@ def take_over(old: Motion, old_first: int, new: Motion, first: int, frames: int)
         root_position=_mixed(before.root_position, new.root_position, weight),
         root_quaternion=nlerp(before.root_quaternion, new.root_quaternion, weight),
         joints=_mixed(before.joints, new.joints, weight),
-        torques=None,
-        wrenches=None,
-        activations=None,
-        contacts=None,
+        torques=_both(before.torques, new.torques, weight),
+        wrenches=_both(before.wrenches, new.wrenches, weight),
+        activations=_both(before.activations, new.activations, weight),
+        contacts=_nearer(before.contacts, new.contacts, weight),
     )
 
 
 def _mixed(old: Float, new: Float, weight: Float) -> Float:
-    """Linear mix of (K, n) into the first K rows of (T, n)."""
+    """Linear mix of (K, ...) into the first K rows of (T, ...)."""
     mixed = new.copy()
-    mixed[: len(weight)] += (1.0 - weight)[:, None] * (old - new[: len(weight)])
+    share = (1.0 - weight).reshape(-1, *[1] * (new.ndim - 1))
+    mixed[: len(weight)] += share * (old - new[: len(weight)])
     return mixed
+
+
+def _both(old: Float | None, new: Float | None, weight: Float) -> Float | None:
+    """`_mixed` of what both have."""
+    return None if old is None or new is None else _mixed(old, new, weight)
+
+
+def _nearer(old: Flags | None, new: Flags | None, weight: Float) -> Flags | None:
+    """Flags (K, 2) into the first K rows of (T, 2) where they have the greater weight."""
+    if old is None or new is None:
+        return None
+    taken = new.copy()
+    taken[: len(weight)] = np.where((weight < 0.5)[:, None], old, new[: len(weight)])
+    return taken
 
 
 def nlerp(old: Float, new: Float, weight: Float) -> Float:

@@ -1,4 +1,4 @@
-"""Which foot carries load, frame by frame, from kinematics alone; causal, so that it can run on a stream."""
+"""Which foot carries load, frame by frame, from kinematics or forces; causal, so that it can run on a stream."""
 
 from __future__ import annotations
 
@@ -33,6 +33,9 @@ class ContactDetector:
     floor: recorded floors drift from place to place, and a fitted sole is never quite flat. It follows the point while
     it touches, so a foot that is merely held still in the air does not become a step.
 
+    Where ground forces are known they decide instead: a foot is loaded once it bears a share of the body's weight, until
+    it bears less than a smaller one, again after a while. The points go on being watched, for when forces end.
+
     Speeds are backward differences: a frame's result depends on nothing after it, and cutting a stream into chunks in
     whatever way changes nothing.
 
@@ -41,7 +44,8 @@ class ContactDetector:
         slow, fast: speeds at which it begins and ends [m/s].
         still: speed below which a touching point moves the floor [m/s].
         floor_time: time constant of the floor [s].
-        load_time, lift_time: for how long the points must say so before a foot counts as loaded, as lifted [s].
+        bears, relieved: shares of the body's weight at which a foot begins and ceases to be loaded.
+        load_time, lift_time: for how long that must be so before a foot counts as loaded, as lifted [s].
     """
 
     low: float = 0.04
@@ -50,6 +54,8 @@ class ContactDetector:
     fast: float = 0.9
     still: float = 0.3
     floor_time: float = 0.3
+    bears: float = 0.15
+    relieved: float = 0.07
     load_time: float = 0.05
     lift_time: float = 0.05
 
@@ -59,13 +65,16 @@ class ContactDetector:
         state[FLOOR] = floor
         return state
 
-    def detect(self, human: HumanKinematics, fps: float, state: Float | None = None) -> tuple[NDArray[np.bool_], Float]:
+    def detect(
+        self, human: HumanKinematics, fps: float, state: Float | None = None, force: Float | None = None
+    ) -> tuple[NDArray[np.bool_], Float]:
         """Load flags of a chunk of frames and the state after each of them.
 
         Args:
             human: kinematics of the chunk, T frames.
             fps: frames per second.
             state: that of the frame before the chunk, (25,); None begins over a floor at z = 0.
+            force: vertical ground force on each foot over the body's weight, (T, 2); None where it is not known.
 
         Returns:
             Flags of left and right foot, (T, 2), and states, (T, 25).
@@ -75,12 +84,12 @@ class ContactDetector:
         flags = np.empty((len(human), 2), np.bool_)
         states = np.empty((len(human), STATE_SIZE))
         for frame, point in enumerate(points):
-            self._step(state, point, 1.0 / fps)
+            self._step(state, point, None if force is None else force[frame], 1.0 / fps)
             flags[frame] = state[LOADED] > 0.5
             states[frame] = state
         return flags, states
 
-    def _step(self, state: Float, point: Float, dt: float) -> None:
+    def _step(self, state: Float, point: Float, force: Float | None, dt: float) -> None:
         """Advance the state by one frame, in place."""
         started = state[STARTED] > 0.5
         speed = (
@@ -95,13 +104,16 @@ class ContactDetector:
         state[POSITION] = point.ravel()
         state[STARTED] = 1.0
 
-        wanted = touching.reshape(2, 2).any(axis=1)
+        loaded = state[LOADED] > 0.5
+        if force is None:
+            wanted = touching.reshape(2, 2).any(axis=1)
+        else:
+            wanted = force > np.where(loaded, self.relieved, self.bears)
         if not started:
             # Without a speed this is a guess: let the next frame overrule it at once.
             state[LOADED] = wanted
             state[PENDING] = np.inf
             return
-        loaded = state[LOADED] > 0.5
         pending = np.where(wanted == loaded, 0.0, state[PENDING] + dt)
         patience = np.where(loaded, self.lift_time, self.load_time)
         changed = pending > patience

@@ -12,6 +12,7 @@ from flexmotion.contacts import ContactDetector
 from flexmotion.kinematics import HumanKinematics, forward
 from flexmotion.motion import Motion
 from flexmotion.skeleton import SIDES
+from retarget.balance import GRAVITY
 
 Float = NDArray[np.float64]
 
@@ -47,7 +48,11 @@ class HumanWindow:
         self.motion = motion
         self.times = start_s + np.arange(len(motion)) / motion.fps
         self.kinematics: HumanKinematics = forward(motion)
-        self.contacts, self.detector_states = ContactDetector().detect(self.kinematics, motion.fps, detector_state)
+        # Forces that come with a motion tell better than heights and speeds which foot it stands on.
+        force = None if motion.wrenches is None else motion.wrenches[:, :, 2] / (motion.body.mass * GRAVITY)
+        self.contacts, self.detector_states = ContactDetector().detect(
+            self.kinematics, motion.fps, detector_state, force
+        )
         kin = self.kinematics
         feet = 0.5 * (kin.heel + kin.toe)
         along = kin.toe - kin.heel

@@ -85,3 +85,16 @@ def test_without_common_frames_or_time_the_new_motion_takes_over_at_once(
 def test_forces_are_dropped(old: Motion, new: Motion) -> None:
     loaded = replace(new, contacts=np.ones((len(new), 2), np.bool_))
     assert take_over(old, 10, loaded, 17, FRAMES).contacts is None
+
+
+def test_forces_are_mixed_where_both_have_them_and_contacts_are_those_of_the_nearer(old: Motion, new: Motion) -> None:
+    def loaded(motion: Motion, force: float, contact: bool) -> Motion:
+        wrenches = np.full((len(motion), 2, 6), force)
+        return replace(motion, wrenches=wrenches, contacts=np.full((len(motion), 2), contact))
+
+    mixed = take_over(loaded(old, 100.0, False), 10, loaded(new, 300.0, True), 17, FRAMES)
+    share = np.clip((np.arange(len(new)) - 1) / FRAMES, 0.0, 1.0)
+    assert mixed.wrenches is not None and mixed.contacts is not None
+    np.testing.assert_allclose(mixed.wrenches[:, 1, 2], 100.0 + 200.0 * share)
+    np.testing.assert_array_equal(mixed.contacts[:, 0], share >= 0.5)
+    assert take_over(old, 10, loaded(new, 300.0, True), 17, FRAMES).wrenches is None

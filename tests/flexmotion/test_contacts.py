@@ -140,3 +140,27 @@ def test_recorded_gestures_stand(shared_clips):
     for path in shared_clips("bandai", *GESTURES):
         motion = load(path)
         assert ContactDetector().detect(forward(motion), motion.fps)[0].all(), path.name
+
+
+def test_known_forces_decide_with_hysteresis_and_patience(clip_kinematics):
+    """A foot that hovers low and slow carries nothing, and noise below what a step bears makes no step."""
+    human = clip_kinematics[:60]
+    force = np.full((60, 2), 0.5)
+    force[10:30, 0] = 0.02
+    force[40, 1] = 0.0  # one frame is no swing
+    force[20, 0] = 0.3  # nor is it a step
+    flags, states = ContactDetector().detect(human, 30.0, None, force)
+    assert swings(flags) == [(11, 20, 0)]
+    rest, _ = ContactDetector().detect(human[25:], 30.0, states[24], force[25:])
+    np.testing.assert_array_equal(rest, flags[25:])
+    between, _ = ContactDetector().detect(human[:20], 30.0, None, np.full((20, 2), 0.1))
+    assert not between.any()  # less than what makes it loaded
+    held, _ = ContactDetector().detect(human[20:40], 30.0, states[9], np.full((20, 2), 0.1))
+    assert held.all()  # more than what relieves it
+
+
+def test_when_forces_end_heights_and_speeds_go_on(clip_kinematics):
+    whole, _ = ContactDetector().detect(clip_kinematics, 30.0)
+    _, states = ContactDetector().detect(clip_kinematics[:100], 30.0, None, np.full((100, 2), 0.5))
+    after, _ = ContactDetector().detect(clip_kinematics[100:], 30.0, states[-1])
+    np.testing.assert_array_equal(after[3:], whole[103:])

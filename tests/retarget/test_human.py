@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -84,3 +85,18 @@ def test_foot_height_is_the_lift_over_where_it_stood(window: Callable[[Motion], 
     assert seen.foot_height(1, 1.0, 1.5) == pytest.approx(0.09, abs=0.02)
     assert seen.foot_height(0, 0.0, 0.9) < 0.005
     assert seen.foot_height(0, 50.0, 51.0) == 0.0
+
+
+def test_forces_that_come_with_a_motion_say_which_foot_stands(
+    window: Callable[[Motion], HumanWindow], walk: Motion
+) -> None:
+    """The feet still swing as they did, but what is told of the forces counts: here the left foot never lifts."""
+    weight = walk.body.mass * 9.81
+    wrenches = np.zeros((len(walk), 2, 6))
+    wrenches[:, 0, 2] = wrenches[:, 1, 2] = 0.5 * weight
+    wrenches[60:75, 1, 2] = 0.0
+    wrenches[60:75, 0, 2] = weight
+    swings = window(replace(walk, wrenches=wrenches)).swings
+    assert [swing.side for swing in swings] == [1]
+    assert swings[0].land_s - swings[0].lift_s == pytest.approx(15 / walk.fps)
+    assert window(replace(walk, wrenches=0.0 * wrenches)).swings[0].landed is False
