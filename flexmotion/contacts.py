@@ -33,8 +33,8 @@ class ContactDetector:
     floor: recorded floors drift from place to place, and a fitted sole is never quite flat. It follows the point while
     it touches, so a foot that is merely held still in the air does not become a step.
 
-    Where ground forces are known they decide instead: a foot is loaded once it bears a share of the body's weight, until
-    it bears less than a smaller one, again after a while. The points go on being watched, for when forces end.
+    Where ground forces are known they decide instead: a foot is loaded once it bears a share of the body's weight, and
+    until it bears less than a smaller one, again after a while. The points go on being watched, for when forces end.
 
     Speeds are backward differences: a frame's result depends on nothing after it, and cutting a stream into chunks in
     whatever way changes nothing.
