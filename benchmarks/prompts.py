@@ -11,17 +11,17 @@ import argparse
 import csv
 import sys
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import yaml
+from model_rollout import always, roll_out
 
 from flexmotion.bundles.bundle import Bundle
 from flexmotion.kinematics import HumanKinematics, continuous_heading, forward
 from flexmotion.motion import Motion
-from flexmotion.sampler import Condition, Sampler
+from flexmotion.sampler import Sampler
 
 OVERALL, EACH = 0.9, 0.7
 SIDES = {"left": (0,), "right": (1,), "both": (0, 1)}
@@ -31,25 +31,6 @@ SWINGS = 2
 
 REACH = 0.05
 """A hand swings if it moves by at least so much between its turns [m]."""
-
-
-def roll_out(sampler: Sampler, text: str, seconds: float, seed: int) -> Motion:
-    """Motion from standing, window after window."""
-    motion = sampler.standing()
-    frames = len(motion)
-    number = 0
-    while len(motion) < frames + seconds * sampler.fps:
-        found = sampler.sample(motion, Condition(text), seed * 1000 + number)
-        motion = _joined(motion, found)
-        number += 1
-    return motion[frames:]
-
-
-def _joined(first: Motion, second: Motion) -> Motion:
-    names = ("root_position", "root_quaternion", "joints", "torques", "wrenches", "activations", "contacts")
-    pairs = {name: (getattr(first, name), getattr(second, name)) for name in names}
-    kept = {name: np.concatenate(pair) for name, pair in pairs.items() if pair[0] is not None and pair[1] is not None}
-    return replace(first, **kept)
 
 
 def speed(motion: Motion, human: HumanKinematics) -> tuple[float, float]:
@@ -143,7 +124,7 @@ def main() -> int:
         for wording in entry["wordings"]:
             heard.append(sampler.prompt(wording).kind)
             for seed in range(arguments.samples):
-                motion = roll_out(sampler, wording, arguments.seconds, seed)
+                motion = roll_out(sampler, always(wording), arguments.seconds, seed).motion
                 human = forward(motion)
                 passed.append(all(CHECKS[name](motion, human, wanted) for name, wanted in entry["check"].items()))
         rows.append((entry["kind"], float(np.mean(passed))))

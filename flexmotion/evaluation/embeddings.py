@@ -1,9 +1,6 @@
-"""Metrics on embeddings of motions and sentences (Guo et al., HumanML3D, CVPR 2022), with intervals."""
+"""Metrics on embeddings of motions and sentences (Guo et al., HumanML3D, CVPR 2022)."""
 
 from __future__ import annotations
-
-from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,21 +13,6 @@ BATCH = 32
 
 NEAREST = 3
 PAIRS = 300
-REPETITIONS = 20
-
-
-@dataclass(frozen=True)
-class Interval:
-    """Mean of repetitions, and the half width of its 95 % interval."""
-
-    mean: float
-    half_width: float
-
-
-def repeated(metric: Callable[[np.random.Generator], float], seed: int, repetitions: int = REPETITIONS) -> Interval:
-    """A metric that depends on what is drawn, several times."""
-    values = [metric(np.random.default_rng((seed, number))) for number in range(repetitions)]
-    return Interval(float(np.mean(values)), float(1.96 * np.std(values) / np.sqrt(repetitions)))
 
 
 def frechet_distance(first: Float, second: Float) -> float:

@@ -8,10 +8,14 @@ from numpy.typing import NDArray
 from flexmotion.biomechanics.dynamics import dynamics
 from flexmotion.biomechanics.inverse_dynamics import GRAVITY, joint_torques
 from flexmotion.biomechanics.segment_motion import segment_motion
+from flexmotion.biomechanics.static_optimisation import infeasible, static_optimisation
 from flexmotion.motion import Motion
 from flexmotion.skeleton import JOINTS
 
 Float = NDArray[np.float64]
+
+ROUNDING = 1e-3
+"""An activation that leaves [0, 1] by no more has been stored in half precision, and is not beyond."""
 
 
 def physics_metrics(motion: Motion, centres: Float) -> dict[str, float]:
@@ -42,9 +46,19 @@ def physics_metrics(motion: Motion, centres: Float) -> dict[str, float]:
         "euler_moment": _mean(needed[:, 3:6]) / body.mass,
     }
     if motion.activations is not None:
-        beyond = (motion.activations < 0) | (motion.activations > 1)
+        beyond = (motion.activations < -ROUNDING) | (motion.activations > 1 + ROUNDING)
         figures["muscle_limit"] = 100 * float(beyond.mean())
     return figures
+
+
+def beyond_muscles(motion: Motion) -> float:
+    """Share of the frames with a torque that the muscles cannot make with any activations within [0, 1] [%].
+
+    Raises:
+        ConfigError: `myo-sim` is not installed.
+        ValueError: the motion has no torques.
+    """
+    return 100 * float(infeasible(static_optimisation(motion), motion).any(axis=1).mean())
 
 
 def _mean(vectors: Float) -> float:

@@ -1,15 +1,16 @@
 """`evaluate`: models against held-out clips, beside real motion, the nearest training window and a motionless pose.
 
 All motions go the same way: features to a motion of the bundle's human and back to features, so that what the
-evaluator and the metrics see follows from the motion alone.
+evaluator and the metrics see follows from the motion alone. Embeddings are compared with those of other held-out
+windows, so that real motion has a distance too. Every figure has an interval: metrics of many windows at once over
+random halves of them, metrics of single windows over the windows.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from functools import partial
-from typing import Any
+from dataclasses import dataclass, replace
+from importlib.util import find_spec
 
 import numpy as np
 import torch
@@ -17,18 +18,18 @@ from numpy.typing import NDArray
 
 from flexmotion.body import Body
 from flexmotion.evaluation.embeddings import (
-    Interval,
     diversity,
     frechet_distance,
     matching_distance,
     multimodality,
     r_precision,
-    repeated,
 )
+from flexmotion.evaluation.interval import Interval, repeated
 from flexmotion.evaluation.motions import foot_metrics, jerk
-from flexmotion.evaluation.physics import physics_metrics
+from flexmotion.evaluation.physics import beyond_muscles, physics_metrics
 from flexmotion.features.decode import Anchor, decode, pressure_centres
 from flexmotion.features.encode import encode
+from flexmotion.features.layout import ACTIVATIONS
 from flexmotion.motion import Motion
 from flexmotion.sampler import Condition, Sampler
 from flexmotion.text.sentence_encoder import SentenceEncoder
@@ -87,16 +88,16 @@ class Judge:
         load_weights(self.network, run.stage("evaluator"))
         self.network.eval()
         sentences = Sentences(self.store.clips, SentenceEncoder(run.stage("text")))
-        self.cases = self._cases(sentences, count)
+        self.cases, others = (self._cases(sentences, count, number) for number in range(2))
         with torch.no_grad():
             self._said = self.network.sentence(self.cases.sentence).numpy()
-        self._real = self._seen([self.cases.future[at] for at in range(len(self.cases))])
+        self._reference = self._embedded(self._seen(others, list(others.future)))
 
-    def _cases(self, sentences: Sentences, count: int) -> Cases:
+    def _cases(self, sentences: Sentences, count: int, number: int) -> Cases:
         restore = Reconstruction(self.store.layout, self.store.statistics, self.run.config.losses).restore
-        windows = WindowSet(self.store, self.run.config.window, "validation").draw((self.seed, 61), 2 * count)
+        windows = WindowSet(self.store, self.run.config.window, "validation").draw((self.seed, 61, number), 2 * count)
         future = restore(windows.future)
-        found = describe(self.store, sentences, future, windows.clip, (self.seed, 62), (0.0, 1.0))
+        found = describe(self.store, sentences, future, windows.clip, (self.seed, 62, number), (0.0, 1.0))
         told = np.flatnonzero(found.row != NONE)[:count]
         return Cases(
             history=restore(windows.history).numpy()[told],
@@ -106,10 +107,12 @@ class Judge:
         )
 
     def past(self, case: int) -> Motion:
-        """History of a case, as a motion that ends somewhere; a standing one where the model has no history."""
-        if not self.cases.history.shape[1]:
-            return decode(self.cases.future[case][:1], self.layout, self.body, Anchor.origin())
-        return decode(self.cases.history[case], self.layout, self.body, Anchor.origin())
+        """History of a case, as a motion that ends somewhere; its first frame where the model has no history."""
+        return self._past(self.cases, case)
+
+    def _past(self, cases: Cases, case: int) -> Motion:
+        before = cases.history[case] if cases.history.shape[1] else cases.future[case][:1]
+        return decode(before, self.layout, self.body, Anchor.origin())
 
     def real(self, case: int, seed: int) -> Features:
         """The clip itself."""
@@ -147,59 +150,79 @@ class Judge:
 
         return generate
 
-    def measure(self, generate: Generator) -> dict[str, Any]:
-        """Every metric of a generator; those that draw have mean and interval."""
-        futures = [generate(case, case) for case in range(len(self.cases))]
-        seen = self._seen(futures)
-        embedded = self._embedded(seen)
-        real = self._embedded(self._real)
-        precision = [repeated(partial(self._precision, embedded, k), self.seed) for k in range(3)]
-        figures: dict[str, Any] = {
-            "fid": frechet_distance(embedded, real),
-            **{f"r_precision_top{k + 1}": _pair(value) for k, value in enumerate(precision)},
-            "mm_distance": matching_distance(embedded, self._said),
-            "diversity": _pair(repeated(lambda rng: diversity(embedded, rng), self.seed)),
-            "multimodality": self._multimodality(generate),
+    def measure(self, generate: Generator) -> dict[str, Interval]:
+        """Every metric of a generator."""
+        count = len(self.cases)
+        futures = [generate(case, case) for case in range(count)]
+        embedded = self._embedded(self._seen(self.cases, futures))
+
+        def half(rng: np.random.Generator) -> NDArray[np.intp]:
+            return rng.permutation(count)[: count // 2]
+
+        def distance(rng: np.random.Generator) -> float:
+            return frechet_distance(embedded[half(rng)], self._reference[half(rng)])
+
+        def precision(place: int) -> Callable[[np.random.Generator], float]:
+            return lambda rng: r_precision(embedded, self._said, rng)[place]
+
+        def matching(rng: np.random.Generator) -> float:
+            rows = half(rng)
+            return matching_distance(embedded[rows], self._said[rows])
+
+        metrics = {
+            "fid": distance,
+            **{f"r_precision_top{place + 1}": precision(place) for place in range(3)},
+            "mm_distance": matching,
+            "diversity": lambda rng: diversity(embedded, rng),
         }
-        return figures | self._of_motions(futures)
+        figures = {name: repeated(metric, self.seed) for name, metric in metrics.items()}
+        return figures | {"multimodality": self._multimodality(generate)} | self._of_motions(futures)
 
-    def _precision(self, embedded: NDArray[np.float64], place: int, rng: np.random.Generator) -> float:
-        return r_precision(embedded, self._said, rng)[place]
+    def _multimodality(self, generate: Generator) -> Interval:
+        values = []
+        for case in np.linspace(0, len(self.cases) - 1, TEXTS).astype(int):
+            samples = [generate(int(case), seed) for seed in range(SAMPLES)]
+            seen = self._seen(self.cases, samples, [int(case)] * SAMPLES)
+            values.append(multimodality(self._embedded(seen)[None]))
+        return Interval.of(values)
 
-    def _multimodality(self, generate: Generator) -> float:
-        cases = np.linspace(0, len(self.cases) - 1, TEXTS).astype(int)
-        samples = [self._seen([generate(int(case), seed) for seed in range(SAMPLES)], int(case)) for case in cases]
-        return multimodality(np.stack([self._embedded(seen) for seen in samples]))
-
-    def _of_motions(self, futures: Sequence[Features]) -> dict[str, float]:
+    def _of_motions(self, futures: Sequence[Features]) -> dict[str, Interval]:
         rows: list[dict[str, float]] = []
         for case, future in enumerate(futures):
-            motion, whole = self._motion(case, future)
+            past = self.past(case)
+            motion = decode(future, self.layout, self.body, Anchor.after(past))
+            whole = _joined(past, motion)
             row = foot_metrics(motion)
             change = jerk(whole)
-            join = len(whole) - len(motion)
+            join = len(past)
             row["jerk"], row["jerk_peak"] = float(change.mean()), float(change.max())
             if join >= 3:
                 # Third differences that span the join.
                 row["jerk_join"] = float(change[join - 3 : join].max())
             if case < PHYSICAL:
-                row |= physics_metrics(motion, pressure_centres(future, self.layout, motion))
+                row |= self._of_physics(future, motion)
             rows.append(row)
-        names = {name for row in rows for name in row}
-        return {name: float(np.mean([row[name] for row in rows if name in row])) for name in sorted(names)}
+        names = dict.fromkeys(name for row in rows for name in row)
+        return {name: Interval.of([row[name] for row in rows if name in row]) for name in names}
 
-    def _motion(self, case: int, future: Features) -> tuple[Motion, Motion]:
-        """A future as a motion, and with its history before it."""
-        past = self.past(case)
-        motion = decode(future, self.layout, self.body, Anchor.after(past))
-        return motion, _joined(past, motion)
+    def _of_physics(self, future: Features, motion: Motion) -> dict[str, float]:
+        if self.layout.muscles:
+            # As they were made: a motion's are held within [0, 1].
+            raw = np.asarray(future[:, self.layout.blocks[ACTIVATIONS]], np.float64)
+            motion = replace(motion, activations=raw)
+        figures = physics_metrics(motion, pressure_centres(future, self.layout, motion))
+        if self.layout.muscles and find_spec("myo_sim") is not None:
+            figures["muscle_torque"] = beyond_muscles(motion)
+        return figures
 
-    def _seen(self, futures: Sequence[Features], case: int | None = None) -> torch.Tensor:
-        """Normalised features that follow from the motions alone, (N, W, F)."""
+    def _seen(self, cases: Cases, futures: Sequence[Features], numbers: Sequence[int] | None = None) -> torch.Tensor:
+        """Normalised features that follow from the motions alone, (N, W, F); of these cases, or of all in turn."""
         rows = []
-        for at, future in enumerate(futures):
-            motion, whole = self._motion(at if case is None else case, future)
-            rows.append(self.store.statistics.normalise(encode(whole, self.layout)[-len(motion) :]))
+        for at, future in zip(range(len(futures)) if numbers is None else numbers, futures, strict=True):
+            past = self._past(cases, at)
+            motion = decode(future, self.layout, self.body, Anchor.after(past))
+            whole = encode(_joined(past, motion), self.layout)
+            rows.append(self.store.statistics.normalise(whole[-len(motion) :]))
         return torch.from_numpy(np.stack(rows))
 
     def _embedded(self, seen: torch.Tensor) -> NDArray[np.float64]:
@@ -217,7 +240,3 @@ def _joined(past: Motion, motion: Motion) -> Motion:
         root_quaternion=np.concatenate([past.root_quaternion, motion.root_quaternion]),
         joints=np.concatenate([past.joints, motion.joints]),
     )
-
-
-def _pair(value: Interval) -> dict[str, float]:
-    return {"mean": value.mean, "interval": value.half_width}

@@ -14,8 +14,8 @@ from flexmotion.evaluation.embeddings import (
     matching_distance,
     multimodality,
     r_precision,
-    repeated,
 )
+from flexmotion.evaluation.interval import Interval, repeated
 from flexmotion.evaluation.motions import foot_metrics, jerk
 from flexmotion.evaluation.physics import physics_metrics
 from flexmotion.motion import Motion
@@ -49,6 +49,7 @@ def test_distances() -> None:
     assert matching_distance(points, points[::-1]) == 5.0
     assert multimodality(points[None]) == 5.0
     assert 0.0 < diversity(points, np.random.default_rng(0)) < 5.0
+    assert str(Interval.of([1.0, 3.0])) == "2 ± 1.4"
     interval = repeated(lambda rng: float(rng.normal()), seed=0)
     assert abs(interval.mean) < 1.0 and 0.0 < interval.half_width < 1.0
 

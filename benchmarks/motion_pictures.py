@@ -1,0 +1,140 @@
+"""Real, augmented and generated motion side by side, as strips of figures with the forces of the ground.
+
+    python benchmarks/motion_pictures.py BUNDLE --set SET --plots DIR [--kind walk ...] [--seed 0]
+
+Writes one PNG a kind. Real is a held-out clip, augmented a variant of a training clip (its mirror image where the set
+has no others), generated is sampled from standing. Arrows are ground reaction forces, a body weight as long as a leg.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+from model_rollout import always, roll_out
+from outcome import Verdict, benchmark
+from real_clips import real_clips
+
+from configs.errors import ConfigError
+from flexmotion.bundles.bundle import Bundle
+from flexmotion.dataset.compact_set import MotionSet, open_set
+from flexmotion.features.encode import GRAVITY
+from flexmotion.kinematics import forward
+from flexmotion.motion import Motion
+from flexmotion.sampler import Sampler
+from flexmotion.text.phrases import wordings
+from streamer.plots.filmstrip import limbs
+from streamer.plots.solid import Camera
+from streamer.plots.style import MUTED, WARN, new_figure, save, styled
+
+KINDS = ("walk", "walk-turn-left", "run", "wave-right-hand", "raise-up-both-hands", "bow")
+FIGURES = 9
+SECONDS = 3.0
+SPACING = 0.72
+"""Between neighbouring figures, in heights of the human."""
+
+LEAST_FORCE = 0.05
+"""Drawn from here on [body weights]."""
+
+AZIMUTH_DEG, ELEVATION_DEG = -55.0, 12.0
+
+
+@dataclass(frozen=True)
+class Strip:
+    """A motion and what to call it."""
+
+    title: str
+    motion: Motion
+
+
+def middle(motion: Motion) -> Motion:
+    """The `SECONDS` in the middle of a motion, or all of a shorter one."""
+    frames = round(SECONDS * motion.fps)
+    first = max(0, (len(motion) - frames) // 2)
+    return motion[first : first + frames]
+
+
+def example(found: MotionSet, kind: str, split: str, variant: str, fps: float, seed: int) -> Motion | None:
+    """One of the clips that show a kind, its middle; None where there are none."""
+    clips = [motion for _, motion in real_clips(found, split, fps, variant=variant, kinds=(kind,))]
+    return middle(clips[np.random.default_rng(seed).integers(len(clips))]) if clips else None
+
+
+def strips(sampler: Sampler, found: MotionSet, kind: str, seed: int) -> list[Strip]:
+    """Of one kind of motion, as far as the set has it."""
+    prompt, frames = wordings(kind)[0], round(SECONDS * sampler.fps)
+    generated = roll_out(sampler, always(prompt), SECONDS + 1.0, seed).motion[-frames:]
+    augmented = "varied" if any(True for _ in found.select("train", "varied")) else "mirror"
+    candidates = [
+        ("real (held out)", example(found, kind, "validation", "original", sampler.fps, seed)),
+        (f"augmented ({augmented})", example(found, kind, "train", augmented, sampler.fps, seed)),
+        (f"generated: “{prompt}”", generated),
+    ]
+    return [Strip(title, motion) for title, motion in candidates if motion is not None]
+
+
+def draw(kind: str, rows: list[Strip]) -> Figure:
+    """The strips of one kind, one below the other."""
+    figure = new_figure(
+        11,
+        0.6 + 1.95 * len(rows),
+        f"{kind}: real, augmented, generated",
+        "left is blue, right orange; each figure centred on itself; red: force of the ground",
+    )
+    for axes, row in zip(np.atleast_1d(figure.subplots(len(rows), 1)), rows, strict=True):
+        _strip(axes, row)
+    return figure
+
+
+def _strip(axes: Axes, row: Strip) -> None:
+    motion, camera = row.motion, Camera.at(AZIMUTH_DEG, ELEVATION_DEG)
+    height, weight = motion.body.height, motion.body.mass * GRAVITY
+    for place, frame in enumerate(np.linspace(0, len(motion) - 1, FIGURES).round().astype(int)):
+        pose = forward(motion[frame : frame + 1])
+        centre, offset = pose.pelvis_position[0] * [1.0, 1.0, 0.0], np.array([place * SPACING * height, 0.0])
+        for points, colour in limbs(pose):
+            line = camera.project(points - centre)[:, :2] + offset
+            axes.add_collection(LineCollection([line], colors=colour, linewidths=2.2, capstyle="round", zorder=3))
+        if motion.wrenches is not None:
+            for side in range(2):
+                force = motion.wrenches[frame, side, :3] / weight * motion.body.leg
+                if np.linalg.norm(force) < LEAST_FORCE * motion.body.leg:
+                    continue
+                arrow = np.stack([pose.ankle[0, side] * [1.0, 1.0, 0.0], pose.ankle[0, side] * [1.0, 1.0, 0.0] + force])
+                start, end = camera.project(arrow - centre)[:, :2] + offset
+                axes.annotate("", end, start, arrowprops={"arrowstyle": "->", "color": WARN, "linewidth": 1.0})
+        label = f"{frame / motion.fps:.1f} s"
+        axes.text(offset[0], -0.14 * height, label, ha="center", va="top", color=MUTED, fontsize=8)
+    axes.set(xlim=(-0.45 * height, ((FIGURES - 1) * SPACING + 0.45) * height), ylim=(-0.28 * height, 1.05 * height))
+    axes.set_title(row.title)
+    axes.set_aspect("equal")
+    axes.set_axis_off()
+
+
+def main(
+    folder: Annotated[Path, typer.Argument(metavar="BUNDLE", help="Bundle to show.")],
+    data: Annotated[Path, typer.Option("--set", help="Training set.")],
+    plots: Annotated[Path, typer.Option(help="Folder for the pictures.")],
+    kind: Annotated[list[str] | None, typer.Option(help="Label of what to show; may be given again.")] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Of what is chosen and sampled.")] = 0,
+    steps: Annotated[int | None, typer.Option(help="Of the diffusion; the bundle's own by default.")] = None,
+) -> list[Verdict]:
+    """Draw real, augmented and generated motion side by side."""
+    sampler, found = Sampler(Bundle(folder), steps), open_set(data)
+    plots.mkdir(parents=True, exist_ok=True)
+    for name in kind or KINDS:
+        if not wordings(name):
+            raise ConfigError(f"kind {name!r} has no wordings; see flexmotion/data/phrases.yaml")
+        with styled():
+            print(save(draw(name, strips(sampler, found, name, seed)), plots / f"motion_{name}.png"))
+    return []
+
+
+if __name__ == "__main__":
+    benchmark(main)
