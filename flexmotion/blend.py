@@ -17,9 +17,9 @@ def take_over(old: Motion, old_first: int, new: Motion, first: int, frames: int)
     """`new`, blended in from `old`: its first two frames are the old ones, `frames` later it is all new.
 
     Between the first two frames lies the moment at which motion changes hands, so pose and speed are continuous there.
-    Forces, torques and activations that both have are mixed as their poses are: as far as the two agree, that is what
-    the mixed motion takes. Moments of wrenches about different points are no more than near. A foot is in contact as in the
-    motion that has the greater weight.
+    Forces, torques and activations that both have are mixed as their poses are, which holds as far as the two agree;
+    moments of wrenches about different points are no more than near. A foot is in contact as in the motion that has the
+    greater weight.
 
     Args:
         old_first, first: index of either motion's first frame on their common clock.
