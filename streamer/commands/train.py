@@ -69,9 +69,9 @@ def autoencoder(
     from flexmotion.training.autoencoder_task import AutoencoderTask
     from flexmotion.training.processes import Processes
 
-    train_and_report(
-        run, "autoencoder", AutoencoderTask(run.config, store, run.seed, Processes()), steps, minutes, as_json
-    )
+    muscles = run.muscles(data)
+    task = AutoencoderTask(run.config, store, run.seed, Processes(), muscles)
+    train_and_report(run, "autoencoder", task, steps, minutes, as_json)
 
 
 @train.command()

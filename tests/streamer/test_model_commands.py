@@ -53,8 +53,9 @@ def test_stages_name_what_is_missing(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert "not trained" in capsys.readouterr().err
 
 
-def test_train_writes_json(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    motions = tmp_path / "bandai"
+def _trained(folder: Path, capsys: pytest.CaptureFixture[str], *, muscles: bool) -> dict:
+    """What `train autoencoder --json` prints after two steps on two short clips."""
+    motions = folder / "bandai"
     motions.mkdir()
     clip = default_clip()
     save_motion(clip[240:330], motions / "walk_normal_001.npz")
@@ -62,12 +63,22 @@ def test_train_writes_json(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
     (motions / "bandai_index.csv").write_text(
         "file,content,style\nwalk_normal_001.npz,walk,normal\nwalk_happy_001.npz,walk,happy\n"
     )
-    build([motions], tmp_path / "set", BuildSettings(muscles=False, mirrored=False))
-    config = tmp_path / "small.yaml"
-    text = (FOLDER / "stream.yaml").read_text().replace("patch: 4}", "patch: 4, muscles: false}")
+    build([motions], folder / "set", BuildSettings(muscles=muscles, mirrored=False))
+    config = folder / "small.yaml"
+    text = (FOLDER / "stream.yaml").read_text().replace("patch: 4}", f"patch: 4, muscles: {str(muscles).lower()}}}")
     config.write_text(text.replace("batch: 64", "batch: 4").replace("width: 192, heads: 6", "width: 24, heads: 2"))
-    arguments = ["train", "autoencoder", "--set", str(tmp_path / "set"), "--config", str(config)]
-    assert execute([*arguments, "-o", str(tmp_path / "run"), "--steps", "2", "--threads", "1", "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
+    arguments = ["train", "autoencoder", "--set", str(folder / "set"), "--config", str(config)]
+    assert execute([*arguments, "-o", str(folder / "run"), "--steps", "2", "--threads", "1", "--json"]) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def test_train_writes_json(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    found = _trained(tmp_path, capsys, muscles=False)
     assert found["step"] == found["steps"] == 2
     assert found["validation"]["points_mm"] > 0
+
+
+def test_training_on_muscles_compares_their_torques(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Went wrong: the loss of the muscles' torques was there, and the command never asked for it."""
+    pytest.importorskip("myo_sim", reason="muscles need the extra 'biomech'")
+    assert _trained(tmp_path, capsys, muscles=True)["validation"]["muscle_torques"] > 0
