@@ -67,13 +67,18 @@ class BusDriver(Driver):
         self._torque = np.zeros(n, np.bool_)
         self._imu_stale = 0
         self._on_since: float | None = None
-        self._stamp_ns = 0
+        self._stamp_ns = self._violations = 0
 
     @property
     def delay_s(self) -> float:
         """Time from the start of a tick until its goals act: reading, writing, and a servo's own cycle (assumption)."""
         robot = self.robot
         return max(self.Bus.budget(robot, name).cycle_s for name in robot.config.buses) + SERVO_CYCLE_S
+
+    @property
+    def violations(self) -> int:
+        """Goals on their way to a servo past the limits that it told; see `drivers.bus.witness`."""
+        return self._violations + sum(bus.witness.violations for bus in self.buses)
 
     def open(self) -> None:
         """Take every port, audit and set up every servo; torque stays as it is. Raises `DriverError`."""
@@ -99,6 +104,7 @@ class BusDriver(Driver):
 
     def let_go(self) -> None:
         """Release all ports and leave torque as it is: for those who only look."""
+        self._violations = self.violations
         for bus in self.buses:
             bus.close()
         self.buses = []

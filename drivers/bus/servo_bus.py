@@ -13,6 +13,7 @@ from configs.robot import Robot
 from configs.servo import Protocol
 from drivers.bus.options import BusOptions
 from drivers.bus.port import SerialPort
+from drivers.bus.witness import GoalWitness
 from drivers.imu.interface import Imu
 
 Float = NDArray[np.float64]
@@ -78,6 +79,7 @@ class ServoBus(ABC):
         joints: indices of its joints in the robot's order, (m,).
         ids: addresses of their servos.
         measured: the newest values.
+        witness: counts goals that the servos would not take.
         imu: that answers on this bus; None where there is none.
     """
 
@@ -90,6 +92,7 @@ class ServoBus(ABC):
         self.ids = [robot.joints[i].id for i in self.joints]
         self.servos = [robot.servos[i] for i in self.joints]
         self.measured = Measurement(len(self.joints))
+        self.witness = GoalWitness(len(self.joints))
         self.imu: Imu | None = None
 
     @classmethod

@@ -14,9 +14,9 @@ from drivers.bus.options import BusOptions
 from drivers.bus.port import BITS_A_BYTE, SerialPort
 from drivers.bus.servo_bus import Budget, ServoBus
 from drivers.dynamixel.cycle import Exchange, ReadMany, ReadOne
-from drivers.dynamixel.layout import FAST_ROW, ROW, Layout, Span, layout_of
+from drivers.dynamixel.layout import FAST_ROW, ROW, Layout, Span, goal_row, layout_of
 from drivers.dynamixel.opencr import OpenCr
-from drivers.dynamixel.packet import BROADCAST, Instruction, encode
+from drivers.dynamixel.packet import BROADCAST, Instruction, encode, sync_write_rows
 from drivers.dynamixel.registers import BAUD_RATES, VELOCITY_RPM, VOLTAGE, WATCHDOG_S, table_of
 from drivers.dynamixel.sdk import Client
 from drivers.dynamixel.setup import audit
@@ -48,6 +48,9 @@ class DynamixelBus(ServoBus):
 
     The bus watchdog of every servo is armed while torque is on: a servo that hears nothing for the time that the robot
     file says stays where it is, with torque on, and takes no goals until the watchdog is cleared.
+
+    Attributes:
+        current_limit: the greatest goal current that each servo takes, as it told, (m,) in its units.
     """
 
     protocol = "dynamixel2"
@@ -57,6 +60,8 @@ class DynamixelBus(ServoBus):
         m = len(self.joints)
         self._client = Client(port)
         self._slot = {id_: slot for slot, id_ in enumerate(self.ids)}
+        self._slot_of = np.zeros(256, np.int64)
+        self._slot_of[self.ids] = np.arange(m)
         self._layouts = [layout_of(table_of(s.name), current_bound=self.config.current_bound) for s in self.servos]
         self._board = _board(robot, name)
         self._units = round(self.config.watchdog_ms * 1e-3 / WATCHDOG_S)
@@ -67,6 +72,7 @@ class DynamixelBus(ServoBus):
             ]
         )
         self._gains = np.array([robot.joints[i].p_gain or robot.servos[i].gain_register for i in self.joints])
+        self.current_limit = np.full(m, np.inf)
         self._slots: dict[bytes, Slots | slice] = {}
         self._goals = [_Goals(self, layout) for layout in dict.fromkeys(self._layouts)]
         self._groups: list[ReadMany] = []
@@ -137,6 +143,8 @@ class DynamixelBus(ServoBus):
         fast: dict[tuple[Span, bool], list[int]] = {}
         for joint, id_, layout in zip(self.joints, self.ids, self._layouts, strict=True):
             found = audit(self._client, self.robot, int(joint), layout, configure=self.options.configure)
+            self.current_limit[self._slot[id_]] = found.current_limit
+            self.witness.limit(self._slot[id_], *found.position_limits, found.current_limit)
             fast.setdefault((layout.read, found.fast), []).append(id_)
         self._groups = [
             ReadMany(ids, span, fast=quick, where=f"bus {self.name}") for (span, quick), ids in fast.items()
@@ -327,7 +335,12 @@ class DynamixelBus(ServoBus):
     def _send(self, ticks: Float, bound: Float) -> None:
         self._last_ticks, self._last_bound = ticks.copy(), bound
         for goals in self._goals:
-            self.port.send(goals.packet(ticks, bound))
+            packet = goals.packet(ticks, bound)
+            self.port.send(packet)
+            if self._on:
+                sent = np.frombuffer(sync_write_rows(packet), goal_row(bounded=goals.bounded))
+                slots = self._slot_of[sent["id"]]
+                self.witness.see(slots, sent["position"], sent["current"] if goals.bounded else None)
 
     def _write_all(self, name: str, value: int, which: Bool | None = None) -> None:
         """Set a register of all servos, or of some, to one value, in one packet for each place that it lies at."""
@@ -378,26 +391,28 @@ class _Goals:
     Args:
         bus: their bus.
         layout: theirs.
+
+    Attributes:
+        bounded: a current goes with every position.
     """
 
     def __init__(self, bus: DynamixelBus, layout: Layout) -> None:
         self._span = layout.write
         self._slots = np.array([slot for slot, other in enumerate(bus._layouts) if other == layout], np.int64)
-        fields = [("id", "u1"), *([("current", "<i2")] if layout.bounded else []), ("position", "<i4")]
-        self._rows = np.zeros(len(self._slots), np.dtype(fields))
+        self._rows = np.zeros(len(self._slots), goal_row(bounded=layout.bounded))
         self._rows["id"] = [bus.ids[slot] for slot in self._slots]
-        self._bounded = layout.bounded
+        self.bounded = layout.bounded
         if layout.bounded:
-            tables = [table_of(bus.servos[slot].name) for slot in self._slots]
-            self._most = np.array([table["goal_current"].initial for table in tables], np.float64)
+            self._most = bus.current_limit
             self._unit = bus._torque_per_unit[self._slots]
 
     def packet(self, ticks: Float, bound: Float) -> bytes:
         """The packet for goals of the whole bus; a bound that is no number is the servo's own limit, (m,) each."""
         self._rows["position"] = ticks[self._slots]
-        if self._bounded:
-            units = np.minimum(bound[self._slots] / self._unit, self._most)
-            self._rows["current"] = np.where(np.isnan(units), self._most, units)
+        if self.bounded:
+            most = self._most[self._slots]
+            units = np.minimum(bound[self._slots] / self._unit, most)
+            self._rows["current"] = np.where(np.isnan(units), most, units)
         return _sync_write(self._span, self._rows.tobytes())
 
 

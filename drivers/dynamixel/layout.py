@@ -46,6 +46,16 @@ FAST_ROW = np.dtype(
 """And as it comes in a fast reply."""
 
 
+_GOAL_ROW, _BOUNDED_GOAL_ROW = (
+    np.dtype([("id", "u1"), *bound, ("position", "<i4")]) for bound in ([], [("current", "<i2")])
+)
+
+
+def goal_row(*, bounded: bool) -> np.dtype[np.void]:
+    """A servo's part of a sync write of goals."""
+    return _BOUNDED_GOAL_ROW if bounded else _GOAL_ROW
+
+
 @dataclass(frozen=True)
 class Span:
     """A run of bytes in every servo's control table."""

@@ -136,6 +136,11 @@ def split_fast_status(reply: bytes, size: int) -> Iterator[tuple[int, int, bytes
         yield reply[at], reply[at + 1], reply[at + 2 : at + size + 2]
 
 
+def sync_write_rows(packet: bytes) -> bytes:
+    """What a sync write says to the servos, id and data of each, stuffing taken out."""
+    return packet[len(HEADER) + 4 : -2].replace(_STUFFED, _MARK)[4:]
+
+
 class Decoder:
     """Cuts a stream of bytes into packets, whatever comes between them.
 

@@ -23,10 +23,16 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Audited:
-    """A servo that was found and set up."""
+    """A servo that was found and set up.
 
-    firmware: int
+    Attributes:
+        fast: whether it answers fast sync reads.
+        position_limits, current_limit: what it says that it takes, read back after it was set up, in its units.
+    """
+
     fast: bool
+    position_limits: tuple[int, int]
+    current_limit: float
 
 
 def expected_settings(robot: Robot, joint: int, layout: Layout) -> dict[str, int]:
@@ -101,7 +107,12 @@ def audit(client: Client, robot: Robot, joint: int, layout: Layout, *, configure
         client.write(id_, table[name], value)
     _point(client, id_, layout)
     lowest = table.fast_sync_read_firmware
-    return Audited(firmware, lowest is not None and firmware >= lowest)
+    told = {name: client.read(id_, table[name]) for name in ("min_position_limit", "max_position_limit")}
+    return Audited(
+        fast=lowest is not None and firmware >= lowest,
+        position_limits=(told["min_position_limit"], told["max_position_limit"]),
+        current_limit=client.read(id_, table["current_limit"]) if "current_limit" in table else math.inf,
+    )
 
 
 def _value(table: Table, memory: bytes, name: str) -> int:

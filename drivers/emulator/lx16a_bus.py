@@ -55,6 +55,8 @@ class Lx16aServo:
         if command == Command.READ_POSITION:
             self.joints.refresh()
             return int(self.joints.ticks[self.index]).to_bytes(2, "little", signed=True)
+        if command == Command.READ_LIMITS:
+            return self.servo.min_tick.to_bytes(2, "little") + self.servo.max_tick.to_bytes(2, "little")
         if command == Command.READ_VOLTAGE:
             return round(plant.voltage / MILLIVOLT).to_bytes(2, "little")
         if command == Command.READ_TEMPERATURE:

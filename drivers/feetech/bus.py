@@ -103,6 +103,10 @@ class FeetechBus(ServoBus):
                 self._write(slot, "lock", 0)
             for name, value in wrong.items():
                 self._write(slot, name, value)
+            told = [self._read(slot, name) for name in ("min_position_limit", "max_position_limit")]
+            if None in told:
+                raise DriverError(f"{where}: does not tell its position limits")
+            self.witness.limit(slot, *(float(limit) for limit in told if limit is not None))
             if kept:
                 self._write(slot, "lock", 1)
 
@@ -138,7 +142,12 @@ class FeetechBus(ServoBus):
     def send_goals(self, ticks: Float, bound: Float) -> None:
         """See `ServoBus`; these servos take no bound."""
         if self._on:
-            self._sync_write("goal_position", [int(tick) for tick in ticks])
+            packet = self._sync_write("goal_position", [int(tick) for tick in ticks])
+            # Off the bytes: id and goal of each servo, behind header, id, length, instruction, address and size.
+            goal, sent = sts()["goal_position"], packet[7:-1]
+            ids, step = sent[:: goal.size + 1], goal.size + 1
+            goals = [goal.unpack(sent[at + 1 : at + step]) for at in range(0, len(sent), step)]
+            self.witness.see(np.array([self._slot[id_] for id_ in ids]), np.array(goals, np.float64))
 
     def switch_on(self) -> None:
         """See `ServoBus`."""
@@ -222,11 +231,13 @@ class FeetechBus(ServoBus):
         if self._client.ask(self.ids[slot], Instruction.WRITE, params, answer=0) is None:
             raise DriverError(f"{self.joint_name(slot)} on {self.port.path}: does not acknowledge {name}")
 
-    def _sync_write(self, name: str, values: list[int]) -> None:
+    def _sync_write(self, name: str, values: list[int]) -> bytes:
         register = sts()[name]
         rows = b"".join(bytes([id_]) + register.pack(value) for id_, value in zip(self.ids, values, strict=True))
         params = bytes([register.address, register.size]) + rows
-        self.port.send(FORMAT.encode(BROADCAST, Instruction.SYNC_WRITE, params))
+        packet = FORMAT.encode(BROADCAST, Instruction.SYNC_WRITE, params)
+        self.port.send(packet)
+        return packet
 
 
 def _read_span() -> tuple[int, int]:

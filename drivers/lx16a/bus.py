@@ -71,6 +71,11 @@ class Lx16aBus(ServoBus):
             if self._ask(slot, Command.READ_POSITION) is None:
                 reason = self.port.lost or "does not answer; is its power on?"
                 raise DriverError(f"{self.joint_name(slot)} on {self.port.path}: {reason}")
+            limits = self._ask(slot, Command.READ_LIMITS)
+            if limits is None:
+                raise DriverError(f"{self.joint_name(slot)} on {self.port.path}: does not tell its position limits")
+            lower, upper = (int.from_bytes(limits[at : at + 2], "little") for at in (0, 2))
+            self.witness.limit(slot, lower, upper)
             for command in (Command.READ_VOLTAGE, Command.READ_TEMPERATURE, Command.READ_LOAD):
                 self._ask(slot, command)
 
@@ -164,9 +169,13 @@ class Lx16aBus(ServoBus):
     def _move(self, slot: int, tick: int) -> None:
         goal = min(max(tick, self.servos[slot].min_tick), self.servos[slot].max_tick)
         at_once = 0
-        self.port.send(
-            FORMAT.encode(self.ids[slot], Command.MOVE, goal.to_bytes(2, "little") + at_once.to_bytes(2, "little"))
-        )
+        params = goal.to_bytes(2, "little") + at_once.to_bytes(2, "little")
+        packet = FORMAT.encode(self.ids[slot], Command.MOVE, params)
+        self.port.send(packet)
+        if self._on:
+            # Off the bytes: header, id, length, command, goal.
+            sent = int.from_bytes(packet[5:7], "little")
+            self.witness.see(np.array([self.ids.index(packet[2])]), np.array([sent], np.float64))
         self._told[slot] = tick
 
     def _send_next(self) -> None:

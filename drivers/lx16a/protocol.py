@@ -19,6 +19,7 @@ class Command(IntEnum):
     MOVE_STOP = 12
     SET_ID = 13
     READ_ID = 14
+    READ_LIMITS = 21
     READ_TEMPERATURE = 26
     READ_VOLTAGE = 27
     READ_POSITION = 28
@@ -28,6 +29,7 @@ class Command(IntEnum):
 
 ANSWER_SIZE = {
     Command.READ_ID: 1,
+    Command.READ_LIMITS: 4,
     Command.READ_TEMPERATURE: 1,
     Command.READ_VOLTAGE: 2,
     Command.READ_POSITION: 2,

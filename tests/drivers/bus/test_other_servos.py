@@ -105,3 +105,28 @@ def test_a_dead_servo_goes_stale_alone_and_a_pulled_cable_takes_all(name: str, t
         world.emulator.faults[:] = [Fault.parse("cable")]
         ticks(driver, world, state, command, 150)
         assert state.stale.min() > 5
+
+
+@pytest.mark.parametrize("name", ["feetech", "lx16a"])
+def test_torque_goes_on_with_goals_pinned_and_goals_past_a_limit_are_counted(name: str, sts: Robot, lx: Robot) -> None:
+    robot = sts if name == "feetech" else lx
+    driver, world = looped(name, robot)
+    state, command = RobotState(robot.n), JointCommand(robot.n)
+    servos = world.emulator.lines[0].bus.servos
+    if name == "feetech":
+        for servo in servos:
+            servo.put("goal_position", 900)  # what an earlier program left
+    with driver:
+        ticks(driver, world, state, command, 20)
+        driver.set_torque(True)
+        present = robot.to_ticks(world.emulator.body.position)
+        goals = [servo.get("goal_position") if name == "feetech" else servo.goal for servo in servos]
+        assert np.abs(np.array(goals) - present).max() <= 1
+        command.position[:] = robot.stand_pose
+        ticks(driver, world, state, command, 20)
+        assert driver.violations == 0
+        bus = driver.buses[0]
+        bus.witness.limit(3, 0, 10)  # a servo whose limits are narrower than the file's
+        command.position[:] += 0.01
+        ticks(driver, world, state, command, 20)
+        assert driver.violations > 0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,6 +22,8 @@ from drivers.emulator.loopback import Loopback
 from drivers.emulator.servo import XServo
 from drivers.interface import JointCommand, RobotState
 from drivers.registry import create
+
+from ..bus.robots import op3_with
 
 KNEE = 14
 
@@ -418,3 +421,47 @@ def test_a_goal_that_is_no_number_is_not_sent(rig: Callable[..., Rig]) -> None:
     it.command.position[3] = np.nan
     it.tick(2)
     assert [servo.get("goal_position") for servo in it.bus.servos] == before
+
+
+# ---------------------------------------------------------------- what left for the servos
+
+
+def test_goals_past_the_limits_that_servos_told_are_counted_as_the_servos_count_them(rig: Callable[..., Rig]) -> None:
+    it = rig()
+    it.start()
+    it.tick(5)
+    assert it.driver.violations == 0
+    knee = it.robot.index("l_knee")
+    it.command.position[knee] = it.robot.lower[knee] - 0.2
+    it.tick(3)
+    assert it.driver.violations == 3
+    # The servo refuses them, and the emulator counts what it refuses.
+    assert it.emulator.body.receiver.position_violations == 3
+    it.driver.close()
+    assert it.driver.violations == 3
+
+
+def test_goals_within_a_tick_of_a_limit_are_none(op3: Robot, rig: Callable[..., Rig]) -> None:
+    it = rig()
+    it.start()
+    for limit in (op3.lower, op3.upper):
+        it.command.position[:] = limit
+        it.tick(1)
+    assert it.driver.violations == 0 and it.emulator.body.receiver.position_violations == 0
+
+
+def test_a_current_limit_below_the_factorys_bounds_the_goal_current(tmp_path: Path) -> None:
+    """The table's limit once went out as goal current: the servo refused it, and the goal position behind it."""
+    robot = op3_with(tmp_path, servo="XC330-T288", baud=1_000_000, current_bound=True)
+    it = Rig(robot)
+    for servo in it.bus.servos:
+        servo.put("current_limit", 300)
+    with it.driver:
+        it.driver.read(it.state)
+        it.driver.set_torque(True)
+        it.command.position[:] = it.state.position + 0.1
+        it.tick(2)
+        assert {servo.get("goal_current") for servo in it.bus.servos} == {300}
+        goals = [servo.get("goal_position") for servo in it.bus.servos]
+        assert goals == list(robot.to_ticks(it.command.position))
+        assert it.driver.violations == 0
