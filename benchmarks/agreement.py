@@ -21,10 +21,10 @@ import numpy as np
 import typer
 from model_rollout import always, roll_out
 from numpy.typing import NDArray
-from outcome import Verdict, benchmark, write_csv
 from rich.console import Console
 from rich.progress import track
 from rich.table import Table
+from verdicts import Verdict, benchmark, write_csv
 
 from flexmotion.bundles.bundle import Bundle
 from flexmotion.concatenate import concatenate

@@ -21,11 +21,11 @@ from typing import Annotated
 import numpy as np
 import typer
 from model_rollout import always, roll_out
-from outcome import Verdict, benchmark, write_csv
 from real_clips import kind_of, real_clips
 from rich.console import Console
 from rich.progress import track
 from rich.table import Table
+from verdicts import Verdict, benchmark, write_csv
 from window_distance import Float32, mean_distance, nearest_distance, windows_of
 
 from configs.errors import ConfigError

@@ -18,8 +18,8 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from model_rollout import always, roll_out
-from outcome import Verdict, benchmark
 from real_clips import real_clips
+from verdicts import Verdict, benchmark
 
 from configs.errors import ConfigError
 from flexmotion.bundles.bundle import Bundle

@@ -19,11 +19,11 @@ import numpy as np
 import typer
 from model_rollout import Cue, RollOut, roll_out
 from numpy.typing import NDArray
-from outcome import Verdict, benchmark, write_csv
 from real_clips import real_clips
 from rich.console import Console
 from rich.progress import track
 from rich.table import Table
+from verdicts import Verdict, benchmark, write_csv
 
 from flexmotion.bundles.bundle import Bundle
 from flexmotion.dataset.compact_set import open_set

@@ -20,11 +20,11 @@ import numpy as np
 import typer
 from model_rollout import always, roll_out
 from numpy.typing import NDArray
-from outcome import Verdict, benchmark, write_csv
 from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 from scipy.spatial.transform import Rotation
+from verdicts import Verdict, benchmark, write_csv
 
 from configs.errors import ConfigError
 from flexmotion.bundles.bundle import Bundle

@@ -1,0 +1,268 @@
+"""Does it pay to run the networks in eight bits? Dynamic quantisation against single precision, and against torch.
+
+    python benchmarks/int8.py BUNDLE [--training TRAINING] [--repeats 300] [--csv FILE]
+
+Samples of one window on one thread, each on from the last: milliseconds on the wall clock and of the processor, size of
+the networks on disk, and how far the motion of the same noise is from that in single precision. With TRAINING, of which
+the bundle was exported, the same networks in torch too. Peak memory is that of a process of its own that samples, and
+of one that runs the live system in lockstep. Exits with 1 where the bundle's default takes more than 12 ms (median) or
+20 ms (99th percentile) of the processor, or a process more than 400 MB.
+"""
+
+from __future__ import annotations
+
+import logging
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import onnxruntime
+import typer
+from numpy.typing import NDArray
+from rich.console import Console
+from rich.table import Table
+from sampler_speed import PROMPTS, measure
+from verdicts import Verdict, benchmark, write_csv
+
+from configs.errors import ConfigError
+from flexmotion.bundles.bundle import ARRAYS, DECODER, DENOISER, Bundle, write_bundle
+from flexmotion.features.encode import body_points
+from flexmotion.kinematics import forward
+from flexmotion.sampler import Condition, Sampler
+
+Float = NDArray[np.float64]
+
+NETWORKS = (DENOISER, DECODER)
+WAYS: dict[str, tuple[str, ...]] = {
+    "single precision": (),
+    "int8 denoiser": (DENOISER,),
+    "int8 decoder": (DECODER,),
+    "int8 both": NETWORKS,
+}
+"""Which networks are quantised."""
+
+MEDIAN_MS, WORST_MS, MEMORY_MB = 12.0, 20.0, 400.0
+COMPARED = 40
+"""Windows whose motion is compared."""
+
+_SAMPLE = """
+import sys
+from flexmotion.bundles.bundle import Bundle
+from flexmotion.sampler import Condition, Sampler
+sampler = Sampler(Bundle(sys.argv[1]))
+history = sampler.standing()
+for number in range(50):
+    history = sampler.sample(history, Condition("walk forward"), number)
+"""
+_LIVE = """
+import sys
+from streamer.cli import execute
+options = ["--clock", "lockstep", "--seconds", "5", "--prompt", "walk forward", "--bundle", sys.argv[1]]
+if execute(["dry-run", *options]) == 2:
+    sys.exit(2)
+"""
+_PEAK = """
+print(next(line.split()[1] for line in open("/proc/self/status") if line.startswith("VmHWM")))
+"""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One way to run the networks.
+
+    Attributes:
+        name: of the way.
+        took: of every sample, on the wall clock and of the processor, (N, 2) [ms].
+        size_mb: of the networks on disk.
+        error_mm: mean distance of the body's points from those in single precision; NaN for single precision itself.
+    """
+
+    name: str
+    took: Float
+    size_mb: float
+    error_mm: Float
+
+    @property
+    def quantiles(self) -> tuple[float, float, float, float]:
+        """Median and 99th percentile on the wall clock, then of the processor [ms]."""
+        wall, processor = (np.quantile(column, [0.5, 0.99]) for column in self.took.T)
+        return float(wall[0]), float(wall[1]), float(processor[0]), float(processor[1])
+
+
+def quantised(bundle: Bundle, names: Sequence[str], folder: Path) -> Bundle:
+    """A copy of a bundle with some of its networks in eight bits."""
+    try:
+        from onnxruntime.quantization import QuantType, quantize_dynamic
+    except ImportError as error:
+        raise ConfigError("quantisation needs the extra 'train': pip install 'flexmotion[train]'") from error
+    # It warns that networks had better be prepared: `_folded` does.
+    logging.getLogger().setLevel(logging.ERROR)
+    shutil.copytree(bundle.folder, folder)
+    for name in names:
+        quantize_dynamic(_folded(bundle.folder / name), folder / name, weight_type=QuantType.QInt8, per_channel=True)
+    with np.load(bundle.folder / ARRAYS) as arrays:
+        return write_bundle(folder, bundle.manifest, dict(arrays))
+
+
+def _folded(source: Path) -> Any:
+    """The same network with single-precision weights where they lie in half precision and are cast."""
+    import onnx
+
+    options = onnxruntime.SessionOptions()
+    options.graph_optimization_level = onnxruntime.GraphOptimizationLevel.ORT_ENABLE_BASIC
+    options.log_severity_level = 3
+    with tempfile.TemporaryDirectory() as work:
+        target = Path(work) / source.name
+        options.optimized_model_filepath = str(target)
+        onnxruntime.InferenceSession(str(source), options, providers=["CPUExecutionProvider"])
+        model = onnx.load(target)
+    # What lies between has other shapes than were noted when the network was exported.
+    model.graph.ClearField("value_info")
+    return model
+
+
+def row(name: str, bundle: Bundle, reference: Sampler, steps: int | None, repeats: int) -> Row:
+    """Measure one way."""
+    sampler = Sampler(bundle, steps)
+    size = sum((bundle.folder / network).stat().st_size for network in NETWORKS) / 1e6
+    return Row(name, measure(sampler, repeats), size, distances(sampler, reference))
+
+
+def distances(sampler: Sampler, reference: Sampler) -> Float:
+    """How far the body's points are from a reference's after the same history and noise, by window [mm]."""
+    history, found = reference.standing(), []
+    for number in range(COMPARED):
+        condition = Condition(PROMPTS[number // 10 % len(PROMPTS)])
+        one, two = (way.sample(history, condition, number) for way in (sampler, reference))
+        apart = body_points(forward(one)) - body_points(forward(two))
+        found.append(1e3 * np.linalg.norm(apart, axis=-1).mean())
+        history = two
+    return np.array(found)
+
+
+def torch_times(bundle: Bundle, training: Path, steps: int, repeats: int) -> dict[str, Float]:
+    """Milliseconds of denoising and decoding alone, in torch and in onnxruntime in turn, (N,) each."""
+    import torch
+
+    from flexmotion.onnx_session import open_session
+    from flexmotion.training.export import Decoder, load_networks
+    from flexmotion.training.run import Run
+
+    torch.set_num_threads(1)
+    manifest = bundle.manifest
+    autoencoder, denoiser = load_networks(Run(training), distilled=manifest.guided)
+    decoder = Decoder(autoencoder, denoiser).eval()
+    rows, rng = 1 if manifest.guided else 2, np.random.default_rng(0)
+    inputs = {
+        "noisy": rng.standard_normal((rows, manifest.latent), np.float32),
+        "time": np.full(rows, manifest.times // 2),
+        "history": rng.standard_normal((rows, manifest.history, bundle.layout.size), np.float32),
+        "sentence": rng.standard_normal((rows, bundle.prompts.embeddings.shape[1]), np.float32),
+        "velocity": np.zeros((rows, 3), np.float32),
+        "present": np.ones((rows, 2), np.float32),
+    }
+    if manifest.guided:
+        inputs["guidance"] = np.full(rows, manifest.guidance, np.float32)
+    tensors = [torch.from_numpy(value) for value in inputs.values()]
+    sessions = [open_session(bundle.folder / name) for name in NETWORKS]
+
+    def by_torch() -> np.ndarray:
+        with torch.inference_mode():
+            for _ in range(steps):
+                clean = denoiser(*tensors)
+            frames: np.ndarray = decoder(clean[:1], tensors[2][:1]).numpy()
+            return frames
+
+    def by_onnx() -> np.ndarray:
+        for _ in range(steps):
+            (clean,) = sessions[0].run(None, inputs)
+        (frames,) = sessions[1].run(None, {"latent": clean[:1], "history": inputs["history"][:1]})
+        return np.asarray(frames)
+
+    if not np.allclose(by_torch(), by_onnx(), atol=1e-2):
+        raise ConfigError(f"{training}: these networks are not the bundle's")
+    ways: dict[str, Callable[[], np.ndarray]] = {"torch": by_torch, "onnxruntime": by_onnx}
+    took: dict[str, list[float]] = {name: [] for name in ways}
+    for number in range(repeats + 5):
+        for name, way in ways.items():
+            begin = time.perf_counter()
+            way()
+            if number >= 5:
+                took[name].append(1e3 * (time.perf_counter() - begin))
+    return {name: np.array(values) for name, values in took.items()}
+
+
+def peak_mb(program: str, bundle: Path) -> float:
+    """Peak memory of a Python process that runs a program [MB].
+
+    Raises:
+        ConfigError: the program failed.
+    """
+    command = [sys.executable, "-c", program + _PEAK, str(bundle)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise ConfigError(done.stderr.strip().splitlines()[-1])
+    return int(done.stdout.split()[-1]) / 1024
+
+
+def table(rows: Sequence[Row]) -> Table:
+    """Every way."""
+    out = Table(title="One window, one thread")
+    for name in ("networks", "p50 ms", "p99 ms", "cpu p50", "cpu p99", "MB", "mm from single precision, median (p95)"):
+        out.add_column(name, justify="left" if name == "networks" else "right")
+    for own in rows:
+        times = [f"{value:.2f}" for value in own.quantiles]
+        error = f"{np.median(own.error_mm):.2f} ({np.quantile(own.error_mm, 0.95):.2f})"
+        out.add_row(own.name, *times, f"{own.size_mb:.1f}", error)
+    return out
+
+
+def main(
+    folder: Annotated[Path, typer.Argument(metavar="BUNDLE", help="Bundle to judge.")],
+    training: Annotated[
+        Path | None, typer.Option(help="Run that the bundle was exported of, to compare torch.")
+    ] = None,
+    repeats: Annotated[int, typer.Option(min=20, help="Samples of each way.")] = 300,
+    steps: Annotated[int | None, typer.Option(help="Of the diffusion; the bundle's own by default.")] = None,
+    csv_out: Annotated[Path | None, typer.Option("--csv", help="Write one row a way here.")] = None,
+) -> list[Verdict]:
+    """Measure single precision, eight bits and torch."""
+    # Before this process grows: the peaks are of processes of their own.
+    peaks = {"sampler": peak_mb(_SAMPLE, folder), "live system in lockstep": peak_mb(_LIVE, folder)}
+    bundle, console = Bundle(folder), Console(width=160)
+    reference = Sampler(bundle, steps)
+    with tempfile.TemporaryDirectory() as work:
+        rows = []
+        for place, (name, networks) in enumerate(WAYS.items()):
+            copy = quantised(bundle, networks, Path(work) / str(place)) if networks else bundle
+            rows.append(row(name, copy, reference, steps, repeats))
+    console.print(table(rows))
+    if training is not None:
+        took = torch_times(bundle, training, reference.steps, repeats)
+        medians = {name: float(np.median(values)) for name, values in took.items()}
+        ratio = medians["torch"] / medians["onnxruntime"]
+        figures = ", ".join(f"{name} {value:.2f} ms" for name, value in medians.items())
+        console.print(f"networks alone, {reference.steps} steps: {figures}, ratio {ratio:.2f}")
+    if csv_out is not None:
+        names = ("p50_ms", "p99_ms", "cpu_p50_ms", "cpu_p99_ms")
+        write_csv(csv_out, [{"networks": own.name, **dict(zip(names, own.quantiles, strict=True))} for own in rows])
+    _, _, median, worst = rows[0].quantiles
+    return [
+        Verdict(f"processor time of a sample, median: {median:.1f} ms (<= {MEDIAN_MS:g})", median <= MEDIAN_MS),
+        Verdict(f"processor time of a sample, 99th percentile: {worst:.1f} ms (<= {WORST_MS:g})", worst <= WORST_MS),
+        *(
+            Verdict(f"peak memory, {name}: {value:.0f} MB (<= {MEMORY_MB:g})", value <= MEMORY_MB)
+            for name, value in peaks.items()
+        ),
+    ]
+
+
+if __name__ == "__main__":
+    benchmark(main)

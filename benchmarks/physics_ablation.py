@@ -1,0 +1,218 @@
+"""What do the losses of physics do? A reduced model with all of them, and without each, several seeds each.
+
+    python benchmarks/physics_ablation.py TRAINING OUT [--seeds 3] [--steps 3000] [--diffusion-steps N] [--csv FILE]
+
+TRAINING is a run of `flexmotion train` with features (muscles included), text and evaluator; from it come data,
+configuration and judge. The networks are reduced (`--width`, `--layers`), everything else is as configured. Judged is
+what the autoencoder makes of held-out windows; with `--diffusion-steps` what a diffusion on top of it samples. Stopped
+and started again it goes on where it was. Exits with 1 where a loss does not improve its own metrics by 20 %, or where
+the Fréchet distance with all of them is more than 1.1 times that without one.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from shutil import copyfile
+from typing import Annotated
+
+import torch
+import typer
+import yaml
+from rich.console import Console
+from rich.table import Table
+from verdicts import Verdict, benchmark, write_csv
+
+from configs.errors import ConfigError
+from configs.model import ModelConfig, Transformer
+from flexmotion.body import Body
+from flexmotion.evaluation.interval import Interval
+from flexmotion.sampler import Sampler
+from flexmotion.text.sentence_encoder import SentenceEncoder
+from flexmotion.training.autoencoder import Autoencoder
+from flexmotion.training.autoencoder_task import AutoencoderTask
+from flexmotion.training.diffusion_task import DiffusionTask
+from flexmotion.training.evaluate import Features, Generator, Judge
+from flexmotion.training.export import export, with_proportions
+from flexmotion.training.processes import Processes, use_threads
+from flexmotion.training.run import Run
+from flexmotion.training.stage import Task, load_weights, train_stage
+
+ALL = "all"
+WITHOUT = {"euler": ("euler_joints", "euler_root"), "muscles": ("muscle_limits", "muscle_torques")}
+"""Losses that are left out together."""
+
+OWN = {"euler": ("euler_force", "euler_moment", "actuation"), "muscles": ("muscle_limit",)}
+"""Metrics that a loss must improve."""
+
+SHOWN = ("contact_force", "actuation", "euler_force", "euler_moment", "muscle_limit", "muscle_torque", "fid", "jerk")
+IMPROVED, WORSE = 0.8, 1.1
+FIGURES = "figures.json"
+
+
+@dataclass(frozen=True)
+class Reduction:
+    """How small, and for how long."""
+
+    width: int
+    layers: int
+    steps: int
+    diffusion_steps: int
+
+    def of(self, config: ModelConfig, variant: str) -> ModelConfig:
+        """A configuration, reduced, without the losses of a variant."""
+        small = Transformer(width=self.width, heads=4, layers=self.layers)
+        stages = {
+            name: getattr(config.stages, name).model_copy(update={"steps": steps})
+            for name, steps in (("autoencoder", self.steps), ("diffusion", max(self.diffusion_steps, 1)))
+        }
+        losses = dict.fromkeys(WITHOUT.get(variant, ()), 0.0) | {"physics_from": self.steps // 4}
+        return config.model_copy(
+            update={
+                "autoencoder": config.autoencoder.model_copy(update={"encoder": small, "decoder": small}),
+                "diffusion": config.diffusion.model_copy(update={"denoiser": small}),
+                "losses": config.losses.model_copy(update=losses),
+                "stages": config.stages.model_copy(update=stages),
+            }
+        )
+
+
+def variant_run(training: Run, out: Path, variant: str, seed: int, reduction: Reduction) -> Run:
+    """The run of one variant and seed: a new one, or one that goes on."""
+    folder = out / f"{'without-' * (variant in WITHOUT)}{variant}-{seed}"
+    folder.mkdir(parents=True, exist_ok=True)
+    wanted = folder / "wanted.yaml"
+    content = reduction.of(training.config, variant).model_dump()
+    wanted.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
+    for name in ("features", "text"):
+        if not (folder / name).exists():
+            (folder / name).symlink_to((training.folder / name).resolve(), target_is_directory=True)
+    fitted = training.folder / "muscle_torques.npz"
+    if fitted.is_file():
+        copyfile(fitted, folder / fitted.name)
+    return Run(folder, str(wanted), seed)
+
+
+def trained(run: Run, reduction: Reduction) -> None:
+    """Train what a run lacks."""
+    task = AutoencoderTask(run.config, run.store(), run.seed, Processes(), run.muscles())
+    _stage(run, "autoencoder", task)
+    if reduction.diffusion_steps:
+        encode = SentenceEncoder(run.stage("text"))
+        _stage(
+            run, "diffusion", DiffusionTask(run.config, run.store(), _autoencoder(run), encode, run.seed, Processes())
+        )
+
+
+def _stage(run: Run, name: str, task: Task) -> None:
+    train_stage(task, getattr(run.config.stages, name), run.stage(name), fingerprint=run.fingerprint())
+
+
+def _autoencoder(run: Run) -> Autoencoder:
+    network = Autoencoder(run.config.autoencoder, run.config.window, run.layout)
+    load_weights(network, run.stage("autoencoder"))
+    return network.eval()
+
+
+def reconstructed(judge: Judge, network: Autoencoder) -> Generator:
+    """What an autoencoder makes of the cases."""
+    statistics = judge.store.statistics
+
+    def generate(case: int, seed: int) -> Features:
+        frames = (judge.cases.history[case], judge.cases.future[case])
+        history, future = (torch.from_numpy(statistics.normalise(part))[None] for part in frames)
+        with torch.no_grad():
+            decoded = network.decode(history, network.encode(history, future)[0])
+        return statistics.restore(decoded[0].numpy())
+
+    return generate
+
+
+def measured(judge: Judge, run: Run, reduction: Reduction, sampling_steps: int) -> dict[str, Interval]:
+    """Every metric of one variant and seed."""
+    if not reduction.diffusion_steps:
+        return judge.measure(reconstructed(judge, _autoencoder(run)))
+    bundle = export(run, run.folder / "bundle", distilled=False, body=Body())
+    return judge.measure(judge.sampled(Sampler(bundle, sampling_steps)))
+
+
+def table(figures: dict[str, list[dict[str, float]]]) -> Table:
+    """Metrics with all losses and without each, intervals over the seeds, and what leaving one out costs."""
+    out = Table("metric", ALL, title="Losses of physics")
+    for variant in WITHOUT:
+        out.add_column(f"without {variant}", justify="right")
+        out.add_column("all / without", justify="right")
+    for name in SHOWN:
+        rows = {variant: [row[name] for row in own if name in row] for variant, own in figures.items()}
+        if not all(rows.values()):
+            continue
+        cells = [str(Interval.of(rows[ALL]))]
+        for variant in WITHOUT:
+            cells += [str(Interval.of(rows[variant])), f"{ratio(figures, variant, name):.2f}"]
+        out.add_row(name, *cells)
+    return out
+
+
+def ratio(figures: dict[str, list[dict[str, float]]], variant: str, name: str) -> float:
+    """A metric with all losses over the same without some; 1 where both are 0."""
+    both, without = (sum(row[name] for row in figures[key]) / len(figures[key]) for key in (ALL, variant))
+    return both / without if without else (1.0 if not both else float("inf"))
+
+
+def verdicts(figures: dict[str, list[dict[str, float]]]) -> list[Verdict]:
+    """The criteria."""
+    found = []
+    for variant, metrics in OWN.items():
+        for name in metrics:
+            value = ratio(figures, variant, name)
+            found.append(Verdict(f"{name} with over without {variant}: {value:.2f} (<= {IMPROVED})", value <= IMPROVED))
+        value = ratio(figures, variant, "fid")
+        found.append(Verdict(f"fid with over without {variant}: {value:.2f} (<= {WORSE})", value <= WORSE))
+    return found
+
+
+def main(
+    training: Annotated[Path, typer.Argument(metavar="TRAINING", help="Run that data and judge come from.")],
+    out: Annotated[Path, typer.Argument(metavar="OUT", help="Folder for the runs; a new one, or one to go on with.")],
+    seeds: Annotated[int, typer.Option(min=1, help="Of each variant.")] = 3,
+    steps: Annotated[int, typer.Option(min=1, help="Of each autoencoder.")] = 3000,
+    diffusion_steps: Annotated[int, typer.Option(min=0, help="Of each diffusion; 0 for none.")] = 0,
+    width: Annotated[int, typer.Option(min=4, help="Of the networks.")] = 96,
+    layers: Annotated[int, typer.Option(min=1, help="Of each network.")] = 2,
+    windows: Annotated[int, typer.Option(min=64, help="Held-out windows.")] = 512,
+    sampling_steps: Annotated[int, typer.Option(min=1, help="Of a sample.")] = 10,
+    threads: Annotated[int, typer.Option(min=1, help="Of the CPU.")] = 1,
+    csv_out: Annotated[Path | None, typer.Option("--csv", help="Write one row a variant and seed here.")] = None,
+) -> Sequence[Verdict]:
+    """Train with and without the losses of physics, and measure what comes of it."""
+    use_threads(threads)
+    source, console = Run(training), Console(width=160)
+    if not source.layout.muscles:
+        raise ConfigError(f"{training}: has no muscles, so nothing can be said of their losses")
+    reduction = Reduction(width, layers, steps, diffusion_steps)
+    judge = Judge(source, with_proportions(Body(), source.store()), windows)
+    figures: dict[str, list[dict[str, float]]] = {variant: [] for variant in (ALL, *WITHOUT)}
+    settings = asdict(reduction) | {"windows": windows, "sampling_steps": sampling_steps}
+    for seed in range(seeds):
+        for variant, rows in figures.items():
+            run = variant_run(source, out, variant, seed, reduction)
+            path = run.folder / FIGURES
+            done = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+            if done.get("settings") != settings:
+                console.print(f"trains {run.folder}")
+                trained(run, reduction)
+                found = {name: value.mean for name, value in measured(judge, run, reduction, sampling_steps).items()}
+                done = {"settings": settings, "figures": found}
+                path.write_text(json.dumps(done, indent=1), encoding="utf-8")
+            rows.append(done["figures"])
+    console.print(table(figures))
+    console.print(f"autoencoders of {layers} + {layers} layers x {width}, {steps} steps; {seeds} seeds")
+    if csv_out is not None:
+        write_csv(csv_out, [{"variant": variant, **row} for variant, rows in figures.items() for row in rows])
+    return verdicts(figures)
+
+
+if __name__ == "__main__":
+    benchmark(main)

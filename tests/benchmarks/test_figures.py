@@ -1,0 +1,84 @@
+"""What the benchmarks of the model measure, on motion whose answer is known; and how they end."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from agreement import apart
+from model_rollout import RollOut
+from roll_outs import Run, around, frozen_share, prompts, spanning
+from velocity import frame_velocities
+from verdicts import Verdict, benchmark
+from window_distance import mean_distance, nearest_distance, windows_of
+
+from configs.errors import ConfigError
+
+
+def test_velocity_is_along_and_across_where_the_body_faces(circling) -> None:
+    found = frame_velocities(circling(60, 0.8, -0.2, 0.9))
+    np.testing.assert_allclose(found, np.tile([0.8, -0.2, 0.9], (59, 1)), atol=1e-9)
+
+
+def test_windows_do_not_depend_on_place_and_heading(circling) -> None:
+    walk = circling(80, 1.0, 0.0, 0.5)
+    windows = windows_of(walk, 32, 16)
+    assert windows.shape == (4, 8 * 16 * 3)
+    np.testing.assert_allclose(windows - windows[:1], 0.0, atol=1e-5)
+    # Root mean square over frames of a body that is further ahead by .3 m/s.
+    faster = windows_of(circling(32, 1.3, 0.0, 0.0), 32, 32)
+    slower = windows_of(circling(32, 1.0, 0.0, 0.0), 32, 32)
+    expected = 0.3 * np.sqrt(np.mean((np.arange(0, 32, 4) / 30) ** 2)) / walk.body.leg
+    assert nearest_distance(faster, slower)[0] == pytest.approx(expected, rel=1e-3)
+
+
+def test_nearest_and_mean_distance() -> None:
+    rng = np.random.default_rng(0)
+    windows, among = (rng.normal(size=(count, 6)).astype(np.float32) for count in (5, 40))
+    distance = np.linalg.norm(windows[:, None] - among, axis=-1)
+    np.testing.assert_allclose(nearest_distance(windows, among), distance.min(axis=1), atol=1e-5)
+    assert mean_distance(np.array([[0.0, 0.0], [3.0, 4.0], [0.0, 0.0]], np.float32)) == pytest.approx(10 / 3)
+
+
+def test_two_plans_apart(circling) -> None:
+    here, there = circling(40, 0.0, 0.0, 0.3), circling(40, 0.0, 0.0, 0.3)
+    there = replace(there, root_position=there.root_position + [0.03, 0.04, 0.0])
+    np.testing.assert_allclose(apart(here, there, 30, 30), [0.05, 0.05, 0.0], atol=1e-6)
+    assert apart(here, here, 30, 20)[2] == pytest.approx(np.degrees(0.1), abs=1e-6)
+
+
+def test_jerk_at_joins(circling) -> None:
+    """A jump between frames 49 and 50 is in the three third differences that span it, and in no other."""
+    motion = circling(100)
+    jump = np.where(np.arange(100) >= 50, 0.01, 0.0)[:, None] * [1.0, 0.0, 0.0]
+    made = RollOut(replace(motion, root_position=motion.root_position + jump), np.array([50]), np.array([False]))
+    change = around(made, cued=False)[0]
+    assert (np.flatnonzero(change > 1e-3) - 12).tolist() == [-3, -2, -1]
+    marked = spanning(97, made.joins)
+    assert np.flatnonzero(marked).tolist() == [47, 48, 49]
+
+
+def test_frozen_is_who_was_told_to_move(circling) -> None:
+    still, going = circling(240), circling(240, 0.5)
+    no_joins = (np.zeros(0, np.intp), np.zeros(0, np.bool_))
+    told = ("walk forward", "stand still")
+    assert frozen_share(Run(told, RollOut(still, *no_joins)), every=4.0) == 1.0
+    assert frozen_share(Run(told, RollOut(going, *no_joins)), every=4.0) == 0.0
+    assert frozen_share(Run(("stand still", "bow"), RollOut(still, *no_joins)), every=4.0) == 0.0
+    texts = prompts(3, 120.0, 4.0)
+    assert len(texts) == 30 and all(one != two for one, two in zip(texts, texts[1:], strict=False))
+
+
+def test_how_a_benchmark_ends(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setattr("sys.argv", ["bench"])
+
+    def fails() -> list[Verdict]:
+        raise ConfigError("bundle: not there")
+
+    for command, code in ((lambda: [Verdict("fine", True)], 0), (lambda: [Verdict("not", False)], 1), (fails, 2)):
+        with pytest.raises(SystemExit) as ended:
+            benchmark(command)
+        assert ended.value.code == code
+    printed = capsys.readouterr()
+    assert "PASS fine" in printed.out and "FAIL not" in printed.out and "bench: bundle: not there" in printed.err
