@@ -18,6 +18,7 @@ from configs.errors import ConfigError
 from configs.schema import Strict, parse, read_yaml
 
 FOLDER = Path(__file__).parent / "servos"
+NOT_DRIVEN = FOLDER.parent / "not_driven.yaml"
 
 Protocol = Literal["dynamixel2", "feetech", "lx16a"]
 
@@ -153,9 +154,12 @@ def catalogue() -> dict[str, Servo]:
 
 
 def find_servo(name: str) -> Servo:
-    """The servo `name`. Raises `ConfigError` naming the closest models."""
+    """The servo `name`. Raises `ConfigError` saying why it is not driven, or naming the closest models."""
     servos = catalogue()
     if name not in servos:
+        for start, reason in read_yaml(NOT_DRIVEN).items():
+            if name.upper().startswith(start):
+                raise ConfigError(f"servo {name!r} {reason}: a driver plug-in would have to drive it (docs/drivers.md)")
         close = get_close_matches(name.upper(), servos, n=3, cutoff=0.4) or sorted(servos)
         raise ConfigError(f"unknown servo {name!r}, did you mean: {', '.join(close)}")
     return servos[name]

@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from configs.errors import DriverError
+from configs.errors import ConfigError, DriverError
 from configs.robot import Robot
 from configs.schema import Strict
 from drivers.bus.options import BusOptions
@@ -52,6 +52,7 @@ class BusDriver(Driver):
             raise TypeError(f"{type(self).__name__} takes BusOptions, not {type(self.options).__name__}")
         self._settings: BusOptions = self.options
         self._paths = {name: self._settings.port_of(name, robot) for name in robot.config.buses}
+        _refuse_couplings(robot)
         for name in self._paths:
             self.Bus.check(robot, name)
         n = robot.n
@@ -234,4 +235,15 @@ class BusDriver(Driver):
             imu=imu is not None and imu.driver is not None,
             effort=any(servo.current_unit is not None for servo in self.robot.servos),
             torque_bound=self.Bus.bounds_torque(self.robot),
+        )
+
+
+def _refuse_couplings(robot: Robot) -> None:
+    """Raise `ConfigError` where the MJCF couples joints: here each is driven by a servo of its own, directly."""
+    model = robot.model
+    coupled = [model.equality(i).name for i in range(model.neq)] + [model.tendon(i).name for i in range(model.ntendon)]
+    if coupled:
+        raise ConfigError(
+            f"{robot.file}: {robot.config.mjcf} couples joints ({coupled[0] or 'a constraint'}): differentials and "
+            "linkages want a driver plug-in that turns joint angles into its actuators' (docs/drivers.md)"
         )

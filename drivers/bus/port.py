@@ -8,6 +8,7 @@ import os
 import select
 import time
 from collections.abc import Sequence
+from pathlib import Path
 
 import serial
 
@@ -15,6 +16,9 @@ from configs.errors import DriverError
 
 BITS_A_BYTE = 10
 """Start bit, eight bits, stop bit."""
+
+NETWORK = Path("/sys/class/net")
+"""Where Linux lists its network interfaces, CAN buses among them."""
 
 _CHUNK = 4096
 
@@ -43,7 +47,7 @@ class SerialPort:
         try:
             self._serial = serial.Serial(path, baud, timeout=0, write_timeout=0, exclusive=True)
         except serial.SerialException as error:
-            raise DriverError(f"port {path}: {_reason(error)}") from error
+            raise DriverError(f"port {path}: {_reason(path, error)}") from error
         except ValueError as error:
             raise DriverError(f"port {path}: cannot run at {baud} baud: {error}") from error
         try:
@@ -130,7 +134,9 @@ class SerialPort:
         log.error("port %s is lost: %s", self.path, self.lost)
 
 
-def _reason(error: serial.SerialException) -> str:
+def _reason(path: str, error: serial.SerialException) -> str:
+    if error.errno == errno.ENOENT and path and (NETWORK / path).is_dir():
+        return "is a CAN or network interface, no serial port: a driver plug-in would have to speak to it"
     if error.errno == errno.ENOENT:
         return "there is no such device"
     if error.errno == errno.EACCES:

@@ -8,9 +8,15 @@ from dataclasses import dataclass
 
 from configs.errors import DriverError
 from configs.robot import Robot
+from drivers.bus.packet import SumFormat
+from drivers.bus.sum_client import SumClient
 from drivers.dynamixel.layout import Layout
 from drivers.dynamixel.registers import RETURN_DELAY_US, Table, table_of
 from drivers.dynamixel.sdk import Client
+
+PROTOCOL_1 = SumFormat(header=0xFF, counted=2)
+PROTOCOL_1_PING = 0x01
+ANOTHER_PROTOCOL = "set its protocol_type to 2.0 if it has one, else a driver plug-in would have to drive it"
 
 POSITION_MODE, CURRENT_POSITION_MODE = 3, 5
 
@@ -79,12 +85,14 @@ def audit(client: Client, robot: Robot, joint: int, layout: Layout, *, configure
     model = client.ping(id_)
     if model is None:
         reason = client.line.lost or f"does not answer at {client.line.baud} baud"
+        if SumClient(client.line, PROTOCOL_1).ask(id_, PROTOCOL_1_PING, answer=0, tries=1) is not None:
+            raise DriverError(f"{where}: speaks Protocol 1, or is a Feetech servo; {ANOTHER_PROTOCOL}")
         raise DriverError(f"{where}: {reason}; is its power on? `flexmotion servo scan` finds servos at any baud rate")
     if servo.model_number is not None and model != servo.model_number:
         raise DriverError(f"{where}: model number {model}, expected {servo.model_number} of {servo.name}")
     memory = client.read_block(id_, 0, max(register.end for register in table.registers.values() if register.end < 128))
     if _value(table, memory, "protocol_type") != 2:
-        raise DriverError(f"{where}: speaks another protocol than 2.0, which a plug-in driver would have to speak")
+        raise DriverError(f"{where}: speaks another protocol than 2.0; {ANOTHER_PROTOCOL}")
     firmware = _value(table, memory, "firmware_version")
     torque_on = bool(_value(table, memory, "torque_enable"))
     wrong = {

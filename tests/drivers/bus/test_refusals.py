@@ -1,0 +1,77 @@
+"""What is not driven is refused before anything moves, in a line that says why."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+import yaml
+
+from configs.errors import ConfigError, DriverError
+from configs.robot import ROBOTS, Robot, load_robot
+from configs.servo import find_servo
+from drivers.bus.port import SerialPort
+from drivers.emulator.body import BenchBody
+from drivers.emulator.loopback import Loopback
+from drivers.registry import create
+
+from .robots import op3_with
+
+
+@pytest.mark.parametrize(
+    ("servo", "why"),
+    [
+        ("AX-12A", "speaks Dynamixel Protocol 1"),
+        ("XL-320", "control table of its own"),
+        ("AK60-6", "is on a CAN bus"),
+        ("SCS0009", "no sync read"),
+    ],
+)
+def test_servos_that_no_driver_speaks_to(servo: str, why: str) -> None:
+    with pytest.raises(ConfigError, match=f"servo '{servo}' .*{why}.*: a driver plug-in would have to drive it"):
+        find_servo(servo)
+
+
+def test_a_can_interface_is_no_serial_port(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    (tmp_path / "can0").mkdir()
+    monkeypatch.setattr("drivers.bus.port.NETWORK", tmp_path)
+    with pytest.raises(DriverError, match="port can0: is a CAN or network interface, no serial port: a driver plug-in"):
+        SerialPort("can0", 1_000_000)
+
+
+def test_a_servo_that_answers_protocol_1_is_told_so(tmp_path: Path) -> None:
+    """Feetech's packets are Protocol 1's."""
+    world = Loopback(BenchBody(op3_with(tmp_path, servo="STS3215-12V", baud=1_000_000)))
+    driver = create("dynamixel", op3_with(tmp_path, servo="XM430-W350", baud=1_000_000), port="main")
+    driver.open_port = world.open_port  # type: ignore[attr-defined]
+    with pytest.raises(DriverError, match=r"head_pan \(id 19\) on main: speaks Protocol 1, or is a Feetech servo"):
+        driver.open()
+
+
+@pytest.fixture
+def coupled(tmp_path: Path) -> Robot:
+    """OP3 whose head's joints are coupled as a differential would."""
+    folder = Path(shutil.copytree(ROBOTS / "op3", tmp_path / "op3"))
+    mjcf = folder / "op3.xml"
+    text = mjcf.read_text(encoding="utf-8")
+    differential = '<equality><joint name="neck" joint1="head_pan" joint2="head_tilt"/></equality>'
+    mjcf.write_text(text.replace("</mujoco>", f"{differential}</mujoco>"), encoding="utf-8")
+    return load_robot(folder)
+
+
+def test_joints_behind_a_differential(coupled: Robot) -> None:
+    with pytest.raises(
+        ConfigError, match=r"op3\.xml couples joints \(neck\): differentials and linkages want a"
+    ):
+        create("dynamixel", coupled, port="main")
+    assert create("sim", coupled).robot is coupled  # who simulates them may
+
+
+def test_two_joints_of_one_servo(tmp_path: Path) -> None:
+    folder = Path(shutil.copytree(ROBOTS / "op3", tmp_path / "op3"))
+    content = yaml.safe_load((folder / "op3.yaml").read_text(encoding="utf-8"))
+    content["joints"][1]["id"] = content["joints"][0]["id"]
+    (folder / "op3.yaml").write_text(yaml.safe_dump(content), encoding="utf-8")
+    with pytest.raises(ConfigError, match="joint 'head_tilt': id 19 on bus 'main' already belongs to 'head_pan'"):
+        load_robot(folder)

@@ -1,0 +1,90 @@
+"""A robot on several ports: read at once, on one clock."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from configs.robot import ROBOTS, Robot, load_robot
+from drivers.bus.driver import BusDriver
+from drivers.emulator.body import BenchBody
+from drivers.emulator.faults import Fault
+from drivers.emulator.loopback import Loopback
+from drivers.interface import JointCommand, RobotState
+from drivers.registry import create
+
+
+@pytest.fixture
+def split(tmp_path: Path) -> Robot:
+    """OP3 with its legs on a fast bus and everything else, with the board, on a slow one."""
+    folder = Path(shutil.copytree(ROBOTS / "op3", tmp_path / "op3"))
+    content = yaml.safe_load((folder / "op3.yaml").read_text(encoding="utf-8"))
+    content["buses"] = {"legs": {"baud": 4_000_000}, "upper": {"baud": 1_000_000}}
+    content["imu"]["bus"] = "upper"
+    for number, joint in enumerate(content["joints"]):
+        joint["bus"] = "legs" if number >= 8 else "upper"
+    (folder / "op3.yaml").write_text(yaml.safe_dump(content), encoding="utf-8")
+    return load_robot(folder)
+
+
+class Split:
+    """The driver on both buses."""
+
+    def __init__(self, robot: Robot) -> None:
+        self.world = Loopback(BenchBody(robot))
+        driver = create("dynamixel", robot, ports={"legs": "legs", "upper": "upper"})
+        assert isinstance(driver, BusDriver)
+        driver.open_port = self.world.open_port
+        self.driver, self.state, self.command = driver, RobotState(robot.n), JointCommand(robot.n)
+        self.command.position[:] = robot.stand_pose
+
+    def tick(self, ticks: int = 1) -> None:
+        for _ in range(ticks):
+            begin = self.world.now
+            self.driver.read(self.state)
+            self.driver.write(self.command)
+            self.world.advance(begin + 0.008 - self.world.now)
+
+
+def test_both_are_read_at_once_and_stamped_once(split: Robot) -> None:
+    it = Split(split)
+    with it.driver:
+        it.driver.read(it.state)
+        it.driver.set_torque(True)
+        it.tick(3)
+        begin = it.world.now
+        it.driver.read(it.state)
+        took = it.world.now - begin
+        budgets = [it.driver.Bus.budget(split, name) for name in ("legs", "upper")]
+        slower = max(budget.read_s for budget in budgets)
+        assert slower - 1e-9 <= took < slower + 0.0003 < sum(budget.read_s for budget in budgets)
+        assert it.state.stamp_ns == round(begin * 1e9)
+        assert not it.state.stale.any() and it.state.imu_stale == 0
+        np.testing.assert_allclose(it.state.position, split.stand_pose, atol=0.002)
+        assert it.world.emulator.body.plant.enabled.all()
+
+
+def test_goals_reach_both(split: Robot) -> None:
+    it = Split(split)
+    with it.driver:
+        it.driver.read(it.state)
+        it.driver.set_torque(True)
+        for joint in ("head_pan", "l_knee"):
+            it.command.position[split.index(joint)] += 0.1
+        it.tick(125)
+        np.testing.assert_allclose(it.state.position, it.command.position, atol=0.02)
+
+
+def test_one_that_is_unplugged_leaves_the_other_fresh(split: Robot) -> None:
+    it = Split(split)
+    with it.driver:
+        it.driver.read(it.state)
+        it.driver.set_torque(True)
+        it.tick(3)
+        it.world.emulator.lines[1].act([Fault.parse("port")])
+        it.tick(7)
+        assert it.state.stale[8:].max() == 0 and it.state.stale[:8].min() >= 6
