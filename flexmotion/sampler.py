@@ -12,6 +12,7 @@ from configs.errors import ConfigError
 from flexmotion.bundles.bundle import DECODER, DENOISER, Bundle
 from flexmotion.features.decode import Anchor, decode
 from flexmotion.features.encode import LEAD, encode
+from flexmotion.features.heading_frame import chord
 from flexmotion.motion import Motion
 from flexmotion.onnx_session import open_session
 from flexmotion.text.prompt_reader import Prompt, PromptReader
@@ -25,7 +26,8 @@ class Condition:
 
     Attributes:
         text: what to do, in words; None for standing still, or for nothing but the velocity where there is one.
-        velocity: of the root: forward, left [m/s], turning left [rad/s], as seen from where it faces; None for none.
+        velocity: of the root: forward, left [m/s], turning left [rad/s], as seen from where it faces at every moment;
+            None for none.
         guidance: how strictly it is followed; None for the bundle's default.
     """
 
@@ -164,7 +166,9 @@ class Sampler:
         inputs = self._inputs
         inputs["present"][:] = 0.0
         if condition.velocity is not None and self.bundle.manifest.velocity:
-            forward, left, turning = condition.velocity
+            # The model was told how far a window went as seen from its beginning: who turns goes along an arc.
+            turning = condition.velocity[2]
+            forward, left = chord(*condition.velocity, seconds=self.future / self.fps)
             inputs["velocity"][:] = (forward / self.body.leg, left / self.body.leg, turning)
             inputs["present"][:, 1] = 1.0
         if condition.text is not None or condition.velocity is None:

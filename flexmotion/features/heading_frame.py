@@ -23,3 +23,22 @@ def turned(vector: Float, yaw: Float) -> Float:
     cosine, sine = cosine.reshape(shape), sine.reshape(shape)
     x, y, z = vector[..., 0], vector[..., 1], vector[..., 2]
     return np.stack([cosine * x - sine * y, sine * x + cosine * y, z], axis=-1)
+
+
+def chord(forward: float, left: float, turning: float, seconds: float) -> tuple[float, float]:
+    """Mean velocity, seen from where it begins, of what moves evenly as seen from where it faces.
+
+    Along an arc of angle ω T: R(ω T / 2) v sin(ω T / 2) / (ω T / 2).
+
+    Args:
+        forward, left: where it faces at every moment [m/s].
+        turning: to the left [rad/s].
+        seconds: for so long.
+
+    Returns:
+        Forward and left [m/s].
+    """
+    half = 0.5 * turning * seconds
+    shorter = float(np.sinc(half / np.pi))
+    cosine, sine = shorter * float(np.cos(half)), shorter * float(np.sin(half))
+    return cosine * forward - sine * left, sine * forward + cosine * left
