@@ -1,4 +1,4 @@
-"""What all tests share: real motion data, where this machine has them."""
+"""What all tests share: real motion data and a trained model, where this machine has them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,9 @@ from pathlib import Path
 
 import pytest
 
-SHARED = "FLEXMOTION_SHARED"
+from flexmotion.bundles.shipped import shipped_bundle
+
+SHARED, BUNDLE = "FLEXMOTION_SHARED", "FLEXMOTION_BUNDLE"
 ARCHIVES = {"cmu": "cmu_raw.tar.xz", "bandai": "bandai.tar.xz"}
 
 
@@ -45,3 +47,12 @@ def shared_clips(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) ->
         return paths
 
     return extract
+
+
+@pytest.fixture(scope="session")
+def bundle() -> Path:
+    """A trained model: `$FLEXMOTION_BUNDLE`, or the one that comes with the project."""
+    folder = os.environ.get(BUNDLE) or shipped_bundle()
+    if folder is None:
+        pytest.skip(f"no model: set {BUNDLE} to the folder of a bundle")
+    return Path(folder)

@@ -1,0 +1,145 @@
+"""The model in the live system: a run that follows words, from the command line to the log and back."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from configs.robot import load_robot
+from configs.stream import load_stream
+from drivers.registry import create
+from streamer.cli import execute
+from streamer.controls import Request
+from streamer.intents import Clip, Intent, Stop, Text, Velocity
+from streamer.ladder import State
+from streamer.model_source import ModelSource
+from streamer.offline import retarget_offline
+from streamer.record import RunRecord
+from streamer.report import TIMING_KEYS
+from streamer.script import Item
+from streamer.session import Session, human_motion
+
+from .stub_sampler import StubSampler
+
+WALK, TURN = Text("walk forward"), Text("turn left")
+
+
+def session(*items: Item, seconds: float | None = 3.0) -> Session:
+    """One that follows the stub: it glides, so the robot makes no steps."""
+    robot = load_robot("op3")
+    source = ModelSource(StubSampler(), items, "model:stub", seconds=seconds)  # type: ignore[arg-type]
+    return Session(robot, create("sim", robot, seed=0), source, load_stream(), seconds)
+
+
+def sent(run: Session, at: dict[int, Intent], end: int) -> RunRecord:
+    """A run with targets at some ticks, asked for its end at tick `end`."""
+
+    def operate() -> Request | None:
+        assert run.loop is not None
+        tick = run.loop.tick_count
+        if tick in at:
+            run.targets.send(at[tick])
+        return Request.END if tick == end else None
+
+    run.request = operate
+    return run.run()
+
+
+def test_a_script_plays_to_its_end_and_what_the_human_did_is_known() -> None:
+    run = session(Item(0.0, Velocity(0.0, 0.0, 0.2)), Item(1.5, Text("stand still")))
+    record = run.run()
+    assert State(record.state[-1]) is State.OFF
+    played = record.source_s[np.isfinite(record.source_s)]
+    assert played[-1] == pytest.approx(3.0, abs=0.05)
+    human = human_motion(run.source, record)
+    assert human is not None and human.duration == pytest.approx(played[-1], abs=0.05)
+    # The torso follows the human's turn, which ended half-way.
+    yaw = 2 * np.arctan2(record.base_ref[:, 6], record.base_ref[:, 3])
+    assert np.nanmax(yaw) == pytest.approx(0.3, abs=0.1)
+
+
+def test_targets_are_followed_and_a_stop_is_gone_on_from() -> None:
+    run = session(Item(0.0, Text("stand still")), seconds=None)
+    turning = Velocity(0.0, 0.0, 0.3)
+    record = sent(run, {300: turning, 450: Stop(), 800: turning}, 1000)
+    targets = record.rows["target"]
+    assert [int(number) for number in np.unique(targets)] == [0, 1, 2, 3]
+    assert int(np.argmax(targets == 1)) - 300 <= 8 and int(np.argmax(targets == 3)) - 800 <= 8
+    assert (record.state[700:800] == State.HOLD).all()
+    assert (record.state[820:990] == State.STREAMING).all()
+    assert record.underruns == 0 and not [event for event in record.events if event.kind == "fault"]
+    assert human_motion(run.source, record) is None  # targets came in between
+
+
+def test_what_cannot_be_followed_is_told_and_the_rest_goes_on() -> None:
+    run = session(Item(0.0, Text("stand still")), seconds=None)
+    record = sent(run, {300: Clip("walk.bvh")}, 400)
+    notes = [event.message for event in record.events if event.kind == "note"]
+    assert notes == ["target: a model cannot follow clip, expected: text, velocity, stop"]
+    assert not record.rows["target"].any() and State(record.state[-1]) is State.OFF
+
+
+def test_a_model_is_retargeted_offline_to_its_end() -> None:
+    run = session(Item(0.0, TURN), seconds=1.5)
+    trajectory = retarget_offline(run.robot, run.source, run.settings)  # type: ignore[arg-type]
+    assert np.nanmax(trajectory.source_s) == pytest.approx(1.5, abs=0.05)
+
+
+# ---------------------------------------------------------------- with a trained model
+
+
+def dry_run(*arguments: str) -> int:
+    return execute(["dry-run", *arguments])
+
+
+def test_a_prompt_from_the_command_line_and_again(
+    bundle: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    asked = ["--prompt", "wave with the right hand", "--bundle", str(bundle), "--seconds", "2", "--seed", "5", "--json"]
+    assert dry_run(*asked, "--report", str(tmp_path)) == 0
+    first = json.loads(capsys.readouterr().out)
+    assert first["source"] == "prompt:wave with the right hand" and first["planner"]["sample_ms"]["max"] > 0.0
+    assert dry_run(*asked) == 0
+    second = json.loads(capsys.readouterr().out)
+    assert [key for key in first if first[key] != second[key] and key not in TIMING_KEYS] == []
+    # The log names the bundle, and a replay samples the same motion from it.
+    assert execute(["log", "replay", str(tmp_path / "run.mcap"), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["equal"] is True
+
+
+def test_a_log_can_be_read_where_its_bundle_is_not(
+    bundle: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    copy = shutil.copytree(bundle, tmp_path / "bundle")
+    log = tmp_path / "run.mcap"
+    dry_run("--prompt", "stand", "--bundle", str(copy), "--seconds", "0.5", "--log", str(log))
+    shutil.rmtree(copy)
+    capsys.readouterr()
+    assert execute(["log", "show", str(log), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["source"] == "prompt:stand"
+    assert execute(["log", "replay", str(log)]) == 2
+    assert "no bundle there" in capsys.readouterr().err
+
+
+def test_a_damaged_bundle_is_one_line(bundle: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    copy = shutil.copytree(bundle, tmp_path / "bundle")
+    (copy / "denoiser.onnx").write_bytes(b"no network")
+    for command in (["dry-run", "--prompt", "wave"], ["check", "torque"], ["check", "latency"]):
+        assert execute([*command, "--bundle", str(copy)]) == 2
+        error = capsys.readouterr().err
+        assert "denoiser.onnx: is not what the manifest says (hash)" in error and error.count("\n") == 1
+
+
+def test_words_that_mean_nothing_are_warned_of_before_anything_moves(
+    bundle: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    script = tmp_path / "talk.yaml"
+    script.write_text("- {at: 0, text: xyzzy plugh qwrtzp}\n- {at: 0.5, stop: true}\n")
+    dry_run("--script", str(script), "--bundle", str(bundle), "--json")
+    out, err = capsys.readouterr()
+    assert json.loads(out)["source"] == "script:talk.yaml"
+    assert "WARNING: 'xyzzy plugh qwrtzp' means nothing to this model: it stands still\n" in err
