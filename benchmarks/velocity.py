@@ -101,10 +101,10 @@ def run(sampler: Sampler, command: tuple[float, float, float], samples: int, sec
     return Row(command, near, np.array(settled), np.array(from_rest))
 
 
-def table(rows: Sequence[Row], enough: int) -> Table:
-    """Commands and what came of them; those that the data lack are marked."""
+def table(rows: Sequence[Row]) -> Table:
+    """Commands and what came of them."""
     out = Table(title="Commanded velocity: forward, left (m/s), turning left (rad/s)")
-    for name in ("command", "windows", "found", "speed error", "turning error", "from rest", ""):
+    for name in ("command", "windows", "found", "speed error", "turning error", "errors from rest on"):
         out.add_column(name, justify="right")
     for row in rows:
         speed, turning = row.errors(row.settled)
@@ -116,7 +116,6 @@ def table(rows: Sequence[Row], enough: int) -> Table:
             str(Interval.of(speed)),
             str(Interval.of(turning)),
             f"{rest[0].mean():.2f} {rest[1].mean():.2f}",
-            "" if row.windows >= enough else "not in the data",
         )
     return out
 
@@ -159,13 +158,15 @@ def main(
     for command in track(list(product(FORWARD, SIDEWAYS, TURNING)), "commands", console=Console(stderr=True)):
         near = int((np.abs(windows - command) <= NEAR).all(axis=1).sum())
         rows.append(run(sampler, command, samples, seconds, near))
-    Console(width=160).print(table(rows, enough))
+    known = [row for row in rows if row.windows >= enough]
+    console = Console(width=160)
+    console.print(table(known))
+    console.print(f"{len(rows) - len(known)} more commands are not in the data")
     if csv_out is not None:
         write_csv(csv_out, [csv_row(row) for row in rows])
     if plots is not None:
         plots.mkdir(parents=True, exist_ok=True)
         draw(rows, enough, plots / "velocity.png")
-    known = [row for row in rows if row.windows >= enough]
     if not known:
         return [Verdict(f"commands that the data have: none of {len(rows)}", False)]
     found = []
