@@ -178,7 +178,7 @@ def human_motion(source: Source, record: RunRecord) -> Motion | None:
         return None
     if not isinstance(source, LiveSource):
         return source.human()
-    played = record.source_s[np.isfinite(record.source_s)]
+    played = record.source_s[record.source_s >= 0.0]
     if not len(played) or played[-1] > KEPT_S or record.rows["target"].any():
         return None
     return source.cut(min(float(played[-1]) + 1.0 / source.fps, source.seconds or np.inf)).human()

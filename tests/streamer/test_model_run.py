@@ -75,6 +75,12 @@ def test_targets_are_followed_and_a_stop_is_gone_on_from() -> None:
     assert human_motion(run.source, record) is None  # targets came in between
 
 
+def test_a_run_that_ends_before_the_source_begins_has_no_human() -> None:
+    """A robot that fell in the lead-in, before the first frame, once ended in a traceback."""
+    run = session(Item(0.0, WALK), seconds=None)
+    assert human_motion(run.source, sent(run, {}, 3)) is None
+
+
 def test_what_cannot_be_followed_is_told_and_the_rest_goes_on() -> None:
     run = session(Item(0.0, Text("stand still")), seconds=None)
     record = sent(run, {300: Clip("walk.bvh")}, 400)
