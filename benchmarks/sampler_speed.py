@@ -3,7 +3,7 @@
     python benchmarks/sampler_speed.py BUNDLE [--diffusion BUNDLE] [--repeats 200]
 
 Prints milliseconds per sample, on the wall clock and of the processor alone (which a busy machine does not change
-much), and this process's peak memory.
+much), against the first bundle's own number of steps, and this process's peak memory.
 """
 
 from __future__ import annotations
@@ -39,13 +39,17 @@ def main() -> None:
     parser.add_argument("--diffusion", type=Path)
     parser.add_argument("--repeats", type=int, default=200)
     arguments = parser.parse_args()
-    print(f"{'bundle':24} {'steps':>5} {'p50 ms':>8} {'p99 ms':>8} {'cpu p50':>8} {'cpu p99':>8}")
+    print(f"{'bundle':24} {'steps':>5} {'p50 ms':>8} {'p99 ms':>8} {'cpu p50':>8} {'cpu p99':>8} {'ratio':>6}")
+    own = 0.0
     for path in filter(None, (arguments.bundle, arguments.diffusion)):
         bundle = Bundle(path)
-        for steps in sorted({1, 2, 4, bundle.manifest.steps}):
+        # The bundle's own number first: all else is compared with it.
+        for steps in dict.fromkeys((bundle.manifest.steps, 1, 2, 4)):
             took = measure(Sampler(bundle, steps), max(20, arguments.repeats // (1 + steps // 10)))
             figures = [np.quantile(column, share) for column in took.T for share in (0.5, 0.99)]
-            print(f"{path.name:24} {steps:5d} " + " ".join(f"{value:8.2f}" for value in figures))
+            own = own or figures[2]
+            times = " ".join(f"{value:8.2f}" for value in figures)
+            print(f"{path.name:24} {steps:5d} {times} {figures[2] / own:6.2f}", flush=True)
     print(f"peak memory {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.0f} MB")
 
 

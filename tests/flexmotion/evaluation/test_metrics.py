@@ -17,7 +17,7 @@ from flexmotion.evaluation.embeddings import (
 )
 from flexmotion.evaluation.interval import Interval, repeated
 from flexmotion.evaluation.motions import foot_metrics, jerk
-from flexmotion.evaluation.physics import physics_metrics
+from flexmotion.evaluation.physics import beyond_muscles, physics_metrics
 from flexmotion.motion import Motion
 
 
@@ -90,3 +90,17 @@ def test_muscle_limits(clip: Motion) -> None:
     activations[:, 0] = 1.5
     motion = replace(found.motion, activations=activations)
     assert physics_metrics(motion, found.centres)["muscle_limit"] == pytest.approx(25.0)
+    # What storing in half precision leaves beyond is not beyond.
+    rounded = replace(found.motion, activations=np.full((len(found.motion), 4), -1e-4))
+    assert physics_metrics(rounded, found.centres)["muscle_limit"] == 0.0
+
+
+def test_torques_that_muscles_cannot_make(clip: Motion) -> None:
+    pytest.importorskip("myo_sim", reason="extra 'biomech' is not installed")
+    found = dynamics(clip[240:270]).motion
+    assert found.torques is not None
+    usual = beyond_muscles(found)
+    assert usual < 50.0
+    assert beyond_muscles(replace(found, torques=20 * found.torques)) == 100.0
+    with pytest.raises(ValueError, match="torques"):
+        beyond_muscles(replace(found, torques=None))
