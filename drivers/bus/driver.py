@@ -30,6 +30,9 @@ SERVO_CYCLE_S = 0.001
 SETTLE_S = 0.05
 """Time after switching on in which servos that missed it are told again; later it is a fault [s]."""
 
+IMU_PATIENCE_S = 0.05
+"""How long `open` waits for a sample of the IMU at its end [s]."""
+
 log = logging.getLogger(__name__)
 
 
@@ -94,8 +97,7 @@ class BusDriver(Driver):
         except BaseException:
             self.let_go()
             raise
-        if self._imu is not None:
-            self._imu.read(self.buses[0].port.now())
+        self._await_imu()
 
     def close(self) -> None:
         """Torque off, ports released. May be called twice."""
@@ -217,6 +219,13 @@ class BusDriver(Driver):
             do_without(imu.config, error)
             return None
         return imu
+
+    def _await_imu(self) -> None:
+        """Let what came while servos were audited go, so that the first tick finds a sample of its own."""
+        clock = self.buses[0].port
+        end = clock.now() + IMU_PATIENCE_S
+        while self._imu is not None and not self._imu.read(now := clock.now()) and now < end:
+            clock.sleep(IMU_PATIENCE_S / 10)
 
     def _read_imu(self, state: RobotState) -> None:
         imu = self._imu

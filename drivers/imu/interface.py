@@ -50,7 +50,7 @@ class Imu(ABC):
 
     @abstractmethod
     def read(self, now: float) -> bool:
-        """Take in what has come by `now` [s]; whether that is a sample newer than the last call's, and of this tick.
+        """Take in what has come by `now` [s]; whether the newest sample is of now, not one that has grown old.
 
         Never waits, and never raises for what happens on the wire.
         """

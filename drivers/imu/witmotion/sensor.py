@@ -35,6 +35,9 @@ COMMAND_GAP_S = 0.1
 LISTEN_S = 0.3
 """How long is listened for samples before one says that there are none [s]."""
 
+FRESH_SAMPLES = 1.5
+"""A sample is of now for as long as so many take."""
+
 ENOUGH = 0.8
 """Share of the samples asked for that must come."""
 
@@ -66,7 +69,7 @@ class WitMotion(StandaloneImu):
         self._to_accel = self.mount * (ACCEL_FULL_G * GRAVITY / FULL)
         self._to_gyro = self.mount * (math.radians(GYRO_FULL_DEG_S) / FULL)
         self._pending: tuple[int, int, int] | None = None
-        self._samples, self._looked_at = 0, 0.0
+        self._samples, self._looked_at, self._fresh_until = 0, 0.0, 0.0
 
     def open(self, open_port: OpenPort, rate_hz: float) -> None:
         """See `StandaloneImu`; takes about a second. Raises `DriverError` where too few samples come."""
@@ -93,7 +96,9 @@ class WitMotion(StandaloneImu):
         self._looked_at = now
         # Bytes do not say when they came. Where many less have come than were due the stream broke off, and its last
         # sample may be as old as the loop's pause.
-        return came > max(ENOUGH * due - 2, 0)
+        if came > max(ENOUGH * due - 2, 0):
+            self._fresh_until = now + FRESH_SAMPLES / self._samples
+        return now < self._fresh_until
 
     def close(self) -> None:
         """See `StandaloneImu`."""

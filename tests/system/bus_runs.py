@@ -1,0 +1,80 @@
+"""Runs of the whole system in lockstep, the real driver speaking in bytes to servos that carry the simulated robot."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from configs.robot import Robot
+from configs.stream import load_stream
+from drivers.bus.driver import BusDriver
+from drivers.emulator.faults import Fault
+from drivers.emulator.lockstep import LockstepBus
+from drivers.emulator.loopback import Loopback
+from drivers.emulator.sim_body import SimBody
+from drivers.interface import Driver
+from drivers.registry import create
+from streamer.commands.choice import choose_motion
+from streamer.record import RunRecord
+from streamer.session import Session
+from streamer.sources import ClipSource
+
+SECONDS = 2.0
+
+
+@dataclass
+class Run:
+    """A finished run.
+
+    Attributes:
+        record: of the loop.
+        driver: that was run; its `violations` are goals outside the envelope, counted where bytes arrive.
+        body: the robot, as the run left it; None where it was not behind a bus.
+    """
+
+    record: RunRecord
+    driver: Driver
+    body: SimBody | None
+
+    @property
+    def tracking_rmse(self) -> float:
+        """Measured legs against their reference while it moves [rad]."""
+        error = self.record.q - self.record.q_ref
+        return float(np.sqrt(np.mean(error[np.isfinite(error).all(axis=1)][:, 8:] ** 2)))
+
+    @property
+    def faults(self) -> list[tuple[int, str]]:
+        return [(event.tick, event.message) for event in self.record.events if event.kind == "fault"]
+
+    @property
+    def states(self) -> list[str]:
+        return [event.message.partition(":")[0] for event in self.record.events if event.kind in ("state", "fault")]
+
+    @property
+    def lowest(self) -> float:
+        """Of the torso before it parks [m]."""
+        parked = next((e.tick for e in self.record.events if "-> PARK" in e.message), len(self.record.true_base))
+        return float(self.record.true_base[:parked, 2].min())
+
+    def seconds_since_torque(self, tick: int) -> float:
+        """Time from torque on, which faults count from, to a tick [s]."""
+        began = next(event.tick for event in self.record.events if "OFF -> READY" in event.message)
+        return (tick - began) / self.record.rate_hz
+
+
+def through(robot: Robot, driver: Driver, body: SimBody | None = None) -> Run:
+    """A run of the shipped motion's beginning."""
+    session = Session(robot, driver, ClipSource(choose_motion()), load_stream(None), SECONDS)
+    return Run(session.run("lockstep"), driver, body)
+
+
+def through_bytes(
+    robot: Robot, *faults: str, bad_packets: float = 0.0, imu_port: str | None = None, seed: int = 1
+) -> Run:
+    """The same over an emulated bus, on which things go wrong."""
+    body = SimBody(robot)
+    world = Loopback(body, faults=[Fault.parse(text) for text in faults], bad_packets=bad_packets, seed=seed)
+    driver = create("dynamixel", robot, port="main", imu_port=imu_port)
+    assert isinstance(driver, BusDriver)
+    return through(robot, LockstepBus(driver, world, body), body)

@@ -1,0 +1,128 @@
+"""Every single fault of the emulator ends as `docs/faults.md` says: state, time, message. One run each, in lockstep."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from configs.robot import ROBOTS, Robot, load_robot
+from drivers.emulator.faults import FaultKind
+from streamer.ladder import State
+
+from .bus_runs import Run, through_bytes
+
+AT = 1.2
+"""When the fault begins, after torque went on [s]."""
+
+BUS_LOST = ("cable", "port", "lost", "corrupt", "truncated", "late", "late:0.009")
+ONE_PART = {
+    "dead:4": "servo of l_sho_roll (id 4) does not answer",
+    "reset:4": "servo of l_sho_roll (id 4) does not answer",
+    "overheat:4": "servo of l_sho_roll (id 4) reports hardware error 0x104",
+    "voltage:9.5": "supply at 9.5 V, below 10.2 V",
+}
+PASSES = (f"lost@{AT}+0.02", f"corrupt@{AT}+0.01", f"truncated@{AT}+0.01", f"late:0.01@{AT}+0.02", f"duplicated@{AT}",
+          f"voltage:9.5@{AT}+0.03")  # fmt: skip
+SILENT_IMU = ("imu", "dead:200")
+
+
+@pytest.fixture(scope="module")
+def clean(op3: Robot) -> Run:
+    return through_bytes(op3)
+
+
+def with_imu(folder: Path, **imu: object) -> Robot:
+    """OP3, some fields of its robot file's `imu` replaced."""
+    place = Path(shutil.copytree(ROBOTS / "op3", folder / "op3"))
+    content = yaml.safe_load((place / "op3.yaml").read_text(encoding="utf-8"))
+    content["imu"] |= imu
+    (place / "op3.yaml").write_text(yaml.safe_dump(content), encoding="utf-8")
+    return load_robot(place)
+
+
+def warned(run: Run) -> list[str]:
+    return [event.message for event in run.record.events if event.kind == "warning"]
+
+
+def test_every_fault_of_the_emulator_is_here() -> None:
+    tried = {fault.partition("@")[0].partition(":")[0] for fault in (*BUS_LOST, *ONE_PART, *PASSES, *SILENT_IMU)}
+    assert tried == set(FaultKind)
+
+
+@pytest.mark.parametrize("fault", BUS_LOST)
+def test_a_bus_that_is_lost_is_a_fault_within_100_ms(op3: Robot, fault: str) -> None:
+    run = through_bytes(op3, f"{fault}@{AT}")
+    (tick, message) = run.faults[-1]
+    assert message == "STREAMING -> FAULT: bus lost: no joint has answered for 6 reads"
+    assert 0 < run.seconds_since_torque(tick) - AT < 0.1
+    assert run.driver.violations == 0
+    # Replies that come late are no proof that the servos hear nothing: these are switched off. Others nobody reaches.
+    assert run.body is not None
+    assert run.body.plant.enabled.all() != fault.startswith("late")
+
+
+@pytest.mark.parametrize(("fault", "says"), ONE_PART.items())
+def test_what_is_wrong_with_one_part_ends_in_a_parked_robot(op3: Robot, fault: str, says: str) -> None:
+    run = through_bytes(op3, f"{fault}@{AT}")
+    assert run.states[-3:] == ["STREAMING -> HOLD", "HOLD -> PARK", "PARK -> FAULT"]
+    assert run.record.events[-1].message == f"PARK -> FAULT: {says}"
+    assert run.driver.violations == 0
+    assert run.body is not None and not run.body.fell
+    # Nothing holds any more but the servo that cannot be told.
+    assert run.body.plant.enabled.sum() == (1 if fault.startswith("dead") else 0)
+    stands = next(event.tick for event in run.record.events if "STREAMING -> HOLD" in event.message)
+    assert run.seconds_since_torque(stands) - AT < 1.5
+
+
+def test_an_error_bit_is_seen_in_the_next_reads(op3: Robot) -> None:
+    run = through_bytes(op3, f"overheat:4@{AT}")
+    seen = int(np.argmax(run.record.rows["hardware_error"][:, op3.index("l_sho_roll")] != 0))
+    assert 0 <= run.seconds_since_torque(seen) - AT < 0.03
+
+
+def test_a_leg_that_gives_way_ends_damped_or_parked(op3: Robot) -> None:
+    """A dead knee goes on holding its last goal, so that parking throws the robot over: it is damped, then off."""
+    run = through_bytes(op3, f"dead:14@{AT}")
+    assert run.states[-2:] == ["PARK -> DAMPED", "DAMPED -> FAULT"]
+    assert run.record.events[-1].message.endswith("servo of l_knee (id 14) does not answer")
+    assert run.record.state[-1] == State.FAULT and run.driver.violations == 0
+
+
+@pytest.mark.parametrize("fault", PASSES)
+def test_what_passes_is_ridden_out(op3: Robot, clean: Run, fault: str) -> None:
+    run = through_bytes(op3, fault)
+    assert run.states == clean.states and run.driver.violations == 0
+
+
+# ---------------------------------------------------------------- the IMU: the board's, and one on a port of its own
+
+SENSORS = {"opencr": {}, "witmotion": {"driver": "witmotion", "id": None, "bus": None}}
+
+
+@pytest.mark.parametrize("sensor", SENSORS)
+def test_an_imu_that_falls_silent_is_open_loop_with_a_warning(tmp_path: Path, clean: Run, sensor: str) -> None:
+    run = through_bytes(with_imu(tmp_path, **SENSORS[sensor]), f"imu@{AT}", imu_port="imu")
+    assert run.states == clean.states and run.faults == []
+    assert warned(run) == ["no IMU: the robot runs open loop, falls are not detected"]
+    blind = int(np.argmax(run.record.rows["imu_stale"] > 5))
+    assert 0 < run.seconds_since_torque(blind) - AT < 0.1
+
+
+@pytest.mark.parametrize("sensor", SENSORS)
+def test_one_that_the_robot_file_requires_parks_the_robot(tmp_path: Path, sensor: str) -> None:
+    robot = with_imu(tmp_path, **SENSORS[sensor], required=True)
+    run = through_bytes(robot, f"{'dead:200' if sensor == 'opencr' else 'imu'}@{AT}", imu_port="imu")
+    assert run.states[-3:] == ["STREAMING -> HOLD", "HOLD -> PARK", "PARK -> FAULT"]
+    assert run.record.events[-1].message.startswith("PARK -> FAULT: IMU has not answered for ")
+    assert run.body is not None and not run.body.fell and not run.body.plant.enabled.any()
+
+
+def test_a_robot_walks_by_a_serial_imu_as_by_its_boards(tmp_path: Path, clean: Run) -> None:
+    robot = with_imu(tmp_path, **SENSORS["witmotion"], quaternion=[0.7071068, 0, 0, 0.7071068])
+    run = through_bytes(robot, imu_port="imu")
+    assert run.states == clean.states and run.driver.violations == 0 and warned(run) == []
+    assert run.tracking_rmse < 1.2 * clean.tracking_rmse
