@@ -170,7 +170,8 @@ class Planning:
         """Drop what is being made as soon as something more urgent is asked for."""
         status = self.ticks.latest()
         stop = status is not None and bool(status["must_stop"]) and kind is not Kind.STOP
-        newer = kind is not Kind.STOP and self._newest_target().id > target.id
+        # A plan for a target is soon made; were it dropped too, targets in quick succession would leave no plan at all.
+        newer = kind is Kind.WHOLE and self._newest_target().id > target.id
         if stop or newer:
             raise Superseded
 

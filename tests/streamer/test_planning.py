@@ -170,6 +170,23 @@ def test_what_is_being_made_gives_way_to_a_stop_and_to_a_target(bench: Bench, mo
     assert bench.newest().partial
 
 
+def test_targets_in_quick_succession_do_not_starve_one_another(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A joystick's velocities come faster than plans are made: each plan is finished, the newest target comes next."""
+    bench.first()
+    plan = bench.planner.plan
+
+    def hurried(*arguments: object, checkpoint: Callable[[], None], **how: object) -> object:
+        bench.targets.send(Clip("bow"))
+        checkpoint()
+        return plan(*arguments, checkpoint=checkpoint, **how)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(bench.planner, "plan", hurried)
+    bench.targets.send(Clip("walk"))
+    assert bench.planning.step(107) and bench.newest().target == 1
+    bench.loop_says(112, state=State.STREAMING, plan=2, target=1)
+    assert bench.planning.step(113) and bench.newest().target == 2
+
+
 def test_an_effect_is_two_degrees_away_from_what_would_have_been_sent(bench: Bench) -> None:
     bench.first()
     bench.loop_says(200, state=State.STREAMING, plan=1)
