@@ -4,10 +4,10 @@
 
 Kind by kind of motion that held-out clips show: samples of one prompt from standing, cut into windows as the model
 makes them. Distance of windows is the root mean square over the points of the body and the frames, in leg lengths,
-travel and turning included. "nearest" is the mean distance to the nearest training window of any kind, of samples and
-of held-out clips; "apart" the mean distance between windows, of samples at the same moment and of training clips. Exits
-with 1 where samples are less than .5 as far from the training windows as held-out clips are, or less than .3 as far
-apart as training clips.
+all on the bundle's human, travel and turning included. "nearest" is the mean distance to the nearest training window of
+any kind, of samples and of held-out clips; "apart" the mean distance between windows, of samples at the same moment and
+of training clips. Exits with 1 where samples are less than .5 as far from the training windows as held-out clips are,
+or less than .3 as far apart as training clips.
 """
 
 from __future__ import annotations
@@ -72,24 +72,22 @@ class Row:
 
 
 def windows_by_kind(
-    found: MotionSet, split: str, fps: float, length: int, stride: int, variant: str | None
+    sampler: Sampler, found: MotionSet, split: str, stride: int, variant: str | None
 ) -> dict[str, Float32]:
-    """Windows of a split's clips by what they show."""
+    """Windows of a split's clips by what they show, of the bundle's human."""
     parts: dict[str, list[Float32]] = defaultdict(list)
     clips = list(found.select(split, variant))
-    clips_of = real_clips(found, split, fps, variant=variant)
+    clips_of = real_clips(found, split, sampler.fps, variant=variant)
     for clip, motion in track(clips_of, split, total=len(clips), console=Console(stderr=True)):
-        if len(motion) >= length:
-            parts[kind_of(clip)].append(windows_of(motion, length, stride))
+        if len(motion) >= sampler.future:
+            parts[kind_of(clip)].append(windows_of(motion, sampler.body, sampler.future, stride))
     return {kind: np.concatenate(rows) for kind, rows in parts.items()}
 
 
 def sampled(sampler: Sampler, prompt: str, samples: int, seconds: float) -> Float32:
     """Windows of samples of a prompt, but the first, which begins in the same pose, (samples, windows, D)."""
-    length = sampler.future
-    rows = [
-        windows_of(roll_out(sampler, always(prompt), seconds, seed).motion, length, length) for seed in range(samples)
-    ]
+    motions = [roll_out(sampler, always(prompt), seconds, seed).motion for seed in range(samples)]
+    rows = [windows_of(motion, sampler.body, sampler.future, sampler.future) for motion in motions]
     return np.stack(rows)[:, 1:]
 
 
@@ -168,9 +166,9 @@ def main(
     """Compare samples with the training windows that they are nearest to, and with one another."""
     sampler, found = Sampler(Bundle(folder), steps), open_set(data)
     length = sampler.future
-    training = windows_by_kind(found, "train", sampler.fps, length, stride, None)
+    training = windows_by_kind(sampler, found, "train", stride, None)
     among = np.concatenate(list(training.values()))
-    held_out = windows_by_kind(found, "validation", sampler.fps, length, length, "original")
+    held_out = windows_by_kind(sampler, found, "validation", length, "original")
     kinds = [kind for kind, own in held_out.items() if len(own) >= FEWEST and kind in training and wordings(kind)]
     if not kinds:
         raise ConfigError(f"{data}: no kind of motion has {FEWEST} held-out windows")

@@ -1,10 +1,13 @@
-"""Windows of motion as points, so that their distance says how differently bodies of any size move."""
+"""Windows of motion as points, so that their distance says how differently two bodies move."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from flexmotion.body import Body
 from flexmotion.features.encode import body_points
 from flexmotion.features.heading_frame import turned
 from flexmotion.kinematics import continuous_heading, forward
@@ -19,16 +22,18 @@ CHUNK = 20_000
 """Windows that are compared at a time."""
 
 
-def windows_of(motion: Motion, length: int, stride: int) -> Float32:
+def windows_of(motion: Motion, body: Body, length: int, stride: int) -> Float32:
     """Windows of a motion, (N, D): places of the points of the body, seen from below the pelvis of the first frame.
 
     Euclidean distance is the root mean square over points and frames, in leg lengths. Travel and turning count.
 
     Args:
         motion: of T frames.
+        body: that is to move so: with a body of its own each, the same angles would be apart.
         length: of a window [frames].
         stride: from one window to the next [frames].
     """
+    motion = replace(motion, body=body, root_position=motion.root_position * (body.leg / motion.body.leg))
     human = forward(motion)
     points, yaw = body_points(human), continuous_heading(human.pelvis_rotation)
     starts = np.arange(0, len(motion) - length + 1, stride)

@@ -14,6 +14,7 @@ from verdicts import Verdict, benchmark
 from window_distance import mean_distance, nearest_distance, windows_of
 
 from configs.errors import ConfigError
+from flexmotion.body import Body
 
 
 def test_velocity_is_along_and_across_where_the_body_faces(circling) -> None:
@@ -23,14 +24,21 @@ def test_velocity_is_along_and_across_where_the_body_faces(circling) -> None:
 
 def test_windows_do_not_depend_on_place_and_heading(circling) -> None:
     walk = circling(80, 1.0, 0.0, 0.5)
-    windows = windows_of(walk, 32, 16)
+    windows = windows_of(walk, walk.body, 32, 16)
     assert windows.shape == (4, 8 * 16 * 3)
     np.testing.assert_allclose(windows - windows[:1], 0.0, atol=1e-5)
     # Root mean square over frames of a body that is further ahead by .3 m/s.
-    faster = windows_of(circling(32, 1.3, 0.0, 0.0), 32, 32)
-    slower = windows_of(circling(32, 1.0, 0.0, 0.0), 32, 32)
+    faster = windows_of(circling(32, 1.3, 0.0, 0.0), walk.body, 32, 32)
+    slower = windows_of(circling(32, 1.0, 0.0, 0.0), walk.body, 32, 32)
     expected = 0.3 * np.sqrt(np.mean((np.arange(0, 32, 4) / 30) ** 2)) / walk.body.leg
     assert nearest_distance(faster, slower)[0] == pytest.approx(expected, rel=1e-3)
+
+
+def test_windows_do_not_depend_on_the_body(circling) -> None:
+    walk = circling(32, 1.0, 0.0, 0.5)
+    child = Body(height=1.2, mass=25.0)
+    smaller = replace(walk, body=child, root_position=walk.root_position * child.leg / walk.body.leg)
+    np.testing.assert_allclose(windows_of(smaller, walk.body, 32, 32), windows_of(walk, walk.body, 32, 32), atol=1e-6)
 
 
 def test_nearest_and_mean_distance() -> None:
