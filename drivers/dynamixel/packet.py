@@ -11,6 +11,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 
+import fastcrc
+
 HEADER = b"\xff\xff\xfd\x00"
 BROADCAST = 0xFE
 MAX_ID = 0xFC
@@ -68,25 +70,9 @@ class Packet:
     intact: bool = True
 
 
-def _crc_table() -> tuple[int, ...]:
-    table = []
-    for byte in range(256):
-        crc = byte << 8
-        for _ in range(8):
-            crc = (crc << 1) ^ 0x8005 if crc & 0x8000 else crc << 1
-        table.append(crc & 0xFFFF)
-    return tuple(table)
-
-
-_CRC = _crc_table()
-
-
 def crc16(data: bytes | bytearray | memoryview, crc: int = 0) -> int:
-    """CRC-16, polynomial 0x8005, most significant bit first; `crc` is that of what came before."""
-    table = _CRC
-    for byte in data:
-        crc = (crc << 8) & 0xFF00 ^ table[(crc >> 8) ^ byte]
-    return crc
+    """CRC-16, polynomial 0x8005, most significant bit first (elsewhere "UMTS"); `crc` is that of what came before."""
+    return fastcrc.crc16.umts(data, crc)
 
 
 def encode(id_: int, instruction: int, params: bytes = b"") -> bytes:

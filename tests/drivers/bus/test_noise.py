@@ -92,7 +92,7 @@ def suffering(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Noise]:
 
 @pytest.mark.parametrize("name", ["dynamixel", "feetech", "lx16a"])
 @settings(
-    derandomize=True, deadline=None, max_examples=350, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    derandomize=True, deadline=None, max_examples=1000, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 @given(data=st.data())
 def test_no_bytes_crash_or_hang_a_driver(suffering: dict[str, Noise], name: str, data: st.DataObject) -> None:
