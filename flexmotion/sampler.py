@@ -13,6 +13,7 @@ from flexmotion.bundles.bundle import DECODER, DENOISER, Bundle
 from flexmotion.features.decode import Anchor, decode
 from flexmotion.features.encode import LEAD, encode
 from flexmotion.features.heading_frame import chord
+from flexmotion.features.inertialise import inertialised
 from flexmotion.motion import Motion
 from flexmotion.onnx_session import open_session
 from flexmotion.text.prompt_reader import Prompt, PromptReader
@@ -121,12 +122,13 @@ class Sampler:
 
     def features(self, history: Motion, condition: Condition, seed: int) -> Float32:
         """Features of what `sample` makes, not normalised, (W, layout.size)."""
-        latent = self._latent(self._remember(history), condition, seed)
+        remembered = self._remember(history)
+        latent = self._latent(self._statistics.normalise(remembered)[None], condition, seed)
         (frames,) = self._decoder.run(None, {"latent": latent, "history": self._inputs["history"][:1]})
-        return self._statistics.restore(frames[0])
+        return inertialised(self._statistics.restore(frames[0]), remembered, self.layout)
 
     def _remember(self, history: Motion) -> Float32:
-        """Normalised features of the history, (1, H, F)."""
+        """Features of the history, not normalised, (H, F)."""
         if not len(history):
             raise ValueError("the history has no frames")
         if history.body != self.body:
@@ -138,7 +140,7 @@ class Sampler:
         if len(features) < self.history:
             first = np.repeat(features[:1], self.history - len(features), axis=0)
             features = np.concatenate([first, features])
-        return self._statistics.normalise(features)[None]
+        return features.astype(np.float32)
 
     def _latent(self, remembered: Float32, condition: Condition, seed: int) -> Float32:
         """DDIM from noise to a normalised latent, (1, L)."""
