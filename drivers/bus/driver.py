@@ -65,11 +65,7 @@ class BusDriver(Driver):
         self._imu: Imu | None = None
         self._period = 1.0 / robot.rate_hz
         self._ticks, self._raw = np.zeros(n), np.zeros(n)
-        self._velocity, self._effort = np.zeros(n), np.full(n, np.nan)
-        self._voltage, self._temperature = np.full(n, np.nan), np.full(n, np.nan)
-        self._error, self._stale = np.zeros(n, np.int64), np.zeros(n, np.int64)
-        self._torque = np.zeros(n, np.bool_)
-        self._imu_stale = 0
+        self._stale, self._imu_stale = np.zeros(n, np.int64), 0
         self._on_since: float | None = None
         self._stamp_ns = self._violations = 0
 
@@ -119,14 +115,13 @@ class BusDriver(Driver):
         begin = self.buses[0].port.now()
         self._cycle(begin, begin + READ_SHARE * self._period)
         for bus in self.buses:
-            self._take(bus)
-        self._look_at_torque(begin)
+            self._take(bus, state)
         robot = self.robot
         robot.from_ticks(self._ticks, out=state.position)
-        np.multiply(self._velocity, robot.direction, out=state.velocity)
-        np.multiply(self._effort, robot.direction, out=state.effort)
-        state.voltage[:], state.temperature[:] = self._voltage, self._temperature
-        state.hardware_error[:], state.stale[:] = self._error, self._stale
+        state.velocity *= robot.direction
+        state.effort *= robot.direction
+        state.stale[:] = self._stale
+        self._look_at_torque(begin, state)
         self._read_imu(state)
         state.stamp_ns = self._stamp_ns
 
@@ -138,7 +133,7 @@ class BusDriver(Driver):
             return
         robot.to_ticks(command.position, out=self._raw)
         for bus in self.buses:
-            bus.send_goals(self._raw[bus.joints], command.torque_bound[bus.joints])
+            bus.send_goals(self._raw[bus.where], command.torque_bound[bus.where])
 
     def set_torque(self, on: bool) -> None:
         """Switch all servos. On: goals are pinned to present positions and checked first; raises where that fails."""
@@ -177,30 +172,29 @@ class BusDriver(Driver):
         for bus in self.buses:
             bus.finish()
 
-    def _take(self, bus: ServoBus) -> None:
-        measured, joints = bus.measured, bus.joints
-        fresh = joints[measured.fresh]
-        missed = joints[measured.asked & ~measured.fresh]
-        self._stale[fresh] = 0
-        self._stale[missed] += 1
-        self._ticks[joints] = measured.ticks
-        self._velocity[joints], self._effort[joints] = measured.velocity, measured.effort
-        self._voltage[joints], self._temperature[joints] = measured.voltage, measured.temperature
-        self._error[joints] = measured.error
-        self._torque[joints] = measured.torque
-
-    def _look_at_torque(self, now: float) -> None:
-        """Torque that is off though it was switched on: told again just after switching on, else a fault."""
-        if self._on_since is None:
-            return
-        off = ~self._torque & (self._stale == 0)
-        if not off.any():
-            return
-        if now - self._on_since < SETTLE_S:
-            for bus in self.buses:
-                bus.repeat_on(off[bus.joints])
+    def _take(self, bus: ServoBus, state: RobotState) -> None:
+        """What the servos of a bus measured, in the directions of their shafts."""
+        measured, where = bus.measured, bus.where
+        if measured.fresh.all():
+            self._stale[where] = 0
         else:
-            self._error[off] |= TORQUE_LOST
+            self._stale[bus.joints[measured.fresh]] = 0
+            self._stale[bus.joints[measured.asked & ~measured.fresh]] += 1
+        self._ticks[where] = measured.ticks
+        state.velocity[where], state.effort[where] = measured.velocity, measured.effort
+        state.voltage[where], state.temperature[where] = measured.voltage, measured.temperature
+        state.hardware_error[where] = measured.error
+
+    def _look_at_torque(self, now: float, state: RobotState) -> None:
+        """Torque that is off though it was switched on: told again just after switching on, else a fault."""
+        if self._on_since is None or all(bus.measured.torque.all() for bus in self.buses):
+            return
+        for bus in self.buses:
+            off = ~bus.measured.torque & (self._stale[bus.where] == 0)
+            if now - self._on_since < SETTLE_S:
+                bus.repeat_on(off)
+            else:
+                state.hardware_error[bus.joints[off]] |= TORQUE_LOST
 
     def _own_imu(self) -> StandaloneImu | None:
         """The robot's IMU where it is no part of a bus. Raises `ConfigError` where nobody knows it."""

@@ -64,8 +64,11 @@ class SerialPort:
         """Hand bytes to the adapter, which sends them when the wire is free."""
         if self.lost is None:
             try:
-                self._serial.write(data)
+                # Past pyserial, which would copy them and select first; what an adapter's full buffer refuses is lost.
+                os.write(self._serial.fd, data)
                 self._count(data)
+            except BlockingIOError:
+                log.debug("port %s: its buffer is full, %d bytes are lost", self.path, len(data))
             except OSError as error:
                 self._lose(error)
 

@@ -333,7 +333,7 @@ class DynamixelBus(ServoBus):
     # ---------------------------------------------------------------- packets
 
     def _send(self, ticks: Float, bound: Float) -> None:
-        self._last_ticks, self._last_bound = ticks.copy(), bound
+        self._last_ticks, self._last_bound = ticks.copy(), bound.copy()
         for goals in self._goals:
             packet = goals.packet(ticks, bound)
             self.port.send(packet)
