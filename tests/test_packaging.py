@@ -12,8 +12,11 @@ import pytest
 
 from drivers.imu import registry as imus
 from drivers.registry import BUILT_IN, GROUP
+from flexmotion.bundles.shipped import shipped_bundle
 
 ROOT = Path(__file__).parents[1]
+BUNDLE_BYTES = 30_000_000
+"""The shipped model may be so large."""
 ROOMS = ("configs", "drivers", "flexmotion", "retarget", "streamer")
 
 
@@ -39,6 +42,9 @@ def test_data_of_each_kind_is_there(wheel: zipfile.ZipFile) -> None:
     names = wheel.namelist()
     for suffix in (".yaml", ".xml", ".npz", ".html"):
         assert any(name.endswith(suffix) for name in names), suffix
+    if shipped_bundle() is not None:
+        assert "flexmotion/data/bundle/manifest.json" in names
+        assert sum(wheel.getinfo(name).file_size for name in names if "/data/bundle/" in name) <= BUNDLE_BYTES
 
 
 def test_nothing_else_is_in_the_wheel(wheel: zipfile.ZipFile) -> None:

@@ -67,11 +67,15 @@ def dry_run(
 ) -> None:
     """Stream a motion to the simulated robot and report how well it followed.
 
-    With no option a short motion that comes with the project. Exit code 1 when it fell or a limit was passed.
+    With no option what comes with the project: a script of words for its model, or a short clip where it has none. A
+    prompt, and the last item of a script that does not stop, is followed for 10 s where --seconds says nothing else.
+    Exit code 1 when it fell or a limit was passed.
 
     [bold]Examples[/bold]
 
       flexmotion dry-run
+
+      flexmotion dry-run --prompt "wave with the right hand" --seconds 5
 
       flexmotion dry-run --clip walk.bvh --report report
 

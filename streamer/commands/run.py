@@ -62,6 +62,8 @@ def run(
 
     [bold]Examples[/bold]
 
+      flexmotion run --robot op3 --driver sim --prompt "walk forward"
+
       flexmotion run --robot op3 --driver sim --clip wave.bvh
 
       flexmotion run --robot op3 --driver sim --clip walk.bvh --once --report report

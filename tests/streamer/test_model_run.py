@@ -13,6 +13,7 @@ from configs.robot import load_robot
 from configs.stream import load_stream
 from drivers.registry import create
 from streamer.cli import execute
+from streamer.commands.choice import choose_source
 from streamer.controls import Request
 from streamer.intents import Clip, Intent, Stop, Text, Velocity
 from streamer.ladder import State
@@ -115,6 +116,22 @@ def test_a_prompt_from_the_command_line_and_again(
     # The log names the bundle, and a replay samples the same motion from it.
     assert execute(["log", "replay", str(tmp_path / "run.mcap"), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["equal"] is True
+
+
+def test_with_no_option_the_shipped_model_plays_the_shipped_script(
+    bundle: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr("flexmotion.bundles.shipped.FOLDER", bundle)
+    source = choose_source(seed=2)
+    assert isinstance(source, ModelSource) and source.name == "model:default" and source.seed == 2
+    assert source.seconds is not None and 15.0 <= source.seconds <= 25.0
+    intents = [item.intent for item in source.items]
+    assert Text("walk forward") in intents and Text("turn left") in intents
+    assert choose_source(prompt="wave").seconds == 10.0
+    assert choose_source(prompt="wave", seconds=30.0).seconds == 30.0
+    assert choose_source(prompt="wave", endless=True).seconds is None
+    monkeypatch.setattr("flexmotion.bundles.shipped.FOLDER", tmp_path)
+    assert choose_source().name == "default" and choose_source(seconds=1.0).seconds == pytest.approx(1.0)
 
 
 def test_a_log_can_be_read_where_its_bundle_is_not(
