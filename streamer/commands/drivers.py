@@ -10,31 +10,36 @@ from streamer.commands.options import JsonOption
 from streamer.commands.output import print_json, print_result
 
 if TYPE_CHECKING:
+    from drivers.imu.interface import StandaloneImu
     from drivers.interface import Driver
 
 
 def drivers(as_json: JsonOption = False) -> None:
-    """List the drivers that are installed; one that does not load is named, and why on stderr."""
+    """List the drivers and inertial sensors that are installed; one that does not load is named, and why on stderr."""
     # Heavy imports wait until the command runs: help and completion answer at once.
     from drivers import registry
+    from drivers.imu import registry as imus
 
-    working = registry.available()
-    rows = [_row(name, working.get(name)) for name in registry.names()]
+    working, sensors = registry.available(), imus.available()
+    rows = [_row("driver", name, working.get(name)) for name in registry.names()]
+    rows += [_row("imu", name, sensors.get(name)) for name in imus.names()]
     if as_json:
         print_json(rows)
         return
     table = Table(box=None, pad_edge=False, header_style="dim")
-    for column in ("driver", "state", "from", "description"):
+    for column in ("name", "kind", "state", "from", "description"):
         table.add_column(column)
     for row in rows:
-        table.add_row(row["name"], "ready" if row["loads"] else "does not load", row["class"], row["description"])
+        state = "ready" if row["loads"] else "does not load"
+        table.add_row(row["name"], row["kind"], state, row["class"], row["description"])
     print_result(table)
 
 
-def _row(name: str, driver: type[Driver] | None) -> dict[str, Any]:
+def _row(kind: str, name: str, driver: type[Driver] | type[StandaloneImu] | None) -> dict[str, Any]:
     description = (driver.__doc__ or "").strip().splitlines() if driver else []
     return {
         "name": name,
+        "kind": kind,
         "loads": driver is not None,
         "class": f"{driver.__module__}.{driver.__qualname__}" if driver else "",
         "description": description[0] if description else "",
