@@ -61,8 +61,8 @@ class Sampler:
         self.reader = PromptReader(bundle.folder, prompts.kinds, prompts.embeddings, manifest.known)
         self.read = lru_cache(maxsize=64)(self.reader)
         self._statistics, self._kept = bundle.statistics, bundle.kept
-        # Where the distilled network stands in for guidance there is one evaluation a step, else one with and one
-        # without the sentence.
+        # Where the distilled network stands in for guidance there is one evaluation a step, else one that is told what
+        # is asked for and one that is not.
         self._rows = rows = 1 if manifest.guided else 2
         width = prompts.embeddings.shape[1]
         self._inputs: dict[str, np.ndarray] = {
@@ -164,7 +164,7 @@ class Sampler:
         return noisy
 
     def _ask(self, condition: Condition) -> None:
-        """Put what is asked for into the inputs: with the sentence first, then without."""
+        """Put what is asked for into the inputs: the first row is told, the second is what guidance leads away from."""
         inputs = self._inputs
         inputs["present"][:] = 0.0
         if condition.velocity is not None and self.bundle.manifest.velocity:
@@ -172,7 +172,7 @@ class Sampler:
             turning = condition.velocity[2]
             forward, left = chord(*condition.velocity, seconds=self.future / self.fps)
             inputs["velocity"][:] = (forward / self.body.leg, left / self.body.leg, turning)
-            inputs["present"][:, 1] = 1.0
+            inputs["present"][0, 1] = 1.0
         if condition.text is not None or condition.velocity is None:
             inputs["sentence"][:] = self.prompt(condition.text).embedding
             inputs["present"][0, 0] = 1.0

@@ -49,9 +49,9 @@ class Conditions:
         """On another device."""
         return Conditions(self.row, self.sentence.to(device), self.velocity.to(device), self.present.to(device))
 
-    def without_sentence(self) -> Conditions:
-        """The same with no sentence."""
-        return replace(self, present=self.present * self.present.new_tensor([0.0, 1.0]))
+    def untold(self) -> Conditions:
+        """The same with neither sentence nor velocity: what guidance leads away from."""
+        return replace(self, present=torch.zeros_like(self.present))
 
 
 class Sentences:

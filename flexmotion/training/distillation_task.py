@@ -55,9 +55,9 @@ class DistillationTask:
         noise = normal((*key, 4), tuple(latent.shape)).to(device)
         noisy = teacher.noise.add_noise(latent, noise, time)
         with torch.no_grad():
-            with_sentence = teacher.denoise(noisy, time, windows.history, conditions)
-            without = teacher.denoise(noisy, time, windows.history, conditions.without_sentence())
-            clean = without + guidance[:, None] * (with_sentence - without)
+            told = teacher.denoise(noisy, time, windows.history, conditions)
+            untold = teacher.denoise(noisy, time, windows.history, conditions.untold())
+            clean = untold + guidance[:, None] * (told - untold)
             moved = teacher.noise.step(noisy, clean, time, earlier)
             inputs = (windows.history, conditions.sentence, conditions.velocity, conditions.present, guidance)
             target = self.network(moved, earlier.clamp(min=0), *inputs)
