@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 
 import numpy as np
 
 from configs.servo import Servo
-from drivers.bus.packet import BROADCAST, SumDecoder, SumPacket
+from drivers.bus.packet import BROADCAST, SumPacket
 from drivers.emulator.servo import Joints
+from drivers.emulator.sum_bus import SumBus, SumServo
 from drivers.emulator.wire import Reply
 from drivers.feetech.registers import BAUD_RATES, FORMAT, VOLTAGE, Instruction, sts
 
@@ -17,23 +17,32 @@ RETURN_DELAY_US = 2.0
 INPUT_VOLTAGE, OVERHEATING = 0x01, 0x04
 
 
-class StsServo:
+class StsServo(SumServo):
     """One servo and its memory; torque limit, lock and limits act, profiles do not.
 
     Attributes:
         memory: the control table, byte by byte.
-        dark_until: time until which it hears nothing, after it lost power [s].
     """
 
     def __init__(self, joints: Joints, index: int, id_: int, servo: Servo) -> None:
+        super().__init__()
         self.joints, self.index, self.servo = joints, index, servo
-        self.dark_until = 0.0
         self.memory = bytearray(128)
         for name, register in sts().registers.items():
             self.put(name, register.initial)
         self.put("id", id_)
         self.put("model_number", servo.model_number or 0)
         self._pin()
+
+    @property
+    def address(self) -> int:
+        """See `SumServo`."""
+        return self.get("id")
+
+    @property
+    def baud(self) -> int:
+        """See `SumServo`."""
+        return BAUD_RATES[self.get("baud_rate")]
 
     def get(self, name: str) -> int:
         """A register's value."""
@@ -71,7 +80,7 @@ class StsServo:
             self._act(name)
 
     def watch(self) -> None:
-        """Let heat and voltage act."""
+        """See `SumServo`."""
         plant = self.joints.body.plant
         status = 0
         if plant.temperature[self.index] > self.get("temperature_limit"):
@@ -84,7 +93,7 @@ class StsServo:
         self.put("status", status)
 
     def restart(self, now: float) -> None:
-        """Lose power for a moment."""
+        """See `SumServo`."""
         self.put("torque_enable", 0)
         self._act("torque_enable")
         self._pin()
@@ -114,53 +123,13 @@ class StsServo:
         self.put("goal_position", int(self.joints.ticks[self.index]))
 
 
-class EmulatedFeetechBus:
-    """See `drivers.emulator.line.EmulatedBus`."""
+class EmulatedFeetechBus(SumBus[StsServo]):
+    """Servos of the STS series."""
 
-    def __init__(self, joints: Joints, servos: Iterable[StsServo]) -> None:
-        self.joints, self.servos = joints, list(servos)
-        self.dead: set[int] = set()
-        self.heard = 0
-        self.imu_ids: frozenset[int] = frozenset()
-        self._decoder = SumDecoder(FORMAT)
+    form = FORMAT
 
-    @property
-    def bad(self) -> int:
-        """Packets with a wrong sum."""
-        return self._decoder.bad
-
-    def hear(self, data: bytes, baud: int, now: float) -> list[tuple[int, list[Reply]]]:
-        """See `EmulatedBus`."""
-        heard = []
-        for packet in self._decoder.feed(data):
-            self.heard += 1
-            heard.append((packet.size, self._handle(packet, baud, now)))
-            self.joints.commit()
-        return heard
-
-    def silence(self) -> None:
-        """See `EmulatedBus`."""
-        self._decoder.clear()
-
-    def watch(self, now: float) -> None:
-        """See `EmulatedBus`."""
-        for servo in self.servos:
-            servo.watch()
-
-    def reset(self, id_: int, now: float) -> None:
-        """See `EmulatedBus`."""
-        for servo in self.servos:
-            if servo.get("id") == id_:
-                servo.restart(now)
-
-    def _handle(self, packet: SumPacket, baud: int, now: float) -> list[Reply]:
-        listening = {
-            id_: servo
-            for servo in self.servos
-            if (id_ := servo.get("id")) not in self.dead
-            and BAUD_RATES[servo.get("baud_rate")] == baud
-            and now >= servo.dark_until
-        }
+    def answer(self, packet: SumPacket, listening: dict[int, StsServo]) -> list[Reply]:
+        """See `SumBus`."""
         params = packet.params
         if packet.code == Instruction.SYNC_WRITE and len(params) > 2:
             address, step = params[0], params[1] + 1

@@ -2,32 +2,46 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
 import numpy as np
 
 from configs.servo import Servo
-from drivers.bus.packet import BROADCAST, SumDecoder, SumPacket
+from drivers.bus.packet import BROADCAST, SumPacket
 from drivers.emulator.servo import Joints
+from drivers.emulator.sum_bus import SumBus, SumServo
 from drivers.emulator.wire import Reply
 from drivers.lx16a.protocol import BAUD, FORMAT, MILLIVOLT, Command
 
 
-class Lx16aServo:
+class Lx16aServo(SumServo):
     """One servo; the time of a move is not followed, a goal acts at once.
 
     Attributes:
         id: its address.
         loaded: whether torque is on.
         goal: last goal in servo units.
-        dark_until: time until which it hears nothing, after it lost power [s].
     """
 
     def __init__(self, joints: Joints, index: int, id_: int, servo: Servo) -> None:
+        super().__init__()
         self.joints, self.index, self.id, self.servo = joints, index, id_, servo
-        self.loaded, self.dark_until = False, 0.0
+        self.loaded = False
         joints.refresh()
         self.goal = int(joints.ticks[index])
+
+    @property
+    def address(self) -> int:
+        """See `SumServo`."""
+        return self.id
+
+    @property
+    def baud(self) -> int:
+        """See `SumServo`; they have no other."""
+        return BAUD
+
+    def restart(self, now: float) -> None:
+        """See `SumServo`."""
+        self.load(False)
+        self.dark_until = now + 0.2
 
     def load(self, on: bool) -> None:
         """Switch torque."""
@@ -45,7 +59,7 @@ class Lx16aServo:
         joints.touch()
 
     def watch(self) -> None:
-        """Heat switches torque off."""
+        """See `SumServo`; heat switches torque off."""
         if self.loaded and self.joints.body.plant.temperature[self.index] > self.servo.temperature_limit:
             self.load(False)
 
@@ -66,51 +80,16 @@ class Lx16aServo:
         return bytes([self.id]) if command == Command.READ_ID else None
 
 
-class EmulatedLx16aBus:
-    """See `drivers.emulator.line.EmulatedBus`."""
+class EmulatedLx16aBus(SumBus[Lx16aServo]):
+    """LX-16A servos."""
 
-    def __init__(self, joints: Joints, servos: Iterable[Lx16aServo]) -> None:
-        self.joints, self.servos = joints, list(servos)
-        self.dead: set[int] = set()
-        self.heard = 0
-        self.imu_ids: frozenset[int] = frozenset()
-        self._decoder = SumDecoder(FORMAT)
+    form = FORMAT
 
-    @property
-    def bad(self) -> int:
-        """Packets with a wrong sum."""
-        return self._decoder.bad
-
-    def hear(self, data: bytes, baud: int, now: float) -> list[tuple[int, list[Reply]]]:
-        """See `EmulatedBus`."""
-        heard = []
-        for packet in self._decoder.feed(data):
-            self.heard += 1
-            replies = self._handle(packet, now) if baud == BAUD else []
-            heard.append((packet.size, replies))
-            self.joints.commit()
-        return heard
-
-    def silence(self) -> None:
-        """See `EmulatedBus`."""
-        self._decoder.clear()
-
-    def watch(self, now: float) -> None:
-        """See `EmulatedBus`."""
-        for servo in self.servos:
-            servo.watch()
-
-    def reset(self, id_: int, now: float) -> None:
-        """See `EmulatedBus`."""
-        for servo in self.servos:
-            if servo.id == id_:
-                servo.load(False)
-                servo.dark_until = now + 0.2
-
-    def _handle(self, packet: SumPacket, now: float) -> list[Reply]:
+    def answer(self, packet: SumPacket, listening: dict[int, Lx16aServo]) -> list[Reply]:
+        """See `SumBus`."""
         replies = []
-        for servo in self.servos:
-            if packet.id not in (servo.id, BROADCAST) or servo.id in self.dead or now < servo.dark_until:
+        for servo in listening.values():
+            if packet.id not in (servo.id, BROADCAST):
                 continue
             params = packet.params
             if packet.code == Command.MOVE and len(params) == 4:

@@ -1,0 +1,98 @@
+"""`SumBus`: what emulated buses share whose packets end in a sum."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterable
+from typing import ClassVar, Generic, TypeVar
+
+from drivers.bus.packet import SumDecoder, SumFormat, SumPacket
+from drivers.emulator.servo import Joints
+from drivers.emulator.wire import Reply
+
+
+class SumServo(ABC):
+    """One servo of such a bus.
+
+    Attributes:
+        dark_until: time until which it hears nothing, after it lost power [s].
+    """
+
+    def __init__(self) -> None:
+        self.dark_until = 0.0
+
+    @property
+    @abstractmethod
+    def address(self) -> int:
+        """Its id."""
+
+    @property
+    @abstractmethod
+    def baud(self) -> int:
+        """Bit rate at which it listens."""
+
+    @abstractmethod
+    def watch(self) -> None:
+        """Let heat and voltage act."""
+
+    @abstractmethod
+    def restart(self, now: float) -> None:
+        """Lose power for a moment."""
+
+
+ServoKind = TypeVar("ServoKind", bound=SumServo)
+
+
+class SumBus(ABC, Generic[ServoKind]):
+    """See `drivers.emulator.line.EmulatedBus`.
+
+    Class attributes:
+        form: of its packets.
+    """
+
+    form: ClassVar[SumFormat]
+
+    def __init__(self, joints: Joints, servos: Iterable[ServoKind]) -> None:
+        self.joints, self.servos = joints, list(servos)
+        self.dead: set[int] = set()
+        self.heard = 0
+        self.imu_ids: frozenset[int] = frozenset()
+        self._decoder = SumDecoder(self.form)
+
+    @property
+    def bad(self) -> int:
+        """Packets with a wrong sum."""
+        return self._decoder.bad
+
+    def hear(self, data: bytes, baud: int, now: float) -> list[tuple[int, list[Reply]]]:
+        """See `EmulatedBus`."""
+        heard = []
+        for packet in self._decoder.feed(data):
+            self.heard += 1
+            listening = {
+                servo.address: servo
+                for servo in self.servos
+                if servo.baud == baud and now >= servo.dark_until and servo.address not in self.dead
+            }
+            heard.append((packet.size, self.answer(packet, listening)))
+            self.joints.commit()
+        return heard
+
+    @abstractmethod
+    def answer(self, packet: SumPacket, listening: dict[int, ServoKind]) -> list[Reply]:
+        """What those who listen, by id, answer to a packet."""
+
+    def silence(self) -> None:
+        """See `EmulatedBus`."""
+        self._decoder.clear()
+
+    def watch(self, now: float) -> None:
+        """See `EmulatedBus`."""
+        for servo in self.servos:
+            servo.watch()
+
+    def reset(self, id_: int, now: float) -> None:
+        """See `EmulatedBus`."""
+        for servo in self.servos:
+            if servo.address == id_:
+                servo.restart(now)
