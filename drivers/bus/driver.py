@@ -61,6 +61,7 @@ class BusDriver(Driver):
         n = robot.n
         self.open_port: Callable[[str, int], SerialPort] = SerialPort
         self.buses: list[ServoBus] = []
+        self._imu_on_bus = any(self.Bus.carries_imu(robot, name) for name in self._paths)
         self._standalone_imu = self._own_imu()
         self._imu: Imu | None = None
         self._period = 1.0 / robot.rate_hz
@@ -199,7 +200,7 @@ class BusDriver(Driver):
     def _own_imu(self) -> StandaloneImu | None:
         """The robot's IMU where it is no part of a bus. Raises `ConfigError` where nobody knows it."""
         imu = self.robot.config.imu
-        if imu is None or imu.driver is None or any(self.Bus.carries_imu(self.robot, name) for name in self._paths):
+        if imu is None or imu.driver is None or self._imu_on_bus or not self._settings.imu:
             return None
         return imus.create(self.robot, self._settings.imu_port)
 
@@ -233,9 +234,8 @@ class BusDriver(Driver):
     @property
     def capabilities(self) -> Capabilities:
         """An IMU where the robot file names its driver, effort where servos measure current."""
-        imu = self.robot.config.imu
         return Capabilities(
-            imu=imu is not None and imu.driver is not None,
+            imu=self._imu_on_bus or self._standalone_imu is not None,
             effort=any(servo.current_unit is not None for servo in self.robot.servos),
             torque_bound=self.Bus.bounds_torque(self.robot),
         )

@@ -15,13 +15,15 @@ class BusOptions(Strict):
     Attributes:
         port: device of the robot's only bus.
         ports: device of each bus, by the robot file's names, where there are several.
-        imu_port: port of an IMU that has one of its own; wins over the robot file's.
+        imu: whether an IMU with a port of its own is read; who only looks at servos does without.
+        imu_port: that port; wins over the robot file's.
         configure: settings that servos keep without power are written where they differ from the robot file; without
             it a difference is an error.
     """
 
     port: str | None = None
     ports: dict[str, str] = {}
+    imu: bool = True
     imu_port: str | None = None
     configure: bool = True
 

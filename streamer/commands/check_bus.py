@@ -92,7 +92,7 @@ def _audit(robot: Robot, port: str, configure: bool) -> list[dict[str, Any]]:
     from drivers.bus.options import BusOptions
     from drivers.interface import RobotState
 
-    driver = bus_driver_of(robot)(robot, options=BusOptions(port=port, configure=configure))
+    driver = bus_driver_of(robot)(robot, options=BusOptions(port=port, imu=False, configure=configure))
     state = RobotState(robot.n)
     driver.open()
     try:

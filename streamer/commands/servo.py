@@ -35,8 +35,8 @@ ProtocolOption = Annotated[ProtocolName, typer.Option("--protocol", help="What t
 BaudOption = Annotated[int, typer.Option("--baud", "-b", help="Bit rate of the bus.")]
 IdArgument = Annotated[int, typer.Argument(min=0, max=252, help="Id of the servo.")]
 
-_SAMPLES = 125
-"""Reads of the IMU that a direction of gravity is the mean of."""
+_SAMPLES, _PATIENCE_S = 125, 15.0
+"""Samples of the IMU that a direction of gravity is the mean of, and how long they may take [s]."""
 _STILL = 0.2
 """A torso that turns faster than this is not held still [rad/s]."""
 
@@ -221,7 +221,7 @@ def calibrate_imu(
     imu = chosen.config.imu
     if imu is None or imu.driver is None:
         raise ConfigError(f"{chosen.file}: field imu.driver: there is no IMU to calibrate")
-    with _looking(chosen, port, imu_port) as driver:
+    with _looking(chosen, port, imu=True, imu_port=imu_port) as driver:
         upright = _specific_force(driver, "bring the torso upright and hold it still")
         leaning = _specific_force(driver, "lean it forward and hold it still")
     sits = mounting(Rotation.from_quat(imu.quaternion, scalar_first=True), upright, leaning)
@@ -237,23 +237,25 @@ def calibrate_imu(
 
 
 def _specific_force(driver: BusDriver, what: str) -> Float:
-    """Mean over a second at rest, (3,) [m/s²]. Raises `DriverError` where the IMU is silent, or turned."""
+    """Mean over a second or so at rest, (3,) [m/s²]. Raises `DriverError` where the IMU is silent, or turned."""
     import numpy as np
 
     from drivers.interface import RobotState
 
     typer.prompt(f"{what}, then Enter", default="", show_default=False, err=True)
-    state, forces = RobotState(driver.robot.n), []
-    for _ in range(_SAMPLES):
+    state = RobotState(driver.robot.n)
+    forces: list[Float] = []
+    end = time.monotonic() + _PATIENCE_S
+    while len(forces) < _SAMPLES:
+        if time.monotonic() > end:
+            raise DriverError("IMU: does not answer")
         time.sleep(1.0 / driver.robot.rate_hz)
         driver.read(state)
         if state.imu_stale == 0:
             forces.append(state.accel.copy())
             if float(np.linalg.norm(state.gyro)) > _STILL:
                 raise DriverError(f"IMU: turns at {float(np.linalg.norm(state.gyro)):.2f} rad/s: hold it still")
-    if len(forces) < _SAMPLES // 2:
-        raise DriverError("IMU: does not answer")
-    return np.mean(forces, axis=0)
+    return np.asarray(np.mean(forces, axis=0))
 
 
 def _measure_zeros(robot: Robot, port: str, names: list[str]) -> Calibration | None:
@@ -314,12 +316,12 @@ def _tools(protocol: ProtocolName) -> type[BusTools]:
 
 
 @contextmanager
-def _looking(robot: Robot, port: str, imu_port: str | None = None) -> Iterator[BusDriver]:
+def _looking(robot: Robot, port: str, *, imu: bool = False, imu_port: str | None = None) -> Iterator[BusDriver]:
     """An open driver that leaves torque as it is."""
     from drivers.bus.finder import bus_driver_of
     from drivers.bus.options import BusOptions
 
-    driver = bus_driver_of(robot)(robot, options=BusOptions(port=port, imu_port=imu_port))
+    driver = bus_driver_of(robot)(robot, options=BusOptions(port=port, imu=imu, imu_port=imu_port))
     driver.open()
     try:
         yield driver

@@ -197,6 +197,15 @@ def test_the_port_given_wins_over_the_files(tmp_path: Path) -> None:
     assert imus.create(robot, "/dev/other").options.port == "/dev/other"
 
 
+def test_who_only_looks_at_servos_needs_no_imu(tmp_path: Path) -> None:
+    robot = op3_with_imu(tmp_path, driver="witmotion", required=True)
+    driver, world = create("dynamixel", robot, port="main", imu=False), Loopback(BenchBody(robot))
+    assert isinstance(driver, BusDriver) and not driver.capabilities.imu
+    driver.open_port = world.open_port
+    with driver:
+        assert ticks(driver, world, 2).imu_stale == -1
+
+
 class Sensor(StandaloneImu):
     """A plug-in's: no port, one sample for ever."""
 
