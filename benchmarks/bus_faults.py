@@ -32,7 +32,7 @@ from streamer.sources import ClipSource
 FAULT_AT = 3.0
 FAULTS = (
     *("cable", "port", "lost", "corrupt", "truncated", "late", "late:0.009", "duplicated"),
-    *("dead:4", "dead:14", "dead:200", "overheat:4", "overheat:14", "reset:4", "reset:14", "voltage:9.5"),
+    *("dead:4", "dead:14", "dead:200", "overheat:4", "overheat:14", "reset:4", "reset:14", "voltage:9.5", "imu"),
 )
 
 
@@ -43,12 +43,14 @@ class Result:
     Attributes:
         record: of the loop; `body` the robot, as it was left.
         packets, spoilt: sent by the host, and damaged either way.
+        refused: goals that left past the limits which the servos told (`drivers.bus.witness`).
     """
 
     record: RunRecord
     body: SimBody
     packets: int
     spoilt: int
+    refused: int
 
     @property
     def squared_error(self) -> tuple[float, int]:
@@ -72,10 +74,11 @@ def run(
     body = SimBody(robot)
     faults = [] if fault is None else [Fault.parse(f"{fault}@{FAULT_AT}")]
     world = Loopback(body, faults=faults, bad_packets=bad_packets, seed=seed)
-    driver = LockstepBus(create("dynamixel", robot, port="main"), world, body)
+    real = create("dynamixel", robot, port="main")
+    driver = LockstepBus(real, world, body)
     record = Session(robot, driver, ClipSource(motion), settings, None).run("lockstep")
     line = world.emulator.lines[0]
-    return Result(record, body, line.bus.heard, sum(line.damage.spoilt.values()))
+    return Result(record, body, line.bus.heard, sum(line.damage.spoilt.values()), real.violations)
 
 
 def campaign(robot: Robot, clip: Path | None, share: float, minutes: float) -> bool:
@@ -90,7 +93,8 @@ def campaign(robot: Robot, clip: Path | None, share: float, minutes: float) -> b
         total, count, seed = total + squares, count + values, seed + 1
         seconds += len(result.record.q) / robot.rate_hz
         packets, spoilt = packets + result.packets, spoilt + result.spoilt
-        violations, falls = violations + result.body.receiver.violations, falls + result.body.fell
+        violations += result.body.receiver.violations + result.refused
+        falls += result.body.fell
         faults += result.faults
     ratio = np.sqrt(total / count) / np.sqrt(clean_total / clean_count)
     print(f"{share:.1%} bad packets for {seconds / 60:.1f} min: {packets} sent, {spoilt} spoilt either way")
