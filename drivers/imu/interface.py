@@ -37,7 +37,6 @@ class Imu(ABC):
         config: what the robot file says of it; its quaternion is how the sensor is mounted.
         mount: rotation from its own frame to the body's, (3, 3).
         gyro, accel: angular velocity [rad/s] and specific force [m/s², at rest 9.81 up], (3,); filled in place.
-        bad: messages that came broken, so far.
     """
 
     name: ClassVar[str]
@@ -46,7 +45,6 @@ class Imu(ABC):
         self.config = config
         self.mount: Float = Rotation.from_quat(config.quaternion, scalar_first=True).as_matrix()
         self.gyro, self.accel = np.zeros(3), np.array([0.0, 0.0, GRAVITY])
-        self.bad = 0
 
     @abstractmethod
     def read(self, now: float) -> bool:

@@ -74,12 +74,12 @@ class FrameDecoder:
     """Cuts a stream of bytes into frames, whatever comes between them.
 
     Attributes:
-        bad: frames whose sum was wrong.
+        good, bad: frames so far, and frames whose sum was wrong.
     """
 
     def __init__(self) -> None:
         self._buffer = bytearray()
-        self.bad = 0
+        self.good = self.bad = 0
 
     def feed(self, data: bytes) -> Iterator[tuple[int, tuple[int, int, int, int]]]:
         """Take in bytes; yields kind and numbers of every frame that they complete."""
@@ -98,6 +98,7 @@ class FrameDecoder:
             else:
                 content = buffer[1], _NUMBERS.unpack_from(buffer, 2)
                 del buffer[:FRAME_SIZE]
+                self.good += 1
                 yield content
 
 

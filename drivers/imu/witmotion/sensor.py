@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 
 from pydantic import Field
@@ -40,6 +41,12 @@ FRESH_SAMPLES = 1.5
 
 ENOUGH = 0.8
 """Share of the samples asked for that must come."""
+
+
+BAD_SHARE = 0.001
+"""Share of broken frames that is told at the end."""
+
+log = logging.getLogger(__name__)
 
 
 class WitOptions(Strict):
@@ -102,9 +109,17 @@ class WitMotion(StandaloneImu):
 
     def close(self) -> None:
         """See `StandaloneImu`."""
-        if self._port is not None:
-            self._port.close()
-            self._port = None
+        if self._port is None:
+            return
+        self._port.close()
+        self._port = None
+        if self.bad > BAD_SHARE * self._decoder.good:
+            log.warning("IMU %s on %s: %d frames came broken: check its cable", self.name, self._path, self.bad)
+
+    @property
+    def bad(self) -> int:
+        """Frames that came broken, so far."""
+        return self._decoder.bad
 
     def _set_up(self, port: SerialPort, samples: int) -> None:
         # As wide as half the sampling rate allows: what is smoothed away comes late.
@@ -140,5 +155,4 @@ class WitMotion(StandaloneImu):
                     self._to_gyro.dot(numbers[:3], out=self.gyro)
                     self._pending = None
                     samples += 1
-        self.bad = self._decoder.bad
         return samples

@@ -32,6 +32,7 @@ from drivers.emulator.witmotion import WitMotionLine
 from drivers.imu import registry as imus
 from drivers.imu.interface import StandaloneImu
 from drivers.imu.witmotion.protocol import Kind, frame
+from drivers.imu.witmotion.sensor import WitMotion
 from drivers.interface import JointCommand, RobotState
 from drivers.registry import create
 
@@ -85,7 +86,9 @@ def test_it_sends_two_hundred_samples_for_a_loop_of_125_hertz(robot: Robot) -> N
         assert imu_line(world).samples - before == pytest.approx(200 * (world.now - begin), abs=2)
 
 
-def test_broken_frames_are_counted_and_the_last_good_sample_stays(robot: Robot) -> None:
+def test_broken_frames_are_counted_and_the_last_good_sample_stays(
+    robot: Robot, caplog: pytest.LogCaptureFixture
+) -> None:
     driver, world = looped(robot)
     with driver:
         ticks(driver, world, 2)
@@ -95,8 +98,9 @@ def test_broken_frames_are_counted_and_the_last_good_sample_stays(robot: Robot) 
             state = ticks(driver, world, 1)
             stale = max(stale, state.imu_stale)
             np.testing.assert_allclose(state.accel, [0, 0, 9.81], atol=0.01)
-        assert driver._imu is not None and driver._imu.bad > 5
+        assert isinstance(driver._imu, WitMotion) and driver._imu.bad > 5
         assert 0 < stale <= 3 and not state.stale.any()
+    assert f"{driver._imu.bad} frames came broken: check its cable" in caplog.text
 
 
 def test_a_pulled_cable_is_a_silent_imu_and_nothing_else(robot: Robot) -> None:
