@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from importlib.metadata import EntryPoint
 from pathlib import Path
 from types import ModuleType
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
@@ -65,8 +65,9 @@ def imu_line(world: Loopback) -> WitMotionLine:
     return line
 
 
-def test_it_measures_in_the_torsos_frame_at_every_tick(robot: Robot) -> None:
-    driver, world = looped(robot)
+@pytest.mark.parametrize("sensor", [{"driver": "witmotion"}, {"driver": "opencr", "id": 200, "bus": "main"}])
+def test_whichever_it_is_it_measures_in_the_torsos_frame_at_every_tick(tmp_path: Path, sensor: dict[str, Any]) -> None:
+    driver, world = looped(op3_with_imu(tmp_path, quaternion=TILTED, **sensor))
     body = world.emulator.body
     body.gyro[:], body.accel[:] = [0.1, -0.2, 0.3], [1.0, -2.0, 9.0]
     with driver:
