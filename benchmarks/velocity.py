@@ -1,6 +1,6 @@
 """Does the model go as fast as it is told, where the data have such motion?
 
-    python benchmarks/velocity.py BUNDLE --set SET [--samples 8] [--seconds 4] [--csv FILE] [--plots DIR]
+    python benchmarks/velocity.py BUNDLE --set SET [--samples 8] [--seconds 4] [--guidance G] [--csv FILE] [--plots DIR]
 
 Every combination of forward, sideways and turning speeds, from standing. A velocity is the mean along and across where
 the pelvis faces, and of its turning. Judged are the seconds after the first, in which a body gets going, over commands
@@ -18,7 +18,7 @@ from typing import Annotated
 
 import numpy as np
 import typer
-from model_rollout import always, roll_out
+from model_rollout import Cue, roll_out
 from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import track
@@ -32,7 +32,7 @@ from flexmotion.dataset.compact_set import MotionSet, open_set
 from flexmotion.evaluation.interval import Interval
 from flexmotion.kinematics import continuous_heading
 from flexmotion.motion import Motion
-from flexmotion.sampler import Sampler
+from flexmotion.sampler import Condition, Sampler
 
 Float = NDArray[np.float64]
 
@@ -89,16 +89,17 @@ def window_velocities(found: MotionSet, seconds: float) -> Float:
     return np.concatenate(rows)
 
 
-def run(sampler: Sampler, command: tuple[float, float, float], samples: int, seconds: float, near: int) -> Row:
-    """All samples of a command."""
+def run(sampler: Sampler, condition: Condition, samples: int, seconds: float, near: int) -> Row:
+    """All samples of a commanded velocity."""
     settled, from_rest = [], []
     for seed in range(samples):
-        motion = roll_out(sampler, always(velocity=command), SETTLE_S + seconds, seed).motion
+        motion = roll_out(sampler, [Cue(0.0, condition)], SETTLE_S + seconds, seed).motion
         velocity = frame_velocities(motion)
         length = round(seconds * sampler.fps)
         from_rest.append(velocity[:length].mean(axis=0))
         settled.append(velocity[-length:].mean(axis=0))
-    return Row(command, near, np.array(settled), np.array(from_rest))
+    assert condition.velocity is not None
+    return Row(condition.velocity, near, np.array(settled), np.array(from_rest))
 
 
 def table(rows: Sequence[Row]) -> Table:
@@ -144,6 +145,7 @@ def main(
     data: Annotated[Path, typer.Option("--set", help="Training set.")],
     samples: Annotated[int, typer.Option(min=1, help="Of each command.")] = 8,
     seconds: Annotated[float, typer.Option(min=0.5, help="That are judged.")] = 4.0,
+    guidance: Annotated[float | None, typer.Option(help="How strictly it is followed; as live by default.")] = None,
     enough: Annotated[int, typer.Option(min=0, help="Windows from which on the data have a motion.")] = 20,
     steps: Annotated[int | None, typer.Option(help="Of the diffusion; the bundle's own by default.")] = None,
     csv_out: Annotated[Path | None, typer.Option("--csv", help="Write one row a command here.")] = None,
@@ -157,7 +159,7 @@ def main(
     rows = []
     for command in track(list(product(FORWARD, SIDEWAYS, TURNING)), "commands", console=Console(stderr=True)):
         near = int((np.abs(windows - command) <= NEAR).all(axis=1).sum())
-        rows.append(run(sampler, command, samples, seconds, near))
+        rows.append(run(sampler, Condition(velocity=command, guidance=guidance), samples, seconds, near))
     known = [row for row in rows if row.windows >= enough]
     console = Console(width=160)
     console.print(table(known))
