@@ -26,6 +26,4 @@ def test_it_stays_up_as_the_simulation_does(op3: Robot, clean: Run) -> None:
 def test_bad_packets_change_next_to_nothing(op3: Robot, clean: Run) -> None:
     noisy = through_bytes(op3, bad_packets=0.005)
     assert noisy.states == clean.states and noisy.driver.violations == 0
-    # Where ticks fall between steps of physics makes .0018 or .0020 rad of so short and still a run, whatever is lost;
-    # the campaign (`benchmarks/bus_faults.py`) holds ten minutes to 1.1.
-    assert noisy.tracking_rmse < 1.25 * clean.tracking_rmse
+    assert noisy.tracking_rmse < 1.1 * clean.tracking_rmse
