@@ -33,6 +33,8 @@ class Denoiser(nn.Module):
 
     latent_mean: Tensor
     latent_spread: Tensor
+    sentence_mean: Tensor
+    sentence_spread: Tensor
 
     def __init__(
         self, config: DiffusionConfig, window: Window, layout: Layout, latent: int, *, guided: bool = False
@@ -42,6 +44,9 @@ class Denoiser(nn.Module):
         self.width = width
         self.register_buffer("latent_mean", torch.zeros(latent))
         self.register_buffer("latent_spread", torch.ones(latent))
+        # Embeddings of left and right differ by a few hundredths: without their own scale it takes long to be noticed.
+        self.register_buffer("sentence_mean", torch.zeros(config.text))
+        self.register_buffer("sentence_spread", torch.ones(config.text))
         self.enter, self.leave = nn.Linear(latent, width), nn.Linear(width, latent)
         self.time = nn.Sequential(nn.Linear(width, width), nn.SiLU(), nn.Linear(width, width))
         self.guidance = _silent(width) if guided else None
@@ -78,6 +83,7 @@ class Denoiser(nn.Module):
         if self.guidance is not None and guidance is not None:
             when = when + self.guidance(sinusoids(guidance * GUIDANCE_UNIT, self.width))
         said, moved = present[:, :1], present[:, 1:]
+        sentence = (sentence - self.sentence_mean) / self.sentence_spread
         tokens = torch.stack(
             [
                 self.enter(noisy),

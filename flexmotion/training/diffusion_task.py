@@ -8,7 +8,7 @@ from functools import reduce
 
 import numpy as np
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 from configs.model import ModelConfig
 from flexmotion.training.autoencoder import Autoencoder
@@ -122,6 +122,8 @@ class DiffusionTask:
         self.noise = NoiseSchedule(config.diffusion.steps, processes.device)
         self.network = Denoiser(config.diffusion, config.window, store.layout, autoencoder.latent).to(processes.device)
         sentences = Sentences(store.clips, encode, manner)
+        self.network.sentence_mean.copy_(sentences.embeddings.mean(dim=0))
+        self.network.sentence_spread.copy_(sentences.embeddings.std(dim=0).clamp(min=1e-3))
         self.training, self.held_out = (
             LatentSet(config, store, split, self.autoencoder, sentences, processes) for split in ("train", held_out)
         )
@@ -198,19 +200,20 @@ class DiffusionTask:
         return clean
 
     def _decoded(self, windows: Windows, clean: Tensor) -> Tensor:
-        """Error of the decoded motion and of its change, the join with the history included."""
-        blocks = self.training.store.layout.blocks
-        columns = [at for name in DECODED for at in range(blocks[name].start, blocks[name].stop)]
-        decoded, future = self.decode(windows.history, clean)[..., columns], windows.future[..., columns]
-        last = windows.history[:, -1:, columns]
-        mask = windows.mask[..., None]
-        error = ((decoded - future) * mask).square().mean()
-        if not last.shape[1]:
-            return error
-        change = torch.diff(torch.cat([last, decoded], dim=1), dim=1) - torch.diff(
-            torch.cat([last, future], dim=1), dim=1
-        )
-        return error + 10 * (change * mask).square().mean()
+        """Error of the decoded motion, of its change (the join with the history included) and of the root's path."""
+        blocks, weights = self.training.store.layout.blocks, self.config.losses.blocks
+        errors = (self.decode(windows.history, clean) - windows.future) * windows.mask[..., None]
+        if self.config.window.history:  # with which the error is nothing yet
+            errors = nn.functional.pad(errors, (0, 0, 1, 0))
+        found = clean.new_zeros(())
+        for name in DECODED:
+            error = errors[..., blocks[name]]
+            part = error.square().mean() + 10 * torch.diff(error, dim=1).square().mean()
+            if name == "root":
+                # Small errors of its speeds, always to one side, carry it away.
+                part = part + error[..., :3].cumsum(dim=1).square().mean() / error.shape[1]
+            found = found + weights[name] * part
+        return found / sum(weights[name] for name in DECODED)
 
     def _roll_out_share(self, step: int) -> float:
         diffusion = self.config.diffusion
