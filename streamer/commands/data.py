@@ -27,7 +27,12 @@ def import_(
     fps: Annotated[float, typer.Option(help="Frame rate to write.")] = 30.0,
     as_json: JsonOption = False,
 ) -> None:
-    """Read a motion file of any kind and write it as a motion of ours."""
+    """Read a motion file of any kind and write it as a motion of ours.
+
+    [bold]Examples[/bold]
+
+      flexmotion data import walk.bvh -o walk.npz
+    """
     from flexmotion.importers import read
     from flexmotion.motion_file import save_motion
 
@@ -48,7 +53,12 @@ def augment(
     mirrored: Annotated[bool, typer.Option("--mirror", help="The mirror image, and nothing else.")] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """A variant of a motion: other body, tempo, start and loads, with its dynamics."""
+    """A variant of a motion: other body, tempo, start and loads, with its dynamics.
+
+    [bold]Examples[/bold]
+
+      flexmotion data augment walk.bvh -o other.npz --seed 3
+    """
     from dataclasses import asdict
 
     import numpy as np
@@ -124,7 +134,12 @@ def inspect(
     verify: Annotated[bool, typer.Option(help="Compare the files with their hashes.")] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Print what is in a set: hours, clips kept and dropped by reason, ranges of every modality."""
+    """Print what is in a set: hours, clips kept and dropped by reason, ranges of every modality.
+
+    [bold]Examples[/bold]
+
+      flexmotion data inspect set --plots plots --verify
+    """
     from flexmotion.dataset.training_set import TrainingSet
 
     found = TrainingSet(folder)
@@ -147,7 +162,12 @@ def export(
     folder: Annotated[Path, typer.Argument(metavar="SET", help="Folder that `data build` wrote.")],
     out: OutOption,
 ) -> None:
-    """Write the compact form of a set: half precision, without muscles and mirror images."""
+    """Write the compact form of a set: half precision, without muscles and mirror images.
+
+    [bold]Examples[/bold]
+
+      flexmotion data export set -o set.fms
+    """
     from flexmotion.dataset.compact import export_compact
     from flexmotion.dataset.training_set import TrainingSet
 
