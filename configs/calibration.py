@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import yaml
@@ -32,7 +33,7 @@ class Calibration(Strict):
     """What was measured, and when it was last (ISO 8601)."""
 
     date: str
-    joints: dict[str, CalibratedJoint] = {}
+    joints: dict[str, CalibratedJoint]
     imu: CalibratedImu | None = None
 
 
@@ -43,11 +44,17 @@ def read_calibration(folder: Path) -> Calibration | None:
 
 
 def write_calibration(folder: Path, calibration: Calibration) -> Path:
-    """Put it beside the robot file; the file. Raises `ConfigError` where that cannot be written."""
+    """Put it beside the robot file, whole or not at all. Raises `ConfigError` where that cannot be written."""
     file = folder / FILE
+    unfinished = file.with_suffix(".unfinished")
     try:
-        file.write_text(yaml.safe_dump(calibration.model_dump(), sort_keys=False), encoding="utf-8")
+        with unfinished.open("w", encoding="utf-8") as stream:
+            yaml.safe_dump(calibration.model_dump(), stream, sort_keys=False)
+            stream.flush()
+            os.fsync(stream.fileno())
+        os.replace(unfinished, file)
     except OSError as error:
+        unfinished.unlink(missing_ok=True)
         raise ConfigError(f"{file}: cannot be written: {error.strerror}") from error
     return file
 

@@ -138,6 +138,12 @@ class DiffusionConfig(Strict):
     guidance: float = Field(default=2.5, gt=0)
     sampling_steps: int = Field(default=50, gt=0)
 
+    @model_validator(mode="after")
+    def _fits(self) -> DiffusionConfig:
+        if self.roll_out + self.switched > 1.0:
+            raise ValueError(f"roll_out {self.roll_out:g} and switched {self.switched:g} must be at most 1 together")
+        return self
+
 
 class DistillationConfig(Strict):
     """Consistency distillation to a few steps.

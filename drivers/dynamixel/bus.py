@@ -134,10 +134,13 @@ class DynamixelBus(ServoBus):
     def audit(self) -> None:
         """See `ServoBus`."""
         if self._board is not None:
-            try:
+            # Only its silence can be done without: another device at its address, or a power switch that does not
+            # switch, is a fault of the robot.
+            missing = self._board.find(self._client)
+            if missing is None:
                 self._board.audit(self._client)
-            except DriverError as error:
-                do_without(self._board.config, error)
+            else:
+                do_without(self._board.config, missing)
                 self._board = None
         self.imu = self._board
         fast: dict[tuple[Span, bool], list[int]] = {}

@@ -42,13 +42,21 @@ class OpenCr(Imu):
         self._to_accel = self.mount * (axes * units.accel_g * GRAVITY)
         self._came = False
 
-    def audit(self, client: Client) -> None:
-        """Find it and switch the servos' power on. Raises `DriverError`."""
+    def find(self, client: Client) -> DriverError | None:
+        """None where it is there, else what to say of its absence.
+
+        Raises:
+            DriverError: something else answers at its address.
+        """
         where, model = f"port {client.line.path}", client.ping(self.id)
         if model is None:
-            raise DriverError(f"{where}: no OpenCR board answers at id {self.id}")
+            return DriverError(f"{where}: no OpenCR board answers at id {self.id}")
         if model != self._model:
             raise DriverError(f"{where}: id {self.id} is no OpenCR board: model {model}, expected {self._model}")
+        return None
+
+    def audit(self, client: Client) -> None:
+        """Switch the servos' power on. Raises `DriverError` where it does not take that."""
         if client.read(self.id, self._registers["dynamixel_power"]) != 1:
             log.info("OpenCR (id %d): power of the servos switched on", self.id)
             client.write(self.id, self._registers["dynamixel_power"], 1)

@@ -123,7 +123,7 @@ class DiffusionTask:
         self.network = Denoiser(config.diffusion, config.window, store.layout, autoencoder.latent).to(processes.device)
         sentences = Sentences(store.clips, encode, manner)
         self.network.sentence_mean.copy_(sentences.embeddings.mean(dim=0))
-        self.network.sentence_spread.copy_(sentences.embeddings.std(dim=0).clamp(min=1e-3))
+        self.network.sentence_spread.copy_(sentences.embeddings.std(dim=0, unbiased=False).clamp(min=1e-3))
         self.training, self.held_out = (
             LatentSet(config, store, split, self.autoencoder, sentences, processes) for split in ("train", held_out)
         )
@@ -170,8 +170,8 @@ class DiffusionTask:
         terms = {"latent": (clean - latent).square().mean()}
         total = terms["latent"]
         if diffusion.decoded:
-            step = diffusion.decoded_every
-            terms["decoded"] = self._decoded(windows.every(step), clean[::step])
+            every = diffusion.decoded_every
+            terms["decoded"] = self._decoded(windows.every(every), clean[::every])
             total = total + diffusion.decoded * terms["decoded"]
         return total, terms
 

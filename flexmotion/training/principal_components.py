@@ -73,14 +73,14 @@ def principal_components(
         last = drawn.history[:, -1:] if drawn.history.shape[1] else torch.zeros(1)
         return drawn.future - known * last
 
-    chunks = range(min(WINDOWS, WINDOWS_EACH * latent) // CHUNK)
+    chunks = range(max(min(WINDOWS, WINDOWS_EACH * latent) // CHUNK, 1))
     seen = torch.cat([(differences(number)[..., columns] * scale).flatten(1) for number in chunks])
     mean = seen.mean(dim=0)
     seen -= mean
     torch.manual_seed(seed)
     left, spread, right = torch.svd_lowrank(seen, q=min(latent, *seen.shape), niter=ITERATIONS)
     numbers = left * len(seen) ** 0.5  # of unit spread
-    weight = right / spread * len(seen) ** 0.5
+    weight = right / spread.clamp(min=1e-6 * float(spread[0])) * len(seen) ** 0.5
     total, product = torch.zeros(()), torch.zeros(())
     for number in chunks:
         frames = differences(number)[..., straight].flatten(1)

@@ -71,8 +71,16 @@ class Windows:
         """
         if self.following is None:
             raise ValueError("expected windows that were drawn with what follows them")
-        first = self.first + self.future.shape[1]
-        return replace(self, history=history, future=self.following, following=None, first=first)
+        # Of the ground's share in what follows nothing was drawn.
+        return replace(
+            self,
+            history=history,
+            future=self.following,
+            following=None,
+            first=self.first + self.future.shape[1],
+            mask=torch.ones_like(self.mask),
+            good=torch.zeros_like(self.good),
+        )
 
     def going_over_to(self, others: Windows, frames: int) -> Windows:
         """The clips of `others`, after these histories, whose motion gives way to theirs over `frames` frames."""
@@ -83,6 +91,7 @@ class Windows:
             history=self.history,
             future=self.future + share * (others.future - self.future),
             mask=self.mask & others.mask,
+            good=torch.zeros_like(others.good),  # no ground explains a motion that is mixed
         )
 
     def with_others(self, others: Windows) -> Windows:

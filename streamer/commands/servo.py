@@ -226,7 +226,7 @@ def calibrate_imu(
         leaning = _specific_force(driver, "lean it forward and hold it still")
     sits = mounting(Rotation.from_quat(imu.quaternion, scalar_first=True), upright, leaning)
     w, x, y, z = (round(float(part), 6) for part in sits.as_quat(canonical=True, scalar_first=True))
-    known = read_calibration(chosen.folder) or Calibration(date="")
+    known = read_calibration(chosen.folder) or Calibration(date="", joints={})
     measured = CalibratedImu(quaternion=(w, x, y, z), driver=imu.driver)
     date = datetime.now(UTC).isoformat(timespec="seconds")
     file = write_calibration(chosen.folder, known.model_copy(update={"imu": measured, "date": date}))

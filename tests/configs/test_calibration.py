@@ -1,12 +1,21 @@
 from __future__ import annotations
 
+import errno
+import os
 import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from configs.calibration import CalibratedImu, CalibratedJoint, Calibration, read_calibration, write_calibration
+from configs.calibration import (
+    FILE,
+    CalibratedImu,
+    CalibratedJoint,
+    Calibration,
+    read_calibration,
+    write_calibration,
+)
 from configs.errors import ConfigError
 from configs.robot import ROBOTS, load_robot
 
@@ -52,3 +61,24 @@ def test_an_imu_is_mounted_as_calibrated_and_another_is_refused(folder: Path) ->
     write_calibration(folder, calibration().model_copy(update={"imu": sits.model_copy(update={"driver": "witmotion"})}))
     with pytest.raises(ConfigError, match="calibrated with driver 'witmotion', the robot file has 'opencr': calibrate"):
         load_robot(folder)
+
+
+def test_a_calibration_cut_short_is_refused(folder: Path) -> None:
+    """Went wrong: cut after its date, a file was taken for one of no joints, and every zero was 0 again."""
+    (folder / FILE).write_text("date: '2026-01-01T00:00:00+00:00'\n")
+    with pytest.raises(ConfigError, match="joints"):
+        load_robot(folder)
+
+
+def test_a_calibration_that_cannot_be_written_leaves_the_old_one(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Went wrong: a full disk in the middle of writing destroyed the zeros that were there."""
+    write_calibration(folder, calibration())
+
+    def full(_number: int) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(ConfigError, match="cannot be written: No space left on device"):
+        write_calibration(folder, calibration().model_copy(update={"date": "2027-01-01T00:00:00+00:00"}))
+    assert read_calibration(folder) == calibration()
+    assert [path.name for path in folder.glob("calibration*")] == [FILE]

@@ -14,6 +14,8 @@ from configs.robot import Robot
 from drivers.bus.port import SerialPort
 from drivers.bus.servo_bus import TORQUE_LOST
 from drivers.dynamixel.driver import DynamixelDriver
+from drivers.dynamixel.registers import Register
+from drivers.dynamixel.sdk import Client
 from drivers.emulator.body import BenchBody
 from drivers.emulator.dynamixel_bus import DynamixelBus
 from drivers.emulator.emulator import Emulator
@@ -281,6 +283,33 @@ def test_without_the_board_there_is_no_imu_and_a_warning(
     it.tick(2)
     assert it.state.imu_stale == -1 and not it.state.stale.any()
     assert "no OpenCR board answers at id 200" in caplog.text
+
+
+def test_another_device_at_the_boards_address_is_refused(
+    rig: Callable[..., Rig], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Went wrong: whatever was the matter with the board, the robot started without an IMU and a warning."""
+    it = rig()
+    ping = Client.ping
+    monkeypatch.setattr(Client, "ping", lambda self, id_, **how: 1060 if id_ == 200 else ping(self, id_, **how))
+    with pytest.raises(DriverError, match="id 200 is no OpenCR board: model 1060, expected 29696"):
+        it.driver.open()
+
+
+def test_a_board_that_does_not_switch_the_power_is_refused(
+    rig: Callable[..., Rig], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    it = rig()
+    read = Client.read
+
+    def no_power(self: Client, id_: int, register: Register) -> int:
+        if id_ == 200 and register.address == 24:
+            raise DriverError("id 200: does not tell dynamixel_power")
+        return read(self, id_, register)
+
+    monkeypatch.setattr(Client, "read", no_power)
+    with pytest.raises(DriverError, match="dynamixel_power"):
+        it.driver.open()
 
 
 def test_a_bad_packet_while_opening_is_asked_again(rig: Callable[..., Rig]) -> None:
