@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
+import signal
 import tarfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -13,6 +14,14 @@ from flexmotion.bundles.shipped import shipped_bundle
 
 SHARED, BUNDLE = "FLEXMOTION_SHARED", "FLEXMOTION_BUNDLE"
 ARCHIVES = {"cmu": "cmu_raw.tar.xz", "bandai": "bandai.tar.xz"}
+
+
+@pytest.fixture
+def hears_hangup() -> Iterator[None]:
+    """SIGHUP as it is without nohup, also in what is started. Went wrong: under nohup tests waited for it in vain."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    yield
+    signal.signal(signal.SIGHUP, before)
 
 
 @pytest.fixture(scope="session")

@@ -204,6 +204,7 @@ def test_a_broken_plug_in_is_named_and_the_rest_listed(
     assert "friction" in rows["sim"]["options"]
 
 
+@pytest.mark.usefixtures("hears_hangup")
 def test_signals_are_requests_and_the_second_interrupt_ends_at_once() -> None:
     before = signal.getsignal(signal.SIGINT)
     with operator_signals() as signals:

@@ -106,6 +106,7 @@ def test_a_supervisor_killed_by_force_leaves_a_loop_that_parks_the_robot(walking
     assert gone(family, 8.0)
 
 
+@pytest.mark.usefixtures("hears_hangup")
 def test_a_terminal_that_is_closed_parks_the_robot(walking: Run) -> None:
     """A dropped connection once killed every process in mid-walk, with the torque on."""
     os.killpg(os.getpgid(walking.pid), signal.SIGHUP)
