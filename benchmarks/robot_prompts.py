@@ -7,8 +7,8 @@ Every prompt of prompts.yaml runs once a seed, the wordings in turn, nominal and
 friction, slope, pushes, 3.5 kg), in lockstep. "did" is at the robot: a wave is seen in its hand, walking moves it at
 least .4 of the human's scaled path in the right direction, a turn turns it by half of what the human turned. Results
 go to --out, a line of JSON each; runs that are there already are not made again. --zero-forces sets the predicted
-ground forces to 0, --no-forces leaves contacts to heights and speeds of the feet. Exits with 1 where a criterion does
-not hold.
+ground forces to 0, which are not believed: it must go as with --no-forces, which takes them away and leaves contacts
+to heights and speeds of the feet. Exits with 1 where a criterion does not hold.
 """
 
 from __future__ import annotations
@@ -269,7 +269,9 @@ def main(
     seeds: Annotated[int, typer.Option(help="runs of each kind, nominal and perturbed each")] = 20,
     jobs: Annotated[int, typer.Option(help="runs at a time")] = 1,
     kinds: Annotated[list[str] | None, typer.Option("--kind", help="only these kinds (repeatable)")] = None,
-    zero_forces: Annotated[bool, typer.Option("--zero-forces", help="predicted ground forces are set to 0")] = False,
+    zero_forces: Annotated[
+        bool, typer.Option("--zero-forces", help="predicted ground forces are set to 0, and not believed")
+    ] = False,
     no_forces: Annotated[bool, typer.Option("--no-forces", help="contacts by heights and speeds of the feet")] = False,
     out: Annotated[
         Path | None, typer.Option(help="file of results, a line each; what is there is not run again")

@@ -30,8 +30,10 @@ def concatenate(parts: Sequence[Motion]) -> Motion:
         quaternions.append(-part.root_quaternion if flipped else part.root_quaternion)
     optional: dict[str, Any] = {}
     for name in _OPTIONAL:
-        values = [getattr(part, name) for part in parts]
-        optional[name] = None if any(value is None for value in values) else np.concatenate(values)
+        # What has no frames lacks nothing.
+        values = [getattr(part, name) for part in parts if len(part)]
+        known = values and all(value is not None for value in values)
+        optional[name] = np.concatenate(values) if known else None
     return replace(
         first,
         root_position=np.concatenate([part.root_position for part in parts]),

@@ -33,8 +33,10 @@ class ContactDetector:
     floor: recorded floors drift from place to place, and a fitted sole is never quite flat. It follows the point while
     it touches, so a foot that is merely held still in the air does not become a step.
 
-    Where ground forces are known they decide instead: a foot is loaded once it bears a share of the body's weight, and
-    until it bears less than a smaller one, again after a while. The points go on being watched, for when forces end.
+    Where ground forces are known and plausible they decide instead: a foot is loaded once it bears a share of the
+    body's weight, and until it bears less than a smaller one, again after a while. Forces that together are next to
+    nothing or several body weights are not believed, the points decide that frame: in flight they say the same, and a
+    model that predicts nonsense cannot take the floor away. The points are watched all along.
 
     Speeds are backward differences: a frame's result depends on nothing after it, and cutting a stream into chunks in
     whatever way changes nothing.
@@ -45,6 +47,7 @@ class ContactDetector:
         still: speed below which a touching point moves the floor [m/s].
         floor_time: time constant of the floor [s].
         bears, relieved: shares of the body's weight at which a foot begins and ceases to be loaded.
+        least, most: sums over both feet between which forces are believed [body weights].
         load_time, lift_time: for how long that must be so before a foot counts as loaded, as lifted [s].
     """
 
@@ -56,6 +59,8 @@ class ContactDetector:
     floor_time: float = 0.3
     bears: float = 0.15
     relieved: float = 0.07
+    least: float = 0.3
+    most: float = 3.0
     load_time: float = 0.05
     lift_time: float = 0.05
 
@@ -105,7 +110,7 @@ class ContactDetector:
         state[STARTED] = 1.0
 
         loaded = state[LOADED] > 0.5
-        if force is None:
+        if force is None or not self.least <= force.sum() <= self.most:
             wanted = touching.reshape(2, 2).any(axis=1)
         else:
             wanted = force > np.where(loaded, self.relieved, self.bears)

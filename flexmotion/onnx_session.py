@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
+import numpy as np
 import onnxruntime
+from numpy.typing import NDArray
 
 from configs.errors import ConfigError
 
@@ -25,4 +28,22 @@ def open_session(path: Path) -> onnxruntime.InferenceSession:
     try:
         return onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
     except Exception as error:  # onnxruntime raises several types that share no base but this one
-        raise ConfigError(f"{path}: cannot be run ({str(error).splitlines()[0]})") from error
+        raise _cannot_run(path, error) from error
+
+
+def run(session: onnxruntime.InferenceSession, path: Path, inputs: Mapping[str, NDArray]) -> NDArray[np.float32]:
+    """The one output of a network that was opened from `path`.
+
+    Raises:
+        ConfigError: the network fails on these inputs.
+    """
+    try:
+        (found,) = session.run(None, inputs)
+    except Exception as error:  # see `open_session`
+        raise _cannot_run(path, error) from error
+    return found
+
+
+def _cannot_run(path: Path, error: Exception) -> ConfigError:
+    reason = next(iter(str(error).splitlines()), type(error).__name__)
+    return ConfigError(f"{path}: cannot be run ({reason})")

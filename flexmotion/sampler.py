@@ -15,7 +15,7 @@ from flexmotion.features.encode import LEAD, encode
 from flexmotion.features.heading_frame import chord
 from flexmotion.features.inertialise import inertialised
 from flexmotion.motion import Motion
-from flexmotion.onnx_session import open_session
+from flexmotion.onnx_session import open_session, run
 from flexmotion.text.prompt_reader import Prompt, PromptReader
 
 Float32 = NDArray[np.float32]
@@ -121,6 +121,7 @@ class Sampler:
 
         Raises:
             ValueError: the history is empty, or has another frame rate or body.
+            ConfigError: a network of the bundle fails.
         """
         features = self.features(history, condition, seed)
         return decode(features, self.layout, self.body, Anchor.after(history), source=self._source)
@@ -129,7 +130,8 @@ class Sampler:
         """Features of what `sample` makes, not normalised, (W, layout.size)."""
         remembered = self._remember(history)
         latent = self._latent(self._statistics.normalise(remembered)[None], condition, seed)
-        (frames,) = self._decoder.run(None, {"latent": latent, "history": self._inputs["history"][:1]})
+        inputs = {"latent": latent, "history": self._inputs["history"][:1]}
+        frames = run(self._decoder, self.bundle.folder / DECODER, inputs)
         return inertialised(self._statistics.restore(frames[0]), remembered, self.layout)
 
     def _remember(self, history: Motion) -> Float32:
@@ -160,7 +162,7 @@ class Sampler:
         for now, earlier in zip(times, [*times[1:], -1], strict=True):
             inputs["noisy"][:] = noisy
             inputs["time"][:] = now
-            (found,) = self._denoiser.run(None, inputs)
+            found = run(self._denoiser, self.bundle.folder / DENOISER, inputs)
             clean = found if manifest.guided else found[1:] + guidance * (found[:1] - found[1:])
             kept = self._kept[now]
             left = self._kept[earlier] if earlier >= 0 else np.float32(1.0)

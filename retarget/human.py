@@ -48,7 +48,7 @@ class HumanWindow:
         self.motion = motion
         self.times = start_s + np.arange(len(motion)) / motion.fps
         self.kinematics: HumanKinematics = forward(motion)
-        # Forces that come with a motion tell better than heights and speeds which foot it stands on.
+        # Forces that come with a motion tell better than heights and speeds which foot it stands on, where plausible.
         force = None if motion.wrenches is None else motion.wrenches[:, :, 2] / (motion.body.mass * GRAVITY)
         self.contacts, self.detector_states = ContactDetector().detect(
             self.kinematics, motion.fps, detector_state, force

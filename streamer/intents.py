@@ -13,28 +13,55 @@ FASTEST = (3.0, 1.5, 3.0)
 """Greatest velocity that may be asked for, either way: a run forward, a quick sidestep, half a turn a second
 [m/s, m/s, rad/s]."""
 
+_EXPECTED_VELOCITY = "velocity: expected [forward m/s, left m/s, turning rad/s]"
+
+
+def _require_words(word: str, value: Any, expected: str) -> None:
+    # Shared memory ends a text at a NUL.
+    if not isinstance(value, str) or not value.strip() or "\0" in value:
+        raise ConfigError(f"{word}: expected {expected}, found {value!r}")
+
 
 @dataclass(frozen=True)
 class Clip:
-    """Follow a clip: its name in a library, or its file in a script."""
+    """Follow a clip: its name in a library, or its file in a script. Raises `ConfigError` without a name."""
 
     name: str
+
+    def __post_init__(self) -> None:
+        _require_words("clip", self.name, "a file or a name")
 
 
 @dataclass(frozen=True)
 class Text:
-    """Do what the words say."""
+    """Do what the words say. Raises `ConfigError` without words."""
 
     text: str
+
+    def __post_init__(self) -> None:
+        _require_words("text", self.text, "words that say what to do")
 
 
 @dataclass(frozen=True)
 class Velocity:
-    """Move at a velocity as seen from where the human faces: forward, left [m/s], turning left [rad/s]."""
+    """Move at a velocity as seen from where the human faces: forward, left [m/s], turning left [rad/s].
+
+    Raises:
+        ConfigError: a value is no finite number, or beyond `FASTEST`.
+    """
 
     forward: float
     left: float
     turning: float
+
+    def __post_init__(self) -> None:
+        value: list[Any] = [self.forward, self.left, self.turning]
+        # A bool is an int to Python, but no speed.
+        if not all(isinstance(v, int | float) and not isinstance(v, bool) and math.isfinite(v) for v in value):
+            raise ConfigError(f"{_EXPECTED_VELOCITY}, found {value!r}")
+        if any(abs(number) > fastest for number, fastest in zip(value, FASTEST, strict=True)):
+            limits = ", ".join(f"±{limit:g}" for limit in FASTEST)
+            raise ConfigError(f"{_EXPECTED_VELOCITY} within [{limits}], found {value!r}")
 
 
 @dataclass(frozen=True)
@@ -78,25 +105,11 @@ def from_content(content: Mapping[str, Any]) -> Intent:
     (word,) = found
     value = content[word]
     if word == "velocity":
-        return _velocity(value)
+        if not isinstance(value, list | tuple) or len(value) != len(FASTEST):
+            raise ConfigError(f"{_EXPECTED_VELOCITY}, found {value!r}")
+        return Velocity(*value)
     if word == "stop":
         if value is not True:
             raise ConfigError(f"stop: expected true, found {value!r}")
         return Stop()
-    if not isinstance(value, str) or not value.strip():
-        expected = "a file or a name" if word == "clip" else "words that say what to do"
-        raise ConfigError(f"{word}: expected {expected}, found {value!r}")
     return Clip(value) if word == "clip" else Text(value)
-
-
-def _velocity(value: Any) -> Velocity:
-    expected = "velocity: expected [forward m/s, left m/s, turning rad/s]"
-    if not isinstance(value, list | tuple) or len(value) != len(FASTEST):
-        raise ConfigError(f"{expected}, found {value!r}")
-    for number, fastest in zip(value, FASTEST, strict=True):
-        if isinstance(number, bool) or not isinstance(number, int | float) or not math.isfinite(number):
-            raise ConfigError(f"{expected}, found {value!r}")
-        if abs(number) > fastest:
-            limits = ", ".join(f"±{limit:g}" for limit in FASTEST)
-            raise ConfigError(f"{expected} within [{limits}], found {value!r}")
-    return Velocity(*(float(number) for number in value))

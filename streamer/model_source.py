@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -48,8 +49,9 @@ class ModelSource:
         for item in self.items:
             self._require(item.intent)
             self._asked.append((round(item.at * self.fps), item.intent))
-        # What is spoken: frames from `_first` on; before frame 0 it stands.
-        self._spoken = sampler.standing()
+        # What is spoken: frames from `_first` on, in pieces as they came, so that one that lacks forces does not take
+        # those of the others; before frame 0 it stands.
+        self._pieces = [sampler.standing()]
         self._first = -len(self._spoken)
 
     @property
@@ -87,14 +89,20 @@ class ModelSource:
             self._rest(frame + 1)
         else:
             begin = frame + 1 - len(played)
-            before = self._frames(self._first, begin) if self._first < begin <= self._next else played[:0]
-            self._spoken, self._first = concatenate([before, played]), begin - len(before)
+            before = self._cut(self._first, begin) if self._first < begin <= self._next else []
+            self._pieces, self._first = before, begin - sum(len(piece) for piece in before)
+            self._append(played)
         self._asked = [(frame + 1, target.intent)]
+
+    @property
+    def _spoken(self) -> Motion:
+        """All that is kept, in one."""
+        return concatenate(self._pieces)
 
     @property
     def _next(self) -> int:
         """The first frame that is not spoken yet."""
-        return self._first + len(self._spoken)
+        return self._first + sum(len(piece) for piece in self._pieces)
 
     def _until(self, frame: int) -> int:
         """`frame`, or where it is over before."""
@@ -113,7 +121,21 @@ class ModelSource:
         """What is spoken already."""
         if first < self._first:
             raise LookupError(f"{self.name}: frame {first} is forgotten, the oldest is {self._first}")
-        return self._spoken[first - self._first : last - self._first]
+        return concatenate(self._cut(first, last))
+
+    def _cut(self, first: int, last: int) -> list[Motion]:
+        """The pieces of what is kept from `first` to before `last`."""
+        found, begin = [], self._first
+        for piece in self._pieces:
+            part = piece[max(first - begin, 0) : max(last - begin, 0)]
+            found += [part] if len(part) else []
+            begin += len(piece)
+        return found
+
+    def _append(self, piece: Motion) -> None:
+        """Keep a piece after the others, its quaternions in the sign of theirs."""
+        quaternions = concatenate([*self._pieces, piece]).root_quaternion
+        self._pieces.append(replace(piece, root_quaternion=quaternions[len(quaternions) - len(piece) :]))
 
     def _speak(self) -> None:
         """Sample on, up to where something else is asked for."""
@@ -122,19 +144,19 @@ class ModelSource:
         change = min((at for at, _ in self._asked if at > begin), default=begin + self.sampler.future)
         # Numbered by frame, noise is the same however often plans are drawn; frames before 0 are never sampled.
         window = self.sampler.sample(self._spoken, _condition(intent), (self.seed << 32) + begin)
-        self._spoken = concatenate([self._spoken, window[: change - begin]])
+        self._append(window[: change - begin])
 
     def _rest(self, before: int) -> None:
         """From the place of the last frame spoken before `before`, stand until then."""
         known = self._spoken[: max(before - self._first, 1)]
-        self._spoken = self.sampler.standing(after=known)
+        self._pieces = [self.sampler.standing(after=known)]
         self._first = before - len(self._spoken)
 
     def _forget(self, before: int) -> None:
         """Drop frames before that one, but none that the next window is sampled from."""
-        drop = min(before - self._first, len(self._spoken) - self.sampler.remembers)
-        if drop > 0:
-            self._spoken, self._first = self._spoken[drop:], self._first + drop
+        first = min(before, self._next - self.sampler.remembers)
+        if first > self._first:
+            self._pieces, self._first = self._cut(first, self._next), first
             current = max((at for at, _ in self._asked if at <= self._first), default=self._first)
             self._asked = [(at, intent) for at, intent in self._asked if at >= current]
 

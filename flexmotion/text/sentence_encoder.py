@@ -9,7 +9,7 @@ import onnxruntime
 from numpy.typing import NDArray
 
 from configs.errors import ConfigError
-from flexmotion.onnx_session import open_session
+from flexmotion.onnx_session import open_session, run
 from flexmotion.text.word_pieces import WordPieces
 
 NETWORK, VOCABULARY = "text.onnx", "vocabulary.txt"
@@ -31,7 +31,8 @@ class SentenceEncoder:
         except OSError as error:
             raise ConfigError(f"{folder / VOCABULARY}: cannot be read ({error.strerror})") from error
         self._pieces = WordPieces(words)
-        self._session: onnxruntime.InferenceSession = open_session(folder / NETWORK)
+        self._path = folder / NETWORK
+        self._session: onnxruntime.InferenceSession = open_session(self._path)
         self.size = int(self._session.get_outputs()[0].shape[-1])
 
     def __call__(self, sentence: str) -> NDArray[np.float32]:
@@ -39,6 +40,5 @@ class SentenceEncoder:
         pieces = self._pieces(sentence)
         if not pieces:
             return np.zeros(self.size, np.float32)
-        (found,) = self._session.run(None, {"pieces": np.array([pieces], np.int64)})
-        embedding: NDArray[np.float32] = found[0]
+        embedding: NDArray[np.float32] = run(self._session, self._path, {"pieces": np.array([pieces], np.int64)})[0]
         return embedding

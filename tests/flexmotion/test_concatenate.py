@@ -23,6 +23,7 @@ def test_what_not_all_have_is_dropped() -> None:
     motion = default_clip()[:20]
     touching = replace(motion, contacts=np.ones((20, 2), bool))
     assert concatenate([touching, motion]).contacts is None
+    assert concatenate([touching, motion[:0]]).contacts is not None  # which has no frames lacks nothing
     both = concatenate([touching, touching]).contacts
     assert both is not None and both.shape == (40, 2)
 

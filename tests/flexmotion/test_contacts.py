@@ -153,10 +153,27 @@ def test_known_forces_decide_with_hysteresis_and_patience(clip_kinematics):
     assert swings(flags) == [(11, 20, 0)]
     rest, _ = ContactDetector().detect(human[25:], 30.0, states[24], force[25:])
     np.testing.assert_array_equal(rest, flags[25:])
-    between, _ = ContactDetector().detect(human[:20], 30.0, None, np.full((20, 2), 0.1))
-    assert not between.any()  # less than what makes it loaded
-    held, _ = ContactDetector().detect(human[20:40], 30.0, states[9], np.full((20, 2), 0.1))
+    little = np.tile([0.1, 0.8], (20, 1))
+    between, _ = ContactDetector().detect(human[:20], 30.0, None, little)
+    assert not between[:, 0].any()  # less than what makes it loaded
+    held, _ = ContactDetector().detect(human[20:40], 30.0, states[9], little)
     assert held.all()  # more than what relieves it
+
+
+@pytest.mark.parametrize("total", [0.0, 0.29, 3.01, -1.0])
+def test_implausible_forces_leave_their_frames_to_heights_and_speeds(clip_kinematics, total):
+    """Forces of zero were believed: both feet hung in the air from the third frame on."""
+    whole, _ = ContactDetector().detect(clip_kinematics, 30.0)
+    found, _ = ContactDetector().detect(clip_kinematics, 30.0, None, np.full((len(clip_kinematics), 2), total / 2))
+    np.testing.assert_array_equal(found, whole)
+
+
+@pytest.mark.parametrize("total", [0.3, 3.0])
+def test_forces_at_the_edge_of_the_plausible_decide(clip_kinematics, total):
+    human = lifted(clip_kinematics[:60], slice(10, 40), 0, 0.3)
+    force = np.tile([total, 0.0], (60, 1))
+    flags, _ = ContactDetector().detect(human, 30.0, None, force)
+    assert flags[:, 0].all() and not flags[:, 1].any()
 
 
 def test_when_forces_end_heights_and_speeds_go_on(clip_kinematics):

@@ -99,4 +99,13 @@ def test_forces_that_come_with_a_motion_say_which_foot_stands(
     swings = window(replace(walk, wrenches=wrenches)).swings
     assert [swing.side for swing in swings] == [1]
     assert swings[0].land_s - swings[0].lift_s == pytest.approx(15 / walk.fps)
-    assert window(replace(walk, wrenches=0.0 * wrenches)).swings[0].landed is False
+
+
+@pytest.mark.parametrize("share", [0.0, 0.1, 20.0])
+def test_forces_that_cannot_be_do_not_take_the_floor_away(
+    window: Callable[[Motion], HumanWindow], walk: Motion, share: float
+) -> None:
+    """With forces of zero no foot was ever loaded, whatever it did."""
+    wrenches = np.zeros((len(walk), 2, 6))
+    wrenches[:, :, 2] = share * walk.body.mass * 9.81
+    np.testing.assert_array_equal(window(replace(walk, wrenches=wrenches)).contacts, window(walk).contacts)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -107,6 +108,18 @@ def test_a_target_goes_on_from_what_was_played() -> None:
     # The rest of the script is over.
     later = it.window(80, 60)
     assert later is not None and heading(later.root_quaternion)[-1] - heading(later.root_quaternion)[0] > 1.0
+
+
+def test_forces_come_back_after_a_target_that_went_on_from_motion_without() -> None:
+    """One turn without forces took them from all windows after it."""
+    it = source()
+    said = it.window(0, 32)
+    assert said is not None
+    it.turn_to(target(TURN), 20, replace(said[:21], wrenches=None))
+    joint, after = it.window(20, 32), it.window(21, 32)
+    assert joint is not None and joint.wrenches is None
+    assert after is not None and after.wrenches is not None and len(after.wrenches) == 32
+    np.testing.assert_array_equal(speech(after)[:31], speech(joint)[1:])
 
 
 def test_little_played_is_completed_by_what_was_said() -> None:

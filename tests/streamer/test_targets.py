@@ -34,6 +34,14 @@ def test_a_name_that_is_too_long_is_refused() -> None:
         TargetMailbox().send(Text("x" * 241))
 
 
+def test_a_velocity_that_is_no_number_never_gets_into_the_mailbox() -> None:
+    """It was sent, and sampled from."""
+    mailbox = TargetMailbox()
+    with pytest.raises(ConfigError, match="velocity: expected"):
+        mailbox.send(Velocity(np.nan, 99, 0))
+    assert mailbox.newest() is NO_TARGET
+
+
 def test_requests_are_heard_in_order_with_their_reasons() -> None:
     controls = Controls()
     listener = controls.listener()
