@@ -30,8 +30,8 @@ SERVO_CYCLE_S = 0.001
 SETTLE_S = 0.05
 """Time after switching on in which servos that missed it are told again; later it is a fault [s]."""
 
-IMU_PATIENCE_S = 0.05
-"""How long `open` waits for a sample of the IMU at its end [s]."""
+IMU_PATIENCE_S = 0.15
+"""How long `open` waits for a sample of the IMU at its end; more than a sensor takes to show its rate [s]."""
 
 log = logging.getLogger(__name__)
 
@@ -64,6 +64,7 @@ class BusDriver(Driver):
         self._imu_on_bus = any(self.Bus.carries_imu(robot, name) for name in self._paths)
         self._standalone_imu = self._own_imu()
         self._imu: Imu | None = None
+        self._imu_raised = False
         self._period = 1.0 / robot.rate_hz
         self._ticks, self._raw = np.zeros(n), np.zeros(n)
         self._stale, self._imu_stale = np.zeros(n, np.int64), 0
@@ -91,10 +92,10 @@ class BusDriver(Driver):
             for bus in self.buses:
                 bus.audit()
                 self._imu = self._imu or bus.imu
+            self._await_imu()
         except BaseException:
             self.let_go()
             raise
-        self._await_imu()
 
     def close(self) -> None:
         """Torque off, ports released. May be called twice."""
@@ -205,7 +206,7 @@ class BusDriver(Driver):
         return imus.create(self.robot, self._settings.imu_port)
 
     def _open_imu(self) -> StandaloneImu | None:
-        imu = self._standalone_imu
+        imu, self._imu_raised = self._standalone_imu, False
         if imu is None:
             return None
         try:
@@ -213,21 +214,36 @@ class BusDriver(Driver):
         except DriverError as error:
             do_without(imu.config, error)
             return None
+        except Exception as error:  # a plug-in's: whatever it is, the robot can do without
+            log.debug("IMU %s", imu.name, exc_info=True)
+            do_without(imu.config, DriverError(f"IMU {imu.name}: {type(error).__name__}: {error}"))
+            return None
         return imu
 
     def _await_imu(self) -> None:
         """Let what came while servos were audited go, so that the first tick finds a sample of its own."""
         clock = self.buses[0].port
         end = clock.now() + IMU_PATIENCE_S
-        while self._imu is not None and not self._imu.read(now := clock.now()) and now < end:
+        while self._imu is not None and not self._fresh(self._imu, now := clock.now()) and now < end:
             clock.sleep(IMU_PATIENCE_S / 10)
+
+    def _fresh(self, imu: Imu, now: float) -> bool:
+        """Whether it has a sample of now. One that raises has none: a plug-in's error must not end a walking loop."""
+        try:
+            return imu.read(now)
+        except Exception as error:
+            if not self._imu_raised:
+                self._imu_raised = True
+                log.error("IMU %s: %s: %s", imu.name, type(error).__name__, error)
+                log.debug("IMU %s", imu.name, exc_info=True)
+            return False
 
     def _read_imu(self, state: RobotState) -> None:
         imu = self._imu
         if imu is None:
             state.imu_stale = -1
             return
-        self._imu_stale = 0 if imu.read(self.buses[0].port.now()) else self._imu_stale + 1
+        self._imu_stale = 0 if self._fresh(imu, self.buses[0].port.now()) else self._imu_stale + 1
         state.gyro[:], state.accel[:] = imu.gyro, imu.accel
         state.imu_stale = self._imu_stale
 

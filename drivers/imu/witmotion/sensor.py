@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
+from collections import deque
 
 from pydantic import Field
 
@@ -42,6 +43,11 @@ FRESH_SAMPLES = 1.5
 ENOUGH = 0.8
 """Share of the samples asked for that must come."""
 
+WINDOW_S = 0.1
+"""How far back is looked for whether enough samples came [s]."""
+
+WINDOW_READS = 256
+"""Reads that are remembered of it at most; a loop that reads more often looks back less far."""
 
 BAD_SHARE = 0.001
 """Share of broken frames that is told at the end."""
@@ -77,6 +83,7 @@ class WitMotion(StandaloneImu):
         self._to_gyro = self.mount * (math.radians(GYRO_FULL_DEG_S) / FULL)
         self._pending: tuple[int, int, int] | None = None
         self._samples, self._looked_at, self._fresh_until = 0, 0.0, 0.0
+        self._window: deque[tuple[float, int]] = deque(maxlen=WINDOW_READS)
 
     def open(self, open_port: OpenPort, rate_hz: float) -> None:
         """See `StandaloneImu`; takes about a second. Raises `DriverError` where too few samples come."""
@@ -99,11 +106,14 @@ class WitMotion(StandaloneImu):
 
     def read(self, now: float) -> bool:
         """See `Imu`."""
-        came, due = self._take_all(), (now - self._looked_at) * self._samples
+        came, since = self._take_all(), self._looked_at
         self._looked_at = now
         # Bytes do not say when they came. Where many less have come than were due the stream broke off, and its last
         # sample may be as old as the loop's pause.
-        if came > max(ENOUGH * due - 2, 0):
+        unbroken = came > max(ENOUGH * (now - since) * self._samples - 2, 0)
+        if not self._keeps_up(since, now, came):
+            self._fresh_until = now
+        elif unbroken:
             self._fresh_until = now + FRESH_SAMPLES / self._samples
         return now < self._fresh_until
 
@@ -121,6 +131,18 @@ class WitMotion(StandaloneImu):
         """Frames that came broken, so far."""
         return self._decoder.bad
 
+    def _keeps_up(self, since: float, now: float, came: int) -> bool:
+        """Whether enough samples came in the window that ends now; `open` fills the first.
+
+        A sensor whose supply dipped falls back to its factory's rate: each sample is new, yet too few to integrate.
+        """
+        window = self._window
+        window.append((since, came))
+        while len(window) > 1 and window[1][0] <= now - WINDOW_S:
+            window.popleft()
+        due = (now - window[0][0]) * self._samples
+        return sum(samples for _, samples in window) >= ENOUGH * due
+
     def _set_up(self, port: SerialPort, samples: int) -> None:
         # As wide as half the sampling rate allows: what is smoothed away comes late.
         bandwidth = max(hz for hz in BANDWIDTHS if hz <= samples / 2)
@@ -136,11 +158,14 @@ class WitMotion(StandaloneImu):
     def _listen(self, port: SerialPort) -> int:
         """How many samples come while one listens."""
         self._take_all()
-        came, end = 0, port.now() + LISTEN_S
+        came, begin = 0, port.now()
+        end = begin + LISTEN_S
         while port.lost is None and (now := port.now()) < end:
             port.wait_any([port], end - now)
             came += self._take_all()
         self._looked_at = port.now()
+        self._window.clear()
+        self._window.append((begin, came))
         return came
 
     def _take_all(self) -> int:

@@ -93,13 +93,13 @@ def test_broken_frames_are_counted_and_the_last_good_sample_stays(
     driver, world = looped(robot)
     with driver:
         ticks(driver, world, 2)
-        imu_line(world).damage.bad_packets = 0.2
+        imu_line(world).damage.bad_packets = 0.03
         state, stale = RobotState(robot.n), 0
-        for _ in range(125):
+        for _ in range(250):
             state = ticks(driver, world, 1)
             stale = max(stale, state.imu_stale)
             np.testing.assert_allclose(state.accel, [0, 0, 9.81], atol=0.01)
-        assert isinstance(driver._imu, WitMotion) and driver._imu.bad > 5
+        assert isinstance(driver._imu, WitMotion) and driver._imu.bad > 3
         assert 0 < stale <= 3 and not state.stale.any()
     assert f"{driver._imu.bad} frames came broken: check its cable" in caplog.text
 
@@ -114,7 +114,23 @@ def test_a_pulled_cable_is_a_silent_imu_and_nothing_else(robot: Robot) -> None:
         assert state.imu_stale >= 6 and not state.stale.any()
         world.emulator.faults[:] = []
         world.advance(0.015)
-        assert ticks(driver, world, 2).imu_stale == 0
+        assert ticks(driver, world, 15).imu_stale == 0
+
+
+@pytest.mark.parametrize("hertz", [10, 50, 100])
+def test_one_that_falls_back_to_a_lower_rate_is_not_fresh(robot: Robot, hertz: int) -> None:
+    """Its supply dips and it forgets its rate; every sample was taken as fresh, and the tilt came out at a half."""
+    driver, world = looped(robot)
+    with driver:
+        assert ticks(driver, world, 20).imu_stale == 0
+        line = imu_line(world)
+        asked, line._period = line._period, 1.0 / hertz
+        assert ticks(driver, world, 13).imu_stale > 0
+        before = ticks(driver, world, 1).imu_stale
+        assert ticks(driver, world, 250).imu_stale == before + 250
+        assert isinstance(driver._imu, WitMotion) and len(driver._imu._window) <= 14
+        line._period = asked
+        assert ticks(driver, world, 30).imu_stale == 0
 
 
 def test_what_came_long_ago_is_not_fresh(robot: Robot) -> None:
@@ -239,6 +255,65 @@ def test_a_plug_in_is_found_by_its_entry_point(tmp_path: Path, monkeypatch: pyte
     with driver:
         state = ticks(driver, world, 1)
         assert state.imu_stale == 0 and state.gyro[2] == robot.rate_hz
+
+
+class Unplugged(Sensor):
+    """A plug-in's that lets the system's errors out."""
+
+    fails: ClassVar[str] = "open"
+
+    def open(self, open_port: object, rate_hz: float) -> None:
+        if self.fails == "open":
+            raise OSError("no such device")
+
+    def read(self, now: float) -> bool:
+        if self.fails == "read":
+            raise OSError("no such device")
+        if self.fails == "interrupt":
+            raise KeyboardInterrupt
+        return True
+
+
+def with_unplugged(folder: Path, fails: str, monkeypatch: pytest.MonkeyPatch, **imu: Any) -> tuple[BusDriver, Loopback]:
+    monkeypatch.setattr(imus, "create", lambda robot, port: Unplugged(robot.config.imu))
+    monkeypatch.setattr(Unplugged, "fails", fails)
+    return looped(op3_with_imu(folder, driver="witmotion", **imu))
+
+
+def test_an_error_of_a_plug_in_at_open_is_a_missing_imu(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """An `OSError` out of a plug-in's `open` ended in a traceback."""
+    driver, world = with_unplugged(tmp_path / "may", "open", monkeypatch)
+    with driver:
+        assert ticks(driver, world, 2).imu_stale == -1
+    assert "IMU mine: OSError: no such device: no IMU" in caplog.text
+    driver, _ = with_unplugged(tmp_path / "must", "open", monkeypatch, required=True)
+    with pytest.raises(DriverError, match="no such device: no IMU, which the robot file requires"):
+        driver.open()
+    assert not driver.buses
+
+
+def test_an_error_of_a_plug_in_while_it_is_read_is_a_stale_imu(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """An `OSError` out of a plug-in's `read` ended the loop of a robot that walked."""
+    driver, world = with_unplugged(tmp_path, "", monkeypatch)
+    with driver:
+        assert ticks(driver, world, 1).imu_stale == 0
+        monkeypatch.setattr(Unplugged, "fails", "read")
+        assert ticks(driver, world, 8).imu_stale == 8
+        monkeypatch.setattr(Unplugged, "fails", "")
+        assert ticks(driver, world, 1).imu_stale == 0
+    assert caplog.text.count("no such device") == 1
+
+
+def test_ports_are_let_go_where_waiting_for_the_imu_ends(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Waiting for the first sample was outside of what `open` cleans up after: its ports stayed open."""
+    driver, _ = with_unplugged(tmp_path, "interrupt", monkeypatch)
+    with pytest.raises(KeyboardInterrupt):
+        driver.open()
+    assert not driver.buses
 
 
 # ---------------------------------------------------------------- bytes
