@@ -18,8 +18,9 @@ def take_over(old: Motion, old_first: int, new: Motion, first: int, frames: int)
 
     Between the first two frames lies the moment at which motion changes hands, so pose and speed are continuous there.
     Forces, torques and activations that both have are mixed as their poses are, which holds as far as the two agree;
-    moments of wrenches about different points are no more than near. A foot is in contact as in the motion that has the
-    greater weight.
+    moments of wrenches about different points are no more than near. What only the new motion has is taken as it is:
+    the next motion takes over from this one and would otherwise never have it again. A foot is in contact as in the
+    motion that has the greater weight.
 
     Args:
         old_first, first: index of either motion's first frame on their common clock.
@@ -55,14 +56,14 @@ def _mixed(old: Float, new: Float, weight: Float) -> Float:
 
 
 def _both(old: Float | None, new: Float | None, weight: Float) -> Float | None:
-    """`_mixed` of what both have."""
-    return None if old is None or new is None else _mixed(old, new, weight)
+    """`_mixed` of what both have, else that of `new`."""
+    return new if old is None or new is None else _mixed(old, new, weight)
 
 
 def _nearer(old: Flags | None, new: Flags | None, weight: Float) -> Flags | None:
     """Flags (K, 2) into the first K rows of (T, 2) where they have the greater weight."""
     if old is None or new is None:
-        return None
+        return new
     taken = new.copy()
     taken[: len(weight)] = np.where((weight < 0.5)[:, None], old, new[: len(weight)])
     return taken

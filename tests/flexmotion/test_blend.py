@@ -82,9 +82,14 @@ def test_without_common_frames_or_time_the_new_motion_takes_over_at_once(
     assert take_over(old, 10, new, first, frames) is new
 
 
-def test_forces_are_dropped(old: Motion, new: Motion) -> None:
-    loaded = replace(new, contacts=np.ones((len(new), 2), np.bool_))
-    assert take_over(old, 10, loaded, 17, FRAMES).contacts is None
+def test_forces_of_the_new_motion_stay_where_the_old_one_has_none(old: Motion, new: Motion) -> None:
+    """They were dropped: plans take over from each other, and after one without forces all had none."""
+    loaded = replace(new, wrenches=np.ones((len(new), 2, 6)), contacts=np.ones((len(new), 2), np.bool_))
+    mixed = take_over(old, 10, loaded, 17, FRAMES)
+    assert mixed.wrenches is not None and mixed.contacts is not None
+    np.testing.assert_array_equal(mixed.wrenches, loaded.wrenches)
+    again = take_over(loaded, 17, new, 20, FRAMES)
+    assert again.wrenches is None and again.contacts is None
 
 
 def test_forces_are_mixed_where_both_have_them_and_contacts_are_those_of_the_nearer(old: Motion, new: Motion) -> None:
@@ -97,4 +102,3 @@ def test_forces_are_mixed_where_both_have_them_and_contacts_are_those_of_the_nea
     assert mixed.wrenches is not None and mixed.contacts is not None
     np.testing.assert_allclose(mixed.wrenches[:, 1, 2], 100.0 + 200.0 * share)
     np.testing.assert_array_equal(mixed.contacts[:, 0], share >= 0.5)
-    assert take_over(old, 10, loaded(new, 300.0, True), 17, FRAMES).wrenches is None
