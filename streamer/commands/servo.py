@@ -37,6 +37,9 @@ IdArgument = Annotated[int, typer.Argument(min=0, max=252, help="Id of the servo
 
 _SAMPLES, _PATIENCE_S = 125, 15.0
 """Samples of the IMU that a direction of gravity is the mean of, and how long they may take [s]."""
+_TRIES = 25
+"""Reads in which a joint has to answer."""
+_SHOWN_EVERY_S = 0.1
 _STILL = 0.2
 """A torso that turns faster than this is not held still [rad/s]."""
 
@@ -127,7 +130,7 @@ def watch(
 ) -> None:
     """Show every servo's angle, torque, supply and temperature, live; torque stays as it is.
 
-    With --json one object on the last values, when it ends.
+    With --json a list of the last values, one object a joint, when it ends: after --seconds, or with Ctrl-C.
 
     [bold]Examples[/bold]
 
@@ -138,17 +141,24 @@ def watch(
 
     chosen = load_robot(robot)
     state = RobotState(chosen.n)
-    end = time.monotonic() + (float("inf") if seconds is None else seconds)
+    now, interrupted = time.monotonic(), False
+    end, shown = now + (float("inf") if seconds is None else seconds), now
     with _looking(chosen, port) as driver, Live(auto_refresh=False, transient=as_json) as live:
-        while True:
-            driver.read(state)
-            if not as_json:
-                live.update(_state_table(chosen, state), refresh=True)
-            if time.monotonic() >= end:
-                break
-            time.sleep(0.1)
+        try:
+            while now < end:
+                driver.read(state)
+                if now >= shown and not as_json:
+                    live.update(_state_table(chosen, state), refresh=True)
+                    shown = now + _SHOWN_EVERY_S
+                # At the loop's rate, see `_heard`.
+                time.sleep(1.0 / chosen.rate_hz)
+                now = time.monotonic()
+        except KeyboardInterrupt:
+            interrupted = True
     if as_json:
         print_json(_rows(chosen, state))
+    if interrupted:
+        raise typer.Exit(130)
 
 
 @servo.command()
@@ -280,8 +290,7 @@ def _measure_zeros(robot: Robot, port: str, names: list[str]) -> Calibration | N
                 return None
             if answer == "s":
                 continue
-            driver.read(state)
-            if state.stale[index]:
+            if not _heard(driver, state, index):
                 raise DriverError(f"servo of {name} (id {robot.joints[index].id}): does not answer")
             # What it calls the joint's angle now is the error of its zero.
             zeros[name] += float(robot.direction[index] * state.position[index])
@@ -293,6 +302,16 @@ def _measure_zeros(robot: Robot, port: str, names: list[str]) -> Calibration | N
     known = read_calibration(robot.folder)
     imu = None if known is None else known.imu
     return Calibration(date=datetime.now(UTC).isoformat(timespec="seconds"), joints=joints, imu=imu)
+
+
+def _heard(driver: BusDriver, state: RobotState, index: int) -> bool:
+    """Read until a joint has answered: of what it has not heard for a while the driver cannot tell an old answer."""
+    for _ in range(_TRIES):
+        driver.read(state)
+        if not state.stale[index]:
+            return True
+        time.sleep(1.0 / driver.robot.rate_hz)
+    return False
 
 
 @contextmanager
