@@ -172,7 +172,7 @@ def export(
     from flexmotion.dataset.training_set import TrainingSet
 
     size = export_compact(TrainingSet(folder), out)
-    print_result(f"{out}: {size / 1e6:.1f} MB")
+    print_result(f"{out}: {size / 1e6:.1f} MB" if size >= 1e6 else f"{out}: {size / 1e3:.0f} kB")
 
 
 def _report(manifest: dict, as_json: bool) -> None:

@@ -33,6 +33,8 @@ def _distributions(found: TrainingSet, path: Path) -> None:
         place.hist(values, bins=80, range=(low, max(high, low + 1e-9)), log=True)
         place.set_title(name)
         place.set_xlabel(found.manifest["fields"][name]["unit"])
+        place.set_ylabel("values")
+        place.locator_params(axis="x", nbins=5)
     for place in axes.ravel()[len(names) :]:
         place.axis("off")
     figure.savefig(path, dpi=100)
@@ -43,21 +45,25 @@ def _clip(found: TrainingSet, path: Path) -> None:
     """The longest clip: vertical ground forces, leg torques, residual, activations."""
     clip = max(found.clips, key=lambda item: item.frames)
     times = np.arange(clip.frames) / clip.fps
-    panels = [("vertical ground force [N]", found["wrenches"][clip.rows][:, :, 2])]
     joints = found.manifest["joints"]
     legs = [6 + joints.index(f"{name}_r") for name in ("hip_flexion", "knee_flexion", "ankle_dorsiflexion")]
-    panels.append(("right hip, knee, ankle [N·m]", found["torques"][clip.rows][:, legs]))
-    panels.append(("residual [body weights, x m]", found["residual"][clip.rows]))
+    panels = [
+        ("vertical ground force [N]", found["wrenches"][clip.rows][:, :, 2], ("left foot", "right foot")),
+        ("right leg [N·m]", found["torques"][clip.rows][:, legs], ("hip flexion", "knee flexion", "ankle")),
+        ("residual", found["residual"][clip.rows], ("force [body weights]", "moment [body weights x m]")),
+    ]
     muscles = "activations" in found.manifest["fields"]
     figure, axes = plt.subplots(len(panels) + muscles, 1, figsize=(11, 9), sharex=True, layout="constrained")
-    for place, (title, values) in zip(axes, panels, strict=False):
-        place.plot(times, values)
+    for place, (title, values, names) in zip(axes, panels, strict=False):
+        place.plot(times, values, label=names)
         place.set_ylabel(title)
+        place.legend(loc="upper right", ncols=len(names), fontsize="small")
         place.grid(alpha=0.3)
     if muscles:
         picture = np.asarray(found["activations"][clip.rows], np.float64).T
-        axes[-1].imshow(picture, aspect="auto", extent=(0, times[-1], len(picture), 0), vmin=0, vmax=1)
-        axes[-1].set_ylabel("muscle")
+        shown = axes[-1].imshow(picture, aspect="auto", extent=(0, times[-1], len(picture), 0), vmin=0, vmax=1)
+        axes[-1].set_ylabel("muscle: legs, then trunk")
+        figure.colorbar(shown, ax=axes[-1], label="activation")
     figure.suptitle(clip.name)
     figure.supxlabel("time [s]")
     figure.savefig(path, dpi=100)
