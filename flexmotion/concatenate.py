@@ -32,8 +32,8 @@ def concatenate(parts: Sequence[Motion]) -> Motion:
     for name in _OPTIONAL:
         # What has no frames lacks nothing.
         values = [getattr(part, name) for part in parts if len(part)]
-        known = values and all(value is not None for value in values)
-        optional[name] = np.concatenate(values) if known else None
+        whole = bool(values) and all(value is not None for value in values)
+        optional[name] = np.concatenate(values) if whole else None
     return replace(
         first,
         root_position=np.concatenate([part.root_position for part in parts]),
