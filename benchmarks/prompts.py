@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 import yaml
 from model_rollout import always, roll_out
+from reversals import reversals
 
 from flexmotion.bundles.bundle import Bundle
 from flexmotion.kinematics import HumanKinematics, continuous_heading, forward
@@ -78,22 +79,9 @@ def swings(motion: Motion, human: HumanKinematics, wanted: str) -> bool:
         up = human.wrist[:, side, 2] > human.shoulder[:, side, 2] - 0.1
         offset = human.hand[:, side] - human.shoulder[:, side]
         local = np.einsum("tji,tj->ti", human.torso_rotation, offset)[up]
-        if len(local) < 5 or max(_turns(local[:, 0]), _turns(local[:, 1]), _turns(local[:, 2])) < SWINGS:
+        if len(local) < 5 or max(reversals(axis, REACH) for axis in local.T) < SWINGS:
             return False
     return True
-
-
-def _turns(signal: np.ndarray) -> int:
-    """How often a signal turns back by more than `REACH`."""
-    count, direction, extreme = 0, 0, signal[0]
-    for value in signal[1:]:
-        if direction >= 0 and value < extreme - REACH:
-            count, direction, extreme = count + (direction > 0), -1, value
-        elif direction <= 0 and value > extreme + REACH:
-            count, direction, extreme = count + (direction < 0), 1, value
-        elif (direction >= 0 and value > extreme) or (direction <= 0 and value < extreme):
-            extreme = value
-    return count
 
 
 CHECKS: dict[str, Callable[[Motion, HumanKinematics, Any], bool]] = {

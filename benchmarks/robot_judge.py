@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
+from reversals import reversals
 
 from configs.robot import Robot
 from streamer.metrics import heading
@@ -85,17 +86,4 @@ def _arms(robot: Robot, base: Float, q: Float) -> tuple[Float, Float, Float]:
 def _waves(local: Float, above: Float, arm: float) -> bool:
     """Whether a hand, seen from the torso (K, 3), turns to and fro while it is up."""
     up = local[above > -NEAR * arm]
-    return len(up) > LOOK_HZ / 5 and max(turns(axis, REACH * arm) for axis in up.T) >= SWINGS
-
-
-def turns(signal: Float, reach: float) -> int:
-    """How often a signal turns back by more than `reach`."""
-    count, direction, extreme = 0, 0, signal[0]
-    for value in signal[1:]:
-        if direction >= 0 and value < extreme - reach:
-            count, direction, extreme = count + (direction > 0), -1, value
-        elif direction <= 0 and value > extreme + reach:
-            count, direction, extreme = count + (direction < 0), 1, value
-        elif (direction >= 0 and value > extreme) or (direction <= 0 and value < extreme):
-            extreme = value
-    return count
+    return len(up) > LOOK_HZ / 5 and max(reversals(axis, REACH * arm) for axis in up.T) >= SWINGS

@@ -175,6 +175,12 @@ class DiffusionTask:
             total = total + diffusion.decoded * terms["decoded"]
         return total, terms
 
+    @property
+    def roll_out(self) -> float:
+        """Share of roll-outs once fully grown; 0 where there is no history, or no clip has two windows in a row."""
+        possible = bool(self.config.window.history) and self.training.windows.goes_on
+        return self.config.diffusion.roll_out if possible else 0.0
+
     def windows(self, key: tuple[int, ...], size: int, roll_out: float) -> Windows:
         """What is trained on: windows of clips, such that go over to another clip, such that follow the model's own.
 
@@ -219,8 +225,7 @@ class DiffusionTask:
         diffusion = self.config.diffusion
         grown = max(diffusion.roll_out_grown - diffusion.roll_out_from, 1)
         share = (step - diffusion.roll_out_from) / grown
-        possible = bool(self.config.window.history) and self.training.windows.goes_on
-        return diffusion.roll_out * min(max(share, 0.0), 1.0) if possible else 0.0
+        return self.roll_out * min(max(share, 0.0), 1.0)
 
     def _drawn(self, key: tuple[int, ...], size: int, *, following: bool = False) -> Windows:
         """Windows of clips, their histories disturbed."""

@@ -42,8 +42,7 @@ class DistillationTask:
     def _losses(self, key: tuple[int, ...], batch: int) -> tuple[Tensor, dict[str, Tensor]]:
         teacher, distillation = self.teacher, self.config.distillation
         device = teacher.processes.device
-        possible = bool(self.config.window.history) and teacher.training.windows.goes_on
-        windows = teacher.windows((*key, 0), batch, self.config.diffusion.roll_out if possible else 0.0)
+        windows = teacher.windows((*key, 0), batch, teacher.roll_out)
         conditions = teacher.training.describe(windows, (*key, 1))
         latent = teacher.normalised(teacher.training.encode(windows.history, windows.future))
         place = (uniform((*key, 2), (batch,)) * distillation.grid).long()
