@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 QUANTUM_S = 0.002
 """Simulated time goes on in steps of this, each when its time has come [s]: a quarter of a servo bus's usual cycle."""
 _OPEN_PATIENCE_S, _CLOSE_PATIENCE_S = 5.0, 1.0
+_PAUSE_S = 0.1
+"""What shares its processor with others may pause for longer than a servo bus ever does, and is alive [s]."""
 _GOALS, _TORQUE_ON, _TORQUE_OFF, _DAMP, _END = range(5)
 _TRUTH = tuple(field.name for field in fields(Truth))
 _STATE = ("position", "velocity", "effort", "voltage", "temperature", "hardware_error", "gyro", "accel")
@@ -80,6 +82,7 @@ class SimProcess(Driver):
         self._row = np.zeros((), _command_dtype(n))
         self._seen = 0
         self._unchanged = 0
+        self._patience = max(round(_PAUSE_S * self.robot.rate_hz), 1)
         self._newest: NDArray[Any] = np.zeros((), _state_dtype(n))
         self._process: BaseProcess | None = None
 
@@ -125,7 +128,7 @@ class SimProcess(Driver):
             raise error
 
     def read(self, state: RobotState) -> None:
-        """Fill `state` with the newest measurement; `stale` counts reads without a new one."""
+        """Fill `state` with the newest measurement; `stale` counts reads without a new one after a pause."""
         newest = self._states.latest()
         count = self._states.count
         self._unchanged = self._unchanged + 1 if count == self._seen else 0
@@ -136,8 +139,7 @@ class SimProcess(Driver):
                 getattr(state, name)[:] = newest[name]
             state.stamp_ns = int(newest["stamp_ns"])
             state.imu_stale = int(newest["imu_stale"])
-        # Two reads may fall between two states: the clocks of loop and robot are not one.
-        state.stale[:] = max(self._unchanged - 1, 0)
+        state.stale[:] = max(self._unchanged - self._patience, 0)
         if state.imu_stale >= 0:
             state.imu_stale = int(state.stale[0])
 

@@ -43,11 +43,15 @@ class Processes:
 
     def average_gradients(self, network: nn.Module) -> None:
         """The mean of all processes' gradients, in place."""
-        if self.count > 1:
-            for parameter in network.parameters():
-                if parameter.grad is not None:
-                    torch.distributed.all_reduce(parameter.grad)
-                    parameter.grad /= self.count
+        if self.count == 1:
+            return
+        gradients = [parameter.grad for parameter in network.parameters() if parameter.grad is not None]
+        # One message: on a CPU a hundred small ones take longer than what they carry.
+        together = torch.cat([gradient.flatten() for gradient in gradients])
+        torch.distributed.all_reduce(together)
+        together /= self.count
+        for gradient, mean in zip(gradients, together.split([g.numel() for g in gradients]), strict=True):
+            gradient.copy_(mean.view_as(gradient))
 
 
 def use_threads(count: int) -> None:
