@@ -89,9 +89,7 @@ def train_stage(
     group = processes or Processes()
     folder.mkdir(parents=True, exist_ok=True)
     network = task.network
-    optimiser = torch.optim.AdamW(
-        network.parameters(), lr=stage.learning_rate, weight_decay=stage.decay, fused=True
-    )
+    optimiser = torch.optim.AdamW(network.parameters(), lr=stage.learning_rate, weight_decay=stage.decay, fused=True)
     average = {name: value.detach().clone() for name, value in network.state_dict().items()}
     step, least, figures = 0, math.inf, {}
     last = folder / LAST
