@@ -48,7 +48,6 @@ class Manifest(Strict):
         known: least likeness of a sentence to known wordings, below which it means nothing.
         body: whose motion it makes.
         licence: of the weights.
-        figures: measured at export.
         files: name -> sha256.
     """
 
@@ -69,7 +68,6 @@ class Manifest(Strict):
     known: float
     body: BodySize
     licence: str
-    figures: dict[str, float] = {}
     versions: dict[str, str] = {}
     files: dict[str, str] = {}
 
@@ -168,7 +166,9 @@ def write_bundle(folder: Path, manifest: Manifest, arrays: dict[str, np.ndarray]
         arrays: see the properties of `Bundle`.
     """
     np.savez_compressed(folder / ARRAYS, **arrays)  # type: ignore[arg-type]
-    files = {path.name: sha256(path) for path in sorted(folder.iterdir()) if path.is_file() and path.name != MANIFEST}
+    # Not of what only people read: figures are added to the card later.
+    bound = [path for path in sorted(folder.iterdir()) if path.is_file() and path.suffix in (".onnx", ".npz", ".txt")]
+    files = {path.name: sha256(path) for path in bound}
     content = manifest.model_copy(update={"files": files}).model_dump()
     text = json.dumps(content, indent=1, sort_keys=True, ensure_ascii=False)
     (folder / MANIFEST).write_text(text + "\n", encoding="utf-8")

@@ -2,22 +2,65 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 from flexmotion.bundles.bundle import Manifest
 
 CARD = "MODEL_CARD.md"
+FIGURES = "## Figures"
 
 
-def write_card(folder: Path, manifest: Manifest, hours: float, clips: int, stages: dict[str, tuple[int, dict]]) -> None:
-    """Write the card into a bundle's folder.
+@dataclass(frozen=True)
+class Trained:
+    """What became of one stage.
 
-    Args:
-        folder: of the bundle.
-        manifest: of the bundle.
-        hours, clips: of the training split.
-        stages: of the training: name -> step of the best weights, and what they reached on held-out clips.
+    Attributes:
+        steps, processes, batch: how it was trained; the batch is that of each process.
+        best: step of the best weights.
+        figures: of those, on held-out clips.
     """
+
+    steps: int
+    processes: int
+    batch: int
+    best: int
+    figures: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Making:
+    """How a bundle was made.
+
+    Attributes:
+        config: name of the configuration.
+        hours, clips: of the training split.
+        seed: of everything.
+        stages: name -> how it was trained, in order.
+    """
+
+    config: str
+    hours: float
+    clips: int
+    seed: int
+    stages: Mapping[str, Trained]
+
+    @property
+    def commands(self) -> list[str]:
+        """What makes it again from the set."""
+        found: list[str] = []
+        for name, stage in self.stages.items():
+            several = f"torchrun --nproc-per-node {stage.processes} -m streamer.cli"
+            begin = several if stage.processes > 1 else "flexmotion"
+            begun = "" if found else f"--set SET --config {self.config} --seed {self.seed} "
+            found.append(f"{begin} train {name} {begun}--steps {stage.steps} -o TRAINING")
+        found.insert(1, "flexmotion train text -o TRAINING")
+        return [*found, f"flexmotion export TRAINING -o BUNDLE{'' if 'distill' in self.stages else ' --diffusion'}"]
+
+
+def write_card(folder: Path, manifest: Manifest, made: Making) -> None:
+    """Write the card into a bundle's folder."""
     window = f"{manifest.history} frames of history, {manifest.future} of future at {manifest.fps:g} fps"
     kind = f"{manifest.steps} steps, distilled" if manifest.guided else f"{manifest.steps} steps, guided"
     lines = [
@@ -27,7 +70,7 @@ def write_card(folder: Path, manifest: Manifest, hours: float, clips: int, stage
         "",
         f"- **Window**: {window}; {kind}; guidance {manifest.guidance:g}.",
         f"- **Human**: {manifest.body.height:g} m, {manifest.body.mass:g} kg, {manifest.body.sex}.",
-        f"- **Data**: {clips} clips, {hours:.2f} h, mirror images included; nothing of the held-out split.",
+        f"- **Data**: {made.clips} clips, {made.hours:.2f} h, mirror images included; nothing of the held-out split.",
         f"- **Licence**: {manifest.licence}.",
         "  Weights trained on clips for non-commercial use are for non-commercial use.",
         "- **Not for**: motion unlike that of its data (stairs, chairs, contact with others). Its torques and forces",
@@ -35,13 +78,34 @@ def write_card(folder: Path, manifest: Manifest, hours: float, clips: int, stage
         "",
         "## Training",
         "",
-        "Made by the commands of `docs/model.md`. Best weights of every stage, on held-out clips:",
+        "```",
+        *made.commands,
+        "```",
         "",
-        "| stage | step | figures |",
-        "|---|---|---|",
+        "SET is what `flexmotion data build` makes of the collections named above. Batches are those of a process.",
+        "",
+        "| stage | steps | batch | best at | on held-out clips |",
+        "|---|---|---|---|---|",
     ]
-    for name, (step, figures) in stages.items():
-        lines.append(f"| {name} | {step} | {', '.join(f'{key} {value:.4g}' for key, value in figures.items())} |")
+    for name, stage in made.stages.items():
+        figures = ", ".join(f"{key} {value:.4g}" for key, value in stage.figures.items())
+        batch = f"{stage.processes} x {stage.batch}" if stage.processes > 1 else f"{stage.batch}"
+        lines.append(f"| {name} | {stage.steps} | {batch} | {stage.best} | {figures} |")
     versions = ", ".join(f"{name} {version}" for name, version in manifest.versions.items())
     lines += ["", f"Versions: {versions}.", ""]
     (folder / CARD).write_text("\n".join(lines), encoding="utf-8")
+
+
+def add_figures(folder: Path, figures: Mapping[str, Mapping[str, object]]) -> None:
+    """Write what `evaluate` found into a card, in place of what an earlier one did.
+
+    Args:
+        folder: of the bundle.
+        figures: generator -> metric -> value.
+    """
+    path = folder / CARD
+    text = path.read_text(encoding="utf-8").split(FIGURES)[0].rstrip()
+    rows = dict.fromkeys(metric for found in figures.values() for metric in found)
+    lines = [f"| metric | {' | '.join(figures)} |", "|---" * (len(figures) + 1) + "|"]
+    lines += [f"| {row} | {' | '.join(str(found.get(row, '-')) for found in figures.values())} |" for row in rows]
+    path.write_text("\n".join([text, "", FIGURES, "", *lines, ""]), encoding="utf-8")

@@ -15,7 +15,7 @@ from torch import Tensor, nn
 from configs.errors import ConfigError
 from flexmotion.body import Body, Segments
 from flexmotion.bundles.bundle import DECODER, DENOISER, SCHEMA, BodySize, Bundle, Manifest, write_bundle
-from flexmotion.bundles.card import write_card
+from flexmotion.bundles.card import Making, write_card
 from flexmotion.features.layout import Layout
 from flexmotion.text.phrases import kinds, wordings
 from flexmotion.text.sentence_encoder import NETWORK, VOCABULARY, SentenceEncoder
@@ -27,7 +27,7 @@ from flexmotion.training.feature_store import FeatureStore
 from flexmotion.training.half_weights import halve_weights
 from flexmotion.training.noise_schedule import NoiseSchedule
 from flexmotion.training.run import Run
-from flexmotion.training.stage import best_of, load_weights
+from flexmotion.training.stage import load_weights, trained
 from flexmotion.training.windows import WindowSet
 
 LIBRARIES = ("flexmotion", "torch", "diffusers", "onnx")
@@ -129,10 +129,9 @@ def export(run: Run, folder: Path, *, distilled: bool, body: Body | None = None,
     )
     training = [clip for clip in store.clips if clip.split == "train"]
     hours = sum(clip.frames for clip in training) / window.fps / 3600
-    stages = {
-        name: best_of(run.stage(name)) for name in ("autoencoder", "diffusion", "distill")[: 3 if distilled else 2]
-    }
-    write_card(folder, manifest, hours, len(training), stages)
+    names = ("autoencoder", "diffusion", "distill")[: 3 if distilled else 2]
+    made = Making(config.name, hours, len(training), run.seed, {name: trained(run.stage(name)) for name in names})
+    write_card(folder, manifest, made)
     return write_bundle(folder, manifest, _arrays(run, store, layout, diffusion.steps))
 
 

@@ -17,6 +17,7 @@ from torch import Tensor, nn
 
 from configs.errors import ConfigError
 from configs.model import Stage
+from flexmotion.bundles.card import Trained
 from flexmotion.training.processes import Processes
 
 log = logging.getLogger(__name__)
@@ -105,6 +106,7 @@ def train_stage(
     def save() -> None:
         if group.first:
             content = {"fingerprint": fingerprint, "network": network.state_dict(), "average": average, "step": step}
+            content |= {"processes": group.count, "batch": stage.batch}
             _save(content | {"optimiser": optimiser.state_dict(), "least": least, "figures": figures}, last)
 
     def validate() -> None:
@@ -182,10 +184,10 @@ def load_weights(network: nn.Module, folder: Path) -> int:
     return int(state["step"])
 
 
-def best_of(folder: Path) -> tuple[int, dict[str, float]]:
-    """Step of the best weights of a trained stage, and their figures at validation."""
-    state = torch.load(folder / BEST, map_location="cpu", weights_only=True)
-    return int(state["step"]), dict(state["figures"])
+def trained(folder: Path) -> Trained:
+    """How a stage was trained, and what it reached."""
+    best, last = (torch.load(folder / name, map_location="cpu", weights_only=True) for name in (BEST, LAST))
+    return Trained(last["step"], last["processes"], last["batch"], best["step"], best["figures"])
 
 
 def _rate(stage: Stage, step: int) -> float:

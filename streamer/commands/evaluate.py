@@ -25,6 +25,7 @@ def evaluate(
     windows: Annotated[int, typer.Option("--windows", min=64, help="Held-out windows.")] = 1024,
     steps: Annotated[int | None, typer.Option("--steps", min=1, help="Of the diffusion.", show_default=False)] = None,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Of windows and samples.")] = 0,
+    card: Annotated[bool, typer.Option("--card", help="Write the figures into the cards of the bundles.")] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Compare models with real motion, the nearest training window and a motionless pose, by every metric.
@@ -35,6 +36,7 @@ def evaluate(
     """
     needs_training()
     from flexmotion.bundles.bundle import Bundle
+    from flexmotion.bundles.card import add_figures
     from flexmotion.sampler import Sampler
     from flexmotion.training.evaluate import Judge
     from flexmotion.training.run import Run
@@ -51,6 +53,9 @@ def evaluate(
         for number, (name, generator) in enumerate(generators.items()):
             figures[name] = judge.measure(generator)
             progress((number + 1) / len(generators))
+    if card:
+        for path in bundles:
+            add_figures(path, figures)
     if as_json:
         models = {name: {metric: asdict(value) for metric, value in row.items()} for name, row in figures.items()}
         print_json({"windows": len(judge.cases), "fps": judge.layout.fps, "heights": "heel and toe", "models": models})

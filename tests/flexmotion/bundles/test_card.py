@@ -1,0 +1,61 @@
+"""The model card says how a bundle was made and how good it is."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from flexmotion.bundles.bundle import SCHEMA, BodySize, Manifest
+from flexmotion.bundles.card import CARD, Making, Trained, add_figures, write_card
+
+
+@pytest.fixture
+def card(tmp_path: Path) -> Path:
+    manifest = Manifest(
+        schema_=SCHEMA,
+        name="stream",
+        layout="0",
+        fps=30.0,
+        muscles=0,
+        history=8,
+        future=32,
+        latent=16,
+        steps=2,
+        times=1000,
+        guided=True,
+        guidance=2.5,
+        velocity=True,
+        known=0.6,
+        body=BodySize(height=1.75, mass=70.0, sex="male", segments={}),
+        licence="CC BY-NC 4.0",
+    )
+    stages = {
+        "autoencoder": Trained(2100, 1, 64, 2000, {"loss": 0.96}),
+        "diffusion": Trained(9000, 2, 64, 9000, {"loss": 0.25}),
+        "distill": Trained(1500, 2, 64, 1500, {"loss": 0.01}),
+    }
+    write_card(tmp_path, manifest, Making("stream", 6.6, 4992, 3, stages))
+    return tmp_path / CARD
+
+
+def test_the_card_has_the_commands_that_make_the_bundle_again(card: Path) -> None:
+    text = card.read_text(encoding="utf-8")
+    assert text.split("```")[1].strip().splitlines() == [
+        "flexmotion train autoencoder --set SET --config stream --seed 3 --steps 2100 -o TRAINING",
+        "flexmotion train text -o TRAINING",
+        "torchrun --nproc-per-node 2 -m streamer.cli train diffusion --steps 9000 -o TRAINING",
+        "torchrun --nproc-per-node 2 -m streamer.cli train distill --steps 1500 -o TRAINING",
+        "flexmotion export TRAINING -o BUNDLE",
+    ]
+    assert "CC BY-NC 4.0" in text and "| diffusion | 9000 | 2 x 64 | 9000 | loss 0.25 |" in text
+
+
+def test_figures_take_the_place_of_earlier_ones(card: Path) -> None:
+    before = card.read_text(encoding="utf-8")
+    for distance in (0.5, 0.3):
+        add_figures(card.parent, {"real": {"fid": 0.1}, "bundle": {"fid": distance, "jerk": 9}})
+    text = card.read_text(encoding="utf-8")
+    assert text.startswith(before.rstrip())
+    assert text.count("| metric | real | bundle |") == 1
+    assert "| fid | 0.1 | 0.3 |" in text and "| jerk | - | 9 |" in text
