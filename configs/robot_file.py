@@ -207,6 +207,8 @@ class SafetyLimits(Strict):
         thermal_margin: a servo this near its own shutdown makes it park, at twice that it warns [°C].
         park_s: time to lower itself to the rest pose [s].
         soft_start_speed: greatest joint speed of the way to the stand pose [rad/s].
+        standing_margin: how far outside its limits a joint may stand when torque goes on [rad]: a limp robot sags onto
+            its stops. The servos' own limits lie as far out, so that goals can be pinned there; none leads there.
     """
 
     max_stale_reads: int = Field(default=5, ge=1)
@@ -215,6 +217,7 @@ class SafetyLimits(Strict):
     thermal_margin: float = Field(default=5.0, ge=0)
     park_s: float = Field(default=2.0, gt=0)
     soft_start_speed: float = Field(default=0.8, gt=0)
+    standing_margin: float = Field(default=0.15, ge=0)
 
 
 class RobotFile(Strict):

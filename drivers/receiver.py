@@ -13,12 +13,16 @@ from configs.robot import Robot
 
 Float = NDArray[np.float64]
 
+GOAL_AGE_S = 0.02
+"""Longest time between the reading of a position and the arrival of a goal that is pinned to it [s]."""
+
 
 class Receiver:
     """Takes goals as servos do, in whole ticks, and counts those outside the envelope.
 
     A goal violates the envelope where, after quantisation and with one tick of tolerance,
-    - it is outside the joint's limits, or not a number (such a goal is not taken; the last one stays), or
+    - it is outside the joint's limits and further out than both the joint itself, with what that moves in `GOAL_AGE_S`,
+      and the goal before it; or not a number (such a goal is not taken; the last one stays), or
     - the torque that it implies at the servo's true position and speed, |kp (goal - q) V/Vn - b qd|, is above the
       servo's peak at the present supply, stall torque times V/Vn. (The usable torque of a servo that drives its load
       is lower, and the loop's filter aims below it; but a servo overdriven for a moment is within its peak.)
@@ -39,7 +43,9 @@ class Receiver:
         self._tolerance = robot.kp * tick
         self._finite, self._bad = np.zeros(robot.n, np.bool_), np.zeros(robot.n, np.bool_)
         self._torque, self._scratch = np.zeros(robot.n), np.zeros(robot.n)
-        self._ticks = np.zeros(robot.n)
+        self._ticks, self._slack = np.zeros(robot.n), np.zeros(robot.n)
+        self._last = np.clip(self.goal, robot.lower, robot.upper)
+        self._lowest, self._highest = np.zeros(robot.n), np.zeros(robot.n)
 
     @property
     def violations(self) -> int:
@@ -49,6 +55,7 @@ class Receiver:
     def pin(self, position: Float) -> None:
         """Take the present position as the goal, (n,) [rad]."""
         self._robot.from_ticks(self._robot.to_ticks(position, out=self._ticks), out=self.goal)
+        np.copyto(self._last, self.goal)
 
     def receive(
         self, goal: Float, position: Float, velocity: Float, voltage: float, enabled: NDArray[np.bool_]
@@ -61,9 +68,11 @@ class Receiver:
         robot.from_ticks(robot.to_ticks(self._ticks, out=self._ticks), out=self.goal)
 
         # Limits are held against what was asked for: a servo's own range would hide a goal far outside.
-        np.less(goal, self._lower, out=bad)
-        bad |= goal > self._upper
+        self._widen(position, velocity)
+        np.less(goal, self._lowest, out=bad)
+        bad |= goal > self._highest
         bad |= ~self._finite
+        np.copyto(self._last, self.goal, where=~bad)
         bad &= enabled
         self.position_violations += int(np.count_nonzero(bad))
 
@@ -79,3 +88,17 @@ class Receiver:
         np.greater(self._torque, robot.stall_torque, out=bad)
         bad &= enabled
         self.torque_violations += int(np.count_nonzero(bad))
+
+    def _widen(self, position: Float, velocity: Float) -> None:
+        """The joints' limits, as far out as goals may lie now: where the joint stands, and where its last goal lay."""
+        tick, slack = self._robot.tick_rad, self._slack
+        np.abs(velocity, out=slack)
+        slack *= GOAL_AGE_S
+        slack += tick
+        np.subtract(position, slack, out=self._lowest)
+        np.add(position, slack, out=self._highest)
+        # The last goal is known in whole ticks: whatever rounds to it is no further out.
+        np.minimum(self._lowest, self._last - 0.5 * tick, out=self._lowest)
+        np.maximum(self._highest, self._last + 0.5 * tick, out=self._highest)
+        np.minimum(self._lowest, self._lower, out=self._lowest)
+        np.maximum(self._highest, self._upper, out=self._highest)

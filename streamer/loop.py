@@ -26,8 +26,6 @@ from streamer.tick_row import REPAIRS
 
 Float = NDArray[np.float64]
 
-_OUTSIDE = 0.02
-"""How far outside its limits a joint may stand at the start [rad]: play and zero error, about a degree."""
 _MEASURED = (
     *("position", "velocity", "effort", "voltage", "temperature", "stale", "hardware_error", "imu_stale"),
     *("gyro", "accel"),
@@ -226,16 +224,17 @@ class ControlLoop:
             return
         robot, position = self.robot, self.state.position
         silent = np.flatnonzero(self._unread)
-        # Past its limits by more than a goal's resolution: the robot's own stops hold it, or its zero is wrong.
-        outside = np.flatnonzero((position < robot.lower - _OUTSIDE) | (position > robot.upper + _OUTSIDE))
+        # Further out than its stops let it sag: it was forced, or its zero is wrong, and no goal can be pinned there.
+        margin = robot.safety.standing_margin
+        outside = np.flatnonzero((position < robot.lower - margin) | (position > robot.upper + margin))
         imu = robot.config.imu
         if len(silent):
             reason: str | None = self._name("returns no position", int(silent[0]))
         elif len(outside):
             joint = int(outside[0])
             reason = self._name(
-                f"stands at {position[joint]:.2f} rad, outside [{robot.lower[joint]:.2f}, {robot.upper[joint]:.2f}]: "
-                "move it by hand",
+                f"stands at {position[joint]:.2f} rad, more than {margin:g} rad outside "
+                f"[{robot.lower[joint]:.2f}, {robot.upper[joint]:.2f}]: move it by hand",
                 joint,
             )
         elif imu is not None and imu.required and not self.estimator.has_imu:

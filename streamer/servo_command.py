@@ -2,7 +2,8 @@
 
 A position servo makes kp (goal - q) - b q'. So the goal that makes it give `torque` along the reference is
 q_ref + (torque + b q_ref') / kp. The goal may run far ahead of the joint; what must be bounded is the torque that it
-implies at the joint's present position and speed, and the goal itself by the joint's limits.
+implies at the joint's present position and speed, and the goal itself by the joint's limits. Where a joint stands
+outside of them when torque goes on, its goals begin there and from then on only go inwards.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ class ServoCommand:
 
     def __init__(self, robot: Robot, delay_s: float) -> None:
         self.robot, self.delay = robot, delay_s
-        self.goal = np.zeros(robot.n)
+        self.goal = np.clip(np.zeros(robot.n), robot.lower, robot.upper)
         self.position_clamps = self.torque_clamps = 0
         self._velocity = np.zeros(robot.n)
         nominal = robot.nominal_voltage
@@ -71,7 +72,9 @@ class ServoCommand:
         bounded = np.maximum(np.minimum(goal, highest), lowest)
         np.copyto(self._velocity, measured.velocity)
         self.torque_clamps = int(np.count_nonzero(bounded != goal))
-        limited = np.minimum(np.maximum(bounded, robot.lower), robot.upper)
+        # Outside its limits a goal may only follow one that was further out.
+        lower, upper = np.minimum(robot.lower, self.goal), np.maximum(robot.upper, self.goal)
+        limited = np.minimum(np.maximum(bounded, lower), upper)
         self.position_clamps = int(np.count_nonzero(limited != bounded))
         # What is no number never leaves here: the servo keeps the goal it has.
         np.copyto(self.goal, limited, where=np.isfinite(limited))

@@ -96,7 +96,8 @@ class ServoBus(ABC):
         self.ids = [robot.joints[i].id for i in self.joints]
         self.servos = [robot.servos[i] for i in self.joints]
         self.measured = Measurement(len(self.joints))
-        self.witness = GoalWitness(len(self.joints))
+        ends = np.stack([robot.to_ticks(robot.lower), robot.to_ticks(robot.upper)])[:, self.joints]
+        self.witness = GoalWitness(ends.min(axis=0), ends.max(axis=0))
         self.imu: Imu | None = None
 
     @classmethod

@@ -51,6 +51,7 @@ class DynamixelBus(ServoBus):
 
     Attributes:
         current_limit: the greatest goal current that each servo takes, as it told, (m,) in its units.
+        position_limits: least and greatest goal position, as it told, (2, m) in its units.
     """
 
     protocol = "dynamixel2"
@@ -73,6 +74,7 @@ class DynamixelBus(ServoBus):
         )
         self._gains = np.array([robot.joints[i].p_gain or robot.servos[i].gain_register for i in self.joints])
         self.current_limit = np.full(m, np.inf)
+        self.position_limits = np.stack([np.full(m, -np.inf), np.full(m, np.inf)])
         self._slots: dict[bytes, Slots | slice] = {}
         self._goals = [_Goals(self, layout) for layout in dict.fromkeys(self._layouts)]
         self._groups: list[ReadMany] = []
@@ -146,8 +148,9 @@ class DynamixelBus(ServoBus):
         fast: dict[tuple[Span, bool], list[int]] = {}
         for joint, id_, layout in zip(self.joints, self.ids, self._layouts, strict=True):
             found = audit(self._client, self.robot, int(joint), layout, configure=self.options.configure)
-            self.current_limit[self._slot[id_]] = found.current_limit
-            self.witness.limit(self._slot[id_], *found.position_limits, found.current_limit)
+            slot = self._slot[id_]
+            self.current_limit[slot], self.position_limits[:, slot] = found.current_limit, found.position_limits
+            self.witness.limit(slot, *found.position_limits, found.current_limit)
             fast.setdefault((layout.read, found.fast), []).append(id_)
         self._groups = [
             ReadMany(ids, span, fast=quick, where=f"bus {self.name}") for (span, quick), ids in fast.items()
@@ -296,7 +299,7 @@ class DynamixelBus(ServoBus):
                 continue
             self._write_all("bus_watchdog", 0)
             self._write_all("bus_watchdog", self._units)
-            self._send(measured.ticks, np.full(len(self.ids), np.nan))
+            self._pin()
             pinned = self._pinned()
             if pinned.all():
                 self._on = True
@@ -304,13 +307,14 @@ class DynamixelBus(ServoBus):
                 self._switch(everyone, on=True)
                 return
         wrong = int(np.argmin(measured.fresh & (self._pinned() if measured.fresh.all() else True)))
-        what = "does not take its goal" if measured.fresh[wrong] else "does not answer"
+        what = "does not take the goal to stay where it is" if measured.fresh[wrong] else "does not answer"
         raise DriverError(f"{self.joint_name(wrong)} on {self.port.path}: {what}: torque stays off")
 
     def repeat_on(self, off: Bool) -> None:
         """See `ServoBus`."""
         if off.any():
-            self._send(np.where(off, self.measured.ticks, self._last_ticks), self._last_bound)
+            ticks = np.clip(self.measured.ticks, *self.position_limits)
+            self._send(np.where(off, ticks, self._last_ticks), self._last_bound, np.where(off, ticks, np.nan))
             self._switch(off, on=True)
 
     def switch_off(self) -> None:
@@ -330,20 +334,30 @@ class DynamixelBus(ServoBus):
         """See `ServoBus`; position gain and PWM limit go down to `DAMPED_SHARE`, told twice."""
         self._damped = True
         for _ in range(2):
-            self._send(self.measured.ticks, np.full(len(self.ids), np.nan))
+            self._pin()
             self._set_softness(DAMPED_SHARE)
 
     # ---------------------------------------------------------------- packets
 
-    def _send(self, ticks: Float, bound: Float) -> None:
+    def _pin(self) -> None:
+        """Every servo is to stay where it is; one that stands past its own limits, at these."""
+        ticks = self.measured.ticks
+        self._send(np.clip(ticks, *self.position_limits), np.full(len(ticks), np.nan), standing=ticks)
+
+    def _send(self, ticks: Float, bound: Float, standing: Float | None = None) -> None:
+        """Goals of the whole bus; `standing` is where servos that are pinned stand, NaN for the others, (m,)."""
         self._last_ticks, self._last_bound = ticks.copy(), bound.copy()
         for goals in self._goals:
             packet = goals.packet(ticks, bound)
             self.port.send(packet)
-            if self._on:
-                sent = np.frombuffer(sync_write_rows(packet), goal_row(bounded=goals.bounded))
-                slots = self._slot_of[sent["id"]]
-                self.witness.see(slots, sent["position"], sent["current"] if goals.bounded else None)
+            sent = np.frombuffer(sync_write_rows(packet), goal_row(bounded=goals.bounded))
+            slots = self._slot_of[sent["id"]]
+            self.witness.see(
+                slots,
+                sent["position"],
+                sent["current"] if goals.bounded else None,
+                None if standing is None else standing[slots],
+            )
 
     def _write_all(self, name: str, value: int, which: Bool | None = None) -> None:
         """Set a register of all servos, or of some, to one value, in one packet for each place that it lies at."""

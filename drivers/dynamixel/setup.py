@@ -20,10 +20,6 @@ ANOTHER_PROTOCOL = "set its protocol_type to 2.0 if it has one, else a driver pl
 
 POSITION_MODE, CURRENT_POSITION_MODE = 3, 5
 
-PAST_LIMIT = 0.03
-"""A servo's own limits lie this far outside the joint's: where a joint stands past its limit by play or zero error,
-goals must still be pinned to its position [rad]."""
-
 log = logging.getLogger(__name__)
 
 
@@ -48,7 +44,7 @@ def expected_settings(robot: Robot, joint: int, layout: Layout) -> dict[str, int
     ticks = sorted(
         (angle * config.direction + config.zero) / servo.tick_rad + servo.centre_tick for angle in config.limits
     )
-    margin = PAST_LIMIT / servo.tick_rad
+    margin = robot.safety.standing_margin / servo.tick_rad
     settings = {
         # kept without power
         "return_delay_time": round(robot.config.buses[config.bus].return_delay_us / RETURN_DELAY_US),

@@ -21,9 +21,15 @@ Bool = NDArray[np.bool_]
 FALLEN_TILT = np.radians(45)
 """Fallen: torso tilted beyond this [rad], as reports count it. (How low it came is told, but crouching is no fall.)"""
 
+PICKED_UP_S = 3.0
+"""A robot whose servos have all been off for this long lies on the floor; whoever stands beside it picks it up [s]."""
+
 
 class SimBody(Body):
     """Driver `sim`'s robot without its delays: on the bus the wire makes them.
+
+    Once its servos have been on and are off again, it sinks and tips over, and after a while stands as at first, held
+    by the torso until torque goes on: the next run finds what the first one did.
 
     Attributes:
         driver: the simulated robot.
@@ -40,6 +46,7 @@ class SimBody(Body):
         self._height = float(self.driver.truth().base_position[2])
         self._origin = self.driver.truth().base_position[:2].copy()
         self.fell, self._lowest, self._steepest = False, 1.0, 0.0
+        self._walked, self._off_s = 0.0, np.inf
 
     @property
     def plant(self) -> ServoPlant:
@@ -75,11 +82,28 @@ class SimBody(Body):
         """See `Body`."""
         self.driver.advance(seconds)
         if not self.plant.enabled.all():
+            self._lie(seconds)
             return
+        self._off_s = 0.0
         height, up = self.driver.torso_height, self.driver.torso_up
         tilt = float(np.arccos(np.clip(up, -1.0, 1.0)))
         self._lowest, self._steepest = min(self._lowest, height / self._height), max(self._steepest, tilt)
         self.fell |= tilt > FALLEN_TILT
+
+    def _lie(self, seconds: float) -> None:
+        """Torque is off; an infinite time of that has been told already."""
+        if self.plant.enabled.any() or np.isinf(self._off_s):
+            return
+        self._off_s += seconds
+        if self._off_s > PICKED_UP_S:
+            self._off_s = np.inf
+            self._walked += self._way
+            self.driver.place()
+
+    @property
+    def _way(self) -> float:
+        """Straight from where it was put down [m]."""
+        return float(np.hypot(*(self.driver.truth().base_position[:2] - self._origin)))
 
     def sense(self) -> None:
         """See `Body`."""
@@ -88,12 +112,11 @@ class SimBody(Body):
 
     def report(self) -> dict[str, Any]:
         """See `Body`; with how the robot stood while all its servos held."""
-        travelled = self.driver.truth().base_position[:2] - self._origin
         return {
             "violations": self.receiver.violations,
             "fell": bool(self.fell),
             "lowest_height_share": round(self._lowest, 4),
             "steepest_tilt_rad": round(self._steepest, 4),
-            "travelled_m": round(float(np.hypot(*travelled)), 4),
+            "travelled_m": round(self._walked + self._way, 4),
             "time_s": round(self.driver.time, 3),
         }

@@ -142,12 +142,7 @@ class FeetechBus(ServoBus):
     def send_goals(self, ticks: Float, bound: Float) -> None:
         """See `ServoBus`; these servos take no bound."""
         if self._on:
-            packet = self._sync_write("goal_position", [int(tick) for tick in ticks])
-            # Off the bytes: id and goal of each servo, behind header, id, length, instruction, address and size.
-            goal, sent = sts()["goal_position"], packet[7:-1]
-            ids, step = sent[:: goal.size + 1], goal.size + 1
-            goals = [goal.unpack(sent[at + 1 : at + step]) for at in range(0, len(sent), step)]
-            self.witness.see(np.array([self._slot[id_] for id_ in ids]), np.array(goals, np.float64))
+            self._send(ticks)
 
     def switch_on(self) -> None:
         """See `ServoBus`."""
@@ -157,7 +152,7 @@ class FeetechBus(ServoBus):
             if not self.measured.fresh.all():
                 continue
             goals = [int(tick) for tick in self.measured.ticks]
-            self._sync_write("goal_position", goals)
+            self._send(self.measured.ticks, standing=self.measured.ticks)
             held = [self._read(slot, "goal_position") for slot in range(len(goals))]
             if held == goals:
                 self._on = True
@@ -184,7 +179,7 @@ class FeetechBus(ServoBus):
     def damp(self) -> None:
         """See `ServoBus`; the torque limit goes down to `DAMPED_SHARE`, told twice."""
         for _ in range(2):
-            self._sync_write("goal_position", [int(tick) for tick in self.measured.ticks])
+            self._send(self.measured.ticks, standing=self.measured.ticks)
             self._sync_write("torque_limit", [round(1000 * DAMPED_SHARE)] * len(self.ids))
 
     # ---------------------------------------------------------------- inside
@@ -230,6 +225,16 @@ class FeetechBus(ServoBus):
         params = bytes([register.address]) + register.pack(value)
         if self._client.ask(self.ids[slot], Instruction.WRITE, params, answer=0) is None:
             raise DriverError(f"{self.joint_name(slot)} on {self.port.path}: does not acknowledge {name}")
+
+    def _send(self, ticks: Float, standing: Float | None = None) -> None:
+        """Goals of all servos; `standing` is where those that are pinned stand, (m,)."""
+        packet = self._sync_write("goal_position", [int(tick) for tick in ticks])
+        # Off the bytes: id and goal of each servo, behind header, id, length, instruction, address and size.
+        goal, sent = sts()["goal_position"], packet[7:-1]
+        step = goal.size + 1
+        slots = np.array([self._slot[id_] for id_ in sent[::step]])
+        goals = [goal.unpack(sent[at + 1 : at + step]) for at in range(0, len(sent), step)]
+        self.witness.see(slots, np.array(goals, np.float64), standing=None if standing is None else standing[slots])
 
     def _sync_write(self, name: str, values: list[int]) -> bytes:
         register = sts()[name]

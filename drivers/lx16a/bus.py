@@ -141,7 +141,7 @@ class Lx16aBus(ServoBus):
             if self._ask(slot, Command.READ_POSITION) is None:
                 raise DriverError(f"{self.joint_name(slot)} on {self.port.path}: does not answer: torque stays off")
             for _ in range(2):
-                self._move(slot, int(self.measured.ticks[slot]))
+                self._move(slot, int(self.measured.ticks[slot]), pinned=True)
             self.port.send(FORMAT.encode(self.ids[slot], Command.LOAD, b"\x01"))
             if self._ask(slot, Command.READ_LOAD) is None or not self.measured.torque[slot]:
                 raise DriverError(f"{self.joint_name(slot)} on {self.port.path}: torque does not go on")
@@ -166,16 +166,15 @@ class Lx16aBus(ServoBus):
 
     # ---------------------------------------------------------------- inside
 
-    def _move(self, slot: int, tick: int) -> None:
+    def _move(self, slot: int, tick: int, *, pinned: bool = False) -> None:
         goal = min(max(tick, self.servos[slot].min_tick), self.servos[slot].max_tick)
         at_once = 0
         params = goal.to_bytes(2, "little") + at_once.to_bytes(2, "little")
         packet = FORMAT.encode(self.ids[slot], Command.MOVE, params)
         self.port.send(packet)
-        if self._on:
-            # Off the bytes: header, id, length, command, goal.
-            sent = int.from_bytes(packet[5:7], "little")
-            self.witness.see(np.array([self.ids.index(packet[2])]), np.array([sent], np.float64))
+        # Off the bytes: header, id, length, command, goal.
+        slots, sent = np.array([self.ids.index(packet[2])]), float(int.from_bytes(packet[5:7], "little"))
+        self.witness.see(slots, np.array([sent]), standing=self.measured.ticks[slots] if pinned else None)
         self._told[slot] = tick
 
     def _send_next(self) -> None:

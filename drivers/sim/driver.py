@@ -143,6 +143,23 @@ class SimDriver(Driver):
         if not self._settings.suspended:
             self.data.eq_active[self._weld] = 0
 
+    def place(self) -> None:
+        """Put the robot into its start pose, at rest, held by the torso unless told otherwise; torque stays."""
+        robot, options, data = self.robot, self._settings, self.data
+        mujoco.mj_resetData(self.model, data)
+        pose = robot.stand_pose if options.start == "stand" else robot.rest_pose
+        data.qpos[:] = start_qpos(robot, self.model, pose, options)
+        data.mocap_pos[0], data.mocap_quat[0] = data.qpos[:3], data.qpos[3:7]
+        data.eq_active[self._weld] = options.suspended or options.held
+        mujoco.mj_forward(self.model, data)
+        imu = robot.config.imu
+        if imu is not None and self._imu is not None:
+            carrier = data.xmat[self.model.body(imu.body).id].reshape(3, 3)
+            self._imu.reset(carrier[2])
+        self._remember()
+        self._history[:] = self._newest
+        self._pin_goals()
+
     def receive(self, goal: Float, which: NDArray[np.bool_], bound: Float) -> None:
         """Goals [rad] and torque bounds [N·m] for the servos marked in `which`: an emulated bus's way in, (n,) each.
 
@@ -251,26 +268,14 @@ class SimDriver(Driver):
         self._hardware_error = np.zeros(n, np.int64)
         self._temperature_limit = np.array([servo.temperature_limit for servo in robot.servos])
 
-        mujoco.mj_resetData(self.model, self.data)
-        pose = robot.stand_pose if options.start == "stand" else robot.rest_pose
-        self.data.qpos[:] = start_qpos(robot, self.model, pose, options)
-        self.data.mocap_pos[0] = self.data.qpos[:3]
-        self.data.mocap_quat[0] = self.data.qpos[3:7]
-        self.data.eq_active[self._weld] = options.suspended or options.held
-        mujoco.mj_forward(self.model, self.data)
-
-        self._command_row = np.concatenate([pose, np.full(n, UNBOUND)])
+        self._command_row = np.full(2 * n, UNBOUND)
+        self._command_row[:n] = robot.stand_pose
         self._delay = DelayLine(self._command_row, options.command_delay_s + options.extra_latency_s)
         self._read_steps = round(options.read_delay_s / options.timestep)
         self._history = np.zeros((self._read_steps + 1, 2 * n + 6))
         self._torque, self._saturated = np.zeros(n), np.zeros(n)
         self._steps, self._owed, self._pushed = 0, 0.0, False
-        if imu is not None and self._imu is not None:
-            carrier = self.data.xmat[self.model.body(imu.body).id].reshape(3, 3)
-            self._imu.reset(carrier[2])
-        self._remember()
-        self._history[:] = self._newest
-        self._pin_goals()
+        self.place()
 
     def _step(self) -> None:
         data, n, plant, row = self.data, self.robot.n, self.plant, self._newest

@@ -46,6 +46,14 @@ def test_mass(op3: Robot) -> None:
     assert op3.mass == pytest.approx(3.147, abs=1e-3)
 
 
+def test_wherever_a_limp_joint_comes_to_rest_its_servo_takes_a_goal_there(op3: Robot) -> None:
+    """Between limit and stop there is room for shapes that give way, up to the margin of the servos' own limits."""
+    stops = np.array([op3.model.joint(name).range for name in op3.joint_names])
+    assert (stops[:, 0] < op3.lower).all() and (stops[:, 1] > op3.upper).all()
+    beyond = np.maximum(op3.lower - stops[:, 0], stops[:, 1] - op3.upper)
+    assert (beyond < op3.safety.standing_margin - 0.03).all()
+
+
 def test_the_right_side_mirrors_the_left(op3: Robot) -> None:
     data = at_pose(op3, np.zeros(op3.n))
     for left, right in SIDES:

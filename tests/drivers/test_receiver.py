@@ -86,3 +86,27 @@ def test_what_is_no_number_is_counted_and_not_taken(op3: Robot, receiver: Receiv
     send(receiver, op3, goal=goal)
     assert receiver.position_violations == 1
     np.testing.assert_allclose(receiver.goal, before, atol=1e-12)
+
+
+def test_where_a_joint_stands_past_its_limit_goals_may_only_come_in(op3: Robot) -> None:
+    """A limp robot rests on its stops; a goal pinned there was once refused or counted."""
+    receiver, on, still = Receiver(op3), np.ones(op3.n, np.bool_), np.zeros(op3.n)
+    knee, position = op3.index("l_knee"), op3.stand_pose.copy()
+    position[knee] = op3.upper[knee] + 0.1
+
+    def sent(offset: float, at: float = 0.0) -> int:
+        """Violations of a goal and a joint so far beyond where the joint stood at first [rad]."""
+        goal, where = position.copy(), position.copy()
+        goal[knee] += offset
+        where[knee] += at
+        before = receiver.position_violations
+        receiver.receive(goal, where, still, 12.0, on)
+        return receiver.position_violations - before
+
+    receiver.pin(position)
+    assert sent(0.0) == 0
+    assert sent(0.01) == 1
+    # The joint comes in ahead of its goal: the goal may stay, not go out again.
+    assert sent(-0.02, at=-0.04) == 0 and sent(-0.02, at=-0.06) == 0
+    assert sent(-0.01, at=-0.06) == 1
+    assert sent(-0.15, at=-0.15) == 0 and sent(-0.09, at=-0.15) == 1

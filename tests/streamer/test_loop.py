@@ -238,3 +238,44 @@ def test_steps_and_runouts_are_counted_over_ticks_that_were_skipped(
         run(1)
     assert loop.telemetry.row["steps_planned"] == len(plan.steps)
     assert loop.telemetry.row["underruns"] == 1
+
+
+def turn_head(loop: ControlLoop, op3: Robot, angle: float) -> int:
+    """Somebody turns the head by hand, which nothing stops; the joint's index."""
+    assert isinstance(loop.driver, SimDriver)
+    pan = op3.index("head_pan")
+    loop.driver.data.qpos[op3.qpos_address[pan]] = angle
+    loop.driver.advance(0.008)
+    return pan
+
+
+def test_a_joint_that_stands_past_its_limit_is_brought_in_softly(
+    loop: ControlLoop, run: Callable[..., None], op3: Robot
+) -> None:
+    """A limp robot rests on its stops. It was once refused: "stands at -2.06, outside [-2.00, 2.00]"."""
+    limit = op3.upper[op3.index("head_pan")]
+    pan = turn_head(loop, op3, limit + 0.08)
+    run(1, start=True)
+    assert loop.ladder.state is State.READY
+    goals, torques = [loop.command.position[pan]], []
+    while not loop.move.done:
+        run(1)
+        goals.append(loop.command.position[pan])
+        torques.append(abs(loop.driver.truth().torque[pan]))
+    assert goals[0] == pytest.approx(limit + 0.08, abs=op3.tick_rad[pan])
+    beyond = [goal for goal in goals if goal > limit]
+    assert len(beyond) > 20 and beyond == sorted(beyond, reverse=True)
+    assert max(torques) < 0.5
+    assert abs(loop.state.position[pan] - loop.stand_pose[pan]) < 0.02
+    assert loop.driver.violations == 0
+
+
+def test_a_joint_further_out_than_its_servo_takes_goals_is_refused_by_name(
+    loop: ControlLoop, run: Callable[..., None], op3: Robot
+) -> None:
+    turn_head(loop, op3, op3.upper[op3.index("head_pan")] + 0.16)
+    run(1, start=True)
+    (told,) = events(loop.telemetry.events.reader())
+    assert loop.ladder.state is State.OFF
+    assert told.message.startswith("no start: servo of head_pan (id 19) stands at 1.6")
+    assert "more than 0.15 rad outside [-1.50, 1.50]" in told.message

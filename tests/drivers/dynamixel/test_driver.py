@@ -470,6 +470,24 @@ def test_goals_past_the_limits_that_servos_told_are_counted_as_the_servos_count_
     assert it.driver.violations == 3
 
 
+def test_a_joint_that_sagged_past_its_limit_is_pinned_there_and_counted_if_sent_further(
+    rig: Callable[..., Rig],
+) -> None:
+    """The servos' limits were once those of the joints: a robot that had lain limp could not be started again."""
+    it = rig()
+    knee, body = it.robot.index("l_knee"), it.emulator.body
+    body.position[knee] = it.robot.upper[knee] + 0.1
+    it.start()
+    assert abs(it.servo(KNEE).get("goal_position") - it.robot.to_ticks(body.position)[knee]) <= 1
+    it.command.position[:] = it.state.position
+    it.tick(3)
+    assert it.driver.violations == 0 and body.receiver.violations == 0
+    assert body.position[knee] == pytest.approx(it.robot.upper[knee] + 0.1, abs=0.005)
+    it.command.position[knee] += 0.02
+    it.tick(1)
+    assert it.driver.violations == 1 and body.receiver.position_violations == 1
+
+
 def test_goals_within_a_tick_of_a_limit_are_none(op3: Robot, rig: Callable[..., Rig]) -> None:
     it = rig()
     it.start()

@@ -1,0 +1,45 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from drivers.bus.witness import GoalWitness
+
+FIRST = np.array([0])
+
+
+@pytest.fixture
+def witness() -> GoalWitness:
+    """Two joints from 1000 to 3000, the servo of the first told that it takes 900 to 3100."""
+    made = GoalWitness(np.full(2, 1000.0), np.full(2, 3000.0))
+    made.limit(0, 900, 3100)
+    return made
+
+
+def seen(witness: GoalWitness, goal: float, standing: float | None = None) -> int:
+    """Violations of one goal for the first joint, pinned where `standing` says so."""
+    before = witness.violations
+    witness.see(FIRST, np.array([goal]), standing=None if standing is None else np.array([standing]))
+    return witness.violations - before
+
+
+def test_goals_keep_to_the_joints_limits_though_the_servo_takes_more(witness: GoalWitness) -> None:
+    assert seen(witness, 1000) == 0 and seen(witness, 3000) == 0
+    assert seen(witness, 999) == 1 and seen(witness, 3001) == 1
+
+
+def test_what_is_pinned_may_be_a_tick_further_out_than_the_joint(witness: GoalWitness) -> None:
+    assert seen(witness, 3051, standing=3050) == 0
+    assert seen(witness, 3053, standing=3051) == 1
+
+
+def test_from_the_pin_on_goals_only_come_in(witness: GoalWitness) -> None:
+    seen(witness, 950, standing=950)
+    assert [seen(witness, goal) for goal in (950, 960, 955, 990, 1500, 999)] == [0, 0, 1, 0, 0, 1]
+
+
+def test_nothing_goes_past_what_the_servo_told(witness: GoalWitness) -> None:
+    assert seen(witness, 899, standing=899) == 1
+    witness.limit(1, 900, 3100, current=300)
+    witness.see(np.array([1]), np.array([2000.0]), np.array([301.0]))
+    assert witness.violations == 2

@@ -1,0 +1,41 @@
+"""One robot, run after run: what the first leaves is where the next begins."""
+
+from __future__ import annotations
+
+import pytest
+
+from configs.robot import Robot
+from drivers.bus.driver import BusDriver
+from drivers.emulator.lockstep import LockstepBus
+from drivers.emulator.loopback import Loopback
+from drivers.emulator.sim_body import PICKED_UP_S, SimBody
+from drivers.registry import create
+
+from .bus_runs import Run, through
+
+
+@pytest.fixture(scope="module")
+def runs(op3: Robot) -> list[Run]:
+    """Two runs of the same emulated robot, some seconds apart."""
+    body = SimBody(op3)
+    world, done = Loopback(body), []
+    for _ in range(2):
+        driver = create("dynamixel", op3, port="main")
+        assert isinstance(driver, BusDriver)
+        done.append(through(op3, LockstepBus(driver, world, body), body))
+        world.advance(PICKED_UP_S + 0.5)
+    return done
+
+
+def test_the_same_emulated_robot_can_be_run_again(runs: list[Run]) -> None:
+    """The second was once refused: a joint that had sagged stood outside its limits."""
+    for run in runs:
+        assert run.faults == [] and run.states[-1] == "PARK -> OFF"
+        assert run.driver.violations == 0
+    first, second = (run.body for run in runs)
+    assert first is second and first is not None and not first.fell
+
+
+def test_the_way_of_every_run_counts(runs: list[Run]) -> None:
+    body = runs[0].body
+    assert body is not None and body.report()["travelled_m"] >= 0
