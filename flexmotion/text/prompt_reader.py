@@ -16,7 +16,7 @@ log = logging.getLogger(__name__)
 
 NEAREST = 8
 SHARPNESS = 20.0
-"""The nearest known wordings count by the exponential of so many times their cosine."""
+"""The nearest known wordings have a say by the exponential of so many times their cosine."""
 
 
 @dataclass(frozen=True)
@@ -25,8 +25,8 @@ class Prompt:
 
     Attributes:
         embedding: as the denoiser takes it, (D,), of unit length.
-        kind: of motion that its nearest wording means.
-        likeness: cosine with that wording.
+        kind: of motion that it means.
+        likeness: cosine with the known wording nearest to it.
         known: whether it means something.
     """
 
@@ -39,8 +39,9 @@ class Prompt:
 class PromptReader:
     """Reads sentences by the wordings that a model was trained with.
 
-    A sentence is heard as a mixture of the known wordings nearest to it, so that an unseen wording lands where the
-    model has been. What is like none of them means standing still.
+    The wordings nearest to a sentence vote on the kind of motion; it is heard as a mixture of those of that kind, so
+    that an unseen wording lands where the model has been. Never as one of several kinds: "to your left" is nearly as
+    near to "turn right" as to "turn left", and half of each is neither. What is like no wording means standing still.
 
     Args:
         folder: of the sentence encoder.
@@ -64,8 +65,10 @@ class PromptReader:
             log.warning("%r means nothing to this model: it stands still", sentence)
             return Prompt(self.idle.embedding, STAND, best, False)
         weight = np.exp(SHARPNESS * (likeness[near] - best))
-        mixture = weight @ self._embeddings[near] / weight.sum()
-        return Prompt(_unit(mixture), str(self._kinds[near[0]]), best, True)
+        kinds = self._kinds[near]
+        kind = max(dict.fromkeys(kinds), key=lambda name: weight[kinds == name].sum())
+        mixture = weight[kinds == kind] @ self._embeddings[near[kinds == kind]]
+        return Prompt(_unit(mixture), str(kind), best, True)
 
 
 def _unit(vector: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -32,7 +32,7 @@ from flexmotion.training.windows import WindowSet
 
 LIBRARIES = ("flexmotion", "torch", "diffusers", "onnx")
 
-LEAST_LIKENESS = 0.6
+LEAST_LIKENESS = 0.69
 """Cosine with the nearest known wording below which a sentence means nothing."""
 
 UNKNOWN_LICENCE = "as the data that it was trained on"

@@ -1,0 +1,49 @@
+"""What a sentence is heard as."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flexmotion.text import prompt_reader
+from flexmotion.text.prompt_reader import PromptReader
+
+KINDS = ("turn-left", "turn-left", "turn-right", "turn-right", "stand")
+WORDINGS = np.array([[1.0, 0.05, 0.0], [1.0, 0.06, 0.02], [1.0, -0.05, 0.0], [1.0, -0.06, 0.02], [0.0, 0.0, 1.0]])
+
+Heard = Callable[[list[float]], prompt_reader.Prompt]
+
+
+@pytest.fixture
+def heard(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Heard:
+    """Function (embedding of a sentence) -> what it is heard as."""
+    said: list[np.ndarray] = []
+    monkeypatch.setattr(prompt_reader, "SentenceEncoder", lambda _folder: lambda _sentence: said[-1])
+    known = (WORDINGS / np.linalg.norm(WORDINGS, axis=1, keepdims=True)).astype(np.float32)
+    reader = PromptReader(tmp_path, KINDS, known, 0.7)
+
+    def read(embedding: list[float]) -> prompt_reader.Prompt:
+        vector = np.array(embedding, np.float32)
+        said.append(vector / np.linalg.norm(vector))
+        return reader("a sentence")
+
+    return read
+
+
+@pytest.mark.parametrize(("side", "kind"), [(0.02, "turn-left"), (-0.02, "turn-right")])
+def test_left_is_not_heard_as_half_right(heard: Heard, side: float, kind: str) -> None:
+    # Left and right are nearly one to a sentence encoder: mixed over both, the robot went straight on.
+    prompt = heard([1.0, side, 0.0])
+    assert prompt.kind == kind and prompt.known
+    assert abs(prompt.embedding[1]) > 0.045 and np.sign(prompt.embedding[1]) == np.sign(side)
+    assert np.linalg.norm(prompt.embedding) == pytest.approx(1.0, abs=1e-6)
+
+
+def test_what_is_like_nothing_known_means_standing_and_is_told(heard: Heard, caplog: pytest.LogCaptureFixture) -> None:
+    prompt = heard([0.3, 1.0, 0.3])
+    assert (prompt.kind, prompt.known) == ("stand", False)
+    np.testing.assert_allclose(prompt.embedding, [0.0, 0.0, 1.0], atol=1e-6)
+    assert "means nothing to this model" in caplog.text
