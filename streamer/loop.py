@@ -17,6 +17,7 @@ from streamer.ladder import Inputs, Ladder, Playback, State
 from streamer.load_estimator import LoadEstimator
 from streamer.plan_buffer import Offer, PlanBuffer, Ticket
 from streamer.posture_move import PostureMove
+from streamer.punctuality import Punctuality
 from streamer.reference import Reference
 from streamer.servo_command import ServoCommand
 from streamer.stabiliser import Stabiliser
@@ -72,6 +73,7 @@ class ControlLoop:
         self.stabiliser = Stabiliser(robot, enabled=feedback)
         self.load = LoadEstimator(robot)
         self.suspension = Suspension(robot)
+        self.punctuality = Punctuality(robot)
         self.servo = ServoCommand(robot, driver.delay_s)
         self.move = PostureMove(robot, retargeter.body.dynamics)
         self.stand_pose = retargeter.layout.get(retargeter.standing(), "q")[0].copy()
@@ -121,6 +123,7 @@ class ControlLoop:
             late_ns: how late the loop woke for it [ns].
         """
         begin = time.perf_counter_ns()
+        self.punctuality.woke(self.tick_count, late_ns * 1e-9)
         self._read()
         self._take_plan()
         self.estimator.update(self.state, self.now)
@@ -212,7 +215,8 @@ class ControlLoop:
         tilted = math.hypot(*self.estimator.tilt) > limits.fall_tilt
         inputs.fallen = bool(self.estimator.has_imu and tilted)
         if measured.stale.min() > limits.max_stale_reads:
-            inputs.bus_lost = f"bus lost: no joint has answered for {int(measured.stale.min())} reads"
+            reads = f"{int(measured.stale.min())} reads{self.punctuality.remark}"
+            inputs.bus_lost = f"bus lost: no joint has answered for {reads}"
         else:
             inputs.fault = inputs.fault or self._problem()
         if not self.estimator.has_imu:
@@ -249,13 +253,13 @@ class ControlLoop:
         """What is wrong with servos, IMU or supply, if anything."""
         measured, limits = self.state, self.robot.safety
         if measured.stale.max() > limits.max_stale_reads:
-            return self._name("does not answer", int(np.argmax(measured.stale)))
+            return self._name(f"does not answer{self.punctuality.remark}", int(np.argmax(measured.stale)))
         if measured.hardware_error.any():
             worst = int(np.flatnonzero(measured.hardware_error)[0])
             return self._name(f"reports hardware error 0x{int(measured.hardware_error[worst]):02x}", worst)
         imu = self.robot.config.imu
         if imu is not None and imu.required and measured.imu_stale > limits.max_stale_reads:
-            return f"IMU has not answered for {measured.imu_stale} reads"
+            return f"IMU has not answered for {measured.imu_stale} reads{self.punctuality.remark}"
         heat = measured.temperature - self._shutdown_at
         if np.fmax.reduce(heat) > -2 * limits.thermal_margin:
             hottest = int(np.nanargmax(heat))

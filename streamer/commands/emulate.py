@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -16,6 +17,9 @@ from streamer.commands.output import print_json, print_note, print_result
 
 if TYPE_CHECKING:
     from drivers.emulator.emulator import Emulator
+
+_LATE_MS = 8.0
+"""An emulator that was later than this has missed a tick of a loop at 125 Hz."""
 
 
 def emulate(
@@ -57,7 +61,7 @@ def emulate(
     """Emulate a robot's servo bus, byte by byte, on a pseudo-terminal; the simulated robot moves behind it.
 
     Anything that speaks the servos' protocol can talk to it. Ctrl-C or SIGTERM ends it and prints what it saw. Exit
-    code 0 however the robot fared.
+    code 0 however the robot fared. Three seconds after all torque is off the robot stands as at first again.
 
     [bold]Examples[/bold]
 
@@ -93,7 +97,7 @@ def emulate(
     if as_json:
         print_json(figures)
     else:
-        print_result(_lines(figures))
+        print_result(describe(figures))
 
 
 @contextmanager
@@ -111,9 +115,40 @@ def _ends_on_signals(emulator: Emulator) -> Iterator[None]:
             signal.signal(number, handler)
 
 
-def _lines(figures: dict[str, Any]) -> str:
-    buses = figures.pop("buses")
-    rows = [f"{name.replace('_', ' ')}: {value}" for name, value in figures.items()]
-    for bus, counts in buses.items():
-        rows += [f"{bus}, {name.replace('_', ' ')}: {value}" for name, value in counts.items()]
-    return "\n".join(rows)
+def describe(figures: dict[str, Any]) -> str:
+    """What `Emulator.report` tells, in words."""
+    lines = [_robot(figures)]
+    lines += [f"{name}: {_line(counts)}" for name, counts in figures["buses"].items()]
+    late, lost = figures["lateness_ms"], figures["lost_ms"]
+    given_up = f", {lost:.0f} ms of physics given up" if lost else ""
+    lines.append(
+        f"emulator: {figures['elapsed_s']:.1f} s, {100 * figures['processor_share']:.0f} % of a processor; "
+        f"{late:.1f} ms late at worst while torque was on{given_up}"
+    )
+    if late > _LATE_MS:
+        lines.append(
+            f"It was later than {_LATE_MS:g} ms: if the driver says that servos do not answer, this machine was too "
+            "busy to answer for them."
+        )
+    return "\n".join(lines)
+
+
+def _robot(figures: dict[str, Any]) -> str:
+    outside = f"{figures['violations']} goals outside the envelope arrived"
+    if "fell" not in figures:
+        return f"servos: {outside}"
+    how = "fell" if figures["fell"] else "did not fall"
+    tilt, height = math.degrees(figures["steepest_tilt_rad"]), 100 * figures["lowest_height_share"]
+    return (
+        f"robot: {how}, tilted by {tilt:.1f}° at most, at its lowest {height:.0f} % of its height; "
+        f"{figures['travelled_m']:.2f} m from where it began; {outside}"
+    )
+
+
+def _line(counts: dict[str, Any]) -> str:
+    said = [f"wire busy {100 * counts['wire_busy_share']:.0f} % of the time"]
+    if "packets" in counts:
+        heard = f"{counts['packets']} packets heard, {counts['bad_packets']} of them broken"
+        said = [heard, f"{counts['collisions']} collisions", *said]
+    spoilt = ", ".join(f"{count} {kind}" for kind, count in counts["spoilt"].items())
+    return ", ".join(said) + (f"; spoilt as asked: {spoilt}" if spoilt else "")

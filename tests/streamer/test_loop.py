@@ -9,6 +9,7 @@ import pytest
 
 from configs.robot import Robot, load_robot
 from configs.stream import load_stream
+from drivers.interface import RobotState
 from drivers.sim.driver import SimDriver
 from drivers.sim.options import SimOptions
 from flexmotion.default_clip import default_clip
@@ -279,3 +280,20 @@ def test_a_joint_further_out_than_its_servo_takes_goals_is_refused_by_name(
     assert loop.ladder.state is State.OFF
     assert told.message.startswith("no start: servo of head_pan (id 19) stands at 1.6")
     assert "more than 0.15 rad outside [-1.50, 1.50]" in told.message
+
+
+def test_a_fault_says_so_where_the_loop_itself_was_late(
+    loop: ControlLoop, run: Callable[..., None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run(1, start=True)
+    run(10)
+    read = loop.driver.read
+
+    def unanswered(state: RobotState) -> None:
+        read(state)
+        state.stale[:] = 6
+
+    monkeypatch.setattr(loop.driver, "read", unanswered)
+    loop.tick(late_ns=35_000_000)
+    assert loop.ladder.fault is not None
+    assert loop.ladder.fault.startswith("bus lost: no joint has answered for 6 reads (the loop itself woke 35 ms late")

@@ -34,8 +34,3 @@ def test_the_same_emulated_robot_can_be_run_again(runs: list[Run]) -> None:
         assert run.driver.violations == 0
     first, second = (run.body for run in runs)
     assert first is second and first is not None and not first.fell
-
-
-def test_the_way_of_every_run_counts(runs: list[Run]) -> None:
-    body = runs[0].body
-    assert body is not None and body.report()["travelled_m"] >= 0

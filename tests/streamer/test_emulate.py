@@ -1,0 +1,49 @@
+"""What `flexmotion emulate` says at its end."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from streamer.commands.emulate import describe
+
+
+def figures(**changed: Any) -> dict[str, Any]:
+    bus = {"packets": 900, "bad_packets": 2, "collisions": 0, "wire_busy_share": 0.31, "spoilt": {"lost": 3, "late": 1}}
+    told: dict[str, Any] = {
+        "violations": 0,
+        "fell": False,
+        "lowest_height_share": 0.81,
+        "steepest_tilt_rad": 0.1,
+        "travelled_m": 0.35,
+        "time_s": 9.0,
+        "buses": {"main": bus, "imu": {"wire_busy_share": 0.4, "spoilt": {}}},
+        "elapsed_s": 12.0,
+        "processor_share": 0.2,
+        "lateness_ms": 1.5,
+        "lost_ms": 0.0,
+    }
+    return told | changed
+
+
+def test_it_is_said_in_words() -> None:
+    """It once printed dictionaries."""
+    assert describe(figures()).splitlines() == [
+        "robot: did not fall, tilted by 5.7° at most, at its lowest 81 % of its height; 0.35 m from where it began; "
+        "0 goals outside the envelope arrived",
+        "main: 900 packets heard, 2 of them broken, 0 collisions, wire busy 31 % of the time; "
+        "spoilt as asked: 3 lost, 1 late",
+        "imu: wire busy 40 % of the time",
+        "emulator: 12.0 s, 20 % of a processor; 1.5 ms late at worst while torque was on",
+    ]
+
+
+def test_an_emulator_that_was_late_says_what_that_means() -> None:
+    told = describe(figures(lateness_ms=47.0, lost_ms=120.0))
+    assert "47.0 ms late at worst while torque was on, 120 ms of physics given up" in told
+    assert told.splitlines()[-1].startswith("It was later than 8 ms: if the driver says that servos do not answer")
+
+
+def test_servos_on_a_bench_have_nothing_to_fall() -> None:
+    bench = {key: value for key, value in figures().items() if key in ("violations", "buses", "elapsed_s")}
+    bench |= {"processor_share": 0.1, "lateness_ms": 0.1, "lost_ms": 0.0}
+    assert describe(bench).startswith("servos: 0 goals outside the envelope arrived")
