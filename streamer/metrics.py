@@ -267,10 +267,10 @@ def motion_figures(
 
 
 def joint_loads(record: RunRecord, robot: RobotFigures) -> dict[str, JointLoad]:
-    """Peak and RMS torque, peak speed and saturation of each joint over the ticks in which goals were sent."""
+    """Peak and RMS of `RunRecord.torque`, peak speed and saturation of each joint over the ticks with goals sent."""
     rows = slice(record.used)
     powered = np.isfinite(record.q_cmd[rows]).all(axis=1)
-    torque, speed = record.true_torque[rows][powered], record.qd[rows][powered]
+    torque, speed = record.torque[powered], record.qd[rows][powered]
     saturated = record.true_saturated[rows][powered]
 
     def figure(value: np.floating | float) -> float | None:

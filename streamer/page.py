@@ -9,7 +9,7 @@ from pathlib import Path
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from streamer.report import Report
-from streamer.summary import joint_rows, motion_rows, timing_rows, verdict
+from streamer.summary import joint_rows, motion_rows, timing_rows, torque_note, verdict
 
 CAPTIONS = {
     "robot": "Human and robot",
@@ -34,6 +34,7 @@ def write_page(file: Path, report: Report, pictures: Sequence[Path]) -> Path:
         verdict=verdict(report),
         motion=motion_rows(report),
         joints=joint_rows(report),
+        torque_note=torque_note(report),
         timing=timing_rows(report),
         pictures=[
             (CAPTIONS.get(picture.stem, picture.stem), base64.b64encode(picture.read_bytes()).decode("ascii"))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,8 @@ KEPT_S = 300.0
 """A record keeps the last five minutes of a run without an end: it must not grow for as long as a robot is on [s]."""
 _EVENTS_KEPT = 10_000
 _FIRST_ROWS = 4096
+
+TorqueSource = Literal["simulation", "servos"]
 
 
 @dataclass(frozen=True)
@@ -100,6 +102,20 @@ class RunRecord:
 
     def _last(self, name: str) -> int:
         return int(self.rows[name][-1]) if self._used else 0
+
+    @property
+    def torque_source(self) -> TorqueSource | None:
+        """Who tells what torque the servos made: the simulation's truth, or they themselves, by their current."""
+        if np.isfinite(self.rows["true_torque"]).any():
+            return "simulation"
+        return "servos" if np.isfinite(self.rows["effort"]).any() else None
+
+    @property
+    def torque(self) -> Float:
+        """What the servos made, as `torque_source` tells, (used, n) [N·m]; NaN where unknown."""
+        if self.torque_source == "servos":
+            return np.where(self.rows["stale"] > 0, np.nan, self.rows["effort"])
+        return self.rows["true_torque"]
 
     @property
     def plans(self) -> list[PlanEvent]:

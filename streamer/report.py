@@ -16,7 +16,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 from streamer.ladder import State
 from streamer.metrics import HumanTrack, RobotFigures, joint_loads, motion_figures
-from streamer.record import RunRecord
+from streamer.record import RunRecord, TorqueSource
 
 TIMING_KEYS = ("loop", "planner", "log")
 """Top-level keys that may differ between equal runs."""
@@ -115,10 +115,14 @@ class JointSection(_Section):
 
 
 class LimitsSection(_Section):
-    """Limits kept or not: `violations_sent` is counted at the receiving end, repairs in planner and loop."""
+    """Limits kept or not: `violations_sent` is counted at the receiving end, repairs in planner and loop.
+
+    `torque_source` is who tells the joints' torques, None where nobody does.
+    """
 
     violations_sent: int
     repairs: dict[str, int]
+    torque_source: TorqueSource | None
     joints: dict[str, JointSection]
 
 
@@ -252,6 +256,7 @@ def build_report(
         limits=LimitsSection(
             violations_sent=record.violations_sent,
             repairs=dict(record.repairs),
+            torque_source=record.torque_source,
             joints={name: JointSection(**asdict(load)) for name, load in joint_loads(record, robot).items()},
         ),
         safety=SafetySection(final_state=State(states[-1]).name if len(states) else State.OFF.name, faults=faults),

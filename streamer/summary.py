@@ -84,6 +84,13 @@ def joint_rows(report: Report) -> list[tuple[str, ...]]:
     ]
 
 
+def torque_note(report: Report) -> str:
+    """Who tells the joints' torques, where that is not the simulation."""
+    return {"simulation": "", "servos": "torque as the servos measure it, by their current", None: "torque unknown"}[
+        report.limits.torque_source
+    ]
+
+
 def timing_rows(report: Report) -> list[tuple[str, ...]]:
     """Name, median, 99th percentile and maximum of every time that was measured."""
     loop, planner = report.loop, report.planner
@@ -118,7 +125,7 @@ def _joints(report: Report) -> list[RenderableType]:
         drawn.add_row(*row)
     repairs = ", ".join(f"{count} {kind}" for kind, count in limits.repairs.items() if count) or "none"
     note = f"goals outside the envelope that were sent: {limits.violations_sent}; repairs: {repairs}"
-    return [drawn, Text(note, style="dim")]
+    return [drawn, Text("; ".join(filter(None, (torque_note(report), note))), style="dim")]
 
 
 def _timing(report: Report) -> list[RenderableType]:

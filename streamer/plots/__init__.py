@@ -44,7 +44,7 @@ def write_plots(
             "footsteps.png": draw_footsteps(record, robot, figures, human),
             "timeline.png": draw_timeline(record, figures, human),
             "tracking.png": draw_tracking(record, robot),
-            "torque.png": draw_torque(record.true_torque[: record.used], record.qd[: record.used], robot),
+            "torque.png": draw_torque(record.torque, record.qd, robot, measured=record.torque_source == "servos"),
         }
         return [save(figure, folder / name) for name, figure in drawn.items()]
 

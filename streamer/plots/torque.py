@@ -18,18 +18,19 @@ CONTINUOUS_SHARE = 0.3
 """Share of stall torque that a servo's RMS should stay under to run for long (the aim of the project's robots)."""
 
 
-def draw_torque(torque: Float, speed: Float, robot: Robot) -> Figure:
+def draw_torque(torque: Float, speed: Float, robot: Robot, *, measured: bool = False) -> Figure:
     """RMS and peak of every joint, then every tick of every joint in the torque-speed plane.
 
     Args:
         torque, speed: (T, n) [N·m, rad/s]; NaN where unknown.
+        measured: by the servos themselves.
     """
     rows = max(map(len, joint_columns(robot)))
     height = 3.9 + 1.45 * rows
     figure = new_figure(
         11,
         height,
-        "Torque",
+        "Torque, as the servos measure it" if measured else "Torque",
         "bars: RMS and peak against stall, usable and continuous torque; below: torque [N·m] over speed [rad/s], "
         "the shaded region is what the servo can do",
         layout=False,
@@ -45,11 +46,13 @@ def draw_torque(torque: Float, speed: Float, robot: Robot) -> Figure:
 
 
 def _bars(axes: Axes, robot: Robot, torque: Float, order: list[int]) -> None:
-    known = np.isfinite(torque).all(axis=1)
+    known = np.isfinite(torque)
     if not known.any():
         empty(axes, "this driver does not tell torque")
         return
-    rms, peak = np.sqrt(np.mean(torque[known] ** 2, axis=0))[order], np.abs(torque[known]).max(axis=0)[order]
+    count = np.maximum(known.sum(axis=0), 1)
+    rms = np.sqrt(np.sum(torque**2, axis=0, where=known) / count)[order]
+    peak = np.abs(torque).max(axis=0, where=known, initial=0.0)[order]
     x = np.arange(len(order))
     colours = [side_colour(robot.joint_names[i]) for i in order]
     axes.bar(x, peak, width=0.72, color=colours, alpha=0.25)

@@ -136,15 +136,32 @@ def test_what_follows_a_fall_does_not_count(record: RunRecord, figures: RobotFig
     assert found.foot_slip_mm_s == pytest.approx(2.0)
 
 
-def test_without_truth_only_what_encoders_tell_is_known(
+def test_without_truth_only_what_servos_tell_is_known(
     record: RunRecord, figures: RobotFigures, human: HumanTrack
 ) -> None:
-    for array in (record.true_base, record.true_foot_velocity, record.true_foot_force, record.true_torque):
+    for array in (record.true_base, record.true_foot_velocity, record.true_foot_force, record.true_saturated):
         array[:] = np.nan
+    # Reports of real robots once told no torque, though their servos measure it.
+    record.effort[:] = 0.9 * record.true_torque
+    record.true_torque[:] = np.nan
     found = motion_figures(record, figures, human, should_stand=standing(record))
     assert found.joint_rmse_rad is not None
     assert (found.foot_slip_mm_s, found.net_path_ratio, found.heading_rms_rad, found.self_collisions) == (None,) * 4
+    assert record.torque_source == "servos"
+    knee = joint_loads(record, figures)["l_knee"]
+    assert knee.rms_torque_nm == pytest.approx(0.9 * 1.2 / np.sqrt(2), rel=2e-2)
+    assert knee.saturated_share is None
+    record.stale[:, 1] = 1  # a servo that did not answer has measured nothing
     assert joint_loads(record, figures)["l_knee"].rms_torque_nm is None
+    record.effort[:] = np.nan
+    assert record.torque_source is None
+    assert joint_loads(record, figures)["l_hip_pitch"].rms_torque_nm is None
+
+
+def test_the_simulation_knows_better_than_its_servos(record: RunRecord, figures: RobotFigures) -> None:
+    record.effort[:] = 9.0
+    assert record.torque_source == "simulation"
+    assert joint_loads(record, figures)["l_knee"].peak_torque_nm == pytest.approx(1.2, abs=1e-3)
 
 
 def test_human_is_interpolated_on_the_source_clock(human: HumanTrack) -> None:

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import io
+from dataclasses import replace
 
+import numpy as np
 import pytest
 from rich.console import Console
 
 from streamer.metrics import HumanTrack, RobotFigures
 from streamer.record import RunRecord
 from streamer.report import RunInfo, build_report
-from streamer.summary import failures, render, verdict
+from streamer.summary import failures, joint_rows, render, verdict
 from streamer.telemetry import Event
 
 INFO = RunInfo(robot="op3", driver="sim", source="walk.bvh", elapsed_s=1.0)
@@ -52,3 +54,22 @@ def test_fits_any_terminal(width: int, record: RunRecord, figures: RobotFigures,
 
 def test_unknown_figures_are_left_out(record: RunRecord, figures: RobotFigures) -> None:
     assert "net path" not in text_of(record, figures, None)
+
+
+def test_the_hardest_worked_joints_come_first_for_what_their_servos_can(
+    record: RunRecord, figures: RobotFigures
+) -> None:
+    """On hardware, where servos measure torque, they once came in any order, and without a figure."""
+    record.true_torque[:] = np.nan
+    record.effort[:] = [0.1, 0.3, 0.2, 0.5, 0.4, 0.35]
+    weak_neck = replace(figures, stall_torque=np.array([4, 4, 4, 4, 4, 0.5]))
+    report = build_report(record, INFO, weak_neck)
+    assert [row[0] for row in joint_rows(report)] == [
+        "head_pan",
+        "r_knee",
+        "l_el",
+        "l_knee",
+        "r_hip_pitch",
+        "l_hip_pitch",
+    ]
+    assert "torque as the servos measure it, by their current; goals outside" in text_of(record, figures, None, 200)
