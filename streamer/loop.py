@@ -51,6 +51,7 @@ class ControlLoop:
         inputs: requests for the next tick; cleared after it.
         playing: the plan that plays; `waiting` the one that takes over at its start tick.
         winding_down: from now on only a plan that stops is taken.
+        hardware_failed: a servo, the IMU, the supply or the bus is why the start was refused or a fault is latched.
     """
 
     def __init__(
@@ -79,7 +80,7 @@ class ControlLoop:
         self.stand_pose = retargeter.layout.get(retargeter.standing(), "q")[0].copy()
         self.playing: Offer | None = None
         self.waiting: Offer | None = None
-        self.winding_down = False
+        self.winding_down = self.hardware_failed = False
         self.tick_count = 0
         self._looked_at = self._ran_out = 0
         self._described = -1
@@ -88,6 +89,7 @@ class ControlLoop:
         self._imu_unread = self._low_reads = 0
         self._lead = driver.delay_s * robot.rate_hz
         self._warned: set[str] = set()
+        self._found: str | None = None  # what is wrong with the hardware, on this tick
         self._shutdown_at = np.array([servo.temperature_limit for servo in robot.servos])
 
     @property
@@ -127,9 +129,11 @@ class ControlLoop:
         self._read()
         self._take_plan()
         self.estimator.update(self.state, self.now)
-        before = self.ladder.state
+        before, fault = self.ladder.state, self.ladder.fault
         self._look(before)
         playback = self.ladder.step(self.inputs)
+        if self.ladder.fault != fault:
+            self.hardware_failed = self.ladder.fault is not None and self.ladder.fault == self._found
         if self.ladder.state is not before:
             self._enter(self.ladder.state, before)
         self._play(playback)
@@ -205,7 +209,7 @@ class ControlLoop:
     def _look(self, state: State) -> None:
         """Fill what the ladder must know from what was measured."""
         inputs, robot, measured = self.inputs, self.robot, self.state
-        limits = robot.safety
+        limits, self._found = robot.safety, None
         inputs.plan_ready = self.plan is not None and not self.plan_over
         inputs.plan_over = self.plan_over
         inputs.move_done = self.move.done
@@ -216,9 +220,9 @@ class ControlLoop:
         inputs.fallen = bool(self.estimator.has_imu and tilted)
         if measured.stale.min() > limits.max_stale_reads:
             reads = f"{int(measured.stale.min())} reads{self.punctuality.remark}"
-            inputs.bus_lost = f"bus lost: no joint has answered for {reads}"
-        else:
-            inputs.fault = inputs.fault or self._problem()
+            self._found = inputs.bus_lost = f"bus lost: no joint has answered for {reads}"
+        elif inputs.fault is None:
+            self._found = inputs.fault = self._problem()
         if not self.estimator.has_imu:
             self._warn("imu", "no IMU: the robot runs open loop, falls are not detected")
 
@@ -246,7 +250,7 @@ class ControlLoop:
         else:
             reason = self._problem()
         if reason is not None:
-            self.inputs.start = False
+            self.inputs.start, self.hardware_failed = False, True
             self._event("fault", f"no start: {reason}")
 
     def _problem(self) -> str | None:
@@ -363,6 +367,7 @@ class ControlLoop:
         for name in _MEASURED:
             row[_COLUMNS.get(name, name)] = getattr(state, name)
         row["tilt"], row["hung"] = self.estimator.tilt, self.suspension.hung
+        row["hardware_failed"] = self.hardware_failed
         row["contact_ref"] = False
         self._describe_plan()
         if self.driver.capabilities.truth:

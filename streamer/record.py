@@ -104,6 +104,11 @@ class RunRecord:
         return int(self.rows[name][-1]) if self._used else 0
 
     @property
+    def hardware_failed(self) -> bool:
+        """Whether servos, IMU, supply or bus are why the robot did not start, or why a fault is latched."""
+        return bool(self._last("hardware_failed"))
+
+    @property
     def torque_source(self) -> TorqueSource | None:
         """Who tells what torque the servos made: the simulation's truth, or they themselves, by their current."""
         if np.isfinite(self.rows["true_torque"]).any():

@@ -127,10 +127,11 @@ class LimitsSection(_Section):
 
 
 class SafetySection(_Section):
-    """Where the safety ladder ended, and every fault on the way."""
+    """Where the safety ladder ended, every fault on the way, and whether the hardware is to blame."""
 
     final_state: str
     faults: list[str]
+    hardware_failed: bool = False
 
 
 class Report(_Section):
@@ -259,6 +260,10 @@ def build_report(
             torque_source=record.torque_source,
             joints={name: JointSection(**asdict(load)) for name, load in joint_loads(record, robot).items()},
         ),
-        safety=SafetySection(final_state=State(states[-1]).name if len(states) else State.OFF.name, faults=faults),
+        safety=SafetySection(
+            final_state=State(states[-1]).name if len(states) else State.OFF.name,
+            faults=faults,
+            hardware_failed=record.hardware_failed,
+        ),
         log=info.log,
     )

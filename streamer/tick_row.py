@@ -37,6 +37,7 @@ def tick_dtype(n: int) -> np.dtype[Any]:
     contact_ref              planned contact of left and right foot
     ready, plan_over, must_stop           waits for its first plan; the plan is played; only a plan that stops is taken
     hung                     the feet are in the air
+    hardware_failed          a servo, the IMU, the supply or the bus is why the start was refused or a fault is latched
     ```
     """
     whole = ("tick", "stamp_ns", "state", "plan", "plan_start", "plan_end", "offer", "pending", "asked_tick", "target")
@@ -71,6 +72,7 @@ def tick_dtype(n: int) -> np.dtype[Any]:
             ("plan_over", "?"),
             ("must_stop", "?"),
             ("hung", "?"),
+            ("hardware_failed", "?"),
         ]
     )
 

@@ -32,7 +32,7 @@ from streamer.summary import render
 from streamer.telemetry import Event
 from streamer.viewer.service import Viewer
 
-CHECK_FAILED, INTERRUPTED = 1, 130
+CHECK_FAILED, HARDWARE_FAILED, INTERRUPTED = 1, 3, 130
 
 
 @dataclass(frozen=True)
@@ -184,6 +184,8 @@ def present(outcome: Outcome, folder: Path | None, as_json: bool) -> None:
         pictures = write_plots(folder, outcome.record, outcome.robot, outcome.figures, outcome.motion)
         page = write_page(folder / "index.html", report, pictures)
         print_note(f"report: {page}")
+    if report.safety.hardware_failed:
+        raise typer.Exit(HARDWARE_FAILED)
     if outcome.interrupted:
         raise typer.Exit(INTERRUPTED)
     if not report.ok:

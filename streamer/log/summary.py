@@ -72,6 +72,7 @@ def describe(log: Log) -> dict[str, Any]:
         "safety": {
             "final_state": State(states[-1]).name if len(rows) else State.OFF.name,
             "faults": [event.message for event in log.events if event.kind == "fault"],
+            "hardware_failed": record.hardware_failed,
         },
         "topics": {
             name: {

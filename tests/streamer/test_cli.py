@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 
@@ -14,6 +15,7 @@ import pytest
 
 from configs.errors import DriverError
 from drivers import registry
+from drivers.interface import RobotState
 from drivers.sim.driver import SimDriver
 from streamer.cli import execute
 from streamer.commands.driver_options import simulation_options
@@ -184,12 +186,54 @@ class Unplugged(SimDriver):
         raise DriverError("port /dev/ttyUSB0: no servo answers")
 
 
-def test_a_failing_driver_is_exit_code_3(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    module = ModuleType("unplugged_driver")
-    module.Unplugged = Unplugged  # type: ignore[attr-defined]
-    monkeypatch.setitem(sys.modules, "unplugged_driver", module)
-    monkeypatch.setitem(registry.BUILT_IN, "unplugged", "unplugged_driver:Unplugged")
-    assert run("run", "-r", "op3", "-d", "unplugged", "--seconds", "0.3") == 3
+class Silent(SimDriver):
+    """One servo of it does not answer, from `SILENT_FROM` reads on."""
+
+    SILENT_FROM = 0
+    _reads = 0
+
+    def read(self, state: RobotState) -> None:
+        super().read(state)
+        self._reads += 1
+        if self._reads > self.SILENT_FROM:
+            state.stale[11] = 6
+
+
+class SilentLater(Silent):
+    """It does so while the robot stands up."""
+
+    SILENT_FROM = 40
+
+
+@pytest.fixture
+def plug_in(monkeypatch: pytest.MonkeyPatch) -> Callable[[type[SimDriver]], str]:
+    """Function (class) -> the name that it goes by as a driver."""
+
+    def plug(driver: type[SimDriver]) -> str:
+        name = driver.__name__.lower()
+        module = ModuleType(f"{name}_driver")
+        setattr(module, driver.__name__, driver)
+        monkeypatch.setitem(sys.modules, module.__name__, module)
+        monkeypatch.setitem(registry.BUILT_IN, name, f"{module.__name__}:{driver.__name__}")
+        return name
+
+    return plug
+
+
+@pytest.mark.parametrize(
+    ("driver", "fault"), [(Silent, "no start: servo of l_knee"), (SilentLater, "PARK -> FAULT: servo of l_knee")]
+)
+def test_hardware_that_fails_is_exit_code_3_before_the_start_and_on_the_way(
+    driver: type[SimDriver], fault: str, plug_in: Callable[..., str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It was 1, which says that the robot fell or passed a limit."""
+    assert run("run", "-r", "op3", "-d", plug_in(driver), "--clock", "lockstep", "--seconds", "0.3", "--json") == 3
+    safety = json.loads(capsys.readouterr().out)["safety"]
+    assert safety["hardware_failed"] and safety["faults"][-1].startswith(f"{fault} (id 14) does not answer")
+
+
+def test_a_failing_driver_is_exit_code_3(plug_in: Callable[..., str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("run", "-r", "op3", "-d", plug_in(Unplugged), "--seconds", "0.3") == 3
     assert capsys.readouterr().err.splitlines()[-1] == "flexmotion: port /dev/ttyUSB0: no servo answers"
 
 

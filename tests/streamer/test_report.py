@@ -41,7 +41,7 @@ def test_keys_of_the_contract(record: RunRecord, figures: RobotFigures, human: H
     assert content["limits"]["joints"]["l_knee"]["torque_limit_nm"] == 2.5
     assert content["loop"]["work_us"] == {"p50": 300.0, "p99": 300.0, "p99_9": 300.0, "max": 300.0}
     assert content["loop"]["realtime_factor"] == 5.0
-    assert content["safety"] == {"final_state": "HOLD", "faults": []}
+    assert content["safety"] == {"final_state": "HOLD", "faults": [], "hardware_failed": False}
     assert content["ok"] is True
 
 

@@ -203,13 +203,14 @@ def test_kill_in_mid_walk_cuts_torque_within_the_tick(run: Callable[..., Run]) -
     assert killed.states[-2:] == [State.STREAMING, State.FAULT]
     assert killed.driver.sent[-1][0] == tick  # reads are one ahead of ticks: nothing was sent in this one
     assert not killed.driver.plant.enabled.any()
-    assert any("kill" in message for message in killed.told("fault"))
+    assert any("kill" in message for message in killed.told("fault")) and not killed.record.hardware_failed
 
 
 def test_a_shove_that_fells_it_is_noticed_and_damped(run: Callable[..., Run]) -> None:
     felled = run(pushes=[{"at": 1.2, "impulse": [2.5, 0.0, 0.0]}])
     assert felled.states[-2:] == [State.DAMPED, State.FAULT]
     assert any(message.endswith("limit") for message in felled.told("fault"))
+    assert not felled.record.hardware_failed
 
 
 # ---------------------------------------------------------------- what breaks
@@ -272,7 +273,7 @@ def test_a_fault_in_mid_walk_stops_parks_and_latches(
 ) -> None:
     broken = run(spoil=from_tick(int(MID_WALK * RATE), change))
     assert broken.states[-4:] == [State.STREAMING, State.HOLD, State.PARK, State.FAULT]
-    assert broken.loop.ladder.fault == message
+    assert broken.loop.ladder.fault == message and broken.record.hardware_failed
     assert broken.tilt < 0.8
     assert all(np.isfinite(goal).all() for _, goal in broken.driver.sent)
     assert broken.record.violations_sent == 0
@@ -319,7 +320,7 @@ def test_a_lost_bus_ends_in_fault_at_once(run: Callable[..., Run]) -> None:
     lost = run(spoil=from_tick(int(MID_WALK * RATE), silent))
     assert lost.states[-2:] == [State.STREAMING, State.FAULT]
     assert lost.record.used == int(MID_WALK * RATE) + 1
-    assert "no joint has answered" in lost.told("fault")[0]
+    assert "no joint has answered" in lost.told("fault")[0] and lost.record.hardware_failed
 
 
 def test_a_few_missed_reads_do_no_harm(run: Callable[..., Run]) -> None:
@@ -341,3 +342,4 @@ def test_it_does_not_start_on_a_joint_that_has_no_position(run: Callable[..., Ru
     assert refused.states == [State.OFF]
     assert refused.driver.sent == []
     assert refused.told("fault") == ["no start: servo of l_knee (id 14) returns no position"]
+    assert refused.record.hardware_failed
