@@ -16,6 +16,7 @@ from flexmotion.features.heading_frame import chord
 from flexmotion.features.inertialise import inertialised
 from flexmotion.motion import Motion
 from flexmotion.onnx_session import open_session, run
+from flexmotion.planted import planted
 from flexmotion.text.prompt_reader import Prompt, PromptReader
 
 Float32 = NDArray[np.float32]
@@ -124,10 +125,11 @@ class Sampler:
             ConfigError: a network of the bundle fails.
         """
         features = self.features(history, condition, seed)
-        return decode(features, self.layout, self.body, Anchor.after(history), source=self._source)
+        motion = decode(features, self.layout, self.body, Anchor.after(history), source=self._source)
+        return planted(motion, history)
 
     def features(self, history: Motion, condition: Condition, seed: int) -> Float32:
-        """Features of what `sample` makes, not normalised, (W, layout.size)."""
+        """Features of what `sample` makes, before its feet are planted, not normalised, (W, layout.size)."""
         remembered = self._remember(history)
         latent = self._latent(self._statistics.normalise(remembered)[None], condition, seed)
         inputs = {"latent": latent, "history": self._inputs["history"][:1]}

@@ -15,8 +15,11 @@ from flexmotion.text.sentence_encoder import SentenceEncoder
 log = logging.getLogger(__name__)
 
 NEAREST = 8
-SHARPNESS = 20.0
-"""The nearest known wordings have a say by the exponential of so many times their cosine."""
+SAME = 0.99
+"""Cosine from which on two wordings are one."""
+
+SHARPNESS = 40.0
+"""The nearest known wordings count by the exponential of so many times their cosine."""
 
 
 @dataclass(frozen=True)
@@ -39,9 +42,9 @@ class Prompt:
 class PromptReader:
     """Reads sentences by the wordings that a model was trained with.
 
-    The wordings nearest to a sentence vote on the kind of motion; it is heard as a mixture of those of that kind, so
-    that an unseen wording lands where the model has been. Never as one of several kinds: "to your left" is nearly as
-    near to "turn right" as to "turn left", and half of each is neither. What is like no wording means standing still.
+    A sentence is heard as a mixture of the known wordings nearest to it, so that an unseen wording lands where the
+    model has been; only of those of one kind, on which they vote: "to your left" is nearly as near to "turn right" as
+    to "turn left", and half of each is neither. A known wording needs no vote. What is like none means standing still.
 
     Args:
         folder: of the sentence encoder.
@@ -66,9 +69,10 @@ class PromptReader:
             return Prompt(self.idle.embedding, STAND, best, False)
         weight = np.exp(SHARPNESS * (likeness[near] - best))
         kinds = self._kinds[near]
-        kind = max(dict.fromkeys(kinds), key=lambda name: weight[kinds == name].sum())
-        mixture = weight[kinds == kind] @ self._embeddings[near[kinds == kind]]
-        return Prompt(_unit(mixture), str(kind), best, True)
+        votes = 1 if best > SAME else NEAREST
+        kind = max(dict.fromkeys(kinds[:votes]), key=lambda name: weight[kinds == name].sum())
+        weight[kinds != kind] = 0.0
+        return Prompt(_unit(weight @ self._embeddings[near]), str(kind), best, True)
 
 
 def _unit(vector: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -30,6 +30,9 @@ MEASURED = 4096
 DECODED = ("root", "rotations", "positions")
 """Blocks by which decoded motion is compared."""
 
+WORST = 20.0
+"""Decoded error of a window from which on it teaches nothing."""
+
 
 @dataclass(frozen=True)
 class Latents:
@@ -171,7 +174,7 @@ class DiffusionTask:
         total = terms["latent"]
         if diffusion.decoded:
             every = diffusion.decoded_every
-            terms["decoded"] = self._decoded(windows.every(every), clean[::every])
+            terms["decoded"] = self._decoded(windows.every(every), clean[::every], time[::every])
             total = total + diffusion.decoded * terms["decoded"]
         return total, terms
 
@@ -205,21 +208,24 @@ class DiffusionTask:
         clean: Tensor = self.network(noisy, time, history, conditions.sentence, conditions.velocity, conditions.present)
         return clean
 
-    def _decoded(self, windows: Windows, clean: Tensor) -> Tensor:
-        """Error of the decoded motion, of its change (the join with the history included) and of the root's path."""
-        blocks, weights = self.training.store.layout.blocks, self.config.losses.blocks
+    def _decoded(self, windows: Windows, clean: Tensor, time: Tensor) -> Tensor:
+        """Error of the decoded motion, of its change (the join with the history included) and of the root's path.
+
+        Each by as much as there is left of the latent to know it by, and none by more than `WORST`: paths that nobody
+        could foresee would drown all else.
+        """
+        blocks = self.training.store.layout.blocks
         errors = (self.decode(windows.history, clean) - windows.future) * windows.mask[..., None]
         if self.config.window.history:  # with which the error is nothing yet
             errors = nn.functional.pad(errors, (0, 0, 1, 0))
-        found = clean.new_zeros(())
+        found = clean.new_zeros(len(clean))
         for name in DECODED:
             error = errors[..., blocks[name]]
-            part = error.square().mean() + 10 * torch.diff(error, dim=1).square().mean()
-            if name == "root":
-                # Small errors of its speeds, always to one side, carry it away.
-                part = part + error[..., :3].cumsum(dim=1).square().mean() / error.shape[1]
-            found = found + weights[name] * part
-        return found / sum(weights[name] for name in DECODED)
+            found = found + _mean_square(error) + 10 * _mean_square(torch.diff(error, dim=1))
+        # Small errors of the root's speeds, always to one side, carry it away.
+        path = errors[..., blocks["root"]][..., :3].cumsum(dim=1)
+        found = found + _mean_square(path) / path.shape[1]
+        return (self.noise.kept[time] * found.clamp(max=WORST)).mean()
 
     def _roll_out_share(self, step: int) -> float:
         diffusion = self.config.diffusion
@@ -266,5 +272,11 @@ class DiffusionTask:
         clean = self.denoise(
             self.noise.add_noise(found.latent, noise, time), time, found.windows.history, found.conditions
         )
-        latent, decoded = float((clean - found.latent).square().mean()), float(self._decoded(found.windows, clean))
+        latent = float((clean - found.latent).square().mean())
+        decoded = float(self._decoded(found.windows, clean, time))
         return {"loss": latent + self.config.diffusion.decoded * decoded, "latent": latent, "decoded": decoded}
+
+
+def _mean_square(error: Tensor) -> Tensor:
+    """Of each window, (N, T, F) -> (N,)."""
+    return error.square().mean(dim=(1, 2))

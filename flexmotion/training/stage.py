@@ -106,7 +106,6 @@ def train_stage(
     def save() -> None:
         if group.first:
             content = {"fingerprint": fingerprint, "network": network.state_dict(), "average": average, "step": step}
-            content |= {"processes": group.count, "batch": stage.batch}
             _save(content | {"optimiser": optimiser.state_dict(), "least": least, "figures": figures}, last)
 
     def validate() -> None:
@@ -129,7 +128,8 @@ def train_stage(
                 board.add_scalar(f"training/{name}", value, step)
         if figures["loss"] < least:
             least = figures["loss"]
-            _save({"network": average, "step": step, "figures": figures}, folder / BEST)
+            how = {"steps": stage.steps, "processes": group.count, "batch": stage.batch}
+            _save({"network": average, "step": step, "figures": figures} | how, folder / BEST)
 
     board = _board(folder) if group.first else None
     parts: dict[str, float] = {}
@@ -186,8 +186,8 @@ def load_weights(network: nn.Module, folder: Path) -> int:
 
 def trained(folder: Path) -> Trained:
     """How a stage was trained, and what it reached."""
-    best, last = (torch.load(folder / name, map_location="cpu", weights_only=True) for name in (BEST, LAST))
-    return Trained(last["step"], last["processes"], last["batch"], best["step"], best["figures"])
+    best = torch.load(folder / BEST, map_location="cpu", weights_only=True)
+    return Trained(best["steps"], best["processes"], best["batch"], best["step"], best["figures"])
 
 
 def _rate(stage: Stage, step: int) -> float:

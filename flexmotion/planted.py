@@ -1,0 +1,85 @@
+"""`planted`: feet that carry load stay where they are on the floor, and the body above them moves instead.
+
+A model's errors of a degree at every joint of a leg move its foot by centimetres; the root, which it knows no better,
+is moved so that the feet that it says are loaded neither slide nor leave the floor. Angles are left as they are.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexmotion.kinematics import forward
+from flexmotion.motion import Motion
+
+Float = NDArray[np.float64]
+
+ROLLING = 0.01
+"""Heel and toe share what a foot does by the exponential of their height over this [m]."""
+
+SWINGING = 0.6
+"""A foot this fast is not planted, whatever it is said to carry [m/s]."""
+
+ABOVE, BELOW = 0.015, 0.0
+"""Heights of the lower one of heel and toe of a foot that stands; as in clips, whose shoes have soles [m]."""
+
+SMOOTH = np.array([0.25, 0.5, 0.25])
+SETTLING_S = 0.1
+"""Time constant with which the body is raised or lowered."""
+
+
+def planted(motion: Motion, past: Motion) -> Motion:
+    """A motion whose loaded feet stand.
+
+    Args:
+        motion: with contacts; without them it is returned as it is.
+        past: what it goes on from, of the same body and frame rate, at least one frame.
+    """
+    if motion.contacts is None or not len(motion):
+        return motion
+    last = past[len(past) - 1 :]
+    feet = np.concatenate([_feet(last), _feet(motion)])  # (T + 1, 2, 2, 3): left and right, heel and toe
+    loaded = motion.contacts.astype(np.float64)
+    share = np.exp(-(feet[..., 2] - feet[..., 2].min(axis=2, keepdims=True)) / ROLLING)
+    share = (share[1:] + share[:-1])[..., None]
+    velocity = np.diff(feet[..., :2], axis=0) * motion.fps
+    slip = (share * velocity).sum(axis=2) / share.sum(axis=2)
+    firm = loaded * np.clip(1.0 - np.linalg.norm(slip, axis=-1) / SWINGING, 0.0, 1.0)
+    shift = _smoothed((firm[..., None] * slip).sum(axis=1) / np.maximum(firm.sum(axis=1), 1.0)[:, None])
+
+    height = feet[1:, ..., 2].min(axis=2)
+    error = np.clip(height, BELOW, ABOVE) - height
+    some = loaded.any(axis=1)
+    wanted = np.where(some, (loaded * error).sum(axis=1) / np.maximum(loaded.sum(axis=1), 1.0), 0.0)
+    position = motion.root_position.copy()
+    position[:, :2] -= np.cumsum(shift, axis=0) / motion.fps
+    position[:, 2] += _settled(wanted, motion.fps)
+    return replace(motion, root_position=position)
+
+
+def _feet(motion: Motion) -> Float:
+    """Heel and toe of both feet, (T, 2, 2, 3) [m]."""
+    human = forward(motion)
+    return np.stack([human.heel, human.toe], axis=2)
+
+
+def _smoothed(values: Float) -> Float:
+    """Over neighbours, (T, 2)."""
+    padded = np.pad(values, ((1, 1), (0, 0)), mode="edge")
+    found: Float = sum(weight * padded[at : at + len(values)] for at, weight in enumerate(SMOOTH))
+    return found
+
+
+def _settled(wanted: Float, fps: float) -> Float:
+    """What follows `wanted` from 0 on as a critically damped spring does, (T,)."""
+    rate, dt = 2.0 / SETTLING_S, 1.0 / fps
+    place = speed = 0.0
+    found = np.empty_like(wanted)
+    for frame, to in enumerate(wanted):
+        # Implicit in its own speed: stable at any rate.
+        speed = (speed + dt * rate * rate * (to - place)) / (1.0 + 2.0 * rate * dt + (rate * dt) ** 2)
+        place += dt * speed
+        found[frame] = place
+    return found

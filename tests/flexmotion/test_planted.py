@@ -1,0 +1,82 @@
+"""Feet that carry load stay where they are."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from flexmotion.default_clip import default_clip
+from flexmotion.kinematics import forward
+from flexmotion.motion import Motion
+from flexmotion.planted import planted
+
+FRAMES = 32
+
+
+def feet(motion: Motion) -> np.ndarray:
+    human = forward(motion)
+    return np.stack([human.heel, human.toe], axis=2)
+
+
+@pytest.fixture
+def standing() -> Motion:
+    """Somebody who stands with both feet on the floor, (1 + 32) frames."""
+    clip = default_clip()[:1]
+    height = feet(clip)[..., 2].min()
+    root = np.repeat(clip.root_position, 1 + FRAMES, axis=0) - [0.0, 0.0, height]
+    return Motion(
+        fps=30.0,
+        body=clip.body,
+        root_position=root,
+        root_quaternion=np.repeat(clip.root_quaternion, 1 + FRAMES, axis=0),
+        joints=np.repeat(clip.joints, 1 + FRAMES, axis=0),
+        contacts=np.ones((1 + FRAMES, 2), np.bool_),
+    )
+
+
+def moved(motion: Motion, offset: np.ndarray) -> Motion:
+    return replace(motion, root_position=motion.root_position + offset)
+
+
+def test_who_stands_does_not_drift(standing: Motion) -> None:
+    # A bias of 4 cm/s carried a robot that was told to stand across the room.
+    drift = np.arange(FRAMES)[:, None] / 30.0 * [0.04, -0.02, 0.0]
+    found = planted(moved(standing[1:], drift), standing[:1])
+    assert np.linalg.norm(found.root_position[-1, :2] - standing.root_position[0, :2]) < 0.004
+
+
+@pytest.mark.parametrize("height", [-0.03, 0.04])
+def test_feet_come_to_the_floor_evenly(standing: Motion, height: float) -> None:
+    found = planted(moved(standing[1:], np.array([0.0, 0.0, height])), standing[:1])
+    low = feet(found)[..., 2].min(axis=(1, 2))
+    assert -0.003 < low[-1] < 0.018
+    assert np.abs(np.diff(low)).max() < 0.3 * abs(height)
+
+
+def test_a_foot_that_carries_nothing_may_go_where_it_likes(standing: Motion) -> None:
+    flight = replace(
+        moved(standing[1:], np.arange(FRAMES)[:, None] / 30.0 * [1.0, 0.0, 0.1]),
+        contacts=np.zeros((FRAMES, 2), np.bool_),
+    )
+    found = planted(flight, standing[:1])
+    np.testing.assert_allclose(found.root_position, flight.root_position, atol=1e-12)
+    unknown = replace(flight, contacts=None)
+    assert planted(unknown, standing[:1]) is unknown
+
+
+def test_who_runs_is_not_held_back_by_a_foot_said_to_be_loaded(standing: Motion) -> None:
+    run = moved(standing[1:], np.arange(FRAMES)[:, None] / 30.0 * [3.0, 0.0, 0.0])
+    found = planted(run, standing[:1])
+    np.testing.assert_allclose(found.root_position[:, :2], run.root_position[:, :2], atol=1e-9)
+
+
+def test_angles_are_left_alone(standing: Motion) -> None:
+    rng = np.random.default_rng(0)
+    other = replace(standing[1:], joints=standing.joints[1:] + 0.02 * rng.standard_normal(standing.joints[1:].shape))
+    found = planted(other, standing[:1])
+    assert np.array_equal(found.joints, other.joints) and np.array_equal(found.root_quaternion, other.root_quaternion)
+    slide = np.linalg.norm(np.diff(feet(found)[..., :2], axis=0), axis=-1).min(axis=-1).mean()
+    before = np.linalg.norm(np.diff(feet(other)[..., :2], axis=0), axis=-1).min(axis=-1).mean()
+    assert slide < before
