@@ -10,7 +10,7 @@ import logging
 import sys
 from collections.abc import Sequence
 from importlib.metadata import version
-from typing import Annotated, NoReturn
+from typing import Annotated
 
 import typer
 
@@ -99,11 +99,6 @@ def execute(arguments: Sequence[str] | None = None) -> int:
     return code if isinstance(code, int) else OK
 
 
-def main() -> NoReturn:
-    """Entry point of the `flexmotion` script."""
-    sys.exit(execute())
-
-
 def _fail(message: str, code: int) -> int:
     # A group called without a command has shown its help and has nothing to add.
     if line := " ".join(message.split()):
@@ -112,4 +107,4 @@ def _fail(message: str, code: int) -> int:
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(execute())

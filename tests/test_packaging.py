@@ -56,7 +56,7 @@ def test_script_and_driver_entry_points(wheel: zipfile.ZipFile) -> None:
     (file,) = (name for name in wheel.namelist() if name.endswith("entry_points.txt"))
     points = configparser.ConfigParser()
     points.read_string(wheel.read(file).decode())
-    assert points["console_scripts"]["flexmotion"] == "streamer.cli:main"
+    assert points["console_scripts"]["flexmotion"] == "streamer.__main__:main"
     assert dict(points[GROUP]) == BUILT_IN
     assert dict(points[imus.GROUP]) == imus.BUILT_IN
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import logging
 from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +20,8 @@ from drivers.imu.interface import Imu
 
 Float = NDArray[np.float64]
 Bool = NDArray[np.bool_]
+
+log = logging.getLogger(__name__)
 
 TORQUE_LOST = 0x100
 """Bit of `RobotState.hardware_error` that no servo reports: torque went off without being told to."""
@@ -170,6 +174,21 @@ class ServoBus(ABC):
     @abstractmethod
     def damp(self) -> None:
         """Pin the goals and give way softly, as far as the servos can."""
+
+    def tell_changes(self, changes: Mapping[int, Sequence[str]]) -> None:
+        """Log what the audit wrote for good: one line for the bus, one for each servo to whoever wants to know.
+
+        Args:
+            changes: slot -> `register old -> new` of every register that was written.
+        """
+        changed = {slot: names for slot, names in changes.items() if names}
+        if not changed:
+            return
+        registers = dict.fromkeys(change.split()[0] for names in changed.values() for change in names)
+        count = f"{len(changed)} servos" if len(changed) > 1 else self.joint_name(next(iter(changed)))
+        log.warning("bus %s: set for good on %s: %s (details: -v)", self.name, count, ", ".join(registers))
+        for slot, names in changed.items():
+            log.info("%s on %s: %s", self.joint_name(slot), self.port.path, ", ".join(names))
 
     def joint_name(self, slot: int) -> str:
         """`servo of JOINT (id N)` for messages."""

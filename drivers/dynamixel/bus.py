@@ -146,12 +146,15 @@ class DynamixelBus(ServoBus):
                 self._board = None
         self.imu = self._board
         fast: dict[tuple[Span, bool], list[int]] = {}
+        changes: dict[int, tuple[str, ...]] = {}
         for joint, id_, layout in zip(self.joints, self.ids, self._layouts, strict=True):
             found = audit(self._client, self.robot, int(joint), layout, configure=self.options.configure)
             slot = self._slot[id_]
+            changes[slot] = found.changes
             self.current_limit[slot], self.position_limits[:, slot] = found.current_limit, found.position_limits
             self.witness.limit(slot, *found.position_limits, found.current_limit)
             fast.setdefault((layout.read, found.fast), []).append(id_)
+        self.tell_changes(changes)
         self._groups = [
             ReadMany(ids, span, fast=quick, where=f"bus {self.name}") for (span, quick), ids in fast.items()
         ]

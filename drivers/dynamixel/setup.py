@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import math
 from dataclasses import dataclass
 
@@ -20,8 +19,6 @@ ANOTHER_PROTOCOL = "set its protocol_type to 2.0 if it has one, else a driver pl
 
 POSITION_MODE, CURRENT_POSITION_MODE = 3, 5
 
-log = logging.getLogger(__name__)
-
 
 @dataclass(frozen=True)
 class Audited:
@@ -30,11 +27,13 @@ class Audited:
     Attributes:
         fast: whether it answers fast sync reads.
         position_limits, current_limit: what it says that it takes, read back after it was set up, in its units.
+        changes: what was written for good, `register old -> new` each.
     """
 
     fast: bool
     position_limits: tuple[int, int]
     current_limit: float
+    changes: tuple[str, ...]
 
 
 def expected_settings(robot: Robot, joint: int, layout: Layout) -> dict[str, int]:
@@ -70,7 +69,7 @@ def expected_settings(robot: Robot, joint: int, layout: Layout) -> dict[str, int
 
 
 def audit(client: Client, robot: Robot, joint: int, layout: Layout, *, configure: bool) -> Audited:
-    """Check one servo and set it up; only what differs is written, and EEPROM changes are told.
+    """Check one servo and set it up; only what differs is written.
 
     Raises `DriverError` where the servo does not answer, is another model or protocol, or where a setting differs that
     may not be written: without `configure`, or while its torque is on.
@@ -104,9 +103,6 @@ def audit(client: Client, robot: Robot, joint: int, layout: Layout, *, configure
             f"{where}: {_difference(table, memory, kept[0], wrong)}, and torque is on, which locks it: "
             "hold the robot and switch its power off and on"
         )
-    if kept:
-        changes = ", ".join(f"{name} {_value(table, memory, name)} -> {wrong[name]}" for name in kept)
-        log.warning("%s: written for good: %s", where, changes)
     for name, value in wrong.items():
         client.write(id_, table[name], value)
     _point(client, id_, layout)
@@ -116,6 +112,7 @@ def audit(client: Client, robot: Robot, joint: int, layout: Layout, *, configure
         fast=lowest is not None and firmware >= lowest,
         position_limits=(told["min_position_limit"], told["max_position_limit"]),
         current_limit=client.read(id_, table["current_limit"]) if "current_limit" in table else math.inf,
+        changes=tuple(f"{name} {_value(table, memory, name)} -> {wrong[name]}" for name in kept),
     )
 
 

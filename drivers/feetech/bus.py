@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import math
 
 import numpy as np
@@ -26,8 +25,6 @@ TRIES = 3
 
 _READ = ("present_position", "present_speed", "present_load", "present_voltage", "present_temperature", "status",
          "present_current")  # fmt: skip
-
-log = logging.getLogger(__name__)
 
 
 class FeetechBus(ServoBus):
@@ -79,7 +76,7 @@ class FeetechBus(ServoBus):
 
     def audit(self) -> None:
         """See `ServoBus`."""
-        table = sts()
+        table, changes = sts(), dict[int, list[str]]()
         for slot, servo in enumerate(self.servos):
             id_, where = self.ids[slot], f"{self.joint_name(slot)} on {self.port.path}"
             answer = self._client.ask(id_, Instruction.READ, bytes([0, 56]), answer=56)
@@ -93,13 +90,12 @@ class FeetechBus(ServoBus):
                 raise DriverError(f"{where}: model number {held['model_number']}, expected {servo.model_number}")
             wrong = {name: value for name, value in self._settings(slot).items() if held[name] != value}
             kept = [name for name in wrong if table[name].address < table.eeprom_end]
-            changes = ", ".join(f"{name} {held[name]} -> {wrong[name]}" for name in kept)
+            changes[slot] = [f"{name} {held[name]} -> {wrong[name]}" for name in kept]
             if kept and not self.options.configure:
-                raise DriverError(f"{where}: option configure would write: {changes}")
+                raise DriverError(f"{where}: option configure would write: {', '.join(changes[slot])}")
             if kept and held["torque_enable"]:
-                raise DriverError(f"{where}: torque is on, which forbids: {changes}")
+                raise DriverError(f"{where}: torque is on, which forbids: {', '.join(changes[slot])}")
             if kept:
-                log.warning("%s: written for good: %s", where, changes)
                 self._write(slot, "lock", 0)
             for name, value in wrong.items():
                 self._write(slot, name, value)
@@ -109,6 +105,7 @@ class FeetechBus(ServoBus):
             self.witness.limit(slot, *(float(limit) for limit in told if limit is not None))
             if kept:
                 self._write(slot, "lock", 1)
+        self.tell_changes(changes)
 
     def request(self, now: float) -> None:
         """See `ServoBus`."""

@@ -49,6 +49,24 @@ def test_help_is_quick_because_nothing_heavy_is_imported() -> None:
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"
 
 
+def test_an_interrupt_before_anything_is_imported_is_quiet() -> None:
+    """It once printed a traceback of whatever was being imported."""
+    code = """
+import importlib.abc, os, signal, sys
+from streamer.__main__ import main
+
+class Impatient(importlib.abc.MetaPathFinder):
+    def find_spec(self, name, path, target=None):
+        if name == "typer":
+            os.kill(os.getpid(), signal.SIGINT)
+
+sys.meta_path.insert(0, Impatient())
+main()
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "")
+
+
 BAD_USAGE = {
     "unknown command": (["dance"], "No such command 'dance'"),
     "unknown option": (["dry-run", "--speed", "3"], "No such option"),

@@ -51,7 +51,7 @@ def test_killed_half_way_it_goes_on_to_the_same_bytes(tmp_path: Path) -> None:
 
     whole, killed = tmp_path / "whole", tmp_path / "killed"
     assert execute(command(whole, 1)) == OK
-    program = [sys.executable, "-c", "from streamer.cli import main; main()", *command(killed, 2)]
+    program = [sys.executable, "-c", "from streamer.__main__ import main; main()", *command(killed, 2)]
     quiet = subprocess.DEVNULL
     process = subprocess.Popen(program, stdout=quiet, stderr=quiet, start_new_session=True)
     parts = killed / "work" / "parts"

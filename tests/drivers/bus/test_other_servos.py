@@ -74,8 +74,9 @@ def test_a_setting_that_differs_is_written_once_and_told(sts: Robot, caplog: pyt
     with caplog.at_level(logging.WARNING), driver:
         assert "return_delay" not in caplog.text
     bus.servos[3].put("homing_offset", -80)
-    with caplog.at_level(logging.WARNING), driver:
+    with caplog.at_level(logging.INFO), driver:
         assert "homing_offset -80 -> 0" in caplog.text
+        assert "bus main: set for good on servo of l_sho_roll (id 4): homing_offset" in caplog.text
     assert bus.servos[3].get("homing_offset") == 0 and bus.servos[3].get("lock") == 1
 
 
