@@ -48,10 +48,12 @@ def load(model: type[Model], file: Path) -> Model:
 
 def _one_line(model: type[Strict], error: ValidationError) -> str:
     problems = error.errors()
-    first = problems[0]
+    # A name that nobody knows comes first: often it is why another is missing.
+    first = next((problem for problem in problems if problem["type"] == "extra_forbidden"), problems[0])
     field = ".".join(str(part) for part in first["loc"]) or "(file)"
     message = first["msg"].removeprefix("Value error, ")
     if first["type"] == "extra_forbidden" and len(first["loc"]) == 1:
-        message = f"unknown field, expected one of: {', '.join(model.model_fields)}"
+        known = ", ".join(model.model_fields)
+        message = f"unknown field, expected one of: {known}" if known else "unknown field, there are none"
     more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
     return f"field {field}: {message}{more}"

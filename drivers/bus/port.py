@@ -6,6 +6,7 @@ import errno
 import logging
 import os
 import select
+import termios
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -146,4 +147,6 @@ def _reason(path: str, error: serial.SerialException) -> str:
         return "permission denied; on most systems a member of group dialout may use it"
     if error.errno in (errno.EBUSY, errno.EAGAIN) or "exclusively lock" in str(error):
         return "another program holds it"
+    if error.errno == errno.EISDIR or isinstance(error.__context__, termios.error):
+        return "is no serial port"
     return " ".join(str(error).split())

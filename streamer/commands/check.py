@@ -18,7 +18,6 @@ from streamer.commands.options import (
     ReportOption,
     RobotOption,
     ScriptOption,
-    SecondsOption,
     SeedOption,
     SettingsOption,
 )
@@ -42,7 +41,10 @@ def torque(
     bundle: BundleOption = None,
     robot: RobotOption = "op3",
     mapping: MappingOption = None,
-    seconds: SecondsOption = None,
+    seconds: Annotated[
+        float | None,
+        typer.Option("--seconds", "-s", min=0.1, help="Look at no more than this many seconds.", show_default=False),
+    ] = None,
     seed: SeedOption = 0,
     settings: SettingsOption = None,
     report: ReportOption = None,

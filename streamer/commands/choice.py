@@ -77,6 +77,8 @@ def choose_source(
             return _at_most(ClipSource(motion), seconds, bundle)
         return _model(items, name, str(script), bundle, seed, seconds, endless)
     if prompt is not None:
+        if not prompt.strip():
+            raise typer.BadParameter('--prompt is empty: say in words what to do, such as "walk forward"')
         return _model([Item(0.0, Text(prompt))], f"prompt:{prompt}", "--prompt", bundle, seed, seconds, endless)
     if bundle is None and shipped_bundle() is None:
         return _at_most(ClipSource(choose_motion()), seconds, None)

@@ -38,7 +38,14 @@ SettingsOption = Annotated[
     Path | None, typer.Option("--settings", help="Stream settings (YAML) instead of the shipped ones.")
 ]
 SecondsOption = Annotated[
-    float | None, typer.Option("--seconds", "-s", min=0.1, help="Follow at most this many seconds.", show_default=False)
+    float | None,
+    typer.Option(
+        "--seconds",
+        "-s",
+        min=0.1,
+        help="Follow at most this many seconds; standing up, stopping and parking come on top, some 8 s.",
+        show_default=False,
+    ),
 ]
 SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of everything that is drawn at random.")]
 ReportOption = Annotated[

@@ -20,6 +20,8 @@ class Engine(Strict):
         ("power: fast", "field power: Input should be a valid number"),
         ("name: a", "field power: Field required"),
         ("{power: 1, torque: 2}", "field torque: unknown field, expected one of: power, name"),
+        # It once named only the field that was missing for being misspelt.
+        ("powre: 1", "field powre: unknown field, expected one of: power, name (and 1 more)"),
         ("power: .nan", "field power: Input should be a finite number"),
         ("power: .inf", "field power: Input should be a finite number"),
         ("{power: a, name: 3}", "(and 1 more)"),
@@ -47,3 +49,8 @@ def test_what_was_parsed_is_read_only() -> None:
     engine = parse(Engine, {"power": 3}, "here")
     with pytest.raises(ValueError, match="frozen"):
         engine.power = 4  # type: ignore[misc]
+
+
+def test_where_there_are_no_fields_none_are_listed() -> None:
+    with pytest.raises(ConfigError, match="options: field speed: unknown field, there are none"):
+        parse(Strict, {"speed": 1}, "options")

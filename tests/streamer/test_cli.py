@@ -74,6 +74,7 @@ BAD_USAGE = {
     "negative time": (["dry-run", "--seconds", "-1"], "--seconds"),
     "unknown robot": (["dry-run", "--robot", "hal"], "unknown robot 'hal': neither a folder nor one of: op3"),
     "robot of robots": (["robots", "hal"], "unknown robot 'hal'"),
+    "empty prompt": (["dry-run", "--prompt", " "], "--prompt is empty: say in words what to do"),
     "missing clip": (["dry-run", "--clip", "none.bvh"], "none.bvh: cannot be read"),
     "kind of clip": (["dry-run", "--clip", "dance.mp4"], "dance.mp4: unknown kind of motion file, expected .bvh"),
     "missing script": (["dry-run", "--script", "none.yaml"], "none.yaml: cannot be read"),

@@ -249,6 +249,9 @@ def test_settings_locked_by_torque_are_named_and_the_robot_is_not_dropped(rig: C
 
 
 def test_a_port_that_is_not_there(op3: Robot) -> None:
+    for path in ("/dev/null", str(Path(__file__)), str(Path(__file__).parent)):
+        with pytest.raises(DriverError, match=rf"^port {path}: is no serial port$"):
+            SerialPort(path, 57600)
     with pytest.raises(DriverError, match=r"port /dev/nowhere: there is no such device"):
         create("dynamixel", op3, port="/dev/nowhere").open()
 
