@@ -33,6 +33,7 @@ class Estimator:
         com, dcm: horizontal centre of mass and its divergent component in the plan's world, (2,) [m].
         leg_axes: axes of each leg's joints in the plan's world, (2, 6, 3).
         has_imu: whether the tilt is measured; else it is the reference's.
+        gyro_bias: taken off what the gyro measures, (3,) [rad/s]; whoever knows it fills it.
     """
 
     def __init__(self, robot: Robot, omega: float) -> None:
@@ -51,6 +52,7 @@ class Estimator:
         ]
         self._patience = robot.safety.max_stale_reads
         self.has_imu = False
+        self.gyro_bias, self._gyro = np.zeros(3), np.zeros(3)
         self.tilt, self.tilt_rate = np.zeros(2), np.zeros(2)
         self.com, self.dcm = np.zeros(2), np.zeros(2)
         self.com_velocity = np.zeros(2)
@@ -66,11 +68,12 @@ class Estimator:
         """Take in one measurement, against the reference that was in force when it was made."""
         # A few samples may be missed; after that the last attitude is no attitude.
         self.has_imu = state.imu_stale == 0 or (self.has_imu and 0 < state.imu_stale <= self._patience)
+        np.subtract(state.gyro, self.gyro_bias, out=self._gyro)
         if state.imu_stale == 0:
-            self.ahrs.update_no_magnetometer(np.degrees(state.gyro), state.accel / _GRAVITY)
+            self.ahrs.update_no_magnetometer(np.degrees(self._gyro), state.accel / _GRAVITY)
         if self.has_imu:
             self.tilt[:] = roll_pitch(self.ahrs.get_quaternion())
-            self.tilt_rate[:] = state.gyro[:2]
+            self.tilt_rate[:] = self._gyro[:2]
         else:
             self.tilt[:], self.tilt_rate[:] = roll_pitch(reference.base[3:]), 0.0
         if reference.balanced:
@@ -83,7 +86,7 @@ class Estimator:
         mujoco.mju_euler2Quat(data.qpos[3:7], self._euler, "zyx")
         data.qpos[robot.qpos_address] = state.position
         data.qvel[:3] = 0.0
-        data.qvel[3:6] = state.gyro if self.has_imu else 0.0
+        data.qvel[3:6] = self._gyro if self.has_imu else 0.0
         data.qvel[robot.dof_address] = state.velocity
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)

@@ -13,6 +13,7 @@ from drivers.interface import Driver, JointCommand, RobotState
 from retarget.plan import Plan
 from retarget.retargeter import Retargeter
 from streamer.estimator import Estimator
+from streamer.gyro_bias import GyroBias
 from streamer.ladder import Inputs, Ladder, Playback, State
 from streamer.load_estimator import LoadEstimator
 from streamer.plan_buffer import Offer, PlanBuffer, Ticket
@@ -71,6 +72,7 @@ class ControlLoop:
         self.command = JointCommand(robot.n)
         self.now, self.ahead = Reference(robot.n), Reference(robot.n)
         self.estimator = Estimator(robot, retargeter.omega)
+        self.gyro_bias = GyroBias(robot.rate_hz)
         self.stabiliser = Stabiliser(robot, enabled=feedback)
         self.load = LoadEstimator(robot)
         self.suspension = Suspension(robot)
@@ -95,7 +97,13 @@ class ControlLoop:
     @property
     def ready(self) -> bool:
         """Whether the robot stands and waits for its first plan."""
-        return self.ladder.state is State.READY and self.move.done
+        return self.ladder.state is State.READY and self._arrived
+
+    @property
+    def _arrived(self) -> bool:
+        """Whether a slow move is over, and the rest after that to the stand pose."""
+        resting = self.ladder.state is State.READY and self.estimator.has_imu and not self.gyro_bias.done
+        return self.move.done and not resting
 
     @property
     def plan(self) -> Plan | None:
@@ -212,7 +220,9 @@ class ControlLoop:
         limits, self._found = robot.safety, None
         inputs.plan_ready = self.plan is not None and not self.plan_over
         inputs.plan_over = self.plan_over
-        inputs.move_done = self.move.done
+        if state is State.READY and self.move.done:
+            self._rest()
+        inputs.move_done = self._arrived
         if state is State.OFF:
             self._audit()
             return
@@ -225,6 +235,17 @@ class ControlLoop:
             self._found = inputs.fault = self._problem()
         if not self.estimator.has_imu:
             self._warn("imu", "no IMU: the robot runs open loop, falls are not detected")
+
+    def _rest(self) -> None:
+        """The robot stands and waits: what the gyro measures now is its bias."""
+        rest, measured = self.gyro_bias, self.state
+        if rest.done or measured.imu_stale != 0:
+            return
+        rest.add(measured.gyro, measured.accel)
+        if rest.done:
+            self.estimator.gyro_bias[:] = rest.bias
+            if not rest.known:
+                self._event("warning", "the robot did not stand still: the gyro's bias is not known, none is taken out")
 
     def _audit(self) -> None:
         """A start is refused, with its reason, while anything is wrong that could be known before torque goes on."""
@@ -300,6 +321,7 @@ class ControlLoop:
             self.load.reset()
             self.suspension.reset()
             self.estimator.reset()
+            self.gyro_bias.reset()
             self.command.position[:] = self.state.position
             self.driver.set_torque(True)
             self.move.begin(

@@ -20,8 +20,8 @@ from streamer.loop import ControlLoop
 from streamer.plan_buffer import PlanBuffer, Ticket
 from streamer.telemetry import Telemetry, events
 
-READY = 70
-"""Ticks after which the robot stands at its stand pose."""
+READY = 135
+"""Ticks after which the robot stands at its stand pose and has rested there."""
 
 
 @pytest.fixture(scope="module")

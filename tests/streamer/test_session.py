@@ -24,7 +24,7 @@ from streamer.session import Session, count_human_steps
 from streamer.sources import ClipSource
 
 RATE = 125
-MID_WALK = 2.96
+MID_WALK = 3.46
 """Seconds into a run of `steps` at which a foot is in the air, or nearly."""
 STREAMED = (State.OFF, State.READY, State.STREAMING, State.HOLD, State.PARK)
 

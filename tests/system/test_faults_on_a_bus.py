@@ -15,7 +15,7 @@ from streamer.ladder import State
 
 from .bus_runs import Run, through_bytes
 
-AT = 1.2
+AT = 1.7
 """When the fault begins, after torque went on [s]."""
 
 BUS_LOST = ("cable", "port", "lost", "corrupt", "truncated", "late", "late:0.009")
