@@ -33,15 +33,16 @@ class GyroBias:
         """A rest begins; what an earlier one told holds until it is over."""
         self._count, self.done, self.known = 0, False, False
 
-    def add(self, gyro: Float, accel: Float) -> None:
-        """One sample of the IMU, (3,) each [rad/s, m/s²]."""
+    def add(self, gyro: Float, accel: Float) -> bool:
+        """Take one sample of the IMU, (3,) each [rad/s, m/s²]; whether it was the last of the rest."""
         if self.done:
-            return
+            return False
         sample = self._samples[self._count]
         sample[:3], sample[3:] = gyro, accel
         self._count += 1
         if self._count == len(self._samples):
             self._judge()
+        return self.done
 
     def _judge(self) -> None:
         mean, spread = self._samples.mean(axis=0)[:3], self._samples.std(axis=0)

@@ -239,10 +239,7 @@ class ControlLoop:
     def _rest(self) -> None:
         """The robot stands and waits: what the gyro measures now is its bias."""
         rest, measured = self.gyro_bias, self.state
-        if rest.done or measured.imu_stale != 0:
-            return
-        rest.add(measured.gyro, measured.accel)
-        if rest.done:
+        if measured.imu_stale == 0 and rest.add(measured.gyro, measured.accel):
             self.estimator.gyro_bias[:] = rest.bias
             if not rest.known:
                 self._event("warning", "the robot did not stand still: the gyro's bias is not known, none is taken out")
