@@ -14,6 +14,9 @@ STRIKES = 3
 
 _STATUS_OVERHEAD, _FAST_OVERHEAD, _FAST_HEAD = 11, 4, 8
 """Bytes around a servo's data in a status packet, and in a fast reply, and those before the first servo's."""
+_FAST_START = HEADER + bytes([BROADCAST])
+"""How a fast reply starts. A late answer to a sync read starts with its servo's id; where a byte is stuffed, it is
+as long as a servo's part of a fast reply, its CRC where that one's would be."""
 
 log = logging.getLogger(__name__)
 
@@ -125,7 +128,7 @@ class ReadMany(Exchange):
         """See `Exchange`."""
         if self._asks_fast:
             self._reply += data
-            start = self._reply.find(HEADER)
+            start = self._reply.find(_FAST_START)
             return start >= 0 and len(self._reply) - start >= self._fast_size
         for packet in self._decoder.feed(data):
             if packet.intact and packet.id in self._known and len(packet.params) == self.span.size + 1:
@@ -188,7 +191,7 @@ class ReadMany(Exchange):
 
     def _split(self) -> bool:
         """Take a fast reply apart; whether it came whole."""
-        start = self._reply.find(HEADER)
+        start = self._reply.find(_FAST_START)
         if start < 0:
             return False
         reply = bytes(self._reply[start : start + self._fast_size])
