@@ -134,7 +134,7 @@ def describe(figures: dict[str, Any]) -> str:
 
 
 def _robot(figures: dict[str, Any]) -> str:
-    outside = f"{figures['violations']} goals outside the envelope arrived"
+    outside = f"goals outside the envelope that arrived: {figures['violations']}"
     if "fell" not in figures:
         return f"servos: {outside}"
     how = "fell" if figures["fell"] else "did not fall"

@@ -29,7 +29,7 @@ def test_it_is_said_in_words() -> None:
     """It once printed dictionaries."""
     assert describe(figures()).splitlines() == [
         "robot: did not fall, tilted by 5.7° at most, at its lowest 81 % of its height; 0.35 m from where it began; "
-        "0 goals outside the envelope arrived",
+        "goals outside the envelope that arrived: 0",
         "main: 900 packets heard, 2 of them broken, 0 collisions, wire busy 31 % of the time; "
         "spoilt as asked: 3 lost, 1 late",
         "imu: wire busy 40 % of the time",
@@ -46,4 +46,4 @@ def test_an_emulator_that_was_late_says_what_that_means() -> None:
 def test_servos_on_a_bench_have_nothing_to_fall() -> None:
     bench = {key: value for key, value in figures().items() if key in ("violations", "buses", "elapsed_s")}
     bench |= {"processor_share": 0.1, "lateness_ms": 0.1, "lost_ms": 0.0}
-    assert describe(bench).startswith("servos: 0 goals outside the envelope arrived")
+    assert describe(bench).startswith("servos: goals outside the envelope that arrived: 0")
