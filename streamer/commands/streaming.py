@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -172,6 +173,12 @@ def _recorder(request: RunRequest, session: Session, robot: Robot) -> Recorder:
     )
 
 
+def emulated_port(options: Mapping[str, Any]) -> str | None:
+    """The first port among a driver's options that is a pseudo-terminal, behind which no servo is."""
+    ports = [options.get("port"), *(options.get("ports") or {}).values()]
+    return next((port for port in ports if port and Path(port).resolve().is_relative_to("/dev/pts")), None)
+
+
 def present(outcome: Outcome, folder: Path | None, as_json: bool) -> None:
     """Print the report, write it where asked, and leave with the exit code that it means."""
     report = outcome.report
@@ -185,6 +192,8 @@ def present(outcome: Outcome, folder: Path | None, as_json: bool) -> None:
         page = write_page(folder / "index.html", report, pictures)
         print_note(f"report: {page}")
     if report.safety.hardware_failed:
+        if port := emulated_port(report.options):
+            print_note(f"{port} is a pseudo-terminal: its other end may have been late (emulate says so when it ends)")
         raise typer.Exit(HARDWARE_FAILED)
     if outcome.interrupted:
         raise typer.Exit(INTERRUPTED)

@@ -20,6 +20,7 @@ from drivers.sim.driver import SimDriver
 from streamer.cli import execute
 from streamer.commands.driver_options import simulation_options
 from streamer.commands.signals import operator_signals
+from streamer.commands.streaming import emulated_port
 from streamer.controls import Request
 from streamer.report import TIMING_KEYS
 
@@ -249,6 +250,18 @@ def test_hardware_that_fails_is_exit_code_3_before_the_start_and_on_the_way(
     assert run("run", "-r", "op3", "-d", plug_in(driver), "--clock", "lockstep", "--seconds", "0.3", "--json") == 3
     safety = json.loads(capsys.readouterr().out)["safety"]
     assert safety["hardware_failed"] and safety["faults"][-1].startswith(f"{fault} (id 14) does not answer")
+
+
+def test_an_emulated_port_is_known_as_one(tmp_path: Path) -> None:
+    """Runs against an emulator that had no processor were blamed on the servos."""
+    ends = os.openpty()
+    link = tmp_path / "bus"
+    link.symlink_to(os.ttyname(ends[1]))
+    assert emulated_port({"port": str(link)}) == str(link)
+    assert emulated_port({"ports": {"a": "/dev/null", "b": str(link)}}) == str(link)
+    assert emulated_port({"port": "/dev/null"}) is None and emulated_port({}) is None
+    for end in ends:
+        os.close(end)
 
 
 def test_a_failing_driver_is_exit_code_3(plug_in: Callable[..., str], capsys: pytest.CaptureFixture[str]) -> None:
