@@ -30,6 +30,12 @@ MEASURED = 4096
 DECODED = ("root", "rotations", "positions")
 """Blocks by which decoded motion is compared."""
 
+SENTENCES = 3.0
+"""Spread of the sentences' embeddings as the network sees them: left and right are a quarter of that apart."""
+
+LATE = 2 / 3
+"""Power of what is drawn evenly that a time is."""
+
 WORST = 20.0
 """Decoded error of a window from which on it teaches nothing."""
 
@@ -126,7 +132,8 @@ class DiffusionTask:
         self.network = Denoiser(config.diffusion, config.window, store.layout, autoencoder.latent).to(processes.device)
         sentences = Sentences(store.clips, encode, manner)
         self.network.sentence_mean.copy_(sentences.embeddings.mean(dim=0))
-        self.network.sentence_spread.copy_(sentences.embeddings.std(dim=0, unbiased=False).clamp(min=1e-3))
+        spread = sentences.embeddings.std(dim=0, unbiased=False).clamp(min=1e-3)
+        self.network.sentence_spread.copy_(spread / SENTENCES)
         self.training, self.held_out = (
             LatentSet(config, store, split, self.autoencoder, sentences, processes) for split in ("train", held_out)
         )
@@ -164,7 +171,8 @@ class DiffusionTask:
         windows = self.windows(key, batch, self._roll_out_share(step))
         conditions = self.training.describe(windows, (*key, 3))
         latent = self.normalised(self.training.encode(windows.history, windows.future))
-        time = (uniform((*key, 4), (batch,)) * diffusion.steps).long().to(device)
+        # More often late than early: what is asked for decides most where little is left of the latent.
+        time = (uniform((*key, 4), (batch,)) ** LATE * diffusion.steps).long().to(device)
         noise = normal((*key, 5), tuple(latent.shape)).to(device)
         noisy = self.noise.add_noise(latent, noise, time)
         with self.processes.mixed_precision():
