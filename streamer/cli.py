@@ -104,7 +104,3 @@ def _fail(message: str, code: int) -> int:
     if line := " ".join(message.split()):
         print(f"flexmotion: {line}", file=sys.stderr)
     return code
-
-
-if __name__ == "__main__":
-    sys.exit(execute())
