@@ -52,7 +52,7 @@ def robot_at(baud: int, folder: Path) -> Robot:
 @contextmanager
 def emulated(robot: Robot, link: Path) -> Iterator[dict[str, float]]:
     """The robot's bus on a bench behind `link`; yields a dictionary that has the emulator's figures in the end."""
-    command = [sys.executable, "-m", "streamer.cli", "emulate", "--bench", "--json"]
+    command = [sys.executable, "-m", "streamer", "emulate", "--bench", "--json"]
     process = subprocess.Popen(
         [*command, "--robot", str(robot.folder), "--port-link", str(link)],
         stdout=subprocess.PIPE,

@@ -27,7 +27,7 @@ from streamer.cli import execute
 def port(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     """The bus of OP3's servos, emulated on a bench by the command itself."""
     link = tmp_path_factory.mktemp("emulated") / "bus"
-    command = [sys.executable, "-m", "streamer.cli", "emulate", "--bench", "--no-realtime", "--json"]
+    command = [sys.executable, "-m", "streamer", "emulate", "--bench", "--no-realtime", "--json"]
     process = subprocess.Popen([*command, "--port-link", str(link)], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
     for _ in range(600):
         if link.exists() or process.poll() is not None:

@@ -341,7 +341,7 @@ def test_script_of_two_clips(short_clip: Path, tmp_path: Path, capsys: pytest.Ca
 
 def test_a_reader_that_leaves_causes_no_traceback() -> None:
     process = subprocess.Popen(
-        [sys.executable, "-m", "streamer.cli", "robots", "op3"], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+        [sys.executable, "-m", "streamer", "robots", "op3"], stdout=subprocess.PIPE, stderr=subprocess.PIPE
     )
     assert process.stdout is not None
     assert process.stderr is not None

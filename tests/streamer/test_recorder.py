@@ -82,7 +82,7 @@ def test_a_full_disk_ends_the_log_and_not_the_run(tmp_path: Path) -> None:
 
     command = ["dry-run", "--seconds", "0.6", "--json", "--log", str(file)]
     run = subprocess.run(
-        [sys.executable, "-m", "streamer.cli", *command], capture_output=True, text=True, preexec_fn=limit
+        [sys.executable, "-m", "streamer", *command], capture_output=True, text=True, preexec_fn=limit
     )
     assert run.returncode == 0, run.stderr
     assert run.stderr.count("recording stopped at tick") == 1 and "Traceback" not in run.stderr

@@ -87,7 +87,7 @@ class Bench:
 
 def _start(*command: str) -> subprocess.Popen[str]:
     return subprocess.Popen(
-        [sys.executable, "-m", "streamer.cli", *command],
+        [sys.executable, "-m", "streamer", *command],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
