@@ -17,6 +17,9 @@ from configs.model import Window
 from flexmotion.training.feature_store import FeatureStore, StoredClip
 from flexmotion.training.human_tensors import HumanTensors
 
+EVENNESS = 0.75
+"""0: kinds are drawn as often as they occur, 1: all equally often."""
+
 CLIP = 15.0
 """Normalised features are held within this many spreads."""
 
@@ -112,8 +115,8 @@ class Windows:
 class WindowSet:
     """All windows of one split.
 
-    Clips are drawn by their number of windows over the square root of their kind's share: rare kinds more often than
-    they occur, but not as often as common ones.
+    Clips are drawn by their number of windows over a power of their kind's share: rare kinds more often than they
+    occur, but not as often as common ones.
 
     Args:
         store: features of a set.
@@ -143,7 +146,7 @@ class WindowSet:
         share: Counter[str] = Counter()
         for name, count in zip(kinds, self._count, strict=True):
             share[name] += int(count)
-        self._rarity = 1.0 / np.sqrt([share[name] for name in kinds])
+        self._rarity = np.array([share[name] for name in kinds], np.float64) ** -EVENNESS
 
     @property
     def goes_on(self) -> bool:
