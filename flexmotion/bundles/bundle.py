@@ -18,7 +18,7 @@ from flexmotion.body import Body, Segments, Sex
 from flexmotion.features.layout import Layout
 from flexmotion.features.statistics import Statistics
 
-SCHEMA = "flexmotion.bundle/1"
+SCHEMA = "flexmotion.bundle/2"
 MANIFEST, ARRAYS, DENOISER, DECODER = "manifest.json", "arrays.npz", "denoiser.onnx", "decoder.onnx"
 
 
@@ -100,7 +100,7 @@ class Bundle:
         except ValueError as error:
             raise ConfigError(f"{path}: damaged ({error})") from error
         if content.get("schema_") != SCHEMA:
-            raise ConfigError(f"{path}: schema is {content.get('schema_')!r}, expected {SCHEMA!r}")
+            raise ConfigError(f"{path}: schema is {content.get('schema_')!r}, expected {SCHEMA!r}; export it anew")
         try:
             self.manifest = Manifest.model_validate(content)
         except ValidationError as error:

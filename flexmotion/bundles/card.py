@@ -54,6 +54,9 @@ class Making:
             several = f"torchrun --nproc-per-node {stage.processes} -m streamer"
             begin = several if stage.processes > 1 else "flexmotion"
             begun = "" if found else f"--set SET --config {self.config} --seed {self.seed} "
+            if begun and stage.processes > 1:  # features are computed once, by one process
+                found.append(f"flexmotion train {name} {begun}--steps 1 -o TRAINING")
+                begun = ""
             found.append(f"{begin} train {name} {begun}--steps {stage.steps} -o TRAINING")
         found.insert(1, "flexmotion train text -o TRAINING")
         return [*found, f"flexmotion export TRAINING -o BUNDLE{'' if 'distill' in self.stages else ' --diffusion'}"]
@@ -82,7 +85,8 @@ def write_card(folder: Path, manifest: Manifest, made: Making) -> None:
         *made.commands,
         "```",
         "",
-        "SET is what `flexmotion data build` makes of the collections named above. Batches are those of a process.",
+        "SET is what `flexmotion data build` makes of the collections named above. Batches are those of each",
+        "process (`stages` in the configuration).",
         "",
         "| stage | steps | batch | best at | on held-out clips |",
         "|---|---|---|---|---|",

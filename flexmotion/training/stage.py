@@ -128,7 +128,7 @@ def train_stage(
                 board.add_scalar(f"training/{name}", value, step)
         if figures["loss"] < least:
             least = figures["loss"]
-            how = {"steps": stage.steps, "processes": group.count, "batch": stage.batch}
+            how = {"steps": step, "processes": group.count, "batch": stage.batch}
             _save({"network": average, "step": step, "figures": figures} | how, folder / BEST)
 
     board = _board(folder) if group.first else None
@@ -162,6 +162,8 @@ def train_stage(
     if step and not (folder / BEST).is_file():
         validate()
     save()
+    if group.first:  # a stage may have ended early, or long after its best weights
+        _save(torch.load(folder / BEST, weights_only=True) | {"steps": step}, folder / BEST)
     if board is not None:
         board.close()
     return Progress(step, stage.steps, parts, figures)
@@ -185,8 +187,14 @@ def load_weights(network: nn.Module, folder: Path) -> int:
 
 
 def trained(folder: Path) -> Trained:
-    """How a stage was trained, and what it reached."""
+    """How a stage was trained, and what it reached.
+
+    Raises:
+        ConfigError: it was trained by a version that did not write it down.
+    """
     best = torch.load(folder / BEST, map_location="cpu", weights_only=True)
+    if "processes" not in best:
+        raise ConfigError(f"{folder / BEST}: of an older version; run 'flexmotion train {folder.name}' once more")
     return Trained(best["steps"], best["processes"], best["batch"], best["step"], best["figures"])
 
 

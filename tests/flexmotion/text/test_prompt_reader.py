@@ -11,8 +11,14 @@ import pytest
 from flexmotion.text import prompt_reader
 from flexmotion.text.prompt_reader import PromptReader
 
-KINDS = ("turn-left", "turn-left", "turn-right", "turn-right", "stand")
-WORDINGS = np.array([[1.0, 0.05, 0.0], [1.0, 0.06, 0.02], [1.0, -0.05, 0.0], [1.0, -0.06, 0.02], [0.0, 0.0, 1.0]])
+KINDS = ("turn-left", "turn-left", "turn-right", "turn-right", "stand", "bow", "bow", "bow", "walk")
+WORDINGS = np.array(
+    [
+        *([1.0, 0.2, 0.1], [1.0, 0.25, -0.1], [1.0, -0.2, 0.1], [1.0, -0.25, -0.1]),
+        [0.0, 0.0, 1.0],
+        *([-1.0, 0.65, 0.0], [-1.0, 0.67, 0.03], [-1.0, 0.66, -0.03], [-1.0, 0.05, 0.0]),
+    ]
+)
 
 Heard = Callable[[list[float]], prompt_reader.Prompt]
 
@@ -33,13 +39,24 @@ def heard(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Heard:
     return read
 
 
-@pytest.mark.parametrize(("side", "kind"), [(0.02, "turn-left"), (-0.02, "turn-right")])
+@pytest.mark.parametrize(("side", "kind"), [(0.04, "turn-left"), (-0.04, "turn-right")])
 def test_left_is_not_heard_as_half_right(heard: Heard, side: float, kind: str) -> None:
     # Left and right are nearly one to a sentence encoder: mixed over both, the robot went straight on.
     prompt = heard([1.0, side, 0.0])
-    assert prompt.kind == kind and prompt.known
-    assert abs(prompt.embedding[1]) > 0.045 and np.sign(prompt.embedding[1]) == np.sign(side)
+    assert prompt.kind == kind and prompt.known and prompt.likeness < prompt_reader.SAME
+    assert abs(prompt.embedding[1]) > 0.15 and np.sign(prompt.embedding[1]) == np.sign(side)
     assert np.linalg.norm(prompt.embedding) == pytest.approx(1.0, abs=1e-6)
+
+
+def test_several_wordings_outvote_the_one_that_is_a_little_nearer(heard: Heard) -> None:
+    # "bring your left arm up in the air" was nearest to a wording about the right one.
+    prompt = heard([-1.0, 0.3, 0.0])
+    nearest = heard([-1.0, 0.05, 0.0])
+    assert prompt.kind == "bow" and prompt.likeness == pytest.approx(0.971, abs=1e-3) and nearest.kind == "walk"
+
+
+def test_a_known_wording_needs_no_vote(heard: Heard) -> None:
+    assert heard([-1.0, 0.06, 0.0]).kind == "walk"
 
 
 def test_what_is_like_nothing_known_means_standing_and_is_told(heard: Heard, caplog: pytest.LogCaptureFixture) -> None:
