@@ -66,10 +66,10 @@ class Estimator:
 
     def update(self, state: RobotState, reference: Reference) -> None:
         """Take in one measurement, against the reference that was in force when it was made."""
-        # A few samples may be missed; after that the last attitude is no attitude.
+        # A few samples may be missed, the last one then goes on to hold; after that the last attitude is no attitude.
         self.has_imu = state.imu_stale == 0 or (self.has_imu and 0 < state.imu_stale <= self._patience)
-        np.subtract(state.gyro, self.gyro_bias, out=self._gyro)
         if state.imu_stale == 0:
+            np.subtract(state.gyro, self.gyro_bias, out=self._gyro)
             self.ahrs.update_no_magnetometer(np.degrees(self._gyro), state.accel / _GRAVITY)
         if self.has_imu:
             self.tilt[:] = roll_pitch(self.ahrs.get_quaternion())

@@ -128,7 +128,7 @@ class SimProcess(Driver):
             raise error
 
     def read(self, state: RobotState) -> None:
-        """Fill `state` with the newest measurement; `stale` counts reads without a new one after a pause."""
+        """Fill `state` with the newest measurement; `stale` counts reads that found no new one."""
         newest = self._states.latest()
         count = self._states.count
         self._unchanged = self._unchanged + 1 if count == self._seen else 0
@@ -139,9 +139,18 @@ class SimProcess(Driver):
                 getattr(state, name)[:] = newest[name]
             state.stamp_ns = int(newest["stamp_ns"])
             state.imu_stale = int(newest["imu_stale"])
-        state.stale[:] = max(self._unchanged - self._patience, 0)
+        state.stale[:] = self._reads_behind()
         if state.imu_stale >= 0:
             state.imu_stale = int(state.stale[0])
+
+    def _reads_behind(self) -> int:
+        """Reads in a row that told nothing new: as many as a robot that pauses may miss, more once it paused too long.
+
+        One is nothing yet: two reads may follow each other closely after a loop was late.
+        """
+        borne = self.robot.safety.max_stale_reads
+        paused_too_long = max(self._unchanged - self._patience, 0)
+        return borne + paused_too_long if paused_too_long else min(max(self._unchanged - 1, 0), borne)
 
     def write(self, command: JointCommand) -> None:
         """Send goals."""

@@ -87,6 +87,19 @@ def test_an_imu_that_misses_a_read_is_still_there() -> None:
     assert estimator.has_imu
 
 
+def test_a_sample_that_is_missed_is_no_rotation_by_the_bias() -> None:
+    """The bias came off the zeros that stand for a lost sample too: the robot seemed to turn by minus the bias."""
+    estimator = Estimator(ROBOT, RETARGETER.omega)
+    state = measured()
+    estimator.gyro_bias[:] = state.gyro[:] = [0.03, -0.02, 0.01]
+    for _ in range(10):
+        estimator.update(state, reference())
+    state.gyro[:], state.imu_stale = 0.0, 1
+    estimator.update(state, reference())
+    assert estimator.has_imu
+    np.testing.assert_allclose(estimator.tilt_rate, 0.0, atol=1e-12)
+
+
 def test_moving_joints_move_the_divergent_component_ahead() -> None:
     state = measured()
     for side in ("left", "right"):

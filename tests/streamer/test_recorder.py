@@ -160,7 +160,7 @@ def test_when_the_program_is_killed_the_parking_is_still_on_record(tmp_path: Pat
     command = [
         sys.executable,
         "-m",
-        "streamer.cli",
+        "streamer",
         "dry-run",
         "--clock",
         "real",

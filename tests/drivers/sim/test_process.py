@@ -90,7 +90,24 @@ def test_a_robot_whose_process_had_to_wait_is_not_taken_for_dead(robot: SimProce
     for _ in range(8):
         robot.read(state)
     os.kill(robot.pid, signal.SIGCONT)
-    assert (state.stale == 0).all() and state.imu_stale == 0
+    assert (state.stale <= op3.safety.max_stale_reads).all() and state.imu_stale <= op3.safety.max_stale_reads
+
+
+def test_old_values_of_a_robot_that_waits_are_told_as_old(robot: SimProcess, op3: Robot) -> None:
+    """They counted as fresh for 12 reads: goals at full torque for where joints had been, one gyro integrated 12 times."""
+    state = RobotState(op3.n)
+    assert robot.pid is not None
+    os.kill(robot.pid, signal.SIGSTOP)
+    told = []
+    for _ in range(16):
+        robot.read(state)
+        assert state.imu_stale == state.stale[0]
+        told.append(int(state.stale[0]))
+    os.kill(robot.pid, signal.SIGCONT)
+    borne = op3.safety.max_stale_reads
+    first = told.index(1)
+    assert first <= 3 and told[first : first + borne] == list(range(1, borne + 1))
+    assert told[11] == borne and told[-1] > borne
 
 
 def test_what_keeps_it_from_opening_is_told(op3: Robot) -> None:
