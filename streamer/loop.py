@@ -102,8 +102,7 @@ class ControlLoop:
     @property
     def _arrived(self) -> bool:
         """Whether a slow move is over, and the rest after that to the stand pose."""
-        resting = self.ladder.state is State.READY and self.estimator.has_imu and not self.gyro_bias.done
-        return self.move.done and not resting
+        return self.move.done and (self.ladder.state is not State.READY or self.gyro_bias.done)
 
     @property
     def plan(self) -> Plan | None:
@@ -239,10 +238,20 @@ class ControlLoop:
     def _rest(self) -> None:
         """The robot stands and waits: what the gyro measures now is its bias."""
         rest, measured = self.gyro_bias, self.state
-        if measured.imu_stale == 0 and rest.add(measured.gyro, measured.accel):
-            self.estimator.gyro_bias[:] = rest.bias
-            if not rest.known:
-                self._event("warning", "the robot did not stand still: the gyro's bias is not known, none is taken out")
+        if rest.done:
+            return
+        if not self.estimator.has_imu:
+            rest.give_up("no IMU")
+        elif self.suspension.hung:
+            # It swings, slower than a rest is long.
+            rest.give_up("the robot hangs")
+        elif measured.imu_stale == 0:
+            rest.add(measured.gyro, measured.accel)
+        if not rest.done:
+            return
+        self.estimator.gyro_bias[:] = rest.bias
+        if not rest.known and self.estimator.has_imu:
+            self._event("warning", f"{rest.reason}: the gyro's bias is not known, none is taken out")
 
     def _audit(self) -> None:
         """A start is refused, with its reason, while anything is wrong that could be known before torque goes on."""

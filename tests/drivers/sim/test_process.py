@@ -94,7 +94,7 @@ def test_a_robot_whose_process_had_to_wait_is_not_taken_for_dead(robot: SimProce
 
 
 def test_old_values_of_a_robot_that_waits_are_told_as_old(robot: SimProcess, op3: Robot) -> None:
-    """They counted as fresh for 12 reads: goals at full torque for where joints had been, one gyro integrated 12 times."""
+    """They counted as fresh for 12 reads: full torque for where joints had been, one gyro integrated 12 times."""
     state = RobotState(op3.n)
     assert robot.pid is not None
     os.kill(robot.pid, signal.SIGSTOP)
