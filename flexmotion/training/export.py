@@ -16,7 +16,8 @@ from configs.errors import ConfigError
 from flexmotion.body import Body, Segments
 from flexmotion.bundles.bundle import DECODER, DENOISER, SCHEMA, BodySize, Bundle, Manifest, write_bundle
 from flexmotion.bundles.card import Making, write_card
-from flexmotion.features.layout import Layout
+from flexmotion.features.layout import POINTS, Layout
+from flexmotion.skeleton import SIDES
 from flexmotion.text.phrases import kinds, wordings
 from flexmotion.text.sentence_encoder import NETWORK, VOCABULARY, SentenceEncoder
 from flexmotion.training.autoencoder import Autoencoder
@@ -165,14 +166,17 @@ def with_proportions(body: Body, store: FeatureStore) -> Body:
 
 
 def standing_features(store: FeatureStore, run: Run) -> np.ndarray:
-    """A typical stretch of a human who stands still, not normalised, (H, F): the most middling of many."""
+    """A human who stands still, arms hanging, not normalised, (H, F): the most middling stretch of many."""
     window = run.config.window.model_copy(update={"history": 0, "future": max(run.config.window.history, 1)})
     windows = WindowSet(store, window, "train").draw((run.seed, 41), 4096)
     features = store.statistics.restore(windows.future.numpy())
     speed = features[..., layout_columns(store.layout, ("velocities",))]
     still = np.abs(speed).mean(axis=(1, 2)) < STILL / 4
     upright = features[..., store.layout.blocks["root"]][..., -1, 3] > 1.0
-    chosen = features[still & upright] if (still & upright).any() else features
+    places = features[..., store.layout.blocks["positions"]].reshape(*features.shape[:2], len(POINTS), 3)
+    hands, hips = (places[:, -1, [POINTS.index(f"{name}_{side}") for side in SIDES], 2] for name in ("hand", "hip"))
+    resting = still & upright & (hands < hips).all(axis=1)
+    chosen = features[resting] if resting.any() else features
     poses = chosen[:, -1, layout_columns(store.layout, ("rotations",))]
     nearest = np.linalg.norm(poses - np.median(poses, axis=0), axis=1).argmin()
     rest: np.ndarray = chosen[nearest].astype(np.float32)
