@@ -14,19 +14,20 @@ from configs.robot import Robot
 Float = NDArray[np.float64]
 
 GOAL_AGE_S = 0.02
-"""Longest time between the reading of a position and the arrival of a goal that is pinned to it [s]."""
+"""Longest time between the reading of a position and the arrival of the first goal, which begins there [s]."""
 
 
 class Receiver:
     """Takes goals as servos do, in whole ticks, and counts those outside the envelope.
 
     A goal violates the envelope where, after quantisation and with one tick of tolerance,
-    - it is outside the joint's limits and further out than both the joint itself, with what that moves in `GOAL_AGE_S`,
-      and the goal before it; or not a number (such a goal is not taken; the last one stays), or
+    - it is outside the joint's limits and further out than the goal before it (the first one since torque was off, or
+      since goals were pinned, may be as far out as the joint itself, with what that moves in `GOAL_AGE_S`); or not a
+      number (such a goal is not taken; the last one stays), or
     - the torque that it implies at the servo's true position and speed, |kp (goal - q) V/Vn - b qd|, is above the
       servo's peak at the present supply, stall torque times V/Vn. (The usable torque of a servo that drives its load
       is lower, and the loop's filter aims below it; but a servo overdriven for a moment is within its peak.)
-    Goals to servos whose torque is off are ignored and not counted.
+    Goals to servos whose torque is off are not counted: they wait there for torque to go on.
 
     Attributes:
         goal: last goal taken, quantised, (n,) [rad].
@@ -46,6 +47,8 @@ class Receiver:
         self._ticks, self._slack = np.zeros(robot.n), np.zeros(robot.n)
         self._last = np.clip(self.goal, robot.lower, robot.upper)
         self._lowest, self._highest = np.zeros(robot.n), np.zeros(robot.n)
+        self._told = np.zeros(robot.n, np.bool_)
+        self._first = np.ones(robot.n, np.bool_)  # the next goal is the first since torque was off
 
     @property
     def violations(self) -> int:
@@ -56,12 +59,26 @@ class Receiver:
         """Take the present position as the goal, (n,) [rad]."""
         self._robot.from_ticks(self._robot.to_ticks(position, out=self._ticks), out=self.goal)
         np.copyto(self._last, self.goal)
+        self._first[:] = True
 
     def receive(
-        self, goal: Float, position: Float, velocity: Float, voltage: float, enabled: NDArray[np.bool_]
+        self,
+        goal: Float,
+        position: Float,
+        velocity: Float,
+        voltage: float,
+        enabled: NDArray[np.bool_],
+        which: NDArray[np.bool_] | None = None,
     ) -> None:
-        """Take goals [rad] at the servos' true `position` [rad], `velocity` [rad/s] and supply [V]; (n,) each."""
-        robot, bad = self._robot, self._bad
+        """Take goals [rad] at the servos' true `position` [rad], `velocity` [rad/s] and supply [V]; (n,) each.
+
+        Args:
+            enabled: servos whose torque is on.
+            which: servos that are told; the others keep their goals, of which `goal` holds copies. None: all.
+        """
+        robot, bad, told = self._robot, self._bad, self._told
+        told.fill(True) if which is None else np.copyto(told, which)
+        self._first |= ~enabled
         np.isfinite(goal, out=self._finite)
         np.copyto(self._ticks, self.goal)
         np.copyto(self._ticks, goal, where=self._finite)
@@ -72,8 +89,10 @@ class Receiver:
         np.less(goal, self._lowest, out=bad)
         bad |= goal > self._highest
         bad |= ~self._finite
-        np.copyto(self._last, self.goal, where=~bad)
-        bad &= enabled
+        np.copyto(self._last, self.goal, where=~(bad & enabled))
+        told &= enabled
+        bad &= told
+        self._first &= ~told
         self.position_violations += int(np.count_nonzero(bad))
 
         # Everything over V/Vn: kp (goal - q) - b qd Vn/V against the stall torque.
@@ -86,17 +105,19 @@ class Receiver:
         np.abs(self._torque, out=self._torque)
         self._torque -= self._tolerance
         np.greater(self._torque, robot.stall_torque, out=bad)
-        bad &= enabled
+        bad &= told
         self.torque_violations += int(np.count_nonzero(bad))
 
     def _widen(self, position: Float, velocity: Float) -> None:
-        """The joints' limits, as far out as goals may lie now: where the joint stands, and where its last goal lay."""
+        """The joints' limits, as far out as goals may lie now: as the last one, the first one as the joint itself."""
         tick, slack = self._robot.tick_rad, self._slack
         np.abs(velocity, out=slack)
         slack *= GOAL_AGE_S
         slack += tick
         np.subtract(position, slack, out=self._lowest)
         np.add(position, slack, out=self._highest)
+        np.copyto(self._lowest, self._lower, where=~self._first)
+        np.copyto(self._highest, self._upper, where=~self._first)
         # The last goal is known in whole ticks: whatever rounds to it is no further out.
         np.minimum(self._lowest, self._last - 0.5 * tick, out=self._lowest)
         np.maximum(self._highest, self._last + 0.5 * tick, out=self._highest)

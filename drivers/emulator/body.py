@@ -107,7 +107,7 @@ class BenchBody(Body):
     def receive(self, goal: Float, which: Bool, bound: Float) -> None:
         """See `Body`."""
         plant = self._plant
-        self._receiver.receive(goal, self._position, self._velocity, plant.voltage, plant.enabled & which)
+        self._receiver.receive(goal, self._position, self._velocity, plant.voltage, plant.enabled, which)
         plant.goal[:] = self._receiver.goal
         plant.torque_bound[:] = bound
 

@@ -167,7 +167,7 @@ class SimDriver(Driver):
         """
         n = self.robot.n
         receiver = self._receiver
-        receiver.receive(goal, self.position, self.velocity, self.plant.voltage, self.plant.enabled & which)
+        receiver.receive(goal, self.position, self.velocity, self.plant.voltage, self.plant.enabled, which)
         self._command_row[:n] = receiver.goal
         np.minimum(bound, UNBOUND, out=self._command_row[n:])
         self._delay.push(self._command_row)

@@ -110,3 +110,22 @@ def test_where_a_joint_stands_past_its_limit_goals_may_only_come_in(op3: Robot) 
     assert sent(-0.02, at=-0.04) == 0 and sent(-0.02, at=-0.06) == 0
     assert sent(-0.01, at=-0.06) == 1
     assert sent(-0.15, at=-0.15) == 0 and sent(-0.09, at=-0.15) == 1
+
+
+def test_only_the_first_goal_may_lie_where_the_joint_stands(op3: Robot) -> None:
+    """A joint that was pushed past its limit in mid run took its goals along, and none of them was counted."""
+    on, still = np.ones(op3.n, np.bool_), np.zeros(op3.n)
+    knee = op3.index("l_knee")
+    outside = op3.stand_pose.copy()
+    outside[knee] = op3.upper[knee] + 0.08
+
+    receiver = Receiver(op3)
+    receiver.pin(op3.stand_pose)
+    receiver.receive(op3.stand_pose, op3.stand_pose, still, 12.0, on)
+    receiver.receive(outside, outside, still, 12.0, on)
+    assert receiver.position_violations == 1
+
+    # Where torque was off it is pinned to where it stands, and begins there.
+    receiver.receive(outside, outside, still, 12.0, on & (np.arange(op3.n) != knee))
+    receiver.receive(outside, outside, still, 12.0, on)
+    assert receiver.position_violations == 1
