@@ -162,6 +162,13 @@ class Driver(ABC):
     def set_torque(self, on: bool) -> None:
         """Switch all servos. Switching on pins every goal to its present position first."""
 
+    def take_pins(self, goal: Float) -> None:  # noqa: B027 - who pins to what was read last has nothing to add
+        """Write where goals were pinned since the last call into `goal`, (n,) [rad]; others stay as they are.
+
+        A driver that reads once more before it switches on, or switches a servo on again later, pins goals to where the
+        loop has not seen the joints yet; the goals that follow must not lie further out.
+        """
+
     @abstractmethod
     def damp(self) -> None:
         """Let the joints give way softly, within what the servos can (after a detected fall only)."""

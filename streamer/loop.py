@@ -156,6 +156,7 @@ class ControlLoop:
         """Read; what is no number counts as not having answered: such a joint is taken to move as it was meant to."""
         state = self.state
         self.driver.read(state)
+        self.driver.take_pins(self.servo.goal)  # of servos that were switched on again
         lost = ~(np.isfinite(state.position) & np.isfinite(state.velocity))
         self._unread += 1
         self._unread[~lost] = 0
@@ -219,7 +220,7 @@ class ControlLoop:
         limits, self._found = robot.safety, None
         inputs.plan_ready = self.plan is not None and not self.plan_over
         inputs.plan_over = self.plan_over
-        if state is State.READY and self.move.done:
+        if state is State.READY and self.move.done and not self.gyro_bias.done:
             self._rest()
         inputs.move_done = self._arrived
         if state is State.OFF:
@@ -238,8 +239,6 @@ class ControlLoop:
     def _rest(self) -> None:
         """The robot stands and waits: what the gyro measures now is its bias."""
         rest, measured = self.gyro_bias, self.state
-        if rest.done:
-            return
         if not self.estimator.has_imu:
             rest.give_up("no IMU")
         elif self.suspension.hung:
@@ -323,16 +322,16 @@ class ControlLoop:
         self._event("fault" if state is State.FAULT else "state", f"{before.name} -> {state.name}{cause}")
         robot = self.robot
         if state is State.READY:
-            self.servo.reset(self.state.position)
+            self.driver.set_torque(True)
+            pinned = self.state.position.copy()
+            self.driver.take_pins(pinned)
+            self.servo.reset(pinned)
             self.load.reset()
             self.suspension.reset()
             self.estimator.reset()
             self.gyro_bias.reset()
-            self.command.position[:] = self.state.position
-            self.driver.set_torque(True)
-            self.move.begin(
-                self.state.position, self.stand_pose, least_s=_STAND_MOVE_S, speed=robot.safety.soft_start_speed
-            )
+            self.command.position[:] = pinned
+            self.move.begin(pinned, self.stand_pose, least_s=_STAND_MOVE_S, speed=robot.safety.soft_start_speed)
         elif state is State.PARK:
             self._forget_plans()
             # From the goals' reference, not from the measurement: the servos hold the one, not the other.

@@ -79,7 +79,7 @@ class BusDriver(Driver):
 
     @property
     def violations(self) -> int:
-        """Goals on their way to a servo past the limits that it told; see `drivers.bus.witness`."""
+        """Goals that were kept back on their way to a servo; see `drivers.bus.witness`."""
         return self._violations + sum(bus.witness.violations for bus in self.buses)
 
     def open(self) -> None:
@@ -151,6 +151,16 @@ class BusDriver(Driver):
             self.set_torque(False)
             raise
         self._on_since = self.buses[0].port.now()
+
+    def take_pins(self, goal: Float) -> None:
+        """See `Driver`."""
+        pinned = np.zeros(self.robot.n, np.bool_)
+        for bus in self.buses:
+            pinned[bus.where] = np.isfinite(bus.pins)
+            self._raw[bus.where] = bus.pins
+            bus.pins.fill(np.nan)
+        if pinned.any():
+            np.copyto(goal, self.robot.from_ticks(self._raw), where=pinned)
 
     def damp(self) -> None:
         """Pin the goals and give way softly, as far as the servos can."""

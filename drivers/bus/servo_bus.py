@@ -84,7 +84,8 @@ class ServoBus(ABC):
             takes several times faster.
         ids: addresses of their servos.
         measured: the newest values.
-        witness: counts goals that the servos would not take.
+        witness: keeps back goals that the servos are not to take.
+        pins: goals that servos were last pinned to, in their units, (m,); NaN once the driver has taken them.
         imu: that answers on this bus; None where there is none.
     """
 
@@ -102,6 +103,7 @@ class ServoBus(ABC):
         self.measured = Measurement(len(self.joints))
         ends = np.stack([robot.to_ticks(robot.lower), robot.to_ticks(robot.upper)])[:, self.joints]
         self.witness = GoalWitness(ends.min(axis=0), ends.max(axis=0))
+        self.pins = np.full(len(self.joints), np.nan)
         self.imu: Imu | None = None
 
     @classmethod

@@ -1,4 +1,4 @@
-"""`GoalWitness`: counts goals that leave for the servos outside of their envelope (docs/faults.md).
+"""`GoalWitness`: keeps goals outside of their envelope from leaving for the servos, and counts them (docs/faults.md).
 
 It stands at the last place where a goal is still in the program: at the bytes for the port. It shares nothing with the
 loop's command filter.
@@ -23,7 +23,7 @@ class GoalWitness:
         lower, upper: the joints' limits, (m,).
 
     Attributes:
-        violations: goals outside, one a servo and goal.
+        violations: goals that were outside, one a servo and goal.
     """
 
     def __init__(self, lower: Float, upper: Float) -> None:
@@ -38,12 +38,17 @@ class GoalWitness:
         """What a servo told: least and greatest goal position, and greatest goal current, in its units."""
         self._lower[slot], self._upper[slot], self._current[slot] = lower, upper, current
 
-    def see(self, slots: Slots, position: Float, current: Float | None = None, standing: Float | None = None) -> None:
+    def admit(
+        self, slots: Slots, position: Float, current: Float | None = None, standing: Float | None = None
+    ) -> Float:
         """Goals read off the bytes on their way to `slots`, (k,) each, in the servos' units.
 
         A goal is inside the joint's limits, or no further out than the one before it; `standing` is where the joints
         of goals that are pinned stand (NaN for the others), and these may be as far out as that. What a servo told
         holds for every goal.
+
+        Returns:
+            What may go, (k,): for a goal outside, the one before it. (There is one: the first goals are pinned ones.)
         """
         lower = np.fmin(self._joint_lower[slots], self._last[slots])
         upper = np.fmax(self._joint_upper[slots], self._last[slots])
@@ -51,7 +56,13 @@ class GoalWitness:
             lower, upper = np.fmin(lower, standing - PIN_TICKS), np.fmax(upper, standing + PIN_TICKS)
         lower, upper = np.fmax(lower, self._lower[slots]), np.fmin(upper, self._upper[slots])
         outside = (position < lower) | (position > upper)
-        self._last[slots] = np.where(outside, self._last[slots], position)
+        admitted = self._last[slots] = np.where(outside, self._last[slots], position)
         if current is not None:
             outside |= np.abs(current) > self._current[slots]
         self.violations += int(np.count_nonzero(outside))
+        return admitted
+
+    def nearest(self, position: Float) -> Float:
+        """The goals nearest to `position` that may go, (m,) each."""
+        lower, upper = np.fmin(self._joint_lower, self._last), np.fmax(self._joint_upper, self._last)
+        return np.clip(position, np.fmax(lower, self._lower), np.fmin(upper, self._upper))

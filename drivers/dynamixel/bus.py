@@ -337,7 +337,7 @@ class DynamixelBus(ServoBus):
         """See `ServoBus`; position gain and PWM limit go down to `DAMPED_SHARE`, told twice."""
         self._damped = True
         for _ in range(2):
-            self._pin()
+            self._send(self.witness.nearest(self.measured.ticks), np.full(len(self.ids), np.nan))
             self._set_softness(DAMPED_SHARE)
 
     # ---------------------------------------------------------------- packets
@@ -349,18 +349,24 @@ class DynamixelBus(ServoBus):
 
     def _send(self, ticks: Float, bound: Float, standing: Float | None = None) -> None:
         """Goals of the whole bus; `standing` is where servos that are pinned stand, NaN for the others, (m,)."""
-        self._last_ticks, self._last_bound = ticks.copy(), bound.copy()
+        ticks = ticks.copy()
         for goals in self._goals:
             packet = goals.packet(ticks, bound)
-            self.port.send(packet)
             sent = np.frombuffer(sync_write_rows(packet), goal_row(bounded=goals.bounded))
             slots = self._slot_of[sent["id"]]
-            self.witness.see(
+            admitted = self.witness.admit(
                 slots,
                 sent["position"],
                 sent["current"] if goals.bounded else None,
                 None if standing is None else standing[slots],
             )
+            if (admitted != sent["position"]).any():
+                ticks[slots] = admitted
+                packet = goals.packet(ticks, bound)
+            self.port.send(packet)
+        self._last_ticks, self._last_bound = ticks, bound.copy()
+        if standing is not None:
+            np.copyto(self.pins, ticks, where=np.isfinite(standing))
 
     def _write_all(self, name: str, value: int, which: Bool | None = None) -> None:
         """Set a register of all servos, or of some, to one value, in one packet for each place that it lies at."""
@@ -386,7 +392,7 @@ class DynamixelBus(ServoBus):
         self._damped = share < 1.0
 
     def _pinned(self) -> Bool:
-        """Which servos hold the present position as their goal, and an armed watchdog."""
+        """Which servos hold the goal that `_pin` has sent, and an armed watchdog."""
         table = table_of(self.servos[0].name)
         span = Span(table["bus_watchdog"].address, table["goal_position"].end - table["bus_watchdog"].address)
         check = ReadMany(self.ids, span, fast=False, where=f"bus {self.name}")
@@ -401,7 +407,7 @@ class DynamixelBus(ServoBus):
         for id_, (_, data) in check.answers.items():
             slot = self._slot[id_]
             goal = table["goal_position"].unpack(data[-4:])
-            pinned[slot] = data[0] == self._units and goal == int(self.measured.ticks[slot])
+            pinned[slot] = data[0] == self._units and goal == int(self._last_ticks[slot])
         return pinned
 
 

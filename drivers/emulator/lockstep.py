@@ -5,7 +5,7 @@ from __future__ import annotations
 from drivers.bus.driver import BusDriver
 from drivers.emulator.loopback import Loopback
 from drivers.emulator.sim_body import SimBody
-from drivers.interface import Capabilities, Driver, JointCommand, RobotState, Truth
+from drivers.interface import Capabilities, Driver, Float, JointCommand, RobotState, Truth
 
 
 class LockstepBus(Driver):
@@ -62,6 +62,10 @@ class LockstepBus(Driver):
     def set_torque(self, on: bool) -> None:
         """See `Driver`."""
         self._driver.set_torque(on)
+
+    def take_pins(self, goal: Float) -> None:
+        """See `Driver`."""
+        self._driver.take_pins(goal)
 
     def damp(self) -> None:
         """See `Driver`."""

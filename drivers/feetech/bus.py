@@ -54,6 +54,7 @@ class FeetechBus(ServoBus):
         self._answered: set[int] = set()
         self._on = False
         self._order = list(self.ids)
+        self._position_limits = np.stack([np.full(len(self.ids), -np.inf), np.full(len(self.ids), np.inf)])
 
     @classmethod
     def check(cls, robot: Robot, name: str) -> None:
@@ -102,7 +103,8 @@ class FeetechBus(ServoBus):
             told = [self._read(slot, name) for name in ("min_position_limit", "max_position_limit")]
             if None in told:
                 raise DriverError(f"{where}: does not tell its position limits")
-            self.witness.limit(slot, *(float(limit) for limit in told if limit is not None))
+            self._position_limits[:, slot] = told
+            self.witness.limit(slot, *self._position_limits[:, slot])
             if kept:
                 self._write(slot, "lock", 1)
         self.tell_changes(changes)
@@ -148,8 +150,10 @@ class FeetechBus(ServoBus):
             self._run_cycle()
             if not self.measured.fresh.all():
                 continue
-            goals = [int(tick) for tick in self.measured.ticks]
-            self._send(self.measured.ticks, standing=self.measured.ticks)
+            # A servo that stands past its own limits is pinned to these.
+            pins = np.clip(self.measured.ticks, *self._position_limits)
+            goals = [int(tick) for tick in pins]
+            self._send(pins, standing=self.measured.ticks)
             held = [self._read(slot, "goal_position") for slot in range(len(goals))]
             if held == goals:
                 self._on = True
@@ -176,7 +180,7 @@ class FeetechBus(ServoBus):
     def damp(self) -> None:
         """See `ServoBus`; the torque limit goes down to `DAMPED_SHARE`, told twice."""
         for _ in range(2):
-            self._send(self.measured.ticks, standing=self.measured.ticks)
+            self._send(self.witness.nearest(self.measured.ticks))
             self._sync_write("torque_limit", [round(1000 * DAMPED_SHARE)] * len(self.ids))
 
     # ---------------------------------------------------------------- inside
@@ -225,21 +229,30 @@ class FeetechBus(ServoBus):
 
     def _send(self, ticks: Float, standing: Float | None = None) -> None:
         """Goals of all servos; `standing` is where those that are pinned stand, (m,)."""
-        packet = self._sync_write("goal_position", [int(tick) for tick in ticks])
+        packet = self._packet("goal_position", [int(tick) for tick in ticks])
         # Off the bytes: id and goal of each servo, behind header, id, length, instruction, address and size.
         goal, sent = sts()["goal_position"], packet[7:-1]
         step = goal.size + 1
         slots = np.array([self._slot[id_] for id_ in sent[::step]])
-        goals = [goal.unpack(sent[at + 1 : at + step]) for at in range(0, len(sent), step)]
-        self.witness.see(slots, np.array(goals, np.float64), standing=None if standing is None else standing[slots])
+        goals = np.array([goal.unpack(sent[at + 1 : at + step]) for at in range(0, len(sent), step)], np.float64)
+        admitted = self.witness.admit(slots, goals, standing=None if standing is None else standing[slots])
+        if (admitted != goals).any():
+            ticks = ticks.copy()
+            ticks[slots] = admitted
+            packet = self._packet("goal_position", [int(tick) for tick in ticks])
+        self.port.send(packet)
+        if standing is not None:
+            np.copyto(self.pins, ticks)
 
-    def _sync_write(self, name: str, values: list[int]) -> bytes:
+    def _sync_write(self, name: str, values: list[int]) -> None:
+        self.port.send(self._packet(name, values))
+
+    def _packet(self, name: str, values: list[int]) -> bytes:
+        """A sync write of one register of all servos."""
         register = sts()[name]
         rows = b"".join(bytes([id_]) + register.pack(value) for id_, value in zip(self.ids, values, strict=True))
         params = bytes([register.address, register.size]) + rows
-        packet = FORMAT.encode(BROADCAST, Instruction.SYNC_WRITE, params)
-        self.port.send(packet)
-        return packet
+        return FORMAT.encode(BROADCAST, Instruction.SYNC_WRITE, params)
 
 
 def _read_span() -> tuple[int, int]:

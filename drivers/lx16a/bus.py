@@ -168,14 +168,19 @@ class Lx16aBus(ServoBus):
 
     def _move(self, slot: int, tick: int, *, pinned: bool = False) -> None:
         goal = min(max(tick, self.servos[slot].min_tick), self.servos[slot].max_tick)
-        at_once = 0
-        params = goal.to_bytes(2, "little") + at_once.to_bytes(2, "little")
-        packet = FORMAT.encode(self.ids[slot], Command.MOVE, params)
-        self.port.send(packet)
+        packet = self._packet(slot, goal)
         # Off the bytes: header, id, length, command, goal.
         slots, sent = np.array([self.ids.index(packet[2])]), float(int.from_bytes(packet[5:7], "little"))
-        self.witness.see(slots, np.array([sent]), standing=self.measured.ticks[slots] if pinned else None)
+        standing = self.measured.ticks[slots] if pinned else None
+        admitted = float(self.witness.admit(slots, np.array([sent]), standing=standing)[0])
+        self.port.send(packet if admitted == sent else self._packet(slot, int(admitted)))
         self._told[slot] = tick
+        if pinned:
+            self.pins[slot] = admitted
+
+    def _packet(self, slot: int, goal: int) -> bytes:
+        at_once = 0
+        return FORMAT.encode(self.ids[slot], Command.MOVE, goal.to_bytes(2, "little") + at_once.to_bytes(2, "little"))
 
     def _send_next(self) -> None:
         if self._queue:

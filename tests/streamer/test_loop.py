@@ -271,6 +271,30 @@ def test_a_joint_that_stands_past_its_limit_is_brought_in_softly(
     assert loop.driver.violations == 0
 
 
+def test_goals_begin_where_the_driver_pinned_them(
+    loop: ControlLoop, run: Callable[..., None], op3: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Servos are pinned to where they stand when torque goes on, a moment after the loop has read them."""
+    limit = op3.upper[op3.index("head_pan")]
+    pan = turn_head(loop, op3, limit + 0.08)
+    pins = [limit + 0.05]
+
+    def take_pins(goal: np.ndarray) -> None:
+        if pins and loop.ladder.state is State.READY:
+            goal[pan] = pins.pop()
+
+    monkeypatch.setattr(loop.driver, "take_pins", take_pins)
+    run(1, start=True)
+    goals = [loop.command.position[pan]]
+    while not loop.move.done:
+        run(1)
+        goals.append(loop.command.position[pan])
+        if len(goals) == 4:
+            pins.append(limit + 0.01)  # switched on again, further in
+    assert limit < goals[0] <= limit + 0.05 and max(goals[:4]) <= limit + 0.05
+    assert max(goals[5:]) <= limit + 0.01
+
+
 def test_a_joint_further_out_than_its_servo_takes_goals_is_refused_by_name(
     loop: ControlLoop, run: Callable[..., None], op3: Robot
 ) -> None:

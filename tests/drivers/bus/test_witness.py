@@ -19,7 +19,7 @@ def witness() -> GoalWitness:
 def seen(witness: GoalWitness, goal: float, standing: float | None = None) -> int:
     """Violations of one goal for the first joint, pinned where `standing` says so."""
     before = witness.violations
-    witness.see(FIRST, np.array([goal]), standing=None if standing is None else np.array([standing]))
+    witness.admit(FIRST, np.array([goal]), standing=None if standing is None else np.array([standing]))
     return witness.violations - before
 
 
@@ -41,5 +41,15 @@ def test_from_the_pin_on_goals_only_come_in(witness: GoalWitness) -> None:
 def test_nothing_goes_past_what_the_servo_told(witness: GoalWitness) -> None:
     assert seen(witness, 899, standing=899) == 1
     witness.limit(1, 900, 3100, current=300)
-    witness.see(np.array([1]), np.array([2000.0]), np.array([301.0]))
+    witness.admit(np.array([1]), np.array([2000.0]), np.array([301.0]))
     assert witness.violations == 2
+
+
+def test_a_goal_outside_is_kept_back_and_the_one_before_it_stays(witness: GoalWitness) -> None:
+    """Such goals were counted once they had left."""
+    assert witness.admit(FIRST, np.array([3050.0]), standing=np.array([3050.0])) == 3050
+    assert witness.admit(FIRST, np.array([3060.0])) == 3050
+    assert witness.admit(FIRST, np.array([2990.0])) == 2990
+    assert witness.admit(FIRST, np.array([9999.0])) == 2990
+    assert witness.violations == 2
+    np.testing.assert_array_equal(witness.nearest(np.array([3050.0, 200.0])), [3000, 1000])
