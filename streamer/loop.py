@@ -91,6 +91,7 @@ class ControlLoop:
         self._imu_unread = self._low_reads = 0
         self._lead = driver.delay_s * robot.rate_hz
         self._warned: set[str] = set()
+        self._worked_s = 0.0
         self._found: str | None = None  # what is wrong with the hardware, on this tick
         self._shutdown_at = np.array([servo.temperature_limit for servo in robot.servos])
 
@@ -132,7 +133,7 @@ class ControlLoop:
             late_ns: how late the loop woke for it [ns].
         """
         begin = time.perf_counter_ns()
-        self.punctuality.woke(self.tick_count, late_ns * 1e-9)
+        self.punctuality.woke(self.tick_count, late_ns * 1e-9, self._worked_s)
         self._read()
         self._take_plan()
         self.estimator.update(self.state, self.now)
@@ -149,7 +150,7 @@ class ControlLoop:
         self.tick_count += 1
         row = self.telemetry.row
         row["stamp_ns"], row["lateness_s"] = begin, late_ns * 1e-9
-        row["work_s"] = (time.perf_counter_ns() - begin) * 1e-9
+        row["work_s"] = self._worked_s = (time.perf_counter_ns() - begin) * 1e-9
         self.telemetry.commit()
 
     def _read(self) -> None:
