@@ -27,7 +27,7 @@ def figures(**changed: Any) -> dict[str, Any]:
 
 def test_it_is_said_in_words() -> None:
     """It once printed dictionaries."""
-    assert describe(figures()).splitlines() == [
+    assert describe(figures(), 8.0).splitlines() == [
         "robot: did not fall, tilted by 5.7° at most, at its lowest 81 % of its height; 0.35 m from where it began; "
         "goals outside the envelope that arrived: 0",
         "main: 900 packets heard, 2 of them broken, 0 collisions, wire busy 31 % of the time; "
@@ -38,12 +38,21 @@ def test_it_is_said_in_words() -> None:
 
 
 def test_an_emulator_that_was_late_says_what_that_means() -> None:
-    told = describe(figures(lateness_ms=47.0, lost_ms=120.0))
+    told = describe(figures(lateness_ms=47.0, lost_ms=120.0), 8.0)
     assert "47.0 ms late at worst while torque was on, 120 ms of physics given up" in told
-    assert told.splitlines()[-1].startswith("It was later than 8 ms: if the driver says that servos do not answer")
+    assert told.splitlines()[-1].startswith(
+        "It was later than a tick, 8 ms: if the driver says that servos do not answer"
+    )
 
 
 def test_servos_on_a_bench_have_nothing_to_fall() -> None:
     bench = {key: value for key, value in figures().items() if key in ("violations", "buses", "elapsed_s")}
     bench |= {"processor_share": 0.1, "lateness_ms": 0.1, "lost_ms": 0.0}
-    assert describe(bench).startswith("servos: goals outside the envelope that arrived: 0")
+    assert describe(bench, 8.0).startswith("servos: goals outside the envelope that arrived: 0")
+
+
+def test_late_is_by_the_tick_of_the_robot_that_is_emulated() -> None:
+    """It was 8 ms, whatever the robot file's rate."""
+    told = figures(lateness_ms=12.0)
+    assert "later than a tick, 10 ms" in describe(told, 10.0)
+    assert "later than" not in describe(told, 20.0)

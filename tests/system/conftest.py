@@ -26,15 +26,19 @@ from streamer.sources import ClipSource
 
 RATE = 125
 
+_ON_THE_WALL_CLOCK = {"live", "walking", "bench", "tab"}
+"""Fixtures of tests that run the program, or its processes, on the wall clock; the others are in lockstep."""
+
 _ATTEMPTS = 3
 """A run on the wall clock that the machine itself interrupts tells nothing of the program: it is run again, and pytest
 counts it. How often the program fails is measured by benchmarks/faults.py, which repeats nothing."""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark the tests of this folder."""
+    """Mark the tests on the wall clock; one in lockstep that fails now and then has found something."""
     for item in items:
-        if Path(__file__).parent in item.path.parents:
+        here = Path(__file__).parent in item.path.parents
+        if here and isinstance(item, pytest.Function) and not _ON_THE_WALL_CLOCK.isdisjoint(item.fixturenames):
             item.add_marker(pytest.mark.flaky(reruns=_ATTEMPTS - 1))
 
 
