@@ -8,13 +8,15 @@ import sys
 from types import FrameType
 from typing import NoReturn
 
-INTERRUPTED = 130
+from streamer.exit_codes import INTERRUPTED
 
 
 def main() -> NoReturn:
     """Run the command line and exit with its code."""
     # An exception in the middle of an import is somebody else's to print; there is nothing to clean up yet.
-    before = signal.signal(signal.SIGINT, _leave)
+    before = signal.getsignal(signal.SIGINT)
+    if before is not signal.SIG_IGN:  # nohup, or & in a script: it is to go on
+        signal.signal(signal.SIGINT, _leave)
     from streamer.cli import execute
 
     signal.signal(signal.SIGINT, before)

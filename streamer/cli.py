@@ -30,8 +30,7 @@ from streamer.commands.robots import robots
 from streamer.commands.run import run
 from streamer.commands.servo import servo
 from streamer.commands.train import train
-
-OK, CHECK_FAILED, BAD_USAGE, INTERRUPTED = 0, 1, 2, 130
+from streamer.exit_codes import BAD_USAGE, INTERRUPTED, OK
 
 ParserError: type[Exception] = typer.BadParameter.__mro__[2]
 """What the parser raises for any bad usage (click's `ClickException`, of which Typer exports only this subclass)."""

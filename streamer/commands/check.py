@@ -22,8 +22,7 @@ from streamer.commands.options import (
     SettingsOption,
 )
 from streamer.commands.output import print_json, print_note, print_result, progress_bar
-
-CHECK_FAILED, INTERRUPTED = 1, 130
+from streamer.exit_codes import CHECK_FAILED, INTERRUPTED
 
 check = typer.Typer(no_args_is_help=True)
 

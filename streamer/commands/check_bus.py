@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.table import Table
 
-from streamer.commands.check import CHECK_FAILED
 from streamer.commands.options import JsonOption, RobotOption
 from streamer.commands.output import print_json, print_result
+from streamer.exit_codes import CHECK_FAILED
 
 if TYPE_CHECKING:
     from configs.robot import Robot

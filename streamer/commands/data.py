@@ -10,6 +10,7 @@ import typer
 
 from streamer.commands.options import JsonOption, MappingOption
 from streamer.commands.output import print_json, print_note, print_result, progress_bar
+from streamer.exit_codes import CHECK_FAILED
 
 data = typer.Typer(help="Motion files to a training set with forces, torques and muscle activations.")
 
@@ -153,7 +154,7 @@ def inspect(
         wrong = found.damaged()
         if wrong:
             print_note(f"damaged: {', '.join(wrong)}")
-            raise typer.Exit(1)
+            raise typer.Exit(CHECK_FAILED)
         print_note("every file is as the manifest says")
 
 

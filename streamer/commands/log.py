@@ -9,8 +9,7 @@ import typer
 
 from streamer.commands.options import JsonOption
 from streamer.commands.output import print_json, print_note, print_result, progress_bar
-
-CHECK_FAILED = 1
+from streamer.exit_codes import CHECK_FAILED
 
 log = typer.Typer(help="Logs of runs: what is in them, their pictures, and the run once more.", no_args_is_help=True)
 

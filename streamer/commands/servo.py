@@ -13,6 +13,7 @@ from rich.table import Table
 from configs.errors import DriverError
 from streamer.commands.options import JsonOption, RobotOption
 from streamer.commands.output import print_json, print_note, print_result
+from streamer.exit_codes import INTERRUPTED
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -158,7 +159,7 @@ def watch(
     if as_json:
         print_json(_rows(chosen, state))
     if interrupted:
-        raise typer.Exit(130)
+        raise typer.Exit(INTERRUPTED)
 
 
 @servo.command()

@@ -20,6 +20,7 @@ from streamer.commands.options import Clock
 from streamer.commands.output import print_json, print_note, print_result, progress_bar
 from streamer.commands.recording import record_to
 from streamer.commands.signals import OperatorSignals
+from streamer.exit_codes import CHECK_FAILED, HARDWARE_FAILED, INTERRUPTED
 from streamer.metrics import HumanTrack, RobotFigures
 from streamer.page import write_page
 from streamer.plots import write_plots
@@ -32,8 +33,6 @@ from streamer.sources import Performance
 from streamer.summary import render
 from streamer.telemetry import Event
 from streamer.viewer.service import Viewer
-
-CHECK_FAILED, HARDWARE_FAILED, INTERRUPTED = 1, 3, 130
 
 
 @dataclass(frozen=True)
@@ -70,6 +69,7 @@ class Outcome:
 
     Attributes:
         motion: what the human did; None where it is not known.
+        simulated: the robot was a simulated one: what fails of it is no hardware.
     """
 
     robot: Robot
@@ -78,6 +78,7 @@ class Outcome:
     record: RunRecord
     report: Report
     interrupted: bool
+    simulated: bool
 
 
 def stream(request: RunRequest, signals: OperatorSignals | None = None) -> Outcome:
@@ -144,7 +145,15 @@ def stream(request: RunRequest, signals: OperatorSignals | None = None) -> Outco
         log=logged,
     )
     report = build_report(record, info, figures, human=None if motion is None else HumanTrack.of(motion))
-    return Outcome(robot, motion, figures, record, report, signals is not None and signals.interrupted)
+    return Outcome(
+        robot,
+        motion,
+        figures,
+        record,
+        report,
+        interrupted=signals is not None and signals.interrupted,
+        simulated=driver.capabilities.truth,
+    )
 
 
 def _tell(states: bool, event: Event) -> None:
@@ -191,11 +200,11 @@ def present(outcome: Outcome, folder: Path | None, as_json: bool) -> None:
         pictures = write_plots(folder, outcome.record, outcome.robot, outcome.figures, outcome.motion)
         page = write_page(folder / "index.html", report, pictures)
         print_note(f"report: {page}")
-    if report.safety.hardware_failed:
+    if report.safety.hardware_failed and not outcome.simulated:
         if port := emulated_port(report.options):
             print_note(f"{port} is a pseudo-terminal: its other end may have been late (emulate says so when it ends)")
         raise typer.Exit(HARDWARE_FAILED)
     if outcome.interrupted:
         raise typer.Exit(INTERRUPTED)
-    if not report.ok:
+    if report.safety.hardware_failed or not report.ok:
         raise typer.Exit(CHECK_FAILED)

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 
@@ -15,7 +16,7 @@ import pytest
 
 from configs.errors import DriverError
 from drivers import registry
-from drivers.interface import RobotState
+from drivers.interface import Capabilities, RobotState
 from drivers.sim.driver import SimDriver
 from streamer.cli import execute
 from streamer.commands.driver_options import simulation_options
@@ -66,6 +67,12 @@ main()
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert (done.returncode, done.stdout, done.stderr) == (130, "", "")
+    # Under nohup, or behind & in a script, it is to go on; it once ended there.
+    code = (
+        "import signal\nsignal.signal(signal.SIGINT, signal.SIG_IGN)\nimport sys\nsys.argv[1:] = ['--version']" + code
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 0 and done.stdout.startswith("flexmotion")
 
 
 BAD_USAGE = {
@@ -206,7 +213,7 @@ class Unplugged(SimDriver):
         raise DriverError("port /dev/ttyUSB0: no servo answers")
 
 
-class Silent(SimDriver):
+class SimulatedSilent(SimDriver):
     """One servo of it does not answer, from `SILENT_FROM` reads on."""
 
     SILENT_FROM = 0
@@ -217,6 +224,14 @@ class Silent(SimDriver):
         self._reads += 1
         if self._reads > self.SILENT_FROM:
             state.stale[11] = 6
+
+
+class Silent(SimulatedSilent):
+    """The same of a real robot, as far as anybody can tell."""
+
+    @property
+    def capabilities(self) -> Capabilities:
+        return replace(super().capabilities, truth=False)
 
 
 class SilentLater(Silent):
@@ -250,6 +265,15 @@ def test_hardware_that_fails_is_exit_code_3_before_the_start_and_on_the_way(
     assert run("run", "-r", "op3", "-d", plug_in(driver), "--clock", "lockstep", "--seconds", "0.3", "--json") == 3
     safety = json.loads(capsys.readouterr().out)["safety"]
     assert safety["hardware_failed"] and safety["faults"][-1].startswith(f"{fault} (id 14) does not answer")
+
+
+def test_a_simulated_robot_that_fails_is_no_hardware(
+    plug_in: Callable[..., str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A dry run whose simulated servos overheated said that hardware had failed."""
+    driver = plug_in(SimulatedSilent)
+    assert run("run", "-r", "op3", "-d", driver, "--clock", "lockstep", "--seconds", "0.3", "--json") == 1
+    assert json.loads(capsys.readouterr().out)["safety"]["hardware_failed"]
 
 
 def test_an_emulated_port_is_known_as_one(tmp_path: Path) -> None:

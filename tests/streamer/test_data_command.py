@@ -15,7 +15,8 @@ import pytest
 
 from flexmotion.default_clip import default_clip
 from flexmotion.motion_file import load_motion, save_motion
-from streamer.cli import BAD_USAGE, CHECK_FAILED, OK, execute
+from streamer.cli import execute
+from streamer.exit_codes import BAD_USAGE, CHECK_FAILED, OK
 
 
 @pytest.fixture

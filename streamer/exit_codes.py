@@ -1,0 +1,9 @@
+"""Exit codes of the command line; `configs.errors` has those that errors bring along (docs/architecture.md)."""
+
+OK = 0
+CHECK_FAILED = 1
+"""It ran, and what it checked is not as it should be."""
+BAD_USAGE = 2
+HARDWARE_FAILED = 3
+INTERRUPTED = 130
+"""By SIGINT, as shells count it: 128 and the signal's number."""
