@@ -131,3 +131,38 @@ def test_torque_goes_on_with_goals_pinned_and_goals_past_a_limit_are_counted(nam
         command.position[:] += 0.01
         ticks(driver, world, state, command, 20)
         assert driver.violations > 0
+
+
+def test_a_servo_past_its_own_limits_is_pinned_to_these(sts: Robot) -> None:
+    """The goal went out as it was measured; a servo that takes none so far out answered with another one."""
+    driver, world = looped("feetech", sts)
+    state = RobotState(sts.n)
+    with driver:
+        driver.read(state)
+        bus = driver.buses[0]
+        assert isinstance(bus, FeetechBus)
+        limit = bus.measured.ticks[3] - 5
+        bus._position_limits[1, 3] = limit
+        bus.witness.limit(3, 0, limit)
+        driver.set_torque(True)
+        assert world.emulator.lines[0].bus.servos[3].get("goal_position") == limit
+        assert driver.violations == 0
+
+
+@pytest.mark.parametrize("name", ["feetech", "lx16a"])
+def test_a_goal_past_a_limit_stays_in_the_program(name: str, sts: Robot, lx: Robot) -> None:
+    """It was sent, and counted once it had left."""
+    robot = sts if name == "feetech" else lx
+    driver, world = looped(name, robot)
+    state, command = RobotState(robot.n), JointCommand(robot.n)
+    with driver:
+        ticks(driver, world, state, command, 20)
+        driver.set_torque(True)
+        command.position[:] = state.position
+        ticks(driver, world, state, command, 20)
+        knee = robot.index("l_knee")
+        command.position[knee] = robot.upper[knee] + 0.05
+        ticks(driver, world, state, command, 20)
+        assert driver.violations > 0
+        assert world.emulator.body.receiver.position_violations == 0
+        assert abs(world.emulator.body.receiver.goal[knee] - robot.stand_pose[knee]) < 0.02

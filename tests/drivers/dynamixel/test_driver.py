@@ -215,6 +215,19 @@ def test_damping_pins_softens_and_is_undone_by_torque_on(op3: Robot, rig: Callab
     assert (knee.get("position_p_gain"), knee.get("goal_pwm")) == (800, 885)
 
 
+def test_a_joint_that_a_fall_pressed_past_its_limit_is_damped_at_the_limit(rig: Callable[..., Rig]) -> None:
+    """Its goal followed it out, and was counted where it arrived."""
+    it = rig()
+    it.start()
+    it.tick(2)
+    knee, body = it.robot.index("l_knee"), it.emulator.body
+    body.position[knee] = it.robot.upper[knee] + 0.08
+    it.driver.read(it.state)
+    it.driver.damp()
+    assert it.driver.violations == 0 and body.receiver.position_violations == 0
+    assert abs(body.receiver.goal[knee] - it.robot.upper[knee]) <= it.robot.tick_rad[knee]
+
+
 # ---------------------------------------------------------------- audit
 
 
