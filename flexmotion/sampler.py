@@ -17,6 +17,7 @@ from flexmotion.features.inertialise import inertialised
 from flexmotion.motion import Motion
 from flexmotion.onnx_session import open_session, run
 from flexmotion.planted import planted
+from flexmotion.text.phrases import STAND
 from flexmotion.text.prompt_reader import Prompt, PromptReader
 
 Float32 = NDArray[np.float32]
@@ -24,6 +25,11 @@ Float32 = NDArray[np.float32]
 
 VELOCITY_GUIDANCE = 1.5
 """Words are to be exaggerated, numbers are not: with a guidance of 2.5 those who are told 1 m/s go 1.5."""
+
+
+CALM = 0.4
+"""Noise of who is to stand still, of that of others: people who wait shift their weight from foot to foot, a robot
+should not."""
 
 
 @dataclass(frozen=True)
@@ -160,6 +166,7 @@ class Sampler:
         if manifest.guided:
             inputs["guidance"][:] = guidance
         noisy = np.random.default_rng(seed).standard_normal((1, manifest.latent), np.float32)
+        noisy *= CALM if self._stands(condition) else 1.0
         times = np.round(np.linspace(manifest.times - 1, 0, self.steps + 1)[:-1]).astype(np.int64)
         for now, earlier in zip(times, [*times[1:], -1], strict=True):
             inputs["noisy"][:] = noisy
@@ -177,6 +184,9 @@ class Sampler:
             return condition.guidance
         numbers = condition.text is None and condition.velocity is not None
         return VELOCITY_GUIDANCE if numbers else self.bundle.manifest.guidance
+
+    def _stands(self, condition: Condition) -> bool:
+        return condition.velocity is None and self.prompt(condition.text).kind == STAND
 
     def _ask(self, condition: Condition) -> None:
         """Put what is asked for into the inputs: the first row is told, the second is what guidance leads away from."""

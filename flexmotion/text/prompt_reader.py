@@ -14,12 +14,14 @@ from flexmotion.text.sentence_encoder import SentenceEncoder
 
 log = logging.getLogger(__name__)
 
-NEAREST = 8
 SAME = 0.99
 """Cosine from which on two wordings are one."""
 
-SHARPNESS = 40.0
-"""The nearest known wordings count by the exponential of so many times their cosine."""
+VOTERS, DECISION = 8, 40.0
+"""The nearest known wordings vote by the exponential of so many times their cosine."""
+
+BREADTH = 10.0
+"""Those of the chosen kind are mixed likewise, more evenly: what many of them have in common is what it means."""
 
 
 @dataclass(frozen=True)
@@ -42,9 +44,10 @@ class Prompt:
 class PromptReader:
     """Reads sentences by the wordings that a model was trained with.
 
-    A sentence is heard as a mixture of the known wordings nearest to it, so that an unseen wording lands where the
-    model has been; only of those of one kind, on which they vote: "to your left" is nearly as near to "turn right" as
-    to "turn left", and half of each is neither. A known wording needs no vote. What is like none means standing still.
+    The known wordings nearest to a sentence vote on the kind of motion; it is heard as a mixture of those of that kind,
+    the nearer the more, so that an unseen wording lands where the model has been. Never as one of several kinds: "to
+    your left" is nearly as near to "turn right" as to "turn left", and half of each is neither. A known wording needs
+    no vote. What is like none means standing still.
 
     Args:
         folder: of the sentence encoder.
@@ -62,17 +65,17 @@ class PromptReader:
     def __call__(self, sentence: str) -> Prompt:
         """What a sentence means; warns where it means nothing."""
         likeness = self._embeddings @ self._encode(sentence)
-        near = np.argsort(-likeness, kind="stable")[:NEAREST]
+        near = np.argsort(-likeness, kind="stable")[:VOTERS]
         best = float(likeness[near[0]])
         if best < self._least:
             log.warning("%r means nothing to this model: it stands still", sentence)
             return Prompt(self.idle.embedding, STAND, best, False)
-        weight = np.exp(SHARPNESS * (likeness[near] - best))
-        kinds = self._kinds[near]
-        votes = 1 if best > SAME else NEAREST
-        kind = max(dict.fromkeys(kinds[:votes]), key=lambda name: weight[kinds == name].sum())
-        weight[kinds != kind] = 0.0
-        return Prompt(_unit(weight @ self._embeddings[near]), str(kind), best, True)
+        votes, kinds = np.exp(DECISION * (likeness[near] - best)), self._kinds[near]
+        candidates = kinds[:1] if best > SAME else kinds
+        kind = max(dict.fromkeys(candidates), key=lambda name: votes[kinds == name].sum())
+        alike = self._kinds == kind
+        mixture = np.exp(BREADTH * (likeness[alike] - best)) @ self._embeddings[alike]
+        return Prompt(_unit(mixture), str(kind), best, True)
 
 
 def _unit(vector: NDArray[np.float32]) -> NDArray[np.float32]:
