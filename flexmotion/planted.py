@@ -52,7 +52,7 @@ def planted(motion: Motion, past: Motion) -> Motion:
 
     height = feet[1:, ..., 2].min(axis=2)
     error = np.clip(height, BELOW, ABOVE) - height
-    wanted = _held((loaded * error).sum(axis=1) / np.maximum(loaded.sum(axis=1), 1.0), loaded.any(axis=1))
+    wanted = _held((loaded * error).sum(axis=1) / np.maximum(loaded.sum(axis=1), 1.0), np.asarray(loaded.any(axis=1)))
     position = motion.root_position.copy()
     position[:, :2] -= np.cumsum(shift, axis=0) / motion.fps
     position[:, 2] += _settled(wanted, motion.fps)
