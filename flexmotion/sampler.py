@@ -23,10 +23,6 @@ from flexmotion.text.prompt_reader import Prompt, PromptReader
 Float32 = NDArray[np.float32]
 
 
-VELOCITY_GUIDANCE = 1.5
-"""Words are to be exaggerated, numbers are not: with a guidance of 2.5 those who are told 1 m/s go 1.5."""
-
-
 CALM = 0.4
 """Noise of who is to stand still, of that of others: people who wait shift their weight from foot to foot, a robot
 should not."""
@@ -40,8 +36,7 @@ class Condition:
         text: what to do, in words; None for standing still, or for nothing but the velocity where there is one.
         velocity: of the root: forward, left [m/s], turning left [rad/s], as seen from where it faces at every moment;
             None for none.
-        guidance: how strictly it is followed; None for the bundle's default, for a velocity without text
-            `VELOCITY_GUIDANCE`.
+        guidance: how strictly it is followed; None for the bundle's default.
     """
 
     text: str | None = None
@@ -161,7 +156,7 @@ class Sampler:
         """DDIM from noise to a normalised latent, (1, L)."""
         inputs, manifest = self._inputs, self.bundle.manifest
         inputs["history"][:] = remembered
-        guidance = self._guidance(condition)
+        guidance = manifest.guidance if condition.guidance is None else condition.guidance
         self._ask(condition)
         if manifest.guided:
             inputs["guidance"][:] = guidance
@@ -178,12 +173,6 @@ class Sampler:
             noise = (noisy - np.sqrt(kept) * clean) / np.sqrt(1 - kept)
             noisy = (np.sqrt(left) * clean + np.sqrt(1 - left) * noise).astype(np.float32)
         return noisy
-
-    def _guidance(self, condition: Condition) -> float:
-        if condition.guidance is not None:
-            return condition.guidance
-        numbers = condition.text is None and condition.velocity is not None
-        return VELOCITY_GUIDANCE if numbers else self.bundle.manifest.guidance
 
     def _stands(self, condition: Condition) -> bool:
         return condition.velocity is None and self.prompt(condition.text).kind == STAND
