@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -22,6 +23,10 @@ VOTERS, DECISION = 8, 40.0
 
 BREADTH = 10.0
 """Those of the chosen kind are mixed likewise, more evenly: what many of them have in common is what it means."""
+
+
+NEGATION = re.compile(r"\b(not|never|no|without|stop|quit|cease|avoid|halt)\b|n['’]t\b", re.IGNORECASE)
+"""To a sentence encoder "do not walk" is nearly "do walk": who is told what not to do stands still."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +52,7 @@ class PromptReader:
     The known wordings nearest to a sentence vote on the kind of motion; it is heard as a mixture of those of that kind,
     the nearer the more, so that an unseen wording lands where the model has been. Never as one of several kinds: "to
     your left" is nearly as near to "turn right" as to "turn left", and half of each is neither. A known wording needs
-    no vote. What is like none means standing still.
+    no vote. What is like none means standing still, and so does what says what not to do.
 
     Args:
         folder: of the sentence encoder.
@@ -70,6 +75,9 @@ class PromptReader:
         if best < self._least:
             log.warning("%r means nothing to this model: it stands still", sentence)
             return Prompt(self.idle.embedding, STAND, best, False)
+        if best <= SAME and NEGATION.search(sentence):
+            log.warning("%r says what not to do: it stands still; say what to do", sentence)
+            return Prompt(self.idle.embedding, STAND, best, True)
         votes, kinds = np.exp(DECISION * (likeness[near] - best)), self._kinds[near]
         candidates = kinds[:1] if best > SAME else kinds
         kind = max(dict.fromkeys(candidates), key=lambda name: votes[kinds == name].sum())

@@ -13,7 +13,10 @@ RobotOption = Annotated[
     str, typer.Option("--robot", "-r", help="A shipped robot's name (see `flexmotion robots`) or a robot folder.")
 ]
 ClipOption = Annotated[
-    Path | None, typer.Option("--clip", "-c", help="Motion file to follow: .bvh, or our own .npz.", show_default=False)
+    Path | None,
+    typer.Option(
+        "--clip", "-c", help="Motion file to follow: BVH, AMC, TRC, AMASS, or our own .npz.", show_default=False
+    ),
 ]
 ScriptOption = Annotated[
     Path | None,

@@ -20,7 +20,7 @@ WORDINGS = np.array(
     ]
 )
 
-Heard = Callable[[list[float]], prompt_reader.Prompt]
+Heard = Callable[..., prompt_reader.Prompt]
 
 
 @pytest.fixture
@@ -31,10 +31,10 @@ def heard(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Heard:
     known = (WORDINGS / np.linalg.norm(WORDINGS, axis=1, keepdims=True)).astype(np.float32)
     reader = PromptReader(tmp_path, KINDS, known, 0.7)
 
-    def read(embedding: list[float]) -> prompt_reader.Prompt:
+    def read(embedding: list[float], sentence: str = "a sentence") -> prompt_reader.Prompt:
         vector = np.array(embedding, np.float32)
         said.append(vector / np.linalg.norm(vector))
-        return reader("a sentence")
+        return reader(sentence)
 
     return read
 
@@ -64,3 +64,17 @@ def test_what_is_like_nothing_known_means_standing_and_is_told(heard: Heard, cap
     assert (prompt.kind, prompt.known) == ("stand", False)
     np.testing.assert_allclose(prompt.embedding, [0.0, 0.0, 1.0], atol=1e-6)
     assert "means nothing to this model" in caplog.text
+
+
+@pytest.mark.parametrize("sentence", ["do not walk", "Don't walk!", "never bow", "walk? No", "stop that walking"])
+def test_who_is_told_what_not_to_do_does_not_do_it(
+    heard: Heard, caplog: pytest.LogCaptureFixture, sentence: str
+) -> None:
+    # "do not walk" made it walk.
+    assert heard([-1.0, 0.35, 0.0], sentence).kind == "stand"
+    assert "what not to do" in caplog.text
+
+
+@pytest.mark.parametrize("sentence", ["take note and bow", "bow at noon", "go north"])
+def test_words_that_only_look_like_a_negation_are_none(heard: Heard, sentence: str) -> None:
+    assert heard([-1.0, 0.35, 0.0], sentence).kind == "bow"
