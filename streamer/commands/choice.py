@@ -27,14 +27,14 @@ DEFAULT_CLIP = "default.npz"
 DEFAULT_SCRIPT = "default_script.yaml"
 """The same where there is one."""
 SWITCHED_PROMPTS = (
-    "walk forward",
     "wave with the right hand",
-    "turn left",
     "stand still",
     "raise both arms",
-    "take a bow",
+    "wave with the left hand",
+    "raise the right hand",
 )
-"""What a model is asked for in turn where only its speed matters."""
+"""What a model is asked for in turn where only its speed matters: who is asked for another gait every half second may
+fall, and a fall ends the measurement."""
 LAST_S = 10.0
 """How long the last item of a script, or a prompt, is followed where nobody says how long [s]."""
 
