@@ -10,6 +10,8 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import convolve1d
+from scipy.signal import lfilter
 
 from flexmotion.kinematics import forward
 from flexmotion.motion import Motion
@@ -48,7 +50,8 @@ def planted(motion: Motion, past: Motion) -> Motion:
     velocity = np.diff(feet[..., :2], axis=0) * motion.fps
     slip = (share * velocity).sum(axis=2) / share.sum(axis=2)
     firm = loaded * np.clip(1.0 - np.linalg.norm(slip, axis=-1) / SWINGING, 0.0, 1.0)
-    shift = _smoothed((firm[..., None] * slip).sum(axis=1) / np.maximum(firm.sum(axis=1), 1.0)[:, None])
+    shift = (firm[..., None] * slip).sum(axis=1) / np.maximum(firm.sum(axis=1), 1.0)[:, None]
+    shift = convolve1d(shift, SMOOTH, axis=0, mode="nearest")
 
     height = feet[1:, ..., 2].min(axis=2)
     error = np.clip(height, BELOW, ABOVE) - height
@@ -65,13 +68,6 @@ def _feet(motion: Motion) -> Float:
     return np.stack([human.heel, human.toe], axis=2)
 
 
-def _smoothed(values: Float) -> Float:
-    """Over neighbours, (T, 2)."""
-    padded = np.pad(values, ((1, 1), (0, 0)), mode="edge")
-    found: Float = sum(weight * padded[at : at + len(values)] for at, weight in enumerate(SMOOTH))
-    return found
-
-
 def _held(values: Float, known: NDArray[np.bool_]) -> Float:
     """Values, where they are not known the last that was, 0 before the first, (T,)."""
     last = np.maximum.accumulate(np.where(known, np.arange(1, len(values) + 1), 0))
@@ -80,12 +76,8 @@ def _held(values: Float, known: NDArray[np.bool_]) -> Float:
 
 def _settled(wanted: Float, fps: float) -> Float:
     """What follows `wanted` from 0 on as a critically damped spring does, (T,)."""
-    rate, dt = 2.0 / SETTLING_S, 1.0 / fps
-    place = speed = 0.0
-    found = np.empty_like(wanted)
-    for frame, to in enumerate(wanted):
-        # Implicit in its own speed: stable at any rate.
-        speed = (speed + dt * rate * rate * (to - place)) / (1.0 + 2.0 * rate * dt + (rate * dt) ** 2)
-        place += dt * speed
-        found[frame] = place
+    step = 2.0 / (SETTLING_S * fps)
+    # Implicit in its own speed: stable at any rate.
+    kept, pull = 1.0 / (1.0 + step) ** 2, (step / (1.0 + step)) ** 2
+    found: Float = lfilter([pull], [1.0, pull - kept - 1.0, kept], wanted)
     return found
