@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from drivers.bus.attempts import attempts
 from drivers.bus.packet import SumDecoder, SumFormat, SumPacket
 from drivers.bus.port import SerialPort
 
-TRIES = 3
 LATENCY_S = 0.02
 """Time beyond that on the wire that an answer may take [s]."""
 
@@ -16,9 +16,9 @@ class SumClient:
     def __init__(self, port: SerialPort, form: SumFormat) -> None:
         self.port, self.form = port, form
 
-    def ask(self, id_: int, code: int, params: bytes = b"", *, answer: int, tries: int = TRIES) -> SumPacket | None:
-        """The answer with `answer` params of a servo to an instruction; None where none comes."""
-        for _ in range(tries):
+    def ask(self, id_: int, code: int, params: bytes = b"", *, answer: int, once: bool = False) -> SumPacket | None:
+        """A servo's answer with `answer` params to an instruction; None where none comes, asked `once` or again."""
+        for _ in attempts(self.port, once=once):
             self.port.receive()
             self.port.send(self.form.encode(id_, code, params))
             decoder = SumDecoder(self.form)

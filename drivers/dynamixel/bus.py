@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from configs.errors import ConfigError, DriverError
 from configs.robot import Robot
+from drivers.bus.attempts import TRIES, attempts
 from drivers.bus.options import BusOptions
 from drivers.bus.port import BITS_A_BYTE, SerialPort
 from drivers.bus.servo_bus import Budget, ServoBus
@@ -31,7 +32,6 @@ Slots = NDArray[np.int64]
 PATIENCE_S, SHORT_PATIENCE_S = 0.003, 0.0015
 """Time beyond that on the wire that answers may take; the short one while something is missing anyway [s]."""
 
-TRIES = 3
 LEARNING_CYCLES = 8
 """Cycles at `open` from which the servos' clocks are learnt."""
 
@@ -294,7 +294,7 @@ class DynamixelBus(ServoBus):
         recent = self.port.now() - self._begun < RECENT_SHARE / self.robot.rate_hz
         if self._damped:
             self._set_softness(1.0)
-        for _ in range(TRIES):
+        for _ in attempts(self.port):
             if not (recent and measured.fresh.all()):
                 self._run_cycle()
             recent = False

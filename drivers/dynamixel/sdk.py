@@ -13,14 +13,13 @@ from typing import Any
 from dynamixel_sdk import COMM_SUCCESS, PacketHandler, PortHandler
 
 from configs.errors import DriverError
+from drivers.bus.attempts import attempts
 from drivers.bus.port import SerialPort
 from drivers.dynamixel.packet import ALERT, Error
 from drivers.dynamixel.registers import Register
 
 LATENCY_S = 0.025
 """Time beyond that on the wire that an answer may take [s]."""
-
-TRIES = 3
 
 
 class SdkPort(PortHandler):
@@ -77,9 +76,9 @@ class Client:
         self.line = line
         self._port, self._handler = SdkPort(line), PacketHandler(2.0)
 
-    def ping(self, id_: int, *, tries: int = TRIES) -> int | None:
-        """Model number of a device; None where it does not answer."""
-        for _ in range(tries):
+    def ping(self, id_: int, *, once: bool = False) -> int | None:
+        """Model number of a device; None where it does not answer, asked `once` or again."""
+        for _ in attempts(self.line, once=once):
             model, result, _ = self._handler.ping(self._port, id_)
             if result == COMM_SUCCESS:
                 return int(model)
@@ -123,7 +122,7 @@ class Client:
         self._try(id_, "reboot", attempt)
 
     def _try(self, id_: int, what: str, attempt: Callable[[], tuple[Any, int, int]]) -> Any:
-        for _ in range(TRIES):
+        for _ in attempts(self.line):
             answer, result, error = attempt()
             # A CRC error is told by a servo that heard a broken packet: another try.
             if result == COMM_SUCCESS and error & ~ALERT != Error.CRC:

@@ -80,7 +80,7 @@ def audit(client: Client, robot: Robot, joint: int, layout: Layout, *, configure
     model = client.ping(id_)
     if model is None:
         reason = client.line.lost or f"does not answer at {client.line.baud} baud"
-        if SumClient(client.line, PROTOCOL_1).ask(id_, PROTOCOL_1_PING, answer=0, tries=1) is not None:
+        if SumClient(client.line, PROTOCOL_1).ask(id_, PROTOCOL_1_PING, answer=0, once=True) is not None:
             raise DriverError(f"{where}: speaks Protocol 1, or is a Feetech servo; {ANOTHER_PROTOCOL}")
         raise DriverError(f"{where}: {reason}; is its power on? `flexmotion servo scan` finds servos at any baud rate")
     if servo.model_number is not None and model != servo.model_number:

@@ -47,6 +47,6 @@ class DynamixelTools(BusTools):
         """See `BusTools`; returns once the servo answers again."""
         self._client.reboot(id_)
         end = time.monotonic() + _REBOOT_S
-        while self._client.ping(id_, tries=1) is None:
+        while self._client.ping(id_, once=True) is None:
             if time.monotonic() > end:
                 raise DriverError(f"port {self.port.path}: id {id_}: does not answer {_REBOOT_S:g} s after a reboot")

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from configs.errors import ConfigError, DriverError
 from configs.robot import Robot
+from drivers.bus.attempts import TRIES, attempts
 from drivers.bus.options import BusOptions
 from drivers.bus.packet import BROADCAST, SumDecoder
 from drivers.bus.port import BITS_A_BYTE, SerialPort
@@ -21,7 +22,6 @@ Float = NDArray[np.float64]
 Bool = NDArray[np.bool_]
 
 PATIENCE_S = 0.003
-TRIES = 3
 
 _READ = ("present_position", "present_speed", "present_load", "present_voltage", "present_temperature", "status",
          "present_current")  # fmt: skip
@@ -146,7 +146,7 @@ class FeetechBus(ServoBus):
     def switch_on(self) -> None:
         """See `ServoBus`."""
         wrong = "does not answer"
-        for _ in range(TRIES):
+        for _ in attempts(self.port):
             self._run_cycle()
             if not self.measured.fresh.all():
                 continue

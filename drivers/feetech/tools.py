@@ -26,7 +26,7 @@ class FeetechTools(BusTools):
         model = sts()["model_number"]
         for id_ in range(MAX_ID + 1):
             params = bytes([model.address, model.size])
-            answer = self._client.ask(id_, Instruction.READ, params, answer=model.size, tries=1)
+            answer = self._client.ask(id_, Instruction.READ, params, answer=model.size, once=True)
             if answer is not None:
                 yield Found(self.port.baud, id_, model_name(model.unpack(answer.params)))
 
@@ -38,5 +38,5 @@ class FeetechTools(BusTools):
         """See `BusTools`."""
         lock, address = sts()["lock"].address, sts()["id"].address
         self._client.ask(old, Instruction.WRITE, bytes([lock, 0]), answer=0)
-        self._client.ask(old, Instruction.WRITE, bytes([address, new]), answer=0, tries=1)
+        self._client.ask(old, Instruction.WRITE, bytes([address, new]), answer=0, once=True)
         self._client.ask(new, Instruction.WRITE, bytes([lock, 1]), answer=0)

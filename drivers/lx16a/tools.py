@@ -24,17 +24,17 @@ class Lx16aTools(BusTools):
     def scan_here(self) -> Iterator[Found]:
         """See `BusTools`; every id is asked once."""
         for id_ in range(MAX_ID + 1):
-            if self._ask(id_, tries=1):
+            if self._ask(id_, once=True):
                 yield Found(self.port.baud, id_, "LX-16A")
 
     def answers(self, id_: int) -> bool:
         """See `BusTools`."""
-        return self._ask(id_, tries=3)
+        return self._ask(id_)
 
     def write_id(self, old: int, new: int) -> None:
         """See `BusTools`."""
         self.port.send(FORMAT.encode(old, Command.SET_ID, bytes([new])))
 
-    def _ask(self, id_: int, *, tries: int) -> bool:
-        answer = self._client.ask(id_, Command.READ_ID, answer=ANSWER_SIZE[Command.READ_ID], tries=tries)
+    def _ask(self, id_: int, *, once: bool = False) -> bool:
+        answer = self._client.ask(id_, Command.READ_ID, answer=ANSWER_SIZE[Command.READ_ID], once=once)
         return answer is not None

@@ -26,7 +26,7 @@ from streamer.sources import ClipSource
 
 RATE = 125
 
-_ON_THE_WALL_CLOCK = {"live", "walking", "bench", "tab"}
+_ON_THE_WALL_CLOCK = {"live", "walking", "bench", "standing", "tab"}
 """Fixtures of tests that run the program, or its processes, on the wall clock; the others are in lockstep."""
 
 _ATTEMPTS = 3

@@ -19,7 +19,7 @@ from drivers.dynamixel.sdk import Client
 from drivers.emulator.body import BenchBody
 from drivers.emulator.dynamixel_bus import DynamixelBus
 from drivers.emulator.emulator import Emulator
-from drivers.emulator.faults import Fault
+from drivers.emulator.faults import Fault, FaultKind
 from drivers.emulator.loopback import Loopback
 from drivers.emulator.servo import XServo
 from drivers.interface import JointCommand, RobotState
@@ -145,6 +145,28 @@ def test_at_torque_on_no_goal_is_more_than_a_tick_from_where_the_joint_is(op3: R
     assert it.emulator.body.plant.enabled.all()
     assert np.abs(it.emulator.body.velocity).max() < 0.05
     assert not it.state.hardware_error.any()
+
+
+@pytest.mark.parametrize("step", ["open", "torque on"])
+def test_a_bus_that_is_silent_for_a_moment_is_asked_again_before_the_start_is_given_up(
+    rig: Callable[..., Rig], step: str
+) -> None:
+    """A busy host kept the replies for some 20 ms just before torque on: every servo was called dead, the run ended."""
+    it = rig()
+    if step == "torque on":
+        it.driver.open()
+        it.driver.read(it.state)
+    silent_until = it.world.now + 0.15
+
+    class Moment(Fault):
+        def active(self, since_torque: float) -> bool:
+            return it.world.now < silent_until
+
+    it.emulator.faults[:] = [Moment(FaultKind.CABLE)]
+    it.world.advance(0.015)
+    it.start() if step == "open" else it.driver.set_torque(True)
+    it.tick(3)
+    assert it.emulator.body.plant.enabled.all() and not it.state.stale.any()
 
 
 def test_goals_arrive_in_the_units_and_directions_of_the_servos(op3: Robot, rig: Callable[..., Rig]) -> None:
