@@ -6,7 +6,7 @@ import contextlib
 import random
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 import psutil
@@ -17,6 +17,7 @@ from configs.stream import Budgets, StreamSettings
 from drivers.interface import Driver
 from drivers.realtime import child
 from drivers.realtime.priority import Scheduling
+from drivers.realtime.witness import Witness, overlapping
 from flexmotion.default_clip import default_clip
 from flexmotion.motion import Motion
 from streamer.clip_library import ClipLibrary
@@ -47,8 +48,7 @@ class LatencyResult:
         switches, answered: targets sent, and those that a plan followed.
         lateness: ticks by how late the loop woke, one a bin of `HISTOGRAM_US`.
         memory_mb: of the loop's process, early in the run and at its end.
-        stolen_ms: time that a host took from this (virtual) machine's processors meanwhile, all together; it comes in
-            single stalls that no priority prevents, and in steps of 10 ms.
+        standstills: of this machine meanwhile; None where nothing could tell.
         failures: budgets that were passed, in words.
     """
 
@@ -66,7 +66,7 @@ class LatencyResult:
     violations_sent: int
     lateness: tuple[int, ...]
     memory_mb: tuple[float, float] | None
-    stolen_ms: float
+    standstills: Standstills | None
     faults: tuple[str, ...]
     failures: tuple[str, ...]
 
@@ -82,11 +82,33 @@ class LatencyResult:
 
 
 @dataclass(frozen=True)
+class Standstills:
+    """Moments at which this machine itself ran nothing, as a timer above every other process found them.
+
+    Attributes:
+        count: how many; `total_ms` what they add up to on all processors, `longest_ms` the longest.
+        missed_deadlines: those of the loop that were missed in one, or catching up.
+        stolen_ms: what the host of a virtual machine says that it took meanwhile; in steps of 10 ms.
+    """
+
+    count: int
+    total_ms: float
+    longest_ms: float
+    missed_deadlines: int
+    stolen_ms: float
+
+
+@dataclass(frozen=True)
 class Stage:
-    """One stage's time in milliseconds, and the 99th percentile that it may have; None where nothing is asked."""
+    """One stage's time in milliseconds, and the 99th percentile that it may have; None where nothing is asked.
+
+    Attributes:
+        apart: the time where the machine did not stand still meanwhile; None where that is not known.
+    """
 
     time: Latency | None
     budget_ms: float | None = None
+    apart: Latency | None = None
 
     @property
     def over(self) -> bool:
@@ -95,7 +117,8 @@ class Stage:
 
     def content(self) -> dict[str, object]:
         """As JSON has it."""
-        return {"ms": None if self.time is None else self.time.model_dump(), "budget_p99_ms": self.budget_ms}
+        time, apart = (None if one is None else one.model_dump() for one in (self.time, self.apart))
+        return {"ms": time, "budget_p99_ms": self.budget_ms, "apart_from_standstills_ms": apart}
 
 
 def measure(
@@ -130,10 +153,12 @@ def measure(
     )
     switcher = _Switcher(session, intents, seconds, switches, seed, progress)
     session.request = lambda: request() or switcher.next()
-    before = _stolen_ms()
-    with hogs(load):
+    before, witness = _stolen_ms(), Witness()
+    with hogs(load), witness if realtime else contextlib.nullcontext():
         record = session.run("real")
-    return _result(record, session, settings.budgets, load, switcher.sent, _stolen_ms() - before)
+    known = session.scheduling == "fifo"
+    moments = Moments(record, witness.standstills(), _stolen_ms() - before) if known else None
+    return _result(record, session, settings.budgets, load, switcher.sent, moments)
 
 
 def shipped_clips() -> dict[str, Motion]:
@@ -194,22 +219,48 @@ def _stolen_ms() -> float:
     return 1e3 * float(psutil.cpu_times().steal)
 
 
+class Moments:
+    """The machine's standstills, laid beside a run."""
+
+    def __init__(self, record: RunRecord, found: NDArray[np.int64], stolen_ms: float) -> None:
+        first, last = (int(record.stamp_ns[at]) for at in (0, -1))
+        self._stamps = record.stamp_ns
+        self._moments = found[(found[:, 1] > first) & (found[:, 0] < last)]
+        ms = (self._moments[:, 1] - self._moments[:, 0]) * 1e-6
+        # From a wake to the next all is one cause: what was late then makes late what comes after.
+        missed = np.diff(record.rows["missed_deadlines"], prepend=0)
+        since = np.concatenate([[first], self._stamps[:-1]])
+        theirs = int(missed[overlapping(since, self._stamps, self._moments)].sum())
+        longest = float(ms.max(initial=0.0))
+        self.summary = Standstills(len(ms), float(ms.sum()), longest, theirs, stolen_ms)
+
+    def apart(self, seconds: NDArray[np.float64], *, before: bool) -> Latency | None:
+        """Times of each tick, (T,) [s], without those in which the machine stood still: up to its wake, or after it."""
+        ns = np.nan_to_num(seconds * 1e9).astype(np.int64)
+        begins, ends = (self._stamps - ns, self._stamps) if before else (self._stamps, self._stamps + ns)
+        return Latency.of(seconds[~overlapping(begins, ends, self._moments)], 1e-3)
+
+
 def _result(
-    record: RunRecord, session: Session, budgets: Budgets, load: int, sent: int, stolen_ms: float
+    record: RunRecord, session: Session, budgets: Budgets, load: int, sent: int, moments: Moments | None
 ) -> LatencyResult:
     def stage(seconds: NDArray[np.float64], budget_ms: float | None = None) -> Stage:
         return Stage(Latency.of(seconds, 1e-3), budget_ms)
 
+    def of_ticks(seconds: NDArray[np.float64], budget_ms: float | None = None, *, before: bool = True) -> Stage:
+        apart = None if moments is None else moments.apart(seconds, before=before)
+        return replace(stage(seconds, budget_ms), apart=apart)
+
     plans = record.plans
     stages = {
-        "loop work": stage(record.work_s, budgets.loop_work_p99_ms),
-        "wake lateness": stage(record.lateness_s, budgets.wake_lateness_p99_ms),
-        "robot lateness": stage(record.robot_lateness_s),
+        "loop work": of_ticks(record.work_s, budgets.loop_work_p99_ms, before=False),
+        "wake lateness": of_ticks(record.lateness_s, budgets.wake_lateness_p99_ms),
+        "robot lateness": of_ticks(record.robot_lateness_s),
         "sample": stage(np.array([plan.sample_s for plan in plans])),
         "retarget": stage(np.array([plan.retarget_s for plan in plans])),
         "plan joins after": stage(np.array([(p.join_tick - p.asked_tick) / record.rate_hz for p in plans])),
-        "target to command": stage(record.target_to_command_s, budgets.target_to_command_ms),
-        "target to effect": stage(record.target_to_effect_s),
+        "target to command": of_ticks(record.target_to_command_s, budgets.target_to_command_ms),
+        "target to effect": of_ticks(record.target_to_effect_s),
     }
     failures = [
         f"{name}: p99 {stage.time.p99:.3g} ms, budget {stage.budget_ms:g} ms"
@@ -250,7 +301,7 @@ def _result(
         violations_sent=record.violations_sent,
         lateness=tuple(int(n) for n in np.histogram(late, [*HISTOGRAM_US, np.inf])[0]),
         memory_mb=session.memory_mb,
-        stolen_ms=stolen_ms,
+        standstills=None if moments is None else moments.summary,
         faults=faults,
         failures=(*failures, *(f"fault: {fault}" for fault in faults)),
     )

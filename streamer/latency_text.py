@@ -26,7 +26,8 @@ def _verdict(result: LatencyResult) -> Text:
 
 
 def _stages(result: LatencyResult) -> Table:
-    table = Table("Stage", *("p50", "p99", "p99.9", "max", "budget p99"), title="Times [ms]", title_justify="left")
+    apart = () if result.standstills is None else ("p99 apart", "max apart")
+    table = Table("Stage", "p50", "p99", "p99.9", "max", "budget p99", *apart, title="Times [ms]", title_justify="left")
     for name, stage in result.stages.items():
         budget = "" if stage.budget_ms is None else f"{stage.budget_ms:g}"
         style = "red" if stage.over else None
@@ -34,7 +35,9 @@ def _stages(result: LatencyResult) -> Table:
             table.add_row(name, "-", "-", "-", "-", budget)
             continue
         time = stage.time
-        table.add_row(name, *(f"{ms:.3g}" for ms in (time.p50, time.p99, time.p99_9, time.max)), budget, style=style)
+        figures = [f"{ms:.3g}" for ms in (time.p50, time.p99, time.p99_9, time.max)]
+        rest = [] if stage.apart is None else [f"{ms:.3g}" for ms in (stage.apart.p99, stage.apart.max)]
+        table.add_row(name, *figures, budget, *rest, style=style)
     return table
 
 
@@ -59,9 +62,23 @@ def _counts(result: LatencyResult) -> Text:
     memory = ""
     if result.memory_mb is not None:
         memory = f"; loop memory {result.memory_mb[0]:.1f} -> {result.memory_mb[1]:.1f} MB"
-    stolen = f"; the host of this machine took {result.stolen_ms:.0f} ms from it" if result.stolen_ms else ""
     return Text(
         f"{result.scheduling} scheduling, {result.load} hogs; {result.cycles} ticks, {result.missed_deadlines} missed; "
         f"{result.answered} of {result.switches} switches followed, {result.late_plans} plans late, "
-        f"{result.underruns} under-runs; {result.violations_sent} goals outside the envelope{memory}{stolen}"
+        f"{result.underruns} under-runs; {result.violations_sent} goals outside the envelope{memory}"
+        f"{_standstills(result)}"
+    )
+
+
+def _standstills(result: LatencyResult) -> str:
+    """What the machine itself took, which no program can help."""
+    found = result.standstills
+    if found is None or not found.count:
+        return ""
+    host = f", its host says that it took {found.stolen_ms:.0f} ms" if found.stolen_ms else ""
+    return (
+        f"\nThe machine itself stood still {found.count} times, {found.total_ms:.0f} ms in all, up to "
+        f"{found.longest_ms:.1f} ms (a timer above every other process woke so late{host}): "
+        f"{found.missed_deadlines} of {result.missed_deadlines} missed deadlines fall into these moments; "
+        "the columns on the right leave them out"
     )

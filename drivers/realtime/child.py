@@ -29,9 +29,7 @@ def start(name: str, target: Callable[..., None], *args: Any, orphaned: signal.S
     return child
 
 
-def _run(
-    name: str, parent: int, orphaned: signal.Signals, target: Callable[..., None], args: tuple[Any, ...]
-) -> None:
+def _run(name: str, parent: int, orphaned: signal.Signals, target: Callable[..., None], args: tuple[Any, ...]) -> None:
     os.setpgid(0, 0)
     for number in (signal.SIGINT, signal.SIGHUP, signal.SIGUSR1, signal.SIGUSR2):
         signal.signal(number, signal.SIG_IGN)

@@ -9,8 +9,9 @@ from typing import Literal
 
 Scheduling = Literal["fifo", "other"]
 
-LOOP_PRIORITY, ROBOT_PRIORITY, PLANNER_PRIORITY = 60, 40, 20
-"""Of the control loop, of a simulated robot or an emulated bus, and of the planner (SCHED_FIFO)."""
+WITNESS_PRIORITY, LOOP_PRIORITY, ROBOT_PRIORITY, PLANNER_PRIORITY = 80, 60, 40, 20
+"""Of a timer that watches the machine, of the control loop, of a simulated robot or an emulated bus, and of the planner
+(SCHED_FIFO)."""
 
 _MCL_CURRENT, _MCL_FUTURE, _MCL_ONFAULT = 1, 2, 4
 _PR_SET_TIMERSLACK = 29
@@ -32,10 +33,14 @@ def claim(priority: int, *, allowed: bool = True) -> Scheduling:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
     except OSError:
         return "other"
-    available = sorted(os.sched_getaffinity(0))
-    if len(available) > 1:
-        os.sched_setaffinity(0, {available[-2 if priority == PLANNER_PRIORITY else -1]})
+    available = motion_processors()
+    os.sched_setaffinity(0, {available[0 if priority == PLANNER_PRIORITY else -1]})
     return "fifo"
+
+
+def motion_processors() -> list[int]:
+    """Processors that the motion runs on, of those this process may use: the planner's, then loop's and robot's."""
+    return sorted(os.sched_getaffinity(0))[-2:]
 
 
 def settle(*, collect: bool) -> None:

@@ -7,6 +7,7 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from rich.console import Console
 
@@ -14,9 +15,11 @@ from configs.robot import load_robot
 from configs.stream import load_stream
 from drivers.registry import create
 from streamer.cli import execute
-from streamer.latency import HISTOGRAM_US, LatencyResult, measure, shipped_clips, switched
+from streamer.latency import HISTOGRAM_US, LatencyResult, Moments, Standstills, measure, shipped_clips, switched
 from streamer.latency_text import render_latency
 from streamer.plots import write_latency
+from streamer.record import RunRecord
+from streamer.tick_row import tick_dtype
 
 PNG = b"\x89PNG\r\n\x1a\n"
 
@@ -59,11 +62,38 @@ def test_the_text_names_the_failures_and_shows_the_histogram(result: LatencyResu
 def test_time_that_a_host_took_is_said(result: LatencyResult) -> None:
     """Went wrong: a run on a virtual machine missed ten periods in one stall, and nothing said whose it was."""
     said = []
-    for stolen_ms in (0.0, 120.0):
+    for standstills in (None, Standstills(3, 130.0, 91.0, missed_deadlines=10, stolen_ms=120.0)):
         out = io.StringIO()
-        Console(file=out, width=200).print(render_latency(replace(result, stolen_ms=stolen_ms)))
-        said.append("host of this machine took 120 ms" in out.getvalue())
+        Console(file=out, width=200).print(
+            render_latency(replace(result, standstills=standstills, missed_deadlines=11))
+        )
+        text = " ".join(out.getvalue().split())
+        said.append("stood still 3 times, 130 ms in all, up to 91.0 ms" in text and "took 120 ms" in text)
+        assert ("10 of 11 missed deadlines" in text) == (standstills is not None)
     assert said == [False, True]
+    assert result.standstills is None  # without realtime scheduling, other programs look the same
+
+
+def test_what_fell_into_a_standstill_is_told_apart() -> None:
+    """Twelve ticks; before the fifth the machine stood still for 20 ms, so that it and the next woke late."""
+    ms = 1_000_000
+    record = RunRecord(125.0, ("l_knee",))
+    rows = np.zeros(12, tick_dtype(1))
+    rows["stamp_ns"] = 1000 * ms + 8 * ms * np.arange(12)
+    rows["stamp_ns"][4:] += 8 * ms * 2  # two ticks left out
+    rows["missed_deadlines"][4:] = 3
+    rows["lateness_s"], rows["work_s"] = 0.0001, 0.001
+    rows["lateness_s"][4], rows["work_s"][9] = 0.020, 0.004
+    rows["target_to_command_s"] = np.nan
+    rows["target_to_command_s"][[2, 5, 11]] = 0.012, 0.080, 0.013
+    record.append(rows)
+    stood = np.array([[1030 * ms, 1050 * ms], [5000 * ms, 5001 * ms]])  # the second one after the run
+    moments = Moments(record, stood, stolen_ms=20.0)
+    assert moments.summary == Standstills(1, 20.0, 20.0, missed_deadlines=3, stolen_ms=20.0)
+    late, work = moments.apart(rows["lateness_s"], before=True), moments.apart(rows["work_s"], before=False)
+    answered = moments.apart(rows["target_to_command_s"], before=True)
+    assert late is not None and work is not None and answered is not None
+    assert (late.max, work.max, answered.max) == pytest.approx((0.1, 4.0, 13.0))
 
 
 def test_the_picture_and_the_json(result: LatencyResult, tmp_path: Path) -> None:

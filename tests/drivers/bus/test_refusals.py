@@ -61,9 +61,7 @@ def coupled(tmp_path: Path) -> Robot:
 
 
 def test_joints_behind_a_differential(coupled: Robot) -> None:
-    with pytest.raises(
-        ConfigError, match=r"op3\.xml couples joints \(neck\): differentials and linkages want a"
-    ):
+    with pytest.raises(ConfigError, match=r"op3\.xml couples joints \(neck\): differentials and linkages want a"):
         create("dynamixel", coupled, port="main")
     assert create("sim", coupled).robot is coupled  # who simulates them may
 

@@ -1,0 +1,83 @@
+"""`Witness`: a timer above every other process tells when the machine itself ran nothing.
+
+What a host takes from a virtual machine, or firmware from any, comes in stalls that no priority prevents. A figure of
+realtime tells of the program only where this timer woke in time.
+"""
+
+from __future__ import annotations
+
+import os
+from multiprocessing.process import BaseProcess
+from types import TracebackType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.realtime import child
+from drivers.realtime.priority import WITNESS_PRIORITY, claim, motion_processors, settle
+from drivers.realtime.ring import Ring
+from drivers.realtime.ticker import Ticker
+
+_PERIOD_S = 0.002
+_WORTH_NS = 500_000
+"""Later than this the timer did not merely wake slowly: its processor stood still."""
+_KEPT = 16_384
+_ROW = np.dtype([("begin_ns", "i8"), ("end_ns", "i8")])
+
+Int = NDArray[np.int64]
+
+
+class Witness:
+    """Within a `with`, a process on each processor that the motion runs on sleeps and wakes.
+
+    Without realtime scheduling it would tell of other programs: then it says nothing.
+    """
+
+    def __init__(self) -> None:
+        self._rings = {processor: Ring(_ROW, _KEPT) for processor in motion_processors()}
+        self._children: list[BaseProcess] = []
+
+    def __enter__(self) -> Witness:
+        for processor, ring in self._rings.items():
+            self._children.append(child.start(f"witness-{processor}", _watch, processor, ring))
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        for one in self._children:
+            one.kill()
+            one.join()
+        self._children.clear()
+
+    def standstills(self) -> Int:
+        """Begin and end of every moment at which a processor stood still, (k, 2), by begin [`perf_counter_ns`]."""
+        rows = np.concatenate([ring.reader().read() for ring in self._rings.values()])
+        rows.sort(order="begin_ns")
+        return np.column_stack([rows["begin_ns"], rows["end_ns"]])
+
+
+def overlapping(begins: Int, ends: Int, moments: Int) -> NDArray[np.bool_]:
+    """Which of the intervals, (n,) and (n,), share time with one of `moments`, (k, 2)."""
+    if not len(moments):
+        return np.zeros(len(begins), np.bool_)
+    # Those of two processors may overlap one another: the latest end of all that have begun counts.
+    latest_end = np.maximum.accumulate(moments[:, 1])
+    begun = np.searchsorted(moments[:, 0], ends, side="right") - 1
+    return (begun >= 0) & (latest_end[np.maximum(begun, 0)] > begins)
+
+
+def _watch(processor: int, ring: Ring) -> None:
+    os.sched_setaffinity(0, {processor})
+    if claim(WITNESS_PRIORITY) != "fifo":
+        return
+    settle(collect=False)
+    ticker, row, end = Ticker(_PERIOD_S), np.zeros((), _ROW), 0
+    while True:
+        ticker.wait()
+        # From the first deadline that passed, those skipped included; what was told already is not told again.
+        begin = max(ticker.deadline_ns - ticker.skipped * ticker.period_ns, end)
+        end = ticker.deadline_ns + ticker.late_ns
+        if end - begin > _WORTH_NS:
+            row["begin_ns"], row["end_ns"] = begin, end
+            ring.publish(row)

@@ -1,0 +1,61 @@
+"""A timer that says when the machine itself stood still."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+
+import numpy as np
+import psutil
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drivers.realtime.priority import WITNESS_PRIORITY
+from drivers.realtime.witness import Witness, overlapping
+
+_spans = st.lists(st.tuples(st.integers(0, 60), st.integers(0, 20)), max_size=6)
+
+
+@given(intervals=_spans, moments=_spans)
+def test_intervals_that_share_time_with_a_moment_are_found(
+    intervals: list[tuple[int, int]], moments: list[tuple[int, int]]
+) -> None:
+    spans = np.array([(begin, begin + length) for begin, length in intervals], np.int64).reshape(-1, 2)
+    told = np.array(sorted((begin, begin + length + 1) for begin, length in moments), np.int64).reshape(-1, 2)
+    expected = [any(a < end and begin <= b for begin, end in told) for a, b in spans]
+    np.testing.assert_array_equal(overlapping(spans[:, 0], spans[:, 1], told), np.array(expected, bool))
+
+
+def _may_have_priority() -> bool:
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(WITNESS_PRIORITY))
+    except OSError:
+        return False
+    os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+    return True
+
+
+def test_a_moment_in_which_nothing_ran_is_told_with_begin_and_end() -> None:
+    """Stopping the timers' processes is what a host does that stops the machine's processors."""
+    if not _may_have_priority():
+        pytest.skip("the system grants no realtime scheduling")
+    with Witness() as witness:
+        time.sleep(0.3)
+        timers = [p for p in psutil.Process().children() if p.name().startswith("fm-witness")]
+        assert timers
+        for timer in timers:
+            timer.send_signal(signal.SIGSTOP)
+        begin = time.perf_counter_ns()
+        time.sleep(0.05)
+        end = time.perf_counter_ns()
+        for timer in timers:
+            timer.send_signal(signal.SIGCONT)
+        time.sleep(0.1)
+        found = witness.standstills()
+    assert not any(timer.is_running() for timer in timers)
+    inside = found[(found[:, 1] > begin) & (found[:, 0] < end)]
+    assert len(inside) >= len(timers) and (inside[:, 1] - inside[:, 0]).max() > 45e6
+    # Told once: what was skipped is not told again by the next wait.
+    assert (inside[:, 1] - inside[:, 0]).sum() < len(timers) * 150e6
