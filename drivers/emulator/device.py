@@ -10,11 +10,18 @@ from drivers.dynamixel.registers import BAUD_RATES, RETURN_DELAY_US, Register, T
 
 @dataclass(frozen=True)
 class _Part:
-    """A register that a write covers, and where in the data its bytes come."""
+    """A register that a write covers, and where in the data its bytes come; `run` where they come in a row.
+
+    Attributes:
+        kept: lies in EEPROM; `steers`: changes who the device is or what addresses mean.
+    """
 
     name: str
     register: Register
     sources: tuple[int, ...]
+    run: slice | None
+    kept: bool
+    steers: bool
 
 
 class Device:
@@ -100,17 +107,18 @@ class Device:
             return parts
         for part in parts:
             register = part.register
-            value = register.unpack(bytes([data[source] for source in part.sources]))
-            if register.address < self.table.eeprom_end and self.locked:
+            content = data[part.run] if part.run else bytes([data[source] for source in part.sources])
+            value = register.unpack(content)
+            if part.kept and self.locked:
                 return Error.ACCESS
             if register.range is not None and not register.range[0] <= value <= register.range[1]:
                 return Error.RANGE
             error = self.written(part.name, value)
             if error:
                 return error
-            self.memory[register.address : register.end] = register.pack(value)
-            self._identify(part.name)
-            if part.name.startswith("indirect"):
+            self.memory[register.address : register.end] = content
+            if part.steers:
+                self._identify(part.name)
                 self._parts.clear()
                 self._targets.clear()
         return Error.NONE
@@ -185,7 +193,7 @@ class Device:
         return self._parts[key]
 
     def _make_plan(self, address: int, size: int) -> tuple[_Part, ...] | int:
-        sources: dict[str, dict[int, int]] = {}
+        found: dict[str, dict[int, int]] = {}
         for source in range(size):
             target = self._target(address + source)
             if target not in self._by_address:
@@ -193,13 +201,18 @@ class Device:
             name, register = self._by_address[target]
             if register.access != "rw":
                 return Error.ACCESS
-            sources.setdefault(name, {})[target - register.address] = source
+            found.setdefault(name, {})[target - register.address] = source
         parts = []
-        for name, places in sources.items():
+        for name, places in found.items():
             register = self._by_address_name(name)
             if len(places) != register.size:
                 return Error.LENGTH
-            parts.append(_Part(name, register, tuple(places[at] for at in range(register.size))))
+            sources = tuple(places[at] for at in range(register.size))
+            end = sources[0] + len(sources)
+            run = slice(sources[0], end) if sources == tuple(range(sources[0], end)) else None
+            steers = name in ("id", "baud_rate") or name.startswith("indirect")
+            kept = register.address < self.table.eeprom_end
+            parts.append(_Part(name, register, sources, run, kept, steers))
         return tuple(parts)
 
     def _by_address_name(self, name: str) -> Register:

@@ -24,6 +24,10 @@ CLEAR_KEY = b"\x44\x58\x4c\x22"
 MISSED_SLOT_S = 0.0002
 """How long servos after a missing one in a sync read wait for it before they go on (assumption)."""
 
+_INSTRUCTION = 7
+"""Place of the instruction byte in a packet."""
+_WRITES_TO_MANY = tuple(bytes([kind]) for kind in (Instruction.SYNC_WRITE, Instruction.BULK_WRITE))
+
 
 class DynamixelBus:
     """All devices of one bus.
@@ -49,6 +53,10 @@ class DynamixelBus:
         self.imu_ids = frozenset(device.id for device in self.devices if isinstance(device, OpenCr))
         self._decoder = Decoder()
         self._index()
+
+    def asks(self, data: bytes) -> bool:
+        """See `EmulatedBus`; nobody answers a write to many."""
+        return data[_INSTRUCTION : _INSTRUCTION + 1] not in _WRITES_TO_MANY
 
     def hear(self, data: bytes, baud: int, now: float) -> list[tuple[int, list[Reply]]]:
         """Bytes from the host at `baud`: for every packet in them, its size in bytes and the answers to it."""
@@ -236,7 +244,7 @@ class DynamixelBus:
         return []
 
     def _refresh(self, devices: Iterable[Device], now: float) -> None:
-        self.joints.refresh()
+        self.joints.measure()
         for device in devices:
             device.refresh(now)
 

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections import deque
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any, Protocol
 
 from drivers.emulator.faults import Damage, Fault, FaultKind
@@ -30,6 +32,9 @@ class EmulatedBus(Protocol):
     @property
     def bad(self) -> int:
         """Broken packets that came from the host."""
+
+    def asks(self, data: bytes) -> bool:
+        """Whether bytes from the host may ask for an answer: true unless it is sure that they do not."""
 
     def hear(self, data: bytes, baud: int, now: float) -> list[tuple[int, list[Reply]]]:
         """Bytes from the host at `baud`: for every packet in them, its size in bytes and the answers to it."""
@@ -112,8 +117,26 @@ class Line(ABC):
         return {"wire_busy_share": round(self.wire.busy_s / elapsed, 4), "spoilt": spoilt}
 
 
+@dataclass(frozen=True)
+class _Sent:
+    """What the host sent at once.
+
+    Attributes:
+        ready: time at which the devices are to work on it; `end` when its last byte is over [s].
+        data: what is left of it; `baud` its bit rate.
+    """
+
+    ready: float
+    end: float
+    data: bytes
+    baud: int
+
+
 class BusLine(Line):
     """A bus of servos on its wire, half duplex.
+
+    What the host sends acts when its last byte is over. An answer is worked out before that, while its instruction is
+    on the wire: a computer takes longer for it than servos do.
 
     Attributes:
         bus: its devices.
@@ -124,6 +147,12 @@ class BusLine(Line):
         self.bus = bus
         self._last_heard = 0.0
         self._incomplete = False
+        self._arriving: deque[_Sent] = deque()
+
+    @property
+    def due(self) -> float:
+        """See `Line`."""
+        return min(super().due, self._arriving[0].ready if self._arriving else math.inf)
 
     def act(self, faults: Sequence[Fault]) -> None:
         """See `Line`."""
@@ -143,20 +172,30 @@ class BusLine(Line):
         if self._incomplete and now - self._last_heard > SILENCE_S:
             self.bus.silence()
         self._last_heard = now
-        if not data or self.cut:
-            return
-        baud = self.terminal.baud or 1
-        data, _ = self.damage.spoil(data)
-        packets = self.bus.hear(data, baud, now)
-        self._incomplete = sum(size for size, _ in packets) < len(data)
-        for size, replies in packets:
-            end = self.wire.send(size, baud, now)
-            if replies:
-                self.wire.answer([(reply, *self.damage.spoil(reply.data)) for reply in replies], baud, end)
+        if data and not self.cut:
+            baud = self.terminal.baud or 1
+            end = self.wire.send(len(data), baud, now)
+            self._arriving.append(_Sent(now if self.bus.asks(data) else end, end, self.damage.spoil(data)[0], baud))
+
+    def deliver(self, now: float) -> None:
+        """See `Line`; and let the devices hear what has reached them by now."""
+        while self._arriving and self._arriving[0].ready <= now:
+            self._take(self._arriving.popleft())
+        super().deliver(now)
 
     def watch(self, now: float) -> None:
         """See `Line`."""
         self.bus.watch(now)
+
+    def _take(self, sent: _Sent) -> None:
+        packets = self.bus.hear(sent.data, sent.baud, sent.end)
+        after = sum(size for size, _ in packets)
+        self._incomplete = after < len(sent.data)
+        for size, replies in packets:
+            after -= size
+            if replies:
+                asked = sent.end - self.wire.seconds(after, sent.baud)
+                self.wire.answer([(reply, *self.damage.spoil(reply.data)) for reply in replies], sent.baud, asked)
 
     def report(self, elapsed: float) -> dict[str, Any]:
         """See `Line`."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import struct
+from collections.abc import Callable
 
 import numpy as np
 
@@ -41,6 +42,9 @@ class Joints:
     Attributes:
         goal, bound: goals [rad] and torque bounds [N·m] as the servos hold them, (n,).
         fresh: servos that took a goal since the last `commit`, (n,) bool.
+        ticks: present positions in servo units as of the last `refresh`, (n,).
+        present: of every joint as of the last `measure`: position [ticks], velocity [register units], torque in the
+            servo's direction [N·m], temperature [°C]. Plain numbers: a register table is filled with them one by one.
     """
 
     def __init__(self, body: Body) -> None:
@@ -52,6 +56,7 @@ class Joints:
         self.gain_share, self.drive_share = np.ones(n), np.ones(n)
         self._changed = False
         self.ticks = np.zeros(n)
+        self.present: list[tuple[int, int, float, int]] = []
 
     def touch(self) -> None:
         """A goal or a bound changed."""
@@ -67,6 +72,15 @@ class Joints:
     def refresh(self) -> None:
         """Bring `ticks`, the present positions in servo units, up to now, (n,)."""
         self.body.robot.to_ticks(self.body.position, out=self.ticks)
+
+    def measure(self) -> None:
+        """Bring `present` up to now."""
+        self.refresh()
+        body, plant = self.body, self.body.plant
+        direction = body.robot.direction
+        units = [np.rint(a).astype(int) for a in (self.ticks, direction * body.velocity / _RAD_S, plant.temperature)]
+        ticks, speed, temperature = (a.tolist() for a in units)
+        self.present = list(zip(ticks, speed, (direction * plant.torque).tolist(), temperature, strict=True))
 
 
 class XServo(Device):
@@ -85,14 +99,33 @@ class XServo(Device):
         self.put("temperature_limit", int(servo.temperature_limit))
         self._current = servo.current_unit
         self._dynamic = self.table["present_pwm"].address
+        self._errors, self._watchdog = self.table["hardware_error_status"].address, self.table["bus_watchdog"].address
+        self._torque_enable = self.table["torque_enable"].address
         self._newton_metre = servo.torque_constant or servo.stall_torque / servo.stall_current
+        # Present load is a current where the servo measures it, else a share of 1000 of the stall torque.
+        amperes = self._current
+        self._load_per_torque = 1000 / servo.stall_torque if amperes is None else 1 / (self._newton_metre * amperes)
+        self._pwm_per_torque = PWM_FULL / servo.stall_torque
+        robot = joints.body.robot
+        direction = float(robot.direction[index])
+        self._angle_per_tick = float(robot.tick_rad[index]) * direction
+        self._angle_at_zero = -servo.centre_tick * self._angle_per_tick - float(robot.zero[index]) * direction
+        prefix = "_on_"
+        self._handlers: dict[str, Callable[[int], int]] = {
+            name.removeprefix(prefix): getattr(self, name) for name in dir(type(self)) if name.startswith(prefix)
+        }
         self._moving_threshold = self.get("moving_threshold")
         self._pin()
 
     @property
     def torque(self) -> bool:
         """Whether torque is on."""
-        return self.memory[self.table["torque_enable"].address] == 1
+        return self.memory[self._torque_enable] == 1
+
+    @property
+    def _tripped(self) -> bool:
+        """Whether the bus watchdog has, and goals are refused until it is cleared."""
+        return self.memory[self._watchdog] == TRIPPED & 0xFF
 
     @property
     def locked(self) -> bool:
@@ -102,7 +135,7 @@ class XServo(Device):
     @property
     def alert(self) -> bool:
         """Whether the hardware error status is not clear."""
-        return self.memory[self.table["hardware_error_status"].address] != 0
+        return self.memory[self._errors] != 0
 
     def feed(self, now: float) -> None:
         """An instruction reached this servo."""
@@ -110,24 +143,16 @@ class XServo(Device):
 
     def refresh(self, now: float) -> None:
         """See `Device`."""
-        joints, index, body = self.joints, self.index, self.joints.body
-        plant, robot = body.plant, body.robot
-        direction = robot.direction[index]
-        ticks = int(joints.ticks[index])
-        speed = round(direction * body.velocity[index] / _RAD_S)
-        torque = direction * plant.torque[index]
-        if self._current is None:
-            load = round(1000 * torque / self.servo.stall_torque)
-        else:
-            load = round(torque / self._newton_metre / self._current)
-        pwm = round(PWM_FULL * torque / self.servo.stall_torque)
+        ticks, speed, torque, temperature = self.joints.present[self.index]
+        pwm, load = round(torque * self._pwm_per_torque), round(torque * self._load_per_torque)
+        volts = round(self.joints.body.plant.voltage / VOLTAGE)
         struct.pack_into("<hhii", self.memory, self._dynamic, pwm, load, speed, ticks)
-        struct.pack_into("<HB", self.memory, 144, round(plant.voltage / VOLTAGE), round(plant.temperature[index]))
+        struct.pack_into("<HB", self.memory, 144, volts, temperature)
         struct.pack_into("<HB", self.memory, 120, int(now * 1000) % TICK_WRAP, abs(speed) > self._moving_threshold)
 
     def written(self, name: str, value: int) -> int:
         """See `Device`."""
-        handler = getattr(self, f"_on_{name}", None)
+        handler = self._handlers.get(name)
         return handler(value) if handler is not None else Error.NONE
 
     def watch(self, now: float) -> None:
@@ -176,21 +201,19 @@ class XServo(Device):
         return Error.NONE
 
     def _on_goal_position(self, value: int) -> int:
-        if self.get("bus_watchdog") == TRIPPED:
+        if self._tripped:
             return Error.RANGE
         joints, index = self.joints, self.index
         if not self.get("min_position_limit") <= value <= self.get("max_position_limit"):
             joints.body.receiver.position_violations += int(self.torque)
             return Error.LIMIT
-        robot = joints.body.robot
-        angle = (value - self.servo.centre_tick) * robot.tick_rad[index]
-        joints.goal[index] = (angle - robot.zero[index]) * robot.direction[index]
+        joints.goal[index] = value * self._angle_per_tick + self._angle_at_zero
         joints.fresh[index] = True
         joints.touch()
         return Error.NONE
 
     def _on_goal_current(self, value: int) -> int:
-        if self.get("bus_watchdog") == TRIPPED:
+        if self._tripped:
             return Error.RANGE
         if abs(value) > self.get("current_limit"):
             return Error.LIMIT
@@ -198,7 +221,7 @@ class XServo(Device):
         return Error.NONE
 
     def _on_goal_pwm(self, value: int) -> int:
-        if self.get("bus_watchdog") == TRIPPED:
+        if self._tripped:
             return Error.RANGE
         if abs(value) > self.get("pwm_limit"):
             return Error.LIMIT

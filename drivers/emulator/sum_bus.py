@@ -64,6 +64,10 @@ class SumBus(ABC, Generic[ServoKind]):
         """Packets with a wrong sum."""
         return self._decoder.bad
 
+    def asks(self, data: bytes) -> bool:
+        """See `EmulatedBus`."""
+        return True
+
     def hear(self, data: bytes, baud: int, now: float) -> list[tuple[int, list[Reply]]]:
         """See `EmulatedBus`."""
         heard = []

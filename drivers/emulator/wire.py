@@ -44,13 +44,22 @@ class Wire:
         if self._outgoing and start < self._reply_end:
             self.collisions += 1
             self._outgoing.clear()
-        took = size * BITS_A_BYTE / baud
-        self.busy_s += took
-        self._host_free = start + took if self.timed else now
+        self.busy_s += size * BITS_A_BYTE / baud
+        self._host_free = start + self.seconds(size, baud)
         return self._host_free
 
+    def seconds(self, size: int, baud: int) -> float:
+        """Time that `size` bytes take [s]."""
+        return size * BITS_A_BYTE / baud if self.timed else 0.0
+
     def answer(self, replies: list[tuple[Reply, bytes, float]], baud: int, after: float) -> None:
-        """Devices answer an instruction that ended at `after`: reply, what is left of it, and extra delay [s]."""
+        """Devices answer an instruction that ended at `after`: reply, what is left of it, and extra delay [s].
+
+        Where the host is still sending by then, both speak at once and no reply is left.
+        """
+        if self._host_free > after:
+            self.collisions += 1
+            return
         at, frame, frame_end = after, bytearray(), float("inf")
         for reply, data, late in replies:
             took = len(reply.data) * BITS_A_BYTE / baud

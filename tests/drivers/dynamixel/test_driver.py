@@ -28,6 +28,8 @@ from drivers.registry import create
 from ..bus.robots import op3_with
 
 KNEE = 14
+ON_THE_WIRE_S = 0.004
+"""Time in which the last bytes have reached the servos."""
 
 
 class Rig:
@@ -186,6 +188,7 @@ def test_closing_switches_torque_off_and_can_be_repeated(rig: Callable[..., Rig]
     it.start()
     it.driver.close()
     it.driver.close()
+    it.world.advance(ON_THE_WIRE_S)
     assert not any(servo.torque for servo in it.bus.servos)
     assert all(servo.get("bus_watchdog") == 0 for servo in it.bus.servos)
 
@@ -246,6 +249,7 @@ def test_a_joint_that_a_fall_pressed_past_its_limit_is_damped_at_the_limit(rig: 
     body.position[knee] = it.robot.upper[knee] + 0.08
     it.driver.read(it.state)
     it.driver.damp()
+    it.world.advance(ON_THE_WIRE_S)
     assert it.driver.violations == 0 and body.receiver.position_violations == 0
     assert abs(body.receiver.goal[knee] - it.robot.upper[knee]) <= it.robot.tick_rad[knee]
 

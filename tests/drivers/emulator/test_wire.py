@@ -2,6 +2,12 @@ from __future__ import annotations
 
 import pytest
 
+from configs.robot import Robot
+from drivers.dynamixel.packet import BROADCAST, Instruction, encode
+from drivers.emulator.body import BenchBody
+from drivers.emulator.dynamixel_bus import DynamixelBus
+from drivers.emulator.line import BusLine
+from drivers.emulator.loopback import Loopback
 from drivers.emulator.wire import FRAME_S, Reply, Wire
 
 BAUD = 1_000_000
@@ -41,6 +47,29 @@ def test_the_host_destroys_what_it_speaks_over() -> None:
     wire.answer(replies(100), BAUD, after=0.0)
     wire.send(10, BAUD, now=0.0005)
     assert wire.collisions == 1 and wire.due is None
+
+
+def test_a_host_that_goes_on_speaking_when_a_reply_is_due_destroys_it() -> None:
+    wire = Wire()
+    end = wire.send(10, BAUD, now=0.0)
+    wire.send(10, BAUD, now=0.00005)
+    wire.answer(replies(10), BAUD, after=end)
+    assert wire.collisions == 1 and wire.due is None
+
+
+def test_goals_act_when_their_last_byte_is_over(op3: Robot) -> None:
+    """Went wrong: they acted as they were sent, and while that was worked out the next packet was late on the wire."""
+    world = Loopback(BenchBody(op3))
+    line = world.emulator.lines[0]
+    assert isinstance(line, BusLine) and isinstance(line.bus, DynamixelBus)
+    servo = line.bus.servos[3]
+    led = encode(BROADCAST, Instruction.SYNC_WRITE, bytes([65, 0, 1, 0, servo.id, 1]))
+    world.open_port(line.name, servo.baud).send(led)
+    takes = 10 * len(led) / servo.baud
+    world.advance(takes - 1e-6)
+    assert servo.get("led") == 0
+    world.advance(2e-6)
+    assert servo.get("led") == 1
 
 
 def test_a_late_reply_is_held_back_and_no_collision() -> None:
