@@ -1,7 +1,9 @@
 """`planted`: feet that carry load stay where they are on the floor, and the body above them moves instead.
 
 A model's errors of a degree at every joint of a leg move its foot by centimetres; the root, which it knows no better,
-is moved so that the feet that it says are loaded neither slide nor leave the floor. Angles are left as they are.
+is moved so that the feet that it says are loaded neither slide nor leave the floor. Angles are left as they are. Of
+two feet that it says are loaded while one is well above the other, as happens some frames before a foot lands and after
+it has left, that one carries nothing, and the lower one all.
 """
 
 from __future__ import annotations
@@ -27,14 +29,17 @@ SWINGING = 0.6
 ABOVE, BELOW = 0.015, 0.0
 """Heights of the lower one of heel and toe of a foot that stands; as in clips, whose shoes have soles [m]."""
 
+RAISED = 0.02
+"""A foot this much higher than another that carries load does not carry any itself [m]."""
+
 SMOOTH = np.array([0.25, 0.5, 0.25])
-SETTLING_S = 0.05
+SETTLING_S = 0.033
 """Time constant with which the body is raised or lowered: a window begins where the last one was put and goes over to
 where the model has it in some tenths of a second, to be followed closely."""
 
 
 def planted(motion: Motion, past: Motion) -> Motion:
-    """A motion whose loaded feet stand.
+    """A motion whose loaded feet stand, and whose raised ones are not loaded.
 
     Args:
         motion: with contacts; without them it is returned as it is.
@@ -44,7 +49,8 @@ def planted(motion: Motion, past: Motion) -> Motion:
         return motion
     last = past[len(past) - 1 :]
     feet = np.concatenate([_feet(last), _feet(motion)])  # (T + 1, 2, 2, 3): left and right, heel and toe
-    loaded = motion.contacts.astype(np.float64)
+    motion = _relieved(motion, feet[1:, ..., 2].min(axis=2))
+    loaded = np.asarray(motion.contacts, np.float64)
     share = np.exp(-(feet[..., 2] - feet[..., 2].min(axis=2, keepdims=True)) / ROLLING)
     share = (share[1:] + share[:-1])[..., None]
     velocity = np.diff(feet[..., :2], axis=0) * motion.fps
@@ -60,6 +66,21 @@ def planted(motion: Motion, past: Motion) -> Motion:
     position[:, :2] -= np.cumsum(shift, axis=0) / motion.fps
     position[:, 2] += _settled(wanted, motion.fps)
     return replace(motion, root_position=position)
+
+
+def _relieved(motion: Motion, height: Float) -> Motion:
+    """The same with raised feet relieved of what they are said to carry, heights (T, 2)."""
+    contacts = np.asarray(motion.contacts)
+    raised = contacts.all(axis=1)[:, None] & (height - height[:, ::-1] > RAISED)
+    if not raised.any():
+        return motion
+    wrenches = motion.wrenches
+    if wrenches is not None:
+        moved = np.where(raised[..., None], wrenches, 0.0)
+        wrenches = wrenches - moved
+        # Moments are about the centre of pressure: the other foot's own stays where it is.
+        wrenches[..., :3] += moved[:, ::-1, :3]
+    return replace(motion, contacts=contacts & ~raised, wrenches=wrenches)
 
 
 def _feet(motion: Motion) -> Float:

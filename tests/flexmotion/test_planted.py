@@ -11,6 +11,7 @@ from flexmotion.default_clip import default_clip
 from flexmotion.kinematics import forward
 from flexmotion.motion import Motion
 from flexmotion.planted import planted
+from flexmotion.skeleton import JOINTS
 
 FRAMES = 32
 
@@ -99,3 +100,22 @@ def test_what_is_known_of_the_floor_lasts_through_flight(standing: Motion) -> No
     high = replace(moved(standing[1:], np.array([0.0, 0.0, 0.04])), contacts=contacts)
     found = planted(high, standing[:1])
     assert np.ptp(found.root_position[16:, 2]) < 0.001
+
+
+def test_a_raised_foot_hands_its_load_to_the_one_on_the_floor(standing: Motion) -> None:
+    """Went wrong: some frames before it landed a foot was said to carry half the body, 6 cm above the floor."""
+    joints = standing.joints[1:].copy()
+    joints[10:20, JOINTS.index("knee_flexion_l")] += 0.8
+    wrenches = np.zeros((FRAMES, 2, 6))
+    wrenches[:, :, 2], wrenches[:, :, 5] = (300.0, 350.0), (4.0, -3.0)
+    stepping = replace(standing[1:], joints=joints, wrenches=wrenches)
+    found = planted(stepping, standing[:1])
+    assert found.contacts is not None and found.wrenches is not None
+    raised = np.zeros(FRAMES, np.bool_)
+    raised[10:20] = True
+    np.testing.assert_array_equal(found.contacts, np.stack([~raised, np.ones(FRAMES, np.bool_)], axis=1))
+    np.testing.assert_array_equal(found.wrenches[raised][:, 0], 0.0)
+    np.testing.assert_allclose(found.wrenches[..., 2].sum(axis=1), 650.0)
+    np.testing.assert_array_equal(found.wrenches[:, 1, 5], -3.0)
+    np.testing.assert_array_equal(found.wrenches[~raised], wrenches[~raised])
+    assert np.array_equal(stepping.contacts, standing.contacts[1:])  # what came in is as it was
