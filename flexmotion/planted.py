@@ -71,7 +71,7 @@ def planted(motion: Motion, past: Motion) -> Motion:
 def _relieved(motion: Motion, height: Float) -> Motion:
     """The same with raised feet relieved of what they are said to carry, heights (T, 2)."""
     contacts = np.asarray(motion.contacts)
-    raised = contacts.all(axis=1)[:, None] & (height - height[:, ::-1] > RAISED)
+    raised = np.all(contacts, axis=1, keepdims=True) & (height - height[:, ::-1] > RAISED)
     if not raised.any():
         return motion
     wrenches = motion.wrenches

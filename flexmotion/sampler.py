@@ -17,6 +17,7 @@ from flexmotion.features.inertialise import inertialised
 from flexmotion.motion import Motion
 from flexmotion.onnx_session import open_session, run
 from flexmotion.planted import planted
+from flexmotion.text import phrases
 from flexmotion.text.phrases import STAND
 from flexmotion.text.prompt_reader import Prompt, PromptReader
 
@@ -33,7 +34,8 @@ class Condition:
     """What is asked for.
 
     Attributes:
-        text: what to do, in words; None for standing still, or for nothing but the velocity where there is one.
+        text: what to do, in words; None for standing still, or for nothing but the velocity where there is one. Words
+            that mean a velocity ("step to the left") are heard as that velocity where no other is asked for.
         velocity: of the root: forward, left [m/s], turning left [rad/s], as seen from where it faces at every moment;
             None for none.
         guidance: how strictly it is followed; None for the bundle's default.
@@ -157,6 +159,7 @@ class Sampler:
         inputs, manifest = self._inputs, self.bundle.manifest
         inputs["history"][:] = remembered
         guidance = manifest.guidance if condition.guidance is None else condition.guidance
+        condition = self._meant(condition)
         self._ask(condition)
         if manifest.guided:
             inputs["guidance"][:] = guidance
@@ -173,6 +176,13 @@ class Sampler:
             noise = (noisy - np.sqrt(kept) * clean) / np.sqrt(1 - kept)
             noisy = (np.sqrt(left) * clean + np.sqrt(1 - left) * noise).astype(np.float32)
         return noisy
+
+    def _meant(self, condition: Condition) -> Condition:
+        """What is meant by what is said."""
+        if condition.text is None or condition.velocity is not None or not self.follows_velocity:
+            return condition
+        meant = phrases.velocity(self.prompt(condition.text).kind)
+        return condition if meant is None else replace(condition, text=None, velocity=meant)
 
     def _stands(self, condition: Condition) -> bool:
         return condition.velocity is None and self.prompt(condition.text).kind == STAND

@@ -37,6 +37,12 @@ def wordings(kind: str) -> tuple[str, ...]:
     return tuple(dict.fromkeys([*made, *row["more"]]))
 
 
+def velocity(kind: str) -> tuple[float, float, float] | None:
+    """Forward, left [m/s] and turning left [rad/s] that wordings of a kind mean; None where they mean none."""
+    row = _table()["kinds"].get(kind, {})
+    return tuple(row["velocity"]) if "velocity" in row else None
+
+
 def styled(wording: str, style: str) -> tuple[str, ...]:
     """A wording in a style, in several ways; as it is where the style is not known."""
     return tuple(f"{wording} {adverb}".strip() for adverb in _table()["styles"].get(style, [""]))

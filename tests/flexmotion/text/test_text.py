@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from flexmotion.text.phrases import STAND, kinds, mirrored, styled, wordings
+from flexmotion.text.phrases import STAND, kinds, mirrored, styled, velocity, wordings
 from flexmotion.text.word_pieces import LONGEST, WordPieces
 
 PIECES = ["[UNK]", "wave", "walk", "##ing", "##s", "hand", "a"]
@@ -64,3 +64,12 @@ def test_styles() -> None:
 def test_mirrored(text: str, other: str) -> None:
     assert mirrored(text) == other
     assert mirrored(other) == text
+
+
+def test_a_velocity_that_words_mean_is_the_mirror_image_of_what_the_mirrored_words_mean() -> None:
+    for kind in kinds():
+        meant, other = velocity(kind), velocity(mirrored(kind))
+        assert (meant is None) == (other is None)
+        if meant is not None and other is not None:
+            assert other == (meant[0], -meant[1], -meant[2])
+    assert velocity("walk-left") is not None and velocity("no such motion") is None
