@@ -50,8 +50,8 @@ from streamer.sources import Source
 
 PROMPTS = Path(__file__).with_name("prompts.yaml")
 SCRIPT = "default script"
-SECONDS = 5.0
-"""Length of a prompt's run."""
+SECONDS, WALKING_SECONDS = 5.0, 8.0
+"""Length of a prompt's run: of a gesture, and of one that goes somewhere, which begins and ends with a stand."""
 NET_PATH, TURNED = 0.4, 0.5
 """Shares of what the human walks and turns that the robot must reach."""
 STANDING_UP, WALKING_UP, SCRIPT_OK = 0.9, 0.8, 0.9
@@ -109,7 +109,8 @@ def run(task: Task, folder: Path | None) -> dict[str, Any]:
         assert isinstance(source, ModelSource)
     else:
         items = [Item(0.0, Text(task.text))]
-        source = ModelSource(_sampler(folder), items, f"prompt:{task.text}", task.seed, SECONDS)
+        seconds = WALKING_SECONDS if moves(_checks()[task.kind]) else SECONDS
+        source = ModelSource(_sampler(folder), items, f"prompt:{task.text}", task.seed, seconds)
     options = simulation_options(task.perturbed, ["total_mass=3.5"] if task.perturbed else [])
     session = Session(
         robot,
@@ -252,6 +253,11 @@ def tasks(kinds: Sequence[str], seeds: int, forces: str, name: str) -> list[Task
     ]
 
 
+@lru_cache
+def _checks() -> dict[str, dict[str, Any]]:
+    return {entry["kind"]: entry["check"] for entry in _prompts()}
+
+
 def _prompts() -> list[dict[str, Any]]:
     table: list[dict[str, Any]] = yaml.safe_load(PROMPTS.read_text(encoding="utf-8"))
     return table
@@ -279,7 +285,7 @@ def main(
 ) -> list[Verdict]:
     """Run all prompts and judge."""
     forces = "zero" if zero_forces else "none" if no_forces else "predicted"
-    checks = {entry["kind"]: entry["check"] for entry in _prompts()}
+    checks = _checks()
     work = tasks(kinds or (), seeds, forces, _sampler(bundle).bundle.hash)
     wanted = {task.key: task for task in work}
     before = [] if out is None else done_before(out)

@@ -1,9 +1,8 @@
 """`planted`: feet that carry load stay where they are on the floor, and the body above them moves instead.
 
 A model's errors of a degree at every joint of a leg move its foot by centimetres; the root, which it knows no better,
-is moved so that the feet that it says are loaded neither slide nor leave the floor. Angles are left as they are. Of
-two feet that it says are loaded while one is well above the other, as happens some frames before a foot lands and after
-it has left, that one carries nothing, and the lower one all.
+is moved so that the feet that it says are loaded neither slide nor leave the floor. What is left where two feet
+disagree, or land sooner than a body can be let down, the legs make up for.
 """
 
 from __future__ import annotations
@@ -12,10 +11,11 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import convolve1d
+from scipy.ndimage import convolve1d, maximum_filter1d
 from scipy.signal import lfilter
 
-from flexmotion.kinematics import forward
+from flexmotion.kinematics import HumanKinematics, forward
+from flexmotion.leg_length import lowered
 from flexmotion.motion import Motion
 
 Float = NDArray[np.float64]
@@ -29,17 +29,17 @@ SWINGING = 0.6
 ABOVE, BELOW = 0.015, 0.0
 """Heights of the lower one of heel and toe of a foot that stands; as in clips, whose shoes have soles [m]."""
 
-RAISED = 0.02
-"""A foot this much higher than another that carries load does not carry any itself [m]."""
+REACHED = 0.02
+"""A loaded foot that is higher than this in the end is let down to it by its leg [m]."""
 
 SMOOTH = np.array([0.25, 0.5, 0.25])
-SETTLING_S = 0.033
+SETTLING_S = 0.05
 """Time constant with which the body is raised or lowered: a window begins where the last one was put and goes over to
 where the model has it in some tenths of a second, to be followed closely."""
 
 
 def planted(motion: Motion, past: Motion) -> Motion:
-    """A motion whose loaded feet stand, and whose raised ones are not loaded.
+    """A motion whose loaded feet stand.
 
     Args:
         motion: with contacts; without them it is returned as it is.
@@ -48,9 +48,9 @@ def planted(motion: Motion, past: Motion) -> Motion:
     if motion.contacts is None or not len(motion):
         return motion
     last = past[len(past) - 1 :]
-    feet = np.concatenate([_feet(last), _feet(motion)])  # (T + 1, 2, 2, 3): left and right, heel and toe
-    motion = _relieved(motion, feet[1:, ..., 2].min(axis=2))
-    loaded = np.asarray(motion.contacts, np.float64)
+    human = forward(motion)
+    feet = np.concatenate([_feet(forward(last)), _feet(human)])  # (T + 1, 2, 2, 3): left and right, heel and toe
+    loaded = motion.contacts.astype(np.float64)
     share = np.exp(-(feet[..., 2] - feet[..., 2].min(axis=2, keepdims=True)) / ROLLING)
     share = (share[1:] + share[:-1])[..., None]
     velocity = np.diff(feet[..., :2], axis=0) * motion.fps
@@ -64,28 +64,24 @@ def planted(motion: Motion, past: Motion) -> Motion:
     wanted = _held((loaded * error).sum(axis=1) / np.maximum(loaded.sum(axis=1), 1.0), np.asarray(loaded.any(axis=1)))
     position = motion.root_position.copy()
     position[:, :2] -= np.cumsum(shift, axis=0) / motion.fps
-    position[:, 2] += _settled(wanted, motion.fps)
-    return replace(motion, root_position=position)
+    lift = _settled(wanted, motion.fps)
+    position[:, 2] += lift
+    down = _remaining(height + lift[:, None], motion.contacts)
+    return lowered(replace(motion, root_position=position), down, human.hip, human.ankle)
 
 
-def _relieved(motion: Motion, height: Float) -> Motion:
-    """The same with raised feet relieved of what they are said to carry, heights (T, 2)."""
-    contacts = np.asarray(motion.contacts)
-    raised = np.all(contacts, axis=1, keepdims=True) & (height - height[:, ::-1] > RAISED)
-    if not raised.any():
-        return motion
-    wrenches = motion.wrenches
-    if wrenches is not None:
-        moved = np.where(raised[..., None], wrenches, 0.0)
-        wrenches = wrenches - moved
-        # Moments are about the centre of pressure: the other foot's own stays where it is.
-        wrenches[..., :3] += moved[:, ::-1, :3]
-    return replace(motion, contacts=contacts & ~raised, wrenches=wrenches)
+def _remaining(height: Float, loaded: NDArray[np.bool_]) -> Float:
+    """By how much feet are to come down, loaded ones to the floor and all out of it, heights and result (T, 2)."""
+    down = np.where(loaded, np.maximum(height - REACHED, 0.0), 0.0)
+    # The frames around come with it: a foot does not drop in one.
+    down = convolve1d(maximum_filter1d(down, 3, axis=0), SMOOTH, axis=0, mode="nearest")
+    # None deeper than the floor, and what is in it comes up.
+    found: Float = np.minimum(down, height)
+    return found
 
 
-def _feet(motion: Motion) -> Float:
+def _feet(human: HumanKinematics) -> Float:
     """Heel and toe of both feet, (T, 2, 2, 3) [m]."""
-    human = forward(motion)
     return np.stack([human.heel, human.toe], axis=2)
 
 

@@ -73,11 +73,13 @@ def test_who_runs_is_not_held_back_by_a_foot_said_to_be_loaded(standing: Motion)
     np.testing.assert_allclose(found.root_position[:, :2], run.root_position[:, :2], atol=1e-9)
 
 
-def test_angles_are_left_alone(standing: Motion) -> None:
+def test_no_angles_but_those_of_the_legs_are_touched(standing: Motion) -> None:
     rng = np.random.default_rng(0)
     other = replace(standing[1:], joints=standing.joints[1:] + 0.02 * rng.standard_normal(standing.joints[1:].shape))
     found = planted(other, standing[:1])
-    assert np.array_equal(found.joints, other.joints) and np.array_equal(found.root_quaternion, other.root_quaternion)
+    assert np.array_equal(found.root_quaternion, other.root_quaternion)
+    bend = [at for at, name in enumerate(JOINTS) if name[:-2] in ("hip_flexion", "knee_flexion", "ankle_dorsiflexion")]
+    np.testing.assert_array_equal(np.delete(found.joints, bend, axis=1), np.delete(other.joints, bend, axis=1))
     slide = np.linalg.norm(np.diff(feet(found)[..., :2], axis=0), axis=-1).min(axis=-1).mean()
     before = np.linalg.norm(np.diff(feet(other)[..., :2], axis=0), axis=-1).min(axis=-1).mean()
     assert slide < before
@@ -102,20 +104,20 @@ def test_what_is_known_of_the_floor_lasts_through_flight(standing: Motion) -> No
     assert np.ptp(found.root_position[16:, 2]) < 0.001
 
 
-def test_a_raised_foot_hands_its_load_to_the_one_on_the_floor(standing: Motion) -> None:
-    """Went wrong: some frames before it landed a foot was said to carry half the body, 6 cm above the floor."""
+def test_two_loaded_feet_that_disagree_both_come_to_the_floor(standing: Motion) -> None:
+    """Went wrong: the body cannot be let down for one foot and not for the other, which stayed 6 cm up, loaded."""
     joints = standing.joints[1:].copy()
-    joints[10:20, JOINTS.index("knee_flexion_l")] += 0.8
-    wrenches = np.zeros((FRAMES, 2, 6))
-    wrenches[:, :, 2], wrenches[:, :, 5] = (300.0, 350.0), (4.0, -3.0)
-    stepping = replace(standing[1:], joints=joints, wrenches=wrenches)
-    found = planted(stepping, standing[:1])
-    assert found.contacts is not None and found.wrenches is not None
-    raised = np.zeros(FRAMES, np.bool_)
-    raised[10:20] = True
-    np.testing.assert_array_equal(found.contacts, np.stack([~raised, np.ones(FRAMES, np.bool_)], axis=1))
-    np.testing.assert_array_equal(found.wrenches[raised][:, 0], 0.0)
-    np.testing.assert_allclose(found.wrenches[..., 2].sum(axis=1), 650.0)
-    np.testing.assert_array_equal(found.wrenches[:, 1, 5], -3.0)
-    np.testing.assert_array_equal(found.wrenches[~raised], wrenches[~raised])
-    assert np.array_equal(stepping.contacts, standing.contacts[1:])  # what came in is as it was
+    for name, angle in (("hip_flexion_l", 0.45), ("knee_flexion_l", 0.9), ("ankle_dorsiflexion_l", 0.45)):
+        joints[8:24, JOINTS.index(name)] += angle
+    lifted = replace(standing[1:], joints=joints)
+    assert feet(lifted)[8:24, 0, :, 2].min() > 0.06
+    found = planted(lifted, standing[:1])
+    assert feet(found)[8:24, :, :, 2].min(axis=-1).max() < 0.035
+    assert feet(found)[10:22, :, :, 2].min(axis=-1).max() < 0.025
+
+
+def test_no_foot_is_in_the_floor_loaded_or_not(standing: Motion) -> None:
+    sunk = moved(standing[1:], np.array([0.0, 0.0, -0.04]))
+    for loaded in (True, False):
+        found = planted(replace(sunk, contacts=np.full((FRAMES, 2), loaded)), standing[:1])
+        assert feet(found)[..., 2].min() > -0.004
