@@ -14,6 +14,8 @@ from configs.errors import ConfigError
 from configs.robot import Robot
 from drivers import plugins, registry
 
+pytestmark = pytest.mark.wall_clock
+
 PACKAGE = Path(__file__).parents[2] / "examples" / "udp_driver"
 
 

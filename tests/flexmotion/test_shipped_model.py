@@ -20,9 +20,7 @@ def sampler() -> Sampler:
 
 
 @pytest.mark.parametrize(("sentence", "side"), [("take a step to your left", 1.0), ("go sideways to the right", -1.0)])
-def test_who_is_told_to_step_aside_neither_walks_ahead_nor_turns(
-    sampler: Sampler, sentence: str, side: float
-) -> None:
+def test_who_is_told_to_step_aside_neither_walks_ahead_nor_turns(sampler: Sampler, sentence: str, side: float) -> None:
     """Clips called so walk ahead at 1 m/s meanwhile: who asked for a step to the left was turned by 80 degrees."""
     motion = sampler.standing()
     for window in range(4):

@@ -22,6 +22,8 @@ from drivers.emulator.build import build_emulator
 from streamer.bus_check import check_buses
 from streamer.cli import execute
 
+pytestmark = pytest.mark.wall_clock
+
 
 @pytest.fixture(scope="module")
 def port(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:

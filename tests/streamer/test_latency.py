@@ -21,6 +21,8 @@ from streamer.plots import write_latency
 from streamer.record import RunRecord
 from streamer.tick_row import tick_dtype
 
+pytestmark = pytest.mark.wall_clock
+
 PNG = b"\x89PNG\r\n\x1a\n"
 
 

@@ -33,6 +33,8 @@ from streamer.session import Session
 from streamer.sources import ClipSource
 from streamer.telemetry import KEPT_S
 
+pytestmark = pytest.mark.wall_clock
+
 RATE = 125
 PATIENCE_S = 60.0
 
@@ -81,9 +83,7 @@ def test_a_full_disk_ends_the_log_and_not_the_run(tmp_path: Path) -> None:
         resource.setrlimit(resource.RLIMIT_FSIZE, (most, most))
 
     command = ["dry-run", "--seconds", "0.6", "--json", "--log", str(file)]
-    run = subprocess.run(
-        [sys.executable, "-m", "streamer", *command], capture_output=True, text=True, preexec_fn=limit
-    )
+    run = subprocess.run([sys.executable, "-m", "streamer", *command], capture_output=True, text=True, preexec_fn=limit)
     assert run.returncode == 0, run.stderr
     assert run.stderr.count("recording stopped at tick") == 1 and "Traceback" not in run.stderr
     report = json.loads(run.stdout)

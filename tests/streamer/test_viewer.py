@@ -35,6 +35,8 @@ from streamer.viewer.panel import render
 from streamer.viewer.pose import MeasuredPose, PlannedPose, Pose, heading
 from streamer.viewer.service import HOST, Viewer, free_port
 
+pytestmark = pytest.mark.wall_clock
+
 Row = np.ndarray[Any, Any]
 
 

@@ -29,17 +29,14 @@ RATE = 125
 _ON_THE_WALL_CLOCK = {"live", "walking", "bench", "standing", "tab"}
 """Fixtures of tests that run the program, or its processes, on the wall clock; the others are in lockstep."""
 
-_ATTEMPTS = 3
-"""A run on the wall clock that the machine itself interrupts tells nothing of the program: it is run again, and pytest
-counts it. How often the program fails is measured by benchmarks/faults.py, which repeats nothing."""
 
-
+@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark the tests on the wall clock; one in lockstep that fails now and then has found something."""
+    """Mark the tests on the wall clock."""
     for item in items:
         here = Path(__file__).parent in item.path.parents
         if here and isinstance(item, pytest.Function) and not _ON_THE_WALL_CLOCK.isdisjoint(item.fixturenames):
-            item.add_marker(pytest.mark.flaky(reruns=_ATTEMPTS - 1))
+            item.add_marker(pytest.mark.wall_clock)
 
 
 def _child_named(name: str, parent: int | None = None) -> psutil.Process:

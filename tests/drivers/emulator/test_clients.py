@@ -11,6 +11,8 @@ from dynamixel_sdk import COMM_SUCCESS, GroupSyncRead, GroupSyncWrite, PacketHan
 from configs.robot import Robot
 from drivers.emulator.emulator import Emulator
 
+pytestmark = pytest.mark.wall_clock
+
 IDS = list(range(1, 21))
 GOAL, PRESENT = 116, 132
 

@@ -9,8 +9,11 @@ from multiprocessing import Pipe, get_context
 from multiprocessing.connection import Connection
 
 import psutil
+import pytest
 
 from drivers.realtime import child
+
+pytestmark = pytest.mark.wall_clock
 
 
 def _sleep() -> None:

@@ -13,6 +13,8 @@ from hypothesis import strategies as st
 
 from drivers.realtime.ring import Ring, shared_array, touch
 
+pytestmark = pytest.mark.wall_clock
+
 ROW = np.dtype([("number", "i8"), ("values", "f8", 60)])
 
 

@@ -16,6 +16,8 @@ from drivers.interface import JointCommand, RobotState
 from drivers.sim.driver import SimDriver
 from drivers.sim.process import SimProcess
 
+pytestmark = pytest.mark.wall_clock
+
 
 @pytest.fixture(scope="module")
 def op3() -> Robot:
