@@ -127,15 +127,17 @@ class ModelSource:
         """The pieces of what is kept from `first` to before `last`."""
         found, begin = [], self._first
         for piece in self._pieces:
-            part = piece[max(first - begin, 0) : max(last - begin, 0)]
-            found += [part] if len(part) else []
+            part = slice(max(first - begin, 0), min(last - begin, len(piece)))
+            if part.start < part.stop:
+                found.append(piece if part.stop - part.start == len(piece) else piece[part])
             begin += len(piece)
         return found
 
     def _append(self, piece: Motion) -> None:
         """Keep a piece after the others, its quaternions in the sign of theirs."""
-        quaternions = concatenate([*self._pieces, piece]).root_quaternion
-        self._pieces.append(replace(piece, root_quaternion=quaternions[len(quaternions) - len(piece) :]))
+        known = [before[len(before) - 1 :] for before in self._pieces[-1:]]
+        quaternions = concatenate([*known, piece]).root_quaternion[len(known) :]
+        self._pieces.append(replace(piece, root_quaternion=quaternions))
 
     def _speak(self) -> None:
         """Sample on, up to where something else is asked for."""
@@ -143,7 +145,8 @@ class ModelSource:
         intent = next((intent for at, intent in reversed(self._asked) if at <= begin), None)
         change = min((at for at, _ in self._asked if at > begin), default=begin + self.sampler.future)
         # Numbered by frame, noise is the same however often plans are drawn; frames before 0 are never sampled.
-        window = self.sampler.sample(self._spoken, _condition(intent), (self.seed << 32) + begin)
+        history = self._frames(max(begin - self.sampler.remembers, self._first), begin)
+        window = self.sampler.sample(history, _condition(intent), (self.seed << 32) + begin)
         self._append(window[: change - begin])
 
     def _rest(self, before: int) -> None:

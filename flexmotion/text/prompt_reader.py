@@ -73,7 +73,8 @@ class PromptReader:
         near = np.argsort(-likeness, kind="stable")[:VOTERS]
         best = float(likeness[near[0]])
         if best < self._least:
-            log.warning("%r means nothing to this model: it stands still", sentence)
+            known = ", ".join(dict.fromkeys(self._kinds))
+            log.warning("%r means nothing to this model: it stands still; it has learnt: %s", sentence, known)
             return Prompt(self.idle.embedding, STAND, best, False)
         if best <= SAME and NEGATION.search(sentence):
             log.warning("%r says what not to do: it stands still; say what to do", sentence)

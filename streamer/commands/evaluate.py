@@ -41,7 +41,12 @@ def evaluate(
     from flexmotion.training.evaluate import Judge
     from flexmotion.training.run import Run
 
-    samplers = {str(path): Sampler(Bundle(path), steps) for path in bundles}
+    samplers: dict[str, Sampler] = {}
+    for path in bundles:
+        sampler = Sampler(Bundle(path), steps)
+        # By its folder's name: cards are read on other machines.
+        name = f"{path.resolve().name}, {sampler.steps} steps"
+        samplers[name if name not in samplers else str(path)] = sampler
     bodies = {sampler.body for sampler in samplers.values()}
     if len(bodies) > 1:
         raise typer.BadParameter("the bundles are for humans of different size; evaluate them one by one")

@@ -13,10 +13,10 @@ from rich.table import Table
 from configs.errors import DriverError
 from streamer.commands.options import JsonOption, RobotOption
 from streamer.commands.output import print_json, print_note, print_result
-from streamer.exit_codes import INTERRUPTED
+from streamer.exit_codes import CHECK_FAILED, INTERRUPTED
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     import numpy as np
     from numpy.typing import NDArray
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from configs.calibration import Calibration
     from configs.robot import Robot
     from drivers.bus.driver import BusDriver
-    from drivers.bus.tools import BusTools
+    from drivers.bus.tools import BusTools, Found
     from drivers.interface import RobotState
 
     Float = NDArray[np.float64]
@@ -61,7 +61,7 @@ def scan(
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Find every servo on a port, at every baud rate.
+    """Find every servo on a port, at every baud rate. Exit code 1 where nobody answers.
 
     [bold]Examples[/bold]
 
@@ -74,13 +74,21 @@ def scan(
         found = list(tools.scan(tuple(baud or kind.baud_rates)))
     if as_json:
         print_json([vars(each) for each in found])
-        return
+    elif found:
+        print_result(_found(found))
+    else:
+        print_note("nobody answers: is the servos' power on? is it the right port and protocol?")
+    if not found:
+        raise typer.Exit(CHECK_FAILED)
+
+
+def _found(found: Sequence[Found]) -> Table:
     table = Table(box=None, pad_edge=False, header_style="dim")
     for column in ("baud", "id", "model", "firmware"):
         table.add_column(column)
     for each in found:
         table.add_row(str(each.baud), str(each.id), each.model, "" if each.firmware is None else str(each.firmware))
-    print_result(table if found else "nobody answers: is the servos' power on?")
+    return table
 
 
 @servo.command("set-id")

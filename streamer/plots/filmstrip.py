@@ -22,6 +22,8 @@ FRAMES = 8
 _AZIMUTH_DEG, _ELEVATION_DEG = -55.0, 12.0
 _SPACING = 0.87
 """Distance between neighbouring frames, in robot heights."""
+_REACHING, _ABOVE = 1.25, 1.3
+"""Room for somebody who raises the hands, and how far above the robot the human stands, in robot heights."""
 
 
 def draw_filmstrip(record: RunRecord, robot: Robot, motion: Motion | None = None) -> Figure:
@@ -31,7 +33,7 @@ def draw_filmstrip(record: RunRecord, robot: Robot, motion: Motion | None = None
     """
     figure = new_figure(
         11,
-        4.4 if motion is not None else 2.7,
+        4.9 if motion is not None else 2.7,
         "Human and robot",
         "the same moment seen from the same side; the human's left is blue, right orange",
     )
@@ -55,9 +57,9 @@ def draw_filmstrip(record: RunRecord, robot: Robot, motion: Motion | None = None
             axes.add_collection(collection)
         label = f"{tick / record.rate_hz:.1f} s"
         axes.text(offset[0], -0.2 * height, label, ha="center", va="top", color=MUTED, fontsize=8.5)
-    top = 1.15
+    top = _REACHING
     if motion is not None:
-        top = 2.3
+        top += _ABOVE
         _humans(axes, record, motion, ticks, camera, height)
     axes.set(xlim=(-0.55 * height, (len(ticks) * _SPACING - 0.32) * height), ylim=(-0.3 * height, top * height))
     axes.set_aspect("equal")
@@ -92,7 +94,7 @@ def _humans(
         frame = int(np.clip(round(source_s * motion.fps), 0, len(motion) - 1))
         pose = forward(motion[frame : frame + 1])
         centre = np.array([*pose.pelvis_position[0, :2], 0.0])
-        offset = np.array([place * _SPACING * height, 1.2 * height])
+        offset = np.array([place * _SPACING * height, _ABOVE * height])
         for points, colour in limbs(pose):
             line = camera.project((points - centre) * scale)[:, :2] + offset
             axes.add_collection(LineCollection([line], colors=colour, linewidths=2.6, capstyle="round", zorder=3))
