@@ -1,12 +1,13 @@
 """Does the robot do what it is told? Prompts and the default script through the whole live system, judged at the robot.
 
-    python benchmarks/robot_prompts.py [--bundle DIR] [--seeds 20] [--jobs 2] [--kinds NAME ...] [--out FILE]
+    python benchmarks/robot_prompts.py [--bundle DIR] [--seeds 20] [--jobs 2] [--kind NAME ...] [--out FILE]
                                        [--zero-forces | --no-forces]
 
 Every prompt of prompts.yaml runs once a seed, the wordings in turn, nominal and perturbed (torso mass, gains, latency,
 friction, slope, pushes, 3.5 kg), in lockstep. "did" is at the robot: a wave is seen in its hand, walking moves it at
 least .4 of the human's scaled path in the right direction, a turn turns it by half of what the human turned. Results
-go to --out, a line of JSON each; runs that are there already are not made again. --zero-forces sets the predicted
+go to --out, a line of JSON each; runs that are there already are not made again: another version of the program wants
+another file. --zero-forces sets the predicted
 ground forces to 0, which are not believed: it must go as with --no-forces, which takes them away and leaves contacts
 to heights and speeds of the feet. Exits with 1 where a criterion does not hold.
 """
@@ -59,7 +60,7 @@ STANDING_UP, WALKING_UP, SCRIPT_OK = 0.9, 0.8, 0.9
 
 @dataclass(frozen=True)
 class Task:
-    """One run: a kind of prompt (or the default script) in one of its wordings."""
+    """One run: a kind of prompt in one of its wordings for so long, or the default script, which says so itself."""
 
     kind: str
     text: str
@@ -67,6 +68,7 @@ class Task:
     perturbed: bool
     forces: str
     bundle: str
+    seconds: float
 
     @property
     def key(self) -> str:
@@ -109,8 +111,7 @@ def run(task: Task, folder: Path | None) -> dict[str, Any]:
         assert isinstance(source, ModelSource)
     else:
         items = [Item(0.0, Text(task.text))]
-        seconds = WALKING_SECONDS if moves(_checks()[task.kind]) else SECONDS
-        source = ModelSource(_sampler(folder), items, f"prompt:{task.text}", task.seed, seconds)
+        source = ModelSource(_sampler(folder), items, f"prompt:{task.text}", task.seed, task.seconds)
     options = simulation_options(task.perturbed, ["total_mass=3.5"] if task.perturbed else [])
     session = Session(
         robot,
@@ -244,8 +245,15 @@ def tasks(kinds: Sequence[str], seeds: int, forces: str, name: str) -> list[Task
     known = [*wordings, SCRIPT]
     if unknown := set(kinds) - set(known):
         raise typer.BadParameter(f"unknown kinds {', '.join(sorted(unknown))}, expected some of: {', '.join(known)}")
+
+    def wording(kind: str, seed: int) -> str:
+        return wordings[kind][seed % len(wordings[kind])] if kind in wordings else ""
+
+    def seconds(kind: str) -> float:
+        return 0.0 if kind == SCRIPT else WALKING_SECONDS if moves(_checks()[kind]) else SECONDS
+
     return [
-        Task(kind, wordings[kind][seed % len(wordings[kind])] if kind in wordings else "", seed, hard, forces, name)
+        Task(kind, wording(kind, seed), seed, hard, forces, name, seconds(kind))
         for seed in range(seeds)
         for kind in known
         if not kinds or kind in kinds
@@ -267,7 +275,10 @@ def done_before(out: Path) -> list[dict[str, Any]]:
     """Results in a file that an earlier, perhaps unfinished, benchmark left."""
     if not out.is_file():
         return []
-    return [json.loads(line) for line in out.read_text(encoding="utf-8").splitlines() if line.endswith("}")]
+    text = out.read_text(encoding="utf-8")
+    # What was cut short when the last one was stopped is made again.
+    out.write_text(text[: text.rfind("\n") + 1], encoding="utf-8")
+    return [json.loads(line) for line in text.splitlines()[: text.count("\n")]]
 
 
 def main(

@@ -25,6 +25,7 @@ def lowered(motion: Motion, down: Float, hip: Float, ankle: Float) -> Motion:
     """A motion whose feet are lower by `down`, as far as the legs reach.
 
     Each ankle moves along the line from its hip, in the plane of the knee; thigh and shank turn by the cosine rule.
+    Knees that bend backwards are straight in what comes back: where both ways are open, a leg would jump between them.
 
     Args:
         down: of the left and right foot, negative for up, (T, 2) [m].
@@ -38,9 +39,9 @@ def lowered(motion: Motion, down: Float, hip: Float, ankle: Float) -> Motion:
     knee = motion.joints[:, _KNEES]
     least, most = (_length(thigh, shank, np.asarray(bend)) for bend in (MOST_BENT, STRAIGHT))
     own = _length(thigh, shank, knee)
-    wanted = np.clip(own + down / steep, least, np.maximum(most, own))
+    wanted = np.clip(own + down / steep, np.minimum(least, own), np.maximum(most, own))
     cosine = (wanted**2 - thigh**2 - shank**2) / (2.0 * thigh * shank)
-    bent = np.where(wanted == own, knee, np.arccos(np.clip(cosine, -1.0, 1.0)))
+    bent = np.where(wanted == own, np.maximum(knee, 0.0), np.arccos(np.clip(cosine, -1.0, 1.0)))
     turned = _behind(thigh, shank, bent) - _behind(thigh, shank, knee)
     joints = motion.joints.copy()
     joints[:, _KNEES] = bent

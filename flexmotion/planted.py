@@ -29,10 +29,13 @@ SWINGING = 0.6
 ABOVE, BELOW = 0.015, 0.0
 """Heights of the lower one of heel and toe of a foot that stands; as in clips, whose shoes have soles [m]."""
 
-REACHED = 0.02
-"""A loaded foot that is higher than this in the end is let down to it by its leg [m]."""
+REACHED, SUNK = 0.02, 0.003
+"""A loaded foot that is higher than this in the end is let down to it by its leg, one deeper than that comes up [m]."""
+MOST = 0.03
+"""But no further than this: a knee that is nearly straight turns by 30 degrees for as much [m]."""
 
 SMOOTH = np.array([0.25, 0.5, 0.25])
+ALONG = np.array([1, 2, 3, 2, 1]) / 9.0
 SETTLING_S = 0.05
 """Time constant with which the body is raised or lowered: a window begins where the last one was put and goes over to
 where the model has it in some tenths of a second, to be followed closely."""
@@ -72,12 +75,16 @@ def planted(motion: Motion, past: Motion) -> Motion:
 
 def _remaining(height: Float, loaded: NDArray[np.bool_]) -> Float:
     """By how much feet are to come down, loaded ones to the floor and all out of it, heights and result (T, 2)."""
-    down = np.where(loaded, np.maximum(height - REACHED, 0.0), 0.0)
-    # The frames around come with it: a foot does not drop in one.
-    down = convolve1d(maximum_filter1d(down, 3, axis=0), SMOOTH, axis=0, mode="nearest")
-    # None deeper than the floor, and what is in it comes up.
-    found: Float = np.minimum(down, height)
+    down = _spread(np.where(loaded, np.maximum(height - REACHED, 0.0), 0.0))
+    found: Float = np.minimum(down, np.maximum(height, 0.0)) - _spread(np.maximum(-height - SUNK, 0.0))
     return found
+
+
+def _spread(amount: Float) -> Float:
+    """The frames around come along: no foot drops or rises within one, (T, 2)."""
+    reaching = maximum_filter1d(np.minimum(amount, MOST), len(ALONG), axis=0)
+    spread: Float = convolve1d(reaching, ALONG, axis=0, mode="nearest")
+    return spread
 
 
 def _feet(human: HumanKinematics) -> Float:

@@ -156,8 +156,8 @@ def measure(
     before, witness = _stolen_ms(), Witness()
     with hogs(load), witness if realtime else contextlib.nullcontext():
         record = session.run("real")
-    known = session.scheduling == "fifo"
-    moments = Moments(record, witness.standstills(), _stolen_ms() - before) if known else None
+    found = witness.standstills() if session.scheduling == "fifo" else None
+    moments = None if found is None else Moments(record, found, _stolen_ms() - before)
     return _result(record, session, settings.budgets, load, switcher.sent, moments)
 
 
@@ -219,6 +219,10 @@ def _stolen_ms() -> float:
     return 1e3 * float(psutil.cpu_times().steal)
 
 
+def _ns(seconds: NDArray[np.float64] | float) -> NDArray[np.int64]:
+    return np.asarray(np.nan_to_num(np.asarray(seconds) * 1e9), np.int64)
+
+
 class Moments:
     """The machine's standstills, laid beside a run."""
 
@@ -234,11 +238,14 @@ class Moments:
         longest = float(ms.max(initial=0.0))
         self.summary = Standstills(len(ms), float(ms.sum()), longest, theirs, stolen_ms)
 
-    def apart(self, seconds: NDArray[np.float64], *, before: bool) -> Latency | None:
-        """Times of each tick, (T,) [s], without those in which the machine stood still: up to its wake, or after it."""
-        ns = np.nan_to_num(seconds * 1e9).astype(np.int64)
-        begins, ends = (self._stamps - ns, self._stamps) if before else (self._stamps, self._stamps + ns)
-        return Latency.of(seconds[~overlapping(begins, ends, self._moments)], 1e-3)
+    def apart(self, seconds: NDArray[np.float64], after: NDArray[np.float64] | float = 0.0) -> Latency | None:
+        """Times of each tick, (T,) [s], without those in which the machine stood still.
+
+        Args:
+            after: how much of each came after the tick's wake, (T,) or one for all [s].
+        """
+        end = self._stamps + _ns(after)
+        return Latency.of(seconds[~overlapping(end - _ns(seconds), end, self._moments)], 1e-3)
 
 
 def _result(
@@ -247,20 +254,24 @@ def _result(
     def stage(seconds: NDArray[np.float64], budget_ms: float | None = None) -> Stage:
         return Stage(Latency.of(seconds, 1e-3), budget_ms)
 
-    def of_ticks(seconds: NDArray[np.float64], budget_ms: float | None = None, *, before: bool = True) -> Stage:
-        apart = None if moments is None else moments.apart(seconds, before=before)
+    def of_ticks(
+        seconds: NDArray[np.float64], budget_ms: float | None = None, after: NDArray[np.float64] | float = 0.0
+    ) -> Stage:
+        apart = None if moments is None else moments.apart(seconds, after)
         return replace(stage(seconds, budget_ms), apart=apart)
 
     plans = record.plans
     stages = {
-        "loop work": of_ticks(record.work_s, budgets.loop_work_p99_ms, before=False),
+        "loop work": of_ticks(record.work_s, budgets.loop_work_p99_ms, record.work_s),
         "wake lateness": of_ticks(record.lateness_s, budgets.wake_lateness_p99_ms),
         "robot lateness": of_ticks(record.robot_lateness_s),
         "sample": stage(np.array([plan.sample_s for plan in plans])),
         "retarget": stage(np.array([plan.retarget_s for plan in plans])),
         "plan joins after": stage(np.array([(p.join_tick - p.asked_tick) / record.rate_hz for p in plans])),
         "target to command": of_ticks(record.target_to_command_s, budgets.target_to_command_ms),
-        "target to effect": of_ticks(record.target_to_effect_s),
+        "target to effect": of_ticks(
+            record.target_to_effect_s, after=record.target_to_effect_s - record.target_to_command_s
+        ),
     }
     failures = [
         f"{name}: p99 {stage.time.p99:.3g} ms, budget {stage.budget_ms:g} ms"

@@ -91,7 +91,7 @@ class ControlLoop:
         self._imu_unread = self._low_reads = 0
         self._lead = driver.delay_s * robot.rate_hz
         self._warned: set[str] = set()
-        self._worked_s = 0.0
+        self._waited_s = 0.0
         self._found: str | None = None  # what is wrong with the hardware, on this tick
         self._shutdown_at = np.array([servo.temperature_limit for servo in robot.servos])
 
@@ -133,7 +133,8 @@ class ControlLoop:
             late_ns: how late the loop woke for it [ns].
         """
         begin = time.perf_counter_ns()
-        self.punctuality.woke(self.tick_count, late_ns * 1e-9, self._worked_s)
+        self.punctuality.woke(self.tick_count, late_ns * 1e-9, self._waited_s)
+        self._waited_s = 0.0
         self._read()
         self._take_plan()
         self.estimator.update(self.state, self.now)
@@ -150,7 +151,7 @@ class ControlLoop:
         self.tick_count += 1
         row = self.telemetry.row
         row["stamp_ns"], row["lateness_s"] = begin, late_ns * 1e-9
-        row["work_s"] = self._worked_s = (time.perf_counter_ns() - begin) * 1e-9
+        row["work_s"] = (time.perf_counter_ns() - begin) * 1e-9
         self.telemetry.commit()
 
     def _read(self) -> None:
@@ -323,7 +324,9 @@ class ControlLoop:
         self._event("fault" if state is State.FAULT else "state", f"{before.name} -> {state.name}{cause}")
         robot = self.robot
         if state is State.READY:
+            begin = time.perf_counter_ns()
             self.driver.set_torque(True)
+            self._waited_s = (time.perf_counter_ns() - begin) * 1e-9
             pinned = self.state.position.copy()
             self.driver.take_pins(pinned)
             self.servo.reset(pinned)

@@ -18,14 +18,14 @@ class Punctuality:
         self._late = np.zeros(2 * (robot.safety.max_stale_reads + 1))
         self._next_tick = 0
 
-    def woke(self, tick: int, late_s: float, worked_s: float = 0.0) -> None:
+    def woke(self, tick: int, late_s: float, waited_s: float = 0.0) -> None:
         """A tick begins so late [s]; ticks that were left out since the last one were slept through.
 
         Args:
-            worked_s: what the tick before took, waiting for servos included: what it overran is not the machine's [s].
+            waited_s: for how long the tick before waited for servos to be switched on, which is not the machine's [s].
         """
         skipped = max(tick - self._next_tick, 0) if self._next_tick else 0
-        late = late_s + skipped * self._period - max(worked_s - self._period, 0.0)
+        late = late_s + skipped * self._period - max(waited_s - self._period, 0.0)
         self._late[tick % len(self._late)] = max(late, 0.0)
         self._next_tick = tick + 1
 

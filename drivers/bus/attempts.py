@@ -1,4 +1,4 @@
-"""`attempts`: how long a servo is asked again before it counts as silent, outside the loop."""
+"""`attempts`: how long a servo is asked again before it counts as silent, when not every tick asks."""
 
 from __future__ import annotations
 

@@ -79,7 +79,7 @@ class BusDriver(Driver):
 
     @property
     def violations(self) -> int:
-        """Goals that were kept back on their way to a servo; see `drivers.bus.witness`."""
+        """Goals outside their envelope on their way to a servo; see `drivers.bus.witness`."""
         return self._violations + sum(bus.witness.violations for bus in self.buses)
 
     def open(self) -> None:
@@ -147,7 +147,7 @@ class BusDriver(Driver):
         try:
             for bus in self.buses:
                 bus.switch_on()
-        except DriverError:
+        except BaseException:
             self.set_torque(False)
             raise
         self._on_since = self.buses[0].port.now()

@@ -48,7 +48,7 @@ class GoalWitness:
         holds for every goal.
 
         Returns:
-            What may go, (k,): for a goal outside, the one before it. (There is one: the first goals are pinned ones.)
+            What may go, (k,): for a goal outside, the one before it; for a first one, the nearest that is inside.
         """
         lower = np.fmin(self._joint_lower[slots], self._last[slots])
         upper = np.fmax(self._joint_upper[slots], self._last[slots])
@@ -56,7 +56,9 @@ class GoalWitness:
             lower, upper = np.fmin(lower, standing - PIN_TICKS), np.fmax(upper, standing + PIN_TICKS)
         lower, upper = np.fmax(lower, self._lower[slots]), np.fmin(upper, self._upper[slots])
         outside = (position < lower) | (position > upper)
-        admitted = self._last[slots] = np.where(outside, self._last[slots], position)
+        last = self._last[slots]
+        kept = np.where(np.isnan(last), np.clip(position, lower, upper), last)
+        admitted = self._last[slots] = np.where(outside, kept, position)
         if current is not None:
             outside |= np.abs(current) > self._current[slots]
         self.violations += int(np.count_nonzero(outside))

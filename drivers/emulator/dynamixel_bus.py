@@ -24,8 +24,8 @@ CLEAR_KEY = b"\x44\x58\x4c\x22"
 MISSED_SLOT_S = 0.0002
 """How long servos after a missing one in a sync read wait for it before they go on (assumption)."""
 
-_INSTRUCTION = 7
-"""Place of the instruction byte in a packet."""
+_LENGTH = slice(5, 7)
+"""Place in a packet of the number of bytes after it, the first of which is the instruction."""
 _WRITES_TO_MANY = tuple(bytes([kind]) for kind in (Instruction.SYNC_WRITE, Instruction.BULK_WRITE))
 
 
@@ -55,8 +55,9 @@ class DynamixelBus:
         self._index()
 
     def asks(self, data: bytes) -> bool:
-        """See `EmulatedBus`; nobody answers a write to many."""
-        return data[_INSTRUCTION : _INSTRUCTION + 1] not in _WRITES_TO_MANY
+        """See `EmulatedBus`; nobody answers a write to many, if that is all there is."""
+        whole = _LENGTH.stop + int.from_bytes(data[_LENGTH], "little") == len(data)
+        return not (whole and data[_LENGTH.stop : _LENGTH.stop + 1] in _WRITES_TO_MANY)
 
     def hear(self, data: bytes, baud: int, now: float) -> list[tuple[int, list[Reply]]]:
         """Bytes from the host at `baud`: for every packet in them, its size in bytes and the answers to it."""

@@ -135,8 +135,8 @@ class _Sent:
 class BusLine(Line):
     """A bus of servos on its wire, half duplex.
 
-    What the host sends acts when its last byte is over. An answer is worked out before that, while its instruction is
-    on the wire: a computer takes longer for it than servos do.
+    Goals for many act when their last byte is over. What may be answered is worked out at once, while it is on the
+    wire: a computer takes longer for it than servos do.
 
     Attributes:
         bus: its devices.
@@ -164,6 +164,7 @@ class BusLine(Line):
             self.bus.dead |= self.bus.imu_ids
         if FaultKind.PORT in kinds:
             self.wire.clear()
+            self._arriving.clear()
             self.terminal.close()
 
     def hear(self, now: float) -> None:

@@ -154,8 +154,8 @@ class FeetechBus(ServoBus):
             pins = np.clip(self.measured.ticks, *self._position_limits)
             goals = [int(tick) for tick in pins]
             self._send(pins, standing=self.measured.ticks)
-            held = [self._read(slot, "goal_position") for slot in range(len(goals))]
-            if held == goals:
+            # One that says nothing has been asked for long enough: no more of that for the others.
+            if all(self._read(slot, "goal_position") == goal for slot, goal in enumerate(goals)):
                 self._on = True
                 self._sync_write("torque_limit", [1000] * len(goals))
                 self._sync_write("torque_enable", [1] * len(goals))

@@ -39,6 +39,7 @@ class Lx16aBus(ServoBus):
         super().__init__(robot, name, port, options)
         m = len(self.ids)
         self._client, self._decoder = SumClient(port, FORMAT), SumDecoder(FORMAT)
+        self._position_limits = np.array([[s.min_tick for s in self.servos], [s.max_tick for s in self.servos]])
         self._tick = np.array([servo.tick_rad for servo in self.servos])
         self._read_at = np.zeros(m)
         self._told = np.full(m, np.nan)
@@ -75,6 +76,7 @@ class Lx16aBus(ServoBus):
             if limits is None:
                 raise DriverError(f"{self.joint_name(slot)} on {self.port.path}: does not tell its position limits")
             lower, upper = (int.from_bytes(limits[at : at + 2], "little") for at in (0, 2))
+            self._position_limits[:, slot] = lower, upper
             self.witness.limit(slot, lower, upper)
             for command in (Command.READ_VOLTAGE, Command.READ_TEMPERATURE, Command.READ_LOAD):
                 self._ask(slot, command)
@@ -167,7 +169,8 @@ class Lx16aBus(ServoBus):
     # ---------------------------------------------------------------- inside
 
     def _move(self, slot: int, tick: int, *, pinned: bool = False) -> None:
-        goal = min(max(tick, self.servos[slot].min_tick), self.servos[slot].max_tick)
+        # A servo that stands past its own limits is pinned to these.
+        goal = int(np.clip(tick, *self._position_limits[:, slot]))
         packet = self._packet(slot, goal)
         # Off the bytes: header, id, length, command, goal.
         slots, sent = np.array([self.ids.index(packet[2])]), float(int.from_bytes(packet[5:7], "little"))

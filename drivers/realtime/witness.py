@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from drivers.realtime import child
 from drivers.realtime.priority import WITNESS_PRIORITY, claim, motion_processors, settle
-from drivers.realtime.ring import Ring
+from drivers.realtime.ring import Ring, shared_array
 from drivers.realtime.ticker import Ticker
 
 _PERIOD_S = 0.002
@@ -35,11 +35,13 @@ class Witness:
 
     def __init__(self) -> None:
         self._rings = {processor: Ring(_ROW, _KEPT) for processor in motion_processors()}
+        self._watched = shared_array(len(self._rings), np.bool_)
         self._children: list[BaseProcess] = []
 
     def __enter__(self) -> Witness:
-        for processor, ring in self._rings.items():
-            self._children.append(child.start(f"witness-{processor}", _watch, processor, ring))
+        for place, (processor, ring) in enumerate(self._rings.items()):
+            watched = self._watched[place : place + 1]
+            self._children.append(child.start(f"witness-{processor}", _watch, processor, ring, watched))
         return self
 
     def __exit__(
@@ -50,8 +52,13 @@ class Witness:
             one.join()
         self._children.clear()
 
-    def standstills(self) -> Int:
-        """Begin and end of every moment at which a processor stood still, (k, 2), by begin [`perf_counter_ns`]."""
+    def standstills(self) -> Int | None:
+        """Begin and end of every moment at which a processor stood still, (k, 2), by begin [`perf_counter_ns`].
+
+        None where the system did not grant every one of them its priority.
+        """
+        if not self._watched.all():
+            return None
         rows = np.concatenate([ring.reader().read() for ring in self._rings.values()])
         rows.sort(order="begin_ns")
         return np.column_stack([rows["begin_ns"], rows["end_ns"]])
@@ -67,11 +74,12 @@ def overlapping(begins: Int, ends: Int, moments: Int) -> NDArray[np.bool_]:
     return (begun >= 0) & (latest_end[np.maximum(begun, 0)] > begins)
 
 
-def _watch(processor: int, ring: Ring) -> None:
+def _watch(processor: int, ring: Ring, watched: NDArray[np.bool_]) -> None:
     os.sched_setaffinity(0, {processor})
     if claim(WITNESS_PRIORITY) != "fifo":
         return
     settle(collect=False)
+    watched[0] = True
     ticker, row, end = Ticker(_PERIOD_S), np.zeros((), _ROW), 0
     while True:
         ticker.wait()

@@ -45,6 +45,15 @@ def test_each_foot_by_itself(walking: Motion) -> None:
     np.testing.assert_array_equal(found.joints[:, others], walking.joints[:, others])
 
 
+def test_a_leg_that_is_bent_beyond_what_it_may_be_asked_to_is_left_alone(walking: Motion) -> None:
+    joints = walking.joints.copy()
+    joints[:, KNEES] = np.radians(149.0)
+    squatting = replace(walking, joints=joints)
+    human = forward(squatting)
+    found = lowered(squatting, np.zeros((len(walking), 2)), human.hip, human.ankle)
+    np.testing.assert_allclose(found.joints, squatting.joints, atol=1e-9)
+
+
 def test_a_knee_is_not_stretched_beyond_straight(walking: Motion) -> None:
     before = forward(walking)
     found = lowered(walking, np.full((len(walking), 2), 0.5), before.hip, before.ankle)

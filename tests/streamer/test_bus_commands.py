@@ -25,10 +25,10 @@ from streamer.cli import execute
 pytestmark = pytest.mark.wall_clock
 
 
-@pytest.fixture(scope="module")
-def port(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """The bus of OP3's servos, emulated on a bench by the command itself."""
-    link = tmp_path_factory.mktemp("emulated") / "bus"
+@pytest.fixture
+def port(tmp_path: Path) -> Iterator[Path]:
+    """The bus of OP3's servos, new from the shop, emulated on a bench by the command itself."""
+    link = tmp_path / "emulated"
     command = [sys.executable, "-m", "streamer", "emulate", "--bench", "--no-realtime", "--json"]
     process = subprocess.Popen([*command, "--port-link", str(link)], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
     for _ in range(600):

@@ -40,6 +40,7 @@ def test_build_inspect_export(folder: Path, tmp_path: Path, capsys: pytest.Captu
     assert execute(["data", "inspect", out, "--verify"]) == CHECK_FAILED
 
 
+@pytest.mark.wall_clock
 def test_killed_half_way_it_goes_on_to_the_same_bytes(tmp_path: Path) -> None:
     """SIGKILL in the middle of a build: what was computed is kept, nobody is left behind, and the set is the same."""
     motions = tmp_path / "motions"

@@ -35,7 +35,7 @@ def result() -> LatencyResult:
         found = measure(
             op3, create("sim", op3), load_stream(), source, intents, seconds=60.0, switches=6, realtime=False, load=1
         )
-        if not found.faults:
+        if not found.faults and found.answered >= 5:
             break
     return found
 
@@ -92,8 +92,8 @@ def test_what_fell_into_a_standstill_is_told_apart() -> None:
     stood = np.array([[1030 * ms, 1050 * ms], [5000 * ms, 5001 * ms]])  # the second one after the run
     moments = Moments(record, stood, stolen_ms=20.0)
     assert moments.summary == Standstills(1, 20.0, 20.0, missed_deadlines=3, stolen_ms=20.0)
-    late, work = moments.apart(rows["lateness_s"], before=True), moments.apart(rows["work_s"], before=False)
-    answered = moments.apart(rows["target_to_command_s"], before=True)
+    late, work = moments.apart(rows["lateness_s"]), moments.apart(rows["work_s"], rows["work_s"])
+    answered = moments.apart(rows["target_to_command_s"])
     assert late is not None and work is not None and answered is not None
     assert (late.max, work.max, answered.max) == pytest.approx((0.1, 4.0, 13.0))
 

@@ -34,7 +34,7 @@ def test_ticks_that_were_slept_through_count(punctuality: Punctuality) -> None:
 def test_what_the_driver_blocked_for_is_not_called_a_busy_machine(punctuality: Punctuality) -> None:
     """Torque going on takes some ticks on a bus; faults soon after it were blamed on this machine."""
     punctuality.woke(10, 0.0)
-    punctuality.woke(15, 0.003, worked_s=0.050)
+    punctuality.woke(15, 0.003, waited_s=0.050)
     assert punctuality.remark == ""
-    punctuality.woke(20, 0.003, worked_s=0.020)
+    punctuality.woke(20, 0.003, waited_s=0.020)
     assert "woke 23 ms late" in punctuality.remark

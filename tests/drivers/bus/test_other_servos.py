@@ -11,6 +11,7 @@ import pytest
 from configs.errors import ConfigError, DriverError
 from configs.robot import Robot, load_robot
 from drivers.bus.driver import BusDriver
+from drivers.bus.witness import GoalWitness
 from drivers.emulator.faults import Fault
 from drivers.emulator.feetech_bus import EmulatedFeetechBus
 from drivers.emulator.loopback import Loopback
@@ -131,6 +132,49 @@ def test_torque_goes_on_with_goals_pinned_and_goals_past_a_limit_are_counted(nam
         command.position[:] += 0.01
         ticks(driver, world, state, command, 20)
         assert driver.violations > 0
+
+
+def test_an_lx16a_past_its_own_limits_is_pinned_to_these(lx: Robot) -> None:
+    """Went wrong: the limits that the servo told were not asked, its first goal was no number, torque stayed on."""
+    driver, world = looped("lx16a", lx)
+    with driver:
+        driver.read(RobotState(lx.n))
+        bus = driver.buses[0]
+        assert isinstance(bus, Lx16aBus)
+        limit = int(bus.measured.ticks[3]) - 5
+        bus._position_limits[1, 3] = limit
+        bus.witness.limit(3, 0, limit)
+        driver.set_torque(True)
+        assert bus.pins[3] == limit and driver.violations == 0
+        assert world.emulator.body.plant.enabled.all()
+
+
+def test_a_first_goal_outside_goes_to_the_nearest_inside() -> None:
+    witness = GoalWitness(np.zeros(2), np.full(2, 100.0))
+    np.testing.assert_array_equal(witness.admit(np.array([0, 1]), np.array([150.0, 50.0])), [100.0, 50.0])
+    assert witness.violations == 1
+
+
+def test_a_bus_that_falls_silent_while_goals_are_read_back_does_not_hold_the_loop_up(sts: Robot) -> None:
+    """Went wrong: every servo in turn was asked for 0.3 s; a loop that does not move for 2 s is killed, torque on."""
+    driver, world = looped("feetech", sts)
+    driver.open()
+    driver.read(RobotState(sts.n))
+    bus = driver.buses[0]
+    assert isinstance(bus, FeetechBus)
+    read = bus._read
+
+    def cut_then_read(slot: int, name: str) -> int | None:
+        world.emulator.faults[:] = [Fault.parse("cable")]
+        world.advance(0.015)
+        return read(slot, name)
+
+    bus._read = cut_then_read  # type: ignore[method-assign]
+    begin = world.now
+    with pytest.raises(DriverError, match="torque stays off"):
+        driver.set_torque(True)
+    assert world.now - begin < 1.0
+    driver.close()
 
 
 def test_a_servo_past_its_own_limits_is_pinned_to_these(sts: Robot) -> None:

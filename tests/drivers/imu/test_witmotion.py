@@ -379,6 +379,7 @@ def test_no_bytes_crash_it(noisy: tuple[StandaloneImu, NoisyPort], pieces: list[
 # ---------------------------------------------------------------- a real port
 
 
+@pytest.mark.wall_clock
 def test_over_a_pseudo_terminal(robot: Robot, emulated: Callable[..., Emulator]) -> None:
     bus, imu = emulated(robot).lines
     driver = create("dynamixel", robot, port=bus.terminal.path, imu_port=imu.terminal.path)
@@ -395,6 +396,7 @@ class TheirImu(witmotion.IMU):  # type: ignore[misc]
     subscribers: ClassVar[dict[object, list[object]]] = defaultdict(list)
 
 
+@pytest.mark.wall_clock
 def test_another_library_reads_the_emulated_sensor(tmp_path: Path, emulated: Callable[..., Emulator]) -> None:
     robot = op3_with_imu(tmp_path, driver="witmotion")
     emulator = emulated(robot)

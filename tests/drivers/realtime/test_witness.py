@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import time
+from collections.abc import Callable
 
 import numpy as np
 import psutil
@@ -39,12 +40,23 @@ def _may_have_priority() -> bool:
     return True
 
 
+def _wait_until(happens: Callable[[], bool]) -> None:
+    patience = time.monotonic() + 10.0
+    while not happens() and time.monotonic() < patience:
+        time.sleep(0.01)
+
+
+def _inside(witness: Witness, begin: int, end: int) -> int:
+    found = witness.standstills()
+    return 0 if found is None else int(((found[:, 1] > begin) & (found[:, 0] < end)).sum())
+
+
 def test_a_moment_in_which_nothing_ran_is_told_with_begin_and_end() -> None:
     """Stopping the timers' processes is what a host does that stops the machine's processors."""
     if not _may_have_priority():
         pytest.skip("the system grants no realtime scheduling")
     with Witness() as witness:
-        time.sleep(0.3)
+        _wait_until(lambda: witness.standstills() is not None)
         timers = [p for p in psutil.Process().children() if p.name().startswith("fm-witness")]
         assert timers
         for timer in timers:
@@ -54,8 +66,9 @@ def test_a_moment_in_which_nothing_ran_is_told_with_begin_and_end() -> None:
         end = time.perf_counter_ns()
         for timer in timers:
             timer.send_signal(signal.SIGCONT)
-        time.sleep(0.1)
+        _wait_until(lambda: _inside(witness, begin, end) >= len(timers))
         found = witness.standstills()
+    assert found is not None
     assert not any(timer.is_running() for timer in timers)
     inside = found[(found[:, 1] > begin) & (found[:, 0] < end)]
     assert len(inside) >= len(timers) and (inside[:, 1] - inside[:, 0]).max() > 45e6
