@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from configs.errors import ConfigError
+from flexmotion.at_rest import at_rest
 from flexmotion.bundles.bundle import DECODER, DENOISER, Bundle
 from flexmotion.features.decode import Anchor, decode
 from flexmotion.features.encode import LEAD, encode
@@ -18,7 +19,7 @@ from flexmotion.motion import Motion
 from flexmotion.onnx_session import open_session, run
 from flexmotion.planted import planted
 from flexmotion.text import phrases
-from flexmotion.text.phrases import STAND
+from flexmotion.text.phrases import STAND, WALK
 from flexmotion.text.prompt_reader import Prompt, PromptReader
 
 Float32 = NDArray[np.float32]
@@ -29,15 +30,24 @@ CALM = 0.4
 should not."""
 
 
+STILL = 0.05
+"""A velocity whose parts are all slower than this, and that comes without words, means standing still [m/s, rad/s]."""
+
+
+ASIDE, ASIDE_NOT_AHEAD = 1.5, 0.8
+"""Sideways velocities are asked for so much more strongly, and so much of them less ahead: in the data those who go
+aside mostly go ahead as well, and asked as it is the model goes .15 aside and .17 ahead for .3 and 0."""
+
+
 @dataclass(frozen=True)
 class Condition:
     """What is asked for.
 
     Attributes:
-        text: what to do, in words; None for standing still, or for nothing but the velocity where there is one. Words
-            that mean a velocity ("step to the left") are heard as that velocity where no other is asked for.
+        text: what to do, in words; None for standing still, or for walking at a velocity where there is one. Words that
+            mean a velocity ("step to the left") are heard as that velocity where no other is asked for.
         velocity: of the root: forward, left [m/s], turning left [rad/s], as seen from where it faces at every moment;
-            None for none.
+            None for none. Alone, one that is next to nothing is for standing still.
         guidance: how strictly it is followed; None for the bundle's default.
     """
 
@@ -68,6 +78,8 @@ class Sampler:
         self._decoder = open_session(bundle.folder / DECODER)
         prompts = bundle.prompts
         self.reader = PromptReader(bundle.folder, prompts.kinds, prompts.embeddings, manifest.known)
+        self._rest = self.standing().joints[-1]
+        self._walking = self.reader.meaning(WALK)
         self.read = lru_cache(maxsize=64)(self.reader)
         self._statistics, self._kept = bundle.statistics, bundle.kept
         # Where the distilled network stands in for guidance there is one evaluation a step, else one that is told what
@@ -129,7 +141,8 @@ class Sampler:
         """
         features = self.features(history, condition, seed)
         motion = decode(features, self.layout, self.body, Anchor.after(history), source=self._source)
-        return planted(motion, history)
+        motion = planted(motion, history)
+        return at_rest(motion, self._rest) if self._stands(self._meant(condition)) else motion
 
     def features(self, history: Motion, condition: Condition, seed: int) -> Float32:
         """Features of what `sample` makes, before its feet are planted, not normalised, (W, layout.size)."""
@@ -179,10 +192,13 @@ class Sampler:
 
     def _meant(self, condition: Condition) -> Condition:
         """What is meant by what is said."""
-        if condition.text is None or condition.velocity is not None or not self.follows_velocity:
+        if not self.follows_velocity:
             return condition
-        meant = phrases.velocity(self.prompt(condition.text).kind)
-        return condition if meant is None else replace(condition, text=None, velocity=meant)
+        if condition.velocity is None:
+            meant = phrases.velocity(self.prompt(condition.text).kind)
+            return condition if meant is None else replace(condition, text=None, velocity=meant)
+        still = condition.text is None and np.abs(condition.velocity).max() < STILL
+        return replace(condition, velocity=None) if still else condition
 
     def _stands(self, condition: Condition) -> bool:
         return condition.velocity is None and self.prompt(condition.text).kind == STAND
@@ -193,13 +209,15 @@ class Sampler:
         inputs["present"][:] = 0.0
         if condition.velocity is not None and self.bundle.manifest.velocity:
             # The model was told how far a window went as seen from its beginning: who turns goes along an arc.
-            turning = condition.velocity[2]
-            forward, left = chord(*condition.velocity, seconds=self.future / self.fps)
+            ahead, aside, turning = condition.velocity
+            ahead, aside = ahead - ASIDE_NOT_AHEAD * abs(aside), ASIDE * aside
+            forward, left = chord(ahead, aside, turning, seconds=self.future / self.fps)
             inputs["velocity"][:] = (forward / self.body.leg, left / self.body.leg, turning)
             inputs["present"][0, 1] = 1.0
-        if condition.text is not None or condition.velocity is None:
-            inputs["sentence"][:] = self.prompt(condition.text).embedding
-            inputs["present"][0, 0] = 1.0
+        # Without words a model goes so fast however it likes: on its knees, or with its hands in the air.
+        walks = condition.velocity is not None and condition.text is None
+        inputs["sentence"][:] = (self._walking if walks else self.prompt(condition.text)).embedding
+        inputs["present"][0, 0] = 1.0
 
     def prompt(self, text: str | None) -> Prompt:
         """What a text means; standing still for None."""

@@ -10,8 +10,8 @@ from typing import Any
 
 import yaml
 
-STAND = "stand"
-"""Kind of motion that is none: what is done where nothing is asked."""
+STAND, WALK = "stand", "walk"
+"""Kinds of motion: what is done where nothing is asked, and where nothing but a velocity is."""
 
 
 @lru_cache

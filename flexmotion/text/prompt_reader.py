@@ -64,8 +64,12 @@ class PromptReader:
     def __init__(self, folder: Path, kinds: tuple[str, ...], embeddings: NDArray[np.float32], least: float) -> None:
         self._encode = SentenceEncoder(folder)
         self._kinds, self._embeddings, self._least = np.array(kinds), embeddings, least
-        standing = embeddings[self._kinds == STAND].mean(axis=0)
-        self.idle = Prompt(_unit(standing), STAND, 1.0, True)
+        self.idle = self.meaning(STAND)
+
+    def meaning(self, kind: str) -> Prompt:
+        """What all wordings of a kind of motion have in common; standing still where it has none."""
+        kind = kind if kind in self._kinds else STAND
+        return Prompt(_unit(self._embeddings[self._kinds == kind].mean(axis=0)), kind, 1.0, True)
 
     def __call__(self, sentence: str) -> Prompt:
         """What a sentence means; warns where it means nothing."""
