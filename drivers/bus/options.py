@@ -30,7 +30,7 @@ class BusOptions(Strict):
     @model_validator(mode="after")
     def _one_way(self) -> BusOptions:
         if (self.port is None) == (not self.ports):
-            raise ValueError("expected either port (of the only bus) or ports (by name of the bus)")
+            raise ValueError("expected either port (--port, of the only bus) or ports (by name of the bus)")
         return self
 
     def port_of(self, bus: str, robot: Robot) -> str:

@@ -97,7 +97,8 @@ def audit(client: Client, robot: Robot, joint: int, layout: Layout, *, configure
     }
     kept = [name for name in wrong if table[name].address < table.eeprom_end]
     if kept and not configure:
-        raise DriverError(f"{where}: {_difference(table, memory, kept[0], wrong)}; option configure would write it")
+        difference = _difference(table, memory, kept[0], wrong)
+        raise DriverError(f"{where}: {difference}; option configure (--configure) would write it")
     if kept and torque_on:
         raise DriverError(
             f"{where}: {_difference(table, memory, kept[0], wrong)}, and torque is on, which locks it: "

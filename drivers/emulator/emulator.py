@@ -40,7 +40,9 @@ class Emulator:
     def __init__(self, body: Body, lines: Sequence[Line], faults: Sequence[Fault] = ()) -> None:
         self.body, self.lines, self.faults = body, list(lines), list(faults)
         for fault in self.faults:
-            if fault.kind in (FaultKind.OVERHEAT, FaultKind.RESET):
+            boards = {id_ for line in self.lines if isinstance(line, BusLine) for id_ in line.bus.imu_ids}
+            of_servo = fault.kind in (FaultKind.OVERHEAT, FaultKind.RESET)
+            if of_servo or (fault.kind is FaultKind.DEAD and fault.argument not in boards):
                 self._owner(fault)
         self.powered_at = math.nan
         self.lateness_s = self.lost_s = 0.0

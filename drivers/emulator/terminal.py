@@ -30,7 +30,7 @@ class Terminal:
     """
 
     def __init__(self, link: Path | None = None) -> None:
-        """Raises `ConfigError` where `link` exists and leads anywhere."""
+        """Raises `ConfigError` where `link` exists and leads anywhere, or cannot be made."""
         if link is not None and link.exists():
             raise ConfigError(f"port link {link}: exists already, expected a path that does not")
         self.descriptor, self._client = os.openpty()
@@ -41,8 +41,12 @@ class Terminal:
         self._link = link
         self.open = True
         if link is not None:
-            link.unlink(missing_ok=True)  # what is left of an emulator that was killed
-            link.symlink_to(self._device)
+            try:
+                link.unlink(missing_ok=True)  # what is left of an emulator that was killed
+                link.symlink_to(self._device)
+            except OSError as error:
+                self.close()
+                raise ConfigError(f"port link {link}: cannot be made ({error.strerror})") from error
 
     @property
     def baud(self) -> int:

@@ -93,7 +93,7 @@ class FeetechBus(ServoBus):
             kept = [name for name in wrong if table[name].address < table.eeprom_end]
             changes[slot] = [f"{name} {held[name]} -> {wrong[name]}" for name in kept]
             if kept and not self.options.configure:
-                raise DriverError(f"{where}: option configure would write: {', '.join(changes[slot])}")
+                raise DriverError(f"{where}: option configure (--configure) would write: {', '.join(changes[slot])}")
             if kept and held["torque_enable"]:
                 raise DriverError(f"{where}: torque is on, which forbids: {', '.join(changes[slot])}")
             if kept:

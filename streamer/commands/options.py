@@ -22,7 +22,7 @@ ScriptOption = Annotated[
     Path | None,
     typer.Option(
         "--script",
-        help="YAML list of {at: seconds, text: WORDS | velocity: [vx, vy, wz] | stop: true}, or of clips.",
+        help="YAML list of {at: seconds, text: WORDS | velocity: \\[vx, vy, wz] | stop: true}, or of clips.",
         show_default=False,
     ),
 ]

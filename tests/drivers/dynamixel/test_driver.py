@@ -128,7 +128,7 @@ def test_opening_leaves_torque_off_and_sets_only_what_differs(
 
 def test_without_configure_a_difference_is_refused(rig: Callable[..., Rig]) -> None:
     it = rig(configure=False)
-    with pytest.raises(DriverError, match=r"min_position_limit is 0, expected .*option configure would write it"):
+    with pytest.raises(DriverError, match=r"min_position_limit is 0, expected .*\(--configure\) would write it"):
         it.driver.open()
 
 

@@ -5,7 +5,10 @@ import math
 import pytest
 
 from configs.errors import ConfigError
+from configs.robot import Robot
+from drivers.emulator.body import BenchBody
 from drivers.emulator.faults import PACKET_FAULTS, Damage, Fault, FaultKind
+from drivers.emulator.loopback import Loopback
 
 PACKET = bytes(range(20))
 
@@ -57,3 +60,12 @@ def test_random_damage_has_the_share_asked_for_and_every_kind() -> None:
         damage.spoil(PACKET)
     assert sum(damage.spoilt.values()) == pytest.approx(200, abs=50)
     assert all(damage.spoilt[kind] for kind in PACKET_FAULTS)
+
+
+def test_a_fault_of_a_device_that_is_not_there_is_refused(op3: Robot) -> None:
+    """Went wrong: `--fault dead:99` was accepted, and nothing ever happened."""
+    for text in ("dead:99", "overheat:99", "reset:200"):
+        with pytest.raises(ConfigError, match="no servo has id"):
+            Loopback(BenchBody(op3), faults=[Fault.parse(text)])
+    for text in ("dead:14", "dead:200"):  # a servo, the controller board
+        assert Loopback(BenchBody(op3), faults=[Fault.parse(text)]).emulator.faults
