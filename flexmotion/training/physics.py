@@ -1,4 +1,8 @@
-"""The Euler-Lagrange loss: decoded torques and ground forces against what the decoded motion takes."""
+"""The Euler-Lagrange loss: decoded torques and ground forces against what the decoded motion takes.
+
+Its gradient goes to torques and forces alone. Through two differentiations of the motion it is far steeper: trained so,
+motion jerked by a quarter more, and the residual was larger than without the loss.
+"""
 
 from __future__ import annotations
 
@@ -32,10 +36,12 @@ class EulerResidual:
 def euler_residual(features: Tensor, layout: Layout, humans: HumanTensors, branches: Tensor) -> EulerResidual:
     """Residual of features that are not normalised, (N, T, F); `branches` as in `newton_euler.generalised_forces`."""
     weight = humans.mass.sum(dim=1) * GRAVITY
-    here = segments(pose(features, layout, humans), humans)
+    motion = features.detach()
+    here = segments(pose(motion, layout, humans), humans)
     inner = slice(EDGE, features.shape[1] - EDGE)
     middle = Segments(here.rotation[:, inner], here.origin[:, inner], here.com[:, inner])
-    wrenches = world_wrenches(features, layout, weight, humans.leg)[:, inner]
+    _, yaw = path(motion[..., layout.blocks["root"]], layout.fps)
+    wrenches = world_wrenches(features, yaw, layout, weight, humans.leg)[:, inner]
     root, needed = generalised_forces(middle, rates(here, humans, layout.fps), humans, wrenches, branches[:, inner])
     force, moment = weight[:, None, None], (weight * humans.leg)[:, None, None]
     return EulerResidual(
@@ -44,9 +50,8 @@ def euler_residual(features: Tensor, layout: Layout, humans: HumanTensors, branc
     )
 
 
-def world_wrenches(features: Tensor, layout: Layout, weight: Tensor, leg: Tensor) -> Tensor:
-    """Ground reaction about the ankles in the world, (N, T, 2, 6) [N, N·m]."""
-    _, yaw = path(features[..., layout.blocks["root"]], layout.fps)
+def world_wrenches(features: Tensor, yaw: Tensor, layout: Layout, weight: Tensor, leg: Tensor) -> Tensor:
+    """Ground reaction about the ankles in the world, (N, T, 2, 6) [N, N·m], of bodies that face `yaw`, (N, T) [rad]."""
     parts = features[..., layout.blocks["wrenches"]].unflatten(-1, (2, 2, 3))
     turned = torch.einsum("ntij,ntfkj->ntfki", about_z(yaw), parts)
     scale = torch.stack([weight, weight * leg], dim=-1)[:, None, None, :, None]

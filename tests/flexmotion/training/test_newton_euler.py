@@ -20,9 +20,9 @@ from flexmotion.kinematics import forward  # noqa: E402
 from flexmotion.motion import Motion  # noqa: E402
 from flexmotion.skeleton import JOINTS  # noqa: E402
 from flexmotion.training.human_tensors import HumanTensors  # noqa: E402
-from flexmotion.training.kinematics import Pose, points, pose, segments  # noqa: E402
+from flexmotion.training.kinematics import Pose, path, points, pose, segments  # noqa: E402
 from flexmotion.training.newton_euler import Rates, angular_momentum, generalised_forces, rates  # noqa: E402
-from flexmotion.training.physics import EDGE, world_wrenches  # noqa: E402
+from flexmotion.training.physics import EDGE, euler_residual, world_wrenches  # noqa: E402
 
 BODY = Body(height=1.82, mass=77.0)
 
@@ -123,9 +123,23 @@ def test_features_give_points_and_torques_of_the_clip(clip: Motion) -> None:
     middle = slice(EDGE, -EDGE)
     inner = type(here)(here.rotation[:, middle], here.origin[:, middle], here.com[:, middle])
     weight = humans.mass.sum(dim=1) * 9.81
-    wrenches = world_wrenches(features, layout, weight, humans.leg)[:, middle]
+    _, yaw = path(features[..., layout.blocks["root"]], layout.fps)
+    wrenches = world_wrenches(features, yaw, layout, weight, humans.leg)[:, middle]
     branches = torch.tensor(np.sign(np.cos(motion.joints[None, :, BALL_COLUMNS[:, 1]])), dtype=torch.float32)
     _, torques = generalised_forces(inner, rates(here, humans, layout.fps), humans, wrenches, branches[:, middle])
     assert motion.torques is not None
     error = torques[0].numpy() - motion.torques[middle, -len(JOINTS) :]
     assert np.sqrt(np.mean(error**2)) < 0.02 * np.abs(motion.torques[:, 6:]).max()
+
+
+def test_the_loss_moves_torques_and_forces_and_not_the_motion(clip: Motion) -> None:
+    """Its gradient through two differentiations made motion jerk by a quarter more, and its own residual larger."""
+    found = dynamics(clip[240:300])
+    layout = Layout(found.motion.fps)
+    features = torch.tensor(encode(found.motion, layout, found.centres))[None].requires_grad_()
+    branches = torch.tensor(np.sign(np.cos(found.motion.joints[None, :, BALL_COLUMNS[:, 1]])), dtype=torch.float32)
+    residual = euler_residual(features, layout, HumanTensors.of([found.motion.body]), branches)
+    (residual.root.square().mean() + residual.joints.square().mean()).backward()
+    assert features.grad is not None
+    moved = {name for name, block in layout.blocks.items() if features.grad[..., block].abs().max() > 0}
+    assert moved == {"torques", "wrenches"}
