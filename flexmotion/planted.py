@@ -30,12 +30,13 @@ ABOVE, BELOW = 0.015, 0.0
 """Heights of the lower one of heel and toe of a foot that stands; as in clips, whose shoes have soles [m]."""
 
 REACHED, SUNK = 0.02, 0.003
-"""A loaded foot that is higher than this in the end is let down to it by its leg, one deeper than that comes up [m]."""
+"""A loaded foot that is higher than this in the end is let down to it by its leg; any that is deeper comes up [m]."""
 MOST = 0.03
 """But no further than this: a knee that is nearly straight turns by 30 degrees for as much [m]."""
 
-SMOOTH = np.array([0.25, 0.5, 0.25])
-ALONG = np.array([1, 2, 3, 2, 1]) / 9.0
+SMOOTH, ALONG = np.array([0.25, 0.5, 0.25]), np.array([1, 2, 3, 2, 1]) / 9.0
+"""How frames share in what is done to one of them: the root's shift, and what a leg makes up for."""
+
 SETTLING_S = 0.05
 """Time constant with which the body is raised or lowered: a window begins where the last one was put and goes over to
 where the model has it in some tenths of a second, to be followed closely."""

@@ -39,8 +39,8 @@ class Emulator:
 
     def __init__(self, body: Body, lines: Sequence[Line], faults: Sequence[Fault] = ()) -> None:
         self.body, self.lines, self.faults = body, list(lines), list(faults)
+        boards = {id_ for line in self.lines if isinstance(line, BusLine) for id_ in line.bus.imu_ids}
         for fault in self.faults:
-            boards = {id_ for line in self.lines if isinstance(line, BusLine) for id_ in line.bus.imu_ids}
             of_servo = fault.kind in (FaultKind.OVERHEAT, FaultKind.RESET)
             if of_servo or (fault.kind is FaultKind.DEAD and fault.argument not in boards):
                 self._owner(fault)

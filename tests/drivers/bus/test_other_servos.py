@@ -155,7 +155,9 @@ def test_a_first_goal_outside_goes_to_the_nearest_inside() -> None:
     assert witness.violations == 1
 
 
-def test_a_bus_that_falls_silent_while_goals_are_read_back_does_not_hold_the_loop_up(sts: Robot) -> None:
+def test_a_bus_that_falls_silent_while_goals_are_read_back_does_not_hold_the_loop_up(
+    sts: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Went wrong: every servo in turn was asked for 0.3 s; a loop that does not move for 2 s is killed, torque on."""
     driver, world = looped("feetech", sts)
     driver.open()
@@ -169,7 +171,7 @@ def test_a_bus_that_falls_silent_while_goals_are_read_back_does_not_hold_the_loo
         world.advance(0.015)
         return read(slot, name)
 
-    bus._read = cut_then_read  # type: ignore[method-assign]
+    monkeypatch.setattr(bus, "_read", cut_then_read)
     begin = world.now
     with pytest.raises(DriverError, match="torque stays off"):
         driver.set_torque(True)
