@@ -39,6 +39,9 @@ _ASIDE, _ASKEW = 0.015, 0.09
 """Feet nearer than this to standing side by side [m, rad] are left as they are at the end."""
 _NOTICE_AT_REST_S = 0.45
 """The same from a stand, where the weight rests between the feet and does not move yet."""
+_AGAIN_S = 0.3
+"""A foot that has landed stays down this long, though the other may lift sooner: who swings one leg to and fro while the
+other carries him soon scuffs the ground and falls."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,7 +188,7 @@ class FootstepPlanner:
         feet: Float,
         frozen: list[Step],
         consumed: Float,
-        free: int,
+        free: Float,
         at_rest: bool,
         now: int,
         source_tick: int,
@@ -197,7 +200,7 @@ class FootstepPlanner:
             feet: pose of both feet on the ground (a foot in the air: where it will land), (2, 4).
             frozen: steps that are under way or settled; they are kept.
             consumed: source time up to which each foot's human swings are done with, (2,) [s].
-            free: tick from which a new foot may lift.
+            free: ticks from which each foot may lift, (2,).
             at_rest: whether the robot has been standing still.
             now: first tick of the plan.
             source_tick: loop tick of source time 0.
@@ -211,12 +214,12 @@ class FootstepPlanner:
         feet, consumed = feet.copy(), consumed.copy()
         pause = int(round(gait.double_support_min_s * self.rate))
         notice = _NOTICE_AT_REST_S if at_rest and not frozen else NOTICE_S
-        free = max(free, now + int(round(notice * self.rate)) + put_off)
+        free = np.maximum(free, now + int(round(notice * self.rate)) + put_off)
         for step in frozen:
             steps.append(step)
             feet[step.side] = step.target
             consumed[step.side] = max(consumed[step.side], step.consumed_s)
-            free = max(free, step.land + pause)
+            free = np.maximum(free, self.free(step))
 
         def tick(second: float) -> int:
             return source_tick + int(round(second * self.rate))
@@ -228,7 +231,7 @@ class FootstepPlanner:
                 continue
             if not self.worth(window, swing):
                 continue
-            lift = max(tick(swing.lift_s), free)
+            lift = max(tick(swing.lift_s), int(free[swing.side]))
             if lift >= end:
                 break
             if swing.landed and lift > tick(swing.land_s) + _TOO_LATE_S * self.rate:
@@ -237,8 +240,8 @@ class FootstepPlanner:
                 continue
             self._insert(window, scaling, steps, feet, consumed, free, lift - pause, source_tick)
             if steps:
-                free = max(free, steps[-1].land + pause)
-                lift = max(lift, free)
+                free = np.maximum(free, self.free(steps[-1]))
+                lift = max(lift, int(free[swing.side]))
             land_s = swing.land_s
             land = tick(land_s) if swing.landed else max(end, tick(swing.lift_s + _UNKNOWN_SWING_S))
             # A longer swing is a farther one: take of the human's double support what the robot's does not need.
@@ -255,11 +258,17 @@ class FootstepPlanner:
             steps.append(step)
             feet[swing.side] = target
             consumed[swing.side] = consumed_s
-            free = land + pause
+            free = np.maximum(free, self.free(step))
         self._insert(window, scaling, steps, feet, consumed, free, end, source_tick)
         if steps and not frozen:
             steps[0] = replace(steps[0], notice_s=notice)
         return steps
+
+    def free(self, step: Step) -> Float:
+        """Ticks from which each foot may lift after a step, (2,)."""
+        ticks = np.full(2, step.land + round(self.gait.double_support_min_s * self.rate))
+        ticks[step.side] = step.land + round(_AGAIN_S * self.rate)
+        return ticks
 
     def gather(self, steps: list[Step], feet: Float, after: int) -> list[Step]:
         """The steps, and one more that sets the feet side by side where they would not be.
@@ -290,7 +299,7 @@ class FootstepPlanner:
         steps: list[Step],
         feet: Float,
         consumed: Float,
-        free: int,
+        free: Float,
         until: int,
         source_tick: int,
     ) -> None:
@@ -298,24 +307,27 @@ class FootstepPlanner:
         gait = self.gait
         pause = int(round(gait.double_support_min_s * self.rate))
         ticks = int(round(_INSERT_SWING_S * self.rate))
-        lift = free
+        lift = int(free.min())
         while lift + ticks + pause <= until:
             second = (lift - source_tick) / self.rate
             frame = int(window.frame_before(np.array([second]))[0])
             if not window.contacts[frame].all():
                 lift += max(1, int(self.rate / window.motion.fps))
                 continue
-            errors = []
-            for side in (0, 1):
-                target = self.target(window, scaling, side, second, second, feet[1 - side])
-                gap = target - feet[side]
-                errors.append(max(abs(gap[3]) / _INSERT_YAW, float(np.hypot(*gap[:2])) / _INSERT_DISTANCE))
-            side = int(np.argmax(errors))
-            if errors[side] <= 1.0:
+            targets = [self.target(window, scaling, side, second, second, feet[1 - side]) for side in (0, 1)]
+            gaps = targets - feet
+            apart = np.linalg.norm(gaps[:, :2], axis=1)
+            errors = np.maximum(np.abs(gaps[:, 3]) / _INSERT_YAW, apart / _INSERT_DISTANCE)
+            wrong = errors > 1.0
+            if not wrong.any():
                 lift += ticks // 2
                 continue
-            target = self.target(window, scaling, side, second, second, feet[1 - side])
-            step = Step(side, lift, lift + ticks, feet[side].copy(), target, consumed[side], inserted=True)
+            if not (wrong & (free <= lift)).any():
+                lift = int(free[wrong].min())
+                continue
+            side = int(np.argmax(np.where(wrong & (free <= lift), errors, 0.0)))
+            step = Step(side, lift, lift + ticks, feet[side].copy(), targets[side], consumed[side], inserted=True)
             steps.append(step)
-            feet[side] = target
+            feet[side] = targets[side]
+            free = np.maximum(free, self.free(step))
             lift = step.land + pause

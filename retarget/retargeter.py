@@ -281,7 +281,7 @@ class Retargeter:
             feet,
             frozen,
             layout.get(state, "consumed"),
-            int(layout.scalar(state, "free")),
+            layout.get(state, "free"),
             view.tick > layout.scalar(state, "landed") + _AT_REST_S * self.rate,
             view.tick,
             int(view.source_tick),
@@ -412,14 +412,13 @@ class Retargeter:
         for name, values in (("q", plan.q), ("base", plan.base)):
             line = np.concatenate([layout.get(state, name)[::-1], values])
             layout.set(states, name, np.stack([line[1 : rows + 1], line[:rows]], axis=1))
-        pause = int(round(self.gait.double_support_min_s * self.rate))
         consumed = layout.get(state, "consumed").copy()
         settled = [step.lift - step.notice_s * self.rate for step in steps]
         for step, tick in zip(steps, settled, strict=True):
             landed = ticks >= step.land
             layout.set(states, "landed", float(step.land), landed)
             layout.set(states, "stance", float(step.stance), landed)
-            layout.set(states, "free", float(step.land + pause), landed)
+            layout.set(states, "free", self.footsteps.free(step), landed)
             consumed[step.side] = max(consumed[step.side], step.consumed_s)
             layout.set(states, "consumed", consumed, ticks >= tick)
         for edge in sorted({view.tick, *np.ceil(settled), *(step.land for step in steps)}):

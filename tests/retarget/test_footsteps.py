@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -29,7 +30,7 @@ def plan(retargeter: Retargeter, window: Windows, scaling: Scaling) -> Callable[
             "feet": retargeter.body.home_feet,
             "frozen": [],
             "consumed": np.full(2, -np.inf),
-            "free": 0,
+            "free": np.zeros(2),
             "at_rest": True,
             "now": 0,
             "source_tick": 0,
@@ -155,6 +156,29 @@ def test_a_turn_on_planted_feet_inserts_steps_until_they_agree(
         assert abs(step.target[3] - feet[step.stance, 3]) <= retargeter.gait.max_foot_yaw + 1e-9
         feet[step.side] = step.target
     np.testing.assert_allclose(feet[:, 3], np.radians(80), atol=0.3)
+
+
+def test_a_foot_that_has_just_landed_does_not_lift_again_at_once(
+    plan: Callable[..., list[Step]], walk: Motion, retargeter: Retargeter
+) -> None:
+    """Targets that changed every half second swung one leg to and fro over the same stance: 9 falls in 688 changes."""
+    planned = plan(walk)
+    landed = replace(planned[0], side=1 - planned[0].side)
+    again = plan(walk, frozen=[landed], now=landed.lift - 10)
+    after = next(step for step in again[1:] if step.side == landed.side)
+    assert after.lift >= landed.land + 0.3 * RATE - 1
+    assert plan(walk)[1].lift < planned[0].land + 0.3 * RATE, "the other foot need not wait"
+
+
+def test_feet_are_set_right_by_turns(
+    plan: Callable[..., list[Step]], stand: Callable[..., Motion], retargeter: Retargeter
+) -> None:
+    """After a stride the foot that had just landed was swung back, instead of the other brought up to it."""
+    feet = retargeter.body.home_feet.copy()
+    feet[0, 0] += 0.1
+    (first, *_) = plan(stand(120), feet=feet, free=np.array([90.0, 0.0]), at_rest=False)
+    assert first.side == 1 and first.inserted
+    assert first.target[0] == pytest.approx(0.1, abs=0.02)
 
 
 def test_an_unfinished_swing_lands_past_the_window(plan: Callable[..., list[Step]], walk: Motion) -> None:
