@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import convolve1d, maximum_filter1d
 from scipy.signal import lfilter
 
-from flexmotion.kinematics import HumanKinematics, forward
+from flexmotion.kinematics import HumanKinematics, continuous_heading, forward
 from flexmotion.leg_length import lowered
 from flexmotion.motion import Motion
 
@@ -23,8 +23,15 @@ Float = NDArray[np.float64]
 ROLLING = 0.01
 """Heel and toe share what a foot does by the exponential of their height over this [m]."""
 
-SWINGING = 0.6
-"""A foot this fast is not planted, whatever it is said to carry [m/s]."""
+CHOOSING = 0.2
+"""Of two feet the slower one stands: they share by the exponential of their speed over this [m/s]."""
+MISJUDGED, NEAR = 0.1, 0.05
+"""A foot no higher than the second [m] may stand, too, where it is not said to while the other is, for so much less."""
+PLANTED, SWINGING = 1.5, 2.5
+"""A foot slower than the first stands, one faster than the second swings, whatever they are said to carry [m/s]."""
+GLIDING = 0.6
+"""Aside a foot this fast is left to glide [m/s]: the data hold next to no steps aside, and a model that is to go there
+slides on its feet. A robot steps after them."""
 
 ABOVE, BELOW = 0.015, 0.0
 """Heights of the lower one of heel and toe of a foot that stands; as in clips, whose shoes have soles [m]."""
@@ -34,6 +41,7 @@ REACHED, SUNK = 0.02, 0.003
 MOST = 0.03
 """But no further than this: a knee that is nearly straight turns by 30 degrees for as much [m]."""
 
+TINY = np.finfo(float).tiny
 SMOOTH, ALONG = np.array([0.25, 0.5, 0.25]), np.array([1, 2, 3, 2, 1]) / 9.0
 """How frames share in what is done to one of them: the root's shift, and what a leg makes up for."""
 
@@ -59,11 +67,19 @@ def planted(motion: Motion, past: Motion) -> Motion:
     share = (share[1:] + share[:-1])[..., None]
     velocity = np.diff(feet[..., :2], axis=0) * motion.fps
     slip = (share * velocity).sum(axis=2) / share.sum(axis=2)
-    firm = loaded * np.clip(1.0 - np.linalg.norm(slip, axis=-1) / SWINGING, 0.0, 1.0)
-    shift = (firm[..., None] * slip).sum(axis=1) / np.maximum(firm.sum(axis=1), 1.0)[:, None]
+    speed = np.linalg.norm(slip, axis=-1)
+    height = feet[1:, ..., 2].min(axis=2)
+    may = np.where(loaded > 0.0, 1.0, MISJUDGED * (height < NEAR)) * loaded.any(axis=1, keepdims=True)
+    firm = may * np.exp(-speed / CHOOSING)
+    stands = np.clip((SWINGING - speed) / (SWINGING - PLANTED), 0.0, 1.0)
+    # Ahead a body is where its legs carry it; what it glides aside is all that it knows of stepping aside.
+    yaw = continuous_heading(human.pelvis_rotation)[:, None]
+    facing = np.stack([np.cos(yaw), np.sin(yaw)], axis=-1)
+    ahead = (slip * facing).sum(axis=-1, keepdims=True) * facing
+    held = stands[..., None] * ahead + np.clip(1.0 - speed / GLIDING, 0.0, 1.0)[..., None] * (slip - ahead)
+    shift = (firm[..., None] * held).sum(axis=1) / np.maximum(firm.sum(axis=1), TINY)[:, None]
     shift = convolve1d(shift, SMOOTH, axis=0, mode="nearest")
 
-    height = feet[1:, ..., 2].min(axis=2)
     error = np.clip(height, BELOW, ABOVE) - height
     wanted = _held((loaded * error).sum(axis=1) / np.maximum(loaded.sum(axis=1), 1.0), np.asarray(loaded.any(axis=1)))
     position = motion.root_position.copy()

@@ -34,9 +34,14 @@ STILL = 0.05
 """A velocity whose parts are all slower than this, and that comes without words, means standing still [m/s, rad/s]."""
 
 
-ASIDE, ASIDE_NOT_AHEAD = 1.5, 0.8
-"""Sideways velocities are asked for so much more strongly, and so much of them less ahead: in the data those who go
-aside mostly go ahead as well, and asked as it is the model goes .15 aside and .17 ahead for .3 and 0."""
+ASIDE, ASIDE_NOT_AHEAD, ASIDE_TURNING = 1.5, 0.8, 0.2
+"""Sideways velocities are asked for so much more strongly, so much of them less ahead, and with so much of a turn to that
+side (rad/s for a m/s): in the data those who go aside mostly go ahead as well, and asked as it is the model goes .15
+aside and .17 ahead for .3 and 0."""
+
+CATCHING_UP = 0.3
+"""Of what the last frames lack in speed that is asked for, so much is asked for on top: feet that are planted keep a
+body from gliding along as the model would have it."""
 
 
 @dataclass(frozen=True)
@@ -147,7 +152,7 @@ class Sampler:
     def features(self, history: Motion, condition: Condition, seed: int) -> Float32:
         """Features of what `sample` makes, before its feet are planted, not normalised, (W, layout.size)."""
         remembered = self._remember(history)
-        latent = self._latent(self._statistics.normalise(remembered)[None], condition, seed)
+        latent = self._latent(remembered, condition, seed)
         inputs = {"latent": latent, "history": self._inputs["history"][:1]}
         frames = run(self._decoder, self.bundle.folder / DECODER, inputs)
         return inertialised(self._statistics.restore(frames[0]), remembered, self.layout)
@@ -170,10 +175,10 @@ class Sampler:
     def _latent(self, remembered: Float32, condition: Condition, seed: int) -> Float32:
         """DDIM from noise to a normalised latent, (1, L)."""
         inputs, manifest = self._inputs, self.bundle.manifest
-        inputs["history"][:] = remembered
+        inputs["history"][:] = self._statistics.normalise(remembered)
         guidance = manifest.guidance if condition.guidance is None else condition.guidance
         condition = self._meant(condition)
-        self._ask(condition)
+        self._ask(condition, remembered)
         if manifest.guided:
             inputs["guidance"][:] = guidance
         noisy = np.random.default_rng(seed).standard_normal((1, manifest.latent), np.float32)
@@ -203,13 +208,15 @@ class Sampler:
     def _stands(self, condition: Condition) -> bool:
         return condition.velocity is None and self.prompt(condition.text).kind == STAND
 
-    def _ask(self, condition: Condition) -> None:
+    def _ask(self, condition: Condition, remembered: Float32) -> None:
         """Put what is asked for into the inputs: the first row is told, the second is what guidance leads away from."""
         inputs = self._inputs
         inputs["present"][:] = 0.0
         if condition.velocity is not None and self.bundle.manifest.velocity:
+            ahead, aside = self._caught_up(condition.velocity, remembered)
+            turning = condition.velocity[2]
             # The model was told how far a window went as seen from its beginning: who turns goes along an arc.
-            ahead, aside, turning = condition.velocity
+            turning += ASIDE_TURNING * aside
             ahead, aside = ahead - ASIDE_NOT_AHEAD * abs(aside), ASIDE * aside
             forward, left = chord(ahead, aside, turning, seconds=self.future / self.fps)
             inputs["velocity"][:] = (forward / self.body.leg, left / self.body.leg, turning)
@@ -218,6 +225,14 @@ class Sampler:
         walks = condition.velocity is not None and condition.text is None
         inputs["sentence"][:] = (self._walking if walks else self.prompt(condition.text)).embedding
         inputs["present"][0, 0] = 1.0
+
+    def _caught_up(self, velocity: tuple[float, float, float], remembered: Float32) -> tuple[float, float]:
+        """Speeds ahead and aside to ask for [m/s]."""
+        wanted = np.array(velocity[:2])
+        if len(remembered):
+            start = self.layout.blocks["root"].start
+            wanted += CATCHING_UP * (wanted - self.body.leg * remembered[:, start : start + 2].mean(axis=0))
+        return float(wanted[0]), float(wanted[1])
 
     def prompt(self, text: str | None) -> Prompt:
         """What a text means; standing still for None."""

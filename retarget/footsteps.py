@@ -7,7 +7,7 @@ can be there. Where a human turns on planted feet the robot cannot: steps are in
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,6 +56,7 @@ class Step:
         dropped: human steps left out before this one.
         inserted: set right by the robot, not made by the human.
         notice_s: how long before its lift it is settled, so that no later plan puts it off [s].
+        human: where the human's foot stood that the target stands for, (2,) [m]; NaN where there is none.
     """
 
     side: int
@@ -67,6 +68,7 @@ class Step:
     dropped: int = 0
     inserted: bool = False
     notice_s: float = NOTICE_S
+    human: Float = field(default_factory=lambda: np.full(2, np.nan))
 
     @property
     def stance(self) -> int:
@@ -114,7 +116,14 @@ class FootstepPlanner:
         )
 
     def target(
-        self, window: HumanWindow, scaling: Scaling, side: int, lift_s: float, land_s: float, stance: Float
+        self,
+        window: HumanWindow,
+        scaling: Scaling,
+        side: int,
+        lift_s: float,
+        land_s: float,
+        stance: Float,
+        human_stance: Float,
     ) -> Float:
         """Where foot `side` belongs after a swing, given where the robot's other foot stands.
 
@@ -122,12 +131,16 @@ class FootstepPlanner:
             lift_s, land_s: source time of the human's swing [s]; its mean pelvis yaw is the heading, since the
                 pelvis turns to and fro once a stride.
             stance: pose of the other foot, (4,) [m, m, m, rad].
+            human_stance: where the human's other foot stood when the robot's came to stand for it, (2,) [m]: a foot
+                that slides on while it stands takes the human along, and so it must the robot. NaN: where it is now.
 
         Returns:
             x, y, z, yaw of the sole centre within the robot's limits, (4,).
         """
         gait = self.gait
-        human, human_stance = window.foot(side, land_s), window.foot(1 - side, land_s)
+        human = window.foot(side, land_s)
+        if np.isnan(human_stance).any():
+            human_stance = window.foot(1 - side, land_s)
         human_yaw = window.mean_heading(lift_s, land_s)
         inward = -1.0 if side == 0 else 1.0
         turn = np.clip(human_yaw + scaling.heading - stance[3], -gait.max_foot_yaw, gait.max_foot_yaw)
@@ -187,6 +200,7 @@ class FootstepPlanner:
         scaling: Scaling,
         feet: Float,
         frozen: list[Step],
+        human_feet: Float,
         consumed: Float,
         free: Float,
         at_rest: bool,
@@ -199,6 +213,7 @@ class FootstepPlanner:
         Args:
             feet: pose of both feet on the ground (a foot in the air: where it will land), (2, 4).
             frozen: steps that are under way or settled; they are kept.
+            human_feet: where the human's feet stood that these stand for, (2, 2) [m]; NaN where there are none.
             consumed: source time up to which each foot's human swings are done with, (2,) [s].
             free: ticks from which each foot may lift, (2,).
             at_rest: whether the robot has been standing still.
@@ -211,13 +226,13 @@ class FootstepPlanner:
         """
         gait = self.gait
         steps: list[Step] = []
-        feet, consumed = feet.copy(), consumed.copy()
+        feet, human_feet, consumed = feet.copy(), human_feet.copy(), consumed.copy()
         pause = int(round(gait.double_support_min_s * self.rate))
         notice = _NOTICE_AT_REST_S if at_rest and not frozen else NOTICE_S
         free = np.maximum(free, now + int(round(notice * self.rate)) + put_off)
         for step in frozen:
             steps.append(step)
-            feet[step.side] = step.target
+            feet[step.side], human_feet[step.side] = step.target, step.human
             consumed[step.side] = max(consumed[step.side], step.consumed_s)
             free = np.maximum(free, self.free(step))
 
@@ -238,7 +253,7 @@ class FootstepPlanner:
                 dropped += 1
                 consumed[swing.side] = swing.land_s
                 continue
-            self._insert(window, scaling, steps, feet, consumed, free, lift - pause, source_tick)
+            self._insert(window, scaling, steps, feet, human_feet, consumed, free, lift - pause, source_tick)
             if steps:
                 free = np.maximum(free, self.free(steps[-1]))
                 lift = max(lift, int(free[swing.side]))
@@ -249,17 +264,19 @@ class FootstepPlanner:
             land = max(land, min(latest, land + int(round(_LATER_S * self.rate))))
             land = max(land, lift + int(np.ceil(gait.swing_min_s * self.rate)))
             stance = feet[1 - swing.side]
-            target = self.target(window, scaling, swing.side, swing.lift_s, land_s, stance)
+            human_stance = human_feet[1 - swing.side]
+            target = self.target(window, scaling, swing.side, swing.lift_s, land_s, stance, human_stance)
             target = self.within_reach(feet[swing.side], target, stance, (land - lift) / self.rate)
             # A swing whose end is not seen yet is done with when the robot's foot has landed.
             consumed_s = land_s if swing.landed else max(land_s, (land - source_tick) / self.rate)
-            step = Step(swing.side, lift, land, feet[swing.side].copy(), target, consumed_s, dropped)
+            human = window.foot(swing.side, land_s)[:2]
+            step = Step(swing.side, lift, land, feet[swing.side].copy(), target, consumed_s, dropped, human=human)
             dropped = 0
             steps.append(step)
-            feet[swing.side] = target
+            feet[swing.side], human_feet[swing.side] = target, human
             consumed[swing.side] = consumed_s
             free = np.maximum(free, self.free(step))
-        self._insert(window, scaling, steps, feet, consumed, free, end, source_tick)
+        self._insert(window, scaling, steps, feet, human_feet, consumed, free, end, source_tick)
         if steps and not frozen:
             steps[0] = replace(steps[0], notice_s=notice)
         return steps
@@ -298,6 +315,7 @@ class FootstepPlanner:
         scaling: Scaling,
         steps: list[Step],
         feet: Float,
+        human_feet: Float,
         consumed: Float,
         free: Float,
         until: int,
@@ -314,7 +332,10 @@ class FootstepPlanner:
             if not window.contacts[frame].all():
                 lift += max(1, int(self.rate / window.motion.fps))
                 continue
-            targets = [self.target(window, scaling, side, second, second, feet[1 - side]) for side in (0, 1)]
+            targets = [
+                self.target(window, scaling, side, second, second, feet[1 - side], human_feet[1 - side])
+                for side in (0, 1)
+            ]
             gaps = targets - feet
             apart = np.linalg.norm(gaps[:, :2], axis=1)
             errors = np.maximum(np.abs(gaps[:, 3]) / _INSERT_YAW, apart / _INSERT_DISTANCE)
@@ -326,8 +347,10 @@ class FootstepPlanner:
                 lift = int(free[wrong].min())
                 continue
             side = int(np.argmax(np.where(wrong & (free <= lift), errors, 0.0)))
-            step = Step(side, lift, lift + ticks, feet[side].copy(), targets[side], consumed[side], inserted=True)
+            human = window.foot(side, second)[:2]
+            start, target = feet[side].copy(), targets[side]
+            step = Step(side, lift, lift + ticks, start, target, consumed[side], inserted=True, human=human)
             steps.append(step)
-            feet[side] = targets[side]
+            feet[side], human_feet[side] = target, human
             free = np.maximum(free, self.free(step))
             lift = step.land + pause

@@ -129,6 +129,7 @@ class Retargeter:
         for name in ("source_tick", "heading"):
             layout.set(state, name, np.nan)
         layout.set(state, "yaws", np.full(3, np.nan))
+        layout.set(state, "human_feet", np.full((2, 2), np.nan))
         layout.set(state, "detector", ContactDetector().initial())
         return state
 
@@ -239,6 +240,7 @@ class Retargeter:
             layout.set(state, "heading", robot_yaw - window.yaws[0, 2])
             layout.set(state, "yaws", window.yaws[0])
             layout.set(state, "consumed", np.full(2, window.times[0]))
+            layout.set(state, "human_feet", window.feet[0, :, :2])
         scaling = Scaling(
             ratio=self.body.leg_length / motion.body.leg,
             heading=layout.scalar(state, "heading"),
@@ -274,12 +276,15 @@ class Retargeter:
         feet = layout.get(state, "feet").copy()
         feet[:, 2] = 0.0
         if view.window is None:
+            # Whatever human comes next may be somewhere else.
+            layout.set(state, "human_feet", np.full((2, 2), np.nan))
             return self.footsteps.gather(frozen, feet, view.tick)
         steps = self.footsteps.plan(
             view.window,
             view.scaling,
             feet,
             frozen,
+            layout.get(state, "human_feet"),
             layout.get(state, "consumed"),
             layout.get(state, "free"),
             view.tick > layout.scalar(state, "landed") + _AT_REST_S * self.rate,
@@ -412,7 +417,7 @@ class Retargeter:
         for name, values in (("q", plan.q), ("base", plan.base)):
             line = np.concatenate([layout.get(state, name)[::-1], values])
             layout.set(states, name, np.stack([line[1 : rows + 1], line[:rows]], axis=1))
-        consumed = layout.get(state, "consumed").copy()
+        consumed, human_feet = layout.get(state, "consumed").copy(), layout.get(state, "human_feet").copy()
         settled = [step.lift - step.notice_s * self.rate for step in steps]
         for step, tick in zip(steps, settled, strict=True):
             landed = ticks >= step.land
@@ -421,6 +426,8 @@ class Retargeter:
             layout.set(states, "free", self.footsteps.free(step), landed)
             consumed[step.side] = max(consumed[step.side], step.consumed_s)
             layout.set(states, "consumed", consumed, ticks >= tick)
+            human_feet[step.side] = step.human
+            layout.set(states, "human_feet", human_feet, landed)
         for edge in sorted({view.tick, *np.ceil(settled), *(step.land for step in steps)}):
             alive = [step for step, tick in zip(steps, settled, strict=True) if tick <= edge < step.land]
             layout.set(states, "steps", pack_steps(alive), ticks >= edge)

@@ -15,7 +15,7 @@ from retarget.whole_body import POSTURE
 
 Float = NDArray[np.float64]
 
-FROZEN_STEPS, STEP_SIZE = 2, 14
+FROZEN_STEPS, STEP_SIZE = 2, 16
 """While a foot is in the air the other's next step may be frozen already; never a third."""
 
 
@@ -26,6 +26,7 @@ class StateLayout:
         channels = len(POSTURE) + followed
         sizes: dict[str, tuple[int, ...]] = {
             "feet": (2, 4),  # where both soles are: x, y, z, yaw
+            "human_feet": (2, 2),  # where the human's feet stood that these stand for: x, y; NaN where there are none
             "com": (2,),
             "dcm": (2,),
             "com_offset": (2,),  # centre of mass minus torso one row before: first guess of the base shift
@@ -82,20 +83,21 @@ class StateLayout:
 def pack_steps(steps: list[Step]) -> Float:
     """Steps as a state holds them, (FROZEN_STEPS, STEP_SIZE).
 
-    A row is side (-1: none), lift, land, start (4), target (4), consumed_s, inserted, notice_s.
+    A row is side (-1: none), lift, land, start (4), target (4), consumed_s, inserted, notice_s, human (2).
     """
     packed = np.full((FROZEN_STEPS, STEP_SIZE), -1.0)
     for row, step in zip(packed, steps[:FROZEN_STEPS], strict=False):
         row[:3] = step.side, step.lift, step.land
         row[3:7], row[7:11] = step.start, step.target
-        row[11:] = step.consumed_s, step.inserted, step.notice_s
+        row[11:14] = step.consumed_s, step.inserted, step.notice_s
+        row[14:] = step.human
     return packed
 
 
 def unpack_step(packed: Float) -> Step:
     """The step that a row of `pack_steps` holds, (STEP_SIZE,)."""
     side, lift, land = (int(value) for value in packed[:3])
-    consumed_s, inserted, notice_s = packed[11:]
+    consumed_s, inserted, notice_s = packed[11:14]
     return Step(
         side,
         lift,
@@ -105,4 +107,5 @@ def unpack_step(packed: Float) -> Step:
         float(consumed_s),
         inserted=bool(inserted),
         notice_s=float(notice_s),
+        human=packed[14:].copy(),
     )

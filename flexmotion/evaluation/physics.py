@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from flexmotion.biomechanics.differentiation import HALF
 from flexmotion.biomechanics.dynamics import dynamics
 from flexmotion.biomechanics.inverse_dynamics import GRAVITY, joint_torques
 from flexmotion.biomechanics.segment_motion import segment_motion
@@ -13,6 +14,9 @@ from flexmotion.motion import Motion
 from flexmotion.skeleton import JOINTS
 
 Float = NDArray[np.float64]
+
+EDGE = 2 * HALF
+"""Frames at each end whose accelerations would need frames beyond it: what differentiation makes up there is not judged."""
 
 ROUNDING = 1e-3
 """An activation that leaves [0, 1] by no more has been stored in half precision, and is not beyond."""
@@ -26,24 +30,30 @@ def physics_metrics(motion: Motion, centres: Float) -> dict[str, float]:
     `euler_force`, `euler_moment`, what the root would have to be held with [% of body weight, N·m/kg];
     `muscle_limit`, share of muscle-frames beyond [0, 1] [%], absent without activations.
 
+    All but the last are of the frames `EDGE` to the last but `EDGE`.
+
     Args:
-        motion: with torques and wrenches.
+        motion: with torques and wrenches, (T,).
         centres: what the wrenches' moments are about, (T, 2, 3) [m].
 
     Raises:
-        ValueError: it has no torques or wrenches.
+        ValueError: it has no torques or wrenches, or no frame between its edges.
     """
     if motion.torques is None or motion.wrenches is None:
         raise ValueError("physics metrics need torques and wrenches")
+    if len(motion) <= 2 * EDGE:
+        raise ValueError(f"physics metrics need more than {2 * EDGE} frames, got {len(motion)}")
+    inner = slice(EDGE, -EDGE)
     body, weight = motion.body, motion.body.mass * GRAVITY
     needed = joint_torques(body, segment_motion(motion), motion.wrenches, centres)
     expected = dynamics(motion).motion.wrenches
     assert expected is not None
+    missing = motion.torques[inner, -len(JOINTS) :] - needed[inner, -len(JOINTS) :]
     figures = {
-        "contact_force": 100 * _mean(motion.wrenches[..., :3] - expected[..., :3]) / weight,
-        "actuation": float(np.abs(motion.torques[:, -len(JOINTS) :] - needed[:, -len(JOINTS) :]).mean()) / body.mass,
-        "euler_force": 100 * _mean(needed[:, :3]) / weight,
-        "euler_moment": _mean(needed[:, 3:6]) / body.mass,
+        "contact_force": 100 * _mean((motion.wrenches - expected)[inner, :, :3]) / weight,
+        "actuation": float(np.abs(missing).mean()) / body.mass,
+        "euler_force": 100 * _mean(needed[inner, :3]) / weight,
+        "euler_moment": _mean(needed[inner, 3:6]) / body.mass,
     }
     if motion.activations is not None:
         beyond = (motion.activations < -ROUNDING) | (motion.activations > 1 + ROUNDING)

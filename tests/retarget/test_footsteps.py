@@ -29,6 +29,7 @@ def plan(retargeter: Retargeter, window: Windows, scaling: Scaling) -> Callable[
         asked: dict[str, Any] = {
             "feet": retargeter.body.home_feet,
             "frozen": [],
+            "human_feet": np.full((2, 2), np.nan),
             "consumed": np.full(2, -np.inf),
             "free": np.zeros(2),
             "at_rest": True,
@@ -194,7 +195,7 @@ def test_toes_turn_in_less_than_out(window: Windows, scaling: Scaling, retargete
         turned = Scaling(scaling.ratio, heading, scaling.human_width)
         for side in (0, 1):
             stance = retargeter.body.home_feet[1 - side]
-            yaw = retargeter.footsteps.target(seen, turned, side, 0.0, 0.5, stance)[3]
+            yaw = retargeter.footsteps.target(seen, turned, side, 0.0, 0.5, stance, np.full(2, np.nan))[3]
             outward = (heading > 0) == (side == 0)
             assert abs(yaw) == pytest.approx(gait.max_foot_yaw if outward else gait.max_toe_in)
 

@@ -1,0 +1,148 @@
+"""What becomes of a robot that is asked for something else every half second?
+
+    python benchmarks/switching.py [--runs 12] [--seconds 60] [--prompts] [--perturbed] [--jobs 2] [--seed 0]
+
+Each run streams for so long, in lockstep, and changes what the robot is to do at random moments, 0.2 to 1 s apart: to
+another of six clips, standing and walking (from the folder in `FLEXMOTION_SHARED`, default `shared` beside the
+project); with --prompts to one of the model's prompts, any kind of prompts.yaml. A run ends where the robot falls.
+--perturbed takes the robot of `spine.py`. Exits with 1 where there is more than one fall in 200 changes, or a goal
+outside the envelope.
+"""
+
+from __future__ import annotations
+
+import os
+import random
+import tempfile
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Annotated
+
+# Before NumPy is loaded: a run is one thread, --jobs says how many there are.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import typer
+import yaml
+from rich.console import Console
+from rich.progress import Progress
+from rich.table import Table
+from robot_prompts import PROMPTS
+from spine import extract
+from verdicts import Verdict, benchmark
+
+from configs.robot import load_robot
+from configs.stream import load_stream
+from drivers.registry import create
+from flexmotion.importers import load
+from flexmotion.motion import Motion
+from flexmotion.sampler import Sampler
+from streamer.commands.choice import open_sampler
+from streamer.commands.driver_options import simulation_options
+from streamer.intents import Intent, Text
+from streamer.latency import switched
+from streamer.model_source import ModelSource
+from streamer.script import Item
+from streamer.session import Session
+from streamer.sources import LiveSource
+
+CLIPS = tuple(f"dataset-1_{name}_normal_001" for name in ("walk", "bow", "guide", "respond", "byebye", "walk-back"))
+SETTLED_S = 2.6
+"""Before the first change: the robot gets up, and follows something for two seconds [s]."""
+BETWEEN_S = (0.2, 1.0)
+MOST = 1 / 200
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run: how long the robot stayed up, and how often it was asked for something else by then."""
+
+    seed: int
+    seconds: float
+    changes: int
+    fell: bool
+    violations: int
+
+
+class Switcher:
+    """Asks for something else at random moments of a session in lockstep."""
+
+    def __init__(self, session: Session, intents: Sequence[Intent], rate_hz: float, seed: int) -> None:
+        self.session, self.intents, self.rate = session, intents, rate_hz
+        self.changes = 0
+        self._random, self._next = random.Random(seed), SETTLED_S
+        self._asked: Intent | None = None
+
+    def __call__(self) -> None:
+        loop = self.session.loop
+        now = 0.0 if loop is None else loop.tick_count / self.rate
+        if now >= self._next:
+            self._next = now + self._random.uniform(*BETWEEN_S)
+            self._asked = self._random.choice([intent for intent in self.intents if intent != self._asked])
+            self.session.targets.send(self._asked)
+            self.changes += 1
+
+
+@lru_cache
+def _sampler() -> Sampler:
+    return open_sampler(None, "this benchmark")
+
+
+def prompted(seconds: float, seed: int) -> tuple[LiveSource, list[Intent]]:
+    """The model, and all that prompts.yaml asks of it."""
+    entries = yaml.safe_load(PROMPTS.read_text(encoding="utf-8"))
+    intents: list[Intent] = [Text(words) for entry in entries for words in entry["wordings"]]
+    return ModelSource(_sampler(), [Item(0.0, Text("stand still"))], "switching", seed, seconds + 10.0), intents
+
+
+def run(seed: int, seconds: float, clips: dict[str, Motion] | None, perturbed: bool) -> Run:
+    """One run; `clips` by name, None: the model's prompts."""
+    robot = load_robot("op3")
+    source, intents = prompted(seconds, seed) if clips is None else switched(clips)
+    options = simulation_options(perturbed, ["total_mass=3.5"] if perturbed else [])
+    session = Session(robot, create("sim", robot, **options, seed=seed), source, load_stream(), seconds)
+    switcher = Switcher(session, intents, robot.rate_hz, seed)
+    session.request = switcher  # asks the operator for nothing
+    record = session.run("lockstep")
+    fell = any(event.kind == "fault" for event in record.events)
+    return Run(seed, record.duration_s, switcher.changes, fell, record.violations_sent)
+
+
+def main(
+    runs: Annotated[int, typer.Option(help="How many.")] = 12,
+    seconds: Annotated[float, typer.Option(help="Each, unless the robot falls [s].")] = 60.0,
+    prompts: Annotated[bool, typer.Option("--prompts", help="Ask the model, instead of switching between clips.")] = False,
+    perturbed: Annotated[bool, typer.Option("--perturbed", help="The robot of spine.py.")] = False,
+    jobs: Annotated[int, typer.Option(help="Runs at a time.")] = 2,
+    seed: Annotated[int, typer.Option(help="Of the first run.")] = 0,
+) -> list[Verdict]:
+    """Run them all, and count the falls."""
+    clips: dict[str, Motion] | None = None
+    if not prompts:
+        with tempfile.TemporaryDirectory() as name:
+            extract("bandai", list(CLIPS), Path(name))
+            clips = {clip: load(Path(name) / f"{clip}.bvh") for clip in CLIPS}
+    done: list[Run] = []
+    with ProcessPoolExecutor(jobs) as pool, Progress(console=Console(stderr=True)) as progress:
+        futures = [pool.submit(run, seed + k, seconds, clips, perturbed) for k in range(runs)]
+        bar = progress.add_task("runs", total=runs)
+        for future in as_completed(futures):
+            done.append(future.result())
+            progress.advance(bar)
+    table = Table("run", "seconds", "changes", "fell")
+    for one in sorted(done, key=lambda one: one.seed):
+        table.add_row(str(one.seed), f"{one.seconds:.1f}", str(one.changes), "yes" if one.fell else "")
+    Console(width=120).print(table)
+    changes, falls = sum(one.changes for one in done), sum(one.fell for one in done)
+    sent = sum(one.violations for one in done)
+    return [
+        Verdict(f"falls: {falls} in {changes} changes (<= 1 in {1 / MOST:.0f})", falls <= MOST * changes),
+        Verdict(f"goals outside the envelope: {sent} (0)", sent == 0),
+    ]
+
+
+if __name__ == "__main__":
+    benchmark(main)
