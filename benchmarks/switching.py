@@ -77,6 +77,7 @@ class Switcher:
         self._asked: Intent | None = None
 
     def __call__(self) -> None:
+        """Asked before every tick."""
         loop = self.session.loop
         now = 0.0 if loop is None else loop.tick_count / self.rate
         if now >= self._next:
@@ -114,7 +115,7 @@ def run(seed: int, seconds: float, clips: dict[str, Motion] | None, perturbed: b
 def main(
     runs: Annotated[int, typer.Option(help="How many.")] = 12,
     seconds: Annotated[float, typer.Option(help="Each, unless the robot falls [s].")] = 60.0,
-    prompts: Annotated[bool, typer.Option("--prompts", help="Ask the model, instead of switching between clips.")] = False,
+    prompts: Annotated[bool, typer.Option("--prompts", help="Ask the model, instead of switching clips.")] = False,
     perturbed: Annotated[bool, typer.Option("--perturbed", help="The robot of spine.py.")] = False,
     jobs: Annotated[int, typer.Option(help="Runs at a time.")] = 2,
     seed: Annotated[int, typer.Option(help="Of the first run.")] = 0,

@@ -36,8 +36,8 @@ class ContactDetector:
     Where ground forces are known and plausible they decide instead: a foot is loaded once it bears a share of the
     body's weight, and until it bears less than a smaller one, again after a while. Forces that together are next to
     nothing or several body weights are not believed, the points decide that frame: in flight they say the same, and a
-    model that predicts nonsense cannot take the floor away. Nor is a foot loaded whose heel and toe both are fast: nobody
-    stands on a foot that swings. The points are watched all along.
+    model that predicts nonsense cannot take the floor away. Nor is a foot loaded whose heel and toe both are fast:
+    nobody stands on a foot that swings. The points are watched all along.
 
     Speeds are backward differences: a frame's result depends on nothing after it, and cutting a stream into chunks in
     whatever way changes nothing.
@@ -114,7 +114,8 @@ class ContactDetector:
         if force is None or not self.least <= force.sum() <= self.most:
             wanted = touching.reshape(2, 2).any(axis=1)
         else:
-            wanted = (force > np.where(loaded, self.relieved, self.bears)) & (speed.reshape(2, 2).min(axis=1) < self.fast)
+            swings = speed.reshape(2, 2).min(axis=1) >= self.fast
+            wanted = (force > np.where(loaded, self.relieved, self.bears)) & ~swings
         if not started:
             # Without a speed this is a guess: let the next frame overrule it at once.
             state[LOADED] = wanted

@@ -35,9 +35,9 @@ STILL = 0.05
 
 
 ASIDE, ASIDE_NOT_AHEAD, ASIDE_TURNING = 1.5, 0.8, 0.2
-"""Sideways velocities are asked for so much more strongly, so much of them less ahead, and with so much of a turn to that
-side (rad/s for a m/s): in the data those who go aside mostly go ahead as well, and asked as it is the model goes .15
-aside and .17 ahead for .3 and 0."""
+"""Sideways velocities are asked for so much more strongly, so much of them less ahead, and with so much of a turn to
+that side (rad/s for a m/s): in the data those who go aside mostly go ahead as well, and asked as it is the model goes
+.15 aside and .17 ahead for .3 and 0."""
 
 CATCHING_UP = 0.3
 """Of what the last frames lack in speed that is asked for, so much is asked for on top: feet that are planted keep a

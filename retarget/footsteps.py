@@ -40,8 +40,8 @@ _ASIDE, _ASKEW = 0.015, 0.09
 _NOTICE_AT_REST_S = 0.45
 """The same from a stand, where the weight rests between the feet and does not move yet."""
 _AGAIN_S = 0.3
-"""A foot that has landed stays down this long, though the other may lift sooner: who swings one leg to and fro while the
-other carries him soon scuffs the ground and falls."""
+"""A foot that has landed stays down this long, though the other may lift sooner: who swings one leg to and fro while
+the other carries him soon scuffs the ground and falls."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -64,4 +64,3 @@ def events(reader: Reader) -> list[Event]:
     return [
         Event(int(row["tick"]), row["kind"].decode(), row["message"].decode(errors="replace")) for row in reader.read()
     ]
-

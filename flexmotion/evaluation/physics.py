@@ -16,7 +16,7 @@ from flexmotion.skeleton import JOINTS
 Float = NDArray[np.float64]
 
 EDGE = 2 * HALF
-"""Frames at each end whose accelerations would need frames beyond it: what differentiation makes up there is not judged."""
+"""Frames at each end whose accelerations would need frames beyond it: they are made up there, and not judged."""
 
 ROUNDING = 1e-3
 """An activation that leaves [0, 1] by no more has been stored in half precision, and is not beyond."""

@@ -176,6 +176,19 @@ def test_forces_at_the_edge_of_the_plausible_decide(clip_kinematics, total):
     assert flags[:, 0].all() and not flags[:, 1].any()
 
 
+def test_nobody_stands_on_a_foot_that_swings(clip, clip_kinematics):
+    """Forces that flickered in mid-swing cut a stride in two, and the robot made two short steps of it, or none."""
+    swings, _ = ContactDetector().detect(clip_kinematics, clip.fps)
+    speed = np.linalg.norm(np.diff(0.5 * (clip_kinematics.heel + clip_kinematics.toe), axis=0), axis=-1) * clip.fps
+    force = np.full((len(swings), 2), 0.5)
+    flags, _ = ContactDetector().detect(clip_kinematics, clip.fps, None, force)
+    fast = np.concatenate([np.zeros((1, 2), bool), speed > 1.5])
+    assert fast.sum() > 20
+    # A foot counts as lifted a moment after it is.
+    late = np.concatenate([np.zeros((2, 2), bool), fast[:-2]]) & fast
+    assert not flags[late].any()
+
+
 def test_when_forces_end_heights_and_speeds_go_on(clip_kinematics):
     whole, _ = ContactDetector().detect(clip_kinematics, 30.0)
     _, states = ContactDetector().detect(clip_kinematics[:100], 30.0, None, np.full((100, 2), 0.5))

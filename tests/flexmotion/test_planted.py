@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from flexmotion.default_clip import default_clip
-from flexmotion.kinematics import forward
+from flexmotion.kinematics import continuous_heading, forward
 from flexmotion.motion import Motion
 from flexmotion.planted import planted
 from flexmotion.skeleton import JOINTS
@@ -71,6 +71,35 @@ def test_who_runs_is_not_held_back_by_a_foot_said_to_be_loaded(standing: Motion)
     run = moved(standing[1:], np.arange(FRAMES)[:, None] / 30.0 * [3.0, 0.0, 0.0])
     found = planted(run, standing[:1])
     np.testing.assert_allclose(found.root_position[:, :2], run.root_position[:, :2], atol=1e-9)
+
+
+def test_who_glides_on_loaded_feet_goes_no_further_than_they_step(standing: Motion) -> None:
+    """Told to walk backward a model slid at 1.3 m/s on feet that it said were loaded: a robot could not follow."""
+    yaw = continuous_heading(forward(standing).pelvis_rotation)[0]
+    glide = np.arange(FRAMES)[:, None] / 30.0 * [-1.3 * np.cos(yaw), -1.3 * np.sin(yaw), 0.0]
+    found = planted(moved(standing[1:], glide), standing[:1])
+    assert np.linalg.norm(found.root_position[-1, :2] - standing.root_position[0, :2]) < 0.06
+
+
+def test_who_glides_aside_is_let_go(standing: Motion) -> None:
+    """Held there too, who was told to step aside at .35 m/s went at .13: it is by gliding that a model goes aside."""
+    yaw = continuous_heading(forward(standing).pelvis_rotation)[0]
+    glide = np.arange(FRAMES)[:, None] / 30.0 * [-0.8 * np.sin(yaw), 0.8 * np.cos(yaw), 0.0]
+    wanted = moved(standing[1:], glide)
+    found = planted(wanted, standing[:1])
+    np.testing.assert_allclose(found.root_position[:, :2], wanted.root_position[:, :2], atol=0.01)
+
+
+def test_a_swinging_foot_that_is_said_to_be_loaded_does_not_hold_the_body(standing: Motion) -> None:
+    """For two frames in mid-swing that foot alone was said to be loaded, and the body stopped over it."""
+    hips = [JOINTS.index("hip_flexion_l"), JOINTS.index("hip_flexion_r")]
+    joints = standing.joints.copy()
+    joints[:, hips[0]] += np.linspace(0.0, 1.0, 1 + FRAMES)  # the left leg swings ahead at some .9 m/s
+    contacts = np.tile([False, True], (1 + FRAMES, 1))
+    contacts[15:17] = [True, False]
+    swing = replace(standing, joints=joints, contacts=contacts)
+    found = planted(swing[1:], swing[:1])
+    assert np.abs(np.diff(found.root_position[:, :2], axis=0)).max() < 0.3 / 30.0
 
 
 def test_no_angles_but_those_of_the_legs_are_touched(standing: Motion) -> None:

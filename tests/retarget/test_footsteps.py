@@ -182,6 +182,24 @@ def test_feet_are_set_right_by_turns(
     assert first.target[0] == pytest.approx(0.1, abs=0.02)
 
 
+def test_a_human_who_slides_on_his_feet_is_stepped_after(
+    plan: Callable[..., list[Step]], stand: Callable[..., Motion], window: Windows, retargeter: Retargeter
+) -> None:
+    """Samples of stepping aside slide on standing feet: feet that only kept their distance stayed where they were."""
+    motion = stand(150)
+    seen = window(motion)
+    human_feet = seen.feet[0, :, :2].copy()
+    aside = np.arange(150)[:, None] / 30.0 * [0.0, 0.3, 0.0]
+    slides = replace(motion, root_position=motion.root_position + aside)
+    steps = plan(slides, human_feet=human_feet)
+    assert plan(motion, human_feet=human_feet) == []
+    assert {step.side for step in steps} == {0, 1}
+    feet = retargeter.body.home_feet.copy()
+    for step in steps:
+        feet[step.side] = step.target
+    assert feet[:, 1].mean() > 0.4 * 0.3 * 5.0 * retargeter.body.leg_length / motion.body.leg
+
+
 def test_an_unfinished_swing_lands_past_the_window(plan: Callable[..., list[Step]], walk: Motion) -> None:
     cut = walk[:42]
     steps = plan(cut)
