@@ -25,7 +25,9 @@ from retarget.legs import SIDE_NAMES
 Float = NDArray[np.float64]
 
 _FIRST_ITERATIONS, _ITERATIONS = 10, 1
-"""Steps for the frame where the motion joins, and for those after it, which start from their neighbour."""
+"""Most steps for the frame where the motion joins, and for those after it, which start from their neighbour."""
+_ARRIVED = 0.005
+"""A longest step of a joint that is shorter than this is the last [rad]."""
 _DAMPING = 0.12
 """Damping over arm length; keeps joint steps bounded where the arm is stretched."""
 _ELBOW_WEIGHT = 0.25
@@ -35,8 +37,8 @@ _SAMPLES = 4096
 """Poses of an arm tried as a start where the last one leads nowhere."""
 _NEIGHBOURS = 16
 """Of those, how many of the nearest to the target are weighed by how far the arm would have to travel."""
-_LOST = 0.12
-"""Error over arm length from which another start is looked for; it must then halve the error."""
+_LOST, _LOOKED_FOR = 0.12, 4
+"""Error over arm length from which another start is looked for, every so many frames; it must then halve the error."""
 _TRAVEL_WEIGHT = 0.02
 """Squared error over arm length that a radian of travel to a new start is worth."""
 
@@ -160,7 +162,7 @@ class UpperBody:
                 checkpoint()
             hand, elbow = targets.hand[frame], targets.elbow[frame]
             error = self._descend(q, hand, elbow, _ITERATIONS if frame else _FIRST_ITERATIONS)
-            if (error > _LOST**2).any():
+            if frame % _LOOKED_FOR == 0 and (error > _LOST**2).any():
                 self._escape(q, hand, elbow, error)
             for role, index in self.head.items():
                 q[index] = min(max(gaze[role][frame], robot.lower[index]), robot.upper[index])
@@ -174,6 +176,8 @@ class UpperBody:
             self._place(q)
             step, error = self._step(hand, elbow)
             q[self.arms] = np.minimum(np.maximum(q[self.arms] + step, self._lower), self._upper)
+            if np.abs(step).max() < _ARRIVED:
+                break
         return error
 
     def _escape(self, q: Float, hand: Float, elbow: Float, error: Float) -> None:

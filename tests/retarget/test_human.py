@@ -88,17 +88,18 @@ def test_foot_height_is_the_lift_over_where_it_stood(window: Callable[[Motion], 
 
 
 def test_forces_that_come_with_a_motion_say_which_foot_stands(
-    window: Callable[[Motion], HumanWindow], walk: Motion
+    window: Callable[[Motion], HumanWindow], stand: Callable[..., Motion]
 ) -> None:
-    """The feet still swing as they did, but what is told of the forces counts: here the left foot never lifts."""
-    weight = walk.body.mass * 9.81
-    wrenches = np.zeros((len(walk), 2, 6))
+    """Both feet stay where they are, but what is told of the forces counts: the right one bears nothing for a while."""
+    motion = stand(120)
+    weight = motion.body.mass * 9.81
+    wrenches = np.zeros((len(motion), 2, 6))
     wrenches[:, 0, 2] = wrenches[:, 1, 2] = 0.5 * weight
     wrenches[60:75, 1, 2] = 0.0
     wrenches[60:75, 0, 2] = weight
-    swings = window(replace(walk, wrenches=wrenches)).swings
+    swings = window(replace(motion, wrenches=wrenches)).swings
     assert [swing.side for swing in swings] == [1]
-    assert swings[0].land_s - swings[0].lift_s == pytest.approx(15 / walk.fps)
+    assert swings[0].land_s - swings[0].lift_s == pytest.approx(15 / motion.fps)
 
 
 @pytest.mark.parametrize("share", [0.0, 0.1, 20.0])
