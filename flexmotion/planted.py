@@ -1,8 +1,8 @@
 """`planted`: feet that carry load stay where they are on the floor, and the body above them moves instead.
 
 A model's errors of a degree at every joint of a leg move its foot by centimetres; the root, which it knows no better,
-is moved so that the feet that it says are loaded neither slide nor leave the floor. What is left where two feet
-disagree, or land sooner than a body can be let down, the legs make up for.
+is moved so that the feet that it says are loaded neither leave the floor nor slide, but for gliding aside. What is left
+where two feet disagree, or land sooner than a body can be let down, the legs make up for.
 """
 
 from __future__ import annotations
@@ -28,10 +28,11 @@ CHOOSING = 0.2
 MISJUDGED, NEAR = 0.1, 0.05
 """A foot no higher than the second [m] may stand, too, where it is not said to while the other is, for so much less."""
 PLANTED, SWINGING = 1.5, 2.5
-"""A foot slower than the first stands, one faster than the second swings, whatever they are said to carry [m/s]."""
-GLIDING = 0.6
-"""Aside a foot this fast is left to glide [m/s]: the data hold next to no steps aside, and a model that is to go there
-slides on its feet. A robot steps after them."""
+"""A foot slower than the first stands, one faster than the second swings, whatever they are said to carry [m/s]. Higher
+than what a contact detector asks: here a whole body glides, as fast as people walk."""
+GLIDING = 0.3
+"""Aside feet are held less and less up to this speed, and from it on are left to glide [m/s]: the data hold next to no
+steps aside, and a model that is to go there slides on its feet. A robot steps after them."""
 
 ABOVE, BELOW = 0.015, 0.0
 """Heights of the lower one of heel and toe of a foot that stands; as in clips, whose shoes have soles [m]."""
@@ -41,7 +42,6 @@ REACHED, SUNK = 0.02, 0.003
 MOST = 0.03
 """But no further than this: a knee that is nearly straight turns by 30 degrees for as much [m]."""
 
-TINY = np.finfo(float).tiny
 SMOOTH, ALONG = np.array([0.25, 0.5, 0.25]), np.array([1, 2, 3, 2, 1]) / 9.0
 """How frames share in what is done to one of them: the root's shift, and what a leg makes up for."""
 
@@ -76,8 +76,10 @@ def planted(motion: Motion, past: Motion) -> Motion:
     yaw = continuous_heading(human.pelvis_rotation)[:, None]
     facing = np.stack([np.cos(yaw), np.sin(yaw)], axis=-1)
     ahead = (slip * facing).sum(axis=-1, keepdims=True) * facing
-    held = stands[..., None] * ahead + np.clip(1.0 - speed / GLIDING, 0.0, 1.0)[..., None] * (slip - ahead)
-    shift = (firm[..., None] * held).sum(axis=1) / np.maximum(firm.sum(axis=1), TINY)[:, None]
+    aside = slip - ahead
+    holds = np.clip(1.0 - np.linalg.norm(aside, axis=-1, keepdims=True) / GLIDING, 0.0, 1.0)
+    held = stands[..., None] * (ahead + holds * aside)
+    shift = (firm[..., None] * held).sum(axis=1) / np.maximum(firm.sum(axis=1), np.finfo(float).tiny)[:, None]
     shift = convolve1d(shift, SMOOTH, axis=0, mode="nearest")
 
     error = np.clip(height, BELOW, ABOVE) - height

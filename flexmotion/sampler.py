@@ -39,9 +39,9 @@ ASIDE, ASIDE_NOT_AHEAD, ASIDE_TURNING = 1.5, 0.8, 0.2
 that side (rad/s for a m/s): in the data those who go aside mostly go ahead as well, and asked as it is the model goes
 .15 aside and .17 ahead for .3 and 0."""
 
-CATCHING_UP = 0.3
-"""Of what the last frames lack in speed that is asked for, so much is asked for on top: feet that are planted keep a
-body from gliding along as the model would have it."""
+CATCHING_UP, AT_MOST = 0.3, 0.3
+"""Of what the last frames lack of a speed that is asked for, so much is asked for on top, but no more than the second
+[m/s]: feet that are planted keep a body from gliding along as the model would have it."""
 
 
 @dataclass(frozen=True)
@@ -213,11 +213,13 @@ class Sampler:
         inputs = self._inputs
         inputs["present"][:] = 0.0
         if condition.velocity is not None and self.bundle.manifest.velocity:
-            ahead, aside = self._caught_up(condition.velocity, remembered)
-            turning = condition.velocity[2]
-            # The model was told how far a window went as seen from its beginning: who turns goes along an arc.
+            ahead, aside, turning = condition.velocity
+            more = self._caught_up(condition.velocity, remembered)
+            ahead += more[0] - ASIDE_NOT_AHEAD * abs(aside)
             turning += ASIDE_TURNING * aside
-            ahead, aside = ahead - ASIDE_NOT_AHEAD * abs(aside), ASIDE * aside
+            # Who is not asked aside still sways: there is nothing to be caught up with.
+            aside = ASIDE * (aside + more[1]) if aside else 0.0
+            # The model was told how far a window went as seen from its beginning: who turns goes along an arc.
             forward, left = chord(ahead, aside, turning, seconds=self.future / self.fps)
             inputs["velocity"][:] = (forward / self.body.leg, left / self.body.leg, turning)
             inputs["present"][0, 1] = 1.0
@@ -227,12 +229,13 @@ class Sampler:
         inputs["present"][0, 0] = 1.0
 
     def _caught_up(self, velocity: tuple[float, float, float], remembered: Float32) -> tuple[float, float]:
-        """Speeds ahead and aside to ask for [m/s]."""
-        wanted = np.array(velocity[:2])
-        if len(remembered):
-            start = self.layout.blocks["root"].start
-            wanted += CATCHING_UP * (wanted - self.body.leg * remembered[:, start : start + 2].mean(axis=0))
-        return float(wanted[0]), float(wanted[1])
+        """What to ask for on top ahead and aside, for what the history lacks [m/s]."""
+        if not len(remembered):
+            return 0.0, 0.0
+        start = self.layout.blocks["root"].start
+        lacks = np.array(velocity[:2]) - self.body.leg * remembered[:, start : start + 2].mean(axis=0)
+        ahead, aside = np.clip(CATCHING_UP * lacks, -AT_MOST, AT_MOST)
+        return float(ahead), float(aside)
 
     def prompt(self, text: str | None) -> Prompt:
         """What a text means; standing still for None."""

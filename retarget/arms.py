@@ -27,7 +27,7 @@ Float = NDArray[np.float64]
 _FIRST_ITERATIONS, _ITERATIONS = 10, 1
 """Most steps for the frame where the motion joins, and for those after it, which start from their neighbour."""
 _ARRIVED = 0.005
-"""A longest step of a joint that is shorter than this is the last [rad]."""
+"""Where no joint moves further than this there are no more steps [rad]."""
 _DAMPING = 0.12
 """Damping over arm length; keeps joint steps bounded where the arm is stretched."""
 _ELBOW_WEIGHT = 0.25
@@ -141,12 +141,13 @@ class UpperBody:
         return ArmTargets(hand, elbow, reach < 0.98 * self.lengths.sum(axis=1))
 
     def solve(
-        self, human: HumanKinematics, start: Float, checkpoint: Callable[[], None] | None = None
+        self, human: HumanKinematics, start: Float, first: int = 0, checkpoint: Callable[[], None] | None = None
     ) -> tuple[Float, ArmTargets]:
         """Joint angles frame by frame, each from the one before.
 
         Args:
             start: all joints where the motion joins, (n,) [rad]; its legs are kept.
+            first: number of the first frame in its source, so that redraws of a motion look for a start alike.
             checkpoint: called before each frame; what it raises ends the work.
 
         Returns:
@@ -162,7 +163,7 @@ class UpperBody:
                 checkpoint()
             hand, elbow = targets.hand[frame], targets.elbow[frame]
             error = self._descend(q, hand, elbow, _ITERATIONS if frame else _FIRST_ITERATIONS)
-            if frame % _LOOKED_FOR == 0 and (error > _LOST**2).any():
+            if (first + frame) % _LOOKED_FOR == 0 and (error > _LOST**2).any():
                 self._escape(q, hand, elbow, error)
             for role, index in self.head.items():
                 q[index] = min(max(gaze[role][frame], robot.lower[index]), robot.upper[index])
@@ -175,8 +176,9 @@ class UpperBody:
         for _ in range(iterations):
             self._place(q)
             step, error = self._step(hand, elbow)
-            q[self.arms] = np.minimum(np.maximum(q[self.arms] + step, self._lower), self._upper)
-            if np.abs(step).max() < _ARRIVED:
+            before = q[self.arms]
+            q[self.arms] = np.minimum(np.maximum(before + step, self._lower), self._upper)
+            if np.abs(q[self.arms] - before).max() < _ARRIVED:
                 break
         return error
 

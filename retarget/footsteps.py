@@ -2,7 +2,9 @@
 
 A step is a human foot's swing that moves, turns or lifts it enough to matter. It starts when the human's does, or as
 soon as the robot's other foot has landed and taken the weight; it lands with the human's or when the robot's foot
-can be there. Where a human turns on planted feet the robot cannot: steps are inserted until its feet agree again.
+can be there. Where a human turns on planted feet, or slides on them, the robot cannot: steps are inserted until its
+feet agree again, one foot after the other. A foothold counts from where the human's other foot stood when the robot's
+took its place, so what a foot slides on while it stands is made up for by the next step.
 """
 
 from __future__ import annotations
@@ -31,6 +33,8 @@ _INSERT_DISTANCE = 0.045
 """Feet further from where they belong (robot scale) are set right by an inserted step."""
 _INSERT_SWING_S = 0.40
 _UNKNOWN_SWING_S = 0.42
+_OWED = 0.3
+"""Of what the human goes aside and one foot cannot, the other is told at most this much [m of the human's]."""
 _LATER_S = 0.06
 """How much later than the human's foot the robot's may land."""
 NOTICE_S = 0.25
@@ -91,6 +95,20 @@ class Scaling:
     human_width: float
 
 
+@dataclass(frozen=True, eq=False)
+class Foothold:
+    """Where a foot belongs.
+
+    Attributes:
+        pose: x, y, z, yaw of the sole centre, (4,) [m, m, m, rad].
+        human: the place on the human's ground that it stands for, (2,) [m]: where the human's foot is, but for what is
+            out of the robot's reach aside.
+    """
+
+    pose: Float
+    human: Float
+
+
 class FootstepPlanner:
     """Chooses steps over a window of human motion.
 
@@ -105,6 +123,8 @@ class FootstepPlanner:
         self.gait = gait
         self.stand_width, self.sole_half_length = stand_width, sole_half_length
         self.rate = rate_hz
+        # Ticks that the other foot, and that the same foot, stays down after one has landed.
+        self._rests = tuple(round(seconds * rate_hz) for seconds in (gait.double_support_min_s, _AGAIN_S))
 
     def worth(self, window: HumanWindow, swing: Swing) -> bool:
         """Whether a human swing is a step, rather than a shuffle or a lifted heel."""
@@ -124,7 +144,7 @@ class FootstepPlanner:
         land_s: float,
         stance: Float,
         human_stance: Float,
-    ) -> Float:
+    ) -> Foothold:
         """Where foot `side` belongs after a swing, given where the robot's other foot stands.
 
         Args:
@@ -135,7 +155,7 @@ class FootstepPlanner:
                 that slides on while it stands takes the human along, and so it must the robot. NaN: where it is now.
 
         Returns:
-            x, y, z, yaw of the sole centre within the robot's limits, (4,).
+            The nearest within the robot's limits.
         """
         gait = self.gait
         human = window.foot(side, land_s)
@@ -151,26 +171,23 @@ class FootstepPlanner:
         dx, dy = human[:2] - human_stance[:2]
         forward, sideways = cos * dx + sin * dy, cos * dy - sin * dx
         forward = np.clip(gait.stride_factor * scaling.ratio * forward, -gait.max_stride, gait.max_stride)
-        apart = self.stand_width + scaling.ratio * (-inward * sideways - scaling.human_width)
+        wanted = self.stand_width + scaling.ratio * (-inward * sideways - scaling.human_width)
         # A turned foot needs room for its corners.
         room = gait.lateral[0] + self.sole_half_length * abs(np.sin(turn))
         widest = max(room, gait.lateral[1])
-        apart = np.clip(apart, room, widest)
+        apart = np.clip(wanted, room, widest)
         # Far ahead and far aside at once is out of the leg's reach: an ellipse bounds both.
         aside = (apart - room) / max(widest - room, 1e-6)
         stretch = max(float(np.hypot(forward / gait.max_stride, aside)), 1.0)
         forward, apart = forward / stretch, room + (apart - room) / stretch
+        # Who goes aside soon stands in his own way: what one foot could not go, the other is to make room for.
+        owed = np.clip(-inward * (apart - wanted) / scaling.ratio, -_OWED, _OWED)
+        human = human[:2] + owed * np.array([-sin, cos])
         frame = stance[3] + 0.5 * turn
         cos, sin = np.cos(frame), np.sin(frame)
         sideways = -inward * apart
-        return np.array(
-            [
-                stance[0] + cos * forward - sin * sideways,
-                stance[1] + sin * forward + cos * sideways,
-                0.0,
-                yaw,
-            ]
-        )
+        x, y = stance[0] + cos * forward - sin * sideways, stance[1] + sin * forward + cos * sideways
+        return Foothold(np.array([x, y, 0.0, yaw]), human)
 
     def within_reach(self, start: Float, target: Float, stance: Float, seconds: float) -> Float:
         """A target that the foot can get to in time: brought back along the stride, not across it.
@@ -227,7 +244,7 @@ class FootstepPlanner:
         gait = self.gait
         steps: list[Step] = []
         feet, human_feet, consumed = feet.copy(), human_feet.copy(), consumed.copy()
-        pause = int(round(gait.double_support_min_s * self.rate))
+        pause, again = self._rests
         notice = _NOTICE_AT_REST_S if at_rest and not frozen else NOTICE_S
         free = np.maximum(free, now + int(round(notice * self.rate)) + put_off)
         for step in frozen:
@@ -252,8 +269,11 @@ class FootstepPlanner:
             if swing.landed and lift > tick(swing.land_s) + _TOO_LATE_S * self.rate:
                 dropped += 1
                 consumed[swing.side] = swing.land_s
+                human_feet[swing.side] = window.foot(swing.side, swing.land_s)[:2]
                 continue
-            self._insert(window, scaling, steps, feet, human_feet, consumed, free, lift - pause, source_tick)
+            until = np.full(2, lift - pause)
+            until[swing.side] = lift - again
+            self._insert(window, scaling, steps, feet, human_feet, consumed, free, until, source_tick)
             if steps:
                 free = np.maximum(free, self.free(steps[-1]))
                 lift = max(lift, int(free[swing.side]))
@@ -265,26 +285,28 @@ class FootstepPlanner:
             land = max(land, lift + int(np.ceil(gait.swing_min_s * self.rate)))
             stance = feet[1 - swing.side]
             human_stance = human_feet[1 - swing.side]
-            target = self.target(window, scaling, swing.side, swing.lift_s, land_s, stance, human_stance)
-            target = self.within_reach(feet[swing.side], target, stance, (land - lift) / self.rate)
+            hold = self.target(window, scaling, swing.side, swing.lift_s, land_s, stance, human_stance)
+            target = self.within_reach(feet[swing.side], hold.pose, stance, (land - lift) / self.rate)
             # A swing whose end is not seen yet is done with when the robot's foot has landed.
             consumed_s = land_s if swing.landed else max(land_s, (land - source_tick) / self.rate)
-            human = window.foot(swing.side, land_s)[:2]
-            step = Step(swing.side, lift, land, feet[swing.side].copy(), target, consumed_s, dropped, human=human)
+            start = feet[swing.side].copy()
+            step = Step(swing.side, lift, land, start, target, consumed_s, dropped, human=hold.human)
             dropped = 0
             steps.append(step)
-            feet[swing.side], human_feet[swing.side] = target, human
+            feet[swing.side], human_feet[swing.side] = target, hold.human
             consumed[swing.side] = consumed_s
             free = np.maximum(free, self.free(step))
-        self._insert(window, scaling, steps, feet, human_feet, consumed, free, end, source_tick)
+        until = np.full(2, end - pause)
+        self._insert(window, scaling, steps, feet, human_feet, consumed, free, until, source_tick)
         if steps and not frozen:
             steps[0] = replace(steps[0], notice_s=notice)
         return steps
 
     def free(self, step: Step) -> Float:
         """Ticks from which each foot may lift after a step, (2,)."""
-        ticks = np.full(2, step.land + round(self.gait.double_support_min_s * self.rate))
-        ticks[step.side] = step.land + round(_AGAIN_S * self.rate)
+        pause, again = self._rests
+        ticks = np.full(2, step.land + pause)
+        ticks[step.side] = step.land + again
         return ticks
 
     def gather(self, steps: list[Step], feet: Float, after: int) -> list[Step]:
@@ -318,37 +340,39 @@ class FootstepPlanner:
         human_feet: Float,
         consumed: Float,
         free: Float,
-        until: int,
+        until: Float,
         source_tick: int,
     ) -> None:
-        """Append steps that set feet right between `free` and `until`, if there is time for them."""
-        gait = self.gait
-        pause = int(round(gait.double_support_min_s * self.rate))
+        """Append steps that set feet right, if there is time for them.
+
+        Args:
+            free, until: ticks from which each foot may lift, and to which it must have landed, (2,).
+        """
+        pause, _ = self._rests
         ticks = int(round(_INSERT_SWING_S * self.rate))
-        lift = int(free.min())
-        while lift + ticks + pause <= until:
+        lift = int(np.ceil(free.min()))
+        while lift + ticks <= until.max():
             second = (lift - source_tick) / self.rate
             frame = int(window.frame_before(np.array([second]))[0])
             if not window.contacts[frame].all():
                 lift += max(1, int(self.rate / window.motion.fps))
                 continue
-            targets = [
+            holds = [
                 self.target(window, scaling, side, second, second, feet[1 - side], human_feet[1 - side])
                 for side in (0, 1)
             ]
-            gaps = targets - feet
+            gaps = np.array([hold.pose for hold in holds]) - feet
             apart = np.linalg.norm(gaps[:, :2], axis=1)
             errors = np.maximum(np.abs(gaps[:, 3]) / _INSERT_YAW, apart / _INSERT_DISTANCE)
-            wrong = errors > 1.0
+            wrong = (errors > 1.0) & (lift + ticks <= until)
             if not wrong.any():
                 lift += ticks // 2
                 continue
             if not (wrong & (free <= lift)).any():
-                lift = int(free[wrong].min())
+                lift = int(np.ceil(free[wrong].min()))
                 continue
             side = int(np.argmax(np.where(wrong & (free <= lift), errors, 0.0)))
-            human = window.foot(side, second)[:2]
-            start, target = feet[side].copy(), targets[side]
+            start, target, human = feet[side].copy(), holds[side].pose, holds[side].human
             step = Step(side, lift, lift + ticks, start, target, consumed[side], inserted=True, human=human)
             steps.append(step)
             feet[side], human_feet[side] = target, human

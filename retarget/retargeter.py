@@ -7,7 +7,7 @@ frames reach that it is given. Every plan ends in a balanced stop on two feet.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -240,7 +240,9 @@ class Retargeter:
             layout.set(state, "heading", robot_yaw - window.yaws[0, 2])
             layout.set(state, "yaws", window.yaws[0])
             layout.set(state, "consumed", np.full(2, window.times[0]))
-            layout.set(state, "human_feet", window.feet[0, :, :2])
+        # Feet that stand for nobody's, at the start and after a stop, stand for this human's from here on.
+        human_feet = layout.get(state, "human_feet")
+        layout.set(state, "human_feet", np.where(np.isnan(human_feet), window.feet[0, :, :2], human_feet))
         scaling = Scaling(
             ratio=self.body.leg_length / motion.body.leg,
             heading=layout.scalar(state, "heading"),
@@ -278,6 +280,7 @@ class Retargeter:
         if view.window is None:
             # Whatever human comes next may be somewhere else.
             layout.set(state, "human_feet", np.full((2, 2), np.nan))
+            frozen = [replace(step, human=np.full(2, np.nan)) for step in frozen]
             return self.footsteps.gather(frozen, feet, view.tick)
         steps = self.footsteps.plan(
             view.window,
@@ -337,7 +340,8 @@ class Retargeter:
         )[: view.follow]
         q = self.robot.stand_pose.copy()
         q[self.body.upper.joints] = start[len(POSTURE) :]
-        angles, arms = self.body.upper.solve(window.kinematics, q, checkpoint)
+        first = round(float(window.times[0]) * window.motion.fps)
+        angles, arms = self.body.upper.solve(window.kinematics, q, first, checkpoint)
         ahead = np.minimum(held + 2.0 / self.follower.omega[-1], known[-1])
         return np.hstack([trunk, window.at(angles, ahead)]), np.where(arms.reachable[..., None], arms.hand, np.nan)
 

@@ -16,6 +16,8 @@ SECOND = np.array([2.0, -27.0, 270.0, -490.0, 270.0, -27.0, 2.0]) / 180.0
 """Weights of seven samples around the middle one, for a step of 1 (Fornberg, Math. Comp. 51(184), 1988)."""
 
 HALF = len(FIRST) // 2
+EDGE = 2 * HALF
+"""Frames at each end of a motion whose rates of momentum would need frames beyond it."""
 
 
 def derivative(signal: Float, fps: float) -> Float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from flexmotion.biomechanics.differentiation import HALF
+from flexmotion.biomechanics.differentiation import EDGE
 from flexmotion.biomechanics.dynamics import dynamics
 from flexmotion.biomechanics.inverse_dynamics import GRAVITY, joint_torques
 from flexmotion.biomechanics.segment_motion import segment_motion
@@ -14,9 +14,6 @@ from flexmotion.motion import Motion
 from flexmotion.skeleton import JOINTS
 
 Float = NDArray[np.float64]
-
-EDGE = 2 * HALF
-"""Frames at each end whose accelerations would need frames beyond it: they are made up there, and not judged."""
 
 ROUNDING = 1e-3
 """An activation that leaves [0, 1] by no more has been stored in half precision, and is not beyond."""
@@ -30,7 +27,7 @@ def physics_metrics(motion: Motion, centres: Float) -> dict[str, float]:
     `euler_force`, `euler_moment`, what the root would have to be held with [% of body weight, N·m/kg];
     `muscle_limit`, share of muscle-frames beyond [0, 1] [%], absent without activations.
 
-    All but the last are of the frames `EDGE` to the last but `EDGE`.
+    All but the last are of the frames `EDGE` to the last but `EDGE`: beyond, accelerations are made up.
 
     Args:
         motion: with torques and wrenches, (T,).

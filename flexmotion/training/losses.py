@@ -8,12 +8,13 @@ import torch
 from torch import Tensor
 
 from configs.model import LossWeights
+from flexmotion.biomechanics.differentiation import EDGE
 from flexmotion.features.layout import ACTIVATIONS, Layout
 from flexmotion.features.statistics import Statistics
 from flexmotion.training.human_tensors import HumanTensors
 from flexmotion.training.kinematics import path, points, pose, segments
 from flexmotion.training.muscle_torques import MuscleTorques
-from flexmotion.training.physics import EDGE, euler_residual
+from flexmotion.training.physics import euler_residual
 from flexmotion.training.windows import Windows
 
 CHANGING = ("root", "rotations", "positions")
@@ -78,7 +79,10 @@ class Reconstruction:
         return losses
 
     def physical(self, decoded: Tensor, windows: Windows, humans: HumanTensors) -> dict[str, Tensor]:
-        """Points by forward kinematics and residuals of the equations of motion, of N whole windows."""
+        """Points by forward kinematics and residuals of the equations of motion, of N windows with their histories.
+
+        The equations of motion are those of the decoded frames, but for `EDGE` at either end.
+        """
         weights, losses = self.weights, {}
         true = self.restore(torch.cat([windows.history, windows.future], dim=1))
         whole = self.restore(torch.cat([windows.history, decoded], dim=1))
@@ -90,8 +94,10 @@ class Reconstruction:
             error = (found - expected)[:, past:] / humans.leg[:, None, None, None]
             losses["points"] = 100 * _mean(error.square().sum(dim=-1).mean(dim=-1), windows.mask)
         if weights.euler_joints or weights.euler_root:
-            residual = euler_residual(whole, self.layout, humans, windows.branches)
-            good = windows.good[:, EDGE : -EDGE or None]
+            # Heights in the store are rounded to half precision: differentiated twice, a history's are noise of 6 % of
+            # body weight, which nothing that is decoded can answer for.
+            residual = euler_residual(whole[:, past:], self.layout, humans, windows.branches[:, past:])
+            good = windows.good[:, past + EDGE : -EDGE or None]
             for name, value in (("euler_joints", residual.joints), ("euler_root", residual.root)):
                 size = torch.nn.functional.huber_loss(value, torch.zeros_like(value), reduction="none", delta=WHOLE)
                 losses[name] = 100 * _mean(size.mean(dim=-1), good)

@@ -11,15 +11,12 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from flexmotion.biomechanics.differentiation import HALF
+from flexmotion.biomechanics.differentiation import EDGE
 from flexmotion.features.encode import GRAVITY
 from flexmotion.features.layout import Layout
 from flexmotion.training.human_tensors import HumanTensors
 from flexmotion.training.kinematics import Segments, about_z, path, pose, segments
 from flexmotion.training.newton_euler import generalised_forces, rates
-
-EDGE = 2 * HALF
-"""Frames lost at each end of a window to differentiation."""
 
 
 @dataclass(frozen=True)

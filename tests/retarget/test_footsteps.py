@@ -213,7 +213,7 @@ def test_toes_turn_in_less_than_out(window: Windows, scaling: Scaling, retargete
         turned = Scaling(scaling.ratio, heading, scaling.human_width)
         for side in (0, 1):
             stance = retargeter.body.home_feet[1 - side]
-            yaw = retargeter.footsteps.target(seen, turned, side, 0.0, 0.5, stance, np.full(2, np.nan))[3]
+            yaw = retargeter.footsteps.target(seen, turned, side, 0.0, 0.5, stance, np.full(2, np.nan)).pose[3]
             outward = (heading > 0) == (side == 0)
             assert abs(yaw) == pytest.approx(gait.max_foot_yaw if outward else gait.max_toe_in)
 
