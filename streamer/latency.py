@@ -27,6 +27,7 @@ from streamer.record import RunRecord
 from streamer.report import Latency
 from streamer.session import Session
 from streamer.sources import LiveSource
+from streamer.targets import TargetMailbox
 
 _SETTLE_S = 2.0
 """After the start, before the first switch [s]."""
@@ -172,8 +173,35 @@ def switched(clips: dict[str, Motion]) -> tuple[ClipLibrary, tuple[Intent, ...]]
     return ClipLibrary(clips, next(iter(clips))), tuple(Clip(name) for name in sorted(clips))
 
 
+class RandomTargets:
+    """Sends targets at random moments, never the same twice in a row.
+
+    Args:
+        targets: where they are sent.
+        intents: what they ask for, two or more.
+        seed: of moments and choices.
+
+    Attributes:
+        sent: how many.
+    """
+
+    def __init__(self, targets: TargetMailbox, intents: Sequence[Intent], seed: int) -> None:
+        self.targets, self.intents = targets, intents
+        self.sent = 0
+        self._random, self._next = random.Random(seed), _SETTLE_S
+        self._asked: Intent | None = None
+
+    def at(self, passed: float) -> None:
+        """Called over and over with the time since the start [s]."""
+        if passed >= self._next:
+            self._next = passed + self._random.uniform(*_BETWEEN_S)
+            self._asked = self._random.choice([intent for intent in self.intents if intent != self._asked])
+            self.targets.send(self._asked)
+            self.sent += 1
+
+
 class _Switcher:
-    """Sends targets at random moments; asks for the end when done."""
+    """Sends targets until it is time to end, and then asks for that."""
 
     def __init__(
         self,
@@ -184,13 +212,15 @@ class _Switcher:
         seed: int,
         progress: Callable[[float], None] | None,
     ) -> None:
-        self.session, self.intents, self.seconds, self.switches = session, intents, seconds, switches
+        self.session, self.seconds, self.switches = session, seconds, switches
         self.progress, self._ended = progress, False
-        self.sent = 0
-        self._random = random.Random(seed)
         self._begin: float | None = None
-        self._next = _SETTLE_S
-        self._asked: Intent | None = None
+        self._targets = RandomTargets(session.targets, intents, seed)
+
+    @property
+    def sent(self) -> int:
+        """How many targets."""
+        return self._targets.sent
 
     def next(self) -> Request | None:
         """Called by the supervisor over and over."""
@@ -206,11 +236,7 @@ class _Switcher:
         if share >= 1.0:
             asked, self._ended = (None if self._ended else Request.END), True
             return asked
-        if passed >= self._next:
-            self._next = passed + self._random.uniform(*_BETWEEN_S)
-            self._asked = self._random.choice([intent for intent in self.intents if intent != self._asked])
-            self.session.targets.send(self._asked)
-            self.sent += 1
+        self._targets.at(passed)
         return None
 
 

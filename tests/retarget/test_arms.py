@@ -39,6 +39,17 @@ def test_angles_keep_to_their_limits(upper: UpperBody, clip: Motion, op3: Robot)
     assert (angles >= op3.lower[upper.joints]).all() and (angles <= op3.upper[upper.joints]).all()
 
 
+def test_a_motion_that_is_cut_anywhere_gives_the_same_arms(upper: UpperBody, clip: Motion, op3: Robot) -> None:
+    """Other starts were looked for every fourth frame of a window, so that redraws of a motion disagreed."""
+    human = clip[100:160]
+    whole, _ = upper.solve(forward(human), op3.stand_pose, first=100)
+    for cut in (13, 22, 31):
+        q = op3.stand_pose.copy()
+        q[upper.joints] = whole[cut - 1]
+        rest, _ = upper.solve(forward(human[cut:]), q, first=100 + cut)
+        np.testing.assert_allclose(rest[8:], whole[cut + 8 :], atol=0.05)
+
+
 def test_the_hand_that_waves_is_the_humans(upper: UpperBody, clip: Motion) -> None:
     targets = upper.targets(forward(clip))
     second = int(2.5 * clip.fps)

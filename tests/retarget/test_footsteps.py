@@ -7,10 +7,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from flexmotion.body import Body
+from flexmotion.default_clip import build_clip
 from flexmotion.motion import Motion
 from retarget.footsteps import NOTICE_S, Scaling, Step
 from retarget.human import HumanWindow
 from retarget.retargeter import Retargeter
+
+from .conftest import step_script
 
 RATE = 125
 Windows = Callable[[Motion], HumanWindow]
@@ -159,16 +163,39 @@ def test_a_turn_on_planted_feet_inserts_steps_until_they_agree(
     np.testing.assert_allclose(feet[:, 3], np.radians(80), atol=0.3)
 
 
-def test_a_foot_that_has_just_landed_does_not_lift_again_at_once(
-    plan: Callable[..., list[Step]], walk: Motion, retargeter: Retargeter
-) -> None:
+def test_a_foot_that_has_just_landed_does_not_lift_again_at_once(plan: Callable[..., list[Step]]) -> None:
     """Targets that changed every half second swung one leg to and fro over the same stance: 9 falls in 688 changes."""
-    planned = plan(walk)
-    landed = replace(planned[0], side=1 - planned[0].side)
-    again = plan(walk, frozen=[landed], now=landed.lift - 10)
-    after = next(step for step in again[1:] if step.side == landed.side)
-    assert after.lift >= landed.land + 0.3 * RATE - 1
-    assert plan(walk)[1].lift < planned[0].land + 0.3 * RATE, "the other foot need not wait"
+    swings = [("r", 1.06, 1.44, 0.3), ("r", 1.54, 1.92, 0.0), ("r", 2.02, 2.40, 0.3)]
+    to_and_fro = build_clip(step_script(swings, 4.0), Body())
+    steps = plan(to_and_fro)
+    assert [step.side for step in steps[:2]] == [1, 1]
+    assert steps[1].lift >= steps[0].land + 0.3 * RATE - 1
+
+
+@pytest.mark.parametrize("ahead", [-0.08, -0.05, 0.0, 0.05, 0.08])
+@pytest.mark.parametrize("free", [0.0, 40.0, 77.0])
+def test_feet_rest_between_steps_however_they_stand(
+    plan: Callable[..., list[Step]], walk: Motion, retargeter: Retargeter, ahead: float, free: float
+) -> None:
+    feet = retargeter.body.home_feet.copy()
+    feet[0, 0] += ahead
+    last = [-np.inf, -np.inf]
+    for step in plan(walk, feet=feet, free=np.array([free, 0.0]), at_rest=False):
+        assert step.lift >= last[step.side] + 0.3 * RATE - 1
+        assert step.lift >= last[step.stance] + retargeter.gait.double_support_min_s * RATE - 1
+        last[step.side] = step.land
+
+
+def test_a_step_that_is_left_out_is_not_caught_up_with(plan: Callable[..., list[Step]], window: Windows) -> None:
+    """Counted from where the foot stood that should have stepped, the next two strides were twice as long."""
+    steps = [("rl"[k % 2], 1.06 + 0.5 * k, 1.44 + 0.5 * k, 0.075 + 0.15 * k) for k in range(7)]
+    strolls = build_clip(step_script(steps, 6.0), Body())
+    human_feet = window(strolls).feet[0, :, :2]
+    late = plan(strolls, free=np.full(2, 290.0), human_feet=human_feet)
+    assert late[0].dropped == 1
+    strides = [step.target[0] - step.start[0] for step in late]
+    regular = max(step.target[0] - step.start[0] for step in plan(strolls, human_feet=human_feet))
+    assert max(strides[:2]) < 1.2 * regular
 
 
 def test_feet_are_set_right_by_turns(

@@ -332,6 +332,60 @@ def test_a_turn_on_the_spot_is_stepped(chain: Chain, spin: Motion) -> None:
     assert contacts.any(axis=1).all()
 
 
+def moving(motion: Motion, velocity: list[float], begin_s: float = 0.0) -> Motion:
+    """The motion, moved along the floor [m/s] from a moment on."""
+    seconds = np.maximum(np.arange(len(motion)) / motion.fps - begin_s, 0.0)
+    return replace(motion, root_position=motion.root_position + seconds[:, None] * np.array(velocity))
+
+
+def test_who_slides_on_standing_feet_is_stepped_after_plan_for_plan(
+    retargeter: Retargeter, stand: Callable[..., Motion]
+) -> None:
+    """What a foot stands for is part of the state: forgotten at each plan, the robot marched on the spot."""
+    slides = moving(stand(210), [0.0, 0.25, 0.0])
+    feet = played(replan(retargeter, slides), "feet")
+    ratio = retargeter.body.leg_length / slides.body.leg
+    assert feet[-1, :, 1].mean() > 0.4 * ratio * 0.25 * 7.0
+    assert abs(feet[-1, :, 0].mean()) < 0.02
+
+
+def test_after_a_stop_the_human_may_be_somewhere_else(retargeter: Retargeter, walk: Motion) -> None:
+    """A foot in the air at STOP still stood for the human's of before: two steps that nobody asked for."""
+    plans = replan(retargeter, walk)
+    tick = next(p.start_tick for p in plans if not p.contacts[0].all())
+    plan = next(p for p in plans if p.start_tick == tick)
+    stopped = retargeter.plan(plan.states[0], None, 0, tick)
+    state, later = stopped.states[-1], tick + len(stopped)
+    first = retargeter.next_frame(state, later, walk.fps)
+    resumed = retargeter.plan(state, _still(walk, [2.0, 1.0, 0.0]), first, later)
+    assert resumed.steps == []
+
+
+def test_after_a_stop_sliding_feet_count_again(retargeter: Retargeter, stand: Callable[..., Motion]) -> None:
+    """Nothing was counted from any more until the human had made a step of its own."""
+    still = stand(400)
+    plan = resume(retargeter, still, retargeter.standing(), 0)
+    stopped = retargeter.plan(plan.states[60], None, 0, 60)
+    state, tick = stopped.states[-1], 60 + len(stopped)
+    slides = moving(still, [0.0, 0.25, 0.0], begin_s=tick / RATE)
+    plans = [resume(retargeter, slides, state, tick)]
+    for _ in range(12):
+        last = plans[-1]
+        plans.append(resume(retargeter, slides, last.states[REPLAN], last.start_tick + REPLAN))
+    assert sum(step.inserted for plan in plans for step in plan.steps) > 1
+
+
+def _still(motion: Motion, offset: list[float]) -> Motion:
+    """Somebody who stands as in the first frame, somewhere else, for a second."""
+    rows = np.zeros(FRAMES, int)
+    return replace(
+        motion,
+        root_position=motion.root_position[rows] + np.array(offset),
+        root_quaternion=motion.root_quaternion[rows],
+        joints=motion.joints[rows],
+    )
+
+
 def test_repairs_are_counted_row_by_row(walking: list[Plan]) -> None:
     for plan in walking:
         assert set(plan.repairs) == {"position", "speed", "acceleration", "torque"}

@@ -8,7 +8,7 @@ from retarget.state import FROZEN_STEPS, StateLayout, pack_steps
 
 LAYOUT = StateLayout(20, 8)
 STEPS = [
-    Step(0, 100, 150, np.arange(4.0), np.arange(4.0) + 1, 2.5, notice_s=0.45),
+    Step(0, 100, 150, np.arange(4.0), np.arange(4.0) + 1, 2.5, notice_s=0.45, human=np.array([0.3, -0.1])),
     Step(1, 160, 210, np.arange(4.0) - 1, np.arange(4.0) + 2, 3.5, inserted=True),
     Step(0, 220, 270, np.zeros(4), np.ones(4), 4.5),
 ]
@@ -21,6 +21,7 @@ def assert_equal(one: list[Step], other: list[Step]) -> None:
             assert getattr(a, field) == getattr(b, field)
         np.testing.assert_array_equal(a.start, b.start)
         np.testing.assert_array_equal(a.target, b.target)
+        np.testing.assert_array_equal(a.human, b.human)
 
 
 @pytest.mark.parametrize("count", range(FROZEN_STEPS + 1))

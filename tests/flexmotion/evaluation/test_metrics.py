@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from flexmotion.biomechanics.differentiation import EDGE
 from flexmotion.biomechanics.dynamics import dynamics
 from flexmotion.evaluation.embeddings import (
     diversity,
@@ -82,6 +83,18 @@ def test_physics_of_a_motion_with_its_own_dynamics(clip: Motion) -> None:
     assert physics_metrics(wrong, found.centres)["actuation"] == pytest.approx(1.0, abs=1e-6)
     with pytest.raises(ValueError, match="torques"):
         physics_metrics(replace(found.motion, torques=None), found.centres)
+
+
+def test_physics_is_not_judged_where_accelerations_are_made_up(clip: Motion) -> None:
+    found = dynamics(clip[240:330])
+    assert found.motion.torques is not None
+    spoilt = found.motion.torques.copy()
+    spoilt[:EDGE] = spoilt[-EDGE:] = 1e3
+    figures = physics_metrics(found.motion, found.centres)
+    assert physics_metrics(replace(found.motion, torques=spoilt), found.centres) == figures
+    short = dynamics(clip[240 : 240 + 2 * EDGE])
+    with pytest.raises(ValueError, match="more than 12 frames"):
+        physics_metrics(short.motion, short.centres)
 
 
 def test_muscle_limits(clip: Motion) -> None:
