@@ -34,7 +34,7 @@ STILL = 0.05
 """A velocity whose parts are all slower than this, and that comes without words, means standing still [m/s, rad/s]."""
 
 
-ASIDE, ASIDE_NOT_AHEAD, ASIDE_TURNING = 1.5, 0.8, 0.2
+ASIDE, ASIDE_NOT_AHEAD, ASIDE_TURNING = 1.5, 1.25, 0.2
 """Sideways velocities are asked for so much more strongly, so much of them less ahead, and with so much of a turn to
 that side (rad/s for a m/s): in the data those who go aside mostly go ahead as well, and asked as it is the model goes
 .15 aside and .17 ahead for .3 and 0."""
