@@ -251,7 +251,7 @@ class FootstepPlanner:
             steps.append(step)
             feet[step.side], human_feet[step.side] = step.target, step.human
             consumed[step.side] = max(consumed[step.side], step.consumed_s)
-            free = np.maximum(free, self.free(step))
+            free = np.maximum(free, self.free(step.side, step.land))
 
         def tick(second: float) -> int:
             return source_tick + int(round(second * self.rate))
@@ -275,7 +275,7 @@ class FootstepPlanner:
             until[swing.side] = lift - again
             self._insert(window, scaling, steps, feet, human_feet, consumed, free, until, source_tick)
             if steps:
-                free = np.maximum(free, self.free(steps[-1]))
+                free = np.maximum(free, self.free(steps[-1].side, steps[-1].land))
                 lift = max(lift, int(free[swing.side]))
             land_s = swing.land_s
             land = tick(land_s) if swing.landed else max(end, tick(swing.lift_s + _UNKNOWN_SWING_S))
@@ -295,18 +295,18 @@ class FootstepPlanner:
             steps.append(step)
             feet[swing.side], human_feet[swing.side] = target, hold.human
             consumed[swing.side] = consumed_s
-            free = np.maximum(free, self.free(step))
+            free = np.maximum(free, self.free(step.side, step.land))
         until = np.full(2, end - pause)
         self._insert(window, scaling, steps, feet, human_feet, consumed, free, until, source_tick)
         if steps and not frozen:
             steps[0] = replace(steps[0], notice_s=notice)
         return steps
 
-    def free(self, step: Step) -> Float:
-        """Ticks from which each foot may lift after a step, (2,)."""
+    def free(self, side: int, landed: float) -> Float:
+        """Ticks from which each foot may lift after foot `side` landed, (2,)."""
         pause, again = self._rests
-        ticks = np.full(2, step.land + pause)
-        ticks[step.side] = step.land + again
+        ticks = np.full(2, landed + pause)
+        ticks[side] = landed + again
         return ticks
 
     def gather(self, steps: list[Step], feet: Float, after: int) -> list[Step]:
@@ -376,5 +376,5 @@ class FootstepPlanner:
             step = Step(side, lift, lift + ticks, start, target, consumed[side], inserted=True, human=human)
             steps.append(step)
             feet[side], human_feet[side] = target, human
-            free = np.maximum(free, self.free(step))
+            free = np.maximum(free, self.free(step.side, step.land))
             lift = step.land + pause

@@ -282,6 +282,7 @@ class Retargeter:
             layout.set(state, "human_feet", np.full((2, 2), np.nan))
             frozen = [replace(step, human=np.full(2, np.nan)) for step in frozen]
             return self.footsteps.gather(frozen, feet, view.tick)
+        landed = layout.scalar(state, "landed")
         steps = self.footsteps.plan(
             view.window,
             view.scaling,
@@ -289,8 +290,8 @@ class Retargeter:
             frozen,
             layout.get(state, "human_feet"),
             layout.get(state, "consumed"),
-            layout.get(state, "free"),
-            view.tick > layout.scalar(state, "landed") + _AT_REST_S * self.rate,
+            self.footsteps.free(1 - int(layout.scalar(state, "stance")), landed),
+            view.tick > landed + _AT_REST_S * self.rate,
             view.tick,
             int(view.source_tick),
             put_off,
@@ -427,7 +428,6 @@ class Retargeter:
             landed = ticks >= step.land
             layout.set(states, "landed", float(step.land), landed)
             layout.set(states, "stance", float(step.stance), landed)
-            layout.set(states, "free", self.footsteps.free(step), landed)
             consumed[step.side] = max(consumed[step.side], step.consumed_s)
             layout.set(states, "consumed", consumed, ticks >= tick)
             human_feet[step.side] = step.human

@@ -36,7 +36,6 @@ class StateLayout:
             "base": (2, 7),  # torso position and quaternion w x y z of those rows
             "steps": (FROZEN_STEPS, STEP_SIZE),  # steps under way or frozen, in order, as `pack_steps` writes them
             "consumed": (2,),  # source time up to which human swings of each foot are done with
-            "free": (2,),  # ticks from which each foot may lift
             "landed": (),  # tick of the last touch-down
             "stance": (),  # the foot that carried the robot until then
             "source_tick": (),  # loop tick of source time 0; NaN before the first human frame

@@ -42,7 +42,7 @@ def test_unpacked_steps_are_no_views_of_the_state() -> None:
 
 def test_fields_do_not_overlap_and_fill_the_vector() -> None:
     state = np.full(LAYOUT.size, np.nan)
-    names = ["feet", "com", "dcm", "com_offset", "position", "velocity", "q", "base", "steps", "consumed", "free"]
+    names = ["feet", "com", "dcm", "com_offset", "position", "velocity", "q", "base", "steps", "consumed"]
     names += ["human_feet", "landed", "stance", "source_tick", "heading", "yaws", "detector"]
     for number, name in enumerate(names):
         shape = LAYOUT.get(state, name).shape
