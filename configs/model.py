@@ -200,6 +200,7 @@ class Stages(Strict):
     autoencoder: Stage
     diffusion: Stage
     distill: Stage
+    decoder: Stage
     evaluator: Stage
 
 

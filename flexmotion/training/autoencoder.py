@@ -7,6 +7,7 @@ from torch import Tensor, nn
 
 from configs.model import AutoencoderConfig, Window
 from flexmotion.features.layout import Layout
+from flexmotion.training.dynamics_head import DynamicsHead
 from flexmotion.training.principal_components import Components, kinematic_columns, straight_columns
 from flexmotion.training.transformer import Stack, parameter
 
@@ -81,6 +82,7 @@ class Autoencoder(nn.Module):
         self.decoder_place = parameter(1, 1 + self.past + ahead, width)
         self.decoder = Stack(config.decoder)
         self.write = Frames(layout.blocks, window.patch, width)
+        self.dynamics = DynamicsHead(width, layout)
         # A pose changes little in a second: decoding begins with the last known frame and learns the difference.
         self.persistence = nn.Parameter(torch.ones(layout.size)) if self.past else None
         known = torch.zeros(layout.size)
@@ -108,6 +110,16 @@ class Autoencoder(nn.Module):
             for value in self.write.parameters():
                 value.zero_()
 
+    def encoding(self) -> dict[str, nn.Parameter]:
+        """What a latent's meaning depends on, by name."""
+        parts = ("read", "encoder", "encoder_place", "summary", "distribution", "read_straight")
+        return {name: value for name, value in self.named_parameters() if name.split(".")[0] in parts}
+
+    def hold_encoder(self) -> None:
+        """Train the decoder alone from now on: what a latent means stays."""
+        for value in self.encoding().values():
+            value.requires_grad_(False)
+
     def encode(self, history: Tensor, future: Tensor) -> tuple[Tensor, Tensor]:
         """Mean and logarithm of the variance of the latent, (N, latent) each, of normalised features."""
         tokens = self.read(torch.cat([history, future], dim=1)) + self.encoder_place
@@ -130,7 +142,9 @@ class Autoencoder(nn.Module):
         if self.write_straight is not None:
             straight = self.write_straight(latent).unflatten(1, (frames.shape[1], -1))
             frames = frames + nn.functional.pad(straight, (0, frames.shape[2] - straight.shape[2]))
-        return frames if self.persistence is None else frames + self.persistence * self.known * history[:, -1:]
+        if self.persistence is not None:
+            frames = frames + self.persistence * self.known * history[:, -1:]
+        return self.dynamics(history if self.past else None, frames)
 
     def forward(self, history: Tensor, future: Tensor, noise: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Decoded future, mean and logarithm of the variance; `noise` is standard normal, (N, latent)."""

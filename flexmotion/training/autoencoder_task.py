@@ -1,6 +1,8 @@
-"""The autoencoder's stage: reconstruction and physics."""
+"""The autoencoder's stages: reconstruction and physics, with encoder and decoder, then with the decoder alone."""
 
 from __future__ import annotations
+
+from pathlib import Path
 
 import torch
 from torch import Tensor
@@ -14,6 +16,7 @@ from flexmotion.training.losses import Reconstruction, divergence, weighted
 from flexmotion.training.muscle_torques import MuscleTorques
 from flexmotion.training.principal_components import principal_components
 from flexmotion.training.processes import Processes
+from flexmotion.training.stage import load_weights
 from flexmotion.training.windows import Windows, WindowSet
 
 VALIDATION = 256
@@ -41,6 +44,7 @@ class AutoencoderTask:
     ) -> None:
         torch.manual_seed(seed)
         self.config, self.seed, self.processes = config, seed, processes
+        self.batch = config.stages.autoencoder.batch
         self.network = Autoencoder(config.autoencoder, config.window, store.layout).to(processes.device)
         self.loss = Reconstruction(store.layout, store.statistics, config.losses, muscles)
         self.training = WindowSet(store, config.window, "train")
@@ -55,13 +59,16 @@ class AutoencoderTask:
 
     def losses(self, step: int) -> tuple[Tensor, dict[str, Tensor]]:
         """See `stage.Task`."""
-        batch = self.config.stages.autoencoder.batch
+        batch = self.batch
         windows = self.training.draw((self.seed, 0, step, self.processes.rank), batch).to(self.processes.device)
         noise = normal((self.seed, 2, step, self.processes.rank), (batch, self.config.autoencoder.latent))
         noise = noise.to(self.processes.device)
-        weights = self.config.losses
-        begun = min(max(step / weights.physics_from - 1.0, 0.0), 1.0) if weights.physics_from else 1.0
-        return self._losses(windows, noise, weights.physics_share, begun)
+        return self._losses(windows, noise, self.config.losses.physics_share, self._begun(step))
+
+    def _begun(self, step: int) -> float:
+        """Share of the losses of physics that counts."""
+        begin = self.config.losses.physics_from
+        return min(max(step / begin - 1.0, 0.0), 1.0) if begin else 1.0
 
     def _losses(
         self, windows: Windows, noise: Tensor, physics_share: float, physics: float = 1.0
@@ -93,3 +100,32 @@ class AutoencoderTask:
         )
         figures["points_mm"] = 1e3 * float((found - expected).norm(dim=-1)[windows.mask].mean())
         return figures
+
+
+class DecoderTask(AutoencoderTask):
+    """See `stage.Task`: the decoder of a trained autoencoder, alone. What was trained on its latents stays valid.
+
+    Args:
+        config, store, seed, processes, muscles: as of `AutoencoderTask`.
+        trained: folder of the autoencoder's stage.
+
+    Raises:
+        ConfigError: it has not been trained.
+    """
+
+    def __init__(
+        self,
+        config: ModelConfig,
+        store: FeatureStore,
+        seed: int,
+        processes: Processes,
+        muscles: MuscleTorques | None,
+        trained: Path,
+    ) -> None:
+        super().__init__(config, store, seed, processes, muscles)
+        self.batch = config.stages.decoder.batch
+        load_weights(self.network, trained)
+        self.network.hold_encoder()
+
+    def _begun(self, step: int) -> float:
+        return 1.0

@@ -18,6 +18,7 @@ from flexmotion.biomechanics.differentiation import FIRST, HALF, SECOND
 from flexmotion.features.encode import GRAVITY
 from flexmotion.features.joint_groups import BALL_COLUMNS, BALL_SIGNS, HINGE_COLUMNS
 from flexmotion.skeleton import JOINTS
+from flexmotion.training.differentiation import of_neighbours
 from flexmotion.training.human_tensors import (
     ANKLES,
     BALL_SEGMENTS,
@@ -65,11 +66,11 @@ def rates(found: Segments, humans: HumanTensors, fps: float) -> Rates:
 
     Both results have the frames `2 * HALF` to T - `2 * HALF`.
     """
-    turning = _weighted(found.rotation, FIRST.tolist()) * fps
+    turning = of_neighbours(found.rotation, FIRST.tolist()) * fps
     momentum = angular_momentum(found.rotation[:, HALF:-HALF], turning, humans)
     return Rates(
-        acceleration=_weighted(found.com[:, HALF:-HALF], SECOND.tolist()) * fps**2,
-        angular_momentum_rate=_weighted(momentum, FIRST.tolist()) * fps,
+        acceleration=of_neighbours(found.com[:, HALF:-HALF], SECOND.tolist()) * fps**2,
+        angular_momentum_rate=of_neighbours(momentum, FIRST.tolist()) * fps,
     )
 
 
@@ -131,13 +132,3 @@ def joint_axes(found: Segments, branches: Tensor) -> Tensor:
         local = rotation.new_tensor(HINGE_AXES[hinge])
         axes[:, :, HINGE_COLUMNS[hinge]] = rotation[:, :, segment] @ local
     return axes
-
-
-def _weighted(signal: Tensor, weights: list[float]) -> Tensor:
-    """Weighted sum of neighbours along the frames, (N, T, ...) -> (N, T - 2 HALF, ...)."""
-    frames = signal.shape[1] - 2 * HALF
-    total = weights[0] * signal[:, :frames]
-    for at, weight in enumerate(weights[1:], 1):
-        if weight:
-            total = total + weight * signal[:, at : at + frames]
-    return total

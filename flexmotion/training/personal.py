@@ -74,8 +74,10 @@ def personal_run(trained: Run, out: Path, manner: str) -> Run:
     if not (out / CONFIG).is_file():
         copyfile(trained.folder / CONFIG, out / CONFIG)
         copytree(trained.stage("text"), out / "text")
-        (out / "autoencoder").mkdir()
-        copyfile(trained.stage("autoencoder") / BEST, out / "autoencoder" / BEST)
+        for stage in ("autoencoder", "decoder"):
+            if (trained.stage(stage) / BEST).is_file():
+                (out / stage).mkdir()
+                copyfile(trained.stage(stage) / BEST, out / stage / BEST)
         # As large as the set itself, and not changed: linked, not copied.
         (out / "features").symlink_to((trained.folder / "features").resolve(), target_is_directory=True)
     (out / PERSONAL).write_text(json.dumps([manner, f"move {manner}", f"walk {manner}"]), encoding="utf-8")

@@ -146,6 +146,29 @@ def distill(
 
 
 @train.command()
+def decoder(
+    out: OutOption,
+    steps: StepsOption = None,
+    minutes: MinutesOption = None,
+    threads: ThreadsOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Train the autoencoder's decoder on, alone; a diffusion on its latents stays valid. Needs autoencoder.
+
+    [bold]Examples[/bold]
+
+      flexmotion train decoder -o training --minutes 60
+    """
+    run = _run(out, None, None, threads)
+    from flexmotion.training.autoencoder_task import DecoderTask
+    from flexmotion.training.processes import Processes
+
+    trained = run.stage("autoencoder")
+    task = DecoderTask(run.config, run.store(), run.seed, Processes(), run.muscles(), trained)
+    train_and_report(run, "decoder", task, steps, minutes, as_json)
+
+
+@train.command()
 def evaluator(
     out: OutOption,
     steps: StepsOption = None,

@@ -245,6 +245,16 @@ def test_toes_turn_in_less_than_out(window: Windows, scaling: Scaling, retargete
             assert abs(yaw) == pytest.approx(gait.max_foot_yaw if outward else gait.max_toe_in)
 
 
+def test_a_foot_that_turns_reaches_less_far(retargeter: Retargeter) -> None:
+    """Went wrong: a bend was walked in strides as long as straight on, and half of the weaker robots fell outwards."""
+    start, stance = np.array([0.0, 0.05, 0, 0]), np.array([0.0, -0.05, 0, 0])
+    reach = [
+        np.hypot(*retargeter.footsteps.within_reach(start, np.array([0.3, 0.05, 0, yaw]), stance, 0.4)[:2] - start[:2])
+        for yaw in (0.0, 0.5, -0.5)
+    ]
+    assert reach[1] == pytest.approx(reach[0] / 1.5) and reach[2] == pytest.approx(reach[1])
+
+
 def test_a_target_out_of_reach_is_brought_back_along_the_stride(retargeter: Retargeter) -> None:
     start, stance = np.array([0.0, 0.05, 0, 0]), np.array([0.0, -0.05, 0, 0])
     target = np.array([0.5, 0.06, 0, 0.1])

@@ -19,7 +19,7 @@ from flexmotion.sampler import Condition, Sampler  # noqa: E402
 from flexmotion.text.sentence_encoder import SentenceEncoder  # noqa: E402
 from flexmotion.training import evaluate  # noqa: E402
 from flexmotion.training.autoencoder import Autoencoder  # noqa: E402
-from flexmotion.training.autoencoder_task import AutoencoderTask  # noqa: E402
+from flexmotion.training.autoencoder_task import AutoencoderTask, DecoderTask  # noqa: E402
 from flexmotion.training.diffusion_task import DiffusionTask  # noqa: E402
 from flexmotion.training.distillation_task import DistillationTask  # noqa: E402
 from flexmotion.training.evaluator_task import EvaluatorTask  # noqa: E402
@@ -27,7 +27,7 @@ from flexmotion.training.export import Decoder, export, load_networks  # noqa: E
 from flexmotion.training.personal import personal_run, personal_task  # noqa: E402
 from flexmotion.training.processes import Processes  # noqa: E402
 from flexmotion.training.run import Run  # noqa: E402
-from flexmotion.training.stage import LAST, Progress, load_weights, train_stage  # noqa: E402
+from flexmotion.training.stage import BEST, LAST, Progress, load_weights, train_stage  # noqa: E402
 from flexmotion.training.text_student import Corpus, distil  # noqa: E402
 from flexmotion.training.windows import WindowSet  # noqa: E402
 
@@ -51,6 +51,10 @@ def _diffusion(run: Run) -> DiffusionTask:
     return DiffusionTask(run.config, run.store(), autoencoder, encode, run.seed, Processes())
 
 
+def _decoder(run: Run) -> DecoderTask:
+    return DecoderTask(run.config, run.store(), run.seed, Processes(), None, run.stage("autoencoder"))
+
+
 @pytest.fixture(scope="module")
 def trained(small_set: Path, stream_config: Path, teacher, vocabulary, tmp_path_factory) -> Run:
     """A run through all stages of `stream`."""
@@ -62,6 +66,7 @@ def trained(small_set: Path, stream_config: Path, teacher, vocabulary, tmp_path_
     task = _diffusion(run)
     load_weights(task.network, run.stage("diffusion"))
     _train(run, "distill", DistillationTask(run.config, task, run.seed))
+    _train(run, "decoder", _decoder(run))
     return run
 
 
@@ -165,6 +170,28 @@ def test_history_of_a_stage_is_json(trained: Run) -> None:
     rows = [json.loads(line) for line in (trained.stage("diffusion") / "history.jsonl").read_text().splitlines()]
     assert [row["step"] for row in rows] == [3, 6]
     assert rows[-1]["validation"]["loss"] > 0
+
+
+def test_a_decoder_trained_on_decodes_the_same_latents(trained: Run) -> None:
+    """Whatever was trained on the latents stays valid: not a bit of the encoder changes."""
+    before, after = (
+        torch.load(trained.stage(name) / BEST, weights_only=True)["network"] for name in ("autoencoder", "decoder")
+    )
+    changed = {name.split(".")[0] for name in before if not torch.equal(before[name], after[name])}
+    assert {"decoder", "write", "dynamics", "recall", "unfold"} <= changed
+    assert not changed & {"read", "encoder", "encoder_place", "summary", "distribution", "read_straight"}
+    autoencoder, _ = load_networks(trained, distilled=True)
+    assert torch.equal(autoencoder.dynamics.write.weight, after["dynamics.write.weight"])
+
+
+def test_a_decoder_of_other_latents_is_refused(trained: Run, tmp_path: Path) -> None:
+    """Went wrong: an autoencoder trained on after its decoder was exported with that decoder."""
+    run = personal_run(trained, tmp_path / "other", "like Ada")
+    weights = torch.load(run.stage("autoencoder") / BEST, weights_only=True)
+    weights["network"]["read.maps.root.weight"] += 0.1
+    torch.save(weights, run.stage("autoencoder") / BEST)
+    with pytest.raises(ConfigError, match="another autoencoder's latents"):
+        load_networks(run, distilled=False)
 
 
 def test_exported_networks_are_torchs(trained: Run, bundle: Bundle) -> None:
