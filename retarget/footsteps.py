@@ -34,7 +34,7 @@ _INSERT_DISTANCE = 0.045
 _INSERT_SWING_S = 0.40
 _UNKNOWN_SWING_S = 0.42
 _TURNING = 1.0
-"""A swing reaches 1 / (1 + this times its foot's turn [rad]) as far: long strides in a bend throw the robot outwards."""
+"""A swing reaches 1 / (1 + this times its foot's turn [rad]) as far: long strides in a bend throw a robot outwards."""
 _OWED = 0.3
 """Of what the human goes aside and one foot cannot, the other is told at most this much [m of the human's]."""
 _LATER_S = 0.06
