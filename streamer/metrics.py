@@ -110,8 +110,32 @@ class RobotFigures:
 
 
 @dataclass(frozen=True)
+class Displacement:
+    """Where somebody came to, as seen from where they stood at first. Units are in the names.
+
+    Attributes:
+        ahead_m, left_m: along and across the first heading.
+        turned_rad: counter-clockwise, whole turns counted.
+    """
+
+    ahead_m: float
+    left_m: float
+    turned_rad: float
+
+    @classmethod
+    def of(cls, position: Float, heading: Float, scale: float = 1.0) -> Displacement:
+        """From positions (T, >= 2) [m], times `scale`, and unwrapped headings (T,) [rad]."""
+        (x, y), cos, sin = scale * (position[-1, :2] - position[0, :2]), np.cos(heading[0]), np.sin(heading[0])
+        return cls(float(cos * x + sin * y), float(cos * y - sin * x), float(heading[-1] - heading[0]))
+
+
+@dataclass(frozen=True)
 class MotionFigures:
-    """How the robot moved. Units are in the names; None where unknown."""
+    """How the robot moved. Units are in the names; None where unknown.
+
+    Attributes:
+        robot_went, human_went: over the same time, the human's lengths scaled to the robot's legs.
+    """
 
     fell: bool
     time_to_fall_s: float | None
@@ -119,6 +143,8 @@ class MotionFigures:
     lag_s: float | None
     foot_slip_mm_s: float | None
     net_path_ratio: float | None
+    robot_went: Displacement | None
+    human_went: Displacement | None
     heading_rms_rad: float | None
     hand_error_share: float | None
     self_collisions: int | None
@@ -242,14 +268,17 @@ def motion_figures(
     tracking = tracking_error(np.where(playing[:, None], q_ref, np.nan), q, max_lag=int(MAX_LAG_S * record.rate_hz))
     slip = foot_slip(record.true_foot_velocity[rows][playing], record.true_foot_force[rows][playing], robot.weight)
 
-    path_ratio = heading_error = None
+    path_ratio = heading_error = robot_went = human_went = None
     compared = playing & known
-    if human is not None and compared.any():
-        human_position, human_heading = human.at(record.source_s[rows][compared])
+    if compared.any():
         # The robot's path ends where it comes to a stand: the last step of the human is its last step too.
         moving = known & upright & should_stand & (np.arange(record.used) >= np.flatnonzero(compared)[0])
-        path_ratio = net_path_ratio(base[moving, :3], human_position, robot.leg_ratio)
-        heading_error = heading_rms(heading(base[compared, 3:]), human_heading)
+        robot_went = Displacement.of(base[moving, :3], heading(base[moving, 3:]))
+        if human is not None:
+            human_position, human_heading = human.at(record.source_s[rows][compared])
+            human_went = Displacement.of(human_position, human_heading, robot.leg_ratio)
+            path_ratio = net_path_ratio(base[moving, :3], human_position, robot.leg_ratio)
+            heading_error = heading_rms(heading(base[compared, 3:]), human_heading)
 
     return MotionFigures(
         fell=fall is not None,
@@ -258,6 +287,8 @@ def motion_figures(
         lag_s=None if tracking is None else tracking[1] / record.rate_hz,
         foot_slip_mm_s=None if slip is None else 1e3 * slip,
         net_path_ratio=path_ratio,
+        robot_went=robot_went,
+        human_went=human_went,
         heading_rms_rad=heading_error,
         hand_error_share=hand_error_share(record.hand_error[rows][playing], robot.arm_length),
         self_collisions=(

@@ -84,6 +84,14 @@ class PlannerSection(_Section):
     underruns: int
 
 
+class DisplacementSection(_Section):
+    """Where somebody came to; `streamer.metrics.Displacement`."""
+
+    ahead_m: Figure
+    left_m: Figure
+    turned_rad: Figure
+
+
 class MotionSection(_Section):
     """How the robot moved; `streamer.metrics.MotionFigures` and the count of steps."""
 
@@ -93,6 +101,8 @@ class MotionSection(_Section):
     lag_s: Maybe
     foot_slip_mm_s: Maybe
     net_path_ratio: Maybe
+    robot_went: DisplacementSection | None
+    human_went: DisplacementSection | None
     heading_rms_rad: Maybe
     human_steps: int
     steps_planned: int

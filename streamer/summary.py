@@ -8,7 +8,7 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from streamer.report import Latency, Report
+from streamer.report import DisplacementSection, Latency, Report
 
 WORST_JOINTS = 5
 """Joints shown in the terminal; the others are in `report.json`."""
@@ -59,6 +59,7 @@ def motion_rows(report: Report) -> list[tuple[str, str, str]]:
         ("lag", show(m.lag_s, "ms", 1e3, 0), "measured behind reference, taken out of the error"),
         ("foot slip", show(m.foot_slip_mm_s, "mm/s"), "mean speed of feet that carry load"),
         ("net path", show(m.net_path_ratio, "", 1.0, 2), "robot over human, scaled by leg length"),
+        ("went", _went(m.robot_went), f"the human, scaled by leg length: {_went(m.human_went)}"),
         ("heading error", show(m.heading_rms_rad, "°", math.degrees(1), 1), "RMS, robot against human"),
         ("hand error", show(m.hand_error_share, "%", 100, 1), "median, of arm length, where within reach"),
         ("steps", f"{m.steps_planned}", steps),
@@ -117,6 +118,16 @@ def _motion(report: Report) -> list[RenderableType]:
     return [drawn]
 
 
+def _went(way: DisplacementSection | None) -> str:
+    """Where somebody came to, directions in words."""
+    if way is None:
+        return "-"
+    ahead = f"{abs(way.ahead_m):.2f} m {'back' if way.ahead_m < 0 else 'ahead'}"
+    aside = f"{abs(way.left_m):.2f} m {'right' if way.left_m < 0 else 'left'}"
+    turned = math.degrees(way.turned_rad)
+    return f"{ahead}, {aside}, turned {abs(turned):.0f}° {'right' if turned < 0 else 'left'}"
+
+
 def _joints(report: Report) -> list[RenderableType]:
     limits = report.limits
     columns = ("joint", "rms", "of stall", "peak", "usable", "speed", "at limit")
@@ -134,9 +145,11 @@ def _timing(report: Report) -> list[RenderableType]:
     for row in timing_rows(report):
         drawn.add_row(*row)
     speed = f"{loop.realtime_factor:.1f} times real time; " if loop.realtime_factor else ""
+    # In lockstep nobody waits for a deadline.
+    missed = f"{loop.missed_deadlines} missed deadlines; " if report.clock == "real" else ""
     note = (
         f"{report.clock} clock, {loop.rate_hz:g} Hz, {loop.cycles} cycles; {speed}{planner.plans} plans, "
-        f"{planner.underruns} under-runs, {loop.missed_deadlines} missed deadlines; ended {report.safety.final_state}"
+        f"{planner.underruns} under-runs; {missed}ended {report.safety.final_state}"
     )
     return [drawn, Text(note, style="dim")]
 

@@ -153,16 +153,22 @@ def _requests(log: Log) -> list[tuple[int, Request]]:
 
 
 def _compare(logged: Report, replayed: Report, *, exact: bool) -> list[Compared]:
-    figures = []
-    before, after = logged.motion.model_dump(), replayed.motion.model_dump()
-    for name, value in before.items():
-        tolerance = 0.0 if exact else TOLERANCES.get(name)
-        figures.append(Compared(name, _number(value), _number(after[name]), tolerance))
-    return figures
+    before, after = _numbers(logged.motion.model_dump()), _numbers(replayed.motion.model_dump())
+    return [
+        Compared(name, before.get(name), after.get(name), 0.0 if exact else TOLERANCES.get(name))
+        for name in dict.fromkeys((*before, *after))
+    ]
 
 
-def _number(value: float | None) -> float | None:
-    return None if value is None else float(value)
+def _numbers(section: dict[str, Any], prefix: str = "") -> dict[str, float | None]:
+    """The figures of a section and of those in it, by dotted names."""
+    found: dict[str, float | None] = {}
+    for name, value in section.items():
+        if isinstance(value, dict):
+            found |= _numbers(value, f"{prefix}{name}.")
+        else:
+            found[prefix + name] = None if value is None else float(value)
+    return found
 
 
 def _differing(logged: RunRecord, replayed: RunRecord) -> list[str]:

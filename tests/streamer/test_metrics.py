@@ -100,6 +100,13 @@ def test_heading_error_is_relative_to_each_start() -> None:
     assert metrics.heading_rms(still, human) == pytest.approx(np.sqrt(np.mean((human - 1.0) ** 2)))
 
 
+def test_displacement_is_seen_from_where_one_stood() -> None:
+    """Who faces left at first goes ahead when going left; the report told a length, and not which way."""
+    yaw = np.array([np.pi / 2, np.pi])
+    went = metrics.Displacement.of(np.array([[1.0, 1.0, 9.0], [0.8, 1.5, 0.0]]), yaw, scale=2.0)
+    assert (went.ahead_m, went.left_m, went.turned_rad) == pytest.approx((1.0, 0.4, np.pi / 2))
+
+
 def test_hand_error_ignores_what_is_out_of_reach() -> None:
     error = np.array([[0.01, np.nan], [0.02, 0.03], [np.nan, np.nan]])
     assert metrics.hand_error_share(error, 0.2) == pytest.approx(0.1)
@@ -122,6 +129,12 @@ def test_figures_of_a_run(record: RunRecord, figures: RobotFigures, human: Human
     assert found.foot_slip_mm_s == pytest.approx(2.0)
     assert found.net_path_ratio == pytest.approx(1.0)
     assert found.heading_rms_rad == pytest.approx(0.0, abs=1e-9)
+    assert found.robot_went is not None and found.human_went is not None
+    # As far as the human on shorter legs, who looked 1 rad to the left of where it went, and turned as much.
+    ways = [(went.ahead_m, went.left_m) for went in (found.robot_went, found.human_went)]
+    assert np.hypot(*ways[0]) == pytest.approx(np.hypot(*ways[1]))
+    assert ways[1][1] == pytest.approx(-np.tan(1.0) * ways[1][0])
+    assert found.robot_went.turned_rad == pytest.approx(found.human_went.turned_rad, abs=0.02)  # it turns on to the end
     assert found.hand_error_share == pytest.approx(0.05)
     assert found.self_collisions == 0
 

@@ -51,8 +51,12 @@ def test_a_report_has_a_log_that_replays(tmp_path: Path, capsys: pytest.CaptureF
     assert execute(["log", "replay", report["log"], "--json"]) == 0
     content = json.loads(capsys.readouterr().out)
     assert content["schema"] == "flexmotion.replay/1" and content["agrees"] and content["equal"]
+    motion = report["motion"]
+    assert {name.partition(".")[0] for name in content["figures"]} == set(motion)
     for name, figure in content["figures"].items():
-        assert figure["logged"] == (None if report["motion"][name] is None else float(report["motion"][name])), name
+        section, _, part = name.partition(".")
+        value = motion[section][part] if part else motion[section]
+        assert figure["logged"] == (None if value is None else float(value)), name
 
 
 def test_a_replay_that_differs_is_exit_code_1(
