@@ -62,11 +62,12 @@ def _counts(result: LatencyResult) -> Text:
     memory = ""
     if result.memory_mb is not None:
         memory = f"; loop memory {result.memory_mb[0]:.1f} -> {result.memory_mb[1]:.1f} MB"
+    processors = "kept awake" if result.awake else "may sleep"
     return Text(
-        f"{result.scheduling} scheduling, {result.load} hogs; {result.cycles} ticks, {result.missed_deadlines} missed; "
-        f"{result.answered} of {result.switches} switches followed, {result.late_plans} plans late, "
-        f"{result.underruns} under-runs; {result.violations_sent} goals outside the envelope{memory}"
-        f"{_standstills(result)}"
+        f"{result.scheduling} scheduling, processors {processors}, {result.load} hogs; {result.cycles} ticks, "
+        f"{result.missed_deadlines} missed; {result.answered} of {result.switches} switches followed, "
+        f"{result.late_plans} plans late, {result.underruns} under-runs; {result.violations_sent} goals outside the "
+        f"envelope{memory}{_standstills(result)}"
     )
 
 
