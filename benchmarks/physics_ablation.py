@@ -32,13 +32,13 @@ from flexmotion.evaluation.interval import Interval
 from flexmotion.sampler import Sampler
 from flexmotion.text.sentence_encoder import SentenceEncoder
 from flexmotion.training.autoencoder import Autoencoder
-from flexmotion.training.autoencoder_task import AutoencoderTask
+from flexmotion.training.autoencoder_task import AutoencoderTask, load_autoencoder
 from flexmotion.training.diffusion_task import DiffusionTask
 from flexmotion.training.evaluate import Features, Generator, Judge
 from flexmotion.training.export import export, with_proportions
 from flexmotion.training.processes import Processes, use_threads
 from flexmotion.training.run import Run
-from flexmotion.training.stage import Task, load_weights, train_stage
+from flexmotion.training.stage import Task, train_stage
 
 ALL = "all"
 WITHOUT = {"euler": ("euler_joints", "euler_root"), "muscles": ("muscle_limits", "muscle_torques")}
@@ -111,9 +111,7 @@ def _stage(run: Run, name: str, task: Task) -> None:
 
 
 def _autoencoder(run: Run) -> Autoencoder:
-    network = Autoencoder(run.config.autoencoder, run.config.window, run.layout)
-    load_weights(network, run.stage("autoencoder"))
-    return network.eval()
+    return load_autoencoder(run).eval()
 
 
 def reconstructed(judge: Judge, network: Autoencoder) -> Generator:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import AbstractContextManager, nullcontext
+
 import torch
 from torch import Tensor, nn
 
@@ -83,6 +85,7 @@ class Autoencoder(nn.Module):
         self.decoder = Stack(config.decoder)
         self.write = Frames(layout.blocks, window.patch, width)
         self.dynamics = DynamicsHead(width, layout)
+        self.register_load_state_dict_pre_hook(_without_dynamics)
         # A pose changes little in a second: decoding begins with the last known frame and learns the difference.
         self.persistence = nn.Parameter(torch.ones(layout.size)) if self.past else None
         known = torch.zeros(layout.size)
@@ -138,15 +141,29 @@ class Autoencoder(nn.Module):
         if self.recall is not None:
             parts.insert(1, self.recall(history))
         tokens = self.decoder(torch.cat(parts, dim=1) + self.decoder_place)
-        frames: Tensor = self.write(tokens[:, 1 + self.past :])
-        if self.write_straight is not None:
-            straight = self.write_straight(latent).unflatten(1, (frames.shape[1], -1))
-            frames = frames + nn.functional.pad(straight, (0, frames.shape[2] - straight.shape[2]))
-        if self.persistence is not None:
-            frames = frames + self.persistence * self.known * history[:, -1:]
-        return self.dynamics(history if self.past else None, frames)
+        with _in_full_precision(latent.device):
+            frames: Tensor = self.write(tokens[:, 1 + self.past :].float())
+            if self.write_straight is not None:
+                straight = self.write_straight(latent.float()).unflatten(1, (frames.shape[1], -1))
+                frames = frames + nn.functional.pad(straight, (0, frames.shape[2] - straight.shape[2]))
+            if self.persistence is not None:
+                frames = frames + self.persistence * self.known * history[:, -1:]
+            return self.dynamics(history, frames)
 
     def forward(self, history: Tensor, future: Tensor, noise: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Decoded future, mean and logarithm of the variance; `noise` is standard normal, (N, latent)."""
         mean, spread = self.encode(history, future)
         return self.decode(history, mean + torch.exp(0.5 * spread) * noise), mean, spread
+
+
+def _in_full_precision(device: torch.device) -> AbstractContextManager[object]:
+    """Frames are differentiated twice: rounded to bfloat16 their accelerations are noise."""
+    mixed = torch.is_autocast_enabled(device.type)
+    return torch.autocast(device.type, enabled=False) if mixed else nullcontext()
+
+
+def _without_dynamics(network: nn.Module, weights: dict[str, Tensor], prefix: str, *_: object) -> None:
+    """Let weights from before there was a head for dynamics be those of one that adds nothing."""
+    for name, value in network.state_dict(prefix=prefix).items():
+        if name.startswith(f"{prefix}dynamics."):
+            weights.setdefault(name, value)

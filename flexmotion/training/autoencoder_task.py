@@ -7,6 +7,7 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
+from configs.errors import ConfigError
 from configs.model import ModelConfig
 from flexmotion.training.autoencoder import Autoencoder
 from flexmotion.training.draws import normal
@@ -16,7 +17,8 @@ from flexmotion.training.losses import Reconstruction, divergence, weighted
 from flexmotion.training.muscle_torques import MuscleTorques
 from flexmotion.training.principal_components import principal_components
 from flexmotion.training.processes import Processes
-from flexmotion.training.stage import load_weights
+from flexmotion.training.run import Run
+from flexmotion.training.stage import digest, is_trained, load_weights
 from flexmotion.training.windows import Windows, WindowSet
 
 VALIDATION = 256
@@ -32,6 +34,10 @@ class AutoencoderTask:
         seed: of the weights and of all that is drawn.
         processes: that train.
         muscles: torques of the muscles; None for no loss of theirs.
+        trained: folder of the autoencoder whose decoder alone is trained on; None for a new one.
+
+    Raises:
+        ConfigError: `trained` holds none.
     """
 
     def __init__(
@@ -41,17 +47,22 @@ class AutoencoderTask:
         seed: int,
         processes: Processes,
         muscles: MuscleTorques | None = None,
+        trained: Path | None = None,
     ) -> None:
         torch.manual_seed(seed)
         self.config, self.seed, self.processes = config, seed, processes
-        self.batch = config.stages.autoencoder.batch
+        self._stage = config.stages.autoencoder if trained is None else config.stages.decoder
+        self._new = trained is None
         self.network = Autoencoder(config.autoencoder, config.window, store.layout).to(processes.device)
         self.loss = Reconstruction(store.layout, store.statistics, config.losses, muscles)
         self.training = WindowSet(store, config.window, "train")
         held_out = WindowSet(store, config.window, "validation")
         self._held_out = held_out.draw((seed, 1), VALIDATION).to(processes.device)
         self._humans = self.training.humans.to(processes.device)
-        if config.autoencoder.shortcut:
+        if trained is not None:
+            load_weights(self.network, trained)
+            self.network.hold_encoder()
+        elif config.autoencoder.shortcut:
             known = self.network.known.cpu()
             self.network.begin_with(
                 principal_components(self.training, store.layout, config.losses, config.autoencoder.latent, known, seed)
@@ -59,7 +70,7 @@ class AutoencoderTask:
 
     def losses(self, step: int) -> tuple[Tensor, dict[str, Tensor]]:
         """See `stage.Task`."""
-        batch = self.batch
+        batch = self._stage.batch
         windows = self.training.draw((self.seed, 0, step, self.processes.rank), batch).to(self.processes.device)
         noise = normal((self.seed, 2, step, self.processes.rank), (batch, self.config.autoencoder.latent))
         noise = noise.to(self.processes.device)
@@ -67,7 +78,7 @@ class AutoencoderTask:
 
     def _begun(self, step: int) -> float:
         """Share of the losses of physics that counts."""
-        begin = self.config.losses.physics_from
+        begin = self.config.losses.physics_from if self._new else 0
         return min(max(step / begin - 1.0, 0.0), 1.0) if begin else 1.0
 
     def _losses(
@@ -102,30 +113,19 @@ class AutoencoderTask:
         return figures
 
 
-class DecoderTask(AutoencoderTask):
-    """See `stage.Task`: the decoder of a trained autoencoder, alone. What was trained on its latents stays valid.
-
-    Args:
-        config, store, seed, processes, muscles: as of `AutoencoderTask`.
-        trained: folder of the autoencoder's stage.
+def load_autoencoder(run: Run) -> Autoencoder:
+    """A run's best autoencoder, with the decoder that was trained on after it where there is one.
 
     Raises:
-        ConfigError: it has not been trained.
+        ConfigError: it has not been trained, or the decoder is of another one's latents.
     """
-
-    def __init__(
-        self,
-        config: ModelConfig,
-        store: FeatureStore,
-        seed: int,
-        processes: Processes,
-        muscles: MuscleTorques | None,
-        trained: Path,
-    ) -> None:
-        super().__init__(config, store, seed, processes, muscles)
-        self.batch = config.stages.decoder.batch
-        load_weights(self.network, trained)
-        self.network.hold_encoder()
-
-    def _begun(self, step: int) -> float:
-        return 1.0
+    network = Autoencoder(run.config.autoencoder, run.config.window, run.layout)
+    load_weights(network, run.stage("autoencoder"))
+    folder = run.stage("decoder")
+    if not is_trained(folder):
+        return network
+    meant = digest(network.encoding())
+    load_weights(network, folder)
+    if digest(network.encoding()) != meant:
+        raise ConfigError(f"{folder}: decodes another autoencoder's latents; train it anew, in an empty folder")
+    return network

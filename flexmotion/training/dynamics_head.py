@@ -44,13 +44,10 @@ class DynamicsHead(nn.Module):
         nn.init.zeros_(self.write.weight)
         nn.init.zeros_(self.write.bias)
 
-    def forward(self, history: Tensor | None, frames: Tensor) -> Tensor:
+    def forward(self, history: Tensor, frames: Tensor) -> Tensor:
         """Decoded frames (N, W, F), normalised, after their history (N, H, F), with better torques and wrenches."""
-        motion = frames.detach()
-        start = motion[:, :1].expand(-1, HALF, -1) if history is None else history[:, -HALF:]
-        step = motion[:, -1:] - motion[:, -2:-1]
-        end = [motion[:, -1:] + count * step for count in range(1, HALF + 2)]
-        whole = torch.cat([start, motion, *end], dim=1)
+        motion, last = frames.detach(), history.shape[1]
+        whole = _extended(torch.cat([history, motion], dim=1), HALF, HALF + 1)[:, last:]
         # Speeds are those since the frame before: what they become within a frame lies between two of them.
         rates = of_neighbours(whole[..., self._speeds], FIRST.tolist()) * self._unit
         acceleration = 0.5 * (rates[:, :-1] + rates[:, 1:])
@@ -59,6 +56,14 @@ class DynamicsHead(nn.Module):
         added = self.write(nn.functional.glu(self.read(torch.cat(seen, dim=-1))))
         first, last = self._forces[0], self._forces[-1]
         return frames + nn.functional.pad(added, (first, frames.shape[-1] - 1 - last))
+
+
+def _extended(frames: Tensor, before: int, after: int) -> Tensor:
+    """Frames (N, T, F) with some more at either end, to which the motion goes on evenly."""
+    steps = torch.diff(frames, dim=1) if frames.shape[1] > 1 else torch.zeros_like(frames)
+    start = [frames[:, :1] - count * steps[:, :1] for count in range(before, 0, -1)]
+    end = [frames[:, -1:] + count * steps[:, -1:] for count in range(1, after + 1)]
+    return torch.cat([*start, frames, *end], dim=1)
 
 
 def _columns(layout: Layout, name: str) -> range:

@@ -21,6 +21,7 @@ from flexmotion.skeleton import SIDES
 from flexmotion.text.phrases import kinds, wordings
 from flexmotion.text.sentence_encoder import NETWORK, VOCABULARY, SentenceEncoder
 from flexmotion.training.autoencoder import Autoencoder
+from flexmotion.training.autoencoder_task import load_autoencoder
 from flexmotion.training.conditions import STILL
 from flexmotion.training.denoiser import Denoiser
 from flexmotion.training.export_onnx import export_network
@@ -28,7 +29,7 @@ from flexmotion.training.feature_store import FeatureStore
 from flexmotion.training.half_weights import halve_weights
 from flexmotion.training.noise_schedule import NoiseSchedule
 from flexmotion.training.run import Run
-from flexmotion.training.stage import BEST, load_weights, trained
+from flexmotion.training.stage import is_trained, load_weights, trained
 from flexmotion.training.windows import WindowSet
 
 LIBRARIES = ("flexmotion", "torch", "diffusers", "onnx")
@@ -63,10 +64,7 @@ def load_networks(run: Run, *, distilled: bool) -> tuple[Autoencoder, Denoiser]:
         ConfigError: one of them has not been trained.
     """
     config, layout = run.config, run.layout
-    autoencoder = Autoencoder(config.autoencoder, config.window, layout)
-    load_weights(autoencoder, run.stage("autoencoder"))
-    if (run.stage("decoder") / BEST).is_file():
-        _decode_as(autoencoder, run.stage("decoder"))
+    autoencoder = load_autoencoder(run)
     denoiser = Denoiser(config.diffusion, config.window, layout, autoencoder.latent, guided=distilled)
     load_weights(denoiser, run.stage("distill" if distilled else "diffusion"))
     return autoencoder.eval(), denoiser.eval()
@@ -133,23 +131,11 @@ def export(run: Run, folder: Path, *, distilled: bool, body: Body | None = None,
     training = [clip for clip in store.clips if clip.split == "train"]
     hours = sum(clip.frames for clip in training) / window.fps / 3600
     names = ["autoencoder", "diffusion", *(["distill"] if distilled else [])]
-    if (run.stage("decoder") / BEST).is_file():
+    if is_trained(run.stage("decoder")):
         names.append("decoder")
     made = Making(config.name, hours, len(training), run.seed, {name: trained(run.stage(name)) for name in names})
     write_card(folder, manifest, made)
     return write_bundle(folder, manifest, _arrays(run, store, layout, diffusion.steps))
-
-
-def _decode_as(autoencoder: Autoencoder, folder: Path) -> None:
-    """Take the weights of an autoencoder whose decoder was trained on.
-
-    Raises:
-        ConfigError: what it encodes is not what this one encodes.
-    """
-    before = {name: value.detach().clone() for name, value in autoencoder.encoding().items()}
-    load_weights(autoencoder, folder)
-    if not all(torch.equal(before[name], value) for name, value in autoencoder.encoding().items()):
-        raise ConfigError(f"{folder}: decodes another autoencoder's latents; train it anew, in an empty folder")
 
 
 def _arrays(run: Run, store: FeatureStore, layout: Layout, steps: int) -> dict[str, np.ndarray]:

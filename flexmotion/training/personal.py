@@ -18,12 +18,12 @@ from torch import Tensor, nn
 from configs.errors import ConfigError
 from flexmotion.dataset.compact_set import open_set
 from flexmotion.text.sentence_encoder import NETWORK, SentenceEncoder
-from flexmotion.training.autoencoder import Autoencoder
+from flexmotion.training.autoencoder_task import load_autoencoder
 from flexmotion.training.diffusion_task import DiffusionTask
 from flexmotion.training.feature_store import build_store
 from flexmotion.training.processes import Processes
 from flexmotion.training.run import CONFIG, PERSONAL, Run
-from flexmotion.training.stage import BEST, load_weights
+from flexmotion.training.stage import BEST, is_trained, load_weights
 
 
 class PersonalTask:
@@ -75,7 +75,7 @@ def personal_run(trained: Run, out: Path, manner: str) -> Run:
         copyfile(trained.folder / CONFIG, out / CONFIG)
         copytree(trained.stage("text"), out / "text")
         for stage in ("autoencoder", "decoder"):
-            if (trained.stage(stage) / BEST).is_file():
+            if is_trained(trained.stage(stage)):
                 (out / stage).mkdir()
                 copyfile(trained.stage(stage) / BEST, out / stage / BEST)
         # As large as the set itself, and not changed: linked, not copied.
@@ -96,8 +96,7 @@ def personal_task(
         manner: as in `personal_run`.
         progress: of computing the clips' features.
     """
-    autoencoder = Autoencoder(run.config.autoencoder, run.config.window, run.layout)
-    load_weights(autoencoder, run.stage("autoencoder"))
+    autoencoder = load_autoencoder(run)
     encode, processes = SentenceEncoder(run.stage("text")), Processes()
     base_store = run.store()
     store = build_store(open_set(data), run.layout, run.folder / "person", progress)

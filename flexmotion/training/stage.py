@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import logging
 import math
@@ -69,6 +70,7 @@ def train_stage(
     save_every: float = 180.0,
     progress: Callable[[Progress], None] = lambda progress: None,
     processes: Processes | None = None,
+    goes_on: bool = False,
 ) -> Progress:
     """Train until the stage's steps are done or the time is over; the state is saved at either.
 
@@ -83,9 +85,10 @@ def train_stage(
         save_every: time between saves [s].
         progress: called after every step.
         processes: of a training over several, made by `torchrun`.
+        goes_on: the task begins with trained weights, and only better ones take their place.
 
     Raises:
-        ConfigError: the folder holds a training of another configuration.
+        ConfigError: the folder holds a training of another configuration or version.
     """
     group = processes or Processes()
     folder.mkdir(parents=True, exist_ok=True)
@@ -98,8 +101,12 @@ def train_stage(
         state = torch.load(last, map_location=group.device, weights_only=True)
         if state["fingerprint"] != fingerprint:
             raise ConfigError(f"{folder}: holds a training of other settings; use them, or another folder")
-        network.load_state_dict(state["network"])
-        optimiser.load_state_dict(state["optimiser"])
+        try:
+            network.load_state_dict(state["network"])
+            optimiser.load_state_dict(state["optimiser"])
+        except (RuntimeError, ValueError) as error:
+            problem = str(error).splitlines()[0]
+            raise ConfigError(f"{last}: of another version, begin in an empty folder ({problem})") from error
         average, step, least, figures = state["average"], state["step"], state["least"], state["figures"]
         log.info("%s: goes on at step %d", folder, step)
 
@@ -134,6 +141,8 @@ def train_stage(
     board = _board(folder) if group.first else None
     parts: dict[str, float] = {}
     begin = saved = time.monotonic()
+    if goes_on and not step:
+        validate()
     network.train()
     while step < stage.steps and not group.any(seconds is not None and time.monotonic() - begin >= seconds):
         for entry in optimiser.param_groups:
@@ -159,7 +168,7 @@ def train_stage(
             save()
             saved = time.monotonic()
         progress(Progress(step, stage.steps, parts, figures))
-    if step and not (folder / BEST).is_file():
+    if step and not is_trained(folder):
         validate()
     save()
     if group.first:  # a stage may have ended early, or long after its best weights
@@ -169,6 +178,19 @@ def train_stage(
     return Progress(step, stage.steps, parts, figures)
 
 
+def is_trained(folder: Path) -> bool:
+    """Whether a stage has weights to be used."""
+    return (folder / BEST).is_file()
+
+
+def digest(weights: dict[str, nn.Parameter]) -> str:
+    """Tells weights apart."""
+    content = hashlib.sha256()
+    for name in sorted(weights):
+        content.update(name.encode() + weights[name].detach().cpu().numpy().tobytes())
+    return content.hexdigest()
+
+
 def load_weights(network: nn.Module, folder: Path) -> int:
     """The best weights of a stage into a network; returns the step that they are of.
 
@@ -176,7 +198,7 @@ def load_weights(network: nn.Module, folder: Path) -> int:
         ConfigError: the stage has not been trained, or for another network.
     """
     path = folder / BEST
-    if not path.is_file():
+    if not is_trained(folder):
         raise ConfigError(f"{path}: not there; run 'flexmotion train {folder.name}' first")
     state = torch.load(path, map_location="cpu", weights_only=True)
     try:

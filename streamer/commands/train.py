@@ -160,12 +160,14 @@ def decoder(
       flexmotion train decoder -o training --minutes 60
     """
     run = _run(out, None, None, threads)
-    from flexmotion.training.autoencoder_task import DecoderTask
+    from flexmotion.training.autoencoder_task import AutoencoderTask
     from flexmotion.training.processes import Processes
+    from flexmotion.training.stage import digest
 
     trained = run.stage("autoencoder")
-    task = DecoderTask(run.config, run.store(), run.seed, Processes(), run.muscles(), trained)
-    train_and_report(run, "decoder", task, steps, minutes, as_json)
+    task = AutoencoderTask(run.config, run.store(), run.seed, Processes(), run.muscles(), trained)
+    meant = digest(task.network.encoding())
+    train_and_report(run, "decoder", task, steps, minutes, as_json, goes_on_from=meant)
 
 
 @train.command()
@@ -200,13 +202,11 @@ def _encoder(run: Run) -> SentenceEncoder:
 
 
 def _diffusion_task(run: Run) -> DiffusionTask:
-    from flexmotion.training.autoencoder import Autoencoder
+    from flexmotion.training.autoencoder_task import load_autoencoder
     from flexmotion.training.diffusion_task import DiffusionTask
     from flexmotion.training.processes import Processes
-    from flexmotion.training.stage import load_weights
 
-    autoencoder = Autoencoder(run.config.autoencoder, run.config.window, run.layout)
-    load_weights(autoencoder, run.stage("autoencoder"))
+    autoencoder = load_autoencoder(run)
     return DiffusionTask(run.config, run.store(), autoencoder, _encoder(run), run.seed, Processes())
 
 
@@ -220,8 +220,21 @@ def _run(out: Path, config: str | None, seed: int | None, threads: int | None) -
     return Run(out, config, seed)
 
 
-def train_and_report(run: Run, name: str, task: Task, steps: int | None, minutes: float | None, as_json: bool) -> None:
-    """Train a stage of a run with a bar on stderr, and print where it is."""
+def train_and_report(
+    run: Run,
+    name: str,
+    task: Task,
+    steps: int | None,
+    minutes: float | None,
+    as_json: bool,
+    *,
+    goes_on_from: str = "",
+) -> None:
+    """Train a stage of a run with a bar on stderr, and print where it is.
+
+    Args:
+        goes_on_from: digest of the trained weights that the task begins with and keeps; empty for a new network.
+    """
     from flexmotion.training.processes import Processes
     from flexmotion.training.stage import Progress, train_stage
 
@@ -243,10 +256,11 @@ def train_and_report(run: Run, name: str, task: Task, steps: int | None, minutes
             task,
             stage,
             run.stage(name),
-            fingerprint=run.fingerprint(),
+            fingerprint=run.fingerprint() + goes_on_from,
             seconds=None if minutes is None else 60 * minutes,
             progress=follow,
             processes=Processes(),
+            goes_on=bool(goes_on_from),
         )
     if as_json:
         print_json({"stage": name, "step": done.step, "steps": done.steps, "validation": done.figures})

@@ -41,6 +41,18 @@ def test_forces_of_the_history_are_not_seen() -> None:
     assert torch.equal(first, second)
 
 
+def test_frames_are_written_in_full_precision() -> None:
+    """Went wrong: rounded to bfloat16 as on a GPU, decoded motion accelerated at random, as much as it really did."""
+    config = load_model_config("stream")
+    window, layout = config.window, Layout(30.0, 0)
+    autoencoder = Autoencoder(config.autoencoder, window, layout).eval()
+    history, latent = torch.randn(1, window.history, layout.size), torch.randn(1, config.autoencoder.latent)
+    with torch.no_grad(), torch.autocast("cpu", torch.bfloat16):
+        frames = autoencoder.decode(history, latent)
+    assert frames.dtype is torch.float32
+    assert not torch.equal(frames, frames.bfloat16().float())
+
+
 def test_what_is_absent_is_not_seen() -> None:
     config = load_model_config("stream")
     denoiser = Denoiser(config.diffusion, config.window, Layout(30.0, 290), 128)
