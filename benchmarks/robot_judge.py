@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from reversals import reversals
 
 from configs.robot import Robot
-from streamer.metrics import heading
+from streamer.metrics import Displacement, heading
 from streamer.record import RunRecord
 
 Float = NDArray[np.float64]
@@ -48,7 +48,7 @@ def deeds(robot: Robot, record: RunRecord) -> Deeds:
     rows = np.flatnonzero(np.isfinite(record.source_s) & np.isfinite(record.true_base).all(axis=1))
     base = record.true_base[rows]
     yaw = heading(base[:, 3:])
-    way = base[-1, :2] - base[0, :2]
+    went = Displacement.of(base[:, :3], yaw)
     looked = rows[:: max(round(record.rate_hz / LOOK_HZ), 1)]
     hand, shoulder, torso = _arms(robot, record.true_base[looked], record.true_q[looked])
     arm = float(np.linalg.norm(hand - shoulder, axis=-1).max())
@@ -57,9 +57,9 @@ def deeds(robot: Robot, record: RunRecord) -> Deeds:
     return Deeds(
         raised=(bool((above[:, 0] > 0).any()), bool((above[:, 1] > 0).any())),
         waved=(_waves(local[:, 0], above[:, 0], arm), _waves(local[:, 1], above[:, 1], arm)),
-        forward=float(np.cos(yaw[0]) * way[0] + np.sin(yaw[0]) * way[1]),
-        left=float(np.cos(yaw[0]) * way[1] - np.sin(yaw[0]) * way[0]),
-        turned=float(np.degrees(yaw[-1] - yaw[0])),
+        forward=went.ahead_m,
+        left=went.left_m,
+        turned=float(np.degrees(went.turned_rad)),
     )
 
 

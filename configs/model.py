@@ -200,7 +200,7 @@ class Stages(Strict):
     autoencoder: Stage
     diffusion: Stage
     distill: Stage
-    decoder: Stage = Stage(steps=20000, batch=64, learning_rate=6.0e-4)
+    forces: Stage = Stage(steps=20000, batch=64, learning_rate=6.0e-4)
     evaluator: Stage
 
 

@@ -168,6 +168,7 @@ class Gait(Strict):
         max_foot_yaw, max_toe_in: greatest turn of a foot against the stance foot, outward and inward [rad].
         swing_min_s, double_support_min_s: shortest swing and double support [s].
         swing_max_foot_speed: foothold travel over swing time [m/s].
+        swing_turn_cost: a swing reaches 1 / (1 + this times its foot's turn) as far [1/rad].
         swing_max_foot_acceleration: peak along the swing; what it asks of the knee's rotor is torque [m/s²].
         clearance: height of the swing foot in mid-swing [m].
         zmp_feedback: how far balance feedback may move the ZMP, along and across the feet [m].
@@ -184,6 +185,7 @@ class Gait(Strict):
     swing_min_s: float = Field(gt=0)
     double_support_min_s: float = Field(ge=0)
     swing_max_foot_speed: float = Field(gt=0)
+    swing_turn_cost: float = Field(default=0.0, ge=0)
     swing_max_foot_acceleration: float = Field(gt=0)
     clearance: float = Field(gt=0)
     zmp_feedback: tuple[Annotated[float, Field(ge=0)], Annotated[float, Field(ge=0)]]

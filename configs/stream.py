@@ -41,6 +41,8 @@ class StreamSettings(Strict):
         lead_in_s: time from the first plan to the source's first frame, in which the robot gets ready for it.
         dcm_absorb_s: over which a new plan absorbs the jump of the divergent component of motion.
         blend_frames: frames of human motion over which a new plan is blended in.
+        wake_latency_us: on the real clock processors may not sleep so deeply that they need longer to wake [µs], where
+            the system lets us say so; 0: not at all, null: as deeply as they like, which draws less power.
         budgets: timing bounds.
     """
 
@@ -52,6 +54,7 @@ class StreamSettings(Strict):
     lead_in_s: float = Field(default=0.6, ge=0)
     dcm_absorb_s: float = Field(default=0.15, gt=0)
     blend_frames: int = Field(default=8, ge=0)
+    wake_latency_us: int | None = Field(default=0, ge=0, le=1_000_000)
     budgets: Budgets = Budgets()
 
     @model_validator(mode="after")

@@ -33,8 +33,6 @@ _INSERT_DISTANCE = 0.045
 """Feet further from where they belong (robot scale) are set right by an inserted step."""
 _INSERT_SWING_S = 0.40
 _UNKNOWN_SWING_S = 0.42
-_TURNING = 1.0
-"""A swing reaches 1 / (1 + this times its foot's turn [rad]) as far: long strides in a bend throw a robot outwards."""
 _OWED = 0.3
 """Of what the human goes aside and one foot cannot, the other is told at most this much [m of the human's]."""
 _LATER_S = 0.06
@@ -202,7 +200,7 @@ class FootstepPlanner:
         reach = min(
             gait.swing_max_foot_speed * seconds, gait.swing_max_foot_acceleration * seconds**2 / PEAK_ACCELERATION
         )
-        reach /= 1.0 + _TURNING * abs(target[3] - start[3])
+        reach /= 1.0 + gait.swing_turn_cost * abs(target[3] - start[3])
         travel = target[:2] - start[:2]
         if np.hypot(*travel) <= reach:
             return target

@@ -16,7 +16,7 @@ from configs.robot import Robot
 from configs.stream import Budgets, StreamSettings
 from drivers.interface import Driver
 from drivers.realtime import child
-from drivers.realtime.priority import Scheduling, may_stay_awake
+from drivers.realtime.priority import Scheduling
 from drivers.realtime.witness import Witness, overlapping
 from flexmotion.default_clip import default_clip
 from flexmotion.motion import Motion
@@ -46,7 +46,7 @@ class LatencyResult:
     Attributes:
         stages: by name, a time's percentiles in milliseconds, the budget of one of them, and which one it binds.
         scheduling: of the loop.
-        awake: whether the processors were kept from sleeping.
+        awake: whether the processors were kept from sleeping as deeply as they like.
         switches, answered: targets sent, and those that a plan followed.
         lateness: ticks by how late the loop woke, one a bin of `HISTOGRAM_US`.
         memory_mb: of the loop's process, early in the run and at its end.
@@ -331,7 +331,7 @@ def _result(
         cycles=record.used,
         stages=stages,
         scheduling=session.scheduling,
-        awake=session.scheduling == "fifo" and may_stay_awake(),
+        awake=session.awake,
         load=load,
         switches=sent,
         answered=answered,

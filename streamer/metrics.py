@@ -30,6 +30,8 @@ MAX_LAG_S = 0.1
 """Longest delay between reference and measurement that counts as lag and not as error."""
 LOADED_SHARE = 0.05
 """A foot carries load when it bears at least this share of the robot's weight."""
+STANDS_AGAIN_S = 3.0
+"""Within this time after the source's last frame a robot has come to a stand; later it follows nobody [s]."""
 MOVING_HUMAN_M = 0.5
 """Shortest straight path of the human for which a ratio of paths means anything."""
 EPISODE_GAP_S = 0.1
@@ -134,7 +136,8 @@ class MotionFigures:
     """How the robot moved. Units are in the names; None where unknown.
 
     Attributes:
-        robot_went, human_went: over the same time, the human's lengths scaled to the robot's legs.
+        robot_went: from the source's first frame until it stands again.
+        human_went: as far as it was followed, lengths scaled to the robot's legs.
     """
 
     fell: bool
@@ -272,7 +275,10 @@ def motion_figures(
     compared = playing & known
     if compared.any():
         # The robot's path ends where it comes to a stand: the last step of the human is its last step too.
-        moving = known & upright & should_stand & (np.arange(record.used) >= np.flatnonzero(compared)[0])
+        first, last = np.flatnonzero(compared)[[0, -1]]
+        ticks = np.arange(record.used)
+        follows = (ticks >= first) & (ticks <= last + STANDS_AGAIN_S * record.rate_hz)
+        moving = known & upright & should_stand & follows
         robot_went = Displacement.of(base[moving, :3], heading(base[moving, 3:]))
         if human is not None:
             human_position, human_heading = human.at(record.source_s[rows][compared])

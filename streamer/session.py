@@ -76,6 +76,7 @@ class Session:
     record: RunRecord = field(init=False)
     loop: ControlLoop | None = field(init=False, default=None)
     scheduling: Scheduling = field(init=False, default="other")
+    awake: bool = field(init=False, default=False)
     memory_mb: tuple[float, float] | None = field(init=False, default=None)
 
     def __post_init__(self) -> None:
@@ -163,7 +164,7 @@ class Session:
             wake=self.wake,
         )
         self.scheduling = supervisor.run(Collector(self.telemetry, self.record), self.request, self.progress, self.tell)
-        self.memory_mb = supervisor.memory_mb
+        self.awake, self.memory_mb = supervisor.awake, supervisor.memory_mb
         return self.record
 
 

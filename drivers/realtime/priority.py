@@ -1,10 +1,12 @@
-"""What the system grants a process in time: realtime scheduling, an own processor that is awake, memory that stays."""
+"""What the system grants a process in time: realtime scheduling, processors of its own and awake, memory that stays."""
 
 from __future__ import annotations
 
 import ctypes
 import gc
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Literal
 
@@ -25,9 +27,6 @@ _PR_SET_TIMERSLACK = 29
 def claim(priority: int, *, allowed: bool = True) -> Scheduling:
     """Run this process under SCHED_FIFO on a processor of the motion's, its timers exact, as far as that is granted.
 
-    Processors then do not sleep until it ends, where it may ask for that: one that slept wakes late, and later still
-    where a host runs others on it meanwhile (in a minute on a busy one 1 deadline was missed instead of 26).
-
     Loop and robot have the last processor, ordered by priority; the planner has the one before, whose other work waits
     while a plan is made (sharing the first one it took 1.8 times as long).
 
@@ -41,15 +40,35 @@ def claim(priority: int, *, allowed: bool = True) -> Scheduling:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
     except OSError:
         return "other"
-    _stay_awake()
     available = motion_processors()
     os.sched_setaffinity(0, {available[0 if priority == PLANNER_PRIORITY else -1]})
     return "fifo"
 
 
-def may_stay_awake() -> bool:
-    """Whether processes under SCHED_FIFO can keep the processors from sleeping."""
-    return os.access(WAKE_LATENCY, os.W_OK)
+@contextmanager
+def awake(latency_us: int | None) -> Iterator[bool]:
+    """Within, no processor sleeps so deeply that it needs longer to wake; it draws more power.
+
+    One that slept wakes late, and later still where the host of a virtual machine runs others on it meanwhile.
+
+    Args:
+        latency_us: longest time to wake [µs]; 0 keeps them from sleeping at all, None asks for nothing.
+
+    Yields:
+        Whether that is granted. It ends with the process, however that ends.
+    """
+    try:
+        held = None if latency_us is None else os.open(WAKE_LATENCY, os.O_WRONLY | os.O_CLOEXEC)
+    except OSError:
+        held = None  # not there, or not ours: it is a help, not a need
+    if held is None or latency_us is None:
+        yield False
+        return
+    try:
+        os.write(held, latency_us.to_bytes(4, "little"))
+        yield True
+    finally:
+        os.close(held)
 
 
 def motion_processors() -> list[int]:
@@ -68,14 +87,6 @@ def settle(*, collect: bool) -> None:
     if not collect:
         gc.disable()
     _libc().mlockall(_MCL_CURRENT | _MCL_FUTURE | _MCL_ONFAULT)
-
-
-def _stay_awake() -> None:
-    try:
-        # Never closed: the kernel forgets it with the process.
-        os.write(os.open(WAKE_LATENCY, os.O_WRONLY | os.O_CLOEXEC), (0).to_bytes(4, "little"))
-    except OSError:
-        return  # not there, or not ours: it is a help, not a need
 
 
 def _libc() -> ctypes.CDLL:

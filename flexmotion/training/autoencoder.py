@@ -69,6 +69,7 @@ class Autoencoder(nn.Module):
     def __init__(self, config: AutoencoderConfig, window: Window, layout: Layout) -> None:
         super().__init__()
         self.latent = config.latent
+        self._kinematic = tuple(layout.kinematic)
         self.past, ahead = window.history // window.patch, window.future // window.patch
         width = config.encoder.width
         self.read = Patches(layout.blocks, window.patch, width)
@@ -113,15 +114,18 @@ class Autoencoder(nn.Module):
             for value in self.write.parameters():
                 value.zero_()
 
-    def encoding(self) -> dict[str, nn.Parameter]:
-        """What a latent's meaning depends on, by name."""
-        parts = ("read", "encoder", "encoder_place", "summary", "distribution", "read_straight")
-        return {name: value for name, value in self.named_parameters() if name.split(".")[0] in parts}
+    def motion(self) -> dict[str, nn.Parameter]:
+        """What latents and decoded motion depend on, by name; the rest are torques, forces, contacts, activations."""
+        return {name: value for name, value in self.named_parameters() if not self._beside_motion(name)}
 
-    def hold_encoder(self) -> None:
-        """Train the decoder alone from now on: what a latent means stays."""
-        for value in self.encoding().values():
+    def hold_motion(self) -> None:
+        """Train only what is decoded beside motion from now on: what a latent means, and how it moves, stays."""
+        for value in self.motion().values():
             value.requires_grad_(False)
+
+    def _beside_motion(self, name: str) -> bool:
+        parts = name.split(".")
+        return parts[0] == "dynamics" or (parts[:2] == ["write", "maps"] and parts[2] not in self._kinematic)
 
     def encode(self, history: Tensor, future: Tensor) -> tuple[Tensor, Tensor]:
         """Mean and logarithm of the variance of the latent, (N, latent) each, of normalised features."""

@@ -1,4 +1,4 @@
-"""The autoencoder's stages: reconstruction and physics, with encoder and decoder, then with the decoder alone."""
+"""The autoencoder's stages: reconstruction and physics of everything, then of torques and forces alone."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class AutoencoderTask:
         seed: of the weights and of all that is drawn.
         processes: that train.
         muscles: torques of the muscles; None for no loss of theirs.
-        trained: folder of the autoencoder whose decoder alone is trained on; None for a new one.
+        trained: folder of an autoencoder that goes on with what it decodes beside motion; None for a new one.
 
     Raises:
         ConfigError: `trained` holds none.
@@ -51,7 +51,7 @@ class AutoencoderTask:
     ) -> None:
         torch.manual_seed(seed)
         self.config, self.seed, self.processes = config, seed, processes
-        self._stage = config.stages.autoencoder if trained is None else config.stages.decoder
+        self._stage = config.stages.autoencoder if trained is None else config.stages.forces
         self._new = trained is None
         self.network = Autoencoder(config.autoencoder, config.window, store.layout).to(processes.device)
         self.loss = Reconstruction(store.layout, store.statistics, config.losses, muscles)
@@ -61,7 +61,7 @@ class AutoencoderTask:
         self._humans = self.training.humans.to(processes.device)
         if trained is not None:
             load_weights(self.network, trained)
-            self.network.hold_encoder()
+            self.network.hold_motion()
         elif config.autoencoder.shortcut:
             known = self.network.known.cpu()
             self.network.begin_with(
@@ -114,18 +114,18 @@ class AutoencoderTask:
 
 
 def load_autoencoder(run: Run) -> Autoencoder:
-    """A run's best autoencoder, with the decoder that was trained on after it where there is one.
+    """A run's best autoencoder, with the forces that were trained on after it where they were.
 
     Raises:
-        ConfigError: it has not been trained, or the decoder is of another one's latents.
+        ConfigError: it has not been trained, or the forces are those of another one's motion.
     """
     network = Autoencoder(run.config.autoencoder, run.config.window, run.layout)
     load_weights(network, run.stage("autoencoder"))
-    folder = run.stage("decoder")
+    folder = run.stage("forces")
     if not is_trained(folder):
         return network
-    meant = digest(network.encoding())
+    meant = digest(network.motion())
     load_weights(network, folder)
-    if digest(network.encoding()) != meant:
-        raise ConfigError(f"{folder}: decodes another autoencoder's latents; train it anew, in an empty folder")
+    if digest(network.motion()) != meant:
+        raise ConfigError(f"{folder}: is of another autoencoder's motion; train it anew, in an empty folder")
     return network

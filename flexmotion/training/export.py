@@ -131,8 +131,8 @@ def export(run: Run, folder: Path, *, distilled: bool, body: Body | None = None,
     training = [clip for clip in store.clips if clip.split == "train"]
     hours = sum(clip.frames for clip in training) / window.fps / 3600
     names = ["autoencoder", "diffusion", *(["distill"] if distilled else [])]
-    if is_trained(run.stage("decoder")):
-        names.append("decoder")
+    if is_trained(run.stage("forces")):
+        names.append("forces")
     made = Making(config.name, hours, len(training), run.seed, {name: trained(run.stage(name)) for name in names})
     write_card(folder, manifest, made)
     return write_bundle(folder, manifest, _arrays(run, store, layout, diffusion.steps))

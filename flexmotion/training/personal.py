@@ -74,7 +74,7 @@ def personal_run(trained: Run, out: Path, manner: str) -> Run:
     if not (out / CONFIG).is_file():
         copyfile(trained.folder / CONFIG, out / CONFIG)
         copytree(trained.stage("text"), out / "text")
-        for stage in ("autoencoder", "decoder"):
+        for stage in ("autoencoder", "forces"):
             if is_trained(trained.stage(stage)):
                 (out / stage).mkdir()
                 copyfile(trained.stage(stage) / BEST, out / stage / BEST)

@@ -146,18 +146,18 @@ def distill(
 
 
 @train.command()
-def decoder(
+def forces(
     out: OutOption,
     steps: StepsOption = None,
     minutes: MinutesOption = None,
     threads: ThreadsOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Train the autoencoder's decoder on, alone; a diffusion on its latents stays valid. Needs autoencoder.
+    """Train on torques, forces, contacts and activations alone; the motion stays as it is. Needs autoencoder.
 
     [bold]Examples[/bold]
 
-      flexmotion train decoder -o training --minutes 60
+      flexmotion train forces -o training --minutes 20
     """
     run = _run(out, None, None, threads)
     from flexmotion.training.autoencoder_task import AutoencoderTask
@@ -166,8 +166,8 @@ def decoder(
 
     trained = run.stage("autoencoder")
     task = AutoencoderTask(run.config, run.store(), run.seed, Processes(), run.muscles(), trained)
-    meant = digest(task.network.encoding())
-    train_and_report(run, "decoder", task, steps, minutes, as_json, goes_on_from=meant)
+    meant = digest(task.network.motion())
+    train_and_report(run, "forces", task, steps, minutes, as_json, goes_on_from=meant)
 
 
 @train.command()

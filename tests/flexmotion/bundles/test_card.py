@@ -34,7 +34,7 @@ def card(tmp_path: Path) -> Path:
         "autoencoder": Trained(2100, 1, 64, 2000, {"loss": 0.96}),
         "diffusion": Trained(9000, 2, 64, 9000, {"loss": 0.25}),
         "distill": Trained(1500, 2, 64, 1500, {"loss": 0.01}),
-        "decoder": Trained(7000, 1, 64, 7000, {"loss": 0.9}),
+        "forces": Trained(7000, 1, 64, 7000, {"loss": 0.9}),
     }
     write_card(tmp_path, manifest, Making("stream", 6.6, 4992, 3, stages))
     return tmp_path / CARD
@@ -47,7 +47,7 @@ def test_the_card_has_the_commands_that_make_the_bundle_again(card: Path) -> Non
         "flexmotion train text -o TRAINING",
         "torchrun --nproc-per-node 2 -m streamer train diffusion --steps 9000 -o TRAINING",
         "torchrun --nproc-per-node 2 -m streamer train distill --steps 1500 -o TRAINING",
-        "flexmotion train decoder --steps 7000 -o TRAINING",
+        "flexmotion train forces --steps 7000 -o TRAINING",
         "flexmotion export TRAINING -o BUNDLE",
     ]
     assert "CC BY-NC 4.0" in text and "| diffusion | 9000 | 2 x 64 | 9000 | loss 0.25 |" in text
