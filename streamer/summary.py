@@ -59,7 +59,7 @@ def motion_rows(report: Report) -> list[tuple[str, str, str]]:
         ("lag", show(m.lag_s, "ms", 1e3, 0), "measured behind reference, taken out of the error"),
         ("foot slip", show(m.foot_slip_mm_s, "mm/s"), "mean speed of feet that carry load"),
         ("net path", show(m.net_path_ratio, "", 1.0, 2), "robot over human, scaled by leg length"),
-        ("went", _went(m.robot_went), f"the human, scaled by leg length: {_went(m.human_went)}"),
+        ("went", _went(m.robot_went), f"when it stands again; the human, scaled: {_went(m.human_went)}"),
         ("heading error", show(m.heading_rms_rad, "°", math.degrees(1), 1), "RMS, robot against human"),
         ("hand error", show(m.hand_error_share, "%", 100, 1), "median, of arm length, where within reach"),
         ("steps", f"{m.steps_planned}", steps),
@@ -122,10 +122,13 @@ def _went(way: DisplacementSection | None) -> str:
     """Where somebody came to, directions in words."""
     if way is None:
         return "-"
-    ahead = f"{abs(way.ahead_m):.2f} m {'back' if way.ahead_m < 0 else 'ahead'}"
-    aside = f"{abs(way.left_m):.2f} m {'right' if way.left_m < 0 else 'left'}"
-    turned = math.degrees(way.turned_rad)
-    return f"{ahead}, {aside}, turned {abs(turned):.0f}° {'right' if turned < 0 else 'left'}"
+    # Rounded first: nothing has no side.
+    ahead, left, turned = round(way.ahead_m, 2), round(way.left_m, 2), round(math.degrees(way.turned_rad))
+    return (
+        f"{abs(ahead):.2f} m {'back' if ahead < 0 else 'ahead'}, "
+        f"{abs(left):.2f} m {'right' if left < 0 else 'left' if left else 'aside'}, "
+        f"turned {abs(turned)}°{' right' if turned < 0 else ' left' if turned else ''}"
+    )
 
 
 def _joints(report: Report) -> list[RenderableType]:

@@ -15,6 +15,8 @@ from flexmotion.importers import load
 from flexmotion.motion import Motion
 from flexmotion.resample import resample
 from flexmotion.sampler import Sampler
+from flexmotion.text.prompt_reader import SAME
+from streamer.commands.output import print_note
 from streamer.intents import Clip, Intent, Stop, Text
 from streamer.latency import shipped_clips, switched
 from streamer.model_source import ModelSource
@@ -167,4 +169,14 @@ def _model(
 ) -> ModelSource:
     if seconds is None and not endless:
         seconds = items[-1].at + LAST_S
-    return ModelSource(open_sampler(bundle, asker), items, name, seed, seconds)
+    source = ModelSource(open_sampler(bundle, asker), items, name, seed, seconds)
+    _tell_what_is_heard(source)
+    return source
+
+
+def _tell_what_is_heard(source: ModelSource) -> None:
+    """A sentence is heard as one kind of motion, which need not be the one that was meant."""
+    for text in dict.fromkeys(item.intent.text for item in source.items if isinstance(item.intent, Text)):
+        prompt = source.sampler.prompt(text)
+        if prompt.known and prompt.likeness < SAME:
+            print_note(f"{text!r} is heard as {prompt.kind}")

@@ -12,6 +12,8 @@ import pytest
 from configs.robot import load_robot
 from configs.stream import load_stream
 from drivers.registry import create
+from flexmotion.bundles.bundle import Bundle
+from flexmotion.sampler import Sampler
 from streamer.cli import execute
 from streamer.commands.choice import choose_source
 from streamer.controls import Request
@@ -155,6 +157,15 @@ def test_a_damaged_bundle_is_one_line(bundle: Path, tmp_path: Path, capsys: pyte
         assert execute([*command, "--bundle", str(copy)]) == 2
         error = capsys.readouterr().err
         assert "denoiser.onnx: is not what the manifest says (hash)" in error and error.count("\n") == 1
+
+
+def test_a_wording_that_is_new_is_told_as_what_it_is_heard(bundle: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A new user's "do a backflip" walked backward, and nothing said why."""
+    dry_run("--prompt", "please walk on ahead of you", "--bundle", str(bundle), "--seconds", "0.5", "--json")
+    told = capsys.readouterr().err
+    sampler = Sampler(Bundle(bundle))
+    heard = sampler.prompt("please walk on ahead of you")
+    assert heard.known and f"'please walk on ahead of you' is heard as {heard.kind}" in told
 
 
 def test_words_that_mean_nothing_are_warned_of_before_anything_moves(
