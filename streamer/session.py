@@ -13,7 +13,7 @@ from configs.errors import ConfigError, FlexMotionError
 from configs.robot import Robot
 from configs.stream import StreamSettings
 from drivers.interface import Driver
-from drivers.realtime.priority import Scheduling
+from drivers.realtime.priority import Scheduling, awake
 from flexmotion.contacts import ContactDetector
 from flexmotion.motion import Motion
 from retarget.human import HumanWindow
@@ -163,8 +163,10 @@ class Session:
             services=self.services,
             wake=self.wake,
         )
-        self.scheduling = supervisor.run(Collector(self.telemetry, self.record), self.request, self.progress, self.tell)
-        self.awake, self.memory_mb = supervisor.awake, supervisor.memory_mb
+        collector = Collector(self.telemetry, self.record)
+        with awake(self.settings.wake_latency_us if self.realtime else None) as self.awake:
+            self.scheduling = supervisor.run(collector, self.request, self.progress, self.tell)
+        self.memory_mb = supervisor.memory_mb
         return self.record
 
 

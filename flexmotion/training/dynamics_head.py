@@ -46,8 +46,8 @@ class DynamicsHead(nn.Module):
 
     def forward(self, history: Tensor, frames: Tensor) -> Tensor:
         """Decoded frames (N, W, F), normalised, after their history (N, H, F), with better torques and wrenches."""
-        motion, last = frames.detach(), history.shape[1]
-        whole = _extended(torch.cat([history, motion], dim=1), HALF, HALF + 1)[:, last:]
+        motion, past = frames.detach(), history.shape[1]
+        whole = _extended(torch.cat([history, motion], dim=1), HALF, HALF + 1)[:, past:]
         # Speeds are those since the frame before: what they become within a frame lies between two of them.
         rates = of_neighbours(whole[..., self._speeds], FIRST.tolist()) * self._unit
         acceleration = 0.5 * (rates[:, :-1] + rates[:, 1:])

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import importlib.util
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Protocol
 
 import typer
 
@@ -44,6 +45,36 @@ def needs_training() -> None:
     """Raise `ConfigError` where the libraries of training are not installed."""
     if importlib.util.find_spec("torch") is None:
         raise ConfigError("training needs the extra 'train': pip install 'flexmotion[train]'")
+
+
+class Finish(Protocol):
+    """Trains a stage's task and tells where it is."""
+
+    def __call__(self, task: Task, *, goes_on_from: str = "") -> None:
+        """As `train_and_report`."""
+        ...
+
+
+def _stage(prepare: Callable[[Run, Finish], None]) -> Callable[[Run, Finish], None]:
+    """Make the function that prepares a stage a command of its name and docstring, for a run that is there already."""
+    name = prepare.__name__
+
+    @train.command(name, help=prepare.__doc__)
+    def command(
+        out: OutOption,
+        steps: StepsOption = None,
+        minutes: MinutesOption = None,
+        threads: ThreadsOption = None,
+        as_json: JsonOption = False,
+    ) -> None:
+        run = _run(out, None, None, threads)
+
+        def finish(task: Task, *, goes_on_from: str = "") -> None:
+            train_and_report(run, name, task, steps, minutes, as_json, goes_on_from=goes_on_from)
+
+        prepare(run, finish)
+
+    return prepare
 
 
 @train.command()
@@ -104,92 +135,62 @@ def text(
         print_result(f"{run.stage('text')}: {_figures(figures)}")
 
 
-@train.command()
-def diffusion(
-    out: OutOption,
-    steps: StepsOption = None,
-    minutes: MinutesOption = None,
-    threads: ThreadsOption = None,
-    as_json: JsonOption = False,
-) -> None:
+@_stage
+def diffusion(run: Run, finish: Finish) -> None:
     """Train the latent diffusion on text, history and velocity; needs autoencoder and text.
 
     [bold]Examples[/bold]
 
       flexmotion train diffusion -o training --minutes 60
     """
-    run = _run(out, None, None, threads)
-    train_and_report(run, "diffusion", _diffusion_task(run), steps, minutes, as_json)
+    finish(_diffusion_task(run))
 
 
-@train.command()
-def distill(
-    out: OutOption,
-    steps: StepsOption = None,
-    minutes: MinutesOption = None,
-    threads: ThreadsOption = None,
-    as_json: JsonOption = False,
-) -> None:
+@_stage
+def distill(run: Run, finish: Finish) -> None:
     """Distil the diffusion model to a few steps; needs diffusion.
 
     [bold]Examples[/bold]
 
       flexmotion train distill -o training
     """
-    run = _run(out, None, None, threads)
     from flexmotion.training.distillation_task import DistillationTask
     from flexmotion.training.stage import load_weights
 
     teacher = _diffusion_task(run)
     load_weights(teacher.network, run.stage("diffusion"))
-    train_and_report(run, "distill", DistillationTask(run.config, teacher, run.seed), steps, minutes, as_json)
+    finish(DistillationTask(run.config, teacher, run.seed))
 
 
-@train.command()
-def forces(
-    out: OutOption,
-    steps: StepsOption = None,
-    minutes: MinutesOption = None,
-    threads: ThreadsOption = None,
-    as_json: JsonOption = False,
-) -> None:
+@_stage
+def forces(run: Run, finish: Finish) -> None:
     """Train on torques, forces, contacts and activations alone; the motion stays as it is. Needs autoencoder.
 
     [bold]Examples[/bold]
 
       flexmotion train forces -o training --minutes 20
     """
-    run = _run(out, None, None, threads)
     from flexmotion.training.autoencoder_task import AutoencoderTask
     from flexmotion.training.processes import Processes
     from flexmotion.training.stage import digest
 
     trained = run.stage("autoencoder")
     task = AutoencoderTask(run.config, run.store(), run.seed, Processes(), run.muscles(), trained)
-    meant = digest(task.network.motion())
-    train_and_report(run, "forces", task, steps, minutes, as_json, goes_on_from=meant)
+    finish(task, goes_on_from=digest(task.network.motion()))
 
 
-@train.command()
-def evaluator(
-    out: OutOption,
-    steps: StepsOption = None,
-    minutes: MinutesOption = None,
-    threads: ThreadsOption = None,
-    as_json: JsonOption = False,
-) -> None:
+@_stage
+def evaluator(run: Run, finish: Finish) -> None:
     """Train the evaluator, by which `evaluate` compares motions and sentences; needs text.
 
     [bold]Examples[/bold]
 
       flexmotion train evaluator -o training
     """
-    run = _run(out, None, None, threads)
     from flexmotion.training.evaluator_task import EvaluatorTask
     from flexmotion.training.processes import Processes
 
-    task = EvaluatorTask(run.config, run.store(), _encoder(run), run.seed, Processes())
-    train_and_report(run, "evaluator", task, steps, minutes, as_json)
+    finish(EvaluatorTask(run.config, run.store(), _encoder(run), run.seed, Processes()))
 
 
 def _encoder(run: Run) -> SentenceEncoder:

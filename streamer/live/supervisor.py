@@ -17,7 +17,7 @@ import psutil
 from configs.errors import DriverError
 from configs.stream import StreamSettings
 from drivers.realtime import child
-from drivers.realtime.priority import Scheduling, awake
+from drivers.realtime.priority import Scheduling
 from streamer.controls import Controls, Request
 from streamer.live import loop_process, planner_process
 from streamer.live.planner_process import Heartbeat
@@ -89,9 +89,6 @@ class Supervisor:
         self.heartbeat = Heartbeat()
         self._silent = False
         self._begun_ns, self._quit_ns, self._killed = time.perf_counter_ns(), 0, ""
-        self._wake_latency_us = settings.wake_latency_us if realtime else None
-        self.awake = False
-        """Whether processors are kept from sleeping as deeply as they like."""
         self.memory_mb: tuple[float, float] | None = None
         """Memory of the loop's process, some seconds after its start and last [MB]."""
 
@@ -110,16 +107,6 @@ class Supervisor:
         Raises:
             DriverError: the driver failed, or the loop's process died.
         """
-        with awake(self._wake_latency_us) as self.awake:
-            return self._run(collector, request, progress, tell)
-
-    def _run(
-        self,
-        collector: Collector,
-        request: Callable[[], Request | None] | None,
-        progress: Callable[[float], None] | None,
-        tell: Callable[[Event], None],
-    ) -> Scheduling:
         ears, mouth = Pipe(duplex=False)
         rate = self.loop.robot.rate_hz
         planner = child.start(
