@@ -14,8 +14,9 @@ from streamer.reference import Reference
 
 Float = NDArray[np.float64]
 
-_KNOT_TICKS = 10
-"""The torque that holds the robot up is worked out this often and interpolated between: the moves are slow."""
+_KNOTS = 17
+"""Poses along the way at which the torque that holds the robot up is worked out, all when a move begins: done on the
+way, each would cost a tick of its own more than all that a tick does. Between them it is linear."""
 
 
 class PostureMove:
@@ -28,9 +29,10 @@ class PostureMove:
     def __init__(self, robot: Robot, dynamics: RobotDynamics) -> None:
         self.robot, self.dynamics = robot, dynamics
         self.data = mujoco.MjData(robot.model)
+        self._feet = list(robot.foot_ids)
         self.start, self.goal = np.zeros(robot.n), np.zeros(robot.n)
         self.ticks = self.tick = 0
-        self._before, self._after = np.zeros(robot.n), np.zeros(robot.n)
+        self._torque = np.zeros((_KNOTS, robot.n))
 
     def begin(self, start: Float, goal: Float, *, least_s: float, speed: float) -> None:
         """Plan from `start` to `goal` (n,) [rad] in at least `least_s` and at no joint faster than `speed`."""
@@ -38,6 +40,8 @@ class PostureMove:
         # A minimum-jerk profile peaks at 15/8 of its mean speed.
         seconds = max(least_s, 1.875 * float(np.max(np.abs(goal - start), initial=0.0)) / speed)
         self.ticks, self.tick = max(int(np.ceil(seconds * self.robot.rate_hz)), 1), 0
+        part = np.linspace(0.0, 1.0, _KNOTS)[:, None]
+        np.copyto(self._torque, self._holding_torque(self.start + part * (self.goal - self.start)))
 
     @property
     def done(self) -> bool:
@@ -51,37 +55,47 @@ class PostureMove:
         span = self.goal - self.start
         np.copyto(reference.q, self.start + now * span)
         np.copyto(reference.qd, (after - now) * self.robot.rate_hz * span)
-        if self.tick % _KNOT_TICKS == 0 and self.tick < self.ticks:
-            ahead = smoothstep(np.array([(self.tick + _KNOT_TICKS) / self.ticks]))
-            np.copyto(self._before, self._after if self.tick else self._holding_torque(reference.q))
-            np.copyto(self._after, self._holding_torque(self.start + ahead * span))
-        part = (self.tick % _KNOT_TICKS) / _KNOT_TICKS if self.tick < self.ticks else 1.0
-        np.copyto(reference.torque, self._before + part * (self._after - self._before))
+        place = now * (_KNOTS - 1)
+        knot = min(int(place), _KNOTS - 2)
+        before, following = self._torque[knot], self._torque[knot + 1]
+        np.copyto(reference.torque, before + (place - knot) * (following - before))
         reference.balanced = False
         self.tick = min(self.tick + 1, self.ticks)
 
     def _holding_torque(self, q: Float) -> Float:
-        """Joint torques at rest with the weight on both soles, by where the centre of mass lies between them."""
-        robot, data = self.robot, self.data
-        data.qpos[:7] = [0, 0, 0, 1, 0, 0, 0]
-        data.qpos[robot.qpos_address] = q
-        mujoco.mj_kinematics(robot.model, data)
+        """Joint torques at rest with the weight on both soles, by where the centre of mass lies between them.
+
+        Args:
+            q: poses, (K, n) [rad].
+
+        Returns:
+            (K, n) [N·m].
+        """
+        robot, count = self.robot, len(q)
         # Lean the torso so that the soles lie flat: that is how the ground holds the robot.
-        level = data.xmat[robot.foot_ids[0]].reshape(3, 3).T
-        data.qpos[3:7] = Rotation.from_matrix(level).as_quat(scalar_first=True)
-        mujoco.mj_kinematics(robot.model, data)
-        mujoco.mj_comPos(robot.model, data)
-        soles = np.stack(
-            [
-                data.xpos[body] + data.xmat[body].reshape(3, 3) @ sole
-                for body, sole in zip(robot.foot_ids, robot.soles, strict=True)
-            ]
+        upright = np.tile([0.0, 0, 0, 1, 0, 0, 0], (count, 1))
+        leaning, _, _ = self._look(upright, q)
+        base = upright.copy()
+        base[:, 3:] = Rotation.from_matrix(leaning.swapaxes(1, 2)).as_quat(scalar_first=True)
+        _, soles, com = self._look(base, q)
+        across, away = (soles[:, 1] - soles[:, 0])[:, :2], (com - soles[:, 0])[:, :2]
+        share = np.sum(across * away, axis=1) / np.maximum(np.sum(across**2, axis=1), 1e-6)
+        feet = np.concatenate([soles, np.zeros((count, 2, 1))], axis=2)
+        still, joints = np.zeros((count, 6)), np.zeros((count, robot.n))
+        torque, _ = self.dynamics.inverse(
+            base, still, still, q, joints, joints, feet, np.minimum(np.maximum(share, 0.0), 1.0)
         )
-        across = (soles[1] - soles[0])[:2]
-        away = (data.subtree_com[robot.torso_id] - soles[0])[:2]
-        share = np.clip(across @ away / max(across @ across, 1e-6), 0.0, 1.0)
-        feet = np.hstack([soles, np.zeros((2, 1))])
-        still, base = np.zeros((1, 6)), data.qpos[None, :7].copy()
-        joints = np.zeros((1, robot.n))
-        torque, _ = self.dynamics.inverse(base, still, still, q[None], joints, joints, feet[None], np.array([share]))
-        return torque[0]
+        return torque
+
+    def _look(self, base: Float, q: Float) -> tuple[Float, Float, Float]:
+        """Attitude of the left foot (K, 3, 3), sole centres (K, 2, 3) and centre of mass (K, 3), in the world."""
+        robot, data = self.robot, self.data
+        attitude, soles, com = np.empty((len(q), 3, 3)), np.empty((len(q), 2, 3)), np.empty((len(q), 3))
+        for k in range(len(q)):
+            data.qpos[:7], data.qpos[robot.qpos_address] = base[k], q[k]
+            mujoco.mj_kinematics(robot.model, data)
+            mujoco.mj_comPos(robot.model, data)
+            rotations = data.xmat[self._feet].reshape(2, 3, 3)
+            attitude[k], com[k] = rotations[0], data.subtree_com[robot.torso_id]
+            soles[k] = data.xpos[self._feet] + (rotations @ robot.soles[:, :, None])[:, :, 0]
+        return attitude, soles, com

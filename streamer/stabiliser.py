@@ -6,6 +6,8 @@ acceleration of the reference.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -32,22 +34,30 @@ class Stabiliser:
 
     def __init__(self, robot: Robot, *, enabled: bool = True) -> None:
         self.enabled = enabled
-        self.bound = robot.gait.zmp_feedback
+        self._along, self._across = robot.gait.zmp_feedback
         self.weight = robot.mass * _GRAVITY
         self.legs = [np.array(list(robot.chain(f"{side}_leg").values())) for side in ("left", "right")]
         self.torque, self.zmp_shift = np.zeros(robot.n), np.zeros(2)
+        self._moment = np.zeros(2)
 
     def update(self, estimator: Estimator, reference: Reference) -> None:
         """Fill `torque` from the newest estimate."""
         self.torque[:], self.zmp_shift[:] = 0.0, 0.0
         if not (self.enabled and reference.balanced and estimator.has_imu):
             return
-        yaw = reference.feet[:, 3] @ np.array([1.0 - reference.share, reference.share])
-        cos, sin = np.cos(yaw), np.sin(yaw)
-        error = estimator.dcm - reference.dcm
-        along = np.clip(DCM_GAIN * (cos * error[0] + sin * error[1]), -self.bound[0], self.bound[0])
-        across = np.clip(DCM_GAIN * (cos * error[1] - sin * error[0]), -self.bound[1], self.bound[1])
-        self.zmp_shift[:] = cos * along - sin * across, sin * along + cos * across
-        moment = self.weight * np.array([self.zmp_shift[1], -self.zmp_shift[0], 0.0])
-        for side, share in enumerate((1.0 - reference.share, reference.share)):
-            self.torque[self.legs[side]] -= share * (estimator.leg_axes[side] @ moment)
+        shares = 1.0 - reference.share, reference.share
+        yaw = shares[0] * float(reference.feet[0, 3]) + shares[1] * float(reference.feet[1, 3])
+        # Plain numbers: NumPy takes longer over one of them than over all of a robot's joints.
+        cos, sin = math.cos(yaw), math.sin(yaw)
+        ahead, left = (estimator.dcm - reference.dcm).tolist()
+        along = _within(DCM_GAIN * (cos * ahead + sin * left), self._along)
+        across = _within(DCM_GAIN * (cos * left - sin * ahead), self._across)
+        x, y = cos * along - sin * across, sin * along + cos * across
+        self.zmp_shift[:] = x, y
+        self._moment[:] = self.weight * y, -self.weight * x
+        for side, share in enumerate(shares):
+            self.torque[self.legs[side]] -= share * (estimator.leg_axes[side, :, :2] @ self._moment)
+
+
+def _within(value: float, bound: float) -> float:
+    return min(max(value, -bound), bound)

@@ -261,6 +261,23 @@ def test_no_step_appears_on_short_notice(walking: list[Plan]) -> None:
                 assert (step.side, step.lift, step.land) in known
 
 
+def test_a_human_who_turns_no_further_does_not_throw_the_weight_about(
+    chain: Chain, retargeter: Retargeter, spin: Motion
+) -> None:
+    """A step inserted for a turn was left out again with the weight on its way, 5 mm a tick."""
+    rows, moves = np.arange(REPLAN), []
+    for plan in chain(spin):
+        for row in range(0, min(plan.stop_row, 60), 6):
+            tick = plan.start_tick + row
+            first = retargeter.next_frame(plan.states[row], tick, spin.fps)
+            held = np.minimum(np.arange(len(spin)), max(first - 20, 0))
+            turned_back = replace(spin, root_quaternion=spin.root_quaternion[held])
+            redrawn = resume(retargeter, turned_back, plan.states[row], tick)
+            apart = redrawn.dcm[:REPLAN] - plan.dcm[np.minimum(row + rows, len(plan) - 1)]
+            moves.append(np.linalg.norm(np.diff(apart, axis=0, prepend=np.zeros((1, 2))), axis=1).max())
+    assert max(moves) < 0.003
+
+
 # ---------------------------------------------------------------- causality and repeatability
 
 

@@ -60,6 +60,14 @@ def test_the_torque_holds_the_robot_up_and_does_not_jump(move: PostureMove, op3:
     np.testing.assert_allclose(torque[:, knees[0]], -torque[:, knees[1]], atol=0.02)
 
 
+def test_nothing_is_worked_out_on_the_way(move: PostureMove, op3: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every tenth tick of a move solved the dynamics and took three times what any other tick takes."""
+    move.begin(op3.stand_pose, op3.rest_pose, least_s=2.0, speed=1.6)
+    monkeypatch.setattr(move.dynamics, "inverse", lambda *_: pytest.fail("solved while the robot moves"))
+    _, _, torque = play(move, op3)
+    assert np.ptp(torque, axis=0).max() > 0.1
+
+
 def test_no_way_to_go_takes_the_least_time(move: PostureMove, op3: Robot) -> None:
     move.begin(op3.stand_pose, op3.stand_pose, least_s=0.5, speed=0.8)
     q, qd, _ = play(move, op3, extra=0)
