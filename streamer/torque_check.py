@@ -122,5 +122,8 @@ def render_check(check: TorqueCheck) -> RenderableType:
             "no limit" if load.lasts_s is None else show(load.lasts_s, "min", 1 / 60, 1),
             style="bold red" if load.over_share > MAX_OVER_SHARE else "",
         )
-    note = "torque as planned, balance feedback not included; temperatures from the servo catalogue's thermal constants"
+    note = (
+        "torque as planned, balance feedback not included; what is over is clamped when the motion runs, and the joint "
+        "falls behind its plan; temperatures from the servo catalogue's thermal constants"
+    )
     return Group(mark + Text(verdict, style="bold"), Text(), drawn, Text(note, style="dim"))

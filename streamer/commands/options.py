@@ -53,7 +53,12 @@ SecondsOption = Annotated[
 SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of everything that is drawn at random.")]
 ReportOption = Annotated[
     Path | None,
-    typer.Option("--report", help="Folder for report.json, index.html and the pictures.", show_default=False),
+    typer.Option(
+        "--report",
+        file_okay=False,
+        help="Folder for report.json, index.html and the pictures.",
+        show_default=False,
+    ),
 ]
 LogOption = Annotated[
     Path | None,

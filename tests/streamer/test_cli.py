@@ -102,6 +102,7 @@ BAD_USAGE = {
     "unknown driver": (["run", "--robot", "op3", "--driver", "magic"], "unknown driver 'magic', expected one of: "),
     "port of a simulation": (["run", "-r", "op3", "-d", "sim", "-p", "/dev/x"], "field port: unknown field"),
     "kind of output": (["retarget", "a.bvh", "-o", "a.xlsx"], "a.xlsx: unknown kind of file, expected .csv or .npz"),
+    "report over a file": (["dry-run", "--report", __file__], "Invalid value for '--report': dir"),
     "folder of output": (["retarget", "a.bvh", "-o", "none/a.csv"], "none: no such folder"),
     "missing argument": (["retarget"], "Missing argument 'FILE'"),
 }
