@@ -39,12 +39,12 @@ _LATER_S = 0.06
 """How much later than the human's foot the robot's may land."""
 NOTICE_S = 0.25
 """A step is settled this long before its foot lifts, and none is begun on shorter notice: the weight must be moved."""
-_ASIDE, _ASKEW = 0.015, 0.09
-"""Feet nearer than this to standing side by side [m, rad] are left as they are at the end."""
-_UNHURRIED_S = 0.45
+UNHURRIED_S = 0.45
 """The same from a stand, where the weight rests between the feet and does not move yet, and for inserted steps: nobody
 waits for those, and whether one is needed may look otherwise at every look at the human, so it must be settled before
 the weight is on its way."""
+_ASIDE, _ASKEW = 0.015, 0.09
+"""Feet nearer than this to standing side by side [m, rad] are left as they are at the end."""
 _AGAIN_S = 0.3
 """A foot that has landed stays down this long, though the other may lift sooner: who swings one leg to and fro while
 the other carries him soon scuffs the ground and falls."""
@@ -80,6 +80,12 @@ class Step:
     def stance(self) -> int:
         """The foot that carries the robot meanwhile."""
         return 1 - self.side
+
+
+def settled_from(steps: list[Step], rate_hz: float) -> Float:
+    """Ticks from which steps, in order of time, are settled: each with the one after it at the latest, (steps,)."""
+    own = np.array([step.lift - step.notice_s * rate_hz for step in steps])
+    return np.minimum.accumulate(own[::-1])[::-1]
 
 
 @dataclass(frozen=True)
@@ -127,6 +133,11 @@ class FootstepPlanner:
         self.rate = rate_hz
         # Ticks that the other foot, and that the same foot, stays down after one has landed.
         self._rests = tuple(round(seconds * rate_hz) for seconds in (gait.double_support_min_s, _AGAIN_S))
+
+    @property
+    def sight_s(self) -> float:
+        """How far ahead the human must be seen for a step to be inserted [s]."""
+        return UNHURRIED_S + _INSERT_SWING_S + self.gait.double_support_min_s
 
     def worth(self, window: HumanWindow, swing: Swing) -> bool:
         """Whether a human swing is a step, rather than a shuffle or a lifted heel."""
@@ -248,9 +259,9 @@ class FootstepPlanner:
         steps: list[Step] = []
         feet, human_feet, consumed = feet.copy(), human_feet.copy(), consumed.copy()
         pause, again = self._rests
-        notice = _UNHURRIED_S if at_rest and not frozen else NOTICE_S
+        notice = UNHURRIED_S if at_rest and not frozen else NOTICE_S
         free = np.maximum(free, now + int(round(notice * self.rate)) + put_off)
-        calm = now + int(round(_UNHURRIED_S * self.rate)) + put_off
+        unhurried = now + int(round(UNHURRIED_S * self.rate)) + put_off
         for step in frozen:
             steps.append(step)
             feet[step.side], human_feet[step.side] = step.target, step.human
@@ -277,7 +288,8 @@ class FootstepPlanner:
                 continue
             until = np.full(2, lift - pause)
             until[swing.side] = lift - again
-            self._insert(window, scaling, steps, feet, human_feet, consumed, np.maximum(free, calm), until, source_tick)
+            insertable = np.maximum(free, unhurried)
+            self._insert(window, scaling, steps, feet, human_feet, consumed, insertable, until, source_tick)
             if steps:
                 free = np.maximum(free, self.free(steps[-1].side, steps[-1].land))
                 lift = max(lift, int(free[swing.side]))
@@ -301,7 +313,8 @@ class FootstepPlanner:
             consumed[swing.side] = consumed_s
             free = np.maximum(free, self.free(step.side, step.land))
         until = np.full(2, end - pause)
-        self._insert(window, scaling, steps, feet, human_feet, consumed, np.maximum(free, calm), until, source_tick)
+        insertable = np.maximum(free, unhurried)
+        self._insert(window, scaling, steps, feet, human_feet, consumed, insertable, until, source_tick)
         if steps and not frozen:
             steps[0] = replace(steps[0], notice_s=max(notice, steps[0].notice_s))
         return steps
@@ -329,10 +342,10 @@ class FootstepPlanner:
         beside = right + np.array([-sin * self.stand_width, cos * self.stand_width, 0.0, 0.0])
         if np.hypot(*(left - beside)[:2]) < _ASIDE and abs(left[3] - right[3]) < _ASKEW:
             return steps
-        lift = after + int(round(_UNHURRIED_S * self.rate))
+        lift = after + int(round(UNHURRIED_S * self.rate))
         land = lift + int(round(_INSERT_SWING_S * self.rate))
         # Nothing of the human's is done with by it.
-        last = Step(0, lift, land, left.copy(), beside, -np.inf, inserted=True, notice_s=_UNHURRIED_S)
+        last = Step(0, lift, land, left.copy(), beside, -np.inf, inserted=True, notice_s=UNHURRIED_S)
         return [*steps, last]
 
     def _insert(
@@ -350,7 +363,7 @@ class FootstepPlanner:
         """Append steps that set feet right, if there is time for them.
 
         Args:
-            free, until: ticks from which each foot may lift so, and to which it must have landed, (2,).
+            free, until: ticks from which each foot may lift, and to which it must have landed, (2,).
         """
         pause, _ = self._rests
         ticks = int(round(_INSERT_SWING_S * self.rate))
@@ -377,7 +390,7 @@ class FootstepPlanner:
                 continue
             side = int(np.argmax(np.where(wrong & (free <= lift), errors, 0.0)))
             start, hold, land, done = feet[side].copy(), holds[side], lift + ticks, consumed[side]
-            own = Step(side, lift, land, start, hold.pose, done, inserted=True, notice_s=_UNHURRIED_S, human=hold.human)
+            own = Step(side, lift, land, start, hold.pose, done, inserted=True, notice_s=UNHURRIED_S, human=hold.human)
             steps.append(own)
             feet[side], human_feet[side] = hold.pose, hold.human
             free = np.maximum(free, self.free(side, land))

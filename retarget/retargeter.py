@@ -16,12 +16,13 @@ from scipy.ndimage import minimum_filter1d
 from scipy.signal import butter, sosfilt, sosfilt_zi
 from scipy.spatial.transform import Rotation
 
+from configs.errors import RetargetError
 from configs.robot import Robot
 from configs.stream import StreamSettings
 from flexmotion.contacts import ContactDetector
 from flexmotion.motion import Motion
 from retarget import balance, posture
-from retarget.footsteps import FootstepPlanner, Scaling, Step
+from retarget.footsteps import FootstepPlanner, Scaling, Step, settled_from
 from retarget.human import HumanWindow
 from retarget.joining import Absorbed, JoinAbsorber
 from retarget.plan import Plan
@@ -86,7 +87,7 @@ class Retargeter:
         settings: how far a plan follows the human before its stop tail, and how joins are absorbed.
 
     Raises:
-        configs.errors.RetargetError: the robot's legs cannot be solved.
+        configs.errors.RetargetError: the robot's legs cannot be solved, or plans do not reach far enough for its steps.
     """
 
     def __init__(self, robot: Robot, settings: StreamSettings) -> None:
@@ -100,6 +101,11 @@ class Retargeter:
         self.footsteps = FootstepPlanner(
             self.gait, self.body.stand_width, float(robot.sole_half_size[:, 0].max()), self.rate
         )
+        if settings.horizon_s < self.footsteps.sight_s:
+            raise RetargetError(
+                f"stream settings: horizon_s is {settings.horizon_s:g}, expected at least {self.footsteps.sight_s:g}: "
+                f"{robot.name} cannot set its feet right after a human whom it sees no further ahead"
+            )
         walking = self._upright(self.gait.walk_hip_height)
         base, q, _, _ = self.body.solve(self.body.home_feet[None], np.zeros((1, 2)), walking[None], np.zeros(2), 4)
         self.com_height = float(self.body.dynamics.centre_of_mass(base, q)[0, 2])
@@ -423,7 +429,7 @@ class Retargeter:
             line = np.concatenate([layout.get(state, name)[::-1], values])
             layout.set(states, name, np.stack([line[1 : rows + 1], line[:rows]], axis=1))
         consumed, human_feet = layout.get(state, "consumed").copy(), layout.get(state, "human_feet").copy()
-        settled = [step.lift - step.notice_s * self.rate for step in steps]
+        settled = settled_from(steps, self.rate)
         for step, tick in zip(steps, settled, strict=True):
             landed = ticks >= step.land
             layout.set(states, "landed", float(step.land), landed)

@@ -15,8 +15,8 @@ from retarget.whole_body import POSTURE
 
 Float = NDArray[np.float64]
 
-FROZEN_STEPS, STEP_SIZE = 2, 16
-"""While a foot is in the air the other's next step may be frozen already; never a third."""
+FROZEN_STEPS, STEP_SIZE = 3, 16
+"""While a foot is in the air the other's next step may be frozen already, and an inserted one after that."""
 
 
 class StateLayout:
@@ -83,9 +83,14 @@ def pack_steps(steps: list[Step]) -> Float:
     """Steps as a state holds them, (FROZEN_STEPS, STEP_SIZE).
 
     A row is side (-1: none), lift, land, start (4), target (4), consumed_s, inserted, notice_s, human (2).
+
+    Raises:
+        ValueError: more steps than fit.
     """
+    if len(steps) > FROZEN_STEPS:
+        raise ValueError(f"{len(steps)} steps are settled at once, expected at most {FROZEN_STEPS}")
     packed = np.full((FROZEN_STEPS, STEP_SIZE), -1.0)
-    for row, step in zip(packed, steps[:FROZEN_STEPS], strict=False):
+    for row, step in zip(packed, steps, strict=False):
         row[:3] = step.side, step.lift, step.land
         row[3:7], row[7:11] = step.start, step.target
         row[11:14] = step.consumed_s, step.inserted, step.notice_s

@@ -77,6 +77,7 @@ class Session:
     loop: ControlLoop | None = field(init=False, default=None)
     scheduling: Scheduling = field(init=False, default="other")
     awake: bool = field(init=False, default=False)
+    """Whether processors were kept from sleeping in the last run on the real clock."""
     memory_mb: tuple[float, float] | None = field(init=False, default=None)
 
     def __post_init__(self) -> None:

@@ -34,7 +34,7 @@ class Stabiliser:
 
     def __init__(self, robot: Robot, *, enabled: bool = True) -> None:
         self.enabled = enabled
-        self._along, self._across = robot.gait.zmp_feedback
+        self._most_along, self._most_across = robot.gait.zmp_feedback
         self.weight = robot.mass * _GRAVITY
         self.legs = [np.array(list(robot.chain(f"{side}_leg").values())) for side in ("left", "right")]
         self.torque, self.zmp_shift = np.zeros(robot.n), np.zeros(2)
@@ -50,8 +50,8 @@ class Stabiliser:
         # Plain numbers: NumPy takes longer over one of them than over all of a robot's joints.
         cos, sin = math.cos(yaw), math.sin(yaw)
         ahead, left = (estimator.dcm - reference.dcm).tolist()
-        along = _within(DCM_GAIN * (cos * ahead + sin * left), self._along)
-        across = _within(DCM_GAIN * (cos * left - sin * ahead), self._across)
+        along = _within(DCM_GAIN * (cos * ahead + sin * left), self._most_along)
+        across = _within(DCM_GAIN * (cos * left - sin * ahead), self._most_across)
         x, y = cos * along - sin * across, sin * along + cos * across
         self.zmp_shift[:] = x, y
         self._moment[:] = self.weight * y, -self.weight * x

@@ -2,10 +2,21 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
+
+
+def _place(folder: Path | None) -> Path | None:
+    """A folder that is there or can be made; refused before any work is done for it."""
+    if folder is not None:
+        nearest = next(place for place in (folder.absolute(), *folder.absolute().parents) if place.exists())
+        if not nearest.is_dir() or not os.access(nearest, os.W_OK):
+            raise typer.BadParameter(f"{nearest} is no folder that can be written to")
+    return folder
+
 
 Clock = Literal["real", "lockstep"]
 
@@ -55,7 +66,7 @@ ReportOption = Annotated[
     Path | None,
     typer.Option(
         "--report",
-        file_okay=False,
+        callback=_place,
         help="Folder for report.json, index.html and the pictures.",
         show_default=False,
     ),

@@ -10,7 +10,7 @@ import pytest
 from flexmotion.body import Body
 from flexmotion.default_clip import build_clip
 from flexmotion.motion import Motion
-from retarget.footsteps import NOTICE_S, Scaling, Step
+from retarget.footsteps import NOTICE_S, UNHURRIED_S, Scaling, Step, settled_from
 from retarget.human import HumanWindow
 from retarget.retargeter import Retargeter
 
@@ -82,7 +82,29 @@ def test_no_step_is_begun_on_shorter_notice(plan: Callable[..., list[Step]], wal
             steps = plan(walk, now=now, at_rest=at_rest)
             assert all(step.lift >= now + NOTICE_S * RATE - 1 for step in steps)
             if at_rest and steps:
-                assert steps[0].lift >= now + 0.45 * RATE - 1
+                assert steps[0].lift >= now + UNHURRIED_S * RATE - 1
+
+
+@pytest.mark.parametrize("at_rest", [True, False])
+def test_inserted_steps_are_never_hurried(plan: Callable[..., list[Step]], spin: Motion, at_rest: bool) -> None:
+    """Inserted and left out again by one plan after the other, .25 s ahead, a step threw the weight to and fro."""
+    seen = 0
+    for now in range(0, 4 * RATE, 17):
+        for step in plan(spin, now=now, at_rest=at_rest):
+            seen += step.inserted
+            assert not step.inserted or step.lift >= now + UNHURRIED_S * RATE - 1
+            assert not step.inserted or step.notice_s == UNHURRIED_S
+    assert seen > 20
+
+
+def test_a_step_is_settled_with_the_one_after_it_at_the_latest() -> None:
+    """Settled before the one in front of it, an inserted step would be taken for all that there is to do."""
+    pose = np.zeros(4)
+    hurried = Step(0, 100, 120, pose, pose, 0.0)
+    inserted = Step(1, 122, 172, pose, pose, 0.0, inserted=True, notice_s=UNHURRIED_S)
+    last = Step(0, 200, 220, pose, pose, 0.0)
+    settled = settled_from([hurried, inserted, last], RATE)
+    np.testing.assert_allclose(settled, [122 - UNHURRIED_S * RATE] * 2 + [200 - NOTICE_S * RATE])
 
 
 def test_a_step_that_comes_too_late_is_dropped_and_counted(plan: Callable[..., list[Step]], walk: Motion) -> None:

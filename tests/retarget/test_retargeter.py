@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from configs.errors import RetargetError
 from flexmotion.motion import Motion
 from retarget.footsteps import NOTICE_S
 from retarget.plan import Plan
@@ -261,13 +262,13 @@ def test_no_step_appears_on_short_notice(walking: list[Plan]) -> None:
                 assert (step.side, step.lift, step.land) in known
 
 
-def test_a_human_who_turns_no_further_does_not_throw_the_weight_about(
+def test_a_human_who_is_seen_turning_back_does_not_throw_the_weight_about(
     chain: Chain, retargeter: Retargeter, spin: Motion
 ) -> None:
     """A step inserted for a turn was left out again with the weight on its way, 5 mm a tick."""
     rows, moves = np.arange(REPLAN), []
     for plan in chain(spin):
-        for row in range(0, min(plan.stop_row, 60), 6):
+        for row in range(0, min(plan.stop_row, 60), 9):
             tick = plan.start_tick + row
             first = retargeter.next_frame(plan.states[row], tick, spin.fps)
             held = np.minimum(np.arange(len(spin)), max(first - 20, 0))
@@ -407,3 +408,10 @@ def test_repairs_are_counted_row_by_row(walking: list[Plan]) -> None:
     for plan in walking:
         assert set(plan.repairs) == {"position", "speed", "acceleration", "torque"}
         assert all(len(counts) == len(plan) for counts in plan.repairs.values())
+
+
+def test_plans_that_reach_less_far_than_a_step_takes_are_refused(retargeter: Retargeter) -> None:
+    """At .9 s the robot turned half as far as the human, and nothing said why."""
+    short = retargeter.settings.model_copy(update={"horizon_s": 0.9})
+    with pytest.raises(RetargetError, match=r"horizon_s is 0\.9, expected at least 0\.93"):
+        Retargeter(retargeter.robot, short)

@@ -32,6 +32,12 @@ def test_steps_survive_packing(count: int) -> None:
     assert_equal(LAYOUT.steps(state), STEPS[:count])
 
 
+def test_more_steps_than_fit_are_refused() -> None:
+    """The last one was left out without a word, and decided anew by the next plan."""
+    with pytest.raises(ValueError, match="4 steps are settled at once, expected at most 3"):
+        pack_steps([*STEPS, STEPS[0]])
+
+
 def test_unpacked_steps_are_no_views_of_the_state() -> None:
     state = np.zeros(LAYOUT.size)
     LAYOUT.set(state, "steps", pack_steps(STEPS[:1]))

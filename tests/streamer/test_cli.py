@@ -102,7 +102,8 @@ BAD_USAGE = {
     "unknown driver": (["run", "--robot", "op3", "--driver", "magic"], "unknown driver 'magic', expected one of: "),
     "port of a simulation": (["run", "-r", "op3", "-d", "sim", "-p", "/dev/x"], "field port: unknown field"),
     "kind of output": (["retarget", "a.bvh", "-o", "a.xlsx"], "a.xlsx: unknown kind of file, expected .csv or .npz"),
-    "report over a file": (["dry-run", "--report", __file__], "Invalid value for '--report': dir"),
+    "report over a file": (["dry-run", "--report", __file__], "test_cli.py is no folder that can be written to"),
+    "report in a file": (["check", "torque", "--report", __file__ + "/x"], "'--report': "),
     "folder of output": (["retarget", "a.bvh", "-o", "none/a.csv"], "none: no such folder"),
     "missing argument": (["retarget"], "Missing argument 'FILE'"),
 }

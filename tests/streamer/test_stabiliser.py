@@ -19,8 +19,14 @@ STAND = RETARGETER.plan(RETARGETER.standing(), None, 0, 0)
 
 @pytest.fixture
 def standing() -> tuple[Estimator, Reference]:
+    return facing(0.0)
+
+
+def facing(yaw: float) -> tuple[Estimator, Reference]:
+    """A robot that stands, seen in a world in which it faces `yaw` [rad]."""
     reference, state = Reference(ROBOT.n), RobotState(ROBOT.n)
     reference.take(STAND, 0.0)
+    reference.feet[:, 3] = yaw
     state.position[:], state.imu_stale = STAND.q[0], 0
     estimator = Estimator(ROBOT, RETARGETER.omega)
     estimator.update(state, reference)
@@ -50,12 +56,18 @@ def test_the_shift_is_bounded_along_and_across_the_feet(standing: tuple[Estimato
     np.testing.assert_allclose(act(estimator, reference, (9.0, -9.0)).zmp_shift, ZMP_SHIFT[::-1] * [1, -1])
 
 
-def test_the_ankles_push_the_toes_down_where_it_leans_forward(standing: tuple[Estimator, Reference]) -> None:
-    """Weight times shift is the moment that both ankles make together."""
-    torque = act(*standing, (0.02, 0.0)).torque
+@pytest.mark.parametrize("yaw", [0.0, 0.5 * np.pi, -2.0])
+@pytest.mark.parametrize(("part", "leans", "turns"), [(4, (1.0, 0.0), 1.0), (5, (0.0, 1.0), -1.0)])
+def test_the_ankles_push_that_edge_of_the_feet_down_to_which_it_leans(
+    part: int, leans: tuple[float, float], turns: float, yaw: float
+) -> None:
+    """Weight times shift is the moment that both ankles make together: pitch forward, roll to the left."""
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    error = 0.01 * np.array([cos * leans[0] - sin * leans[1], sin * leans[0] + cos * leans[1]])
+    torque = act(*facing(yaw), (error[0], error[1])).torque
     left, right = (RETARGETER.body.legs[side] for side in (0, 1))
-    ankles = [torque[leg.indices[4]] * leg.signs[4] for leg in (left, right)]
-    assert sum(ankles) == pytest.approx(ROBOT.mass * 9.81 * DCM_GAIN * 0.02, rel=0.01)
+    ankles = [torque[leg.indices[part]] * leg.signs[part] for leg in (left, right)]
+    assert sum(ankles) == pytest.approx(turns * ROBOT.mass * 9.81 * DCM_GAIN * 0.01, rel=0.01)
     assert ankles[0] == pytest.approx(ankles[1], rel=0.01)
 
 
