@@ -10,6 +10,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Literal
 
+from threadpoolctl import threadpool_limits
+
 Scheduling = Literal["fifo", "other"]
 
 WITNESS_PRIORITY, LOOP_PRIORITY, ROBOT_PRIORITY, PLANNER_PRIORITY = 80, 60, 40, 20
@@ -77,11 +79,15 @@ def motion_processors() -> list[int]:
 
 
 def settle(*, collect: bool) -> None:
-    """Keep what memory this process touches in place, and its garbage out of the collector's sight.
+    """Keep this process's memory in place, its garbage out of the collector's sight, its linear algebra in one thread.
+
+    A thread of the linear algebra library would share the one processor that `claim` gives with the one that waits for
+    it, at a priority that lets it wait for good.
 
     Args:
         collect: whether the collector goes on with what is allocated from now on.
     """
+    threadpool_limits(limits=1, user_api="blas")
     gc.collect()
     gc.freeze()
     if not collect:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -56,3 +58,34 @@ def test_a_system_that_cannot_keep_them_awake_is_no_error(monkeypatch: pytest.Mo
         monkeypatch.setattr(priority, "WAKE_LATENCY", path)
         with awake(0) as granted:
             assert not granted
+
+
+def test_linear_algebra_in_a_realtime_process_waits_for_no_thread_of_its_own() -> None:
+    """A planner that was asked in words for the first time never came back: BLAS spun for a thread that could not run.
+
+    Both were on the one processor that the planner has, in realtime, the one that waits in front of the other.
+    """
+    code = """
+import numpy as np
+from drivers.realtime import child, priority
+from drivers.realtime.priority import PLANNER_PRIORITY
+
+wide, narrow = np.ones((2000, 600), np.float32), np.ones(600, np.float32)
+wide @ narrow  # begins the library's threads, where it has any
+
+def plan():
+    priority.settle(collect=True)
+    priority.claim(PLANNER_PRIORITY)
+    for _ in range(20):
+        wide @ narrow
+    np.ones((400, 400)) @ np.ones((400, 400))
+
+process = child.start("planner", plan)
+process.join(20)
+alive = process.is_alive()
+process.kill()
+print("hangs" if alive else process.exitcode)
+"""
+    threads = {name: value for name, value in os.environ.items() if not name.endswith("_NUM_THREADS")}
+    done = subprocess.run([sys.executable, "-c", code], env=threads, capture_output=True, text=True, timeout=60)
+    assert done.stdout == "0\n", done.stderr
