@@ -17,6 +17,8 @@ _PARKING_S = 12.0
 """What a run that has gone on too long is left to stop and park."""
 MARGIN_S = 30.0
 """Longest run beyond the source's length: standing up, stopping, parking."""
+_AGAINST_A_START = (Request.STOP, Request.ESTOP, Request.KILL, Request.END)
+"""Asked for while the program still gets ready, these leave the robot as it is: torque stays off."""
 
 
 class Operator:
@@ -36,6 +38,7 @@ class Operator:
         self.quit = False
         self.broken: str | None = None
         self._started = self._ending = False
+        self._withheld: Request | None = None
         self._stream_start: int | None = None
         self._hold_ticks = self._idle_ticks = 0
         self._most_ticks = None if stay or seconds is None else int((seconds + MARGIN_S) * loop.robot.rate_hz)
@@ -53,6 +56,8 @@ class Operator:
         inputs = self.loop.inputs
         if request not in (Request.LOST, Request.NOTE):
             self.loop.telemetry.tell(self.loop.tick_count, "request", request.name)
+        if not self._started and request in _AGAINST_A_START:
+            self._withheld = request
         if request is Request.STOP:
             inputs.stop = True
         elif request is Request.ESTOP:
@@ -75,7 +80,10 @@ class Operator:
         loop, inputs, rate = self.loop, self.loop.inputs, self.loop.robot.rate_hz
         state = loop.ladder.state
         if not self._started:
-            self._started = inputs.start = True
+            self._started = True
+            inputs.start = self._withheld is None
+            if self._withheld is not None:
+                loop.telemetry.tell(loop.tick_count, "note", f"no start: {self._withheld.name} was asked for before it")
         if self._stream_start is None and loop.playing is not None:
             self._stream_start = loop.playing.plan.start_tick
         loop.winding_down = self._ending or self._stream_over()

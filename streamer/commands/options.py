@@ -67,7 +67,7 @@ ReportOption = Annotated[
     typer.Option(
         "--report",
         callback=_place,
-        help="Folder for report.json, index.html and the pictures.",
+        help="Folder for the report: figures as JSON, pictures, after a run a page with all of it.",
         show_default=False,
     ),
 ]

@@ -185,6 +185,16 @@ def test_a_stop_at_any_time_ends_parked_and_upright(run: Callable[..., Run], at:
     assert stopped.record.used < (at + 6.5) * RATE
 
 
+@pytest.mark.parametrize("asked", [Request.END, Request.STOP, Request.ESTOP, Request.KILL])
+def test_what_is_asked_for_before_the_start_keeps_torque_off(run: Callable[..., Run], asked: Request) -> None:
+    """Ctrl-C while the program still got ready let the robot stand up, to park it then."""
+    still = run(request=asked, at=0.0)
+    assert still.states == [State.FAULT if asked is Request.KILL else State.OFF]
+    assert still.driver.sent == []
+    assert not still.driver.plant.enabled.any()
+    assert any("no start" in message for message in still.told("note"))
+
+
 def test_estop_in_mid_walk_freezes_at_once_then_parks_in_fault(run: Callable[..., Run]) -> None:
     frozen = run(request=Request.ESTOP)
     tick = int(MID_WALK * RATE)
