@@ -178,5 +178,5 @@ def _tell_what_is_heard(source: ModelSource) -> None:
     """A sentence is heard as one kind of motion, which need not be the one that was meant."""
     for text in dict.fromkeys(item.intent.text for item in source.items if isinstance(item.intent, Text)):
         prompt = source.sampler.prompt(text)
-        if prompt.known and prompt.likeness < SAME:
+        if prompt.known and prompt.likeness < SAME and text != prompt.kind:
             print_note(f"{text!r} is heard as {prompt.kind}")

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from streamer.commands.options import JsonOption
+from streamer.commands.options import JsonOption, writable_folder
 from streamer.commands.output import print_json, print_note, print_result, progress_bar
 from streamer.exit_codes import CHECK_FAILED
 
@@ -38,7 +38,7 @@ def show(file: FileArgument, as_json: JsonOption = False) -> None:
 @log.command()
 def plot(
     file: FileArgument,
-    out: Annotated[Path, typer.Option("--out", "-o", help="Folder for the pictures.")],
+    out: Annotated[Path, typer.Option("--out", "-o", callback=writable_folder, help="Folder for the pictures.")],
 ) -> None:
     """Draw the pictures of a run from its log.
 

@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 import typer
 
 
-def _place(folder: Path | None) -> Path | None:
+def writable_folder(folder: Path | None) -> Path | None:
     """A folder that is there or can be made; refused before any work is done for it."""
     if folder is not None:
         nearest = next(place for place in (folder.absolute(), *folder.absolute().parents) if place.exists())
@@ -66,7 +66,7 @@ ReportOption = Annotated[
     Path | None,
     typer.Option(
         "--report",
-        callback=_place,
+        callback=writable_folder,
         help="Folder for the report: figures as JSON, pictures, after a run a page with all of it.",
         show_default=False,
     ),

@@ -103,6 +103,7 @@ BAD_USAGE = {
     "port of a simulation": (["run", "-r", "op3", "-d", "sim", "-p", "/dev/x"], "field port: unknown field"),
     "kind of output": (["retarget", "a.bvh", "-o", "a.xlsx"], "a.xlsx: unknown kind of file, expected .csv or .npz"),
     "report over a file": (["dry-run", "--report", __file__], "test_cli.py is no folder that can be written to"),
+    "pictures over a file": (["log", "plot", "a.mcap", "-o", __file__], "is no folder that can be written to"),
     "report in a file": (["check", "torque", "--report", __file__ + "/x"], "'--report': "),
     "folder of output": (["retarget", "a.bvh", "-o", "none/a.csv"], "none: no such folder"),
     "missing argument": (["retarget"], "Missing argument 'FILE'"),
