@@ -72,7 +72,7 @@ def test_targets_are_followed_and_a_stop_is_gone_on_from() -> None:
     targets = record.rows["target"]
     assert [int(number) for number in np.unique(targets)] == [0, 1, 2, 3]
     assert int(np.argmax(targets == 1)) - 300 <= 8 and int(np.argmax(targets == 3)) - 800 <= 8
-    assert (record.state[700:800] == State.HOLD).all()
+    assert (record.state[450 + int(2.5 * 125) : 800] == State.HOLD).all()
     assert (record.state[820:990] == State.STREAMING).all()
     assert record.underruns == 0 and not [event for event in record.events if event.kind == "fault"]
     assert human_motion(run.source, record) is None  # targets came in between
