@@ -14,6 +14,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from flexmotion.bundles.bundle import Bundle
 from flexmotion.sampler import Condition, Sampler
@@ -22,14 +23,19 @@ PROMPTS = ("walk forward", "wave with the right hand", "turn left", "stand still
 
 
 def measure(sampler: Sampler, repeats: int) -> np.ndarray:
-    """Milliseconds of every sample, each on from the last: wall clock, processor, (N, 2)."""
+    """Milliseconds of every sample, each on from the last: wall clock, processor, (N, 2).
+
+    On one thread, linear algebra outside the networks too, as in the planner (`drivers/realtime/priority.py`): BLAS
+    spins for its second one, which counts twice.
+    """
     history = sampler.standing()
     took = []
-    for number in range(repeats + 5):
-        condition = Condition(PROMPTS[number // 10 % len(PROMPTS)])
-        begin = time.perf_counter(), time.process_time()
-        history = sampler.sample(history, condition, number)
-        took.append((time.perf_counter() - begin[0], time.process_time() - begin[1]))
+    with threadpool_limits(limits=1, user_api="blas"):
+        for number in range(repeats + 5):
+            condition = Condition(PROMPTS[number // 10 % len(PROMPTS)])
+            begin = time.perf_counter(), time.process_time()
+            history = sampler.sample(history, condition, number)
+            took.append((time.perf_counter() - begin[0], time.process_time() - begin[1]))
     return 1e3 * np.array(took[5:])
 
 

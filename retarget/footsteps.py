@@ -390,8 +390,10 @@ class FootstepPlanner:
                 continue
             side = int(np.argmax(np.where(wrong & (free <= lift), errors, 0.0)))
             start, hold, land, done = feet[side].copy(), holds[side], lift + ticks, consumed[side]
-            own = Step(side, lift, land, start, hold.pose, done, inserted=True, notice_s=UNHURRIED_S, human=hold.human)
+            # Feet of another clip's human may be two strides from these: what is left is for the next step.
+            target = self.within_reach(start, hold.pose, feet[1 - side], ticks / self.rate)
+            own = Step(side, lift, land, start, target, done, inserted=True, notice_s=UNHURRIED_S, human=hold.human)
             steps.append(own)
-            feet[side], human_feet[side] = hold.pose, hold.human
+            feet[side], human_feet[side] = target, hold.human
             free = np.maximum(free, self.free(side, land))
             lift = land + pause

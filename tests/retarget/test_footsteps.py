@@ -13,6 +13,7 @@ from flexmotion.motion import Motion
 from retarget.footsteps import NOTICE_S, UNHURRIED_S, Scaling, Step, settled_from
 from retarget.human import HumanWindow
 from retarget.retargeter import Retargeter
+from retarget.swing import PEAK_ACCELERATION
 
 from .conftest import step_script
 
@@ -229,6 +230,24 @@ def test_feet_are_set_right_by_turns(
     (first, *_) = plan(stand(120), feet=feet, free=np.array([90.0, 0.0]), at_rest=False)
     assert first.side == 1 and first.inserted
     assert first.target[0] == pytest.approx(0.1, abs=0.02)
+
+
+def test_feet_a_stride_the_other_way_are_set_right_within_reach(
+    plan: Callable[..., list[Step]], retargeter: Retargeter
+) -> None:
+    """Clips that changed in mid-stride swung a foot from one stride ahead to one behind at once: 4 falls in 2,211."""
+    gait = retargeter.gait
+    in_stride = build_clip(step_script([("r", 1.06, 1.44, 0.5)], 6.0), Body())[60:]
+    feet = retargeter.body.home_feet.copy()
+    feet[0, 0] += 0.11
+    steps = plan(in_stride, feet=feet, at_rest=False)
+    assert steps and all(step.inserted for step in steps)
+    for step in steps:
+        seconds = (step.land - step.lift) / RATE
+        farthest = gait.swing_max_foot_acceleration * seconds**2 / PEAK_ACCELERATION
+        assert np.hypot(*(step.target - step.start)[:2]) <= farthest + 1e-9
+        feet[step.side] = step.target
+    assert feet[1, 0] - feet[0, 0] > 0.06
 
 
 def test_a_human_who_slides_on_his_feet_is_stepped_after(
