@@ -25,8 +25,8 @@ PROMPTS = ("walk forward", "wave with the right hand", "turn left", "stand still
 def measure(sampler: Sampler, repeats: int) -> np.ndarray:
     """Milliseconds of every sample, each on from the last: wall clock, processor, (N, 2).
 
-    On one thread, linear algebra outside the networks too, as in the planner (`drivers/realtime/priority.py`): BLAS
-    spins for its second one, which counts twice.
+    On one thread, linear algebra outside the networks too, as in the planner (`drivers/realtime/priority.py`): a second
+    thread of BLAS spins while it waits, and counts as processor time.
     """
     history = sampler.standing()
     took = []

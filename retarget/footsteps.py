@@ -203,17 +203,17 @@ class FootstepPlanner:
         return Foothold(np.array([x, y, 0.0, yaw]), human)
 
     def within_reach(self, start: Float, target: Float, stance: Float, seconds: float) -> Float:
-        """A target that the foot can get to in time: brought back along the stride, not across it.
+        """A target that the foot can get to in time: brought back along the stride, as far as that goes, not across it.
 
         Args:
             start, target: poses of the swing foot, (4,); stance: pose of the other foot, (4,).
             seconds: duration of the swing [s].
         """
         gait = self.gait
-        reach = min(
+        farthest = min(
             gait.swing_max_foot_speed * seconds, gait.swing_max_foot_acceleration * seconds**2 / PEAK_ACCELERATION
         )
-        reach /= 1.0 + gait.swing_turn_cost * abs(target[3] - start[3])
+        reach = farthest / self._turn_cost(start, target)
         travel = target[:2] - start[:2]
         if np.hypot(*travel) <= reach:
             return target
@@ -224,6 +224,16 @@ class FootstepPlanner:
         bounded = target.copy()
         bounded[:2] = start[:2] + across + np.clip(travel @ along, -left, left) * along
         return bounded
+
+    def shortest_swing_s(self, start: Float, target: Float) -> float:
+        """The shortest swing from which a target is within reach [s]; poses of the foot, (4,)."""
+        gait, away = self.gait, float(np.hypot(*(target - start)[:2])) * self._turn_cost(start, target)
+        by_acceleration = np.sqrt(away * PEAK_ACCELERATION / gait.swing_max_foot_acceleration)
+        return float(max(away / gait.swing_max_foot_speed, by_acceleration))
+
+    def _turn_cost(self, start: Float, target: Float) -> float:
+        """By how much less a swing reaches for what its foot turns."""
+        return 1.0 + self.gait.swing_turn_cost * float(abs(target[3] - start[3]))
 
     def plan(
         self,
@@ -343,7 +353,8 @@ class FootstepPlanner:
         if np.hypot(*(left - beside)[:2]) < _ASIDE and abs(left[3] - right[3]) < _ASKEW:
             return steps
         lift = after + int(round(UNHURRIED_S * self.rate))
-        land = lift + int(round(_INSERT_SWING_S * self.rate))
+        # The robot's last step must end beside the other foot: far or turned, it takes its time.
+        land = lift + int(np.ceil(max(_INSERT_SWING_S, self.shortest_swing_s(left, beside)) * self.rate))
         # Nothing of the human's is done with by it.
         last = Step(0, lift, land, left.copy(), beside, -np.inf, inserted=True, notice_s=UNHURRIED_S)
         return [*steps, last]
@@ -390,7 +401,7 @@ class FootstepPlanner:
                 continue
             side = int(np.argmax(np.where(wrong & (free <= lift), errors, 0.0)))
             start, hold, land, done = feet[side].copy(), holds[side], lift + ticks, consumed[side]
-            # Feet of another clip's human may be two strides from these: what is left is for the next step.
+            # Another clip's human may stand in a stride the other way: the next step, of either foot, does the rest.
             target = self.within_reach(start, hold.pose, feet[1 - side], ticks / self.rate)
             own = Step(side, lift, land, start, target, done, inserted=True, notice_s=UNHURRIED_S, human=hold.human)
             steps.append(own)

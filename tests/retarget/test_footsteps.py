@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from configs.robot_file import Gait
 from flexmotion.body import Body
 from flexmotion.default_clip import build_clip
 from flexmotion.motion import Motion
@@ -46,6 +47,20 @@ def plan(retargeter: Retargeter, window: Windows, scaling: Scaling) -> Callable[
     return make
 
 
+def reach(gait: Gait, step: Step) -> float:
+    """How far a foot may go within a step [m]."""
+    seconds = (step.land - step.lift) / RATE
+    farthest = min(
+        gait.swing_max_foot_speed * seconds, gait.swing_max_foot_acceleration * seconds**2 / PEAK_ACCELERATION
+    )
+    return float(farthest / (1.0 + gait.swing_turn_cost * abs(step.target[3] - step.start[3])))
+
+
+def distance(step: Step) -> float:
+    """How far its foot goes [m]."""
+    return float(np.hypot(*(step.target - step.start)[:2]))
+
+
 def test_a_walk_gives_its_steps_foot_by_foot(plan: Callable[..., list[Step]], walk: Motion) -> None:
     steps = plan(walk)
     assert [step.side for step in steps] == [1, 0, 1, 0, 1, 0, 1, 0]
@@ -65,8 +80,7 @@ def test_steps_keep_to_the_gait_limits(plan: Callable[..., list[Step]], walk: Mo
         assert abs(step.target[0] - stance[0]) <= gait.max_stride + 1e-9
         apart = (step.target[1] - stance[1]) * (1 if step.side == 0 else -1)
         assert gait.lateral[0] - 1e-9 <= apart <= gait.lateral[1] + 1e-9
-        travel = np.hypot(*(step.target - step.start)[:2])
-        assert travel <= gait.swing_max_foot_speed * (step.land - step.lift) / RATE + 1e-9
+        assert distance(step) <= reach(gait, step) + 1e-9
         feet[step.side], before = step.target, step.land
 
 
@@ -232,22 +246,35 @@ def test_feet_are_set_right_by_turns(
     assert first.target[0] == pytest.approx(0.1, abs=0.02)
 
 
+@pytest.mark.parametrize("turned", [0.0, 0.6, -0.6])
 def test_feet_a_stride_the_other_way_are_set_right_within_reach(
-    plan: Callable[..., list[Step]], retargeter: Retargeter
+    plan: Callable[..., list[Step]], retargeter: Retargeter, turned: float
 ) -> None:
     """Clips that changed in mid-stride swung a foot from one stride ahead to one behind at once: 4 falls in 2,211."""
-    gait = retargeter.gait
     in_stride = build_clip(step_script([("r", 1.06, 1.44, 0.5)], 6.0), Body())[60:]
     feet = retargeter.body.home_feet.copy()
     feet[0, 0] += 0.11
+    feet[:, 3] = turned
     steps = plan(in_stride, feet=feet, at_rest=False)
     assert steps and all(step.inserted for step in steps)
     for step in steps:
-        seconds = (step.land - step.lift) / RATE
-        farthest = gait.swing_max_foot_acceleration * seconds**2 / PEAK_ACCELERATION
-        assert np.hypot(*(step.target - step.start)[:2]) <= farthest + 1e-9
+        assert distance(step) <= reach(retargeter.gait, step) + 1e-9
         feet[step.side] = step.target
-    assert feet[1, 0] - feet[0, 0] > 0.06
+    assert np.abs(feet[:, 3]).max() < 0.3
+    assert feet[1, 0] - feet[0, 0] > 0.03
+
+
+@pytest.mark.parametrize("turn", [-0.5, 0.0, 0.5])
+def test_the_step_that_ends_a_stop_takes_the_time_it_needs(retargeter: Retargeter, turn: float) -> None:
+    """From a long stride in a bend it went 1.27 times as far as a turning foot reaches in .4 s."""
+    footsteps, feet = retargeter.footsteps, retargeter.body.home_feet.copy()
+    frame = 0.5 * turn
+    ahead = 0.11 * np.array([np.cos(frame), np.sin(frame)]) + 0.12 * np.array([-np.sin(frame), np.cos(frame)])
+    feet[0] = [*(feet[1, :2] + ahead), 0.0, turn]
+    (last,) = footsteps.gather([], feet, after=100)
+    assert distance(last) <= reach(retargeter.gait, last) + 1e-9
+    assert 0.4 <= (last.land - last.lift) / RATE < 0.5
+    assert np.hypot(*(last.target - feet[1])[:2]) == pytest.approx(footsteps.stand_width)
 
 
 def test_a_human_who_slides_on_his_feet_is_stepped_after(
@@ -300,8 +327,9 @@ def test_a_target_out_of_reach_is_brought_back_along_the_stride(retargeter: Reta
     start, stance = np.array([0.0, 0.05, 0, 0]), np.array([0.0, -0.05, 0, 0])
     target = np.array([0.5, 0.06, 0, 0.1])
     found = retargeter.footsteps.within_reach(start, target, stance, 0.4)
-    reach = min(0.52 * 0.4, np.hypot(*(found - start)[:2]))
-    assert np.hypot(*(found - start)[:2]) == pytest.approx(reach)
+    step = Step(0, 0, round(0.4 * RATE), start, found, 0.0)
+    assert distance(step) == pytest.approx(reach(retargeter.gait, step))
+    assert retargeter.footsteps.shortest_swing_s(start, found) == pytest.approx(0.4)
     assert found[0] < target[0] and found[3] == target[3]
     near = np.array([0.02, 0.05, 0, 0])
     np.testing.assert_array_equal(retargeter.footsteps.within_reach(start, near, stance, 0.4), near)
