@@ -101,7 +101,7 @@ def quantised(bundle: Bundle, names: Sequence[str], folder: Path) -> Bundle:
     try:
         from onnxruntime.quantization import QuantType, quantize_dynamic
     except ImportError as error:
-        raise ConfigError("quantisation needs the extra 'train': pip install 'flexmotion[train]'") from error
+        raise ConfigError("quantisation needs the extra 'train': in a clone, pip install '.[train]'") from error
     # It warns that networks had better be prepared: `_folded` does.
     logging.getLogger().setLevel(logging.ERROR)
     shutil.copytree(bundle.folder, folder)

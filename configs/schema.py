@@ -27,10 +27,17 @@ def read_yaml(file: Path) -> dict[str, Any]:
     except OSError as error:
         raise ConfigError(f"{file}: cannot be read: {error.strerror}") from error
     except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{file}: not valid YAML: {' '.join(str(error).split())}") from error
+        raise not_yaml(file, error) from error
     if not isinstance(content, dict):
         raise ConfigError(f"{file}: expected a mapping of fields, found {type(content).__name__}")
     return content
+
+
+def not_yaml(file: Path, error: yaml.YAMLError | UnicodeDecodeError) -> ConfigError:
+    """What to raise for a file that YAML does not read: with the line, where that is known."""
+    if isinstance(error, yaml.MarkedYAMLError) and error.problem_mark is not None:
+        return ConfigError(f"{file}, line {error.problem_mark.line + 1}: not valid YAML: {error.problem}")
+    return ConfigError(f"{file}: not valid YAML: {' '.join(str(error).split())}")
 
 
 def parse(model: type[Model], content: dict[str, Any], origin: Path | str) -> Model:

@@ -54,7 +54,7 @@ def load_motion(path: str | Path) -> Motion:
         raise MotionFormatError(f"{path}: not a NumPy archive, or a damaged one") from error
     missing = [name for name in ("header", *REQUIRED) if name not in content]
     if missing:
-        raise MotionFormatError(f"{path}: not a motion file of ours, it lacks {', '.join(missing)}")
+        raise MotionFormatError(f"{path}: not a motion of `flexmotion data import`, it lacks {', '.join(missing)}")
     try:
         header = json.loads(str(content["header"]))
         if header["schema"] != SCHEMA:

@@ -154,14 +154,14 @@ def measure(
     session = Session(
         robot, driver, source, settings, stay=True, realtime=realtime, wake=wake, kept_s=longest + _MARGIN_S
     )
-    switcher = _Switcher(session, intents, seconds, switches, seed, progress)
-    session.request = lambda: request() or switcher.next()
+    switcher = _Switcher(session, intents, seconds, switches, seed, progress, request)
+    session.request = switcher.next
     before, witness = _stolen_ms(), Witness()
     with hogs(load), witness if realtime else contextlib.nullcontext():
         record = session.run("real")
     found = witness.standstills() if session.scheduling == "fifo" else None
     moments = None if found is None else Moments(record, found, _stolen_ms() - before)
-    return _result(record, session, settings.budgets, load, switcher.sent, moments)
+    return _result(record, session, settings.budgets, load, switcher, moments)
 
 
 def shipped_clips() -> dict[str, Motion]:
@@ -203,7 +203,11 @@ class RandomTargets:
 
 
 class _Switcher:
-    """Sends targets until it is time to end, and then asks for that."""
+    """Sends targets until it is time to end, and then asks for that; passes on what is requested meanwhile.
+
+    Attributes:
+        interrupted: somebody else asked for the end. A robot that comes to a stand and parks follows nothing more.
+    """
 
     def __init__(
         self,
@@ -213,9 +217,11 @@ class _Switcher:
         switches: int | None,
         seed: int,
         progress: Callable[[float], None] | None,
+        request: Callable[[], Request | None],
     ) -> None:
         self.session, self.seconds, self.switches = session, seconds, switches
-        self.progress, self._ended = progress, False
+        self.progress, self.request = progress, request
+        self.interrupted = self._ended = False
         self._begin: float | None = None
         self._targets = RandomTargets(session.targets, intents, seed)
 
@@ -226,6 +232,11 @@ class _Switcher:
 
     def next(self) -> Request | None:
         """Called by the supervisor over and over."""
+        asked = self.request()
+        if asked in (Request.END, Request.ESTOP, Request.KILL, Request.QUIT):
+            self.interrupted = self._ended = True
+        if asked is not None or self._ended:
+            return asked
         now = time.perf_counter()
         if self._begin is None:
             if self.session.telemetry.ticks.count:
@@ -236,8 +247,8 @@ class _Switcher:
         if self.progress is not None:
             self.progress(min(share, 1.0))
         if share >= 1.0:
-            asked, self._ended = (None if self._ended else Request.END), True
-            return asked
+            self._ended = True
+            return Request.END
         self._targets.at(passed)
         return None
 
@@ -277,7 +288,7 @@ class Moments:
 
 
 def _result(
-    record: RunRecord, session: Session, budgets: Budgets, load: int, sent: int, moments: Moments | None
+    record: RunRecord, session: Session, budgets: Budgets, load: int, switcher: _Switcher, moments: Moments | None
 ) -> LatencyResult:
     def stage(seconds: NDArray[np.float64], budget_ms: float | None = None) -> Stage:
         return Stage(Latency.of(seconds, 1e-3), budget_ms)
@@ -301,14 +312,15 @@ def _result(
             record.target_to_effect_s, after=record.target_to_effect_s - record.target_to_command_s
         ),
     }
-    failures = [
+    failures = ["interrupted"] if switcher.interrupted else []
+    failures += [
         f"{name}: p99 {stage.time.p99:.3g} ms, budget {stage.budget_ms:g} ms"
         for name, stage in stages.items()
         if stage.over and stage.time is not None
     ]
     unmeasured = [name for name, stage in stages.items() if stage.budget_ms is not None and stage.time is None]
     failures.extend(f"{name}: nothing was measured" for name in unmeasured)
-    answered = int(np.isfinite(record.target_to_command_s).sum())
+    answered, sent = int(np.isfinite(record.target_to_command_s).sum()), switcher.sent
     if answered < sent - 1:  # the end may overtake the last one
         failures.append(f"{sent - answered} of {sent} switches were not followed")
     robot_late = stages["robot lateness"].time

@@ -19,6 +19,7 @@ from typing import Any
 import yaml
 
 from configs.errors import ConfigError
+from configs.schema import not_yaml
 from streamer.intents import WORDS, Clip, Intent, Stop, from_content, word_of
 
 _ITEM = "{at: seconds, text: WORDS | velocity: [vx, vy, wz] | clip: FILE | stop: true}"
@@ -44,7 +45,7 @@ def load_script(file: Path) -> list[Item]:
     except OSError as error:
         raise ConfigError(f"{file}: cannot be read: {error.strerror}") from error
     except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{file}: not valid YAML: {' '.join(str(error).split())}") from error
+        raise not_yaml(file, error) from error
     if not isinstance(root, yaml.SequenceNode) or not root.value:
         raise ConfigError(f"{file}: expected a list of {_ITEM}")
     items: list[Item] = []

@@ -12,6 +12,8 @@ from streamer.report import DisplacementSection, Latency, Report
 
 WORST_JOINTS = 5
 """Joints shown in the terminal; the others are in `report.json`."""
+_CUT_SHORT = ("READY", "STREAMING", "PARK")
+"""A run that ends in these states was left at once: the robot is limp where it was."""
 
 
 def failures(report: Report) -> list[str]:
@@ -29,7 +31,7 @@ def failures(report: Report) -> list[str]:
         reasons.append(f"{report.planner.underruns} plans came too late")
     if loop.missed_deadlines > loop.missed_allowed:
         reasons.append(f"{loop.missed_deadlines} of {loop.cycles} deadlines missed, {loop.missed_allowed} allowed")
-    if not report.ok and not reasons:
+    if report.safety.final_state in _CUT_SHORT:
         reasons.append(f"cut short in {report.safety.final_state}, torque off")
     return reasons
 
@@ -44,6 +46,8 @@ def render(report: Report) -> RenderableType:
     """The report for a `rich` console."""
     mark = Text("PASS ", style="bold green") if report.ok else Text("FAIL ", style="bold red")
     parts: list[RenderableType] = [mark + Text(verdict(report), style="bold"), Text()]
+    if report.planner.plans == 0:
+        return parts[0]  # nothing moved, so there are no figures
     for section in (_motion(report), _joints(report), _timing(report)):
         parts += [*section, Text()]
     return Group(*parts[:-1])

@@ -124,7 +124,7 @@ def _specs() -> tuple[mujoco.MjSpec, mujoco.MjSpec]:
     try:
         from myo_sim.build.compose import build_legs_spec, build_spec
     except ImportError as error:
-        raise ConfigError("muscles need the extra 'biomech': pip install 'flexmotion[biomech]'") from error
+        raise ConfigError("muscles need the extra 'biomech': in a clone, pip install '.[biomech]'") from error
     return build_legs_spec(), build_spec("myotorso")
 
 

@@ -71,7 +71,7 @@ def ray(clips: Sequence[Clip], settings: BuildSettings, workers: int) -> Iterato
     try:
         import ray as cluster
     except ImportError as error:
-        raise ConfigError("--engine ray needs the extra 'ray': pip install 'flexmotion[ray]'") from error
+        raise ConfigError("--engine ray needs the extra 'ray': in a clone, pip install '.[ray]'") from error
     started = not cluster.is_initialized()
     if started:
         local = None if os.environ.get("RAY_ADDRESS") else workers

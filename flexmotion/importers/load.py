@@ -106,6 +106,8 @@ def read(
         else:
             motion = load_motion(path)
             return Import(motion if fps is None else resample(motion, fps))
+    elif path.is_dir():
+        raise MotionFormatError(f"{path}: a folder, expected a motion file")
     else:
         raise MotionFormatError(f"{path}: unknown kind of motion file, expected {', '.join([*READERS, ARCHIVE])}")
     return fit_capture(capture, mapping=mapping, units=units, up=up, fps=fps)

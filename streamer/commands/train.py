@@ -44,7 +44,7 @@ ThreadsOption = Annotated[int | None, typer.Option("--threads", min=1, help="Of 
 def needs_training() -> None:
     """Raise `ConfigError` where the libraries of training are not installed."""
     if importlib.util.find_spec("torch") is None:
-        raise ConfigError("training needs the extra 'train': pip install 'flexmotion[train]'")
+        raise ConfigError("training needs the extra 'train': in a clone, pip install '.[train]'")
 
 
 class Finish(Protocol):

@@ -86,6 +86,7 @@ BAD_USAGE = {
     "robot of robots": (["robots", "hal"], "unknown robot 'hal'"),
     "empty prompt": (["dry-run", "--prompt", " "], "--prompt is empty: say in words what to do"),
     "missing clip": (["dry-run", "--clip", "none.bvh"], "none.bvh: cannot be read"),
+    "folder as clip": (["dry-run", "--clip", "/"], "/: a folder, expected a motion file"),
     "kind of clip": (["dry-run", "--clip", "dance.mp4"], "dance.mp4: unknown kind of motion file, expected .bvh"),
     "missing script": (["dry-run", "--script", "none.yaml"], "none.yaml: cannot be read"),
     "two sources": (["dry-run", "--clip", "a.bvh", "--script", "b"], "--clip and --script exclude each other"),

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import io
+import itertools
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,10 +17,21 @@ from configs.robot import load_robot
 from configs.stream import load_stream
 from drivers.registry import create
 from streamer.cli import execute
-from streamer.latency import HISTOGRAM_US, LatencyResult, Moments, Standstills, measure, shipped_clips, switched
+from streamer.controls import Request
+from streamer.latency import (
+    HISTOGRAM_US,
+    LatencyResult,
+    Moments,
+    Standstills,
+    _Switcher,
+    measure,
+    shipped_clips,
+    switched,
+)
 from streamer.latency_text import render_latency
 from streamer.plots import write_latency
 from streamer.record import RunRecord
+from streamer.session import Session
 from streamer.tick_row import tick_dtype
 
 pytestmark = pytest.mark.wall_clock
@@ -102,6 +115,21 @@ def test_the_picture_and_the_json(result: LatencyResult, tmp_path: Path) -> None
     assert write_latency(tmp_path / "latency.png", result).read_bytes().startswith(PNG)
     content = json.loads(json.dumps(result.content()))
     assert content["stages"]["target to command"]["budget_p99_ms"] == 60.0 and content["ok"] is False
+
+
+def test_an_interrupted_robot_is_asked_for_nothing_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    """While it came to a stand and parked, switches went on: "7 of 9 switches were not followed"."""
+    op3, (source, intents) = load_robot("op3"), switched(shipped_clips())
+    session = Session(op3, create("sim", op3), source, load_stream())
+    session.telemetry.commit()
+    asked = iter([None, None, None, Request.END])
+    switcher = _Switcher(session, intents, 60.0, None, 0, None, lambda: next(asked, None))
+    with monkeypatch.context() as patched:
+        seconds = itertools.count(0.0, 3.0)
+        patched.setattr("streamer.latency.time", SimpleNamespace(perf_counter=lambda: next(seconds)))
+        heard = [switcher.next() for _ in range(6)]
+    assert heard == [None, None, None, Request.END, None, None]
+    assert switcher.interrupted and switcher.sent == 2
 
 
 def test_one_clip_is_not_enough_to_switch_between(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

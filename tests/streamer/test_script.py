@@ -64,7 +64,7 @@ def test_text_and_velocity_in_one_script(tmp_path: Path) -> None:
         ("- wave\n", "line 1: expected {at: seconds"),
         ("at: 0\n", "expected a list of {at: seconds"),
         ("", "expected a list of {at: seconds"),
-        ("- {at: 0, clip: a.bvh\n", "not valid YAML"),
+        ("- {at: 0, clip: a.bvh}\n- {at: 1, txt: walk\n", "line 3: not valid YAML: expected"),
     ],
 )
 def test_refused(text: str, expected: str, tmp_path: Path) -> None:

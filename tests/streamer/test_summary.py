@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from streamer.ladder import State
 from streamer.metrics import HumanTrack, RobotFigures
 from streamer.record import RunRecord
 from streamer.report import RunInfo, build_report
@@ -45,6 +46,21 @@ def test_every_reason_for_failing_is_named(record: RunRecord, figures: RobotFigu
     ]
     assert text_of(record, figures, None).startswith("FAIL")
     assert "fell after 4.00 s; fault: l_knee" in verdict(report)
+
+
+def test_a_robot_that_was_left_limp_is_said_whatever_else_failed(record: RunRecord, figures: RobotFigures) -> None:
+    """Beside two missed deadlines a second Ctrl-C was not named."""
+    record.rows["missed_deadlines"] = 2
+    record.rows["state"][-1] = State.STREAMING
+    assert failures(build_report(record, INFO, figures))[-1] == "cut short in STREAMING, torque off"
+
+
+def test_a_run_that_never_began_has_no_figures(record: RunRecord, figures: RobotFigures) -> None:
+    """Ctrl-C before the start printed a page of dashes."""
+    record.rows["plan"], record.rows["state"], record.rows["source_s"] = 0, State.OFF, np.nan
+    text = text_of(record, figures, None)
+    assert text.startswith("FAIL") and "no plan was ever played" in text
+    assert len(text.splitlines()) == 1
 
 
 @pytest.mark.parametrize("width", [40, 80, 200])
