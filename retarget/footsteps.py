@@ -35,6 +35,9 @@ _INSERT_SWING_S = 0.40
 _UNKNOWN_SWING_S = 0.42
 _OWED = 0.3
 """Of what the human goes aside and one foot cannot, the other is told at most this much [m of the human's]."""
+_TURN_SHARES = (1.0, 0.75, 0.5, 0.25, 0.0)
+"""How much of its turn a foot makes that cannot get to its place in time: the first that leaves it within a stride."""
+_STRIDE_TOLERANCE = 1e-3
 _LATER_S = 0.06
 """How much later than the human's foot the robot's may land."""
 NOTICE_S = 0.25
@@ -157,6 +160,9 @@ class FootstepPlanner:
         land_s: float,
         stance: Float,
         human_stance: Float,
+        *,
+        start_yaw: float = 0.0,
+        turn_share: float = 1.0,
     ) -> Foothold:
         """Where foot `side` belongs after a swing, given where the robot's other foot stands.
 
@@ -166,6 +172,7 @@ class FootstepPlanner:
             stance: pose of the other foot, (4,) [m, m, m, rad].
             human_stance: where the human's other foot stood when the robot's came to stand for it, (2,) [m]: a foot
                 that slides on while it stands takes the human along, and so it must the robot. NaN: where it is now.
+            start_yaw, turn_share: heading before the swing [rad], and how much of what it turns is to be turned now.
 
         Returns:
             The nearest within the robot's limits.
@@ -179,6 +186,7 @@ class FootstepPlanner:
         turn = np.clip(human_yaw + scaling.heading - stance[3], -gait.max_foot_yaw, gait.max_foot_yaw)
         # Toes that turn in meet the other foot sooner than toes that turn out.
         turn = max(turn, -gait.max_toe_in) if inward < 0 else min(turn, gait.max_toe_in)
+        turn = turn_share * turn + (1.0 - turn_share) * (start_yaw - stance[3])
         yaw = stance[3] + turn
         cos, sin = np.cos(human_yaw), np.sin(human_yaw)
         dx, dy = human[:2] - human_stance[:2]
@@ -201,6 +209,48 @@ class FootstepPlanner:
         sideways = -inward * apart
         x, y = stance[0] + cos * forward - sin * sideways, stance[1] + sin * forward + cos * sideways
         return Foothold(np.array([x, y, 0.0, yaw]), human)
+
+    def foothold(
+        self,
+        window: HumanWindow,
+        scaling: Scaling,
+        side: int,
+        human_s: tuple[float, float],
+        feet: Float,
+        human_feet: Float,
+        seconds: float,
+    ) -> Foothold:
+        """Where a step of foot `side` goes: where it belongs, as far as it can get to in time within the gait's limits.
+
+        A foot that turns reaches less far, and where it stays behind its place in the frame that has turned, it may be
+        more than a stride from the other foot, each step more. Then it turns less.
+
+        Args:
+            human_s: source time at which the human's foot lifts and lands [s].
+            feet, human_feet: before it, (2, 4) and (2, 2), see `plan`.
+            seconds: duration of the swing [s].
+        """
+        start, stance = feet[side], feet[1 - side]
+        for share in _TURN_SHARES:
+            own = self.target(
+                window,
+                scaling,
+                side,
+                *human_s,
+                stance,
+                human_feet[1 - side],
+                start_yaw=float(start[3]),
+                turn_share=share,
+            )
+            pose = self.within_reach(start, own.pose, stance, seconds)
+            if self._ahead(stance, pose) <= self.gait.max_stride + _STRIDE_TOLERANCE:
+                break
+        return Foothold(pose, own.human)
+
+    def _ahead(self, stance: Float, pose: Float) -> float:
+        """How far a foot is before or behind the other, in the frame between both [m]."""
+        yaw = 0.5 * (stance[3] + pose[3])
+        return float(abs(np.cos(yaw) * (pose[0] - stance[0]) + np.sin(yaw) * (pose[1] - stance[1])))
 
     def within_reach(self, start: Float, target: Float, stance: Float, seconds: float) -> Float:
         """A target that the foot can get to in time: brought back along the stride, as far as that goes, not across it.
@@ -309,17 +359,15 @@ class FootstepPlanner:
             latest = min((tick(s.lift_s) for s in window.swings if s.lift_s > land_s), default=land) - pause
             land = max(land, min(latest, land + int(round(_LATER_S * self.rate))))
             land = max(land, lift + int(np.ceil(gait.swing_min_s * self.rate)))
-            stance = feet[1 - swing.side]
-            human_stance = human_feet[1 - swing.side]
-            hold = self.target(window, scaling, swing.side, swing.lift_s, land_s, stance, human_stance)
-            target = self.within_reach(feet[swing.side], hold.pose, stance, (land - lift) / self.rate)
+            human_s, seconds = (swing.lift_s, land_s), (land - lift) / self.rate
+            hold = self.foothold(window, scaling, swing.side, human_s, feet, human_feet, seconds)
             # A swing whose end is not seen yet is done with when the robot's foot has landed.
             consumed_s = land_s if swing.landed else max(land_s, (land - source_tick) / self.rate)
             start = feet[swing.side].copy()
-            step = Step(swing.side, lift, land, start, target, consumed_s, dropped, human=hold.human)
+            step = Step(swing.side, lift, land, start, hold.pose, consumed_s, dropped, human=hold.human)
             dropped = 0
             steps.append(step)
-            feet[swing.side], human_feet[swing.side] = target, hold.human
+            feet[swing.side], human_feet[swing.side] = hold.pose, hold.human
             consumed[swing.side] = consumed_s
             free = np.maximum(free, self.free(step.side, step.land))
         until = np.full(2, end - pause)
@@ -385,11 +433,11 @@ class FootstepPlanner:
             if not window.contacts[frame].all():
                 lift += max(1, int(self.rate / window.motion.fps))
                 continue
-            holds = [
-                self.target(window, scaling, side, second, second, feet[1 - side], human_feet[1 - side])
+            belongs = [
+                self.target(window, scaling, side, second, second, feet[1 - side], human_feet[1 - side]).pose
                 for side in (0, 1)
             ]
-            gaps = np.array([hold.pose for hold in holds]) - feet
+            gaps = np.array(belongs) - feet
             apart = np.linalg.norm(gaps[:, :2], axis=1)
             errors = np.maximum(np.abs(gaps[:, 3]) / _INSERT_YAW, apart / _INSERT_DISTANCE)
             wrong = (errors > 1.0) & (lift + ticks <= until)
@@ -400,11 +448,11 @@ class FootstepPlanner:
                 lift = int(np.ceil(free[wrong].min()))
                 continue
             side = int(np.argmax(np.where(wrong & (free <= lift), errors, 0.0)))
-            start, hold, land, done = feet[side].copy(), holds[side], lift + ticks, consumed[side]
+            start, land, done = feet[side].copy(), lift + ticks, consumed[side]
             # Another clip's human may stand in a stride the other way: the next step, of either foot, does the rest.
-            target = self.within_reach(start, hold.pose, feet[1 - side], ticks / self.rate)
-            own = Step(side, lift, land, start, target, done, inserted=True, notice_s=UNHURRIED_S, human=hold.human)
+            hold = self.foothold(window, scaling, side, (second, second), feet, human_feet, ticks / self.rate)
+            own = Step(side, lift, land, start, hold.pose, done, inserted=True, notice_s=UNHURRIED_S, human=hold.human)
             steps.append(own)
-            feet[side], human_feet[side] = target, hold.human
+            feet[side], human_feet[side] = hold.pose, hold.human
             free = np.maximum(free, self.free(side, land))
             lift = land + pause
