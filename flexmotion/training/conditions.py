@@ -9,6 +9,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from configs.errors import ConfigError
 from flexmotion.features.layout import Layout
 from flexmotion.text.phrases import STAND, mirrored, styled, wordings
 from flexmotion.training.feature_store import FeatureStore, StoredClip
@@ -61,6 +62,9 @@ class Sentences:
         clips: of the store.
         encode: sentence to embedding.
         manner: what is said behind every sentence of motion that a clip shows.
+
+    Raises:
+        ConfigError: nothing is known of any clip, so there is nothing to learn of sentences.
     """
 
     def __init__(self, clips: Iterable[StoredClip], encode: Callable[[str], np.ndarray], manner: str = "") -> None:
@@ -78,6 +82,11 @@ class Sentences:
             self._plain.append(cache[key][0])
             self._styled.append(cache[key][1])
             self.kinds.append(kind)
+        if not any(map(len, self._plain)):
+            raise ConfigError(
+                "the set: no clip has a label or a caption; put the collection's *_index.csv or *_captions.csv beside"
+                " its files and build the set again (docs/biomechanics.md)"
+            )
         self._of_kind = {kind: self._rows(wordings(kind)) for kind in (STAND, "walk")}
         self.embeddings = torch.from_numpy(np.stack([encode(text) for text in self._number])).float()
 

@@ -1,0 +1,34 @@
+"""What windows are told to be."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from configs.errors import ConfigError
+from flexmotion.body import Body
+
+pytest.importorskip("torch", reason="the extra 'train' is not installed")
+
+from flexmotion.training.conditions import Sentences
+from flexmotion.training.feature_store import StoredClip
+
+
+def clip(labels: dict[str, str], captions: tuple[str, ...] = ()) -> StoredClip:
+    return StoredClip("walk_001", 0, 90, "train", "original", labels, captions, Body())
+
+
+def embedded(_text: str) -> np.ndarray:
+    return np.zeros(4)
+
+
+def test_labels_and_captions_become_sentences() -> None:
+    labelled = Sentences([clip({"content": "walk"}), clip({})], embedded)
+    captioned = Sentences([clip({}, ("someone strolls",))], embedded)
+    assert "walk forward" in labelled.texts and "someone strolls" in captioned.texts
+
+
+def test_a_set_that_says_nothing_is_refused() -> None:
+    """A set that was built without its index trained for an hour, and its evaluator knew no sentence from another."""
+    with pytest.raises(ConfigError, match="no clip has a label or a caption; put the collection's"):
+        Sentences([clip({}), clip({})], embedded)
