@@ -36,8 +36,9 @@ _UNKNOWN_SWING_S = 0.42
 _OWED = 0.3
 """Of what the human goes aside and one foot cannot, the other is told at most this much [m of the human's]."""
 _TURN_SHARES = (1.0, 0.75, 0.5, 0.25, 0.0)
-"""How much of its turn a foot makes that cannot get to its place in time: the first that leaves it within a stride."""
+"""How much of its turn a foot makes: the first that leaves it within a stride and within reach, else the last."""
 _STRIDE_TOLERANCE = 1e-3
+"""What a foot may be further ahead than the longest stride [m]."""
 _LATER_S = 0.06
 """How much later than the human's foot the robot's may land."""
 NOTICE_S = 0.25
@@ -160,9 +161,7 @@ class FootstepPlanner:
         land_s: float,
         stance: Float,
         human_stance: Float,
-        *,
-        start_yaw: float = 0.0,
-        turn_share: float = 1.0,
+        turn: tuple[float, float] = (0.0, 1.0),
     ) -> Foothold:
         """Where foot `side` belongs after a swing, given where the robot's other foot stands.
 
@@ -172,7 +171,8 @@ class FootstepPlanner:
             stance: pose of the other foot, (4,) [m, m, m, rad].
             human_stance: where the human's other foot stood when the robot's came to stand for it, (2,) [m]: a foot
                 that slides on while it stands takes the human along, and so it must the robot. NaN: where it is now.
-            start_yaw, turn_share: heading before the swing [rad], and how much of what it turns is to be turned now.
+            turn: the foot's heading before the swing [rad], which only counts where the second, how much of what the
+                foot turns is to be turned now, is not 1.
 
         Returns:
             The nearest within the robot's limits.
@@ -183,18 +183,19 @@ class FootstepPlanner:
             human_stance = window.foot(1 - side, land_s)
         human_yaw = window.mean_heading(lift_s, land_s)
         inward = -1.0 if side == 0 else 1.0
-        turn = np.clip(human_yaw + scaling.heading - stance[3], -gait.max_foot_yaw, gait.max_foot_yaw)
+        askew = np.clip(human_yaw + scaling.heading - stance[3], -gait.max_foot_yaw, gait.max_foot_yaw)
         # Toes that turn in meet the other foot sooner than toes that turn out.
-        turn = max(turn, -gait.max_toe_in) if inward < 0 else min(turn, gait.max_toe_in)
-        turn = turn_share * turn + (1.0 - turn_share) * (start_yaw - stance[3])
-        yaw = stance[3] + turn
+        askew = max(askew, -gait.max_toe_in) if inward < 0 else min(askew, gait.max_toe_in)
+        start_yaw, share = turn
+        askew = share * askew + (1.0 - share) * (start_yaw - stance[3])
+        yaw = stance[3] + askew
         cos, sin = np.cos(human_yaw), np.sin(human_yaw)
         dx, dy = human[:2] - human_stance[:2]
         forward, sideways = cos * dx + sin * dy, cos * dy - sin * dx
         forward = np.clip(gait.stride_factor * scaling.ratio * forward, -gait.max_stride, gait.max_stride)
         wanted = self.stand_width + scaling.ratio * (-inward * sideways - scaling.human_width)
         # A turned foot needs room for its corners.
-        room = gait.lateral[0] + self.sole_half_length * abs(np.sin(turn))
+        room = gait.lateral[0] + self.sole_half_length * abs(np.sin(askew))
         widest = max(room, gait.lateral[1])
         apart = np.clip(wanted, room, widest)
         # Far ahead and far aside at once is out of the leg's reach: an ellipse bounds both.
@@ -204,7 +205,7 @@ class FootstepPlanner:
         # Who goes aside soon stands in his own way: what one foot could not go, the other is to make room for.
         owed = np.clip(-inward * (apart - wanted) / scaling.ratio, -_OWED, _OWED)
         human = human[:2] + owed * np.array([-sin, cos])
-        frame = stance[3] + 0.5 * turn
+        frame = stance[3] + 0.5 * askew
         cos, sin = np.cos(frame), np.sin(frame)
         sideways = -inward * apart
         x, y = stance[0] + cos * forward - sin * sideways, stance[1] + sin * forward + cos * sideways
@@ -230,27 +231,15 @@ class FootstepPlanner:
             feet, human_feet: before it, (2, 4) and (2, 2), see `plan`.
             seconds: duration of the swing [s].
         """
-        start, stance = feet[side], feet[1 - side]
+        start, stance, longest = feet[side], feet[1 - side], self.gait.max_stride + _STRIDE_TOLERANCE
         for share in _TURN_SHARES:
-            own = self.target(
-                window,
-                scaling,
-                side,
-                *human_s,
-                stance,
-                human_feet[1 - side],
-                start_yaw=float(start[3]),
-                turn_share=share,
-            )
-            pose = self.within_reach(start, own.pose, stance, seconds)
-            if self._ahead(stance, pose) <= self.gait.max_stride + _STRIDE_TOLERANCE:
+            turn = (float(start[3]), share)
+            own = self.target(window, scaling, side, *human_s, stance, human_feet[1 - side], turn)
+            found = Foothold(self.within_reach(start, own.pose, stance, seconds), own.human)
+            in_time = self.shortest_swing_s(start, found.pose) <= seconds + 1e-6
+            if in_time and _ahead(stance, found.pose) <= longest:
                 break
-        return Foothold(pose, own.human)
-
-    def _ahead(self, stance: Float, pose: Float) -> float:
-        """How far a foot is before or behind the other, in the frame between both [m]."""
-        yaw = 0.5 * (stance[3] + pose[3])
-        return float(abs(np.cos(yaw) * (pose[0] - stance[0]) + np.sin(yaw) * (pose[1] - stance[1])))
+        return found
 
     def within_reach(self, start: Float, target: Float, stance: Float, seconds: float) -> Float:
         """A target that the foot can get to in time: brought back along the stride, as far as that goes, not across it.
@@ -282,7 +271,7 @@ class FootstepPlanner:
         return float(max(away / gait.swing_max_foot_speed, by_acceleration))
 
     def _turn_cost(self, start: Float, target: Float) -> float:
-        """By how much less a swing reaches for what its foot turns."""
+        """The factor by which a swing reaches less far for what its foot turns."""
         return 1.0 + self.gait.swing_turn_cost * float(abs(target[3] - start[3]))
 
     def plan(
@@ -456,3 +445,9 @@ class FootstepPlanner:
             feet[side], human_feet[side] = hold.pose, hold.human
             free = np.maximum(free, self.free(side, land))
             lift = land + pause
+
+
+def _ahead(stance: Float, pose: Float) -> float:
+    """How far a foot is before or behind the other, in the frame between both [m]."""
+    yaw = 0.5 * (stance[3] + pose[3])
+    return float(abs(np.cos(yaw) * (pose[0] - stance[0]) + np.sin(yaw) * (pose[1] - stance[1])))

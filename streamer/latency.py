@@ -233,7 +233,7 @@ class _Switcher:
     def next(self) -> Request | None:
         """Called by the supervisor over and over."""
         asked = self.request()
-        if asked in (Request.END, Request.ESTOP, Request.KILL, Request.QUIT):
+        if asked in (Request.END, Request.ESTOP, Request.KILL, Request.QUIT) and not self._ended:
             self.interrupted = self._ended = True
         if asked is not None or self._ended:
             return asked

@@ -31,7 +31,7 @@ def failures(report: Report) -> list[str]:
         reasons.append(f"{report.planner.underruns} plans came too late")
     if loop.missed_deadlines > loop.missed_allowed:
         reasons.append(f"{loop.missed_deadlines} of {loop.cycles} deadlines missed, {loop.missed_allowed} allowed")
-    if report.safety.final_state in _CUT_SHORT:
+    if report.safety.final_state in _CUT_SHORT or not (report.ok or reasons):
         reasons.append(f"cut short in {report.safety.final_state}, torque off")
     return reasons
 

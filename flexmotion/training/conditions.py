@@ -84,8 +84,8 @@ class Sentences:
             self.kinds.append(kind)
         if not any(map(len, self._plain)):
             raise ConfigError(
-                "the set: no clip has a label or a caption; put the collection's *_index.csv or *_captions.csv beside"
-                " its files and build the set again (docs/biomechanics.md)"
+                "the set: no clip has a caption or a known label; put the collection's *_index.csv or *_captions.csv"
+                " beside its files and build the set again (docs/biomechanics.md)"
             )
         self._of_kind = {kind: self._rows(wordings(kind)) for kind in (STAND, "walk")}
         self.embeddings = torch.from_numpy(np.stack([encode(text) for text in self._number])).float()

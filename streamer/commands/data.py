@@ -186,7 +186,7 @@ def _report(manifest: dict, as_json: bool) -> None:
     summary = manifest["summary"]
     print_result(", ".join(f"{name} {hours:.2f} h" for name, hours in summary["hours"].items()))
     dropped = ", ".join(f"{count} {reason}" for reason, count in summary["clips_dropped"].items()) or "none"
-    named = sum(bool(clip["labels"] or clip["captions"]) for clip in manifest["clips"])
+    named = sum(bool(clip["captions"] or {"content", "action"} & clip["labels"].keys()) for clip in manifest["clips"])
     print_result(f"clips: {summary['clips_kept']} kept, {named} of them with labels or captions; dropped: {dropped}")
     table = Table("field", "unit", *COLUMNS)
     for name, row in sorted(manifest["ranges"].items()):

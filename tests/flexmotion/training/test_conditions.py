@@ -30,5 +30,6 @@ def test_labels_and_captions_become_sentences() -> None:
 
 def test_a_set_that_says_nothing_is_refused() -> None:
     """A set that was built without its index trained for an hour, and its evaluator knew no sentence from another."""
-    with pytest.raises(ConfigError, match="no clip has a label or a caption; put the collection's"):
-        Sentences([clip({}), clip({})], embedded)
+    with pytest.raises(ConfigError, match="no clip has a caption or a known label; put the collection's"):
+        Sentences([clip({}), clip({"content": "unheard-of", "style": "normal"})], embedded)
+    assert Sentences([clip({})], embedded, "like me").texts
