@@ -44,6 +44,7 @@ from streamer.commands.driver_options import simulation_options
 from streamer.intents import Text
 from streamer.metrics import HumanTrack, RobotFigures, heading
 from streamer.model_source import ModelSource
+from streamer.pace import human_pace
 from streamer.report import RunInfo, build_report
 from streamer.script import Item
 from streamer.session import Session, count_human_steps, human_motion
@@ -107,11 +108,13 @@ def run(task: Task, folder: Path | None) -> dict[str, Any]:
     """One run, judged."""
     robot, settings = _robot(), load_stream()
     if task.kind == SCRIPT:
-        source = choose_source(bundle=folder, seed=task.seed)
+        source = choose_source(robot, bundle=folder, seed=task.seed)
         assert isinstance(source, ModelSource)
     else:
         items = [Item(0.0, Text(task.text))]
-        source = ModelSource(_sampler(folder), items, f"prompt:{task.text}", task.seed, task.seconds)
+        sampler = _sampler(folder)
+        pace = human_pace(robot, sampler.body)
+        source = ModelSource(sampler, items, f"prompt:{task.text}", task.seed, task.seconds, pace)
     options = simulation_options(task.perturbed, ["total_mass=3.5"] if task.perturbed else [])
     session = Session(
         robot,

@@ -43,6 +43,7 @@ from streamer.commands.driver_options import simulation_options
 from streamer.intents import Intent, Text
 from streamer.latency import RandomTargets, switched
 from streamer.model_source import ModelSource
+from streamer.pace import human_pace
 from streamer.script import Item
 from streamer.session import Session
 from streamer.sources import LiveSource
@@ -71,7 +72,10 @@ def prompted(seconds: float, seed: int) -> tuple[LiveSource, list[Intent]]:
     """The model, and all that prompts.yaml asks of it."""
     entries = yaml.safe_load(PROMPTS.read_text(encoding="utf-8"))
     intents: list[Intent] = [Text(words) for entry in entries for words in entry["wordings"]]
-    return ModelSource(_sampler(), [Item(0.0, Text("stand still"))], "switching", seed, seconds + 10.0), intents
+    sampler = _sampler()
+    pace = human_pace(load_robot("op3"), sampler.body)
+    items = [Item(0.0, Text("stand still"))]
+    return ModelSource(sampler, items, "switching", seed, seconds + 10.0, pace), intents
 
 
 def run(seed: int, seconds: float, clips: dict[str, Motion] | None, perturbed: bool) -> Run:

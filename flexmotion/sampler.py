@@ -17,9 +17,10 @@ from flexmotion.features.heading_frame import chord
 from flexmotion.features.inertialise import inertialised
 from flexmotion.motion import Motion
 from flexmotion.onnx_session import open_session, run
+from flexmotion.pace import Pace
 from flexmotion.planted import planted
 from flexmotion.text import phrases
-from flexmotion.text.phrases import STAND, WALK
+from flexmotion.text.phrases import BACK, STAND, WALK
 from flexmotion.text.prompt_reader import Prompt, PromptReader
 
 Float32 = NDArray[np.float32]
@@ -33,6 +34,9 @@ should not."""
 STILL = 0.05
 """A velocity whose parts are all slower than this, and that comes without words, means standing still [m/s, rad/s]."""
 
+
+WALKED = 2.0
+"""Who goes faster runs, who is waited for does not (humans change between the two at about this speed) [m/s]."""
 
 ASIDE, ASIDE_NOT_AHEAD, ASIDE_TURNING = 1.5, 1.25, 0.2
 """Sideways velocities are asked for so much more strongly, so much of them less ahead, and with so much of a turn to
@@ -54,11 +58,14 @@ class Condition:
         velocity: of the root: forward, left [m/s], turning left [rad/s], as seen from where it faces at every moment;
             None for none. Alone, one that is next to nothing is for standing still.
         guidance: how strictly it is followed; None for the bundle's default.
+        pace: how fast to go at most: velocities beyond it and words that mean faster ones ("run") are slowed; None for
+            no such limit.
     """
 
     text: str | None = None
     velocity: tuple[float, float, float] | None = None
     guidance: float | None = None
+    pace: Pace | None = None
 
 
 class Sampler:
@@ -84,7 +91,7 @@ class Sampler:
         prompts = bundle.prompts
         self.reader = PromptReader(bundle.folder, prompts.kinds, prompts.embeddings, manifest.known)
         self._rest = self.standing().joints[-1]
-        self._walking = self.reader.meaning(WALK)
+        self._walking, self._backing = self.reader.meaning(WALK), self.reader.meaning(BACK)
         self.read = lru_cache(maxsize=64)(self.reader)
         self._statistics, self._kept = bundle.statistics, bundle.kept
         # Where the distilled network stands in for guidance there is one evaluation a step, else one that is told what
@@ -147,7 +154,7 @@ class Sampler:
         features = self.features(history, condition, seed)
         motion = decode(features, self.layout, self.body, Anchor.after(history), source=self._source)
         motion = planted(motion, history)
-        return at_rest(motion, self._rest) if self._stands(self._meant(condition)) else motion
+        return at_rest(motion, self._rest) if self._stands(self.meant(condition)) else motion
 
     def features(self, history: Motion, condition: Condition, seed: int) -> Float32:
         """Features of what `sample` makes, before its feet are planted, not normalised, (W, layout.size)."""
@@ -177,7 +184,7 @@ class Sampler:
         inputs, manifest = self._inputs, self.bundle.manifest
         inputs["history"][:] = self._statistics.normalise(remembered)
         guidance = manifest.guidance if condition.guidance is None else condition.guidance
-        condition = self._meant(condition)
+        condition = self.meant(condition)
         self._ask(condition, remembered)
         if manifest.guided:
             inputs["guidance"][:] = guidance
@@ -195,15 +202,29 @@ class Sampler:
             noisy = (np.sqrt(left) * clean + np.sqrt(1 - left) * noise).astype(np.float32)
         return noisy
 
-    def _meant(self, condition: Condition) -> Condition:
-        """What is meant by what is said."""
+    def meant(self, condition: Condition) -> Condition:
+        """What is meant by what is said: the velocity that words stand for, none faster than its pace allows."""
         if not self.follows_velocity:
             return condition
         if condition.velocity is None:
-            meant = phrases.velocity(self.prompt(condition.text).kind)
-            return condition if meant is None else replace(condition, text=None, velocity=meant)
+            kind = self.prompt(condition.text).kind
+            meant, goes = phrases.velocity(kind), phrases.goes(kind)
+            if meant is not None:
+                return self._slowed(replace(condition, text=None, velocity=meant))
+            slowed = None if goes is None else self._slowed(replace(condition, velocity=goes))
+            # Words say best how fast to go where nobody has to be waited for.
+            if goes is None or slowed is None or slowed.velocity == goes:
+                return condition
+            runs = max(map(abs, goes[:2])) > WALKED
+            return replace(slowed, text=None) if runs else slowed
         still = condition.text is None and np.abs(condition.velocity).max() < STILL
-        return replace(condition, velocity=None) if still else condition
+        return replace(condition, velocity=None) if still else self._slowed(condition)
+
+    @staticmethod
+    def _slowed(condition: Condition) -> Condition:
+        if condition.pace is None or condition.velocity is None:
+            return condition
+        return replace(condition, velocity=condition.pace.slowed(condition.velocity))
 
     def _stands(self, condition: Condition) -> bool:
         return condition.velocity is None and self.prompt(condition.text).kind == STAND
@@ -223,10 +244,16 @@ class Sampler:
             forward, left = chord(ahead, aside, turning, seconds=self.future / self.fps)
             inputs["velocity"][:] = (forward / self.body.leg, left / self.body.leg, turning)
             inputs["present"][0, 1] = 1.0
-        # Without words a model goes so fast however it likes: on its knees, or with its hands in the air.
-        walks = condition.velocity is not None and condition.text is None
-        inputs["sentence"][:] = (self._walking if walks else self.prompt(condition.text)).embedding
+        inputs["sentence"][:] = self._words(condition).embedding
         inputs["present"][0, 0] = 1.0
+
+    def _words(self, condition: Condition) -> Prompt:
+        """What is said; of a velocity alone, that it is walked."""
+        if condition.velocity is None or condition.text is not None:
+            return self.prompt(condition.text)
+        # Without words a model goes so fast however it likes: on its knees, or with its hands in the air.
+        forward, left, _ = condition.velocity
+        return self._backing if forward < -abs(left) else self._walking
 
     def _caught_up(self, velocity: tuple[float, float, float], remembered: Float32) -> tuple[float, float]:
         """What to ask for on top ahead and aside, for what the history lacks [m/s]."""

@@ -28,6 +28,7 @@ from streamer.report import Latency
 from streamer.session import Session
 from streamer.sources import LiveSource
 from streamer.targets import TargetMailbox
+from streamer.telemetry import Event
 
 _SETTLE_S = 2.0
 """After the start, before the first switch [s]."""
@@ -35,6 +36,8 @@ _MARGIN_S = 60.0
 """Kept of a run beyond its switches: standing up, settling, parking [s]."""
 _BETWEEN_S = (0.2, 1.0)
 """Time between two switches, drawn evenly [s]."""
+_SOON_S, _LONG_S = 2.0, 0.02
+"""A standstill so shortly before a fault, and so long, may be its cause [s]."""
 HISTOGRAM_US = (0.0, 25.0, 50.0, 75.0, 100.0, 150.0, 200.0, 300.0, 500.0, 1000.0, 2000.0, 4000.0, 8000.0)
 """Edges of the lateness histogram [µs]; one more bin holds what is later."""
 
@@ -270,12 +273,21 @@ class Moments:
         self._stamps = record.stamp_ns
         self._moments = found[(found[:, 1] > first) & (found[:, 0] < last)]
         ms = (self._moments[:, 1] - self._moments[:, 0]) * 1e-6
-        # From a wake to the next all is one cause: what was late then makes late what comes after.
+        # From a deadline to the next wake all is one cause: who woke late ends late, and misses the next deadline.
         missed = np.diff(record.rows["missed_deadlines"], prepend=0)
-        since = np.concatenate([[first], self._stamps[:-1]])
+        since = np.concatenate([[first], self._stamps[:-1] - _ns(record.lateness_s[:-1])])
         theirs = int(missed[overlapping(since, self._stamps, self._moments)].sum())
         longest = float(ms.max(initial=0.0))
         self.summary = Standstills(len(ms), float(ms.sum()), longest, theirs, stolen_ms)
+
+    def just_before(self, stamp_ns: int) -> str:
+        """For a message of something that happened then: the longest standstill of the last moments, if it was long."""
+        ended = (self._moments[:, 1] > stamp_ns - _ns(_SOON_S)) & (self._moments[:, 0] < stamp_ns)
+        longest = max(self._moments[ended].tolist(), key=lambda moment: moment[1] - moment[0], default=[0, 0])
+        stood_s, ago_s = 1e-9 * (longest[1] - longest[0]), 1e-9 * (stamp_ns - longest[1])
+        if stood_s < _LONG_S:
+            return ""
+        return f", {max(ago_s, 0.0):.2f} s after the machine itself stood still for {1e3 * stood_s:.0f} ms"
 
     def apart(self, seconds: NDArray[np.float64], after: NDArray[np.float64] | float = 0.0) -> Latency | None:
         """Times of each tick, (T,) [s], without those in which the machine stood still.
@@ -326,7 +338,7 @@ def _result(
     robot_late = stages["robot lateness"].time
     if robot_late is not None and robot_late.max > 1e3 / record.rate_hz:
         failures.append(f"the simulated robot was {robot_late.max:.3g} ms late, more than a tick: figures do not count")
-    faults = tuple(event.message for event in record.events if event.kind == "fault")
+    faults = tuple(_told(event, record, moments) for event in record.events if event.kind == "fault")
     for what, count, allowed in (
         ("missed deadlines", record.missed_deadlines, budgets.missed_deadlines),
         ("under-runs", record.underruns, budgets.underruns),
@@ -357,6 +369,14 @@ def _result(
         faults=faults,
         failures=(*failures, *(f"fault: {fault}" for fault in faults)),
     )
+
+
+def _told(event: Event, record: RunRecord, moments: Moments | None) -> str:
+    """A fault, when it was, and whether the machine may have been its cause."""
+    row = int(np.searchsorted(record.rows["tick"], event.tick))
+    stamp = int(record.stamp_ns[min(row, record.used - 1)])
+    at_s = 1e-9 * (stamp - int(record.stamp_ns[0]))
+    return f"{event.message}, at {at_s:.1f} s{'' if moments is None else moments.just_before(stamp)}"
 
 
 @contextlib.contextmanager

@@ -11,6 +11,7 @@ import numpy as np
 from configs.errors import ConfigError
 from flexmotion.concatenate import concatenate
 from flexmotion.motion import Motion
+from flexmotion.pace import Pace
 from flexmotion.sampler import Condition, Sampler
 from streamer.intents import Intent, Stop, Text, Velocity, word_of
 from streamer.script import Item
@@ -33,15 +34,22 @@ class ModelSource:
         name: what the report calls it.
         seed: of all noise.
         seconds: how long it lasts [s]; None: until a stop.
+        pace: how fast the human goes at most, so that a robot keeps up (`streamer.pace`); None for as fast as it likes.
 
     Raises:
         ConfigError: the model cannot follow an item.
     """
 
     def __init__(
-        self, sampler: Sampler, items: Sequence[Item], name: str, seed: int = 0, seconds: float | None = None
+        self,
+        sampler: Sampler,
+        items: Sequence[Item],
+        name: str,
+        seed: int = 0,
+        seconds: float | None = None,
+        pace: Pace | None = None,
     ) -> None:
-        self.sampler, self.items, self.name, self.seed = sampler, tuple(items), name, seed
+        self.sampler, self.items, self.name, self.seed, self.pace = sampler, tuple(items), name, seed, pace
         self.fps, self.body = sampler.fps, sampler.body
         self._length_s = seconds
         self._end = None if seconds is None else int(np.floor(seconds * self.fps)) + 1
@@ -62,7 +70,7 @@ class ModelSource:
 
     def cut(self, seconds: float) -> ModelSource:
         """See `streamer.sources.Performance.cut`."""
-        return ModelSource(self.sampler, self.items, self.name, self.seed, seconds)
+        return ModelSource(self.sampler, self.items, self.name, self.seed, seconds, self.pace)
 
     def human(self) -> Motion:
         """See `streamer.sources.Performance.human`. Raises `ValueError` where there is no end."""
@@ -146,7 +154,7 @@ class ModelSource:
         change = min((at for at, _ in self._asked if at > begin), default=begin + self.sampler.future)
         # Numbered by frame, noise is the same however often plans are drawn; frames before 0 are never sampled.
         history = self._frames(max(begin - self.sampler.remembers, self._first), begin)
-        window = self.sampler.sample(history, _condition(intent), (self.seed << 32) + begin)
+        window = self.sampler.sample(history, self.condition(intent), (self.seed << 32) + begin)
         self._append(window[: change - begin])
 
     def _rest(self, before: int) -> None:
@@ -175,11 +183,11 @@ class ModelSource:
             case _:
                 raise ConfigError(f"target: a model cannot follow {word_of(intent)}, expected: text, velocity, stop")
 
-
-def _condition(intent: Intent | None) -> Condition:
-    match intent:
-        case Text(text):
-            return Condition(text)
-        case Velocity(forward, left, turning):
-            return Condition(velocity=(forward, left, turning))
-    return Condition()
+    def condition(self, intent: Intent | None) -> Condition:
+        """What the model is asked for where `intent` is; standing still for None."""
+        match intent:
+            case Text(text):
+                return Condition(text, pace=self.pace)
+            case Velocity(forward, left, turning):
+                return Condition(velocity=(forward, left, turning), pace=self.pace)
+        return Condition()

@@ -10,8 +10,8 @@ from typing import Any
 
 import yaml
 
-STAND, WALK = "stand", "walk"
-"""Kinds of motion: what is done where nothing is asked, and where nothing but a velocity is."""
+STAND, WALK, BACK = "stand", "walk", "walk-back"
+"""Kinds of motion: what is done where nothing is asked, and where nothing but a velocity is: ahead, aside; back."""
 
 
 @lru_cache
@@ -41,6 +41,12 @@ def velocity(kind: str) -> tuple[float, float, float] | None:
     """Forward, left [m/s] and turning left [rad/s] that wordings of a kind mean; None where they mean none."""
     row = _table()["kinds"].get(kind, {})
     return tuple(row["velocity"]) if "velocity" in row else None
+
+
+def goes(kind: str) -> tuple[float, float, float] | None:
+    """Forward, left [m/s] and turning left [rad/s] at which clips of a kind go about; None where they go nowhere."""
+    row = _table()["kinds"].get(kind, {})
+    return tuple(row["goes"]) if "goes" in row else None
 
 
 def styled(wording: str, style: str) -> tuple[str, ...]:

@@ -72,6 +72,7 @@ def torque(
     chosen = load_robot(robot)
     stream_settings = load_stream(settings)
     source = choose_source(
+        chosen,
         clip=clip,
         script=script,
         prompt=prompt,
@@ -139,7 +140,7 @@ def latency(
 
     chosen = load_robot(robot)
     stream_settings = load_stream(settings)
-    source, intents = choose_switched(clip or (), bundle, mapping, seed)
+    source, intents = choose_switched(chosen, clip or (), bundle, mapping, seed)
     with operator_signals() as signals, progress_bar(f"{chosen.name} answers") as progress:
         result = measure(
             chosen,

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import typer
 
+from configs.robot import Robot
 from flexmotion.bundles.bundle import Bundle
 from flexmotion.bundles.shipped import shipped_bundle
 from flexmotion.importers import load
@@ -17,9 +18,10 @@ from flexmotion.resample import resample
 from flexmotion.sampler import Sampler
 from flexmotion.text.prompt_reader import SAME
 from streamer.commands.output import print_note
-from streamer.intents import Clip, Intent, Stop, Text
+from streamer.intents import Clip, Intent, Stop, Text, word_of
 from streamer.latency import shipped_clips, switched
 from streamer.model_source import ModelSource
+from streamer.pace import human_pace
 from streamer.script import Item, load_script
 from streamer.sequence import sequence
 from streamer.sources import ClipSource, LiveSource, Performance
@@ -42,6 +44,7 @@ LAST_S = 10.0
 
 
 def choose_source(
+    robot: Robot,
     *,
     clip: Path | None = None,
     script: Path | None = None,
@@ -56,6 +59,7 @@ def choose_source(
     """What a clip, a script or a prompt asks for, or what is shipped; its name is what the report calls it.
 
     Args:
+        robot: that follows it; a model's human waits for it.
         bundle: of the model that follows words and velocities; None: the one that comes with the project.
         blend_frames: frames over which a script's clip takes over from the one before.
         seed: of all that a model draws.
@@ -77,15 +81,15 @@ def choose_source(
         if isinstance(items[0].intent, Clip):
             motion = replace(_clips(items, mapping, blend_frames), source=name)
             return _at_most(ClipSource(motion), seconds, bundle)
-        return _model(items, name, str(script), bundle, seed, seconds, endless)
+        return _model(robot, items, name, str(script), bundle, seed, seconds, endless)
     if prompt is not None:
         if not prompt.strip():
             raise typer.BadParameter('--prompt is empty: say in words what to do, such as "walk forward"')
-        return _model([Item(0.0, Text(prompt))], f"prompt:{prompt}", "--prompt", bundle, seed, seconds, endless)
+        return _model(robot, [Item(0.0, Text(prompt))], f"prompt:{prompt}", "--prompt", bundle, seed, seconds, endless)
     if bundle is None and shipped_bundle() is None:
         return _at_most(ClipSource(choose_motion()), seconds, None)
     with as_file(files("flexmotion") / "data" / DEFAULT_SCRIPT) as path:
-        return _model(load_script(path), "model:default", "the default script", bundle, seed, seconds, endless)
+        return _model(robot, load_script(path), "model:default", "the default script", bundle, seed, seconds, endless)
 
 
 def choose_motion(clip: Path | None = None, mapping: str | None = None) -> Motion:
@@ -110,7 +114,7 @@ def open_sampler(bundle: Path | None, asker: str) -> Sampler:
 
 
 def choose_switched(
-    clips: Sequence[Path], bundle: Path | None, mapping: str | None, seed: int
+    robot: Robot, clips: Sequence[Path], bundle: Path | None, mapping: str | None, seed: int
 ) -> tuple[LiveSource, tuple[Intent, ...]]:
     """A source that follows targets, and what it may be asked for: clips, a model's prompts, parts of the shipped clip.
 
@@ -124,8 +128,9 @@ def choose_switched(
     if bundle is None and shipped_bundle() is None:
         return switched(shipped_clips())
     intents = tuple(Text(prompt) for prompt in SWITCHED_PROMPTS)
-    source = ModelSource(open_sampler(bundle, "--bundle"), [Item(0.0, intents[0])], "model:prompts", seed)
-    return source, intents
+    sampler = open_sampler(bundle, "--bundle")
+    pace = human_pace(robot, sampler.body)
+    return ModelSource(sampler, [Item(0.0, intents[0])], "model:prompts", seed, pace=pace), intents
 
 
 def library_of(files: Sequence[Path], mapping: str | None = None) -> dict[str, Motion]:
@@ -159,6 +164,7 @@ def _needs_no_model(bundle: Path | None) -> None:
 
 
 def _model(
+    robot: Robot,
     items: Sequence[Item],
     name: str,
     asker: str,
@@ -169,8 +175,10 @@ def _model(
 ) -> ModelSource:
     if seconds is None and not endless:
         seconds = items[-1].at + LAST_S
-    source = ModelSource(open_sampler(bundle, asker), items, name, seed, seconds)
+    sampler = open_sampler(bundle, asker)
+    source = ModelSource(sampler, items, name, seed, seconds, human_pace(robot, sampler.body))
     _tell_what_is_heard(source)
+    _tell_what_is_slowed(source, robot.name)
     return source
 
 
@@ -180,3 +188,14 @@ def _tell_what_is_heard(source: ModelSource) -> None:
         prompt = source.sampler.prompt(text)
         if prompt.known and prompt.likeness < SAME and text != prompt.kind:
             print_note(f"{text!r} is heard as {prompt.kind}")
+
+
+def _tell_what_is_slowed(source: ModelSource, robot: str) -> None:
+    """A robot with short legs keeps up with no runner: its human waits for it."""
+    for intent in dict.fromkeys(item.intent for item in source.items):
+        asked = source.condition(intent)
+        slowed = source.sampler.meant(asked).velocity
+        if slowed is not None and slowed != source.sampler.meant(replace(asked, pace=None)).velocity:
+            said = repr(intent.text) if isinstance(intent, Text) else word_of(intent)
+            velocity = ", ".join(f"{part:.3g}" for part in slowed)
+            print_note(f"{said} is too fast for {robot}: the human goes at [{velocity}] m/s, m/s, rad/s")

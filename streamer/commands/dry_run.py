@@ -88,6 +88,7 @@ def dry_run(
     from streamer.commands.signals import operator_signals
 
     with operator_signals() as signals:
+        from configs.robot import load_robot
         from configs.stream import load_stream
         from streamer.commands.choice import choose_source
         from streamer.commands.driver_options import simulation_options
@@ -95,7 +96,9 @@ def dry_run(
         from streamer.commands.streaming import RunRequest, present, stream
 
         stream_settings = load_stream(settings)
+        chosen = load_robot(robot)
         source = choose_source(
+            chosen,
             clip=clip,
             script=script,
             prompt=prompt,
@@ -107,7 +110,7 @@ def dry_run(
         )
         outcome = stream(
             RunRequest(
-                robot=robot,
+                robot=chosen,
                 driver="sim",
                 source=source,
                 settings=stream_settings,

@@ -73,6 +73,7 @@ def run(
     from streamer.commands.signals import operator_signals
 
     with operator_signals() as signals:
+        from configs.robot import load_robot
         from configs.stream import load_stream
         from streamer.commands.choice import choose_source
         from streamer.commands.driver_options import parse_options
@@ -81,7 +82,9 @@ def run(
 
         stream_settings = load_stream(settings)
         stay = clock == "real" and not once and seconds is None
+        chosen = load_robot(robot)
         source = choose_source(
+            chosen,
             clip=clip,
             script=script,
             prompt=prompt,
@@ -97,7 +100,7 @@ def run(
             options["port"] = port
         outcome = stream(
             RunRequest(
-                robot=robot,
+                robot=chosen,
                 driver=driver,
                 source=source,
                 settings=stream_settings,

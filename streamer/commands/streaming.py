@@ -12,7 +12,7 @@ from typing import Any
 
 import typer
 
-from configs.robot import Robot, load_robot
+from configs.robot import Robot
 from configs.stream import StreamSettings
 from drivers.registry import create
 from flexmotion.motion import Motion
@@ -48,7 +48,7 @@ class RunRequest:
         view_port: first port to try for the page that shows the run; None: no page.
     """
 
-    robot: str
+    robot: Robot
     driver: str
     source: Performance
     settings: StreamSettings
@@ -85,10 +85,10 @@ def stream(request: RunRequest, signals: OperatorSignals | None = None) -> Outco
     """Run to the end, or until `signals` ask for it.
 
     Raises:
-        ConfigError: robot, driver or an option is unknown.
+        ConfigError: driver or an option is unknown.
         DriverError: the driver failed.
     """
-    robot = load_robot(request.robot)
+    robot = request.robot
     source, seconds = request.source, request.source.seconds
     options = dict(request.driver_options)
     seeded = {"seed": request.seed} if request.driver == "sim" else {}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from flexmotion.bundles.bundle import Bundle
 from flexmotion.bundles.shipped import shipped_bundle
 from flexmotion.motion import Motion
 from flexmotion.motion_file import load_motion, save_motion
+from flexmotion.pace import Pace
 from flexmotion.sampler import Sampler
 from streamer.clip_library import ClipLibrary
 from streamer.intents import from_content, to_content
@@ -79,6 +81,7 @@ def _pack_model(source: ModelSource) -> Parts:
         "items": [{"at": item.at, **to_content(item.intent)} for item in source.items],
         "seed": source.seed,
         "seconds": source.seconds,
+        "pace": None if source.pace is None else asdict(source.pace),
     }
 
 
@@ -90,7 +93,8 @@ def _unpack_model(parts: Parts, origin: Path) -> ModelSource:
     if bundle.hash != parts["hash"]:
         raise ConfigError(f"{origin}: source {parts['name']}: {folder} is not the bundle of the run (hash)")
     items = [Item(content["at"], from_content(content)) for content in parts["items"]]
-    return ModelSource(Sampler(bundle), items, parts["name"], parts["seed"], parts["seconds"])
+    pace = None if parts.get("pace") is None else Pace(**parts["pace"])  # logs of before it have none
+    return ModelSource(Sampler(bundle), items, parts["name"], parts["seed"], parts["seconds"], pace)
 
 
 def _pack_motion(motion: Motion) -> bytes:

@@ -9,6 +9,7 @@ from flexmotion.bundles.bundle import Bundle
 from flexmotion.bundles.shipped import shipped_bundle
 from flexmotion.concatenate import concatenate
 from flexmotion.kinematics import continuous_heading, forward
+from flexmotion.pace import Pace
 from flexmotion.sampler import Condition, Sampler
 
 
@@ -42,6 +43,33 @@ def test_words_that_mean_a_velocity_give_way_to_one_that_is_asked_for(sampler: S
     other = sampler.sample(standing, Condition("step to the left", velocity=(0.5, 0.0, 0.0)), seed=3)
     np.testing.assert_array_equal(said.joints, meant.joints)
     assert not np.array_equal(said.joints, other.joints)
+
+
+@pytest.mark.parametrize("sentence", ["walk forward", "run ahead"])
+def test_who_is_waited_for_goes_as_fast_as_the_other_keeps_up(sampler: Sampler, sentence: str) -> None:
+    """A robot that was told to run came .14 of the way: the human ran on, its steps too quick for the robot."""
+    pace = Pace(ahead=0.5, back=0.4, aside=0.2, turning=1.0)
+    free, waited = (_speed(sampler, Condition(sentence, pace=limit)) for limit in (None, pace))
+    assert free > 0.8 and 0.3 < waited < 0.7
+    meant = sampler.meant(Condition(sentence, pace=pace))
+    assert meant == Condition(None if "run" in sentence else sentence, (0.5, 0.0, 0.0), pace=pace)
+    # Who is not too fast goes as the words say, and no pace moves who stands.
+    assert sampler.meant(Condition(sentence, pace=Pace(9.0, 9.0, 9.0, 9.0))).velocity is None
+    assert sampler.meant(Condition("stand still", pace=pace)).velocity is None
+
+
+def test_words_and_velocities_aside_wait_too(sampler: Sampler) -> None:
+    pace = Pace(ahead=0.5, back=0.4, aside=0.1, turning=1.0)
+    assert sampler.meant(Condition("step to the left", pace=pace)).velocity == pytest.approx((0.0, 0.1, 0.0))
+    assert sampler.meant(Condition(velocity=(1.0, 0.0, 0.4), pace=pace)).velocity == pytest.approx((0.5, 0.0, 0.2))
+
+
+def _speed(sampler: Sampler, condition: Condition) -> float:
+    """Over five windows from a stand [m/s]."""
+    motion = sampler.standing()
+    for window in range(5):
+        motion = concatenate([motion, sampler.sample(motion, condition, seed=window)])
+    return float(motion.root_position[-1, 0] - motion.root_position[0, 0]) / motion.duration
 
 
 def test_who_stands_lets_the_arms_hang(sampler: Sampler) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from configs.robot import load_robot
 from configs.stream import load_stream
 from streamer.commands.choice import choose_motion
 from streamer.commands.streaming import Outcome, RunRequest, stream
@@ -138,7 +139,7 @@ def human() -> HumanTrack:
 def outcome() -> Outcome:
     """A real run of the shipped motion's first moments on the simulated OP3; treat as read-only."""
     source = ClipSource(choose_motion()).cut(1.5)
-    return stream(RunRequest(robot="op3", driver="sim", source=source, settings=load_stream()))
+    return stream(RunRequest(robot=load_robot("op3"), driver="sim", source=source, settings=load_stream()))
 
 
 @pytest.fixture(scope="session")

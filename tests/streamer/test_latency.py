@@ -24,6 +24,7 @@ from streamer.latency import (
     Moments,
     Standstills,
     _Switcher,
+    _told,
     measure,
     shipped_clips,
     switched,
@@ -32,6 +33,7 @@ from streamer.latency_text import render_latency
 from streamer.plots import write_latency
 from streamer.record import RunRecord
 from streamer.session import Session
+from streamer.telemetry import Event
 from streamer.tick_row import tick_dtype
 
 pytestmark = pytest.mark.wall_clock
@@ -109,6 +111,41 @@ def test_what_fell_into_a_standstill_is_told_apart() -> None:
     answered = moments.apart(rows["target_to_command_s"])
     assert late is not None and work is not None and answered is not None
     assert (late.max, work.max, answered.max) == pytest.approx((0.1, 4.0, 13.0))
+
+
+def test_a_tick_that_woke_late_makes_the_next_one_miss_its_deadline() -> None:
+    """It is counted a tick after the standstill, which ended as the late tick began: it was laid to the program."""
+    ms = 1_000_000
+    record = RunRecord(125.0, ("l_knee",))
+    rows = np.zeros(6, tick_dtype(1))
+    rows["stamp_ns"] = 1000 * ms + 8 * ms * np.arange(6)
+    rows["stamp_ns"][3] += 7 * ms
+    rows["stamp_ns"][4] += 1 * ms
+    rows["lateness_s"][3], rows["work_s"] = 0.007, 0.002
+    rows["missed_deadlines"][4:] = 1
+    record.append(rows)
+    stood = np.array([[1024 * ms, 1031 * ms - 50_000]])  # the witness, above the loop, woke just before it
+    assert Moments(record, stood, stolen_ms=0.0).summary.missed_deadlines == 1
+    before = np.array([[1016 * ms, 1023 * ms]])
+    assert Moments(record, before, stolen_ms=0.0).summary.missed_deadlines == 0
+
+
+def test_a_fall_is_told_with_the_standstill_before_it() -> None:
+    """A robot fell after 457 s, and nobody could say whether that was when the machine stood still for 83 ms."""
+    ms = 1_000_000
+    record = RunRecord(125.0, ("l_knee",))
+    rows = np.zeros(500, tick_dtype(1))
+    rows["tick"], rows["stamp_ns"] = np.arange(500), 1000 * ms + 8 * ms * np.arange(500)
+    record.append(rows)
+    fall = Event(375, "fault", "fall")
+    for begin, length, told in (
+        (3100, 83, ", 0.82 s after the machine itself stood still for 83 ms"),
+        (3100, 5, ""),
+        (1100, 83, ""),
+    ):
+        moments = Moments(record, np.array([[begin * ms, (begin + length) * ms]]), stolen_ms=0.0)
+        assert _told(fall, record, moments) == f"fall, at 3.0 s{told}"
+    assert _told(fall, record, None) == "fall, at 3.0 s"
 
 
 def test_the_picture_and_the_json(result: LatencyResult, tmp_path: Path) -> None:

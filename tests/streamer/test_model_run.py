@@ -123,17 +123,32 @@ def test_a_prompt_from_the_command_line_and_again(
 def test_with_no_option_the_shipped_model_plays_the_shipped_script(
     bundle: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
+    op3 = load_robot("op3")
     monkeypatch.setattr("flexmotion.bundles.shipped.FOLDER", bundle)
-    source = choose_source(seed=2)
+    source = choose_source(op3, seed=2)
     assert isinstance(source, ModelSource) and source.name == "model:default" and source.seed == 2
     assert source.seconds is not None and 15.0 <= source.seconds <= 25.0
     intents = [item.intent for item in source.items]
     assert Text("walk forward") in intents and Text("turn left") in intents
-    assert choose_source(prompt="wave").seconds == 10.0
-    assert choose_source(prompt="wave", seconds=30.0).seconds == 30.0
-    assert choose_source(prompt="wave", endless=True).seconds is None
+    assert choose_source(op3, prompt="wave").seconds == 10.0
+    assert choose_source(op3, prompt="wave", seconds=30.0).seconds == 30.0
+    assert choose_source(op3, prompt="wave", endless=True).seconds is None
     monkeypatch.setattr("flexmotion.bundles.shipped.FOLDER", tmp_path)
-    assert choose_source().name == "default" and choose_source(seconds=1.0).seconds == pytest.approx(1.0)
+    assert choose_source(op3).name == "default" and choose_source(op3, seconds=1.0).seconds == pytest.approx(1.0)
+
+
+def test_a_human_who_waits_for_the_robot_is_told_and_replayed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Velocities that a robot cannot follow were asked for without a word; the robot came a third of the way."""
+    script = tmp_path / "fast.yaml"
+    script.write_text("- {at: 0, velocity: [2, 0, 0]}\n- {at: 2, text: stand still}\n- {at: 3, stop: true}\n")
+    assert dry_run("--script", str(script), "--json", "--log", str(tmp_path / "run.mcap")) == 0
+    found = capsys.readouterr()
+    assert "velocity is too fast for op3: the human goes at [0.781, 0, 0] m/s, m/s, rad/s" in found.err
+    assert "stand still" not in found.err and json.loads(found.out)["motion"]["human_went"]["ahead_m"] < 0.5
+    assert execute(["log", "replay", str(tmp_path / "run.mcap"), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["equal"] is True
 
 
 def test_a_log_can_be_read_where_its_bundle_is_not(

@@ -10,6 +10,7 @@ import pytest
 
 from configs.errors import ConfigError
 from flexmotion.motion import Motion
+from flexmotion.pace import Pace
 from streamer.intents import Clip, Intent, Stop, Text, Velocity
 from streamer.metrics import heading
 from streamer.model_source import ModelSource
@@ -62,6 +63,15 @@ def test_what_is_said_depends_on_the_seed_and_not_on_how_it_is_asked_for() -> No
     np.testing.assert_array_equal(np.concatenate([speech(part) for part in parts]), speech(whole))
     other = source(seed=4).window(0, 150)
     assert other is not None and np.abs(speech(other) - speech(whole)).max() > 0
+
+
+def test_every_window_is_asked_for_at_the_pace_of_who_follows() -> None:
+    sampler, pace = StubSampler(), Pace(0.5, 0.4, 0.2, 1.0)
+    it = source(Item(0.0, WALK), Item(1.0, Velocity(2.0, 0.0, 0.0)), sampler=sampler, pace=pace)
+    assert it.window(0, 60) is not None and it.cut(1.0).pace == pace
+    it.turn_to(target(TURN), 40, None)
+    assert it.window(41, 30) is not None
+    assert {asked.condition.pace for asked in sampler.asked} == {pace}
 
 
 def test_a_script_is_followed_to_the_frame() -> None:
