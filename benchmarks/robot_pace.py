@@ -3,9 +3,9 @@
     python benchmarks/robot_pace.py [--robot op3] [--bundle DIR] [--seeds 3] [--seconds 8] [--jobs 2] [--csv FILE]
 
 A model's human goes at each velocity of SPEEDS, unslowed, the robot after it, nominal and perturbed as in
-robot_prompts.py. Where the human goes faster than the robot can, that comes less and less of its way: `gait.pace`
-of a robot file is how fast a human may go, in the scale of the robot's legs, of whose way it still comes enough. Printed
-are medians over the runs that stay up, in that scale. Exits with 1 where at the pace of the robot file, or slower, it
+robot_prompts.py. Where the human is faster than the robot can be, it comes less and less of the way: `gait.pace` of a
+robot file is how fast a human may go, in the scale of the robot's legs, of whose way it still comes enough. Printed are
+medians over the runs that stay up, in that scale. Exits with 1 where at the pace of the robot file, or slower, it
 comes less than KEEPS_UP of the way, or stays up in less than STAYS_UP of the runs.
 """
 
