@@ -187,7 +187,7 @@ def moves(check: dict[str, Any]) -> bool:
 def table(results: list[dict[str, Any]], checks: dict[str, dict[str, Any]]) -> Table:
     """One row a kind, nominal and perturbed side by side."""
     out = Table(title="At the robot: upright, did what was asked (nominal, perturbed); medians of those upright")
-    for name in ("kind", "runs", "upright", "did", "net path", "turned °", "human °", "steps/human"):
+    for name in ("kind", "runs", "upright", "did", "net path", "went m", "turned °", "human °", "steps/human"):
         out.add_column(name)
     for kind in dict.fromkeys(result["kind"] for result in results):
         own = [result for result in results if result["kind"] == kind]
@@ -199,6 +199,7 @@ def table(results: list[dict[str, Any]], checks: dict[str, dict[str, Any]]) -> T
             ", ".join(_percent([r["upright"] for r in half]) for half in halves),
             ", ".join(_percent([r["upright"] and _done(r, checks) for r in half]) for half in halves),
             _middle([r["net_path"] for r in up]),
+            _middle([float(np.hypot(r["forward"], r["left"])) for r in up]),
             _middle([r["turned"] for r in up], ".0f"),
             _middle([r["human_turned"] for r in up], ".0f"),
             f"{_middle([r['steps_planned'] for r in up], '.0f')}/{_middle([r['human_steps'] for r in up], '.0f')}",

@@ -156,8 +156,8 @@ class Mapping(Strict):
         return {name: chain for name, chain in self if chain is not None}
 
 
-class Pace(Strict):
-    """How fast a human may go with whom this robot keeps up, as measured (`benchmarks/robot_pace.py`).
+class GaitPace(Strict):
+    """How fast a human may go so that this robot comes most of the way, as measured (`benchmarks/robot_pace.py`).
 
     Attributes:
         ahead, back, aside: in the scale of the robot's legs [m/s].
@@ -186,7 +186,7 @@ class Gait(Strict):
         swing_max_foot_acceleration: peak along the swing; what it asks of the knee's rotor is torque [m/s²].
         clearance: height of the swing foot in mid-swing [m].
         zmp_feedback: how far balance feedback may move the ZMP, along and across the feet [m].
-        pace: how fast it is; a model is asked for no human who goes faster. None: not known, so nobody waits for it.
+        pace: how fast a human it follows well; a model is asked for none who is faster. None: not known, nobody waits.
     """
 
     stand_hip_height: float = Field(gt=0)
@@ -204,7 +204,7 @@ class Gait(Strict):
     swing_max_foot_acceleration: float = Field(gt=0)
     clearance: float = Field(gt=0)
     zmp_feedback: tuple[Annotated[float, Field(ge=0)], Annotated[float, Field(ge=0)]]
-    pace: Pace | None = None
+    pace: GaitPace | None = None
 
     @model_validator(mode="after")
     def _ordered(self) -> Gait:

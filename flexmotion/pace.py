@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
-Velocity = tuple[float, float, float]
+from dataclasses import asdict, dataclass
+from math import hypot, isfinite
 
 
 @dataclass(frozen=True)
@@ -14,6 +13,9 @@ class Pace:
     Attributes:
         ahead, back, aside: [m/s].
         turning: [rad/s].
+
+    Raises:
+        ValueError: one of them is not positive and finite.
     """
 
     ahead: float
@@ -21,12 +23,16 @@ class Pace:
     aside: float
     turning: float
 
-    def slowed(self, velocity: Velocity) -> Velocity:
+    def __post_init__(self) -> None:
+        if not all(isinstance(speed, float | int) and isfinite(speed) and speed > 0 for speed in asdict(self).values()):
+            raise ValueError(f"expected speeds above 0, found {self}")
+
+    def slowed(self, velocity: tuple[float, float, float]) -> tuple[float, float, float]:
         """The same way, slower where it is too fast: all parts by one factor, so that a curve stays the same curve.
 
         Ahead and aside share what there is (an ellipse); turning has its own limit.
         """
         forward, left, turning = velocity
         along, across = forward / (self.ahead if forward > 0 else self.back), left / self.aside
-        share = max((along**2 + across**2) ** 0.5, abs(turning) / self.turning, 1.0)
+        share = max(hypot(along, across), abs(turning) / self.turning, 1.0)
         return forward / share, left / share, turning / share

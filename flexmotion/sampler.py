@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from math import hypot
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,8 +36,11 @@ STILL = 0.05
 """A velocity whose parts are all slower than this, and that comes without words, means standing still [m/s, rad/s]."""
 
 
-WALKED = 2.0
-"""Who goes faster runs, who is waited for does not (humans change between the two at about this speed) [m/s]."""
+RUN_FROM = 2.0
+"""Who goes slower walks: humans change between the two at about this speed [m/s]."""
+
+BACK_FROM = 0.1
+"""Who is asked for less to the back goes ahead or turns: a hair of it does not turn a gait round [m/s]."""
 
 ASIDE, ASIDE_NOT_AHEAD, ASIDE_TURNING = 1.5, 1.25, 0.2
 """Sideways velocities are asked for so much more strongly, so much of them less ahead, and with so much of a turn to
@@ -215,8 +219,9 @@ class Sampler:
             # Words say best how fast to go where nobody has to be waited for.
             if goes is None or slowed is None or slowed.velocity == goes:
                 return condition
-            runs = max(map(abs, goes[:2])) > WALKED
-            return replace(slowed, text=None) if runs else slowed
+            assert slowed.velocity is not None
+            no_longer_runs = hypot(*goes[:2]) > RUN_FROM > hypot(*slowed.velocity[:2])
+            return replace(slowed, text=None) if no_longer_runs else slowed
         still = condition.text is None and np.abs(condition.velocity).max() < STILL
         return replace(condition, velocity=None) if still else self._slowed(condition)
 
@@ -253,7 +258,7 @@ class Sampler:
             return self.prompt(condition.text)
         # Without words a model goes so fast however it likes: on its knees, or with its hands in the air.
         forward, left, _ = condition.velocity
-        return self._backing if forward < -abs(left) else self._walking
+        return self._backing if forward < -max(abs(left), BACK_FROM) else self._walking
 
     def _caught_up(self, velocity: tuple[float, float, float], remembered: Float32) -> tuple[float, float]:
         """What to ask for on top ahead and aside, for what the history lacks [m/s]."""

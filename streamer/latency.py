@@ -373,6 +373,8 @@ def _result(
 
 def _told(event: Event, record: RunRecord, moments: Moments | None) -> str:
     """A fault, when it was, and whether the machine may have been its cause."""
+    if not record.used:
+        return event.message
     row = int(np.searchsorted(record.rows["tick"], event.tick))
     stamp = int(record.stamp_ns[min(row, record.used - 1)])
     at_s = 1e-9 * (stamp - int(record.stamp_ns[0]))

@@ -90,7 +90,7 @@ class ModelSource:
             self._rest(first_frame)
         return self._say(first_frame, last)
 
-    def turn_to(self, target: Target, frame: int, played: Motion | None) -> None:
+    def turn_to(self, target: Target, frame: int, played: Motion | None) -> str | None:
         """See `streamer.sources.LiveSource.turn_to`; nothing remains of the script from `frame` on."""
         self._require(target.intent)
         if played is None:
@@ -101,6 +101,16 @@ class ModelSource:
             self._pieces, self._first = before, begin - sum(len(piece) for piece in before)
             self._append(played)
         self._asked = [(frame + 1, target.intent)]
+        return self.remark(target.intent)
+
+    def remark(self, intent: Intent) -> str | None:
+        """What is to be told of an intent that is followed otherwise than it is meant: slower; None for nothing."""
+        asked = self.condition(intent)
+        slowed, meant = self.sampler.meant(asked).velocity, self.sampler.meant(replace(asked, pace=None)).velocity
+        if slowed is None or (meant is not None and np.allclose(slowed, meant)):
+            return None
+        said = repr(intent.text) if isinstance(intent, Text) else f"velocity {_told(asked.velocity)}"
+        return f"{said} is too fast for this robot: the human goes at {_told(slowed)} (m/s, m/s, rad/s)"
 
     @property
     def _spoken(self) -> Motion:
@@ -191,3 +201,7 @@ class ModelSource:
             case Velocity(forward, left, turning):
                 return Condition(velocity=(forward, left, turning), pace=self.pace)
         return Condition()
+
+
+def _told(velocity: tuple[float, float, float] | None) -> str:
+    return str([float(f"{part:.2g}") + 0.0 for part in velocity or ()])

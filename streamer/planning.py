@@ -190,11 +190,13 @@ class Planning:
             place = frame - current.human_first_frame
             played = current.human[: place + 1] if 0 <= place < len(current.human) else None
         try:
-            source.turn_to(target, frame, played)
+            remark = source.turn_to(target, frame, played)
         except ConfigError as error:
             self._refused = target.id
             self.tell(str(error))
             return False
+        if remark is not None:
+            self.tell(remark)
         return True
 
 

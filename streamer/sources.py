@@ -32,8 +32,8 @@ class Source(Protocol):
 class LiveSource(Source, Protocol):
     """A source that follows targets."""
 
-    def turn_to(self, target: Target, frame: int, played: Motion | None) -> None:
-        """From `frame` on follow `target`.
+    def turn_to(self, target: Target, frame: int, played: Motion | None) -> str | None:
+        """From `frame` on follow `target`; what comes back is told: how it is followed otherwise than it is meant.
 
         Args:
             target: what to do.

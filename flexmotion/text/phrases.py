@@ -39,14 +39,17 @@ def wordings(kind: str) -> tuple[str, ...]:
 
 def velocity(kind: str) -> tuple[float, float, float] | None:
     """Forward, left [m/s] and turning left [rad/s] that wordings of a kind mean; None where they mean none."""
-    row = _table()["kinds"].get(kind, {})
-    return tuple(row["velocity"]) if "velocity" in row else None
+    return _velocity(kind, "velocity")
 
 
 def goes(kind: str) -> tuple[float, float, float] | None:
-    """Forward, left [m/s] and turning left [rad/s] at which clips of a kind go about; None where they go nowhere."""
+    """Likewise, at which a model goes about that is told a kind and nothing else; None where it goes nowhere."""
+    return _velocity(kind, "goes")
+
+
+def _velocity(kind: str, key: str) -> tuple[float, float, float] | None:
     row = _table()["kinds"].get(kind, {})
-    return tuple(row["goes"]) if "goes" in row else None
+    return tuple(row[key]) if key in row else None
 
 
 def styled(wording: str, style: str) -> tuple[str, ...]:

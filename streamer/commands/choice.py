@@ -18,7 +18,7 @@ from flexmotion.resample import resample
 from flexmotion.sampler import Sampler
 from flexmotion.text.prompt_reader import SAME
 from streamer.commands.output import print_note
-from streamer.intents import Clip, Intent, Stop, Text, word_of
+from streamer.intents import Clip, Intent, Stop, Text
 from streamer.latency import shipped_clips, switched
 from streamer.model_source import ModelSource
 from streamer.pace import human_pace
@@ -178,7 +178,11 @@ def _model(
     sampler = open_sampler(bundle, asker)
     source = ModelSource(sampler, items, name, seed, seconds, human_pace(robot, sampler.body))
     _tell_what_is_heard(source)
-    _tell_what_is_slowed(source, robot.name)
+    for remark in dict.fromkeys(source.remark(item.intent) for item in source.items):
+        if remark is not None:
+            print_note(remark)
+    if source.pace is not None and not sampler.follows_velocity:
+        print_note(f"model {sampler.name} follows no velocity: its human does not wait for {robot.name}")
     return source
 
 
@@ -188,14 +192,3 @@ def _tell_what_is_heard(source: ModelSource) -> None:
         prompt = source.sampler.prompt(text)
         if prompt.known and prompt.likeness < SAME and text != prompt.kind:
             print_note(f"{text!r} is heard as {prompt.kind}")
-
-
-def _tell_what_is_slowed(source: ModelSource, robot: str) -> None:
-    """A robot with short legs keeps up with no runner: its human waits for it."""
-    for intent in dict.fromkeys(item.intent for item in source.items):
-        asked = source.condition(intent)
-        slowed = source.sampler.meant(asked).velocity
-        if slowed is not None and slowed != source.sampler.meant(replace(asked, pace=None)).velocity:
-            said = repr(intent.text) if isinstance(intent, Text) else word_of(intent)
-            velocity = ", ".join(f"{part:.3g}" for part in slowed)
-            print_note(f"{said} is too fast for {robot}: the human goes at [{velocity}] m/s, m/s, rad/s")

@@ -93,8 +93,15 @@ def _unpack_model(parts: Parts, origin: Path) -> ModelSource:
     if bundle.hash != parts["hash"]:
         raise ConfigError(f"{origin}: source {parts['name']}: {folder} is not the bundle of the run (hash)")
     items = [Item(content["at"], from_content(content)) for content in parts["items"]]
-    pace = None if parts.get("pace") is None else Pace(**parts["pace"])  # logs of before it have none
+    pace = _unpack_pace(parts.get("pace"), origin)  # logs of before it have none
     return ModelSource(Sampler(bundle), items, parts["name"], parts["seed"], parts["seconds"], pace)
+
+
+def _unpack_pace(speeds: Parts | None, origin: Path) -> Pace | None:
+    try:
+        return None if speeds is None else Pace(**speeds)
+    except ValueError as error:
+        raise ConfigError(f"{origin}: source pace: {error}") from error
 
 
 def _pack_motion(motion: Motion) -> bytes:

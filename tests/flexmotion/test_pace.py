@@ -29,6 +29,13 @@ def test_what_is_too_fast_is_slowed(asked: tuple[float, float, float], slowed: t
     assert PACE.slowed(asked) == pytest.approx(slowed)
 
 
+@pytest.mark.parametrize("speed", [0.0, -1.0, float("nan"), float("inf"), "fast"])
+def test_who_never_goes_at_all_has_no_pace(speed: float) -> None:
+    """A pace of 0 aside once divided by it, though nobody was asked aside."""
+    with pytest.raises(ValueError, match="above 0"):
+        Pace(0.5, 0.4, speed, 1.0)
+
+
 @given(SPEED, SPEED, SPEED)
 def test_slowed_it_goes_the_same_way_within_every_limit(forward: float, left: float, turning: float) -> None:
     asked = np.array([forward, left, turning])

@@ -58,6 +58,35 @@ def test_who_is_waited_for_goes_as_fast_as_the_other_keeps_up(sampler: Sampler, 
     assert sampler.meant(Condition("stand still", pace=pace)).velocity is None
 
 
+@pytest.mark.parametrize(
+    ("sentence", "velocity"),
+    [
+        ("walk backward", (-0.4, 0.0, 0.0)),
+        ("turn left", (0.5, 0.0, 0.375)),
+        ("turn right", (0.5, 0.0, -0.375)),
+        ("make a dash for it", (0.5, 0.0, 0.0)),
+    ],
+)
+def test_whatever_goes_somewhere_waits(sampler: Sampler, sentence: str, velocity: tuple[float, float, float]) -> None:
+    meant = sampler.meant(Condition(sentence, pace=Pace(ahead=0.5, back=0.4, aside=0.2, turning=1.0)))
+    assert meant.velocity == pytest.approx(velocity)
+
+
+def test_who_may_go_fast_enough_still_runs(sampler: Sampler) -> None:
+    for ahead, runs in ((2.15, True), (1.9, False)):
+        meant = sampler.meant(Condition("run ahead", pace=Pace(ahead, 1.0, 1.0, 2.0)))
+        assert meant.velocity == pytest.approx((ahead, 0.0, 0.0)) and (meant.text is not None) == runs
+
+
+def test_who_is_asked_back_walks_back_and_a_hair_of_it_turns_nobody_round(sampler: Sampler) -> None:
+    """With the words of walking ahead it went .05 m/s for .3; with a hair of a velocity back turning went backward."""
+    assert _speed(sampler, Condition(velocity=(-0.3, 0.0, 0.0))) < -0.2
+    for turning in (-0.7, 0.7):
+        asked = (Condition(velocity=(forward, 0.0, turning)) for forward in (-0.01, 0.0))
+        jittered, turned = (sampler.sample(sampler.standing(), condition, seed=1) for condition in asked)
+        np.testing.assert_allclose(jittered.root_position, turned.root_position, atol=0.05)
+
+
 def test_words_and_velocities_aside_wait_too(sampler: Sampler) -> None:
     pace = Pace(ahead=0.5, back=0.4, aside=0.1, turning=1.0)
     assert sampler.meant(Condition("step to the left", pace=pace)).velocity == pytest.approx((0.0, 0.1, 0.0))

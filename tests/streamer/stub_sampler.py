@@ -54,6 +54,11 @@ class StubSampler:
         step = speed / self.fps * np.stack([np.cos(yaw), np.sin(yaw)], axis=1)
         return self._motion(history.root_position[-1, :2] + np.cumsum(step, axis=0), yaw, self._noise(seed))
 
+    def meant(self, condition: Condition) -> Condition:
+        if condition.velocity is None or condition.pace is None:
+            return condition
+        return replace(condition, velocity=condition.pace.slowed(condition.velocity))
+
     def prompt(self, text: str) -> Any:
         self.read.append(text)
 

@@ -13,14 +13,16 @@ from configs.robot import load_robot
 from configs.stream import load_stream
 from drivers.registry import create
 from flexmotion.bundles.bundle import Bundle
+from flexmotion.pace import Pace
 from flexmotion.sampler import Sampler
 from streamer.cli import execute
-from streamer.commands.choice import choose_source
+from streamer.commands.choice import choose_source, choose_switched
 from streamer.controls import Request
 from streamer.intents import Clip, Intent, Stop, Text, Velocity
 from streamer.ladder import State
 from streamer.model_source import ModelSource
 from streamer.offline import retarget_offline
+from streamer.pace import human_pace
 from streamer.record import RunRecord
 from streamer.report import TIMING_KEYS
 from streamer.script import Item
@@ -84,6 +86,22 @@ def test_a_run_that_ends_before_the_source_begins_has_no_human() -> None:
     assert human_motion(run.source, sent(run, {}, 3)) is None
 
 
+def test_a_target_that_is_too_fast_is_told_while_it_runs() -> None:
+    robot, pace = load_robot("op3"), Pace(0.3, 0.3, 0.1, 0.2)
+    source = ModelSource(StubSampler(), [Item(0.0, Text("stand still"))], "model:stub", pace=pace)  # type: ignore[arg-type]
+    run = Session(robot, create("sim", robot, seed=0), source, load_stream())
+    record = sent(run, {300: Velocity(0.0, 0.0, 0.4)}, 400)
+    notes = [event.message for event in record.events if event.kind == "note"]
+    assert len(notes) == 1 and "velocity [0.0, 0.0, 0.4] is too fast for this robot" in notes[0]
+    assert int(record.rows["target"][-1]) == 1
+
+
+def test_what_switches_between_prompts_waits_too() -> None:
+    op3 = load_robot("op3")
+    source, _ = choose_switched(op3, (), None, None, seed=0)
+    assert isinstance(source, ModelSource) and source.pace == human_pace(op3, source.body)
+
+
 def test_what_cannot_be_followed_is_told_and_the_rest_goes_on() -> None:
     run = session(Item(0.0, Text("stand still")), seconds=None)
     record = sent(run, {300: Clip("walk.bvh")}, 400)
@@ -145,7 +163,7 @@ def test_a_human_who_waits_for_the_robot_is_told_and_replayed(
     script.write_text("- {at: 0, velocity: [2, 0, 0]}\n- {at: 2, text: stand still}\n- {at: 3, stop: true}\n")
     assert dry_run("--script", str(script), "--json", "--log", str(tmp_path / "run.mcap")) == 0
     found = capsys.readouterr()
-    assert "velocity is too fast for op3: the human goes at [0.781, 0, 0] m/s, m/s, rad/s" in found.err
+    assert "velocity [2.0, 0.0, 0.0] is too fast for this robot: the human goes at [0.9, 0.0, 0.0]" in found.err
     assert "stand still" not in found.err and json.loads(found.out)["motion"]["human_went"]["ahead_m"] < 0.5
     assert execute(["log", "replay", str(tmp_path / "run.mcap"), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["equal"] is True

@@ -69,9 +69,15 @@ def test_every_window_is_asked_for_at_the_pace_of_who_follows() -> None:
     sampler, pace = StubSampler(), Pace(0.5, 0.4, 0.2, 1.0)
     it = source(Item(0.0, WALK), Item(1.0, Velocity(2.0, 0.0, 0.0)), sampler=sampler, pace=pace)
     assert it.window(0, 60) is not None and it.cut(1.0).pace == pace
-    it.turn_to(target(TURN), 40, None)
+    assert it.turn_to(target(TURN), 40, None) is None
     assert it.window(41, 30) is not None
     assert {asked.condition.pace for asked in sampler.asked} == {pace}
+    told = it.turn_to(target(Velocity(2.0, 0.0, 0.0)), 80, None)
+    assert (
+        told
+        == "velocity [2.0, 0.0, 0.0] is too fast for this robot: the human goes at [0.5, 0.0, 0.0] (m/s, m/s, rad/s)"
+    )
+    assert it.turn_to(target(Velocity(0.5, 0.0, 0.0)), 90, None) is None
 
 
 def test_a_script_is_followed_to_the_frame() -> None:
