@@ -13,6 +13,7 @@ from flexmotion.concatenate import concatenate
 from flexmotion.motion import Motion
 from flexmotion.pace import Pace
 from flexmotion.sampler import Condition, Sampler
+from flexmotion.text.prompt_reader import SAME
 from streamer.intents import Intent, Stop, Text, Velocity, word_of
 from streamer.script import Item
 from streamer.targets import Target
@@ -103,14 +104,27 @@ class ModelSource:
         self._asked = [(frame + 1, target.intent)]
         return self.remark(target.intent)
 
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """See `streamer.sources.Performance.remarks`."""
+        found = [self.remark(item.intent) for item in self.items]
+        if self.pace is not None and not self.sampler.follows_velocity:
+            found.append(f"model {self.sampler.name} follows no velocity: its human does not wait for the robot")
+        return tuple(dict.fromkeys(remark for remark in found if remark is not None))
+
     def remark(self, intent: Intent) -> str | None:
-        """What is to be told of an intent that is followed otherwise than it is meant: slower; None for nothing."""
+        """What is to be told of an intent: as what words are heard, how much slower it is followed; None: nothing."""
         asked = self.condition(intent)
+        said, found = f"velocity {list(asked.velocity or ())}", []
+        if isinstance(intent, Text):
+            # A sentence is heard as one kind of motion, which need not be the one that was meant.
+            said, prompt = repr(intent.text), self.sampler.prompt(intent.text)
+            if prompt.known and prompt.likeness < SAME and intent.text != prompt.kind:
+                found.append(f"heard as {prompt.kind}")
         slowed, meant = self.sampler.meant(asked).velocity, self.sampler.meant(replace(asked, pace=None)).velocity
-        if slowed is None or (meant is not None and np.allclose(slowed, meant)):
-            return None
-        said = repr(intent.text) if isinstance(intent, Text) else f"velocity {_told(asked.velocity)}"
-        return f"{said} is too fast for this robot: the human goes at {_told(slowed)} (m/s, m/s, rad/s)"
+        if slowed is not None and (meant is None or not np.allclose(slowed, meant)):
+            found.append(f"slowed to {_told(slowed)}, so that the robot keeps up")
+        return f"{said} is {' and '.join(found)}" if found else None
 
     @property
     def _spoken(self) -> Motion:
@@ -203,5 +217,15 @@ class ModelSource:
         return Condition()
 
 
-def _told(velocity: tuple[float, float, float] | None) -> str:
-    return str([float(f"{part:.2g}") + 0.0 for part in velocity or ()])
+def _told(velocity: tuple[float, float, float]) -> str:
+    forward, left, turning = velocity
+    parts = (
+        (forward, "m/s ahead" if forward > 0 else "m/s back"),
+        (left, f"m/s to the {_side(left)}"),
+        (turning, f"rad/s turning {_side(turning)}"),
+    )
+    return " and ".join(f"{abs(value):.2g} {what}" for value, what in parts if value)
+
+
+def _side(value: float) -> str:
+    return "left" if value > 0 else "right"

@@ -62,6 +62,11 @@ class Performance(Source, Protocol):
         """How long it lasts [s]; None: without an end."""
         ...
 
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What somebody should be told before it begins: how it is followed otherwise than may be meant."""
+        ...
+
     def cut(self, seconds: float) -> Self:
         """The first part of it, from the start anew."""
         ...
@@ -86,6 +91,11 @@ class ClipSource:
     def seconds(self) -> float:
         """Length of the clip [s]."""
         return self.motion.duration
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """See `Performance.remarks`: a clip says all itself."""
+        return ()
 
     def window(self, first_frame: int, frames: int) -> Motion | None:
         """See `Source.window`."""

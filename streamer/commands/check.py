@@ -82,6 +82,8 @@ def torque(
         seed=seed,
         seconds=seconds,
     )
+    for remark in source.remarks:
+        print_note(f"note: {remark}")
     with progress_bar(f"{chosen.name} retargets {source.name}") as progress:
         trajectory = retarget_offline(chosen, source, stream_settings, progress)
     result = check_trajectory(trajectory, chosen, source.name)

@@ -16,8 +16,6 @@ from flexmotion.importers import load
 from flexmotion.motion import Motion
 from flexmotion.resample import resample
 from flexmotion.sampler import Sampler
-from flexmotion.text.prompt_reader import SAME
-from streamer.commands.output import print_note
 from streamer.intents import Clip, Intent, Stop, Text
 from streamer.latency import shipped_clips, switched
 from streamer.model_source import ModelSource
@@ -176,19 +174,4 @@ def _model(
     if seconds is None and not endless:
         seconds = items[-1].at + LAST_S
     sampler = open_sampler(bundle, asker)
-    source = ModelSource(sampler, items, name, seed, seconds, human_pace(robot, sampler.body))
-    _tell_what_is_heard(source)
-    for remark in dict.fromkeys(source.remark(item.intent) for item in source.items):
-        if remark is not None:
-            print_note(remark)
-    if source.pace is not None and not sampler.follows_velocity:
-        print_note(f"model {sampler.name} follows no velocity: its human does not wait for {robot.name}")
-    return source
-
-
-def _tell_what_is_heard(source: ModelSource) -> None:
-    """A sentence is heard as one kind of motion, which need not be the one that was meant."""
-    for text in dict.fromkeys(item.intent.text for item in source.items if isinstance(item.intent, Text)):
-        prompt = source.sampler.prompt(text)
-        if prompt.known and prompt.likeness < SAME and text != prompt.kind:
-            print_note(f"{text!r} is heard as {prompt.kind}")
+    return ModelSource(sampler, items, name, seed, seconds, human_pace(robot, sampler.body))

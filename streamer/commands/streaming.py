@@ -118,6 +118,8 @@ def stream(request: RunRequest, signals: OperatorSignals | None = None) -> Outco
             viewer = Viewer(robot, session.telemetry, port=request.view_port)
             session.services += (viewer,)
             print_note(f"view: {viewer.url}")
+        for remark in source.remarks:
+            session.telemetry.tell(0, "note", remark)
         recorder = None if request.log is None else _recorder(request, session, robot)
         begin = time.perf_counter()
         try:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -11,6 +10,7 @@ from flexmotion.body import Body
 from flexmotion.motion import Motion
 from flexmotion.sampler import Condition
 from flexmotion.skeleton import JOINTS
+from flexmotion.text.prompt_reader import Prompt
 from streamer.metrics import heading
 
 NOISE_M = 1e-3
@@ -59,8 +59,10 @@ class StubSampler:
             return condition
         return replace(condition, velocity=condition.pace.slowed(condition.velocity))
 
-    def prompt(self, text: str) -> Any:
-        self.read.append(text)
+    def prompt(self, text: str) -> Prompt:
+        if text not in self.read:
+            self.read.append(text)
+        return Prompt(np.zeros(1, np.float32), text, 1.0, True)
 
     def _noise(self, seed: int) -> float:
         return NOISE_M * float(np.random.default_rng(seed).uniform())

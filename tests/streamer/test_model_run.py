@@ -92,7 +92,7 @@ def test_a_target_that_is_too_fast_is_told_while_it_runs() -> None:
     run = Session(robot, create("sim", robot, seed=0), source, load_stream())
     record = sent(run, {300: Velocity(0.0, 0.0, 0.4)}, 400)
     notes = [event.message for event in record.events if event.kind == "note"]
-    assert len(notes) == 1 and "velocity [0.0, 0.0, 0.4] is too fast for this robot" in notes[0]
+    assert len(notes) == 1 and "velocity [0.0, 0.0, 0.4] is slowed to 0.2 rad/s turning left" in notes[0]
     assert int(record.rows["target"][-1]) == 1
 
 
@@ -163,7 +163,9 @@ def test_a_human_who_waits_for_the_robot_is_told_and_replayed(
     script.write_text("- {at: 0, velocity: [2, 0, 0]}\n- {at: 2, text: stand still}\n- {at: 3, stop: true}\n")
     assert dry_run("--script", str(script), "--json", "--log", str(tmp_path / "run.mcap")) == 0
     found = capsys.readouterr()
-    assert "velocity [2.0, 0.0, 0.0] is too fast for this robot: the human goes at [0.9, 0.0, 0.0]" in found.err
+    assert "note: velocity [2, 0, 0] is slowed to 0.9 m/s ahead, so that the robot keeps up" in found.err
+    assert execute(["log", "show", str(tmp_path / "run.mcap")]) == 0
+    assert "is slowed to 0.9 m/s ahead" in capsys.readouterr().out.replace("\n", " ")
     assert "stand still" not in found.err and json.loads(found.out)["motion"]["human_went"]["ahead_m"] < 0.5
     assert execute(["log", "replay", str(tmp_path / "run.mcap"), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["equal"] is True
