@@ -44,7 +44,11 @@ def load_robot(name_or_folder: str | Path) -> Robot:
     for file in candidates:
         if file.is_file():
             return Robot(file)
-    raise ConfigError(f"{folder}: no robot file, expected {candidates[0].name} or {candidates[1].name}")
+    others = ", ".join(sorted(file.name for file in folder.glob("*.yaml")))
+    raise ConfigError(
+        f"{folder}: no robot file, expected {candidates[0].name} or {candidates[1].name}"
+        + (f", found {others}" if others else "")
+    )
 
 
 class Robot:

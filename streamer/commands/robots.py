@@ -41,6 +41,7 @@ def robots(
         else:
             print_result(f"[bold]{chosen.name}[/bold]: {chosen.config.description}\n")
             print_result(_joints(chosen))
+            print_result(f"\n{_pace(chosen)}")
         return
     found = [load_robot(name) for name in list_robots()]
     if as_json:
@@ -85,7 +86,18 @@ def _detail(robot: Robot) -> dict[str, Any]:
         }
         for i, joint in enumerate(robot.joints)
     ]
-    return _summary(robot) | {"joint_list": joints}
+    pace = robot.gait.pace
+    return _summary(robot) | {"pace": None if pace is None else pace.model_dump(), "joint_list": joints}
+
+
+def _pace(robot: Robot) -> str:
+    pace = robot.gait.pace
+    if pace is None:
+        return "Its pace is not known (gait.pace): no model's human waits for it"
+    return (
+        f"A model's human waits for it: in its scale {pace.ahead:g} m/s ahead, {pace.back:g} back, {pace.aside:g} aside, "
+        f"turning {pace.turning:g} rad/s"
+    )
 
 
 def _joints(robot: Robot) -> Table:

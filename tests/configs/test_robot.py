@@ -37,6 +37,9 @@ def test_an_unknown_robot_lists_the_known_ones() -> None:
 def test_a_folder_without_a_robot_file_says_what_it_expected(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"expected .*\.yaml or robot\.yaml"):
         load_robot(tmp_path)
+    (tmp_path / "op3.yaml").touch()
+    with pytest.raises(ConfigError, match=r"or robot\.yaml, found op3\.yaml"):  # a copied folder keeps its file's name
+        load_robot(tmp_path)
 
 
 @pytest.mark.parametrize(

@@ -332,7 +332,8 @@ def test_robots(capsys: pytest.CaptureFixture[str]) -> None:
     assert run("robots") == 0
     assert "XM430-W350" in capsys.readouterr().out
     assert run("robots", "op3") == 0
-    assert "l_knee" in capsys.readouterr().out
+    found = capsys.readouterr().out
+    assert "l_knee" in found and "0.23 m/s ahead" in found
 
 
 @pytest.fixture(scope="module")
