@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -121,6 +122,7 @@ class HumanWindow:
         height = 0.5 * (self.kinematics.heel[:, side, 2] + self.kinematics.toe[:, side, 2])
         return float(height[rows].max() - self.at(height, np.array([start_s]))[0])
 
+    @cached_property
     def tilt(self) -> Float:
         """Roll (to the right positive) and pitch (forward positive) of the torso, (F, 2) [rad]."""
         angles = Rotation.from_matrix(self.kinematics.torso_rotation).as_euler("ZYX")

@@ -86,7 +86,7 @@ def human_trunk(
     crouch = ahead(hips, 0) * scaling.ratio
     targets[:, 0] = np.clip(np.minimum(targets[:, 0], crouch), gait.min_hip_height, None)
     gain = np.where(schedule.walking, _WALKING_TILT, 1.0)
-    tilt = window.tilt()
+    tilt = window.tilt
     for axis, channel in ((0, 1), (1, 2)):
         targets[:, channel] = np.clip(gain * ahead(tilt[:, axis], channel), *_TILT_LIMITS[axis])
     yaw = ahead(window.yaws[:, 2], 3) + scaling.heading

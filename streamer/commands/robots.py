@@ -95,8 +95,8 @@ def _pace(robot: Robot) -> str:
     if pace is None:
         return "Its pace is not known (gait.pace): no model's human waits for it"
     return (
-        f"A model's human waits for it: in its scale {pace.ahead:g} m/s ahead, {pace.back:g} back, {pace.aside:g} aside, "
-        f"turning {pace.turning:g} rad/s"
+        f"A model's human waits for it: in its scale {pace.ahead:g} m/s ahead, {pace.back:g} back, {pace.aside:g} "
+        f"aside, turning {pace.turning:g} rad/s"
     )
 
 

@@ -74,9 +74,9 @@ def test_one_frame_is_enough_to_look_at(window: Callable[[Motion], HumanWindow],
 def test_tilt_is_right_and_forward_positive(
     window: Callable[[Motion], HumanWindow], stand: Callable[..., Motion]
 ) -> None:
-    bow = window(stand(2, lumbar_extension=-0.4)).tilt()[0]
+    bow = window(stand(2, lumbar_extension=-0.4)).tilt[0]
     assert bow[1] == pytest.approx(0.4, abs=0.02) and abs(bow[0]) < 0.02
-    side = window(stand(2, lumbar_bending=0.2)).tilt()[0]
+    side = window(stand(2, lumbar_bending=0.2)).tilt[0]
     assert abs(side[0]) == pytest.approx(0.2, abs=0.02)
 
 
