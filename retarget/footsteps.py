@@ -47,8 +47,6 @@ UNHURRIED_S = 0.45
 """The same from a stand, where the weight rests between the feet and does not move yet, and for inserted steps: nobody
 waits for those, and whether one is needed may look otherwise at every look at the human, so it must be settled before
 the weight is on its way."""
-_BENT = 0.35
-"""Whose torso is tilted more [rad] bows; feet are set right when it is up again: who bends over one foot falls."""
 _ASIDE, _ASKEW = 0.015, 0.09
 """Feet nearer than this to standing side by side [m, rad] are left as they are at the end."""
 _AGAIN_S = 0.3
@@ -421,7 +419,7 @@ class FootstepPlanner:
         while lift + ticks <= until.max():
             second = (lift - source_tick) / self.rate
             frame = int(window.frame_before(np.array([second]))[0])
-            if not window.contacts[frame].all() or np.hypot(*window.tilt[frame]) > _BENT:
+            if not window.contacts[frame].all():
                 lift += max(1, int(self.rate / window.motion.fps))
                 continue
             belongs = [

@@ -60,7 +60,7 @@ class HumanWindow:
         yaw = np.column_stack(
             [
                 np.arctan2(along[:, :, 1], along[:, :, 0]),
-                np.arctan2(kin.pelvis_rotation[:, 1, 0], kin.pelvis_rotation[:, 0, 0]),
+                _twist(kin.pelvis_rotation),
             ]
         )
         if yaws is not None:
@@ -124,6 +124,21 @@ class HumanWindow:
 
     @cached_property
     def tilt(self) -> Float:
-        """Roll (to the right positive) and pitch (forward positive) of the torso, (F, 2) [rad]."""
-        angles = Rotation.from_matrix(self.kinematics.torso_rotation).as_euler("ZYX")
-        return angles[:, [2, 1]]
+        """Roll (to the right positive) and pitch (forward positive) of the torso, (F, 2) [rad].
+
+        As seen from where it faces (`_twist`).
+        """
+        torso = self.kinematics.torso_rotation
+        yaw, up = _twist(torso), torso[:, :, 2]
+        cos, sin = np.cos(yaw), np.sin(yaw)
+        forward, left = cos * up[:, 0] + sin * up[:, 1], cos * up[:, 1] - sin * up[:, 0]
+        return np.column_stack([-np.arcsin(np.clip(left, -1.0, 1.0)), np.arctan2(forward, up[:, 2])])
+
+
+def _twist(rotation: Float) -> Float:
+    """Turn about the vertical (swing-twist), (F, 3, 3) -> (F,) [rad].
+
+    Where somebody bows by more than 90 degrees Euler's angles turn round, roll and heading by half a turn.
+    """
+    _, _, z, w = Rotation.from_matrix(rotation).as_quat().T
+    return 2.0 * np.arctan2(z, w)

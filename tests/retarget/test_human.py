@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from flexmotion.contacts import ContactDetector
 from flexmotion.motion import Motion
+from flexmotion.skeleton import JOINTS
 from retarget.human import HumanWindow
 
 
@@ -78,6 +79,22 @@ def test_tilt_is_right_and_forward_positive(
     assert bow[1] == pytest.approx(0.4, abs=0.02) and abs(bow[0]) < 0.02
     side = window(stand(2, lumbar_bending=0.2)).tilt[0]
     assert abs(side[0]) == pytest.approx(0.2, abs=0.02)
+
+
+@pytest.mark.parametrize("turned", [0.0, 2.9, -2.0])
+def test_who_bows_past_the_horizontal_does_not_turn_round(
+    window: Callable[[Motion], HumanWindow], stand: Callable[..., Motion], turned: float
+) -> None:
+    """Euler's angles flipped at 90 degrees: the robot's torso swung to one side in mid-step, and it fell."""
+    bends = np.radians(np.arange(0.0, 140.0, 2.0))
+    still = stand(len(bends))
+    pelvis = Rotation.from_euler("ZYX", np.column_stack([np.full_like(bends, turned), 0.6 * bends, 0.02 + 0 * bends]))
+    joints = still.joints.copy()
+    joints[:, JOINTS.index("lumbar_extension")] = -0.4 * bends
+    seen = window(replace(still, root_quaternion=pelvis.as_quat(scalar_first=True), joints=joints))
+    np.testing.assert_allclose(seen.tilt[:, 1], bends, atol=0.03)
+    assert np.abs(seen.tilt[:, 0]).max() < 0.04
+    assert np.abs(seen.yaws[:, 2] - seen.yaws[0, 2]).max() < 0.06
 
 
 def test_foot_height_is_the_lift_over_where_it_stood(window: Callable[[Motion], HumanWindow], walk: Motion) -> None:
