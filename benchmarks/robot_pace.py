@@ -17,6 +17,7 @@ from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass
 from functools import lru_cache
+from math import isclose
 from multiprocessing import get_context
 from pathlib import Path
 from statistics import median
@@ -51,8 +52,8 @@ SPEEDS: dict[str, tuple[float, ...]] = {
 """Of the human [m/s, rad/s]."""
 KEEPS_UP, NO_SLOWER, STAYS_UP = 0.4, 0.7, 0.9
 """Shares: of the human's way that who keeps up comes, of its own best speed that way, and of runs that stay up."""
-HEAVIER = 1.13
-"""Mass of the disturbed robot over its own, as in robot_prompts.py."""
+HEAVIER = 1.11
+"""Mass of the disturbed robot over its own: OP3's 3.5 kg of robot_prompts.py."""
 
 
 @dataclass(frozen=True)
@@ -140,7 +141,12 @@ def speeds_of(robot: str, bundle: Path | None) -> dict[str, tuple[float, ...]]:
     pace = human_pace(load_robot(robot), _sampler(bundle).body)
     if pace is None:
         return SPEEDS
-    return {direction: tuple(sorted({*speeds, getattr(pace, direction)})) for direction, speeds in SPEEDS.items()}
+    found = {}
+    for direction, speeds in SPEEDS.items():
+        limit = getattr(pace, direction)
+        others = (speed for speed in speeds if not isclose(speed, limit, rel_tol=0.02))
+        found[direction] = tuple(sorted([limit, *others]))
+    return found
 
 
 def table(rows: Sequence[Row]) -> Table:
@@ -152,7 +158,7 @@ def table(rows: Sequence[Row]) -> Table:
         own = [row for row in rows if (row.direction, row.speed) == (direction, speed)]
         up = [row for row in own if row.upright]
         middle = [f"{median(values):.3f}" for values in zip(*((r.human, r.robot, r.share) for r in up), strict=True)]
-        out.add_row(f"{direction} {speed:.2g}", str(len(own)), str(len(up)), *middle)
+        out.add_row(f"{direction} {speed:.3g}", str(len(own)), str(len(up)), *middle)
     return out
 
 
@@ -166,8 +172,9 @@ def verdicts(rows: Sequence[Row], robot_name: str, bundle: Path | None) -> list[
         own = [row for row in rows if (row.direction, row.speed) == (direction, limit)]
         up = [row for row in own if row.upright]
         share, stays = median(row.share for row in up) if up else 0.0, len(up) / len(own)
-        best = max(median(r.robot for r in ways if r.speed == speed) for speed in {row.speed for row in ways})
-        speed = median(row.robot for row in up) / best if up else 0.0
+        speeds = [median(r.robot for r in ways if r.speed == speed) for speed in {row.speed for row in ways}]
+        best = max(speeds, default=0.0)
+        speed = median(row.robot for row in up) / best if up and best > 0 else 0.0
         at = f"{direction}, the human at {limit:.2f}"
         found.append(Verdict(f"{at}: comes {share:.2f} of the way (>= {KEEPS_UP})", share >= KEEPS_UP))
         found.append(Verdict(f"{at}: {speed:.2f} of its own best speed (>= {NO_SLOWER})", speed >= NO_SLOWER))

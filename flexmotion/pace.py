@@ -25,7 +25,7 @@ class Pace:
 
     def __post_init__(self) -> None:
         if not all(isinstance(speed, float | int) and isfinite(speed) and speed > 0 for speed in asdict(self).values()):
-            raise ValueError(f"expected speeds above 0, found {self}")
+            raise ValueError(f"expected finite speeds above 0, found {self}")
 
     def slowed(self, velocity: tuple[float, float, float]) -> tuple[float, float, float]:
         """The same way, slower where it is too fast: all parts by one factor, so that a curve stays the same curve.

@@ -7,10 +7,9 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from flexmotion.contacts import ContactDetector
-from flexmotion.kinematics import HumanKinematics, forward
+from flexmotion.kinematics import HumanKinematics, forward, heading
 from flexmotion.motion import Motion
 from flexmotion.skeleton import SIDES
 from retarget.balance import GRAVITY
@@ -57,12 +56,7 @@ class HumanWindow:
         kin = self.kinematics
         feet = 0.5 * (kin.heel + kin.toe)
         along = kin.toe - kin.heel
-        yaw = np.column_stack(
-            [
-                np.arctan2(along[:, :, 1], along[:, :, 0]),
-                _twist(kin.pelvis_rotation),
-            ]
-        )
+        yaw = np.column_stack([np.arctan2(along[:, :, 1], along[:, :, 0]), heading(kin.pelvis_rotation)])
         if yaws is not None:
             yaw = np.concatenate([yaws[None], yaw])
         self.yaws = np.unwrap(yaw, axis=0)[(yaws is not None) :]
@@ -126,19 +120,10 @@ class HumanWindow:
     def tilt(self) -> Float:
         """Roll (to the right positive) and pitch (forward positive) of the torso, (F, 2) [rad].
 
-        As seen from where it faces (`_twist`).
+        As seen from where it faces, over Euler's angles, which turn round where somebody bows by more than 90 degrees.
         """
         torso = self.kinematics.torso_rotation
-        yaw, up = _twist(torso), torso[:, :, 2]
+        yaw, up = heading(torso), torso[:, :, 2]
         cos, sin = np.cos(yaw), np.sin(yaw)
         forward, left = cos * up[:, 0] + sin * up[:, 1], cos * up[:, 1] - sin * up[:, 0]
         return np.column_stack([-np.arcsin(np.clip(left, -1.0, 1.0)), np.arctan2(forward, up[:, 2])])
-
-
-def _twist(rotation: Float) -> Float:
-    """Turn about the vertical (swing-twist), (F, 3, 3) -> (F,) [rad].
-
-    Where somebody bows by more than 90 degrees Euler's angles turn round, roll and heading by half a turn.
-    """
-    _, _, z, w = Rotation.from_matrix(rotation).as_quat().T
-    return 2.0 * np.arctan2(z, w)

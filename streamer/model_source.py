@@ -62,6 +62,7 @@ class ModelSource:
         # those of the others; before frame 0 it stands.
         self._pieces = [sampler.standing()]
         self._first = -len(self._spoken)
+        self._remarked: str | None = None  # what was last told of a target
 
     @property
     def seconds(self) -> float | None:
@@ -102,7 +103,11 @@ class ModelSource:
             self._pieces, self._first = before, begin - sum(len(piece) for piece in before)
             self._append(played)
         self._asked = [(frame + 1, target.intent)]
-        return self.remark(target.intent)
+        remark, told = self.remark(target.intent), self._remarked
+        # A stick sends ten velocities a second: that they are slowed is told once, until something else is asked for.
+        kind = "velocity" if isinstance(target.intent, Velocity) else remark
+        self._remarked = None if remark is None else kind
+        return None if self._remarked == told else remark
 
     @property
     def remarks(self) -> tuple[str, ...]:
@@ -123,7 +128,7 @@ class ModelSource:
                 found.append(f"heard as {prompt.kind}")
         slowed, meant = self.sampler.meant(asked).velocity, self.sampler.meant(replace(asked, pace=None)).velocity
         if slowed is not None and (meant is None or not np.allclose(slowed, meant)):
-            found.append(f"slowed to {_told(slowed)}, so that the robot keeps up")
+            found.append(f"slowed to a human's {_told(slowed)}, so that the robot can follow")
         return f"{said} is {' and '.join(found)}" if found else None
 
     @property

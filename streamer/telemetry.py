@@ -26,7 +26,7 @@ class Event:
 
 
 class Telemetry:
-    """Written by the loop alone; everybody else follows.
+    """Written by the loop alone once it runs, before by who starts it; everybody else follows.
 
     Args:
         joints: number of joints.

@@ -43,7 +43,10 @@ def velocity(kind: str) -> tuple[float, float, float] | None:
 
 
 def goes(kind: str) -> tuple[float, float, float] | None:
-    """Likewise, at which a model goes about that is told a kind and nothing else; None where it goes nowhere."""
+    """Likewise, at which the shipped model goes about, told a kind and nothing else; None where it goes nowhere.
+
+    A model that goes faster of its own accord is not slowed by it where a pace lies between the two.
+    """
     return _velocity(kind, "goes")
 
 

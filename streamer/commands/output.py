@@ -1,4 +1,8 @@
-"""Where commands write: results to stdout, progress to stderr."""
+"""Where commands write: results to stdout, progress to stderr.
+
+No text is read as markup: it may be a user's sentence or a file's name, and what looks like a tag in it (`[/]`) would
+be dropped or raise, in the middle of a run.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +20,7 @@ _STEPS = 200
 
 def print_result(result: RenderableType) -> None:
     """Print text or a table to stdout; in a pipe without colours and without wrapping to 80 columns."""
-    console = Console(highlight=False)
+    console = Console(highlight=False, markup=False)
     if not console.is_terminal:
         console.width = 120
     console.print(result)
@@ -31,7 +35,7 @@ class _Stderr(Console):
     """A console whose reader may go away without ending the program, as rich would have it: a robot may be moving."""
 
     def __init__(self) -> None:
-        super().__init__(stderr=True, highlight=False)
+        super().__init__(stderr=True, highlight=False, markup=False)
 
     def on_broken_pipe(self) -> None:
         """Called by rich."""
@@ -50,7 +54,7 @@ def progress_bar(title: str) -> Iterator[Callable[[float], None]]:
 
     It appears with the first call: its thread must not run yet when processes are forked.
     """
-    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:>3.0f} %"))
+    columns = (TextColumn("{task.description}", markup=False), BarColumn(), TextColumn("{task.percentage:>3.0f} %"))
     progress = Progress(*columns, TimeElapsedColumn(), console=_Stderr(), transient=True)
     task = progress.add_task(title, total=1.0)
     shown = -1

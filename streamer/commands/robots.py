@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.table import Table
+from rich.text import Text
 
 from streamer.commands.options import JsonOption
 from streamer.commands.output import print_json, print_result
@@ -39,7 +40,7 @@ def robots(
         if as_json:
             print_json(_detail(chosen))
         else:
-            print_result(f"[bold]{chosen.name}[/bold]: {chosen.config.description}\n")
+            print_result(Text(chosen.name, style="bold") + f": {chosen.config.description}\n")
             print_result(_joints(chosen))
             print_result(f"\n{_pace(chosen)}")
         return
@@ -87,7 +88,10 @@ def _detail(robot: Robot) -> dict[str, Any]:
         for i, joint in enumerate(robot.joints)
     ]
     pace = robot.gait.pace
-    return _summary(robot) | {"pace": None if pace is None else pace.model_dump(), "joint_list": joints}
+    speeds = None
+    if pace is not None:
+        speeds = {f"{name}_{'rad' if name == 'turning' else 'm'}_s": speed for name, speed in pace}
+    return _summary(robot) | {"pace": speeds, "joint_list": joints}
 
 
 def _pace(robot: Robot) -> str:

@@ -118,6 +118,7 @@ def stream(request: RunRequest, signals: OperatorSignals | None = None) -> Outco
             viewer = Viewer(robot, session.telemetry, port=request.view_port)
             session.services += (viewer,)
             print_note(f"view: {viewer.url}")
+        # Only before the run: a ring has one writer, from the start on the loop.
         for remark in source.remarks:
             session.telemetry.tell(0, "note", remark)
         recorder = None if request.log is None else _recorder(request, session, robot)

@@ -100,7 +100,7 @@ def _unpack_model(parts: Parts, origin: Path) -> ModelSource:
 def _unpack_pace(speeds: Parts | None, origin: Path) -> Pace | None:
     try:
         return None if speeds is None else Pace(**speeds)
-    except ValueError as error:
+    except (TypeError, ValueError) as error:
         raise ConfigError(f"{origin}: source pace: {error}") from error
 
 

@@ -82,6 +82,16 @@ def test_tilt_is_right_and_forward_positive(
 
 
 @pytest.mark.parametrize("turned", [0.0, 2.9, -2.0])
+def test_who_leans_to_the_right_has_a_roll_above_zero(
+    window: Callable[[Motion], HumanWindow], stand: Callable[..., Motion], turned: float
+) -> None:
+    root = Rotation.from_euler("ZYX", [[turned, 0.0, 0.2]] * 2).as_quat(scalar_first=True)
+    seen = window(replace(stand(2), root_quaternion=root))
+    assert seen.tilt[0, 0] == pytest.approx(0.2, abs=0.02)
+    assert seen.yaws[0, 2] == pytest.approx(turned, abs=0.02)
+
+
+@pytest.mark.parametrize("turned", [0.0, 2.9, -2.0])
 def test_who_bows_past_the_horizontal_does_not_turn_round(
     window: Callable[[Motion], HumanWindow], stand: Callable[..., Motion], turned: float
 ) -> None:

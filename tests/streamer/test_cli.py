@@ -15,6 +15,7 @@ from types import ModuleType
 import pytest
 
 from configs.errors import DriverError
+from configs.robot import load_robot
 from drivers import registry
 from drivers.interface import Capabilities, RobotState
 from drivers.sim.driver import SimDriver
@@ -328,12 +329,14 @@ def test_robots(capsys: pytest.CaptureFixture[str]) -> None:
     (op3,) = json.loads(capsys.readouterr().out)
     assert (op3["name"], op3["joints"], op3["rate_hz"]) == ("op3", 20, 125.0)
     assert run("robots", op3["file"].rsplit("/", 1)[0], "--json") == 0
-    assert len(json.loads(capsys.readouterr().out)["joint_list"]) == 20
+    detail, pace = json.loads(capsys.readouterr().out), load_robot("op3").gait.pace
+    assert len(detail["joint_list"]) == 20 and pace is not None
+    assert (detail["pace"]["ahead_m_s"], detail["pace"]["turning_rad_s"]) == (pace.ahead, pace.turning)
     assert run("robots") == 0
     assert "XM430-W350" in capsys.readouterr().out
     assert run("robots", "op3") == 0
     found = capsys.readouterr().out
-    assert "l_knee" in found and "0.23 m/s ahead" in found
+    assert "l_knee" in found and f"{pace.ahead:g} m/s ahead" in found
 
 
 @pytest.fixture(scope="module")

@@ -92,7 +92,7 @@ def test_a_target_that_is_too_fast_is_told_while_it_runs() -> None:
     run = Session(robot, create("sim", robot, seed=0), source, load_stream())
     record = sent(run, {300: Velocity(0.0, 0.0, 0.4)}, 400)
     notes = [event.message for event in record.events if event.kind == "note"]
-    assert len(notes) == 1 and "velocity [0.0, 0.0, 0.4] is slowed to 0.2 rad/s turning left" in notes[0]
+    assert len(notes) == 1 and "velocity [0.0, 0.0, 0.4] is slowed to a human's 0.2 rad/s turning left" in notes[0]
     assert int(record.rows["target"][-1]) == 1
 
 
@@ -163,9 +163,9 @@ def test_a_human_who_waits_for_the_robot_is_told_and_replayed(
     script.write_text("- {at: 0, velocity: [2, 0, 0]}\n- {at: 2, text: stand still}\n- {at: 3, stop: true}\n")
     assert dry_run("--script", str(script), "--json", "--log", str(tmp_path / "run.mcap")) == 0
     found = capsys.readouterr()
-    assert "note: velocity [2, 0, 0] is slowed to 0.9 m/s ahead, so that the robot keeps up" in found.err
+    assert "note: velocity [2, 0, 0] is slowed to a human's 0.9 m/s ahead, so that the robot can follow" in found.err
     assert execute(["log", "show", str(tmp_path / "run.mcap")]) == 0
-    assert "is slowed to 0.9 m/s ahead" in capsys.readouterr().out.replace("\n", " ")
+    assert "is slowed to a human's 0.9 m/s ahead" in capsys.readouterr().out.replace("\n", " ")
     assert "stand still" not in found.err and json.loads(found.out)["motion"]["human_went"]["ahead_m"] < 0.5
     assert execute(["log", "replay", str(tmp_path / "run.mcap"), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["equal"] is True
@@ -201,6 +201,18 @@ def test_a_wording_that_is_new_is_told_as_what_it_is_heard(bundle: Path, capsys:
     sampler = Sampler(Bundle(bundle))
     heard = sampler.prompt("please walk on ahead of you")
     assert heard.known and f"'please walk on ahead of you' is heard as {heard.kind}" in told
+
+
+def test_words_that_look_like_markup_end_no_run(
+    bundle: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What is heard is told in the middle of a run, and a closing tag in it raised there: the robot was parked."""
+    log = tmp_path / "run.mcap"
+    words = "please stand where you are [/] [fast]"
+    assert dry_run("--prompt", words, "--bundle", str(bundle), "--seconds", "0.5", "--log", str(log)) == 0
+    assert f"{words!r} is heard as stand" in capsys.readouterr().err
+    assert execute(["log", "show", str(log)]) == 0
+    assert "[/] [fast]" in capsys.readouterr().out
 
 
 def test_words_that_mean_nothing_are_warned_of_before_anything_moves(

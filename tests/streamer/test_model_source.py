@@ -73,13 +73,22 @@ def test_every_window_is_asked_for_at_the_pace_of_who_follows() -> None:
     assert it.window(41, 30) is not None
     assert {asked.condition.pace for asked in sampler.asked} == {pace}
     told = it.turn_to(target(Velocity(2.0, 0.0, 0.0)), 80, None)
-    assert told == "velocity [2.0, 0.0, 0.0] is slowed to 0.5 m/s ahead, so that the robot keeps up"
+    assert told == "velocity [2.0, 0.0, 0.0] is slowed to a human's 0.5 m/s ahead, so that the robot can follow"
     assert it.turn_to(target(Velocity(0.5, 0.0, 0.0)), 90, None) is None
     turned = it.turn_to(target(Velocity(-0.3, -0.2, 2.0)), 95, None)
     assert turned is not None and "0.15 m/s back and 0.1 m/s to the right and 1 rad/s turning left" in turned
-    assert it.remarks == ("velocity [2.0, 0.0, 0.0] is slowed to 0.5 m/s ahead, so that the robot keeps up",)
+    assert it.remarks == (told,)
     deaf = source(Item(0.0, WALK), sampler=StubSampler(follows_velocity=False), pace=pace)
     assert deaf.remarks == ("model stub follows no velocity: its human does not wait for the robot",)
+
+
+def test_a_stick_held_too_far_is_told_once() -> None:
+    """Ten velocities a second were ten notes a second: faults among them went unseen."""
+    it = source(Item(0.0, WALK), pace=Pace(0.5, 0.4, 0.2, 1.0))
+    pushed = [it.turn_to(target(Velocity(1.0 + 0.01 * i, 0.0, 0.0)), 10 + i, None) for i in range(10)]
+    assert pushed[0] is not None and pushed[1:] == [None] * 9
+    assert it.turn_to(target(Velocity(0.3, 0.0, 0.0)), 30, None) is None
+    assert it.turn_to(target(Velocity(1.0, 0.0, 0.0)), 31, None) is not None
 
 
 def test_a_script_is_followed_to_the_frame() -> None:
