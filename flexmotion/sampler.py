@@ -93,7 +93,7 @@ class Sampler:
         self._denoiser = open_session(bundle.folder / DENOISER)
         self._decoder = open_session(bundle.folder / DECODER)
         prompts = bundle.prompts
-        self.reader = PromptReader(bundle.folder, prompts.kinds, prompts.embeddings, manifest.known)
+        self.reader = PromptReader(bundle.folder, prompts.kinds, prompts.embeddings, bundle.listener)
         self._rest = self.standing().joints[-1]
         self._walking, self._backing = self.reader.meaning(WALK), self.reader.meaning(BACK)
         self.read = lru_cache(maxsize=64)(self.reader)

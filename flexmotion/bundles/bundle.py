@@ -17,8 +17,9 @@ from configs.schema import Strict
 from flexmotion.body import Body, Segments, Sex
 from flexmotion.features.layout import Layout
 from flexmotion.features.statistics import Statistics
+from flexmotion.text.listener import Listener
 
-SCHEMA = "flexmotion.bundle/2"
+SCHEMA = "flexmotion.bundle/3"
 MANIFEST, ARRAYS, DENOISER, DECODER = "manifest.json", "arrays.npz", "denoiser.onnx", "decoder.onnx"
 
 
@@ -45,7 +46,6 @@ class Manifest(Strict):
         guided: whether the network is told its guidance scale (few steps), or guided from outside (two evaluations).
         guidance: default scale.
         velocity: whether a velocity can be commanded.
-        known: least likeness of a sentence to known wordings, below which it means nothing.
         body: whose motion it makes.
         licence: of the weights.
         files: name -> sha256.
@@ -65,7 +65,6 @@ class Manifest(Strict):
     guided: bool
     guidance: float
     velocity: bool
-    known: float
     body: BodySize
     licence: str
     versions: dict[str, str] = {}
@@ -120,30 +119,37 @@ class Bundle:
                 raise ConfigError(f"{file}: is not what the manifest says (hash)")
 
     @cached_property
-    def _arrays(self) -> dict[str, np.ndarray]:
+    def arrays(self) -> dict[str, np.ndarray]:
+        """All numbers that are no network, as `write_bundle` was given them."""
         with np.load(self.folder / ARRAYS, allow_pickle=False) as archive:
             return {name: archive[name] for name in archive.files}
 
     @property
     def statistics(self) -> Statistics:
         """By which features are normalised."""
-        return Statistics(self._arrays["mean"], self._arrays["spread"])
+        return Statistics(self.arrays["mean"], self.arrays["spread"])
 
     @property
     def kept(self) -> np.ndarray:
         """Share of the latent's variance that is left at each time of the noise schedule, (times,)."""
-        return self._arrays["kept"]
+        return self.arrays["kept"]
 
     @property
     def rest(self) -> np.ndarray:
         """Features of a human who stands, not normalised, (frames, F)."""
-        return self._arrays["rest"].astype(np.float32)
+        return self.arrays["rest"].astype(np.float32)
 
     @property
     def prompts(self) -> Prompts:
         """Wordings that it knows."""
-        kinds = tuple(str(name) for name in self._arrays["prompt_kinds"])
-        return Prompts(kinds, self._arrays["prompt_embeddings"].astype(np.float32))
+        kinds = tuple(str(name) for name in self.arrays["prompt_kinds"])
+        return Prompts(kinds, self.arrays["prompt_embeddings"].astype(np.float32))
+
+    @property
+    def listener(self) -> Listener:
+        """Which kind of motion a sentence asks for."""
+        kinds, weights = self.arrays["listener_kinds"], self.arrays["listener_weights"].astype(np.float32)
+        return Listener([str(name) for name in kinds], self.arrays["listener_pieces"], weights)
 
     @property
     def body(self) -> Body:

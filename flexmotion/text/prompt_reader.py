@@ -10,7 +10,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from flexmotion.text.listener import Listener
 from flexmotion.text.phrases import STAND
+from flexmotion.text.sayings import NOTHING
 from flexmotion.text.sentence_encoder import SentenceEncoder
 
 log = logging.getLogger(__name__)
@@ -18,14 +20,17 @@ log = logging.getLogger(__name__)
 SAME = 0.99
 """Cosine from which on two wordings are one."""
 
-VOTERS, DECISION = 8, 40.0
-"""The nearest known wordings vote by the exponential of so many times their cosine."""
+SURE = 0.45
+"""A sentence means something where one kind is as likely as this."""
 
 BREADTH = 10.0
-"""Those of the chosen kind are mixed likewise, more evenly: what many of them have in common is what it means."""
+"""Known wordings of what is meant are mixed by the exponential of so many times their cosine: what many of them have in
+common is what it means."""
 
-
-NEGATION = re.compile(r"\b(not|never|no|without|stop|quit|cease|avoid|halt)\b|n['’]t\b", re.IGNORECASE)
+NEGATION = re.compile(
+    r"\b(not(?! (too|so|very)\b)|never|no(?! (hurry|rush|need)\b)|(?<!non-)stop|quit|cease|avoid|halt)\b|n['’]t\b",
+    re.IGNORECASE,
+)
 """To a sentence encoder "do not walk" is nearly "do walk": who is told what not to do stands still."""
 
 
@@ -49,21 +54,23 @@ class Prompt:
 class PromptReader:
     """Reads sentences by the wordings that a model was trained with.
 
-    The known wordings nearest to a sentence vote on the kind of motion; it is heard as a mixture of those of that kind,
+    A listener says which kind of motion is meant; the sentence is heard as a mixture of known wordings of that kind,
     the nearer the more, so that an unseen wording lands where the model has been. Never as one of several kinds: "to
     your left" is nearly as near to "turn right" as to "turn left", and half of each is neither. A known wording needs
-    no vote. What is like none means standing still, and so does what says what not to do.
+    no listener. What means no kind means standing still, and so does what says what not to do.
 
     Args:
         folder: of the sentence encoder.
         kinds: of motion that the wordings mean, (K,).
         embeddings: of the wordings, (K, D).
-        least: likeness below which a sentence means nothing.
+        listener: that was taught by sentences encoded likewise.
     """
 
-    def __init__(self, folder: Path, kinds: tuple[str, ...], embeddings: NDArray[np.float32], least: float) -> None:
+    def __init__(
+        self, folder: Path, kinds: tuple[str, ...], embeddings: NDArray[np.float32], listener: Listener
+    ) -> None:
         self._encode = SentenceEncoder(folder)
-        self._kinds, self._embeddings, self._least = np.array(kinds), embeddings, least
+        self._kinds, self._embeddings, self._listener = np.array(kinds), embeddings, listener
         self.idle = self.meaning(STAND)
 
     def meaning(self, kind: str) -> Prompt:
@@ -73,22 +80,29 @@ class PromptReader:
 
     def __call__(self, sentence: str) -> Prompt:
         """What a sentence means; warns where it means nothing."""
-        likeness = self._embeddings @ self._encode(sentence)
-        near = np.argsort(-likeness, kind="stable")[:VOTERS]
-        best = float(likeness[near[0]])
-        if best < self._least:
+        embedding = self._encode(sentence)
+        likeness = self._embeddings @ embedding
+        nearest = int(np.argmax(likeness))
+        best = float(likeness[nearest])
+        kind = str(self._kinds[nearest]) if best > SAME else self._heard(sentence, embedding)
+        if kind == NOTHING:
             known = ", ".join(dict.fromkeys(self._kinds))
             log.warning("%r means nothing to this model: it stands still; it has learnt: %s", sentence, known)
             return Prompt(self.idle.embedding, STAND, best, False)
         if best <= SAME and NEGATION.search(sentence):
             log.warning("%r says what not to do: it stands still; say what to do", sentence)
             return Prompt(self.idle.embedding, STAND, best, True)
-        votes, kinds = np.exp(DECISION * (likeness[near] - best)), self._kinds[near]
-        candidates = kinds[:1] if best > SAME else kinds
-        kind = max(dict.fromkeys(candidates), key=lambda name: votes[kinds == name].sum())
         alike = self._kinds == kind
         mixture = np.exp(BREADTH * (likeness[alike] - best)) @ self._embeddings[alike]
-        return Prompt(_unit(mixture), str(kind), best, True)
+        return Prompt(_unit(mixture), kind, best, True)
+
+    def _heard(self, sentence: str, embedding: NDArray[np.float32]) -> str:
+        """The kind that is meant, or `NOTHING`."""
+        pieces = self._encode.pieces(sentence)
+        if all(piece == self._encode.pieces.unknown for piece in pieces):
+            return NOTHING
+        shares = self._listener(sentence, embedding, pieces)
+        return self._listener.kinds[int(shares.argmax())] if shares.max() >= SURE else NOTHING
 
 
 def _unit(vector: NDArray[np.float32]) -> NDArray[np.float32]:

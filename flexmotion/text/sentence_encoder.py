@@ -21,6 +21,10 @@ class SentenceEncoder:
     Args:
         folder: with the network and its vocabulary.
 
+    Attributes:
+        pieces: sentences to numbers of word pieces.
+        size: of an embedding.
+
     Raises:
         ConfigError: one of them is missing or broken.
     """
@@ -30,14 +34,14 @@ class SentenceEncoder:
             words = (folder / VOCABULARY).read_text(encoding="utf-8").split("\n")
         except OSError as error:
             raise ConfigError(f"{folder / VOCABULARY}: cannot be read ({error.strerror})") from error
-        self._pieces = WordPieces(words)
+        self.pieces = WordPieces(words)
         self._path = folder / NETWORK
         self._session: onnxruntime.InferenceSession = open_session(self._path)
         self.size = int(self._session.get_outputs()[0].shape[-1])
 
     def __call__(self, sentence: str) -> NDArray[np.float32]:
         """Embedding of a sentence, (size,); zeros for one without a word."""
-        pieces = self._pieces(sentence)
+        pieces = self.pieces(sentence)
         if not pieces:
             return np.zeros(self.size, np.float32)
         embedding: NDArray[np.float32] = run(self._session, self._path, {"pieces": np.array([pieces], np.int64)})[0]

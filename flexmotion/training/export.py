@@ -19,6 +19,7 @@ from flexmotion.bundles.card import Making, write_card
 from flexmotion.features.layout import POINTS, Layout
 from flexmotion.skeleton import SIDES
 from flexmotion.text.phrases import kinds, wordings
+from flexmotion.text.sayings import sayings
 from flexmotion.text.sentence_encoder import NETWORK, VOCABULARY, SentenceEncoder
 from flexmotion.training.autoencoder import Autoencoder
 from flexmotion.training.autoencoder_task import load_autoencoder
@@ -27,15 +28,16 @@ from flexmotion.training.denoiser import Denoiser
 from flexmotion.training.export_onnx import export_network
 from flexmotion.training.feature_store import FeatureStore
 from flexmotion.training.half_weights import halve_weights
+from flexmotion.training.listening import learn_to_listen
 from flexmotion.training.noise_schedule import NoiseSchedule
 from flexmotion.training.run import Run
 from flexmotion.training.stage import is_trained, load_weights, trained
 from flexmotion.training.windows import WindowSet
 
-LIBRARIES = ("flexmotion", "torch", "diffusers", "onnx")
+LIBRARIES = ("flexmotion", "torch", "diffusers", "onnx", "scikit-learn")
 
-LEAST_LIKENESS = 0.69
-"""Cosine with the nearest known wording below which a sentence means nothing."""
+PERSONAL_KIND = "personal"
+"""Kind of motion of the wordings that a personalised run adds."""
 
 UNKNOWN_LICENCE = "as the data that it was trained on"
 
@@ -123,7 +125,6 @@ def export(run: Run, folder: Path, *, distilled: bool, body: Body | None = None,
         guided=distilled,
         guidance=diffusion.guidance,
         velocity=diffusion.velocity,
-        known=LEAST_LIKENESS,
         body=BodySize(height=body.height, mass=body.mass, sex=body.sex, segments=asdict(body.segments)),
         licence="; ".join(store.licences) or UNKNOWN_LICENCE,
         versions={name: version(name) for name in LIBRARIES},
@@ -141,13 +142,15 @@ def export(run: Run, folder: Path, *, distilled: bool, body: Body | None = None,
 def _arrays(run: Run, store: FeatureStore, layout: Layout, steps: int) -> dict[str, np.ndarray]:
     encode = SentenceEncoder(run.stage("text"))
     said = [(kind, wording) for kind in kinds() for wording in wordings(kind)]
-    said += [("personal", wording) for wording in run.personal_wordings()]
+    personal = [(PERSONAL_KIND, wording) for wording in run.personal_wordings()]
+    said += personal
     return {
         **asdict(store.statistics),
         "kept": NoiseSchedule(steps).kept.numpy(),
         "rest": standing_features(store, run),
         "prompt_kinds": np.array([kind for kind, _ in said]),
         "prompt_embeddings": np.stack([encode(wording) for _, wording in said]).astype(np.float16),
+        **learn_to_listen(encode, [*sayings(), *personal]),
     }
 
 

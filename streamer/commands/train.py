@@ -135,6 +135,36 @@ def text(
         print_result(f"{run.stage('text')}: {_figures(figures)}")
 
 
+@train.command()
+def listener(
+    bundle: Annotated[Path, typer.Argument(metavar="BUNDLE", help="Of a trained model.")],
+    out: Annotated[Path, typer.Option("--out", "-o", help="Folder of its copy that has learnt to listen.")],
+    more: Annotated[
+        Path | None,
+        typer.Option("--sayings", help="YAML file of your own: kinds of motion, each with a list of sentences."),
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Teach a finished model what is said to mean what; how it moves stays as it is. Takes seconds.
+
+    [bold]Examples[/bold]
+
+      flexmotion train listener bundle -o taught
+
+      flexmotion train listener bundle --sayings ours.yaml -o taught    (walk: [patrol the corridor, make your rounds])
+    """
+    needs_training()
+    from flexmotion.bundles.bundle import Bundle
+    from flexmotion.text.sayings import read_sayings
+    from flexmotion.training.listening import taught_anew
+
+    taught = taught_anew(Bundle(bundle), out, () if more is None else read_sayings(more))
+    if as_json:
+        print_json({"bundle": str(out), "hash": taught.hash})
+    else:
+        print_result(f"{out}: hash {taught.hash}")
+
+
 @_stage
 def diffusion(run: Run, finish: Finish) -> None:
     """Train the latent diffusion on text, history and velocity; needs autoencoder and text.

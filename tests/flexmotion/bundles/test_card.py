@@ -26,7 +26,6 @@ def card(tmp_path: Path) -> Path:
         guided=True,
         guidance=2.5,
         velocity=True,
-        known=0.6,
         body=BodySize(height=1.75, mass=70.0, sex="male", segments={}),
         licence="CC BY-NC 4.0",
     )

@@ -1,0 +1,57 @@
+"""What people say to mean a kind of motion: what a model listens by."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import lru_cache
+from importlib import resources
+from pathlib import Path
+
+import yaml
+
+from configs.errors import ConfigError
+from flexmotion.text.phrases import kinds, mirrored, wordings
+
+NOTHING = "none"
+"""What is said means no kind of motion that there is."""
+
+
+@lru_cache
+def sayings() -> tuple[tuple[str, str], ...]:
+    """Kind of motion, or `NOTHING`, and sentence, of all that is known to be said, wordings of motions among them.
+
+    Each that names a side comes with its mirror image, in which left and right are swapped.
+    """
+    text = resources.files("flexmotion").joinpath("data", "sayings.yaml").read_text(encoding="utf-8")
+    return _with_mirror_images([*_rows(yaml.safe_load(text)), *((kind, w) for kind in kinds() for w in wordings(kind))])
+
+
+def read_sayings(path: Path) -> tuple[tuple[str, str], ...]:
+    """Likewise of a file of one's own: kinds of motion, each with a list of sentences.
+
+    Raises:
+        ConfigError: it cannot be read, or is something else.
+    """
+    try:
+        table = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read ({error.strerror})") from error
+    except (UnicodeDecodeError, yaml.YAMLError) as error:
+        raise ConfigError(f"{path}: no YAML ({' '.join(str(error).split())})") from error
+    if not isinstance(table, dict) or not all(_are_sentences(said) for said in ([*table], *table.values())):
+        raise ConfigError(f"{path}: expected kinds of motion, each with a list of sentences (walk: [patrol, ...])")
+    return _with_mirror_images(_rows(table))
+
+
+def _are_sentences(said: object) -> bool:
+    return isinstance(said, list) and all(isinstance(one, str) and one.strip() for one in said)
+
+
+def _rows(table: Mapping[str, list[str]]) -> list[tuple[str, str]]:
+    return [(kind, sentence) for kind, sentences in table.items() for sentence in sentences]
+
+
+def _with_mirror_images(said: list[tuple[str, str]]) -> tuple[tuple[str, str], ...]:
+    # A sentence that names no side ("wave") has no mirror image: it means one hand, not the other.
+    images = ((mirrored(kind), mirrored(sentence)) for kind, sentence in said if mirrored(sentence) != sentence)
+    return tuple(dict.fromkeys([*said, *images]))

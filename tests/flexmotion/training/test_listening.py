@@ -1,0 +1,54 @@
+"""A finished model is taught what is said to mean what."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("torch")
+pytest.importorskip("sklearn")
+
+from flexmotion.bundles.bundle import Bundle
+from flexmotion.bundles.shipped import FOLDER
+from flexmotion.sampler import Sampler
+from streamer.cli import execute
+
+OURS = "walk: [mop the floor, mop the hall, mop the kitchen, start mopping]\n"
+
+
+def test_sayings_of_ones_own_are_understood_and_nothing_else_changes(tmp_path: Path) -> None:
+    ours, out = tmp_path / "ours.yaml", tmp_path / "taught"
+    ours.write_text(OURS)
+    assert execute(["train", "listener", str(FOLDER), "--sayings", str(ours), "-o", str(out)]) == 0
+    before, after = Bundle(FOLDER), Bundle(out)
+    files = before.manifest.files, after.manifest.files
+    assert {name for name in files[0] if files[0][name] != files[1][name]} == {"arrays.npz"}
+    others = {name for name in before.arrays if not name.startswith("listener_")}
+    assert all(np.array_equal(before.arrays[name], after.arrays[name]) for name in others)
+    assert not Sampler(before).prompt("please mop the bathroom").known
+    assert Sampler(after).prompt("please mop the bathroom").kind == "walk"
+    assert Sampler(after).prompt("would you step over to your left").kind == "walk-left"
+
+
+def test_the_shipped_model_listens_by_the_sayings_that_ship(tmp_path: Path) -> None:
+    assert execute(["train", "listener", str(FOLDER), "-o", str(tmp_path / "again")]) == 0
+    before, after = Bundle(FOLDER).arrays, Bundle(tmp_path / "again").arrays
+    assert before["listener_kinds"].tolist() == after["listener_kinds"].tolist()
+    assert before["listener_pieces"].tolist() == after["listener_pieces"].tolist()
+    np.testing.assert_allclose(before["listener_weights"], after["listener_weights"], atol=0.02)
+
+
+def test_what_cannot_be_taught_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    ours, full = tmp_path / "ours.yaml", tmp_path / "full"
+    ours.write_text("sit: [take a seat]\n")
+    assert execute(["train", "listener", str(FOLDER), "--sayings", str(ours), "-o", str(tmp_path / "out")]) == 2
+    assert "'take a seat' is said of 'sit', which the model has not learnt" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+    full.mkdir()
+    (full / "diary.txt").write_text("mine")
+    assert execute(["train", "listener", str(FOLDER), "-o", str(full)]) == 2
+    assert "is not empty" in capsys.readouterr().err
+    assert execute(["train", "listener", str(tmp_path / "none"), "-o", str(tmp_path / "out")]) == 2
+    assert "no bundle there" in capsys.readouterr().err
