@@ -9,7 +9,7 @@ from flexmotion.dataset.compact_set import MotionSet
 from flexmotion.dataset.training_set import SetClip
 from flexmotion.motion import Motion
 from flexmotion.resample import resample
-from flexmotion.text.phrases import mirrored
+from flexmotion.text.sides import mirrored
 
 
 def kind_of(clip: SetClip) -> str:

@@ -113,3 +113,10 @@ def add_figures(folder: Path, figures: Mapping[str, Mapping[str, object]]) -> No
     lines = [f"| metric | {' | '.join(figures)} |", "|---" * (len(figures) + 1) + "|"]
     lines += [f"| {row} | {' | '.join(str(found.get(row, '-')) for found in figures.values())} |" for row in rows]
     path.write_text("\n".join([text, "", FIGURES, "", *lines, ""]), encoding="utf-8")
+
+
+def add_note(folder: Path, note: str) -> None:
+    """Write a paragraph into a bundle's card, before its figures."""
+    path = folder / CARD
+    text, figures, rest = path.read_text(encoding="utf-8").partition(FIGURES)
+    path.write_text(f"{text.rstrip()}\n\n{note}\n" + (f"\n{figures}{rest}" if figures else ""), encoding="utf-8")

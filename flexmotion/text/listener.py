@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
+from flexmotion.text.sayings import NOTHING
+from flexmotion.text.sides import is_other_side, mirrored, sides
+
 EMPHASIS = 4.0
 """An embedding counts so many times, beside its words that count one each."""
 
-LEFT = re.compile(r"\bleft|\bcounterclockwise|\banti-?clockwise", re.IGNORECASE)
-RIGHT = re.compile(
-    r"\bright(?! (now|away|here|there|ahead|behind|in front|about|where|as|next|after))|(?<!anti-)\bclockwise",
-    re.IGNORECASE,
-)
-"""Words that name a side; "right now" does not."""
+SURE, SURER = 0.45, 0.6
+"""A sentence means something where one kind is as likely; the greater, where it is like nothing known (`STRANGE`)."""
+
+STRANGE = 0.6
+"""Likeness to the nearest known wording below which a sentence is like nothing known."""
+
+CLEARER = 4.0
+"""A sentence that names both sides means one of them where it is so many times as likely as the other."""
 
 
 class Listener:
@@ -34,22 +38,31 @@ class Listener:
     def __init__(self, kinds: Sequence[str], pieces: NDArray[np.int32], weights: NDArray[np.float32]) -> None:
         self.kinds, self._weights = tuple(kinds), weights
         self._row = {int(piece): row for row, piece in enumerate(pieces, start=len(weights) - 1 - len(pieces))}
-        self._only_left = np.array(["right" not in kind for kind in self.kinds])
-        self._only_right = np.array(["left" not in kind for kind in self.kinds])
 
-    def __call__(self, sentence: str, embedding: NDArray[np.float32], pieces: Sequence[int]) -> NDArray[np.float32]:
-        """How likely each kind is meant, (K,), 1 together.
+    def __call__(
+        self, sentence: str, embedding: NDArray[np.float32], pieces: Sequence[int], likeness: float = 1.0
+    ) -> str:
+        """The kind that is meant, or `NOTHING`.
 
         Args:
             sentence: as it was said.
             embedding: of it, (D,), of unit length.
             pieces: numbers of its word pieces.
+            likeness: cosine of its embedding with that of the nearest known wording.
         """
+        shares = self.shares(sentence, embedding, pieces)
+        kind, share = self.kinds[int(shares.argmax())], float(shares.max())
+        other = mirrored(kind)
+        both = len(sides(sentence)) == 2 and other != kind and other in self.kinds
+        if both and share < CLEARER * shares[self.kinds.index(other)]:
+            return NOTHING
+        return kind if share >= (SURER if likeness < STRANGE else SURE) else NOTHING
+
+    def shares(self, sentence: str, embedding: NDArray[np.float32], pieces: Sequence[int]) -> NDArray[np.float32]:
+        """How likely each kind is meant, (K,), 1 together; see `__call__`."""
         rows = sorted({self._row[piece] for piece in pieces if piece in self._row})
         scores = EMPHASIS * embedding @ self._weights[: len(embedding)] + self._weights[-1]
         scores = scores + self._weights[rows].sum(axis=0)
-        left, right = LEFT.search(sentence), RIGHT.search(sentence)
-        if bool(left) != bool(right):
-            scores = np.where(self._only_left if left else self._only_right, scores, -np.inf)
+        scores = np.where([is_other_side(kind, sentence) for kind in self.kinds], -np.inf, scores)
         shares = np.exp(scores - scores.max())
         return (shares / shares.sum()).astype(np.float32)

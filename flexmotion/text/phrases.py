@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from functools import lru_cache
 from importlib import resources
@@ -62,16 +61,3 @@ def styled(wording: str, style: str) -> tuple[str, ...]:
 
 ALIASES = {"byebye": "bye"}
 """Labels of the same motion."""
-
-_SWAPS = {"left": "right", "right": "left", "clockwise": "counterclockwise", "counterclockwise": "clockwise"}
-
-
-def mirrored(text: str) -> str:
-    """A text about the mirror image: left becomes right, clockwise counterclockwise, also within words."""
-
-    def swap(match: re.Match[str]) -> str:
-        word = match[0]
-        other = _SWAPS[word.lower()]
-        return other.capitalize() if word[0].isupper() else other
-
-    return re.sub(r"(?i)counterclockwise|clockwise|left|(?<!up)(?<!b)right", swap, text)

@@ -14,24 +14,41 @@ from flexmotion.text.listener import Listener
 from flexmotion.text.phrases import STAND
 from flexmotion.text.sayings import NOTHING
 from flexmotion.text.sentence_encoder import SentenceEncoder
+from flexmotion.text.sides import is_other_side
 
 log = logging.getLogger(__name__)
 
 SAME = 0.99
 """Cosine from which on two wordings are one."""
 
-SURE = 0.45
-"""A sentence means something where one kind is as likely as this."""
-
 BREADTH = 10.0
 """Known wordings of what is meant are mixed by the exponential of so many times their cosine: what many of them have in
 common is what it means."""
 
-NEGATION = re.compile(
-    r"\b(not(?! (too|so|very)\b)|never|no(?! (hurry|rush|need)\b)|(?<!non-)stop|quit|cease|avoid|halt)\b|n['’]t\b",
-    re.IGNORECASE,
+FORBIDS = re.compile(
+    r"""\b(?:not|never|no|without|neither|nor|none|nobody|nowhere|cannot|stop|quit|cease|avoid|halt|enough|abort|cancel)\b
+    | \b(?:forbid|forbidden|prohibit|prohibited|refrain|refuse)\b
+    | \b(?:do|does|did|ca|wo|must|need|should|would|could|is|are|was)n[^\w\s]?t\b""",
+    re.IGNORECASE | re.VERBOSE,
 )
 """To a sentence encoder "do not walk" is nearly "do walk": who is told what not to do stands still."""
+
+FORBIDS_NOTHING = re.compile(
+    r"\b(?:in )?no (?:hurry|rush)(?=\s*(?:[,.;!?]|$))|\bnon-?stop\b|\bwithout (?:a|any) (?:hurry|rush)\b", re.IGNORECASE
+)
+"""What only says how; at the end of a clause, for "no rush forward" says what not to do."""
+
+
+WITHOUT_TURNING = re.compile(r"\bwithout (?:turning|rotating|looking)(?: (?:a?round|back))?\b", re.IGNORECASE)
+"""Likewise where what is meant is no turn: a step aside goes without."""
+
+
+def forbids(sentence: str, kind: str) -> bool:
+    """Whether a sentence that is heard as a kind of motion says what not to do."""
+    told = FORBIDS_NOTHING.sub(" ", sentence)
+    if "turn" not in kind:
+        told = WITHOUT_TURNING.sub(" ", told)
+    return FORBIDS.search(told) is not None
 
 
 @dataclass(frozen=True)
@@ -84,25 +101,26 @@ class PromptReader:
         likeness = self._embeddings @ embedding
         nearest = int(np.argmax(likeness))
         best = float(likeness[nearest])
-        kind = str(self._kinds[nearest]) if best > SAME else self._heard(sentence, embedding)
+        kind = str(self._kinds[nearest])
+        if best <= SAME or is_other_side(kind, sentence):
+            kind = self._heard(sentence, embedding, best)
         if kind == NOTHING:
-            known = ", ".join(dict.fromkeys(self._kinds))
-            log.warning("%r means nothing to this model: it stands still; it has learnt: %s", sentence, known)
+            learnt = ", ".join(dict.fromkeys(self._kinds))
+            log.warning("%r means nothing to this model: it stands still; it has learnt: %s", sentence, learnt)
             return Prompt(self.idle.embedding, STAND, best, False)
-        if best <= SAME and NEGATION.search(sentence):
+        if kind != STAND and forbids(sentence, kind):
             log.warning("%r says what not to do: it stands still; say what to do", sentence)
             return Prompt(self.idle.embedding, STAND, best, True)
         alike = self._kinds == kind
         mixture = np.exp(BREADTH * (likeness[alike] - best)) @ self._embeddings[alike]
         return Prompt(_unit(mixture), kind, best, True)
 
-    def _heard(self, sentence: str, embedding: NDArray[np.float32]) -> str:
+    def _heard(self, sentence: str, embedding: NDArray[np.float32], likeness: float) -> str:
         """The kind that is meant, or `NOTHING`."""
         pieces = self._encode.pieces(sentence)
         if all(piece == self._encode.pieces.unknown for piece in pieces):
             return NOTHING
-        shares = self._listener(sentence, embedding, pieces)
-        return self._listener.kinds[int(shares.argmax())] if shares.max() >= SURE else NOTHING
+        return self._listener(sentence, embedding, pieces, likeness)
 
 
 def _unit(vector: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -10,7 +10,8 @@ from pathlib import Path
 import yaml
 
 from configs.errors import ConfigError
-from flexmotion.text.phrases import kinds, mirrored, wordings
+from flexmotion.text.phrases import kinds, wordings
+from flexmotion.text.sides import mirrored, sides
 
 NOTHING = "none"
 """What is said means no kind of motion that there is."""
@@ -33,18 +34,18 @@ def read_sayings(path: Path) -> tuple[tuple[str, str], ...]:
         ConfigError: it cannot be read, or is something else.
     """
     try:
-        table = yaml.safe_load(path.read_text(encoding="utf-8"))
+        # To YAML "no" and "yes" are truths, and 2024-01-01 is a day: here all are words.
+        table = yaml.load(path.read_text(encoding="utf-8"), Loader=yaml.BaseLoader)
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read ({error.strerror})") from error
-    except (UnicodeDecodeError, yaml.YAMLError) as error:
+    except (UnicodeDecodeError, RecursionError, yaml.YAMLError) as error:
         raise ConfigError(f"{path}: no YAML ({' '.join(str(error).split())})") from error
-    if not isinstance(table, dict) or not all(_are_sentences(said) for said in ([*table], *table.values())):
+    if not isinstance(table, dict) or not table:
         raise ConfigError(f"{path}: expected kinds of motion, each with a list of sentences (walk: [patrol, ...])")
+    for kind, said in table.items():
+        if not isinstance(said, list) or not said or not all(isinstance(one, str) and one.strip() for one in said):
+            raise ConfigError(f"{path}: {kind}: expected a list of sentences, found {said!r}")
     return _with_mirror_images(_rows(table))
-
-
-def _are_sentences(said: object) -> bool:
-    return isinstance(said, list) and all(isinstance(one, str) and one.strip() for one in said)
 
 
 def _rows(table: Mapping[str, list[str]]) -> list[tuple[str, str]]:
@@ -53,5 +54,5 @@ def _rows(table: Mapping[str, list[str]]) -> list[tuple[str, str]]:
 
 def _with_mirror_images(said: list[tuple[str, str]]) -> tuple[tuple[str, str], ...]:
     # A sentence that names no side ("wave") has no mirror image: it means one hand, not the other.
-    images = ((mirrored(kind), mirrored(sentence)) for kind, sentence in said if mirrored(sentence) != sentence)
+    images = ((mirrored(kind), mirrored(sentence)) for kind, sentence in said if sides(sentence))
     return tuple(dict.fromkeys([*said, *images]))

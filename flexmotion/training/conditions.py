@@ -11,7 +11,8 @@ from torch import Tensor
 
 from configs.errors import ConfigError
 from flexmotion.features.layout import Layout
-from flexmotion.text.phrases import STAND, mirrored, styled, wordings
+from flexmotion.text.phrases import STAND, styled, wordings
+from flexmotion.text.sides import mirrored
 from flexmotion.training.feature_store import FeatureStore, StoredClip
 from flexmotion.training.kinematics import path
 

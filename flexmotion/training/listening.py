@@ -4,15 +4,20 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from importlib.metadata import version
 from pathlib import Path
-from shutil import copytree
+from shutil import copyfile
+from tempfile import TemporaryDirectory
 
 import numpy as np
 from sklearn.linear_model import LogisticRegression
 
 from configs.errors import ConfigError
 from flexmotion.bundles.bundle import Bundle, write_bundle
+from flexmotion.bundles.card import CARD, add_note
 from flexmotion.text.listener import EMPHASIS
+from flexmotion.text.phrases import STAND
+from flexmotion.text.prompt_reader import forbids
 from flexmotion.text.sayings import NOTHING, sayings
 from flexmotion.text.sentence_encoder import SentenceEncoder
 
@@ -50,23 +55,43 @@ def learn_to_listen(encode: SentenceEncoder, said: Sequence[tuple[str, str]]) ->
 
 
 def taught_anew(bundle: Bundle, out: Path, more: Sequence[tuple[str, str]] = ()) -> Bundle:
-    """A copy of a bundle that listens by what is known to be said today; all else stays as it is.
+    """A copy of a bundle that listens by what is known to be said today, and no more by what it was taught before.
 
     Args:
         bundle: whose copy is written.
-        out: folder of the copy; made anew.
+        out: folder of the copy; made anew, whole or not at all.
         more: kind and sentence, of what else is said.
 
     Raises:
-        ConfigError: the folder holds something already, or more is said of a kind that the bundle has not learnt.
+        ConfigError: the folder holds something already; more is said of a kind that the bundle has not learnt, or would
+            never be obeyed; the bundle listens to a personal manner, which only an export from its training teaches.
     """
-    if out.exists() and any(out.iterdir()):
-        raise ConfigError(f"{out}: is not empty")
+    if out.exists() and (not out.is_dir() or any(out.iterdir())):
+        raise ConfigError(f"{out}: is there already, and not empty")
+    if out.resolve().is_relative_to(bundle.folder.resolve()):
+        raise ConfigError(f"{out}: lies in the bundle itself")
     learnt = {*bundle.prompts.kinds, NOTHING}
+    known = [(kind, sentence) for kind, sentence in sayings() if kind in learnt]
+    if lost := set(bundle.listener.kinds) - {kind for kind, _ in (*known, *more)}:
+        raise ConfigError(
+            f"{bundle.folder}: listens to {sorted(lost)} by sentences that it does not keep; export it anew"
+        )
     for kind, sentence in more:
         if kind not in learnt:
-            raise ConfigError(f"{sentence!r} is said of {kind!r}, which the model has not learnt: {sorted(learnt)}")
-    said = [(kind, sentence) for kind, sentence in sayings() if kind in learnt]
-    listener = learn_to_listen(SentenceEncoder(bundle.folder), [*said, *more])
-    copytree(bundle.folder, out, dirs_exist_ok=True)
-    return write_bundle(out, bundle.manifest, bundle.arrays | listener)
+            raise ConfigError(f"{sentence!r} is said of {kind!r}; the model has learnt {', '.join(sorted(learnt))}")
+        if kind not in (STAND, NOTHING) and forbids(sentence, kind):
+            raise ConfigError(f"{sentence!r} says what not to do: the robot would stand still; say what to do")
+    listener = learn_to_listen(SentenceEncoder(bundle.folder), [*known, *more])
+    out.parent.mkdir(parents=True, exist_ok=True)
+    with TemporaryDirectory(dir=out.parent, prefix=f".{out.name}-") as folder:
+        made = Path(folder) / "bundle"
+        made.mkdir()
+        for name in (*bundle.manifest.files, CARD):
+            copyfile(bundle.folder / name, made / name)
+        versions = bundle.manifest.versions | {"scikit-learn": version("scikit-learn")}
+        write_bundle(made, bundle.manifest.model_copy(update={"versions": versions}), bundle.arrays | listener)
+        add_note(
+            made, f"Taught again to listen, by {len(more)} more sentences: what is said here of hearing is of before."
+        )
+        made.replace(out)
+    return Bundle(out)

@@ -43,7 +43,7 @@ ThreadsOption = Annotated[int | None, typer.Option("--threads", min=1, help="Of 
 
 def needs_training() -> None:
     """Raise `ConfigError` where the libraries of training are not installed."""
-    if importlib.util.find_spec("torch") is None:
+    if any(importlib.util.find_spec(name) is None for name in ("torch", "sklearn")):
         raise ConfigError("training needs the extra 'train': in a clone, pip install '.[train]'")
 
 
@@ -145,7 +145,7 @@ def listener(
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Teach a finished model what is said to mean what; how it moves stays as it is. Takes seconds.
+    """Teach a finished model what is said to mean what, in seconds; how it moves stays as it is.
 
     [bold]Examples[/bold]
 

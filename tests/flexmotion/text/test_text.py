@@ -6,7 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from flexmotion.text.phrases import STAND, kinds, mirrored, styled, velocity, wordings
+from flexmotion.text.phrases import STAND, kinds, styled, velocity, wordings
+from flexmotion.text.sides import mirrored
 from flexmotion.text.word_pieces import LONGEST, WordPieces
 
 PIECES = ["[UNK]", "wave", "walk", "##ing", "##s", "hand", "a"]
@@ -64,6 +65,12 @@ def test_styles() -> None:
 def test_mirrored(text: str, other: str) -> None:
     assert mirrored(text) == other
     assert mirrored(other) == text
+
+
+@pytest.mark.parametrize("word", ["counter-clockwise", "Anticlockwise", "anti clockwise", "counter clockwise"])
+def test_every_way_to_say_counterclockwise_has_one_mirror_image(word: str) -> None:
+    """Of "anticlockwise" it was "anticounterclockwise", and taught as a turn to the right."""
+    assert mirrored(word).lower() == "clockwise"
 
 
 def test_a_velocity_that_words_mean_is_the_mirror_image_of_what_the_mirrored_words_mean() -> None:

@@ -10,9 +10,12 @@ import pytest
 pytest.importorskip("torch")
 pytest.importorskip("sklearn")
 
+from configs.errors import ConfigError
 from flexmotion.bundles.bundle import Bundle
+from flexmotion.bundles.card import CARD
 from flexmotion.bundles.shipped import FOLDER
 from flexmotion.sampler import Sampler
+from flexmotion.training.listening import taught_anew
 from streamer.cli import execute
 
 OURS = "walk: [mop the floor, mop the hall, mop the kitchen, start mopping]\n"
@@ -29,6 +32,7 @@ def test_sayings_of_ones_own_are_understood_and_nothing_else_changes(tmp_path: P
     assert all(np.array_equal(before.arrays[name], after.arrays[name]) for name in others)
     assert not Sampler(before).prompt("please mop the bathroom").known
     assert Sampler(after).prompt("please mop the bathroom").kind == "walk"
+    assert "Taught again to listen, by 4 more sentences" in (out / CARD).read_text(encoding="utf-8")
     assert Sampler(after).prompt("would you step over to your left").kind == "walk-left"
 
 
@@ -40,15 +44,37 @@ def test_the_shipped_model_listens_by_the_sayings_that_ship(tmp_path: Path) -> N
     np.testing.assert_allclose(before["listener_weights"], after["listener_weights"], atol=0.02)
 
 
+def test_a_copy_is_whole_or_not_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: object, **__: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("flexmotion.bundles.bundle.np.savez_compressed", full)
+    assert execute(["train", "listener", str(FOLDER), "-o", str(tmp_path / "taught")]) == 2
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_personal_manner_is_not_forgotten(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A bundle keeps no sentences: taught again, "like Ada" would have meant nothing any more."""
+    bundle = Bundle(FOLDER)
+    bundle.arrays["listener_kinds"] = np.array([*bundle.listener.kinds[:-1], "personal"])
+    with pytest.raises(ConfigError, match="personal"):
+        taught_anew(bundle, tmp_path / "taught")
+
+
 def test_what_cannot_be_taught_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     ours, full = tmp_path / "ours.yaml", tmp_path / "full"
     ours.write_text("sit: [take a seat]\n")
     assert execute(["train", "listener", str(FOLDER), "--sayings", str(ours), "-o", str(tmp_path / "out")]) == 2
-    assert "'take a seat' is said of 'sit', which the model has not learnt" in capsys.readouterr().err
+    assert "'take a seat' is said of 'sit'; the model has learnt bow, " in capsys.readouterr().err
+    ours.write_text("walk: [go to the bus stop]\n")
+    assert execute(["train", "listener", str(FOLDER), "--sayings", str(ours), "-o", str(tmp_path / "out")]) == 2
+    assert "says what not to do" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
     full.mkdir()
     (full / "diary.txt").write_text("mine")
     assert execute(["train", "listener", str(FOLDER), "-o", str(full)]) == 2
-    assert "is not empty" in capsys.readouterr().err
+    assert "not empty" in capsys.readouterr().err
+    assert execute(["train", "listener", str(FOLDER), "-o", str(FOLDER / "taught")]) == 2
+    assert "lies in the bundle itself" in capsys.readouterr().err
     assert execute(["train", "listener", str(tmp_path / "none"), "-o", str(tmp_path / "out")]) == 2
     assert "no bundle there" in capsys.readouterr().err
