@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from configs.errors import ConfigError
 from configs.robot import Robot
 from configs.stream import StreamSettings
 from retarget.plan import Plan
@@ -17,6 +18,9 @@ from streamer.session import count_human_steps
 from streamer.sources import Performance
 
 Float = NDArray[np.float64]
+
+LONGEST_S = 1800.0
+"""What is retargeted at once is kept at once, about 1 MB a second of it."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +77,13 @@ def retarget_offline(
     Args:
         source: one that comes to an end.
         progress: called with the share done, in [0, 1].
+
+    Raises:
+        ConfigError: the source is longer than `LONGEST_S`.
     """
+    if source.seconds is None or source.seconds > LONGEST_S:
+        length = "has no end" if source.seconds is None else f"is {source.seconds:g} s long"
+        raise ConfigError(f"{source.name}: {length}, expected {LONGEST_S:g} s at most")
     planner = Planner(Retargeter(robot, settings), source, settings)
     cadence = max(round(settings.replan_s * robot.rate_hz), 1)
     played: list[tuple[Plan, int]] = []
@@ -89,7 +99,7 @@ def retarget_offline(
         times.append(planned.retarget_s)
         join += rows
         if progress is not None:
-            progress(min(join / robot.rate_hz / max(source.seconds or np.inf, 1e-9), 1.0))
+            progress(min(join / robot.rate_hz / max(source.seconds, 1e-9), 1.0))
     made = [step for plan, rows in played for step in plan.steps if step.lift < plan.start_tick + rows]
     arrays = {name: np.concatenate([getattr(plan, name)[:rows] for plan, rows in played]) for name in _ROWS}
     return Trajectory(

@@ -10,16 +10,22 @@ import numpy as np
 import pytest
 from rich.console import Console, RenderableType
 
+from configs.errors import ConfigError
 from configs.robot import Robot, load_robot
 from configs.stream import load_stream
 from flexmotion.motion import Motion
 from streamer.commands.choice import choose_motion
 from streamer.envelope import endurance, envelope, torque_limit
+from streamer.intents import Text
+from streamer.model_source import ModelSource
 from streamer.offline import Trajectory, retarget_offline
+from streamer.script import Item
 from streamer.sources import ClipSource
 from streamer.torque_check import check_trajectory, render_check
 from streamer.trajectory_file import write_trajectory
 from streamer.trajectory_quality import quality, render_quality
+
+from .stub_sampler import StubSampler
 
 
 @pytest.fixture(scope="module")
@@ -45,6 +51,14 @@ def test_whole_clip_is_followed_and_ends_standing(trajectory: Trajectory, motion
     assert np.abs(trajectory.qd[-1]).max() < 0.05
     assert trajectory.steps >= trajectory.inserted
     assert trajectory.human_steps > 0
+
+
+@pytest.mark.parametrize(("seconds", "said"), [(1e9, "is 1e\\+09 s long"), (None, "has no end")])
+def test_what_would_never_end_is_refused(robot: Robot, seconds: float | None, said: str) -> None:
+    """`check torque --seconds 1e9` took 12 GB in seven minutes, and went on."""
+    source = ModelSource(StubSampler(), [Item(0.0, Text("stand still"))], "model:stub", seconds=seconds)  # type: ignore[arg-type]
+    with pytest.raises(ConfigError, match=f"model:stub: {said}, expected 1800 s at most"):
+        retarget_offline(robot, source, load_stream())
 
 
 def test_plans_join_without_a_jump(trajectory: Trajectory, robot: Robot) -> None:
