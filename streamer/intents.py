@@ -13,6 +13,8 @@ FASTEST = (3.0, 1.5, 3.0)
 """Greatest velocity that may be asked for, either way: a run forward, a quick sidestep, half a turn a second
 [m/s, m/s, rad/s]."""
 
+LONGEST_TEXT = 240
+
 _EXPECTED_VELOCITY = "velocity: expected [forward m/s, left m/s, turning rad/s]"
 
 
@@ -34,12 +36,14 @@ class Clip:
 
 @dataclass(frozen=True)
 class Text:
-    """Do what the words say. Raises `ConfigError` without words."""
+    """Do what the words say, in one line. Raises `ConfigError` without words."""
 
     text: str
 
     def __post_init__(self) -> None:
         _require_words("text", self.text, "words that say what to do")
+        if not self.text.isprintable() or len(self.text) > LONGEST_TEXT:
+            raise ConfigError(f"text: expected a line of {LONGEST_TEXT} characters at most, found {self.text[:80]!r}")
 
 
 @dataclass(frozen=True)

@@ -124,7 +124,9 @@ class ModelSource:
         if isinstance(intent, Text):
             # A sentence is heard as one kind of motion, which need not be the one that was meant.
             said, prompt = repr(intent.text), self.sampler.prompt(intent.text)
-            if prompt.known and prompt.likeness < SAME and intent.text != prompt.kind:
+            if prompt.warning is not None:
+                return prompt.warning
+            if prompt.likeness < SAME and intent.text != prompt.kind:
                 found.append(f"heard as {prompt.kind}")
         slowed, meant = self.sampler.meant(asked).velocity, self.sampler.meant(replace(asked, pace=None)).velocity
         if slowed is not None and (meant is None or not np.allclose(slowed, meant)):

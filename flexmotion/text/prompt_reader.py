@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,8 +15,6 @@ from flexmotion.text.sayings import NOTHING
 from flexmotion.text.sentence_encoder import SentenceEncoder
 from flexmotion.text.sides import is_other_side
 
-log = logging.getLogger(__name__)
-
 SAME = 0.99
 """Cosine from which on two wordings are one."""
 
@@ -28,7 +25,9 @@ common is what it means."""
 FORBIDS = re.compile(
     r"""\b(?:not|never|no|without|neither|nor|none|nobody|nowhere|cannot|stop|quit|cease|avoid|halt|enough|abort|cancel)\b
     | \b(?:forbid|forbidden|prohibit|prohibited|refrain|refuse)\b
-    | \b(?:do|does|did|ca|wo|must|need|should|would|could|is|are|was)n[^\w\s]?t\b""",
+    | \b(?:do|does|did|ca|wo|must|need|should|would|could|is|are|was)n[^\w\s]?t\b
+    | \b(?:except|excepting|excluding|omit|skip|forget|hate|dislike)\b
+    | \b(?:any|every|all|no)\w*\b.*\bbut\b | \b(?:instead\ of|rather\ than|other\ than|apart\ from|give\ up)\b""",
     re.IGNORECASE | re.VERBOSE,
 )
 """To a sentence encoder "do not walk" is nearly "do walk": who is told what not to do stands still."""
@@ -60,12 +59,14 @@ class Prompt:
         kind: of motion that it means.
         likeness: cosine with the known wording nearest to it.
         known: whether it means something.
+        warning: why the robot stands still, where nobody asked for that.
     """
 
     embedding: NDArray[np.float32]
     kind: str
     likeness: float
     known: bool
+    warning: str | None = None
 
 
 class PromptReader:
@@ -96,7 +97,7 @@ class PromptReader:
         return Prompt(_unit(self._embeddings[self._kinds == kind].mean(axis=0)), kind, 1.0, True)
 
     def __call__(self, sentence: str) -> Prompt:
-        """What a sentence means; warns where it means nothing."""
+        """What a sentence means."""
         embedding = self._encode(sentence)
         likeness = self._embeddings @ embedding
         nearest = int(np.argmax(likeness))
@@ -106,11 +107,11 @@ class PromptReader:
             kind = self._heard(sentence, embedding, best)
         if kind == NOTHING:
             learnt = ", ".join(dict.fromkeys(self._kinds))
-            log.warning("%r means nothing to this model: it stands still; it has learnt: %s", sentence, learnt)
-            return Prompt(self.idle.embedding, STAND, best, False)
-        if kind != STAND and forbids(sentence, kind):
-            log.warning("%r says what not to do: it stands still; say what to do", sentence)
-            return Prompt(self.idle.embedding, STAND, best, True)
+            told = f"{sentence!r} means nothing to this model: it stands still; it has learnt: {learnt}"
+            return Prompt(self.idle.embedding, STAND, best, False, told)
+        if forbids(sentence, kind) and (kind != STAND or best <= SAME):
+            told = f"{sentence!r} says what not to do: it stands still; say what to do"
+            return Prompt(self.idle.embedding, STAND, best, True, told)
         alike = self._kinds == kind
         mixture = np.exp(BREADTH * (likeness[alike] - best)) @ self._embeddings[alike]
         return Prompt(_unit(mixture), kind, best, True)

@@ -42,7 +42,9 @@ def torque(
     mapping: MappingOption = None,
     seconds: Annotated[
         float | None,
-        typer.Option("--seconds", "-s", min=0.1, help="Look at no more than this many seconds.", show_default=False),
+        typer.Option(
+            "--seconds", "-s", min=0.1, max=1e6, help="Look at no more than this many seconds.", show_default=False
+        ),
     ] = None,
     seed: SeedOption = 0,
     settings: SettingsOption = None,
@@ -107,7 +109,7 @@ def latency(
         typer.Option("--clip", "-c", help="Switch between these clips (two or more) instead of asking a model."),
     ] = None,
     bundle: BundleOption = None,
-    seconds: Annotated[float, typer.Option(help="How long to measure [s].", min=5.0)] = 60.0,
+    seconds: Annotated[float, typer.Option(help="How long to measure \\[s].", min=5.0, max=1e6)] = 60.0,
     switches: Annotated[
         int | None, typer.Option(help="Measure until so many switches were made, instead.", min=1, show_default=False)
     ] = None,

@@ -21,7 +21,7 @@ def bus(
         str | None, typer.Option("--port", "-p", help="Audit the servos on this port too.", show_default=False)
     ] = None,
     rate: Annotated[
-        float | None, typer.Option("--rate", min=1, help="Loop rate [Hz]; the robot file's if not given.")
+        float | None, typer.Option("--rate", min=1, help="Loop rate \\[Hz]; the robot file's if not given.")
     ] = None,
     configure: Annotated[
         bool, typer.Option("--configure", help="Write the settings in which a servo differs from the robot file.")

@@ -18,8 +18,8 @@ def export(
     distilled: Annotated[
         bool, typer.Option("--distilled/--diffusion", help="The model of few steps, or the one it was distilled from.")
     ] = True,
-    height: Annotated[float, typer.Option(min=0.5, help="Of the human that it moves [m].")] = 1.75,
-    mass: Annotated[float, typer.Option(min=5.0, help="Of that human [kg].")] = 70.0,
+    height: Annotated[float, typer.Option(min=0.5, help="Of the human that it moves \\[m].")] = 1.75,
+    mass: Annotated[float, typer.Option(min=5.0, help="Of that human \\[kg].")] = 70.0,
     description: Annotated[str, typer.Option(help="For people.")] = "",
     as_json: JsonOption = False,
 ) -> None:

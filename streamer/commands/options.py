@@ -57,6 +57,7 @@ SecondsOption = Annotated[
         "--seconds",
         "-s",
         min=0.1,
+        max=1e6,
         help="Follow at most this many seconds; standing up, stopping and parking come on top, some 8 s.",
         show_default=False,
     ),

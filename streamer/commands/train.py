@@ -145,13 +145,13 @@ def listener(
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Teach a finished model what is said to mean what, in seconds; how it moves stays as it is.
+    r"""Teach a finished model what is said to mean what, in seconds; how it moves stays as it is.
 
     [bold]Examples[/bold]
 
       flexmotion train listener bundle -o taught
 
-      flexmotion train listener bundle --sayings ours.yaml -o taught    (walk: [patrol the corridor, make your rounds])
+      flexmotion train listener bundle --sayings ours.yaml -o taught    (walk: \[patrol the corridor, make your rounds])
     """
     needs_training()
     from flexmotion.bundles.bundle import Bundle

@@ -13,9 +13,12 @@ from configs.errors import ConfigError
 from streamer.intents import FASTEST, WORDS, Clip, Intent, Stop, Text, Velocity, from_content, to_content, word_of
 
 _WORDS = st.text(st.characters(exclude_characters="\0", exclude_categories=["Cs"]), min_size=1).filter(str.strip)
+_LINES = st.text(st.characters(exclude_categories=["C", "Z"], include_characters=" "), min_size=1, max_size=100).filter(
+    str.strip
+)
 _INTENTS = st.one_of(
     st.builds(Clip, _WORDS),
-    st.builds(Text, _WORDS),
+    st.builds(Text, _LINES),
     st.builds(Velocity, *(st.floats(-limit, limit) for limit in FASTEST)),
     st.just(Stop()),
 )
@@ -55,3 +58,10 @@ def test_words_that_say_nothing_are_refused_whoever_asks(value: Any) -> None:
             kind(value)
         with pytest.raises(ConfigError, match=message):
             from_content({message[:4]: value})
+
+
+@pytest.mark.parametrize("text", ["walk\nforward", "walk \x1b[31m", "walk \udcff", "x" * 241])
+def test_words_are_one_line_that_can_be_written_down(text: str) -> None:
+    """Bytes that were no letters were walked to, and the report was lost at the end."""
+    with pytest.raises(ConfigError, match="text: expected a line of 240 characters at most"):
+        Text(text)

@@ -30,8 +30,8 @@ def test_the_newest_target_counts_and_the_log_sees_all() -> None:
 
 
 def test_a_name_that_is_too_long_is_refused() -> None:
-    with pytest.raises(ConfigError, match="text: 241 bytes, expected at most 240"):
-        TargetMailbox().send(Text("x" * 241))
+    with pytest.raises(ConfigError, match="text: 242 bytes, expected at most 240"):
+        TargetMailbox().send(Text("é" * 121))
 
 
 def test_a_velocity_that_is_no_number_never_gets_into_the_mailbox() -> None:
