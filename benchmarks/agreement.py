@@ -4,9 +4,9 @@
 
 From moments of roll-outs, a window is sampled, its first quarter of a second is played, and the next window is made
 from there in three ways: with fresh noise, with the same noise, and as the live system does, which keeps what it has
-said and adds to it (`streamer.model_source`). Compared at 1 s of the old window: root, farther foot, heading; "later"
-at 1 s of the new window, against the old one and the one that would have followed it. Exits with 1 where at 1 s, as the
-live system does it, the 90th percentile is more than 5 cm or 3 degrees.
+said and adds to it (`flexmotion.streamer.model_source`). Compared at 1 s of the old window: root, farther foot,
+heading; "later" at 1 s of the new window, against the old one and the one that would have followed it. Exits with 1
+where at 1 s, as the live system does it, the 90th percentile is more than 5 cm or 3 degrees.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ from flexmotion.concatenate import concatenate
 from flexmotion.kinematics import forward, heading
 from flexmotion.motion import Motion
 from flexmotion.sampler import Condition, Sampler
-from streamer.intents import Text
-from streamer.model_source import ModelSource
-from streamer.script import Item
+from flexmotion.streamer.intents import Text
+from flexmotion.streamer.model_source import ModelSource
+from flexmotion.streamer.script import Item
 
 Float = NDArray[np.float64]
 
@@ -159,7 +159,7 @@ def table(done: Sequence[Trial]) -> Table:
 
 def draw(done: Sequence[Trial], path: Path) -> None:
     """How the three ways spread."""
-    from streamer.plots.style import LEFT, MIDDLE, MUTED, RIGHT, new_figure, save, styled
+    from flexmotion.streamer.plots.style import LEFT, MIDDLE, MUTED, RIGHT, new_figure, save, styled
 
     with styled():
         figure = new_figure(11, 3.6, "Agreement", "share of plans that are within a distance of the last one, at 1 s")

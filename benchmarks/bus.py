@@ -26,10 +26,10 @@ import rustypot
 import yaml
 from dynamixel_sdk import GroupSyncRead, GroupSyncWrite, PacketHandler, PortHandler
 
-from configs.robot import ROBOTS, Robot, load_robot
-from drivers.dynamixel.bus import DynamixelBus
-from drivers.interface import JointCommand, RobotState
-from drivers.registry import create
+from flexmotion.configs.robot import ROBOTS, Robot, load_robot
+from flexmotion.drivers.dynamixel.bus import DynamixelBus
+from flexmotion.drivers.interface import JointCommand, RobotState
+from flexmotion.drivers.registry import create
 
 GOAL, PRESENT, READ_SIZE = 116, 126, 10
 BITS_A_BYTE = 10
@@ -52,7 +52,7 @@ def robot_at(baud: int, folder: Path) -> Robot:
 @contextmanager
 def emulated(robot: Robot, link: Path) -> Iterator[dict[str, float]]:
     """The robot's bus on a bench behind `link`; yields a dictionary that has the emulator's figures in the end."""
-    command = [sys.executable, "-m", "streamer", "emulate", "--bench", "--json"]
+    command = [sys.executable, "-m", "flexmotion.streamer", "emulate", "--bench", "--json"]
     process = subprocess.Popen(
         [*command, "--robot", str(robot.folder), "--port-link", str(link)],
         stdout=subprocess.PIPE,

@@ -17,17 +17,17 @@ from pathlib import Path
 
 import numpy as np
 
-from configs.robot import Robot, load_robot
-from configs.stream import load_stream
-from drivers.emulator.faults import Fault
-from drivers.emulator.lockstep import LockstepBus
-from drivers.emulator.loopback import Loopback
-from drivers.emulator.sim_body import SimBody
-from drivers.registry import create
-from streamer.commands.choice import choose_motion
-from streamer.record import Event, RunRecord
-from streamer.session import Session
-from streamer.sources import ClipSource
+from flexmotion.configs.robot import Robot, load_robot
+from flexmotion.configs.stream import load_stream
+from flexmotion.drivers.emulator.faults import Fault
+from flexmotion.drivers.emulator.lockstep import LockstepBus
+from flexmotion.drivers.emulator.loopback import Loopback
+from flexmotion.drivers.emulator.sim_body import SimBody
+from flexmotion.drivers.registry import create
+from flexmotion.streamer.commands.choice import choose_motion
+from flexmotion.streamer.record import Event, RunRecord
+from flexmotion.streamer.session import Session
+from flexmotion.streamer.sources import ClipSource
 
 FAULT_AT = 3.0
 FAULTS = (
@@ -43,7 +43,7 @@ class Result:
     Attributes:
         record: of the loop; `body` the robot, as it was left.
         packets, spoilt: sent by the host, and damaged either way.
-        refused: goals that left past the limits which the servos told (`drivers.bus.witness`).
+        refused: goals that left past the limits which the servos told (`flexmotion.drivers.bus.witness`).
     """
 
     record: RunRecord

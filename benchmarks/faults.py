@@ -34,18 +34,18 @@ from rich.progress import Progress
 from rich.table import Table
 from spine import ARCHIVES, CLIPS, extract
 
-from configs.robot import load_robot
-from configs.stream import load_stream
-from drivers.registry import create
+from flexmotion.configs.robot import load_robot
+from flexmotion.configs.stream import load_stream
+from flexmotion.drivers.registry import create
 from flexmotion.importers import load
-from retarget.plan import Plan
-from streamer.commands.driver_options import simulation_options
-from streamer.controls import Request
-from streamer.ladder import State
-from streamer.planner import Planned, Planner
-from streamer.planning import Superseded
-from streamer.session import Session
-from streamer.sources import ClipSource
+from flexmotion.retarget.plan import Plan
+from flexmotion.streamer.commands.driver_options import simulation_options
+from flexmotion.streamer.controls import Request
+from flexmotion.streamer.ladder import State
+from flexmotion.streamer.planner import Planned, Planner
+from flexmotion.streamer.planning import Superseded
+from flexmotion.streamer.session import Session
+from flexmotion.streamer.sources import ClipSource
 
 KINDS = {"silent": (None, 0.90), "STOP": (Request.STOP, 0.95), "E-STOP": (Request.ESTOP, 0.95)}
 AFTER_S = 3.0

@@ -19,10 +19,10 @@ from rich.console import Console
 from rich.table import Table
 from verdicts import Verdict, benchmark, write_csv
 
+from flexmotion.streamer.commands.choice import open_sampler
 from flexmotion.text.phrases import STAND
 from flexmotion.text.sayings import NOTHING
 from flexmotion.text.sides import sides
-from streamer.commands.choice import open_sampler
 
 SENTENCES = Path(__file__).with_name("hearing.yaml")
 OVERALL, EACH = 0.95, 0.85

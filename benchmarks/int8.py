@@ -31,8 +31,8 @@ from rich.table import Table
 from sampler_speed import PROMPTS, measure
 from verdicts import Verdict, benchmark, write_csv
 
-from configs.errors import ConfigError
 from flexmotion.bundles.bundle import ARRAYS, DECODER, DENOISER, Bundle, write_bundle
+from flexmotion.configs.errors import ConfigError
 from flexmotion.features.encode import body_points
 from flexmotion.kinematics import forward
 from flexmotion.sampler import Condition, Sampler
@@ -63,7 +63,7 @@ for number in range(50):
 """
 _LIVE = """
 import sys
-from streamer.cli import execute
+from flexmotion.streamer.cli import execute
 options = ["--clock", "lockstep", "--seconds", "5", "--prompt", "walk forward", "--bundle", sys.argv[1]]
 if execute(["dry-run", *options]) == 2:
     sys.exit(2)

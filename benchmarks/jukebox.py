@@ -28,8 +28,8 @@ from rich.table import Table
 from verdicts import Verdict, benchmark, write_csv
 from window_distance import Float32, mean_distance, nearest_distance, windows_of
 
-from configs.errors import ConfigError
 from flexmotion.bundles.bundle import Bundle
+from flexmotion.configs.errors import ConfigError
 from flexmotion.dataset.compact_set import MotionSet, open_set
 from flexmotion.evaluation.interval import Interval
 from flexmotion.sampler import Sampler
@@ -137,7 +137,7 @@ def table(rows: Sequence[Row]) -> Table:
 
 def draw(rows: Sequence[Row], path: Path) -> None:
     """Distances to the nearest training window by kind, of samples and of held-out clips."""
-    from streamer.plots.style import LEFT, MUTED, new_figure, save, styled
+    from flexmotion.streamer.plots.style import LEFT, MUTED, new_figure, save, styled
 
     with styled():
         figure = new_figure(11, 4.0, "Jukebox", "distance to the nearest training window: samples blue, held-out grey")

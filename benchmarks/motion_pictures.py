@@ -21,17 +21,17 @@ from model_rollout import always, roll_out
 from real_clips import real_clips
 from verdicts import Verdict, benchmark
 
-from configs.errors import ConfigError
 from flexmotion.bundles.bundle import Bundle
+from flexmotion.configs.errors import ConfigError
 from flexmotion.dataset.compact_set import MotionSet, open_set
 from flexmotion.features.encode import GRAVITY
 from flexmotion.kinematics import forward
 from flexmotion.motion import Motion
 from flexmotion.sampler import Sampler
+from flexmotion.streamer.plots.filmstrip import limbs
+from flexmotion.streamer.plots.solid import Camera
+from flexmotion.streamer.plots.style import MUTED, WARN, new_figure, save, styled
 from flexmotion.text.phrases import wordings
-from streamer.plots.filmstrip import limbs
-from streamer.plots.solid import Camera
-from streamer.plots.style import MUTED, WARN, new_figure, save, styled
 
 KINDS = ("walk", "walk-turn-left", "run", "wave-right-hand", "raise-up-both-hands", "bow")
 FIGURES = 9

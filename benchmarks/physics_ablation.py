@@ -25,9 +25,9 @@ from rich.console import Console
 from rich.table import Table
 from verdicts import Verdict, benchmark, write_csv
 
-from configs.errors import ConfigError
-from configs.model import ModelConfig, Transformer
 from flexmotion.body import Body
+from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.model import ModelConfig, Transformer
 from flexmotion.evaluation.interval import Interval
 from flexmotion.sampler import Sampler
 from flexmotion.text.sentence_encoder import SentenceEncoder

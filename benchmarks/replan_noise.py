@@ -33,19 +33,19 @@ from rich.progress import Progress
 from rich.table import Table
 from spine import ARCHIVES, CLIPS, Run, cell, degrees, extract, middle
 
-from configs.robot import load_robot
-from configs.stream import load_stream
-from drivers.registry import create
+from flexmotion.configs.robot import load_robot
+from flexmotion.configs.stream import load_stream
+from flexmotion.drivers.registry import create
 from flexmotion.importers import load
 from flexmotion.motion import Motion
-from retarget.plan import Plan
-from streamer.commands.driver_options import simulation_options
-from streamer.metrics import HumanTrack, RobotFigures
-from streamer.planner import Planned, Planner
-from streamer.replan_noise import NoisySource
-from streamer.report import RunInfo, build_report
-from streamer.session import Session, count_human_steps
-from streamer.sources import ClipSource
+from flexmotion.retarget.plan import Plan
+from flexmotion.streamer.commands.driver_options import simulation_options
+from flexmotion.streamer.metrics import HumanTrack, RobotFigures
+from flexmotion.streamer.planner import Planned, Planner
+from flexmotion.streamer.replan_noise import NoisySource
+from flexmotion.streamer.report import RunInfo, build_report
+from flexmotion.streamer.session import Session, count_human_steps
+from flexmotion.streamer.sources import ClipSource
 
 KINDS = ("standing", "walking")
 JUDGED_M, UPRIGHT_SHARE, JOIN_MM = 0.05, 0.9, 3.0

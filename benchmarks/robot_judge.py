@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from reversals import reversals
 
-from configs.robot import Robot
-from streamer.metrics import Displacement, heading
-from streamer.record import RunRecord
+from flexmotion.configs.robot import Robot
+from flexmotion.streamer.metrics import Displacement, heading
+from flexmotion.streamer.record import RunRecord
 
 Float = NDArray[np.float64]
 

@@ -29,19 +29,19 @@ from rich.progress import Progress
 from rich.table import Table
 from verdicts import Verdict, benchmark, write_csv
 
-from configs.robot import load_robot
-from configs.stream import load_stream
-from drivers.registry import create
+from flexmotion.configs.robot import load_robot
+from flexmotion.configs.stream import load_stream
+from flexmotion.drivers.registry import create
 from flexmotion.sampler import Sampler
-from streamer.commands.choice import open_sampler
-from streamer.commands.driver_options import simulation_options
-from streamer.intents import Velocity
-from streamer.metrics import Displacement, HumanTrack, RobotFigures
-from streamer.model_source import ModelSource
-from streamer.pace import human_pace
-from streamer.report import RunInfo, build_report
-from streamer.script import Item
-from streamer.session import Session, human_motion
+from flexmotion.streamer.commands.choice import open_sampler
+from flexmotion.streamer.commands.driver_options import simulation_options
+from flexmotion.streamer.intents import Velocity
+from flexmotion.streamer.metrics import Displacement, HumanTrack, RobotFigures
+from flexmotion.streamer.model_source import ModelSource
+from flexmotion.streamer.pace import human_pace
+from flexmotion.streamer.report import RunInfo, build_report
+from flexmotion.streamer.script import Item
+from flexmotion.streamer.session import Session, human_motion
 
 SPEEDS: dict[str, tuple[float, ...]] = {
     "ahead": (0.4, 0.6, 0.8, 1.0, 1.2),

@@ -34,21 +34,21 @@ from rich.table import Table
 from robot_judge import Deeds, deeds
 from verdicts import Verdict, benchmark
 
-from configs.robot import Robot, load_robot
-from configs.stream import load_stream
-from drivers.registry import create
+from flexmotion.configs.robot import Robot, load_robot
+from flexmotion.configs.stream import load_stream
+from flexmotion.drivers.registry import create
 from flexmotion.motion import Motion
 from flexmotion.sampler import Sampler
-from streamer.commands.choice import choose_source, open_sampler
-from streamer.commands.driver_options import simulation_options
-from streamer.intents import Text
-from streamer.metrics import HumanTrack, RobotFigures, heading
-from streamer.model_source import ModelSource
-from streamer.pace import human_pace
-from streamer.report import RunInfo, build_report
-from streamer.script import Item
-from streamer.session import Session, count_human_steps, human_motion
-from streamer.sources import Source
+from flexmotion.streamer.commands.choice import choose_source, open_sampler
+from flexmotion.streamer.commands.driver_options import simulation_options
+from flexmotion.streamer.intents import Text
+from flexmotion.streamer.metrics import HumanTrack, RobotFigures, heading
+from flexmotion.streamer.model_source import ModelSource
+from flexmotion.streamer.pace import human_pace
+from flexmotion.streamer.report import RunInfo, build_report
+from flexmotion.streamer.script import Item
+from flexmotion.streamer.session import Session, count_human_steps, human_motion
+from flexmotion.streamer.sources import Source
 
 PROMPTS = Path(__file__).with_name("prompts.yaml")
 SCRIPT = "default script"

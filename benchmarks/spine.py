@@ -94,7 +94,7 @@ def extract(collection: str, names: list[str], into: Path) -> None:
 
 def dry_run(clip: Path, perturbed: bool, seed: int) -> dict[str, Any]:
     """The report of one run (exit code 1 means that a check failed, and still reports)."""
-    command = [sys.executable, "-m", "streamer", "dry-run", "--clip", str(clip), "--clock", "lockstep"]
+    command = [sys.executable, "-m", "flexmotion.streamer", "dry-run", "--clip", str(clip), "--clock", "lockstep"]
     command += ["--seed", str(seed), "--json"]
     done = subprocess.run(
         command + (PERTURBED if perturbed else []),

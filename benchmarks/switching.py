@@ -32,21 +32,21 @@ from robot_prompts import PROMPTS
 from spine import extract
 from verdicts import Verdict, benchmark
 
-from configs.robot import load_robot
-from configs.stream import load_stream
-from drivers.registry import create
+from flexmotion.configs.robot import load_robot
+from flexmotion.configs.stream import load_stream
+from flexmotion.drivers.registry import create
 from flexmotion.importers import load
 from flexmotion.motion import Motion
 from flexmotion.sampler import Sampler
-from streamer.commands.choice import open_sampler
-from streamer.commands.driver_options import simulation_options
-from streamer.intents import Intent, Text
-from streamer.latency import RandomTargets, switched
-from streamer.model_source import ModelSource
-from streamer.pace import human_pace
-from streamer.script import Item
-from streamer.session import Session
-from streamer.sources import LiveSource
+from flexmotion.streamer.commands.choice import open_sampler
+from flexmotion.streamer.commands.driver_options import simulation_options
+from flexmotion.streamer.intents import Intent, Text
+from flexmotion.streamer.latency import RandomTargets, switched
+from flexmotion.streamer.model_source import ModelSource
+from flexmotion.streamer.pace import human_pace
+from flexmotion.streamer.script import Item
+from flexmotion.streamer.session import Session
+from flexmotion.streamer.sources import LiveSource
 
 CLIPS = tuple(f"dataset-1_{name}_normal_001" for name in ("walk", "bow", "guide", "respond", "byebye", "walk-back"))
 MOST = 1 / 200

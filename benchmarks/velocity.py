@@ -26,8 +26,8 @@ from rich.table import Table
 from scipy.spatial.transform import Rotation
 from verdicts import Verdict, benchmark, write_csv
 
-from configs.errors import ConfigError
 from flexmotion.bundles.bundle import Bundle
+from flexmotion.configs.errors import ConfigError
 from flexmotion.dataset.compact_set import MotionSet, open_set
 from flexmotion.evaluation.interval import Interval
 from flexmotion.kinematics import continuous_heading
@@ -123,7 +123,7 @@ def table(rows: Sequence[Row]) -> Table:
 
 def draw(rows: Sequence[Row], enough: int, path: Path) -> None:
     """What was found over what was asked for, one panel a component."""
-    from streamer.plots.style import LEFT, MUTED, new_figure, save, styled
+    from flexmotion.streamer.plots.style import LEFT, MUTED, new_figure, save, styled
 
     with styled():
         figure = new_figure(11, 4.0, "Velocity", "found over commanded; grey: the data have no such motion")

@@ -13,7 +13,7 @@ from typing import Any
 import typer
 from rich.console import Console
 
-from configs.errors import FlexMotionError
+from flexmotion.configs.errors import FlexMotionError
 
 
 @dataclass(frozen=True)

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import yaml
 
-from configs.errors import ConfigError
-from configs.robot_file import Imu, JointConfig, Quaternion
-from configs.schema import Strict, load
+from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.robot_file import Imu, JointConfig, Quaternion
+from flexmotion.configs.schema import Strict, load
 
 FILE = "calibration.yaml"
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 from pydantic import Field, model_validator
 
-from configs.errors import ConfigError
-from configs.schema import Strict, load
+from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.schema import Strict, load
 
 FOLDER = Path(__file__).parent / "model"
 

@@ -11,11 +11,11 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from configs.calibration import calibrated, calibrated_imu
-from configs.errors import ConfigError
-from configs.robot_file import Gait, JointConfig, Mapping, RobotFile
-from configs.schema import load
-from configs.servo import Servo, find_servo
+from flexmotion.configs.calibration import calibrated, calibrated_imu
+from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.robot_file import Gait, JointConfig, Mapping, RobotFile
+from flexmotion.configs.schema import load
+from flexmotion.configs.servo import Servo, find_servo
 
 Float = NDArray[np.float64]
 

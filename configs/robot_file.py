@@ -1,4 +1,4 @@
-"""The robot file as written: the pydantic models of `NAME.yaml` (`configs.robot` loads it beside its MJCF)."""
+"""The robot file as written: the pydantic models of `NAME.yaml`; `flexmotion.configs.robot` loads it with its MJCF."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from configs.schema import Strict
+from flexmotion.configs.schema import Strict
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]

@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 import yaml
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from configs.errors import ConfigError
+from flexmotion.configs.errors import ConfigError
 
 
 class Strict(BaseModel):

@@ -14,8 +14,8 @@ from typing import Any, Literal
 
 from pydantic import Field, model_validator
 
-from configs.errors import ConfigError
-from configs.schema import Strict, parse, read_yaml
+from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.schema import Strict, parse, read_yaml
 
 FOLDER = Path(__file__).parent / "servos"
 NOT_DRIVEN = FOLDER.parent / "not_driven.yaml"

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from pydantic import Field, model_validator
 
-from configs.schema import Strict, load
+from flexmotion.configs.schema import Strict, load
 
 FOLDER = Path(__file__).parent / "stream"
 

@@ -16,8 +16,8 @@ from abc import ABC, abstractmethod
 
 import numpy as np
 
-from configs.schema import Strict
-from drivers.interface import Capabilities, Driver, JointCommand, RobotState
+from flexmotion.configs.schema import Strict
+from flexmotion.drivers.interface import Capabilities, Driver, JointCommand, RobotState
 
 STILL = 0.05
 """A joint that is pinned to where it is moves no further than this [rad]."""

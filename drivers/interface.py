@@ -13,8 +13,8 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from configs.robot import Robot
-from configs.schema import Strict
+from flexmotion.configs.robot import Robot
+from flexmotion.configs.schema import Strict
 
 Float = NDArray[np.float64]
 
@@ -124,9 +124,9 @@ class Driver(ABC):
 
     Class attributes:
         name: the entry-point name in group `flexmotion.drivers`.
-        Options: what may be set when it is created; `drivers.registry.create` checks its options against it.
+        Options: what may be set when it is created; `flexmotion.drivers.registry.create` checks its options against it.
 
-    Every method raises `configs.errors.DriverError` naming joint, servo id and port where hardware fails.
+    Every method raises `flexmotion.configs.errors.DriverError` naming joint, servo id and port where hardware fails.
     """
 
     name: ClassVar[str]

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any, Generic, TypeVar
 
-from configs.errors import ConfigError
+from flexmotion.configs.errors import ConfigError
 
 Kind = TypeVar("Kind")
 

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from typing import Any
 
-from configs.robot import Robot
-from configs.schema import parse
-from drivers.interface import Driver
-from drivers.plugins import PlugIns
+from flexmotion.configs.robot import Robot
+from flexmotion.configs.schema import parse
+from flexmotion.drivers.interface import Driver
+from flexmotion.drivers.plugins import PlugIns
 
 GROUP = "flexmotion.drivers"
 
 BUILT_IN = {
-    "dynamixel": "drivers.dynamixel.driver:DynamixelDriver",
-    "feetech": "drivers.feetech.driver:FeetechDriver",
-    "lx16a": "drivers.lx16a.driver:Lx16aDriver",
-    "sim": "drivers.sim.driver:SimDriver",
+    "dynamixel": "flexmotion.drivers.dynamixel.driver:DynamixelDriver",
+    "feetech": "flexmotion.drivers.feetech.driver:FeetechDriver",
+    "lx16a": "flexmotion.drivers.lx16a.driver:Lx16aDriver",
+    "sim": "flexmotion.drivers.sim.driver:SimDriver",
 }
 
 _DRIVERS: PlugIns[Driver] = PlugIns(GROUP, "driver", Driver, BUILT_IN)  # type: ignore[type-abstract]

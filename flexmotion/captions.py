@@ -6,7 +6,7 @@ import csv
 from dataclasses import dataclass
 from pathlib import Path
 
-from configs.errors import MotionFormatError
+from flexmotion.configs.errors import MotionFormatError
 
 COLUMNS = ("trial", "start_s", "end_s", "caption", "source")
 

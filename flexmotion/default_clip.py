@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_banded
 from scipy.spatial.transform import Rotation
 
-from configs.schema import Strict, load
 from flexmotion.angles import rotation_about, three_angles
 from flexmotion.body import Body
+from flexmotion.configs.schema import Strict, load
 from flexmotion.importers.limb import solve_limb
 from flexmotion.kinematics import forward
 from flexmotion.motion import Motion

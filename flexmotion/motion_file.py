@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from configs.errors import MotionFormatError
 from flexmotion.body import Body, Segments
+from flexmotion.configs.errors import MotionFormatError
 from flexmotion.motion import Motion
 from flexmotion.skeleton import JOINTS
 

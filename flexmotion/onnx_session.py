@@ -9,7 +9,7 @@ import numpy as np
 import onnxruntime
 from numpy.typing import NDArray
 
-from configs.errors import ConfigError
+from flexmotion.configs.errors import ConfigError
 
 
 def open_session(path: Path) -> onnxruntime.InferenceSession:

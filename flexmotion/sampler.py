@@ -9,9 +9,9 @@ from math import hypot
 import numpy as np
 from numpy.typing import NDArray
 
-from configs.errors import ConfigError
 from flexmotion.at_rest import at_rest
 from flexmotion.bundles.bundle import DECODER, DENOISER, Bundle
+from flexmotion.configs.errors import ConfigError
 from flexmotion.features.decode import Anchor, decode
 from flexmotion.features.encode import LEAD, encode
 from flexmotion.features.heading_frame import chord

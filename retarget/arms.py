@@ -17,10 +17,10 @@ from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 from scipy.stats import qmc
 
-from configs.errors import RetargetError
-from configs.robot import Robot
+from flexmotion.configs.errors import RetargetError
+from flexmotion.configs.robot import Robot
 from flexmotion.kinematics import HumanKinematics
-from retarget.legs import SIDE_NAMES
+from flexmotion.retarget.legs import SIDE_NAMES
 
 Float = NDArray[np.float64]
 

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from configs.robot import Robot
-from retarget.legs import Leg
+from flexmotion.configs.robot import Robot
+from flexmotion.retarget.legs import Leg
 
 Float = NDArray[np.float64]
 

@@ -14,9 +14,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from configs.robot_file import Gait
-from retarget.human import HumanWindow, Swing
-from retarget.swing import PEAK_ACCELERATION
+from flexmotion.configs.robot_file import Gait
+from flexmotion.retarget.human import HumanWindow, Swing
+from flexmotion.retarget.swing import PEAK_ACCELERATION
 
 Float = NDArray[np.float64]
 

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from flexmotion.contacts import ContactDetector
 from flexmotion.kinematics import HumanKinematics, forward, heading
 from flexmotion.motion import Motion
+from flexmotion.retarget.balance import GRAVITY
 from flexmotion.skeleton import SIDES
-from retarget.balance import GRAVITY
 
 Float = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from retarget.balance import absorb, absorb_offset
+from flexmotion.retarget.balance import absorb, absorb_offset
 
 Float = NDArray[np.float64]
 

@@ -13,8 +13,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from configs.errors import RetargetError
-from configs.robot import Robot
+from flexmotion.configs.errors import RetargetError
+from flexmotion.configs.robot import Robot
 
 Float = NDArray[np.float64]
 

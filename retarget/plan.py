@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexmotion.motion import Motion
-from retarget.footsteps import Step
+from flexmotion.retarget.footsteps import Step
 
 Float = NDArray[np.float64]
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from configs.robot import Robot
-from configs.robot_file import Gait
-from retarget.footsteps import Scaling
-from retarget.human import HumanWindow
-from retarget.schedule import Schedule
-from retarget.smoothing import Follower
-from retarget.whole_body import POSTURE, WholeBody
+from flexmotion.configs.robot import Robot
+from flexmotion.configs.robot_file import Gait
+from flexmotion.retarget.footsteps import Scaling
+from flexmotion.retarget.human import HumanWindow
+from flexmotion.retarget.schedule import Schedule
+from flexmotion.retarget.smoothing import Follower
+from flexmotion.retarget.whole_body import POSTURE, WholeBody
 
 Float = NDArray[np.float64]
 

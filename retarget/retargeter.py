@@ -16,19 +16,19 @@ from scipy.ndimage import minimum_filter1d
 from scipy.signal import butter, sosfilt, sosfilt_zi
 from scipy.spatial.transform import Rotation
 
-from configs.errors import RetargetError
-from configs.robot import Robot
-from configs.stream import StreamSettings
+from flexmotion.configs.errors import RetargetError
+from flexmotion.configs.robot import Robot
+from flexmotion.configs.stream import StreamSettings
 from flexmotion.contacts import ContactDetector
 from flexmotion.motion import Motion
-from retarget import balance, posture
-from retarget.footsteps import FootstepPlanner, Scaling, Step, settled_from
-from retarget.human import HumanWindow
-from retarget.joining import Absorbed, JoinAbsorber
-from retarget.plan import Plan
-from retarget.schedule import SHIFT_S, Schedule
-from retarget.state import StateLayout, pack_steps
-from retarget.whole_body import POSTURE, WholeBody
+from flexmotion.retarget import balance, posture
+from flexmotion.retarget.footsteps import FootstepPlanner, Scaling, Step, settled_from
+from flexmotion.retarget.human import HumanWindow
+from flexmotion.retarget.joining import Absorbed, JoinAbsorber
+from flexmotion.retarget.plan import Plan
+from flexmotion.retarget.schedule import SHIFT_S, Schedule
+from flexmotion.retarget.state import StateLayout, pack_steps
+from flexmotion.retarget.whole_body import POSTURE, WholeBody
 
 Float = NDArray[np.float64]
 
@@ -87,7 +87,7 @@ class Retargeter:
         settings: how far a plan follows the human before its stop tail, and how joins are absorbed.
 
     Raises:
-        configs.errors.RetargetError: the robot's legs cannot be solved, or plans do not reach far enough for its steps.
+        RetargetError: the robot's legs cannot be solved, or plans do not reach far enough for its steps.
     """
 
     def __init__(self, robot: Robot, settings: StreamSettings) -> None:

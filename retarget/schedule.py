@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from retarget.balance import smoothstep
-from retarget.footsteps import Step
-from retarget.swing import swing_path
+from flexmotion.retarget.balance import smoothstep
+from flexmotion.retarget.footsteps import Step
+from flexmotion.retarget.swing import swing_path
 
 Float = NDArray[np.float64]
 

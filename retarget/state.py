@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexmotion.contacts import STATE_SIZE
-from retarget.footsteps import Step
-from retarget.whole_body import POSTURE
+from flexmotion.retarget.footsteps import Step
+from flexmotion.retarget.whole_body import POSTURE
 
 Float = NDArray[np.float64]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from retarget.balance import smoothstep
+from flexmotion.retarget.balance import smoothstep
 
 Float = NDArray[np.float64]
 

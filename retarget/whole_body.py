@@ -7,10 +7,10 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
-from configs.robot import Robot
-from retarget.arms import UpperBody
-from retarget.dynamics import RobotDynamics
-from retarget.legs import Leg
+from flexmotion.configs.robot import Robot
+from flexmotion.retarget.arms import UpperBody
+from flexmotion.retarget.dynamics import RobotDynamics
+from flexmotion.retarget.legs import Leg
 
 Float = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ import sys
 from types import FrameType
 from typing import NoReturn
 
-from streamer.exit_codes import INTERRUPTED
+from flexmotion.streamer.exit_codes import INTERRUPTED
 
 
 def main() -> NoReturn:
@@ -17,7 +17,7 @@ def main() -> NoReturn:
     before = signal.getsignal(signal.SIGINT)
     if before is not signal.SIG_IGN:  # nohup, or & in a script: it is to go on
         signal.signal(signal.SIGINT, _leave)
-    from streamer.cli import execute
+    from flexmotion.streamer.cli import execute
 
     signal.signal(signal.SIGINT, before)
     sys.exit(execute())

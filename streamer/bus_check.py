@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from configs.robot import Robot
-from drivers.bus.driver import READ_SHARE
-from drivers.bus.finder import bus_driver_of
-from drivers.bus.servo_bus import Budget
+from flexmotion.configs.robot import Robot
+from flexmotion.drivers.bus.driver import READ_SHARE
+from flexmotion.drivers.bus.finder import bus_driver_of
+from flexmotion.drivers.bus.servo_bus import Budget
 
 ADAPTER_S = 0.0005
 """Time that an adapter and its driver add to reading, beyond the wire (assumption: low-latency mode) [s]."""

@@ -14,23 +14,23 @@ from typing import Annotated
 
 import typer
 
-from configs.errors import FlexMotionError
-from streamer.commands.check import check
-from streamer.commands.check_bus import bus
-from streamer.commands.data import data
-from streamer.commands.drivers import drivers
-from streamer.commands.dry_run import dry_run
-from streamer.commands.emulate import emulate
-from streamer.commands.evaluate import evaluate
-from streamer.commands.export import export
-from streamer.commands.log import log
-from streamer.commands.personalize import personalize
-from streamer.commands.retarget import retarget
-from streamer.commands.robots import robots
-from streamer.commands.run import run
-from streamer.commands.servo import servo
-from streamer.commands.train import train
-from streamer.exit_codes import BAD_USAGE, INTERRUPTED, OK
+from flexmotion.configs.errors import FlexMotionError
+from flexmotion.streamer.commands.check import check
+from flexmotion.streamer.commands.check_bus import bus
+from flexmotion.streamer.commands.data import data
+from flexmotion.streamer.commands.drivers import drivers
+from flexmotion.streamer.commands.dry_run import dry_run
+from flexmotion.streamer.commands.emulate import emulate
+from flexmotion.streamer.commands.evaluate import evaluate
+from flexmotion.streamer.commands.export import export
+from flexmotion.streamer.commands.log import log
+from flexmotion.streamer.commands.personalize import personalize
+from flexmotion.streamer.commands.retarget import retarget
+from flexmotion.streamer.commands.robots import robots
+from flexmotion.streamer.commands.run import run
+from flexmotion.streamer.commands.servo import servo
+from flexmotion.streamer.commands.train import train
+from flexmotion.streamer.exit_codes import BAD_USAGE, INTERRUPTED, OK
 
 ParserError: type[Exception] = typer.BadParameter.__mro__[2]
 """What the parser raises for any bad usage (click's `ClickException`, of which Typer exports only this subclass)."""

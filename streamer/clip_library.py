@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from configs.errors import ConfigError
+from flexmotion.configs.errors import ConfigError
 from flexmotion.motion import Motion
-from streamer.intents import Clip, word_of
-from streamer.sequence import placed, poses_only
-from streamer.targets import Target
+from flexmotion.streamer.intents import Clip, word_of
+from flexmotion.streamer.sequence import placed, poses_only
+from flexmotion.streamer.targets import Target
 
 
 class ClipLibrary:
@@ -31,7 +31,7 @@ class ClipLibrary:
         self._start, self._playing = 0, poses_only(self._clip(first))
 
     def turn_to(self, target: Target, frame: int, played: Motion | None) -> None:
-        """See `streamer.sources.LiveSource.turn_to`. Raises `ConfigError` for anything but one of its clips."""
+        """See `LiveSource.turn_to`. Raises `ConfigError` for anything but one of its clips."""
         if not isinstance(target.intent, Clip):
             raise ConfigError(f"target: {word_of(target.intent)} cannot be followed, only clips are played here")
         clip = self._clip(target.intent.name)
@@ -40,7 +40,7 @@ class ClipLibrary:
         self._start, self._playing = frame, placed(poses_only(clip), at, scale)
 
     def window(self, first_frame: int, frames: int) -> Motion | None:
-        """See `streamer.sources.Source.window`."""
+        """See `flexmotion.streamer.sources.Source.window`."""
         first = max(first_frame - self._start, 0)
         cut = self._playing[first : first + frames]
         return cut if len(cut) >= 2 else None

@@ -6,13 +6,13 @@ from enum import IntEnum
 
 import numpy as np
 
-from drivers.realtime.ring import Reader, Ring
+from flexmotion.drivers.realtime.ring import Reader, Ring
 
 _DTYPE = np.dtype([("request", "i8"), ("reason", "S488")])
 
 
 class Request(IntEnum):
-    """What may be asked; see `streamer.ladder` for what each leads to.
+    """What may be asked; see `flexmotion.streamer.ladder` for what each leads to.
 
     STOP, ESTOP, KILL, CLEAR: as the ladder means them. END: a balanced stop, parking, the end of the run. FAULT: an
     orderly end because of what `reason` says. LOST: the planner is gone, what plays ends in its own stop; `reason`

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from configs.robot import Robot
-from drivers.plant import AMBIENT
+from flexmotion.configs.robot import Robot
+from flexmotion.drivers.plant import AMBIENT
 
 Float = NDArray[np.float64]
 
@@ -47,7 +47,7 @@ class Endurance:
 
 
 def endurance(robot: Robot, joint: int, rms_torque: float) -> Endurance:
-    """First-order heating from room temperature: rise at stall times (torque / stall)², as in `drivers.plant`."""
+    """First-order heating from room temperature: rise at stall times (torque / stall)², as in the servo plant."""
     servo = robot.servos[joint]
     rise = servo.stall_temperature_rise * (rms_torque / servo.stall_torque) ** 2
     room = servo.temperature_limit - AMBIENT

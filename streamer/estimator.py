@@ -12,9 +12,9 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from configs.robot import Robot
-from drivers.interface import RobotState
-from streamer.reference import Reference
+from flexmotion.configs.robot import Robot
+from flexmotion.drivers.interface import RobotState
+from flexmotion.streamer.reference import Reference
 
 Float = NDArray[np.float64]
 

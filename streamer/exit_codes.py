@@ -1,4 +1,4 @@
-"""Exit codes of the command line; `configs.errors` has those that errors bring along (docs/architecture.md)."""
+"""Exit codes of the command line (docs/architecture.md); an error carries its own, see `flexmotion.configs.errors`."""
 
 OK = 0
 CHECK_FAILED = 1

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from configs.errors import ConfigError
+from flexmotion.configs.errors import ConfigError
 
 FASTEST = (3.0, 1.5, 3.0)
 """Greatest velocity that may be asked for, either way: a run forward, a quick sidestep, half a turn a second

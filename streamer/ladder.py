@@ -14,7 +14,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum, IntEnum
 
-from configs.robot_file import SafetyLimits
+from flexmotion.configs.robot_file import SafetyLimits
 
 
 class State(IntEnum):

@@ -12,23 +12,23 @@ import numpy as np
 import psutil
 from numpy.typing import NDArray
 
-from configs.robot import Robot
-from configs.stream import Budgets, StreamSettings
-from drivers.interface import Driver
-from drivers.realtime import child
-from drivers.realtime.priority import Scheduling
-from drivers.realtime.witness import Witness, overlapping
+from flexmotion.configs.robot import Robot
+from flexmotion.configs.stream import Budgets, StreamSettings
 from flexmotion.default_clip import default_clip
+from flexmotion.drivers.interface import Driver
+from flexmotion.drivers.realtime import child
+from flexmotion.drivers.realtime.priority import Scheduling
+from flexmotion.drivers.realtime.witness import Witness, overlapping
 from flexmotion.motion import Motion
-from streamer.clip_library import ClipLibrary
-from streamer.controls import Request
-from streamer.intents import Clip, Intent
-from streamer.record import RunRecord
-from streamer.report import Latency
-from streamer.session import Session
-from streamer.sources import LiveSource
-from streamer.targets import TargetMailbox
-from streamer.telemetry import Event
+from flexmotion.streamer.clip_library import ClipLibrary
+from flexmotion.streamer.controls import Request
+from flexmotion.streamer.intents import Clip, Intent
+from flexmotion.streamer.record import RunRecord
+from flexmotion.streamer.report import Latency
+from flexmotion.streamer.session import Session
+from flexmotion.streamer.sources import LiveSource
+from flexmotion.streamer.targets import TargetMailbox
+from flexmotion.streamer.telemetry import Event
 
 _SETTLE_S = 2.0
 """After the start, before the first switch [s]."""
@@ -151,7 +151,7 @@ def measure(
         seconds: how long; `switches`: until so many switches were made, where given.
         load: processes that keep a processor busy meanwhile.
         realtime: ask the system for realtime scheduling.
-        request, wake: as of `streamer.session.Session`.
+        request, wake: as of `flexmotion.streamer.session.Session`.
     """
     longest = seconds if switches is None else switches * _BETWEEN_S[1]
     session = Session(

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from configs.robot import Robot
+from flexmotion.configs.robot import Robot
 
 Float = NDArray[np.float64]
 

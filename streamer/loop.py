@@ -8,23 +8,23 @@ import time
 import numpy as np
 from numpy.typing import NDArray
 
-from configs.robot import Robot
-from drivers.interface import Driver, JointCommand, RobotState
-from retarget.plan import Plan
-from retarget.retargeter import Retargeter
-from streamer.estimator import Estimator
-from streamer.gyro_bias import GyroBias
-from streamer.ladder import Inputs, Ladder, Playback, State
-from streamer.load_estimator import LoadEstimator
-from streamer.plan_buffer import Offer, PlanBuffer, Ticket
-from streamer.posture_move import PostureMove
-from streamer.punctuality import Punctuality
-from streamer.reference import Reference
-from streamer.servo_command import ServoCommand
-from streamer.stabiliser import Stabiliser
-from streamer.suspension import Suspension
-from streamer.telemetry import Telemetry
-from streamer.tick_row import REPAIRS
+from flexmotion.configs.robot import Robot
+from flexmotion.drivers.interface import Driver, JointCommand, RobotState
+from flexmotion.retarget.plan import Plan
+from flexmotion.retarget.retargeter import Retargeter
+from flexmotion.streamer.estimator import Estimator
+from flexmotion.streamer.gyro_bias import GyroBias
+from flexmotion.streamer.ladder import Inputs, Ladder, Playback, State
+from flexmotion.streamer.load_estimator import LoadEstimator
+from flexmotion.streamer.plan_buffer import Offer, PlanBuffer, Ticket
+from flexmotion.streamer.posture_move import PostureMove
+from flexmotion.streamer.punctuality import Punctuality
+from flexmotion.streamer.reference import Reference
+from flexmotion.streamer.servo_command import ServoCommand
+from flexmotion.streamer.stabiliser import Stabiliser
+from flexmotion.streamer.suspension import Suspension
+from flexmotion.streamer.telemetry import Telemetry
+from flexmotion.streamer.tick_row import REPAIRS
 
 Float = NDArray[np.float64]
 

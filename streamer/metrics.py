@@ -13,12 +13,12 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from configs.robot import Robot
 from flexmotion.body import Body
+from flexmotion.configs.robot import Robot
 from flexmotion.motion import Motion
-from retarget.balance import GRAVITY
-from retarget.whole_body import WholeBody
-from streamer.record import RunRecord
+from flexmotion.retarget.balance import GRAVITY
+from flexmotion.retarget.whole_body import WholeBody
+from flexmotion.streamer.record import RunRecord
 
 Float = NDArray[np.float64]
 Mask = NDArray[np.bool_]

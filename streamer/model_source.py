@@ -8,15 +8,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from configs.errors import ConfigError
 from flexmotion.concatenate import concatenate
+from flexmotion.configs.errors import ConfigError
 from flexmotion.motion import Motion
 from flexmotion.pace import Pace
 from flexmotion.sampler import Condition, Sampler
+from flexmotion.streamer.intents import Intent, Stop, Text, Velocity, word_of
+from flexmotion.streamer.script import Item
+from flexmotion.streamer.targets import Target
 from flexmotion.text.prompt_reader import SAME
-from streamer.intents import Intent, Stop, Text, Velocity, word_of
-from streamer.script import Item
-from streamer.targets import Target
 
 _KEPT_S = 2.0
 """Motion this much older than what is asked for is forgotten: a plan that was given up may have looked further [s]."""
@@ -31,11 +31,12 @@ class ModelSource:
 
     Args:
         sampler: of the model.
-        items: what to do from when on, as of `streamer.script.load_script`, without clips.
+        items: what to do from when on, as of `flexmotion.streamer.script.load_script`, without clips.
         name: what the report calls it.
         seed: of all noise.
         seconds: how long it lasts [s]; None: until a stop.
-        pace: how fast the human goes at most, so that a robot keeps up (`streamer.pace`); None for as fast as it likes.
+        pace: how fast the human goes at most, so that a robot keeps up (`flexmotion.streamer.pace`); None for as
+            fast as it likes.
 
     Raises:
         ConfigError: the model cannot follow an item.
@@ -66,16 +67,16 @@ class ModelSource:
 
     @property
     def seconds(self) -> float | None:
-        """See `streamer.sources.Performance.seconds`: to its end, or to the script's stop."""
+        """See `flexmotion.streamer.sources.Performance.seconds`: to its end, or to the script's stop."""
         stops = [item.at for item in self.items if isinstance(item.intent, Stop)]
         return min([*stops, *([] if self._length_s is None else [self._length_s])], default=None)
 
     def cut(self, seconds: float) -> ModelSource:
-        """See `streamer.sources.Performance.cut`."""
+        """See `flexmotion.streamer.sources.Performance.cut`."""
         return ModelSource(self.sampler, self.items, self.name, self.seed, seconds, self.pace)
 
     def human(self) -> Motion:
-        """See `streamer.sources.Performance.human`. Raises `ValueError` where there is no end."""
+        """See `flexmotion.streamer.sources.Performance.human`. Raises `ValueError` where there is no end."""
         if self.seconds is None:
             raise ValueError(f"{self.name}: has no end")
         again = self.cut(self.seconds)
@@ -83,7 +84,7 @@ class ModelSource:
         return concatenate([again._say(first, min(first + step, end)) for first in range(0, end, step)])
 
     def window(self, first_frame: int, frames: int) -> Motion | None:
-        """See `streamer.sources.Source.window`. Raises `LookupError` where the frames are forgotten."""
+        """See `flexmotion.streamer.sources.Source.window`. Raises `LookupError` where the frames are forgotten."""
         last = self._until(first_frame + frames)
         if last - first_frame < 2:
             return None
@@ -93,7 +94,7 @@ class ModelSource:
         return self._say(first_frame, last)
 
     def turn_to(self, target: Target, frame: int, played: Motion | None) -> str | None:
-        """See `streamer.sources.LiveSource.turn_to`; nothing remains of the script from `frame` on."""
+        """See `flexmotion.streamer.sources.LiveSource.turn_to`; nothing remains of the script from `frame` on."""
         self._require(target.intent)
         if played is None:
             self._rest(frame + 1)
@@ -111,7 +112,7 @@ class ModelSource:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """See `streamer.sources.Performance.remarks`."""
+        """See `flexmotion.streamer.sources.Performance.remarks`."""
         found = [self.remark(item.intent) for item in self.items]
         if self.pace is not None and not self.sampler.follows_velocity:
             found.append(f"model {self.sampler.name} follows no velocity: its human does not wait for the robot")

@@ -8,14 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from configs.errors import ConfigError
-from configs.robot import Robot
-from configs.stream import StreamSettings
-from retarget.plan import Plan
-from retarget.retargeter import Retargeter
-from streamer.planner import Planner
-from streamer.session import count_human_steps
-from streamer.sources import Performance
+from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.robot import Robot
+from flexmotion.configs.stream import StreamSettings
+from flexmotion.retarget.plan import Plan
+from flexmotion.retarget.retargeter import Retargeter
+from flexmotion.streamer.planner import Planner
+from flexmotion.streamer.session import count_human_steps
+from flexmotion.streamer.sources import Performance
 
 Float = NDArray[np.float64]
 
@@ -25,7 +25,7 @@ LONGEST_S = 1800.0
 
 @dataclass(frozen=True)
 class Trajectory:
-    """What was planned, one row a tick of `rate_hz`; fields as in `retarget.plan.Plan`.
+    """What was planned, one row a tick of `rate_hz`; fields as in `flexmotion.retarget.plan.Plan`.
 
     Attributes:
         human_steps: steps that the human makes.

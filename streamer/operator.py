@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from configs.stream import StreamSettings
-from streamer.controls import Request
-from streamer.ladder import State
-from streamer.loop import ControlLoop
+from flexmotion.configs.stream import StreamSettings
+from flexmotion.streamer.controls import Request
+from flexmotion.streamer.ladder import State
+from flexmotion.streamer.loop import ControlLoop
 
 _SETTLE_S = 1.0
 """How long the robot stands in HOLD after the source is over, before it parks."""

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from configs.robot import Robot
 from flexmotion.body import Body
+from flexmotion.configs.robot import Robot
 from flexmotion.pace import Pace
-from retarget.whole_body import WholeBody
+from flexmotion.retarget.whole_body import WholeBody
 
 
 def human_pace(robot: Robot, body: Body) -> Pace | None:

@@ -8,8 +8,8 @@ from pathlib import Path
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from streamer.report import Report
-from streamer.summary import joint_rows, motion_rows, timing_rows, torque_note, verdict
+from flexmotion.streamer.report import Report
+from flexmotion.streamer.summary import joint_rows, motion_rows, timing_rows, torque_note, verdict
 
 CAPTIONS = {
     "robot": "Human and robot",
@@ -23,7 +23,7 @@ CAPTIONS = {
 def write_page(file: Path, report: Report, pictures: Sequence[Path]) -> Path:
     """Render the page with its pictures inside, named by their file's stem, and return its path."""
     environment = Environment(
-        loader=PackageLoader("streamer"),
+        loader=PackageLoader("flexmotion.streamer"),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from configs.errors import RetargetError
-from drivers.realtime.ring import fence, shared_array, touch
-from retarget.plan import Plan
-from retarget.state import STEP_SIZE, pack_steps, unpack_step
-from streamer.tick_row import REPAIRS
+from flexmotion.configs.errors import RetargetError
+from flexmotion.drivers.realtime.ring import fence, shared_array, touch
+from flexmotion.retarget.plan import Plan
+from flexmotion.retarget.state import STEP_SIZE, pack_steps, unpack_step
+from flexmotion.streamer.tick_row import REPAIRS
 
 SLOTS = 5
 """One plays, one waits for its tick, one is looked at, one is newest, one is being written."""
@@ -107,7 +107,7 @@ class PlanBuffer:
         self._newest[0], self._slot[0], self._held[:] = 0, -1, -1
 
     def touch(self) -> None:
-        """Read all of it once, see `drivers.realtime.ring.touch`."""
+        """Read all of it once, see `flexmotion.drivers.realtime.ring.touch`."""
         for columns in self._columns:
             for column in columns.values():
                 touch(column)

@@ -9,12 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from configs.errors import RetargetError
-from configs.stream import StreamSettings
 from flexmotion.blend import take_over
-from retarget.plan import Plan
-from retarget.retargeter import Retargeter
-from streamer.sources import Source
+from flexmotion.configs.errors import RetargetError
+from flexmotion.configs.stream import StreamSettings
+from flexmotion.retarget.plan import Plan
+from flexmotion.retarget.retargeter import Retargeter
+from flexmotion.streamer.sources import Source
 
 
 @dataclass(frozen=True)

@@ -10,16 +10,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from configs.errors import ConfigError
-from configs.stream import StreamSettings
-from drivers.realtime.ring import Ring
-from retarget.plan import Plan
-from streamer.ladder import State
-from streamer.lead import Kind, Lead
-from streamer.plan_buffer import PlanBuffer, Ticket
-from streamer.planner import Planner
-from streamer.sources import LiveSource
-from streamer.targets import NO_TARGET, Target, TargetMailbox
+from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.stream import StreamSettings
+from flexmotion.drivers.realtime.ring import Ring
+from flexmotion.retarget.plan import Plan
+from flexmotion.streamer.ladder import State
+from flexmotion.streamer.lead import Kind, Lead
+from flexmotion.streamer.plan_buffer import PlanBuffer, Ticket
+from flexmotion.streamer.planner import Planner
+from flexmotion.streamer.sources import LiveSource
+from flexmotion.streamer.targets import NO_TARGET, Target, TargetMailbox
 
 EFFECT_RAD = np.radians(2.0)
 """A joint that is sent this much elsewhere shows a target's effect (the report's definition)."""

@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from configs.robot import Robot
-from retarget.balance import smoothstep
-from retarget.dynamics import RobotDynamics
-from streamer.reference import Reference
+from flexmotion.configs.robot import Robot
+from flexmotion.retarget.balance import smoothstep
+from flexmotion.retarget.dynamics import RobotDynamics
+from flexmotion.streamer.reference import Reference
 
 Float = NDArray[np.float64]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from configs.robot import Robot
+from flexmotion.configs.robot import Robot
 
 _WORTH_TELLING = 0.5
 """Lateness from which on it may be the cause, in ticks: what a read of the servos may take."""

@@ -9,8 +9,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from streamer.telemetry import Event, Telemetry, events
-from streamer.tick_row import REPAIRS, blank, tick_dtype
+from flexmotion.streamer.telemetry import Event, Telemetry, events
+from flexmotion.streamer.tick_row import REPAIRS, blank, tick_dtype
 
 Float = NDArray[np.float64]
 
@@ -33,7 +33,7 @@ class PlanEvent:
 
 
 class RunRecord:
-    """Rows of `streamer.tick_row.tick_dtype`, each column an attribute: `record.q` is (used, n).
+    """Rows of `flexmotion.streamer.tick_row.tick_dtype`, each column an attribute: `record.q` is (used, n).
 
     Args:
         kept_s: rows older than this are forgotten [s].

@@ -10,17 +10,17 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from drivers.realtime.ring import shared_array
-from streamer.intents import to_content
-from streamer.ladder import State
-from streamer.log.cdr import ENCAPSULATION
-from streamer.log.header import LogHeader
-from streamer.log.log_file import LogFile
-from streamer.log.messages import plan_message
-from streamer.log.writer import LogWriter
-from streamer.plan_buffer import PlanBuffer
-from streamer.targets import TargetMailbox, arrived
-from streamer.telemetry import Telemetry
+from flexmotion.drivers.realtime.ring import shared_array
+from flexmotion.streamer.intents import to_content
+from flexmotion.streamer.ladder import State
+from flexmotion.streamer.log.cdr import ENCAPSULATION
+from flexmotion.streamer.log.header import LogHeader
+from flexmotion.streamer.log.log_file import LogFile
+from flexmotion.streamer.log.messages import plan_message
+from flexmotion.streamer.log.writer import LogWriter
+from flexmotion.streamer.plan_buffer import PlanBuffer
+from flexmotion.streamer.targets import TargetMailbox, arrived
+from flexmotion.streamer.telemetry import Telemetry
 
 NICENESS = 10
 """Of the recorder's own process: it shares two cores with the motion."""
@@ -35,7 +35,7 @@ log = logging.getLogger(__name__)
 
 
 class Recorder:
-    """A service (`streamer.live.supervisor.Service`) that writes everything that a run tells to an MCAP file.
+    """A `Service` that writes everything that a run tells to an MCAP file.
 
     It only reads shared memory, so neither loop nor planner notices whether it is there. What is in the rings when
     the loop ends, or dies, is still written.

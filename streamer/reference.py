@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from retarget.plan import Plan
+from flexmotion.retarget.plan import Plan
 
 Float = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from flexmotion.kinematics import forward
 from flexmotion.motion import Motion
 from flexmotion.skeleton import JOINTS, SIDES
-from streamer.sources import Source
+from flexmotion.streamer.sources import Source
 
 Float = NDArray[np.float64]
 

@@ -14,9 +14,9 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
-from streamer.ladder import State
-from streamer.metrics import HumanTrack, RobotFigures, joint_loads, motion_figures
-from streamer.record import RunRecord, TorqueSource
+from flexmotion.streamer.ladder import State
+from flexmotion.streamer.metrics import HumanTrack, RobotFigures, joint_loads, motion_figures
+from flexmotion.streamer.record import RunRecord, TorqueSource
 
 TIMING_KEYS = ("loop", "planner", "log")
 """Top-level keys that may differ between equal runs."""
@@ -85,7 +85,7 @@ class PlannerSection(_Section):
 
 
 class DisplacementSection(_Section):
-    """Where somebody came to; `streamer.metrics.Displacement`."""
+    """Where somebody came to; `flexmotion.streamer.metrics.Displacement`."""
 
     ahead_m: Figure
     left_m: Figure
@@ -93,7 +93,7 @@ class DisplacementSection(_Section):
 
 
 class MotionSection(_Section):
-    """How the robot moved; `streamer.metrics.MotionFigures` and the count of steps."""
+    """How the robot moved; `flexmotion.streamer.metrics.MotionFigures` and the count of steps."""
 
     fell: bool
     time_to_fall_s: Maybe
@@ -113,7 +113,7 @@ class MotionSection(_Section):
 
 
 class JointSection(_Section):
-    """One joint beside what it may; `streamer.metrics.JointLoad`."""
+    """One joint beside what it may; `flexmotion.streamer.metrics.JointLoad`."""
 
     peak_torque_nm: Maybe
     rms_torque_nm: Maybe

@@ -18,9 +18,9 @@ from typing import Any
 
 import yaml
 
-from configs.errors import ConfigError
-from configs.schema import not_yaml
-from streamer.intents import WORDS, Clip, Intent, Stop, from_content, word_of
+from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.schema import not_yaml
+from flexmotion.streamer.intents import WORDS, Clip, Intent, Stop, from_content, word_of
 
 _ITEM = "{at: seconds, text: WORDS | velocity: [vx, vy, wz] | clip: FILE | stop: true}"
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from flexmotion.motion import Motion
-from streamer.metrics import heading
+from flexmotion.streamer.metrics import heading
 
 Float = NDArray[np.float64]
 

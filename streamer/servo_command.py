@@ -11,8 +11,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from configs.robot import Robot
-from drivers.interface import RobotState
+from flexmotion.configs.robot import Robot
+from flexmotion.drivers.interface import RobotState
 
 Float = NDArray[np.float64]
 

@@ -9,28 +9,28 @@ from functools import partial
 
 import numpy as np
 
-from configs.errors import ConfigError, FlexMotionError
-from configs.robot import Robot
-from configs.stream import StreamSettings
-from drivers.interface import Driver
-from drivers.realtime.priority import Scheduling, awake
+from flexmotion.configs.errors import ConfigError, FlexMotionError
+from flexmotion.configs.robot import Robot
+from flexmotion.configs.stream import StreamSettings
 from flexmotion.contacts import ContactDetector
+from flexmotion.drivers.interface import Driver
+from flexmotion.drivers.realtime.priority import Scheduling, awake
 from flexmotion.motion import Motion
-from retarget.human import HumanWindow
-from retarget.retargeter import Retargeter
-from streamer.controls import Controls, Request
-from streamer.lead import FixedLead, Kind, Lead, MeasuredLead
-from streamer.live.supervisor import Service, Supervisor
-from streamer.loop import ControlLoop
-from streamer.operator import MARGIN_S, Operator
-from streamer.plan_buffer import PlanBuffer
-from streamer.planner import Planner
-from streamer.planning import Planning
-from streamer.record import KEPT_S, Collector, RunRecord
-from streamer.replan_noise import NoisySource
-from streamer.sources import LiveSource, Performance, Source
-from streamer.targets import TargetMailbox
-from streamer.telemetry import Event, Telemetry
+from flexmotion.retarget.human import HumanWindow
+from flexmotion.retarget.retargeter import Retargeter
+from flexmotion.streamer.controls import Controls, Request
+from flexmotion.streamer.lead import FixedLead, Kind, Lead, MeasuredLead
+from flexmotion.streamer.live.supervisor import Service, Supervisor
+from flexmotion.streamer.loop import ControlLoop
+from flexmotion.streamer.operator import MARGIN_S, Operator
+from flexmotion.streamer.plan_buffer import PlanBuffer
+from flexmotion.streamer.planner import Planner
+from flexmotion.streamer.planning import Planning
+from flexmotion.streamer.record import KEPT_S, Collector, RunRecord
+from flexmotion.streamer.replan_noise import NoisySource
+from flexmotion.streamer.sources import LiveSource, Performance, Source
+from flexmotion.streamer.targets import TargetMailbox
+from flexmotion.streamer.telemetry import Event, Telemetry
 
 _AT_FIRST_S = {Kind.WHOLE: 0.05, Kind.PARTIAL: 0.02, Kind.STOP: 0.02}
 """What plans are taken to cost before any was made [s]."""

@@ -6,10 +6,10 @@ from typing import Protocol, Self, runtime_checkable
 
 import numpy as np
 
-from configs.errors import MotionFormatError
 from flexmotion.body import Body
+from flexmotion.configs.errors import MotionFormatError
 from flexmotion.motion import Motion
-from streamer.targets import Target
+from flexmotion.streamer.targets import Target
 
 
 class Source(Protocol):

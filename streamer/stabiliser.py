@@ -11,9 +11,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from configs.robot import Robot
-from streamer.estimator import Estimator
-from streamer.reference import Reference
+from flexmotion.configs.robot import Robot
+from flexmotion.streamer.estimator import Estimator
+from flexmotion.streamer.reference import Reference
 
 Float = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from streamer.report import DisplacementSection, Latency, Report
+from flexmotion.streamer.report import DisplacementSection, Latency, Report
 
 WORST_JOINTS = 5
 """Joints shown in the terminal; the others are in `report.json`."""

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from configs.errors import ConfigError
-from drivers.realtime.ring import Reader, Ring
-from streamer.intents import WORDS, Clip, Intent, Stop, Text, Velocity, word_of
+from flexmotion.configs.errors import ConfigError
+from flexmotion.drivers.realtime.ring import Reader, Ring
+from flexmotion.streamer.intents import WORDS, Clip, Intent, Stop, Text, Velocity, word_of
 
 _TEXT_BYTES = 240
 _KINDS = tuple(WORDS)

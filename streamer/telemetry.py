@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drivers.realtime.ring import Reader, Ring
-from streamer.tick_row import blank, tick_dtype
+from flexmotion.drivers.realtime.ring import Reader, Ring
+from flexmotion.streamer.tick_row import blank, tick_dtype
 
 KEPT_S = 30.0
 """What the rings hold: long enough for a reader that was held up, and to tell what led to a fault [s]."""

@@ -17,7 +17,7 @@ def tick_dtype(n: int) -> np.dtype[Any]:
 
     ```
     tick, stamp_ns           number of the tick; time.perf_counter_ns at which it woke
-    state                    streamer.ladder.State
+    state                    flexmotion.streamer.ladder.State
     plan, plan_start, plan_end, offer     id of the plan that plays (0: none), its ticks, id of the newest one looked at
     pending                  id of the plan that waits for its tick (0: none)
     asked_tick, target       of the plan that plays: tick at which it was asked for; id of the target it first follows
@@ -33,7 +33,7 @@ def tick_dtype(n: int) -> np.dtype[Any]:
                              what the feedback adds to the zero-moment point
     foot_ref, base_ref       planned soles (x, y, z, yaw), left and right; planned torso, position and w x y z
     hand_error               distance of each hand's reference from where the human's maps to
-    true_*                   ground truth of a simulation (drivers.interface.Truth)
+    true_*                   ground truth of a simulation (flexmotion.drivers.interface.Truth)
     contact_ref              planned contact of left and right foot
     ready, plan_over, must_stop           waits for its first plan; the plan is played; only a plan that stops is taken
     hung                     the feet are in the air

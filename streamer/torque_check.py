@@ -9,11 +9,11 @@ from pydantic import BaseModel, ConfigDict, Field
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from configs.robot import Robot
-from streamer.envelope import endurance, torque_limit
-from streamer.offline import Trajectory
-from streamer.report import Figure, Maybe
-from streamer.summary import show, table
+from flexmotion.configs.robot import Robot
+from flexmotion.streamer.envelope import endurance, torque_limit
+from flexmotion.streamer.offline import Trajectory
+from flexmotion.streamer.report import Figure, Maybe
+from flexmotion.streamer.summary import show, table
 
 MAX_OVER_SHARE = 0.05
 """Longest that a joint may be asked for more than its servo has, as a share of the motion's time."""

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from configs.robot import Robot
-from streamer.offline import Trajectory
+from flexmotion.configs.robot import Robot
+from flexmotion.streamer.offline import Trajectory
 
 BASE_COLUMNS = ("base_x", "base_y", "base_z", "base_qw", "base_qx", "base_qy", "base_qz")
 CONTACT_COLUMNS = ("contact_left", "contact_right")

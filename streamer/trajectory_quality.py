@@ -9,12 +9,12 @@ from pydantic import BaseModel, ConfigDict, Field
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from configs.robot import Robot
+from flexmotion.configs.robot import Robot
 from flexmotion.motion import Motion
-from streamer.metrics import HumanTrack, RobotFigures, hand_error_share, heading, heading_rms, net_path_ratio
-from streamer.offline import Trajectory
-from streamer.report import Figure, Latency, Maybe
-from streamer.summary import show, table
+from flexmotion.streamer.metrics import HumanTrack, RobotFigures, hand_error_share, heading, heading_rms, net_path_ratio
+from flexmotion.streamer.offline import Trajectory
+from flexmotion.streamer.report import Figure, Latency, Maybe
+from flexmotion.streamer.summary import show, table
 
 
 class Worst(BaseModel):

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from drivers.imu import registry as imus
-from drivers.registry import BUILT_IN, GROUP
 from flexmotion.bundles.shipped import shipped_bundle
+from flexmotion.drivers.imu import registry as imus
+from flexmotion.drivers.registry import BUILT_IN, GROUP
 
 ROOT = Path(__file__).parents[1]
 BUNDLE_BYTES = 30_000_000
@@ -56,7 +56,7 @@ def test_script_and_driver_entry_points(wheel: zipfile.ZipFile) -> None:
     (file,) = (name for name in wheel.namelist() if name.endswith("entry_points.txt"))
     points = configparser.ConfigParser()
     points.read_string(wheel.read(file).decode())
-    assert points["console_scripts"]["flexmotion"] == "streamer.__main__:main"
+    assert points["console_scripts"]["flexmotion"] == "flexmotion.streamer.__main__:main"
     assert dict(points[GROUP]) == BUILT_IN
     assert dict(points[imus.GROUP]) == imus.BUILT_IN
 

@@ -19,13 +19,13 @@ import typer
 from PIL import Image
 from playwright.sync_api import sync_playwright
 
-from configs.robot import load_robot
-from configs.stream import load_stream
-from drivers.registry import create
-from streamer.commands.choice import choose_motion
-from streamer.session import Session
-from streamer.sources import ClipSource
-from streamer.viewer.service import Viewer
+from flexmotion.configs.robot import load_robot
+from flexmotion.configs.stream import load_stream
+from flexmotion.drivers.registry import create
+from flexmotion.streamer.commands.choice import choose_motion
+from flexmotion.streamer.session import Session
+from flexmotion.streamer.sources import ClipSource
+from flexmotion.streamer.viewer.service import Viewer
 
 SIZE = {"width": 1400, "height": 720}
 SHOWN = {"x": 260, "y": 0, "width": 1140, "height": 720}

@@ -9,15 +9,15 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from configs.errors import ConfigError, DriverError
-from configs.robot import Robot
-from configs.schema import Strict
-from drivers.bus.options import BusOptions
-from drivers.bus.port import SerialPort
-from drivers.bus.servo_bus import TORQUE_LOST, ServoBus
-from drivers.imu import registry as imus
-from drivers.imu.interface import Imu, StandaloneImu, do_without
-from drivers.interface import Capabilities, Driver, JointCommand, RobotState
+from flexmotion.configs.errors import ConfigError, DriverError
+from flexmotion.configs.robot import Robot
+from flexmotion.configs.schema import Strict
+from flexmotion.drivers.bus.options import BusOptions
+from flexmotion.drivers.bus.port import SerialPort
+from flexmotion.drivers.bus.servo_bus import TORQUE_LOST, ServoBus
+from flexmotion.drivers.imu import registry as imus
+from flexmotion.drivers.imu.interface import Imu, StandaloneImu, do_without
+from flexmotion.drivers.interface import Capabilities, Driver, JointCommand, RobotState
 
 Float = NDArray[np.float64]
 
@@ -79,7 +79,7 @@ class BusDriver(Driver):
 
     @property
     def violations(self) -> int:
-        """Goals outside their envelope on their way to a servo; see `drivers.bus.witness`."""
+        """Goals outside their envelope on their way to a servo; see `flexmotion.drivers.bus.witness`."""
         return self._violations + sum(bus.witness.violations for bus in self.buses)
 
     def open(self) -> None:

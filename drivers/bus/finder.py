@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from configs.errors import ConfigError
-from configs.robot import Robot
-from drivers import registry
-from drivers.bus.driver import BusDriver
+from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.robot import Robot
+from flexmotion.drivers import registry
+from flexmotion.drivers.bus.driver import BusDriver
 
 
 def bus_driver_of(robot: Robot) -> type[BusDriver]:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pydantic import model_validator
 
-from configs.errors import ConfigError
-from configs.robot import Robot
-from configs.schema import Strict
+from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.robot import Robot
+from flexmotion.configs.schema import Strict
 
 
 class BusOptions(Strict):

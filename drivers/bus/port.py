@@ -13,7 +13,7 @@ from pathlib import Path
 
 import serial
 
-from configs.errors import DriverError
+from flexmotion.configs.errors import DriverError
 
 BITS_A_BYTE = 10
 """Start bit, eight bits, stop bit."""

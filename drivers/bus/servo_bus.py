@@ -10,13 +10,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from configs.errors import ConfigError
-from configs.robot import Robot
-from configs.servo import Protocol
-from drivers.bus.options import BusOptions
-from drivers.bus.port import SerialPort
-from drivers.bus.witness import GoalWitness
-from drivers.imu.interface import Imu
+from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.robot import Robot
+from flexmotion.configs.servo import Protocol
+from flexmotion.drivers.bus.options import BusOptions
+from flexmotion.drivers.bus.port import SerialPort
+from flexmotion.drivers.bus.witness import GoalWitness
+from flexmotion.drivers.imu.interface import Imu
 
 Float = NDArray[np.float64]
 Bool = NDArray[np.bool_]

@@ -7,9 +7,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import ClassVar
 
-from configs.errors import DriverError
-from configs.servo import Protocol, catalogue
-from drivers.bus.port import SerialPort
+from flexmotion.configs.errors import DriverError
+from flexmotion.configs.servo import Protocol, catalogue
+from flexmotion.drivers.bus.port import SerialPort
 
 
 @dataclass(frozen=True)

@@ -8,22 +8,22 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from configs.errors import ConfigError, DriverError
-from configs.robot import Robot
-from drivers.bus.attempts import TRIES, attempts
-from drivers.bus.options import BusOptions
-from drivers.bus.port import BITS_A_BYTE, SerialPort
-from drivers.bus.servo_bus import Budget, ServoBus
-from drivers.dynamixel.cycle import Exchange, ReadMany, ReadOne
-from drivers.dynamixel.layout import FAST_ROW, ROW, Layout, Span, goal_row, layout_of
-from drivers.dynamixel.opencr import OpenCr
-from drivers.dynamixel.packet import BROADCAST, Instruction, encode, sync_write_rows
-from drivers.dynamixel.registers import BAUD_RATES, VELOCITY_RPM, VOLTAGE, WATCHDOG_S, table_of
-from drivers.dynamixel.sdk import Client
-from drivers.dynamixel.setup import audit
-from drivers.dynamixel.staleness import ReplyClock
-from drivers.imu.interface import do_without
-from drivers.plant import DAMPED_SHARE
+from flexmotion.configs.errors import ConfigError, DriverError
+from flexmotion.configs.robot import Robot
+from flexmotion.drivers.bus.attempts import TRIES, attempts
+from flexmotion.drivers.bus.options import BusOptions
+from flexmotion.drivers.bus.port import BITS_A_BYTE, SerialPort
+from flexmotion.drivers.bus.servo_bus import Budget, ServoBus
+from flexmotion.drivers.dynamixel.cycle import Exchange, ReadMany, ReadOne
+from flexmotion.drivers.dynamixel.layout import FAST_ROW, ROW, Layout, Span, goal_row, layout_of
+from flexmotion.drivers.dynamixel.opencr import OpenCr
+from flexmotion.drivers.dynamixel.packet import BROADCAST, Instruction, encode, sync_write_rows
+from flexmotion.drivers.dynamixel.registers import BAUD_RATES, VELOCITY_RPM, VOLTAGE, WATCHDOG_S, table_of
+from flexmotion.drivers.dynamixel.sdk import Client
+from flexmotion.drivers.dynamixel.setup import audit
+from flexmotion.drivers.dynamixel.staleness import ReplyClock
+from flexmotion.drivers.imu.interface import do_without
+from flexmotion.drivers.plant import DAMPED_SHARE
 
 Float = NDArray[np.float64]
 Bool = NDArray[np.bool_]

@@ -6,8 +6,16 @@ import logging
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 
-from drivers.dynamixel.layout import Span
-from drivers.dynamixel.packet import BROADCAST, HEADER, Decoder, Instruction, crc16, encode, split_fast_status
+from flexmotion.drivers.dynamixel.layout import Span
+from flexmotion.drivers.dynamixel.packet import (
+    BROADCAST,
+    HEADER,
+    Decoder,
+    Instruction,
+    crc16,
+    encode,
+    split_fast_status,
+)
 
 STRIKES = 3
 """Times in a row that nobody answered a fast read, but then the sync read, before sync read takes over for good."""

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from drivers.bus.driver import BusDriver
-from drivers.dynamixel.bus import DynamixelBus
+from flexmotion.drivers.bus.driver import BusDriver
+from flexmotion.drivers.dynamixel.bus import DynamixelBus
 
 
 class DynamixelDriver(BusDriver):

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drivers.dynamixel.registers import Table
+from flexmotion.drivers.dynamixel.registers import Table
 
 READ = (
     ("present_position", 2),

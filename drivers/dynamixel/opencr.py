@@ -7,12 +7,12 @@ import math
 
 import numpy as np
 
-from configs.errors import DriverError
-from configs.robot_file import Imu as ImuConfig
-from drivers.dynamixel.layout import Span
-from drivers.dynamixel.registers import open_cr
-from drivers.dynamixel.sdk import Client
-from drivers.imu.interface import GRAVITY, Imu
+from flexmotion.configs.errors import DriverError
+from flexmotion.configs.robot_file import Imu as ImuConfig
+from flexmotion.drivers.dynamixel.layout import Span
+from flexmotion.drivers.dynamixel.registers import open_cr
+from flexmotion.drivers.dynamixel.sdk import Client
+from flexmotion.drivers.imu.interface import GRAVITY, Imu
 
 START_S = 1.0
 """Time that servos take after power was switched on (assumption) [s]."""

@@ -8,8 +8,8 @@ from typing import Any, Literal
 
 from pydantic import Field
 
-from configs.errors import ConfigError
-from configs.schema import Strict, parse, read_yaml
+from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.schema import Strict, parse, read_yaml
 
 FOLDER = Path(__file__).parent / "tables"
 

@@ -2,7 +2,7 @@
 
 The SDK's own port polls without sleeping, times with the wall clock and waits for a latency timer of 16 ms whatever the
 adapter's is: `SdkPort` sleeps until bytes come, on the monotonic clock. A tick's packets are sent and taken by
-`drivers.dynamixel.cycle`, for the SDK drops the error byte of every servo in a fast sync read.
+`flexmotion.drivers.dynamixel.cycle`, for the SDK drops the error byte of every servo in a fast sync read.
 """
 
 from __future__ import annotations
@@ -12,11 +12,11 @@ from typing import Any
 
 from dynamixel_sdk import COMM_SUCCESS, PacketHandler, PortHandler
 
-from configs.errors import DriverError
-from drivers.bus.attempts import attempts
-from drivers.bus.port import SerialPort
-from drivers.dynamixel.packet import ALERT, Error
-from drivers.dynamixel.registers import Register
+from flexmotion.configs.errors import DriverError
+from flexmotion.drivers.bus.attempts import attempts
+from flexmotion.drivers.bus.port import SerialPort
+from flexmotion.drivers.dynamixel.packet import ALERT, Error
+from flexmotion.drivers.dynamixel.registers import Register
 
 LATENCY_S = 0.025
 """Time beyond that on the wire that an answer may take [s]."""

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from configs.errors import DriverError
-from configs.robot import Robot
-from drivers.bus.packet import SumFormat
-from drivers.bus.sum_client import SumClient
-from drivers.dynamixel.layout import Layout
-from drivers.dynamixel.registers import RETURN_DELAY_US, Table, table_of
-from drivers.dynamixel.sdk import Client
+from flexmotion.configs.errors import DriverError
+from flexmotion.configs.robot import Robot
+from flexmotion.drivers.bus.packet import SumFormat
+from flexmotion.drivers.bus.sum_client import SumClient
+from flexmotion.drivers.dynamixel.layout import Layout
+from flexmotion.drivers.dynamixel.registers import RETURN_DELAY_US, Table, table_of
+from flexmotion.drivers.dynamixel.sdk import Client
 
 PROTOCOL_1 = SumFormat(header=0xFF, counted=2)
 PROTOCOL_1_PING = 0x01

@@ -5,11 +5,11 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 
-from configs.errors import DriverError
-from drivers.bus.port import SerialPort
-from drivers.bus.tools import BusTools, Found, model_name
-from drivers.dynamixel.registers import BAUD_RATES, open_cr, table_of
-from drivers.dynamixel.sdk import Client
+from flexmotion.configs.errors import DriverError
+from flexmotion.drivers.bus.port import SerialPort
+from flexmotion.drivers.bus.tools import BusTools, Found, model_name
+from flexmotion.drivers.dynamixel.registers import BAUD_RATES, open_cr, table_of
+from flexmotion.drivers.dynamixel.sdk import Client
 
 _REBOOT_S = 3.0
 """What a servo may take to start again [s]; it takes some tenths."""

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from configs.robot import Robot
-from drivers.plant import ServoPlant
-from drivers.receiver import Receiver
+from flexmotion.configs.robot import Robot
+from flexmotion.drivers.plant import ServoPlant
+from flexmotion.drivers.receiver import Receiver
 
 Float = NDArray[np.float64]
 Bool = NDArray[np.bool_]

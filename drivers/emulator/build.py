@@ -5,26 +5,26 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from configs.errors import ConfigError
-from configs.robot import Robot
-from configs.schema import parse
-from drivers.dynamixel.opencr import OpenCr as BoardDriver
-from drivers.dynamixel.registers import BAUD_RATES, RETURN_DELAY_US
-from drivers.emulator.body import Body
-from drivers.emulator.device import Device
-from drivers.emulator.dynamixel_bus import DynamixelBus
-from drivers.emulator.emulator import Emulator
-from drivers.emulator.faults import Damage, Fault
-from drivers.emulator.feetech_bus import EmulatedFeetechBus, StsServo
-from drivers.emulator.line import BusLine, EmulatedBus, Line, Port
-from drivers.emulator.lx16a_bus import EmulatedLx16aBus, Lx16aServo
-from drivers.emulator.opencr import OpenCr
-from drivers.emulator.servo import Joints, XServo
-from drivers.emulator.terminal import Terminal
-from drivers.emulator.wire import Wire
-from drivers.emulator.witmotion import WitMotionLine
-from drivers.feetech.registers import BAUD_RATES as STS_BAUD_RATES
-from drivers.imu.witmotion.sensor import WitMotion, WitOptions
+from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.robot import Robot
+from flexmotion.configs.schema import parse
+from flexmotion.drivers.dynamixel.opencr import OpenCr as BoardDriver
+from flexmotion.drivers.dynamixel.registers import BAUD_RATES, RETURN_DELAY_US
+from flexmotion.drivers.emulator.body import Body
+from flexmotion.drivers.emulator.device import Device
+from flexmotion.drivers.emulator.dynamixel_bus import DynamixelBus
+from flexmotion.drivers.emulator.emulator import Emulator
+from flexmotion.drivers.emulator.faults import Damage, Fault
+from flexmotion.drivers.emulator.feetech_bus import EmulatedFeetechBus, StsServo
+from flexmotion.drivers.emulator.line import BusLine, EmulatedBus, Line, Port
+from flexmotion.drivers.emulator.lx16a_bus import EmulatedLx16aBus, Lx16aServo
+from flexmotion.drivers.emulator.opencr import OpenCr
+from flexmotion.drivers.emulator.servo import Joints, XServo
+from flexmotion.drivers.emulator.terminal import Terminal
+from flexmotion.drivers.emulator.wire import Wire
+from flexmotion.drivers.emulator.witmotion import WitMotionLine
+from flexmotion.drivers.feetech.registers import BAUD_RATES as STS_BAUD_RATES
+from flexmotion.drivers.imu.witmotion.sensor import WitMotion, WitOptions
 
 IMU_PORT = "imu"
 """What the port of an IMU goes by."""
@@ -44,7 +44,7 @@ def build_emulator(
     Args:
         link: symbolic link to the port; with several buses `.NAME` of each is added, `.imu` for the IMU.
         timed: bytes take their time on the wire at the baud rate.
-        faults, bad_packets, seed: see `drivers.emulator.faults`.
+        faults, bad_packets, seed: see `flexmotion.drivers.emulator.faults`.
 
     Raises `ConfigError` where a bus mixes protocols, a link exists, or a fault names a servo that is not there.
     """

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from drivers.dynamixel.packet import Error
-from drivers.dynamixel.registers import BAUD_RATES, RETURN_DELAY_US, Register, Table
+from flexmotion.drivers.dynamixel.packet import Error
+from flexmotion.drivers.dynamixel.registers import BAUD_RATES, RETURN_DELAY_US, Register, Table
 
 
 @dataclass(frozen=True)

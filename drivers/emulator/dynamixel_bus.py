@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from drivers.dynamixel.packet import (
+from flexmotion.drivers.dynamixel.packet import (
     ALERT,
     BROADCAST,
     Decoder,
@@ -14,10 +14,10 @@ from drivers.dynamixel.packet import (
     encode_fast_status,
     encode_status,
 )
-from drivers.emulator.device import Device
-from drivers.emulator.opencr import OpenCr
-from drivers.emulator.servo import Joints, XServo
-from drivers.emulator.wire import Reply
+from flexmotion.drivers.emulator.device import Device
+from flexmotion.drivers.emulator.opencr import OpenCr
+from flexmotion.drivers.emulator.servo import Joints, XServo
+from flexmotion.drivers.emulator.wire import Reply
 
 CLEAR_KEY = b"\x44\x58\x4c\x22"
 

@@ -8,10 +8,10 @@ import time
 from collections.abc import Sequence
 from typing import Any
 
-from configs.errors import ConfigError
-from drivers.emulator.body import Body
-from drivers.emulator.faults import Fault, FaultKind
-from drivers.emulator.line import BusLine, Line
+from flexmotion.configs.errors import ConfigError
+from flexmotion.drivers.emulator.body import Body
+from flexmotion.drivers.emulator.faults import Fault, FaultKind
+from flexmotion.drivers.emulator.line import BusLine, Line
 
 WATCH_S = 0.01
 """Time between looks at watchdogs and hardware errors [s]."""

@@ -10,7 +10,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from configs.errors import ConfigError
+from flexmotion.configs.errors import ConfigError
 
 
 class FaultKind(StrEnum):

@@ -6,12 +6,12 @@ import math
 
 import numpy as np
 
-from configs.servo import Servo
-from drivers.bus.packet import BROADCAST, SumPacket
-from drivers.emulator.servo import Joints
-from drivers.emulator.sum_bus import SumBus, SumServo
-from drivers.emulator.wire import Reply
-from drivers.feetech.registers import BAUD_RATES, FORMAT, VOLTAGE, Instruction, sts
+from flexmotion.configs.servo import Servo
+from flexmotion.drivers.bus.packet import BROADCAST, SumPacket
+from flexmotion.drivers.emulator.servo import Joints
+from flexmotion.drivers.emulator.sum_bus import SumBus, SumServo
+from flexmotion.drivers.emulator.wire import Reply
+from flexmotion.drivers.feetech.registers import BAUD_RATES, FORMAT, VOLTAGE, Instruction, sts
 
 RETURN_DELAY_US = 2.0
 INPUT_VOLTAGE, OVERHEATING = 0x01, 0x04

@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from drivers.emulator.faults import Damage, Fault, FaultKind
-from drivers.emulator.wire import Reply, Wire
+from flexmotion.drivers.emulator.faults import Damage, Fault, FaultKind
+from flexmotion.drivers.emulator.wire import Reply, Wire
 
 SILENCE_S = 0.02
 """Bytes of a packet that is not complete are forgotten after this time without more [s]."""

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from drivers.bus.driver import BusDriver
-from drivers.emulator.loopback import Loopback
-from drivers.emulator.sim_body import SimBody
-from drivers.interface import Capabilities, Driver, Float, JointCommand, RobotState, Truth
+from flexmotion.drivers.bus.driver import BusDriver
+from flexmotion.drivers.emulator.loopback import Loopback
+from flexmotion.drivers.emulator.sim_body import SimBody
+from flexmotion.drivers.interface import Capabilities, Driver, Float, JointCommand, RobotState, Truth
 
 
 class LockstepBus(Driver):

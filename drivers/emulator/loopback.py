@@ -9,12 +9,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from configs.errors import DriverError
-from drivers.bus.port import SerialPort
-from drivers.emulator.body import Body
-from drivers.emulator.build import assemble, port_names
-from drivers.emulator.emulator import Emulator
-from drivers.emulator.line import Line
+from flexmotion.configs.errors import DriverError
+from flexmotion.drivers.bus.port import SerialPort
+from flexmotion.drivers.emulator.body import Body
+from flexmotion.drivers.emulator.build import assemble, port_names
+from flexmotion.drivers.emulator.emulator import Emulator
+from flexmotion.drivers.emulator.line import Line
 
 _GRAIN_S = 1e-9
 """Who waits until a time wakes past it, whatever adding and subtracting rounds off [s]."""
@@ -46,7 +46,7 @@ class Loopback:
 
     Args:
         body: what moves.
-        arguments: of `drivers.emulator.build.assemble`.
+        arguments: of `flexmotion.drivers.emulator.build.assemble`.
 
     Attributes:
         emulator: with the buses.

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from configs.servo import Servo
-from drivers.bus.packet import BROADCAST, SumPacket
-from drivers.emulator.servo import Joints
-from drivers.emulator.sum_bus import SumBus, SumServo
-from drivers.emulator.wire import Reply
-from drivers.lx16a.protocol import BAUD, FORMAT, MILLIVOLT, Command
+from flexmotion.configs.servo import Servo
+from flexmotion.drivers.bus.packet import BROADCAST, SumPacket
+from flexmotion.drivers.emulator.servo import Joints
+from flexmotion.drivers.emulator.sum_bus import SumBus, SumServo
+from flexmotion.drivers.emulator.wire import Reply
+from flexmotion.drivers.lx16a.protocol import BAUD, FORMAT, MILLIVOLT, Command
 
 
 class Lx16aServo(SumServo):

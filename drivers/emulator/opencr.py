@@ -7,10 +7,10 @@ import math
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from configs.robot_file import Quaternion
-from drivers.dynamixel.registers import VOLTAGE, open_cr
-from drivers.emulator.body import Body
-from drivers.emulator.device import Device
+from flexmotion.configs.robot_file import Quaternion
+from flexmotion.drivers.dynamixel.registers import VOLTAGE, open_cr
+from flexmotion.drivers.emulator.body import Body
+from flexmotion.drivers.emulator.device import Device
 
 FIRMWARE = 5
 GRAVITY = 9.81

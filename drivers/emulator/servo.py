@@ -13,11 +13,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from configs.servo import Servo
-from drivers.dynamixel.packet import Error
-from drivers.dynamixel.registers import PWM_FULL, VELOCITY_RPM, VOLTAGE, WATCHDOG_S, table_of
-from drivers.emulator.body import Body
-from drivers.emulator.device import Device
+from flexmotion.configs.servo import Servo
+from flexmotion.drivers.dynamixel.packet import Error
+from flexmotion.drivers.dynamixel.registers import PWM_FULL, VELOCITY_RPM, VOLTAGE, WATCHDOG_S, table_of
+from flexmotion.drivers.emulator.body import Body
+from flexmotion.drivers.emulator.device import Device
 
 POSITION, CURRENT_POSITION = 3, 5
 MODES = (POSITION, CURRENT_POSITION)

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from configs.robot import Robot
-from drivers.emulator.body import Body
-from drivers.interface import RobotState
-from drivers.plant import ServoPlant
-from drivers.receiver import Receiver
-from drivers.sim.driver import SimDriver
-from drivers.sim.options import SimOptions
+from flexmotion.configs.robot import Robot
+from flexmotion.drivers.emulator.body import Body
+from flexmotion.drivers.interface import RobotState
+from flexmotion.drivers.plant import ServoPlant
+from flexmotion.drivers.receiver import Receiver
+from flexmotion.drivers.sim.driver import SimDriver
+from flexmotion.drivers.sim.options import SimOptions
 
 Float = NDArray[np.float64]
 Bool = NDArray[np.bool_]

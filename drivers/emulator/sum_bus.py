@@ -6,9 +6,9 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from typing import ClassVar, Generic, TypeVar
 
-from drivers.bus.packet import SumDecoder, SumFormat, SumPacket
-from drivers.emulator.servo import Joints
-from drivers.emulator.wire import Reply
+from flexmotion.drivers.bus.packet import SumDecoder, SumFormat, SumPacket
+from flexmotion.drivers.emulator.servo import Joints
+from flexmotion.drivers.emulator.wire import Reply
 
 
 class SumServo(ABC):
@@ -44,7 +44,7 @@ ServoKind = TypeVar("ServoKind", bound=SumServo)
 
 
 class SumBus(ABC, Generic[ServoKind]):
-    """See `drivers.emulator.line.EmulatedBus`.
+    """See `flexmotion.drivers.emulator.line.EmulatedBus`.
 
     Class attributes:
         form: of its packets.

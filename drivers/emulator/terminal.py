@@ -9,7 +9,7 @@ import struct
 import tty
 from pathlib import Path
 
-from configs.errors import ConfigError
+from flexmotion.configs.errors import ConfigError
 
 _TCGETS2 = 0x802C542A
 _TERMIOS2 = struct.Struct("4I20B2I")

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from configs.robot_file import Quaternion
-from drivers.emulator.body import Body
-from drivers.emulator.faults import Damage, Fault, FaultKind
-from drivers.emulator.line import Line, Port
-from drivers.emulator.wire import Reply, Wire
-from drivers.imu.interface import GRAVITY
-from drivers.imu.witmotion.protocol import (
+from flexmotion.configs.robot_file import Quaternion
+from flexmotion.drivers.emulator.body import Body
+from flexmotion.drivers.emulator.faults import Damage, Fault, FaultKind
+from flexmotion.drivers.emulator.line import Line, Port
+from flexmotion.drivers.emulator.wire import Reply, Wire
+from flexmotion.drivers.imu.interface import GRAVITY
+from flexmotion.drivers.imu.witmotion.protocol import (
     ACCEL_FULL_G,
     FULL,
     GYRO_FULL_DEG_S,

@@ -7,16 +7,16 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from configs.errors import ConfigError, DriverError
-from configs.robot import Robot
-from drivers.bus.attempts import TRIES, attempts
-from drivers.bus.options import BusOptions
-from drivers.bus.packet import BROADCAST, SumDecoder
-from drivers.bus.port import BITS_A_BYTE, SerialPort
-from drivers.bus.servo_bus import Budget, ServoBus
-from drivers.bus.sum_client import SumClient
-from drivers.feetech.registers import BAUD_RATES, FORMAT, VOLTAGE, Instruction, sts
-from drivers.plant import DAMPED_SHARE
+from flexmotion.configs.errors import ConfigError, DriverError
+from flexmotion.configs.robot import Robot
+from flexmotion.drivers.bus.attempts import TRIES, attempts
+from flexmotion.drivers.bus.options import BusOptions
+from flexmotion.drivers.bus.packet import BROADCAST, SumDecoder
+from flexmotion.drivers.bus.port import BITS_A_BYTE, SerialPort
+from flexmotion.drivers.bus.servo_bus import Budget, ServoBus
+from flexmotion.drivers.bus.sum_client import SumClient
+from flexmotion.drivers.feetech.registers import BAUD_RATES, FORMAT, VOLTAGE, Instruction, sts
+from flexmotion.drivers.plant import DAMPED_SHARE
 
 Float = NDArray[np.float64]
 Bool = NDArray[np.bool_]

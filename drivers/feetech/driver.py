@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from drivers.bus.driver import BusDriver
-from drivers.feetech.bus import FeetechBus
+from flexmotion.drivers.bus.driver import BusDriver
+from flexmotion.drivers.feetech.bus import FeetechBus
 
 
 class FeetechDriver(BusDriver):

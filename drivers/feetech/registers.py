@@ -9,8 +9,8 @@ from typing import Literal
 
 from pydantic import Field
 
-from configs.schema import Strict, load
-from drivers.bus.packet import SumFormat, from_sign_magnitude, to_sign_magnitude
+from flexmotion.configs.schema import Strict, load
+from flexmotion.drivers.bus.packet import SumFormat, from_sign_magnitude, to_sign_magnitude
 
 FORMAT = SumFormat(header=0xFF, counted=2)
 

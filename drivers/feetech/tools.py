@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from drivers.bus.packet import MAX_ID
-from drivers.bus.port import SerialPort
-from drivers.bus.sum_client import SumClient
-from drivers.bus.tools import BusTools, Found, model_name
-from drivers.feetech.registers import BAUD_RATES, FORMAT, Instruction, sts
+from flexmotion.drivers.bus.packet import MAX_ID
+from flexmotion.drivers.bus.port import SerialPort
+from flexmotion.drivers.bus.sum_client import SumClient
+from flexmotion.drivers.bus.tools import BusTools, Found, model_name
+from flexmotion.drivers.feetech.registers import BAUD_RATES, FORMAT, Instruction, sts
 
 
 class FeetechTools(BusTools):

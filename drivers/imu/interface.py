@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from configs.errors import DriverError
-from configs.robot_file import Imu as ImuConfig
-from configs.schema import Strict
-from drivers.bus.port import SerialPort
+from flexmotion.configs.errors import DriverError
+from flexmotion.configs.robot_file import Imu as ImuConfig
+from flexmotion.configs.schema import Strict
+from flexmotion.drivers.bus.port import SerialPort
 
 Float = NDArray[np.float64]
 

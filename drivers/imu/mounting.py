@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from configs.errors import DriverError
-from drivers.imu.interface import GRAVITY
+from flexmotion.configs.errors import DriverError
+from flexmotion.drivers.imu.interface import GRAVITY
 
 Float = NDArray[np.float64]
 

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from configs.errors import ConfigError
-from configs.robot import Robot
-from configs.schema import parse
-from drivers.imu.interface import StandaloneImu
-from drivers.plugins import PlugIns
+from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.robot import Robot
+from flexmotion.configs.schema import parse
+from flexmotion.drivers.imu.interface import StandaloneImu
+from flexmotion.drivers.plugins import PlugIns
 
 GROUP = "flexmotion.imus"
 
-BUILT_IN = {"witmotion": "drivers.imu.witmotion.sensor:WitMotion"}
+BUILT_IN = {"witmotion": "flexmotion.drivers.imu.witmotion.sensor:WitMotion"}
 
 _IMUS: PlugIns[StandaloneImu] = PlugIns(GROUP, "IMU", StandaloneImu, BUILT_IN)  # type: ignore[type-abstract]
 

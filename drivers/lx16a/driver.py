@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from drivers.bus.driver import BusDriver
-from drivers.lx16a.bus import Lx16aBus
+from flexmotion.drivers.bus.driver import BusDriver
+from flexmotion.drivers.lx16a.bus import Lx16aBus
 
 
 class Lx16aDriver(BusDriver):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from enum import IntEnum
 
-from drivers.bus.packet import SumFormat
+from flexmotion.drivers.bus.packet import SumFormat
 
 FORMAT = SumFormat(header=0x55, counted=3)
 BAUD = 115_200

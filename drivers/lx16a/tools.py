@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from drivers.bus.packet import MAX_ID
-from drivers.bus.port import SerialPort
-from drivers.bus.sum_client import SumClient
-from drivers.bus.tools import BusTools, Found
-from drivers.lx16a.protocol import ANSWER_SIZE, BAUD, FORMAT, Command
+from flexmotion.drivers.bus.packet import MAX_ID
+from flexmotion.drivers.bus.port import SerialPort
+from flexmotion.drivers.bus.sum_client import SumClient
+from flexmotion.drivers.bus.tools import BusTools, Found
+from flexmotion.drivers.lx16a.protocol import ANSWER_SIZE, BAUD, FORMAT, Command
 
 
 class Lx16aTools(BusTools):

@@ -13,10 +13,10 @@ from types import TracebackType
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.realtime import child
-from drivers.realtime.priority import WITNESS_PRIORITY, claim, motion_processors, settle
-from drivers.realtime.ring import Ring, shared_array
-from drivers.realtime.ticker import Ticker
+from flexmotion.drivers.realtime import child
+from flexmotion.drivers.realtime.priority import WITNESS_PRIORITY, claim, motion_processors, settle
+from flexmotion.drivers.realtime.ring import Ring, shared_array
+from flexmotion.drivers.realtime.ticker import Ticker
 
 _PERIOD_S = 0.002
 _WORTH_NS = 500_000

@@ -8,17 +8,17 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from configs.robot import Robot
-from configs.schema import Strict
-from drivers.delay import DelayLine
-from drivers.interface import Capabilities, Driver, JointCommand, RobotState, Truth
-from drivers.plant import ServoPlant
-from drivers.receiver import Receiver
-from drivers.sim.imu import SimImu
-from drivers.sim.options import SimOptions
-from drivers.sim.process import SimProcess
-from drivers.sim.pushes import PushSchedule
-from drivers.sim.world import FLOOR, HOLDER, build_model, start_qpos
+from flexmotion.configs.robot import Robot
+from flexmotion.configs.schema import Strict
+from flexmotion.drivers.delay import DelayLine
+from flexmotion.drivers.interface import Capabilities, Driver, JointCommand, RobotState, Truth
+from flexmotion.drivers.plant import ServoPlant
+from flexmotion.drivers.receiver import Receiver
+from flexmotion.drivers.sim.imu import SimImu
+from flexmotion.drivers.sim.options import SimOptions
+from flexmotion.drivers.sim.process import SimProcess
+from flexmotion.drivers.sim.pushes import PushSchedule
+from flexmotion.drivers.sim.world import FLOOR, HOLDER, build_model, start_qpos
 
 Float = NDArray[np.float64]
 
@@ -80,7 +80,7 @@ class SimDriver(Driver):
 
     @property
     def violations(self) -> int:
-        """Goals outside the servos' envelope (see `drivers.receiver`)."""
+        """Goals outside the servos' envelope (see `flexmotion.drivers.receiver`)."""
         return self._receiver.violations
 
     @property

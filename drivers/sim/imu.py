@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from configs.robot_file import Imu
-from drivers.sim.options import SimOptions
+from flexmotion.configs.robot_file import Imu
+from flexmotion.drivers.sim.options import SimOptions
 
 Float = NDArray[np.float64]
 

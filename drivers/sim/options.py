@@ -6,8 +6,8 @@ from typing import Literal
 
 from pydantic import Field
 
-from configs.robot_file import Vector
-from configs.schema import Strict
+from flexmotion.configs.robot_file import Vector
+from flexmotion.configs.schema import Strict
 
 
 class Push(Strict):

@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from configs.errors import DriverError
-from drivers.interface import Capabilities, Driver, JointCommand, RobotState, Truth
-from drivers.realtime import child, priority
-from drivers.realtime.ring import Reader, Ring
-from drivers.realtime.ticker import Ticker
+from flexmotion.configs.errors import DriverError
+from flexmotion.drivers.interface import Capabilities, Driver, JointCommand, RobotState, Truth
+from flexmotion.drivers.realtime import child, priority
+from flexmotion.drivers.realtime.ring import Reader, Ring
+from flexmotion.drivers.realtime.ticker import Ticker
 
 if TYPE_CHECKING:
-    from drivers.sim.driver import SimDriver
+    from flexmotion.drivers.sim.driver import SimDriver
 
 QUANTUM_S = 0.002
 """Simulated time goes on in steps of this, each when its time has come [s]: a quarter of a servo bus's usual cycle."""

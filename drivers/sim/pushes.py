@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.sim.options import Push, SimOptions
+from flexmotion.drivers.sim.options import Push, SimOptions
 
 Float = NDArray[np.float64]
 

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from configs.errors import ConfigError
-from configs.robot import Robot
-from drivers.sim.imu import SENSORS
-from drivers.sim.options import SimOptions
+from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.robot import Robot
+from flexmotion.drivers.sim.imu import SENSORS
+from flexmotion.drivers.sim.options import SimOptions
 
 FLOOR = "floor"
 HOLDER = "holder"

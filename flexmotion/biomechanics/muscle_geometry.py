@@ -15,7 +15,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from configs.errors import ConfigError
+from flexmotion.configs.errors import ConfigError
 from flexmotion.skeleton import JOINTS
 
 Float = NDArray[np.float64]

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
-from configs.errors import ConfigError
-from configs.schema import Strict
 from flexmotion.body import Body, Segments, Sex
+from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.schema import Strict
 from flexmotion.features.layout import Layout
 from flexmotion.features.statistics import Statistics
 from flexmotion.text.listener import Listener

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from configs.errors import MotionFormatError
+from flexmotion.configs.errors import MotionFormatError
 from flexmotion.dataset.training_set import TrainingSet
 
 MAGIC = b"FMSET1\n\0"

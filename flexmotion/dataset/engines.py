@@ -8,7 +8,7 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 
-from configs.errors import ConfigError
+from flexmotion.configs.errors import ConfigError
 from flexmotion.dataset.clips import Clip
 from flexmotion.dataset.parts import compute
 from flexmotion.dataset.settings import BuildSettings

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from configs.errors import FlexMotionError
 from flexmotion.biomechanics.augmentation import varied
 from flexmotion.biomechanics.dynamics import dynamics
 from flexmotion.biomechanics.external_load import ExternalLoad
@@ -16,6 +15,7 @@ from flexmotion.biomechanics.joint_contact import joint_contact_forces
 from flexmotion.biomechanics.mirror import mirror
 from flexmotion.biomechanics.plausibility import plausible, within_turn
 from flexmotion.biomechanics.static_optimisation import infeasible, static_optimisation
+from flexmotion.configs.errors import FlexMotionError
 from flexmotion.dataset.clips import Clip
 from flexmotion.dataset.fields import FIELDS
 from flexmotion.dataset.settings import BuildSettings

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from configs.errors import MotionFormatError
 from flexmotion.body import Body, Segments
+from flexmotion.configs.errors import MotionFormatError
 from flexmotion.dataset.build import MANIFEST, SCHEMA
 from flexmotion.motion import Motion
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from configs.errors import MotionFormatError
+from flexmotion.configs.errors import MotionFormatError
 from flexmotion.importers.capture import Capture
 
 Float = NDArray[np.float64]

@@ -8,7 +8,7 @@ from typing import get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from configs.errors import MotionFormatError
+from flexmotion.configs.errors import MotionFormatError
 from flexmotion.importers.capture import Capture
 from flexmotion.importers.mapping import SkeletonMapping, Units, Up, markers
 from flexmotion.importers.zero_pose import zero_pose_orientations

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from configs.errors import MotionFormatError
+from flexmotion.configs.errors import MotionFormatError
 from flexmotion.floor import clip_floor
 from flexmotion.importers.acclaim import read_acclaim
 from flexmotion.importers.bvh import read_bvh

@@ -14,8 +14,8 @@ import yaml
 from numpy.typing import NDArray
 from pydantic import Field, field_validator
 
-from configs.errors import ConfigError, MotionFormatError
-from configs.schema import Strict, load
+from flexmotion.configs.errors import ConfigError, MotionFormatError
+from flexmotion.configs.schema import Strict, load
 from flexmotion.skeleton import SIDES
 
 Units = Literal["m", "cm", "mm", "inch"]
@@ -104,7 +104,7 @@ def markers(joint: str) -> list[str]:
 
 def shipped_mappings() -> dict[str, SkeletonMapping]:
     """The mappings that come with the package, by name."""
-    folder = resources.files("configs").joinpath("skeletons")
+    folder = resources.files("flexmotion.configs").joinpath("skeletons")
     with resources.as_file(folder) as path:
         mappings = [load(SkeletonMapping, file) for file in sorted(path.glob("*.yaml"))]
     return {mapping.name: mapping for mapping in mappings}

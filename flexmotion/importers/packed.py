@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from configs.errors import MotionFormatError
+from flexmotion.configs.errors import MotionFormatError
 from flexmotion.importers.capture import Capture
 from flexmotion.importers.smpl import NAMES, joints22
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from configs.errors import MotionFormatError
+from flexmotion.configs.errors import MotionFormatError
 from flexmotion.importers.capture import Capture
 from flexmotion.importers.landmarks import METRES
 

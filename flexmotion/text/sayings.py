@@ -9,7 +9,7 @@ from pathlib import Path
 
 import yaml
 
-from configs.errors import ConfigError
+from flexmotion.configs.errors import ConfigError
 from flexmotion.text.phrases import kinds, wordings
 from flexmotion.text.sides import mirrored, sides
 

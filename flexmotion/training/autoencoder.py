@@ -7,7 +7,7 @@ from contextlib import AbstractContextManager, nullcontext
 import torch
 from torch import Tensor, nn
 
-from configs.model import AutoencoderConfig, Window
+from flexmotion.configs.model import AutoencoderConfig, Window
 from flexmotion.features.layout import Layout
 from flexmotion.training.dynamics_head import DynamicsHead
 from flexmotion.training.principal_components import Components, kinematic_columns, straight_columns

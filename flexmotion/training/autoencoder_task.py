@@ -7,8 +7,8 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
-from configs.errors import ConfigError
-from configs.model import ModelConfig
+from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.model import ModelConfig
 from flexmotion.training.autoencoder import Autoencoder
 from flexmotion.training.draws import normal
 from flexmotion.training.feature_store import FeatureStore

@@ -9,7 +9,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from configs.errors import ConfigError
+from flexmotion.configs.errors import ConfigError
 from flexmotion.features.layout import Layout
 from flexmotion.text.phrases import STAND, styled, wordings
 from flexmotion.text.sides import mirrored

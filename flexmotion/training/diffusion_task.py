@@ -10,7 +10,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from configs.model import ModelConfig
+from flexmotion.configs.model import ModelConfig
 from flexmotion.training.autoencoder import Autoencoder
 from flexmotion.training.conditions import Conditions, Sentences, describe
 from flexmotion.training.denoiser import Denoiser

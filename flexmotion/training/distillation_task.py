@@ -9,7 +9,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from configs.model import ModelConfig
+from flexmotion.configs.model import ModelConfig
 from flexmotion.training.denoiser import Denoiser
 from flexmotion.training.diffusion_task import DiffusionTask
 from flexmotion.training.draws import normal, uniform

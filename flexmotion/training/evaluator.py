@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor, nn
 
-from configs.model import EvaluatorConfig, Window
+from flexmotion.configs.model import EvaluatorConfig, Window
 from flexmotion.features.layout import Layout
 from flexmotion.training.autoencoder import Patches
 from flexmotion.training.transformer import Stack, parameter

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 from torch.nn.functional import cross_entropy
 
-from configs.model import ModelConfig
+from flexmotion.configs.model import ModelConfig
 from flexmotion.evaluation.embeddings import r_precision
 from flexmotion.training.conditions import Sentences, describe
 from flexmotion.training.evaluator import Evaluator

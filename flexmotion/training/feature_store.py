@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from configs.errors import MotionFormatError
 from flexmotion.body import Body, Segments
+from flexmotion.configs.errors import MotionFormatError
 from flexmotion.dataset.compact_set import MotionSet
 from flexmotion.dataset.training_set import SetClip
 from flexmotion.features.encode import encode

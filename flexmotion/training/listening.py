@@ -12,9 +12,9 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from sklearn.linear_model import LogisticRegression
 
-from configs.errors import ConfigError
 from flexmotion.bundles.bundle import Bundle, write_bundle
 from flexmotion.bundles.card import CARD, add_note
+from flexmotion.configs.errors import ConfigError
 from flexmotion.text.listener import EMPHASIS
 from flexmotion.text.phrases import STAND
 from flexmotion.text.prompt_reader import forbids

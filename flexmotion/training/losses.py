@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from configs.model import LossWeights
 from flexmotion.biomechanics.differentiation import EDGE
+from flexmotion.configs.model import LossWeights
 from flexmotion.features.layout import ACTIVATIONS, Layout
 from flexmotion.features.statistics import Statistics
 from flexmotion.training.human_tensors import HumanTensors

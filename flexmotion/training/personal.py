@@ -15,7 +15,7 @@ from shutil import copyfile, copytree
 import torch
 from torch import Tensor, nn
 
-from configs.errors import ConfigError
+from flexmotion.configs.errors import ConfigError
 from flexmotion.dataset.compact_set import open_set
 from flexmotion.text.sentence_encoder import NETWORK, SentenceEncoder
 from flexmotion.training.autoencoder_task import load_autoencoder

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from configs.model import LossWeights
+from flexmotion.configs.model import LossWeights
 from flexmotion.features.layout import ACTIVATIONS, KINEMATIC, Layout
 from flexmotion.training.windows import WindowSet
 

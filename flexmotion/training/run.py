@@ -10,9 +10,9 @@ from typing import Any
 
 import yaml
 
-from configs.errors import ConfigError
-from configs.model import ModelConfig, load_model_config
-from configs.schema import parse
+from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.model import ModelConfig, load_model_config
+from flexmotion.configs.schema import parse
 from flexmotion.dataset.compact_set import open_set
 from flexmotion.dataset.fields import MUSCLES
 from flexmotion.features.layout import Layout

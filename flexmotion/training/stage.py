@@ -16,9 +16,9 @@ from typing import Any, Protocol
 import torch
 from torch import Tensor, nn
 
-from configs.errors import ConfigError
-from configs.model import Stage
 from flexmotion.bundles.card import Trained
+from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.model import Stage
 from flexmotion.training.processes import Processes
 
 log = logging.getLogger(__name__)

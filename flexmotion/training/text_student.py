@@ -11,8 +11,8 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from configs.errors import ConfigError
-from configs.model import Transformer
+from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.model import Transformer
 from flexmotion.text.phrases import kinds, styled, wordings
 from flexmotion.text.sentence_encoder import NETWORK, VOCABULARY
 from flexmotion.text.word_pieces import CONTINUED, UNKNOWN, WordPieces

@@ -7,7 +7,7 @@ import math
 import torch
 from torch import Tensor, nn
 
-from configs.model import Transformer
+from flexmotion.configs.model import Transformer
 
 
 class Layer(nn.Module):

@@ -12,8 +12,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from configs.errors import MotionFormatError
-from configs.model import Window
+from flexmotion.configs.errors import MotionFormatError
+from flexmotion.configs.model import Window
 from flexmotion.training.feature_store import FeatureStore, StoredClip
 from flexmotion.training.human_tensors import HumanTensors
 

@@ -1,1 +1,1 @@
-"""The commands of `flexmotion`, one module each; `streamer.cli` puts them together."""
+"""The commands of `flexmotion`, one module each; `flexmotion.streamer.cli` puts them together."""

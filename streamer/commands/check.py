@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from streamer.commands.options import (
+from flexmotion.streamer.commands.options import (
     BundleOption,
     ClipOption,
     JsonOption,
@@ -21,8 +21,8 @@ from streamer.commands.options import (
     SeedOption,
     SettingsOption,
 )
-from streamer.commands.output import print_json, print_note, print_result, progress_bar
-from streamer.exit_codes import CHECK_FAILED, INTERRUPTED
+from flexmotion.streamer.commands.output import print_json, print_note, print_result, progress_bar
+from flexmotion.streamer.exit_codes import CHECK_FAILED, INTERRUPTED
 
 check = typer.Typer(no_args_is_help=True)
 
@@ -64,12 +64,12 @@ def torque(
       flexmotion check torque --clip walk.bvh --robot ./my_robot --json
     """
     # Heavy imports wait until the command runs: help and completion answer at once.
-    from configs.robot import load_robot
-    from configs.stream import load_stream
-    from streamer.commands.choice import choose_source
-    from streamer.offline import retarget_offline
-    from streamer.plots import write_torque
-    from streamer.torque_check import check_trajectory, render_check
+    from flexmotion.configs.robot import load_robot
+    from flexmotion.configs.stream import load_stream
+    from flexmotion.streamer.commands.choice import choose_source
+    from flexmotion.streamer.offline import retarget_offline
+    from flexmotion.streamer.plots import write_torque
+    from flexmotion.streamer.torque_check import check_trajectory, render_check
 
     chosen = load_robot(robot)
     stream_settings = load_stream(settings)
@@ -133,14 +133,14 @@ def latency(
 
       flexmotion check latency --seconds 20 --load 2 --report report
     """
-    from configs.robot import load_robot
-    from configs.stream import load_stream
-    from drivers.registry import create
-    from streamer.commands.choice import choose_switched
-    from streamer.commands.signals import operator_signals
-    from streamer.latency import measure
-    from streamer.latency_text import render_latency
-    from streamer.plots import write_latency
+    from flexmotion.configs.robot import load_robot
+    from flexmotion.configs.stream import load_stream
+    from flexmotion.drivers.registry import create
+    from flexmotion.streamer.commands.choice import choose_switched
+    from flexmotion.streamer.commands.signals import operator_signals
+    from flexmotion.streamer.latency import measure
+    from flexmotion.streamer.latency_text import render_latency
+    from flexmotion.streamer.plots import write_latency
 
     chosen = load_robot(robot)
     stream_settings = load_stream(settings)

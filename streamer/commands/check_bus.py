@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.table import Table
 
-from streamer.commands.options import JsonOption, RobotOption
-from streamer.commands.output import print_json, print_result
-from streamer.exit_codes import CHECK_FAILED
+from flexmotion.streamer.commands.options import JsonOption, RobotOption
+from flexmotion.streamer.commands.output import print_json, print_result
+from flexmotion.streamer.exit_codes import CHECK_FAILED
 
 if TYPE_CHECKING:
-    from configs.robot import Robot
+    from flexmotion.configs.robot import Robot
 
 
 def bus(
@@ -40,8 +40,8 @@ def bus(
       flexmotion check bus --robot op3 --port /dev/ttyUSB0 --rate 200
     """
     # Heavy imports wait until the command runs: help and completion answer at once.
-    from configs.robot import load_robot
-    from streamer.bus_check import check_buses
+    from flexmotion.configs.robot import load_robot
+    from flexmotion.streamer.bus_check import check_buses
 
     chosen = load_robot(robot)
     wanted = chosen.rate_hz if rate is None else rate
@@ -88,9 +88,9 @@ def bus(
 
 def _audit(robot: Robot, port: str, configure: bool) -> list[dict[str, Any]]:
     """Every servo as it is now. Raises `DriverError` where one is missing or not what the robot file says."""
-    from drivers.bus.finder import bus_driver_of
-    from drivers.bus.options import BusOptions
-    from drivers.interface import RobotState
+    from flexmotion.drivers.bus.finder import bus_driver_of
+    from flexmotion.drivers.bus.options import BusOptions
+    from flexmotion.drivers.interface import RobotState
 
     driver = bus_driver_of(robot)(robot, options=BusOptions(port=port, imu=False, configure=configure))
     state = RobotState(robot.n)

@@ -9,20 +9,20 @@ from pathlib import Path
 
 import typer
 
-from configs.robot import Robot
 from flexmotion.bundles.bundle import Bundle
 from flexmotion.bundles.shipped import shipped_bundle
+from flexmotion.configs.robot import Robot
 from flexmotion.importers import load
 from flexmotion.motion import Motion
 from flexmotion.resample import resample
 from flexmotion.sampler import Sampler
-from streamer.intents import Clip, Intent, Stop, Text
-from streamer.latency import shipped_clips, switched
-from streamer.model_source import ModelSource
-from streamer.pace import human_pace
-from streamer.script import Item, load_script
-from streamer.sequence import sequence
-from streamer.sources import ClipSource, LiveSource, Performance
+from flexmotion.streamer.intents import Clip, Intent, Stop, Text
+from flexmotion.streamer.latency import shipped_clips, switched
+from flexmotion.streamer.model_source import ModelSource
+from flexmotion.streamer.pace import human_pace
+from flexmotion.streamer.script import Item, load_script
+from flexmotion.streamer.sequence import sequence
+from flexmotion.streamer.sources import ClipSource, LiveSource, Performance
 
 DEFAULT_CLIP = "default.npz"
 """Shipped in `flexmotion/data`: what is followed when nothing is asked for and there is no model."""
@@ -66,7 +66,7 @@ def choose_source(
 
     Raises:
         typer.BadParameter: options exclude each other, or there is no model for what they ask.
-        FlexMotionError: a file cannot be read (see `flexmotion.importers.load`, `streamer.script`), or the bundle.
+        FlexMotionError: a motion file, a script or the bundle cannot be read.
     """
     choices = {"--clip": clip, "--script": script, "--prompt": prompt}
     given = [name for name, value in choices.items() if value is not None]

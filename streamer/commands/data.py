@@ -8,9 +8,9 @@ from typing import Annotated
 
 import typer
 
-from streamer.commands.options import JsonOption, MappingOption
-from streamer.commands.output import print_json, print_note, print_result, progress_bar
-from streamer.exit_codes import CHECK_FAILED
+from flexmotion.streamer.commands.options import JsonOption, MappingOption
+from flexmotion.streamer.commands.output import print_json, print_note, print_result, progress_bar
+from flexmotion.streamer.exit_codes import CHECK_FAILED
 
 data = typer.Typer(help="Motion files to a training set with forces, torques and muscle activations.")
 
@@ -146,7 +146,7 @@ def inspect(
     found = TrainingSet(folder)
     _report(found.manifest, as_json)
     if plots is not None:
-        from streamer.plots.training_set import plot_set
+        from flexmotion.streamer.plots.training_set import plot_set
 
         for path in plot_set(found, plots):
             print_note(f"wrote {path}")

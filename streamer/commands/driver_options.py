@@ -8,7 +8,7 @@ from typing import Any
 import typer
 import yaml
 
-from drivers.sim.options import PERTURBED
+from flexmotion.drivers.sim.options import PERTURBED
 
 
 def parse_options(pairs: Sequence[str]) -> dict[str, Any]:

@@ -6,19 +6,19 @@ from typing import TYPE_CHECKING, Any
 
 from rich.table import Table
 
-from streamer.commands.options import JsonOption
-from streamer.commands.output import print_json, print_result
+from flexmotion.streamer.commands.options import JsonOption
+from flexmotion.streamer.commands.output import print_json, print_result
 
 if TYPE_CHECKING:
-    from drivers.imu.interface import StandaloneImu
-    from drivers.interface import Driver
+    from flexmotion.drivers.imu.interface import StandaloneImu
+    from flexmotion.drivers.interface import Driver
 
 
 def drivers(as_json: JsonOption = False) -> None:
     """List the drivers and inertial sensors that are installed; one that does not load is named, and why on stderr."""
     # Heavy imports wait until the command runs: help and completion answer at once.
-    from drivers import registry
-    from drivers.imu import registry as imus
+    from flexmotion.drivers import registry
+    from flexmotion.drivers.imu import registry as imus
 
     working, sensors = registry.available(), imus.available()
     rows = [_row("driver", name, working.get(name)) for name in registry.names()]

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from streamer.commands.options import (
+from flexmotion.streamer.commands.options import (
     BundleOption,
     ClipOption,
     Clock,
@@ -85,15 +85,15 @@ def dry_run(
     """
     # From here on a signal is a request, also while the rest is loaded. Heavy imports wait until the command runs: help
     # and completion answer at once.
-    from streamer.commands.signals import operator_signals
+    from flexmotion.streamer.commands.signals import operator_signals
 
     with operator_signals() as signals:
-        from configs.robot import load_robot
-        from configs.stream import load_stream
-        from streamer.commands.choice import choose_source
-        from streamer.commands.driver_options import simulation_options
-        from streamer.commands.recording import log_file
-        from streamer.commands.streaming import RunRequest, present, stream
+        from flexmotion.configs.robot import load_robot
+        from flexmotion.configs.stream import load_stream
+        from flexmotion.streamer.commands.choice import choose_source
+        from flexmotion.streamer.commands.driver_options import simulation_options
+        from flexmotion.streamer.commands.recording import log_file
+        from flexmotion.streamer.commands.streaming import RunRequest, present, stream
 
         stream_settings = load_stream(settings)
         chosen = load_robot(robot)

@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from streamer.commands.options import JsonOption, RobotOption, SeedOption
-from streamer.commands.output import print_json, print_note, print_result
+from flexmotion.streamer.commands.options import JsonOption, RobotOption, SeedOption
+from flexmotion.streamer.commands.output import print_json, print_note, print_result
 
 if TYPE_CHECKING:
-    from drivers.emulator.emulator import Emulator
+    from flexmotion.drivers.emulator.emulator import Emulator
 
 
 def emulate(
@@ -69,15 +69,15 @@ def emulate(
       flexmotion emulate --port-link /tmp/op3 --fault dead:14@5 --bad-packets 0.005
     """
     # Heavy imports wait until the command runs: help and completion answer at once.
-    from configs.robot import load_robot
-    from configs.schema import parse
-    from drivers.emulator.body import BenchBody
-    from drivers.emulator.build import build_emulator
-    from drivers.emulator.faults import Fault
-    from drivers.emulator.sim_body import SimBody
-    from drivers.realtime.priority import ROBOT_PRIORITY, claim, settle
-    from drivers.sim.options import SimOptions
-    from streamer.commands.driver_options import simulation_options
+    from flexmotion.configs.robot import load_robot
+    from flexmotion.configs.schema import parse
+    from flexmotion.drivers.emulator.body import BenchBody
+    from flexmotion.drivers.emulator.build import build_emulator
+    from flexmotion.drivers.emulator.faults import Fault
+    from flexmotion.drivers.emulator.sim_body import SimBody
+    from flexmotion.drivers.realtime.priority import ROBOT_PRIORITY, claim, settle
+    from flexmotion.drivers.sim.options import SimOptions
+    from flexmotion.streamer.commands.driver_options import simulation_options
 
     faults = [Fault.parse(text) for text in fault or ()]
     chosen = load_robot(robot)

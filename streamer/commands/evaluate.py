@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.table import Table
 
-from streamer.commands.options import JsonOption
-from streamer.commands.output import print_json, print_note, print_result, progress_bar
-from streamer.commands.train import needs_training
+from flexmotion.streamer.commands.options import JsonOption
+from flexmotion.streamer.commands.output import print_json, print_note, print_result, progress_bar
+from flexmotion.streamer.commands.train import needs_training
 
 if TYPE_CHECKING:
     from flexmotion.evaluation.interval import Interval

@@ -7,9 +7,9 @@ from typing import Annotated
 
 import typer
 
-from streamer.commands.options import JsonOption
-from streamer.commands.output import print_json, print_result
-from streamer.commands.train import needs_training
+from flexmotion.streamer.commands.options import JsonOption
+from flexmotion.streamer.commands.output import print_json, print_result
+from flexmotion.streamer.commands.train import needs_training
 
 
 def export(

@@ -7,9 +7,9 @@ from typing import Annotated
 
 import typer
 
-from streamer.commands.options import JsonOption, writable_folder
-from streamer.commands.output import print_json, print_note, print_result, progress_bar
-from streamer.exit_codes import CHECK_FAILED
+from flexmotion.streamer.commands.options import JsonOption, writable_folder
+from flexmotion.streamer.commands.output import print_json, print_note, print_result, progress_bar
+from flexmotion.streamer.exit_codes import CHECK_FAILED
 
 log = typer.Typer(help="Logs of runs: what is in them, their pictures, and the run once more.", no_args_is_help=True)
 
@@ -25,8 +25,8 @@ def show(file: FileArgument, as_json: JsonOption = False) -> None:
       flexmotion log show run.mcap
     """
     # Heavy imports wait until the command runs: help and completion answer at once.
-    from streamer.log.reader import read_log
-    from streamer.log.summary import describe, render_log
+    from flexmotion.streamer.log.reader import read_log
+    from flexmotion.streamer.log.summary import describe, render_log
 
     content = describe(read_log(file))
     if as_json:
@@ -46,10 +46,10 @@ def plot(
 
       flexmotion log plot run.mcap -o pictures
     """
-    from configs.errors import ConfigError
-    from streamer.log.judged import Subject
-    from streamer.log.reader import read_log
-    from streamer.plots import write_plots
+    from flexmotion.configs.errors import ConfigError
+    from flexmotion.streamer.log.judged import Subject
+    from flexmotion.streamer.log.reader import read_log
+    from flexmotion.streamer.plots import write_plots
 
     found = read_log(file)
     if not len(found.rows):
@@ -70,10 +70,10 @@ def replay(file: FileArgument, as_json: JsonOption = False) -> None:
 
       flexmotion log replay run.mcap
     """
-    from streamer.log.judged import Subject
-    from streamer.log.reader import read_log
-    from streamer.log.replay import replay as run_again
-    from streamer.log.summary import describe_replay, render_replay
+    from flexmotion.streamer.log.judged import Subject
+    from flexmotion.streamer.log.reader import read_log
+    from flexmotion.streamer.log.replay import replay as run_again
+    from flexmotion.streamer.log.summary import describe_replay, render_replay
 
     found = read_log(file)
     subject = Subject.of(found)

@@ -7,9 +7,9 @@ from typing import Annotated
 
 import typer
 
-from streamer.commands.options import JsonOption
-from streamer.commands.output import progress_bar
-from streamer.commands.train import MinutesOption, ThreadsOption, needs_training, train_and_report
+from flexmotion.streamer.commands.options import JsonOption
+from flexmotion.streamer.commands.output import progress_bar
+from flexmotion.streamer.commands.train import MinutesOption, ThreadsOption, needs_training, train_and_report
 
 
 def personalize(

@@ -8,11 +8,11 @@ from typing import Any
 
 import typer
 
-from configs.robot import Robot, list_robots
-from streamer.log.header import begin_header, robot_files
-from streamer.log.source import pack
-from streamer.recorder import Recorder
-from streamer.session import Session
+from flexmotion.configs.robot import Robot, list_robots
+from flexmotion.streamer.log.header import begin_header, robot_files
+from flexmotion.streamer.log.source import pack
+from flexmotion.streamer.recorder import Recorder
+from flexmotion.streamer.session import Session
 
 LOG_NAME, SUFFIX = "run.mcap", ".mcap"
 

@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
-from streamer.commands.options import JsonOption, MappingOption, RobotOption, SettingsOption
-from streamer.commands.output import print_json, print_note, print_result, progress_bar
+from flexmotion.streamer.commands.options import JsonOption, MappingOption, RobotOption, SettingsOption
+from flexmotion.streamer.commands.output import print_json, print_note, print_result, progress_bar
 
 
 def retarget(
@@ -31,13 +31,13 @@ def retarget(
       flexmotion retarget walk.bvh --robot op3 -o walk.csv
     """
     # Heavy imports wait until the command runs: help and completion answer at once.
-    from configs.robot import load_robot
-    from configs.stream import load_stream
-    from streamer.commands.choice import choose_motion
-    from streamer.offline import retarget_offline
-    from streamer.sources import ClipSource
-    from streamer.trajectory_file import WRITERS, write_trajectory
-    from streamer.trajectory_quality import quality, render_quality
+    from flexmotion.configs.robot import load_robot
+    from flexmotion.configs.stream import load_stream
+    from flexmotion.streamer.commands.choice import choose_motion
+    from flexmotion.streamer.offline import retarget_offline
+    from flexmotion.streamer.sources import ClipSource
+    from flexmotion.streamer.trajectory_file import WRITERS, write_trajectory
+    from flexmotion.streamer.trajectory_quality import quality, render_quality
 
     if out.suffix.lower() not in WRITERS:
         raise typer.BadParameter(f"{out}: unknown kind of file, expected {' or '.join(WRITERS)}")

@@ -10,11 +10,11 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
-from streamer.commands.options import JsonOption
-from streamer.commands.output import print_json, print_result
+from flexmotion.streamer.commands.options import JsonOption
+from flexmotion.streamer.commands.output import print_json, print_result
 
 if TYPE_CHECKING:
-    from configs.robot import Robot
+    from flexmotion.configs.robot import Robot
 
 
 def robots(
@@ -33,7 +33,7 @@ def robots(
       flexmotion robots ./my_robot
     """
     # Heavy imports wait until the command runs: help and completion answer at once.
-    from configs.robot import list_robots, load_robot
+    from flexmotion.configs.robot import list_robots, load_robot
 
     if robot is not None:
         chosen = load_robot(robot)

@@ -10,10 +10,10 @@ import typer
 from rich.live import Live
 from rich.table import Table
 
-from configs.errors import DriverError
-from streamer.commands.options import JsonOption, RobotOption
-from streamer.commands.output import print_json, print_note, print_result
-from streamer.exit_codes import CHECK_FAILED, INTERRUPTED
+from flexmotion.configs.errors import DriverError
+from flexmotion.streamer.commands.options import JsonOption, RobotOption
+from flexmotion.streamer.commands.output import print_json, print_note, print_result
+from flexmotion.streamer.exit_codes import CHECK_FAILED, INTERRUPTED
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -21,11 +21,11 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from configs.calibration import Calibration
-    from configs.robot import Robot
-    from drivers.bus.driver import BusDriver
-    from drivers.bus.tools import BusTools, Found
-    from drivers.interface import RobotState
+    from flexmotion.configs.calibration import Calibration
+    from flexmotion.configs.robot import Robot
+    from flexmotion.drivers.bus.driver import BusDriver
+    from flexmotion.drivers.bus.tools import BusTools, Found
+    from flexmotion.drivers.interface import RobotState
 
     Float = NDArray[np.float64]
 
@@ -145,8 +145,8 @@ def watch(
 
       flexmotion servo watch --port /dev/ttyUSB0 --robot op3
     """
-    from configs.robot import load_robot
-    from drivers.interface import RobotState
+    from flexmotion.configs.robot import load_robot
+    from flexmotion.drivers.interface import RobotState
 
     chosen = load_robot(robot)
     state = RobotState(chosen.n)
@@ -191,8 +191,8 @@ def calibrate(
 
       flexmotion servo calibrate --port /dev/ttyUSB0 --robot ./my_robot --joint l_knee
     """
-    from configs.calibration import write_calibration
-    from configs.robot import load_robot
+    from flexmotion.configs.calibration import write_calibration
+    from flexmotion.configs.robot import load_robot
 
     chosen = load_robot(robot)
     for name in joint or ():
@@ -231,10 +231,10 @@ def calibrate_imu(
 
     from scipy.spatial.transform import Rotation
 
-    from configs.calibration import CalibratedImu, Calibration, read_calibration, write_calibration
-    from configs.errors import ConfigError
-    from configs.robot import load_robot
-    from drivers.imu.mounting import mounting
+    from flexmotion.configs.calibration import CalibratedImu, Calibration, read_calibration, write_calibration
+    from flexmotion.configs.errors import ConfigError
+    from flexmotion.configs.robot import load_robot
+    from flexmotion.drivers.imu.mounting import mounting
 
     chosen = load_robot(robot)
     imu = chosen.config.imu
@@ -259,7 +259,7 @@ def _specific_force(driver: BusDriver, what: str) -> Float:
     """Mean over a second or so at rest, (3,) [m/s²]. Raises `DriverError` where the IMU is silent, or turned."""
     import numpy as np
 
-    from drivers.interface import RobotState
+    from flexmotion.drivers.interface import RobotState
 
     typer.prompt(f"{what}, then Enter", default="", show_default=False, err=True)
     state = RobotState(driver.robot.n)
@@ -281,8 +281,8 @@ def _measure_zeros(robot: Robot, port: str, names: list[str]) -> Calibration | N
     """Zeros as a person shows them, over the ones known; None where the person ends it."""
     from datetime import UTC, datetime
 
-    from configs.calibration import CalibratedJoint, Calibration, read_calibration
-    from drivers.interface import RobotState
+    from flexmotion.configs.calibration import CalibratedJoint, Calibration, read_calibration
+    from flexmotion.drivers.interface import RobotState
 
     zeros = {joint.name: joint.zero for joint in robot.joints}
     state = RobotState(robot.n)
@@ -325,7 +325,7 @@ def _heard(driver: BusDriver, state: RobotState, index: int) -> bool:
 
 @contextmanager
 def _open(kind: type[BusTools], port: str, baud: int) -> Iterator[BusTools]:
-    from drivers.bus.port import SerialPort
+    from flexmotion.drivers.bus.port import SerialPort
 
     line = SerialPort(port, baud)
     try:
@@ -336,9 +336,9 @@ def _open(kind: type[BusTools], port: str, baud: int) -> Iterator[BusTools]:
 
 def _tools(protocol: ProtocolName) -> type[BusTools]:
     # Heavy imports wait until the command runs: help and completion answer at once.
-    from drivers.dynamixel.tools import DynamixelTools
-    from drivers.feetech.tools import FeetechTools
-    from drivers.lx16a.tools import Lx16aTools
+    from flexmotion.drivers.dynamixel.tools import DynamixelTools
+    from flexmotion.drivers.feetech.tools import FeetechTools
+    from flexmotion.drivers.lx16a.tools import Lx16aTools
 
     return {kind.protocol: kind for kind in (DynamixelTools, FeetechTools, Lx16aTools)}[protocol]
 
@@ -346,8 +346,8 @@ def _tools(protocol: ProtocolName) -> type[BusTools]:
 @contextmanager
 def _looking(robot: Robot, port: str, *, imu: bool = False, imu_port: str | None = None) -> Iterator[BusDriver]:
     """An open driver that leaves torque as it is."""
-    from drivers.bus.finder import bus_driver_of
-    from drivers.bus.options import BusOptions
+    from flexmotion.drivers.bus.finder import bus_driver_of
+    from flexmotion.drivers.bus.options import BusOptions
 
     driver = bus_driver_of(robot)(robot, options=BusOptions(port=port, imu=imu, imu_port=imu_port))
     driver.open()

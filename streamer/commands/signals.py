@@ -9,8 +9,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
-from streamer.commands.output import print_note
-from streamer.controls import Request
+from flexmotion.streamer.commands.output import print_note
+from flexmotion.streamer.controls import Request
 
 
 class OperatorSignals:

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Protocol
 
 import typer
 
-from configs.errors import ConfigError
-from streamer.commands.options import JsonOption
-from streamer.commands.output import print_json, print_note, print_result, progress_bar
+from flexmotion.configs.errors import ConfigError
+from flexmotion.streamer.commands.options import JsonOption
+from flexmotion.streamer.commands.output import print_json, print_note, print_result, progress_bar
 
 if TYPE_CHECKING:
     from flexmotion.text.sentence_encoder import SentenceEncoder

@@ -7,12 +7,12 @@ import signal
 from collections.abc import Sequence
 from multiprocessing.connection import Connection
 
-from configs.errors import DriverError, FlexMotionError
-from drivers.realtime import priority
-from drivers.realtime.ticker import Ticker
-from streamer.controls import Controls, Request
-from streamer.loop import ControlLoop
-from streamer.operator import Operator
+from flexmotion.configs.errors import DriverError, FlexMotionError
+from flexmotion.drivers.realtime import priority
+from flexmotion.drivers.realtime.ticker import Ticker
+from flexmotion.streamer.controls import Controls, Request
+from flexmotion.streamer.loop import ControlLoop
+from flexmotion.streamer.operator import Operator
 
 
 def serve(

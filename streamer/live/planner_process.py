@@ -6,11 +6,11 @@ import time
 
 import numpy as np
 
-from configs.errors import FlexMotionError
-from drivers.realtime import priority
-from drivers.realtime.ring import Ring, shared_array
-from streamer.controls import Controls, Request
-from streamer.planning import Planning
+from flexmotion.configs.errors import FlexMotionError
+from flexmotion.drivers.realtime import priority
+from flexmotion.drivers.realtime.ring import Ring, shared_array
+from flexmotion.streamer.controls import Controls, Request
+from flexmotion.streamer.planning import Planning
 
 _LOOK_S = 0.002
 """How often it looks for something to do [s]."""

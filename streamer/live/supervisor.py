@@ -14,18 +14,18 @@ from typing import Any, Protocol, cast
 
 import psutil
 
-from configs.errors import DriverError
-from configs.stream import StreamSettings
-from drivers.realtime import child
-from drivers.realtime.priority import Scheduling
-from streamer.controls import Controls, Request
-from streamer.live import loop_process, planner_process
-from streamer.live.planner_process import Heartbeat
-from streamer.loop import ControlLoop
-from streamer.operator import Operator
-from streamer.planning import Planning
-from streamer.record import Collector
-from streamer.telemetry import Event
+from flexmotion.configs.errors import DriverError
+from flexmotion.configs.stream import StreamSettings
+from flexmotion.drivers.realtime import child
+from flexmotion.drivers.realtime.priority import Scheduling
+from flexmotion.streamer.controls import Controls, Request
+from flexmotion.streamer.live import loop_process, planner_process
+from flexmotion.streamer.live.planner_process import Heartbeat
+from flexmotion.streamer.loop import ControlLoop
+from flexmotion.streamer.operator import Operator
+from flexmotion.streamer.planning import Planning
+from flexmotion.streamer.record import Collector
+from flexmotion.streamer.telemetry import Event
 
 _LOOK_S = 0.02
 """How often it looks after everybody [s]."""
@@ -65,7 +65,8 @@ class _Running:
 class Supervisor:
     """Runs loop, planner and services as processes, and watches them.
 
-    Args: as of `streamer.session.Session`; `controls` are those of this process's user and those of the planner.
+    Args: as of `flexmotion.streamer.session.Session`; `controls` are those of this process's user and those of the
+        planner.
     """
 
     def __init__(

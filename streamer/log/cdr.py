@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from configs.errors import ConfigError
+from flexmotion.configs.errors import ConfigError
 
 ENCAPSULATION = b"\x00\x01\x00\x00"
 """Header of a little-endian CDR message."""

@@ -10,9 +10,9 @@ from typing import Any, Literal
 
 from pydantic import Field
 
-from configs.robot import Robot
-from configs.schema import Strict, parse
-from configs.stream import StreamSettings
+from flexmotion.configs.robot import Robot
+from flexmotion.configs.schema import Strict, parse
+from flexmotion.configs.stream import StreamSettings
 
 SCHEMA = "flexmotion.log/1"
 """Name of the metadata record that holds the header."""
@@ -26,7 +26,8 @@ class LogHeader(Strict):
         robot: name or folder, as asked for; joints in the order of all columns.
         driver, driver_options: which, and how it was set; the seed is apart.
         clock: which one the loop ran by.
-        source, source_parts: name of the source, and how to build it from the attachments (`streamer.log.source`).
+        source, source_parts: name of the source, and how to build it from the attachments
+            (`flexmotion.streamer.log.source`).
         seconds: longest that the source is streamed [s].
         start_ns: when the log was begun, nanoseconds since the epoch.
         wall_minus_perf_ns: add it to a `perf_counter_ns` of the run for the wall clock's time; taken once.

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from configs.errors import ConfigError
-from configs.robot import Robot, load_robot
+from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.robot import Robot, load_robot
 from flexmotion.motion import Motion
-from retarget.retargeter import Retargeter
-from streamer.log.reader import Log
-from streamer.log.source import MODEL
-from streamer.metrics import HumanTrack, RobotFigures
-from streamer.record import RunRecord
-from streamer.report import Report, RunInfo, build_report
-from streamer.session import count_human_steps, human_motion
+from flexmotion.retarget.retargeter import Retargeter
+from flexmotion.streamer.log.reader import Log
+from flexmotion.streamer.log.source import MODEL
+from flexmotion.streamer.metrics import HumanTrack, RobotFigures
+from flexmotion.streamer.record import RunRecord
+from flexmotion.streamer.report import Report, RunInfo, build_report
+from flexmotion.streamer.session import count_human_steps, human_motion
 
 
 @dataclass(frozen=True)

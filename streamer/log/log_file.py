@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from configs.errors import ConfigError
+from flexmotion.configs.errors import ConfigError
 
 
 class LogFile:

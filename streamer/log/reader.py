@@ -15,16 +15,16 @@ from mcap.records import Attachment, Channel, Footer, McapRecord, Message, Metad
 from mcap.stream_reader import StreamReader
 from numpy.typing import NDArray
 
-from configs.errors import ConfigError
-from configs.robot import Robot
-from streamer.log.cdr import ENCAPSULATION, decode, parse_schema, row_dtype
-from streamer.log.header import SCHEMA, LogHeader, robot_files
-from streamer.log.messages import EVENT, PLAN, TARGET, TICK
-from streamer.log.source import unpack
-from streamer.record import RunRecord
-from streamer.sources import Source
-from streamer.telemetry import Event
-from streamer.tick_row import blank, tick_dtype
+from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.robot import Robot
+from flexmotion.streamer.log.cdr import ENCAPSULATION, decode, parse_schema, row_dtype
+from flexmotion.streamer.log.header import SCHEMA, LogHeader, robot_files
+from flexmotion.streamer.log.messages import EVENT, PLAN, TARGET, TICK
+from flexmotion.streamer.log.source import unpack
+from flexmotion.streamer.record import RunRecord
+from flexmotion.streamer.sources import Source
+from flexmotion.streamer.telemetry import Event
+from flexmotion.streamer.tick_row import blank, tick_dtype
 
 
 @dataclass
@@ -42,9 +42,9 @@ class Log:
     """What is in a log.
 
     Attributes:
-        rows: of `streamer.tick_row.tick_dtype`, one a tick; columns that the log lacks are NaN or 0.
+        rows: of `flexmotion.streamer.tick_row.tick_dtype`, one a tick; columns that the log lacks are NaN or 0.
         events: in order.
-        plans: fields of `streamer.log.messages.PLAN_COLUMNS` by name.
+        plans: fields of `flexmotion.streamer.log.messages.PLAN_COLUMNS` by name.
         targets: as sent.
         files: attachments by name.
         whole: whether the log was closed; else it ends where writing ended.

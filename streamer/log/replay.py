@@ -8,15 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from configs.errors import ConfigError
-from drivers.registry import create
-from streamer.controls import Request
-from streamer.intents import from_content
-from streamer.log.judged import Subject
-from streamer.log.reader import Log
-from streamer.record import RunRecord
-from streamer.report import Report
-from streamer.session import Session
+from flexmotion.configs.errors import ConfigError
+from flexmotion.drivers.registry import create
+from flexmotion.streamer.controls import Request
+from flexmotion.streamer.intents import from_content
+from flexmotion.streamer.log.judged import Subject
+from flexmotion.streamer.log.reader import Log
+from flexmotion.streamer.record import RunRecord
+from flexmotion.streamer.report import Report
+from flexmotion.streamer.session import Session
 
 TOLERANCES = {
     "fell": 0.0,

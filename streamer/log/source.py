@@ -8,19 +8,19 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from configs.errors import ConfigError
 from flexmotion.bundles.bundle import Bundle
 from flexmotion.bundles.shipped import shipped_bundle
+from flexmotion.configs.errors import ConfigError
 from flexmotion.motion import Motion
 from flexmotion.motion_file import load_motion, save_motion
 from flexmotion.pace import Pace
 from flexmotion.sampler import Sampler
-from streamer.clip_library import ClipLibrary
-from streamer.intents import from_content, to_content
-from streamer.model_source import ModelSource
-from streamer.replan_noise import NoisySource
-from streamer.script import Item
-from streamer.sources import ClipSource, Source
+from flexmotion.streamer.clip_library import ClipLibrary
+from flexmotion.streamer.intents import from_content, to_content
+from flexmotion.streamer.model_source import ModelSource
+from flexmotion.streamer.replan_noise import NoisySource
+from flexmotion.streamer.script import Item
+from flexmotion.streamer.sources import ClipSource, Source
 
 Parts = dict[str, Any]
 

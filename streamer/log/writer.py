@@ -10,10 +10,10 @@ import foxglove
 from foxglove import Channel, Context, Schema
 from foxglove.mcap import MCAPCompression, MCAPWriteOptions
 
-from streamer.log.cdr import Column, schema_text
-from streamer.log.header import SCHEMA, LogHeader
-from streamer.log.log_file import LogFile
-from streamer.log.messages import (
+from flexmotion.streamer.log.cdr import Column, schema_text
+from flexmotion.streamer.log.header import SCHEMA, LogHeader
+from flexmotion.streamer.log.log_file import LogFile
+from flexmotion.streamer.log.messages import (
     EVENT,
     EVENT_SCHEMA,
     PLAN,

@@ -7,18 +7,18 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from configs.robot import Robot
+from flexmotion.configs.robot import Robot
 from flexmotion.motion import Motion
-from streamer.latency import LatencyResult
-from streamer.metrics import HumanTrack, RobotFigures
-from streamer.plots.filmstrip import draw_filmstrip
-from streamer.plots.footsteps import draw_footsteps
-from streamer.plots.latency import draw_latency
-from streamer.plots.style import save, styled
-from streamer.plots.timeline import draw_timeline
-from streamer.plots.torque import draw_torque
-from streamer.plots.tracking import draw_tracking
-from streamer.record import RunRecord
+from flexmotion.streamer.latency import LatencyResult
+from flexmotion.streamer.metrics import HumanTrack, RobotFigures
+from flexmotion.streamer.plots.filmstrip import draw_filmstrip
+from flexmotion.streamer.plots.footsteps import draw_footsteps
+from flexmotion.streamer.plots.latency import draw_latency
+from flexmotion.streamer.plots.style import save, styled
+from flexmotion.streamer.plots.timeline import draw_timeline
+from flexmotion.streamer.plots.torque import draw_torque
+from flexmotion.streamer.plots.tracking import draw_tracking
+from flexmotion.streamer.record import RunRecord
 
 __all__ = [
     "draw_filmstrip",

@@ -9,12 +9,12 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from configs.robot import Robot
+from flexmotion.configs.robot import Robot
 from flexmotion.kinematics import HumanKinematics, forward
 from flexmotion.motion import Motion
-from streamer.plots.solid import Camera, draw_solid, shapes
-from streamer.plots.style import HUMAN, LEFT, MUTED, RIGHT, empty, new_figure
-from streamer.record import RunRecord
+from flexmotion.streamer.plots.solid import Camera, draw_solid, shapes
+from flexmotion.streamer.plots.style import HUMAN, LEFT, MUTED, RIGHT, empty, new_figure
+from flexmotion.streamer.record import RunRecord
 
 Float = NDArray[np.float64]
 

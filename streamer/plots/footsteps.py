@@ -10,10 +10,10 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 from numpy.typing import NDArray
 
-from configs.robot import Robot
-from streamer.metrics import HumanTrack, RobotFigures, heading
-from streamer.plots.style import HUMAN, INK, LEFT, MIDDLE, MUTED, RIGHT, new_figure
-from streamer.record import RunRecord
+from flexmotion.configs.robot import Robot
+from flexmotion.streamer.metrics import HumanTrack, RobotFigures, heading
+from flexmotion.streamer.plots.style import HUMAN, INK, LEFT, MIDDLE, MUTED, RIGHT, new_figure
+from flexmotion.streamer.record import RunRecord
 
 Float = NDArray[np.float64]
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from streamer.latency import HISTOGRAM_US, LatencyResult
-from streamer.plots.style import LEFT, MUTED, RIGHT, WARN, new_figure
+from flexmotion.streamer.latency import HISTOGRAM_US, LatencyResult
+from flexmotion.streamer.plots.style import LEFT, MUTED, RIGHT, WARN, new_figure
 
 
 def draw_latency(result: LatencyResult) -> Figure:

@@ -7,7 +7,7 @@ from itertools import zip_longest
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from configs.robot import Robot
+from flexmotion.configs.robot import Robot
 
 _COLUMNS = (("left_leg",), ("right_leg",), ("left_arm",), ("right_arm",))
 

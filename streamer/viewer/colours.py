@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from streamer.plots import style
+from flexmotion.streamer.plots import style
 
 RGB = tuple[int, int, int]
 

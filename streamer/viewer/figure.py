@@ -6,9 +6,9 @@ import numpy as np
 import trimesh
 import viser
 
-from streamer.viewer.colours import RGB
-from streamer.viewer.geometry import GeomMesh
-from streamer.viewer.pose import Pose
+from flexmotion.streamer.viewer.colours import RGB
+from flexmotion.streamer.viewer.geometry import GeomMesh
+from flexmotion.streamer.viewer.pose import Pose
 
 _HALO_M, _HALO_OPACITY = 0.002, 0.45
 _STILL = 1e-5

@@ -10,8 +10,8 @@ import trimesh
 import viser
 from numpy.typing import NDArray
 
-from configs.robot import Robot
-from streamer.viewer.colours import COM, DCM, FORCE, PATH, SIDES, ZMP, rgb
+from flexmotion.configs.robot import Robot
+from flexmotion.streamer.viewer.colours import COM, DCM, FORCE, PATH, SIDES, ZMP, rgb
 
 Float = NDArray[np.float64]
 Row = np.ndarray[Any, Any]
@@ -52,7 +52,7 @@ class Footprints:
         self._bore = np.zeros(2, bool)
 
     def take(self, rows: Row) -> None:
-        """Follow rows (k,) of `streamer.tick_row`, none left out: note where soles have landed."""
+        """Follow rows (k,) of `flexmotion.streamer.tick_row`, none left out: note where soles have landed."""
         bears = np.concatenate([self._bore[None], rows["contact_ref"]])
         self._bore = bears[-1].copy()
         landed = np.argwhere(bears[1:] & ~bears[:-1])

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from configs.robot import Robot
-from streamer.plots.style import FAINT, MUTED
-from streamer.viewer.colours import COM, DCM, SIDES, ZMP
-from streamer.viewer.pose import heading
+from flexmotion.configs.robot import Robot
+from flexmotion.streamer.plots.style import FAINT, MUTED
+from flexmotion.streamer.viewer.colours import COM, DCM, SIDES, ZMP
+from flexmotion.streamer.viewer.pose import heading
 
 Float = NDArray[np.float64]
 Row = np.ndarray[Any, Any]

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from configs.robot import Robot
-from streamer.ladder import State
-from streamer.telemetry import Event
+from flexmotion.configs.robot import Robot
+from flexmotion.streamer.ladder import State
+from flexmotion.streamer.telemetry import Event
 
 Float = NDArray[np.float64]
 Row = np.ndarray[Any, Any]

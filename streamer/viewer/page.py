@@ -12,15 +12,15 @@ import numpy as np
 import rich
 import viser
 
-from configs.robot import Robot
-from streamer.telemetry import Telemetry, events
-from streamer.viewer.colours import PLAN, rgb
-from streamer.viewer.figure import Figure
-from streamer.viewer.floor import BalanceMarks, Footprints, Path, Row
-from streamer.viewer.geometry import geom_meshes
-from streamer.viewer.health import Health
-from streamer.viewer.panel import Panel
-from streamer.viewer.pose import MeasuredPose, PlannedPose
+from flexmotion.configs.robot import Robot
+from flexmotion.streamer.telemetry import Telemetry, events
+from flexmotion.streamer.viewer.colours import PLAN, rgb
+from flexmotion.streamer.viewer.figure import Figure
+from flexmotion.streamer.viewer.floor import BalanceMarks, Footprints, Path, Row
+from flexmotion.streamer.viewer.geometry import geom_meshes
+from flexmotion.streamer.viewer.health import Health
+from flexmotion.streamer.viewer.panel import Panel
+from flexmotion.streamer.viewer.pose import MeasuredPose, PlannedPose
 
 _DRAW_S, _IDLE_S, _TEXT_S = 0.04, 1.0, 0.25
 """Time between pictures, between pictures that nobody looks at, and between new figures in the panel [s]."""

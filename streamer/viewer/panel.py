@@ -7,11 +7,11 @@ from html import escape
 
 import viser
 
-from streamer.ladder import State
-from streamer.plots.style import FAINT, INK, MIDDLE, MUTED, WARN
-from streamer.viewer.colours import COM, DCM, FORCE, SIDES, ZMP
-from streamer.viewer.from_above import draw_from_above
-from streamer.viewer.health import WINDOW_S, Health
+from flexmotion.streamer.ladder import State
+from flexmotion.streamer.plots.style import FAINT, INK, MIDDLE, MUTED, WARN
+from flexmotion.streamer.viewer.colours import COM, DCM, FORCE, SIDES, ZMP
+from flexmotion.streamer.viewer.from_above import draw_from_above
+from flexmotion.streamer.viewer.health import WINDOW_S, Health
 
 _STATE_COLOURS = {
     State.OFF: MUTED,

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 import yaml
 
-from configs.robot import ROBOTS, Robot, load_robot
+from flexmotion.configs.robot import ROBOTS, Robot, load_robot
 
 
 @pytest.fixture(scope="session")

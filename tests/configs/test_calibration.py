@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from configs.calibration import (
+from flexmotion.configs.calibration import (
     FILE,
     CalibratedImu,
     CalibratedJoint,
@@ -16,8 +16,8 @@ from configs.calibration import (
     read_calibration,
     write_calibration,
 )
-from configs.errors import ConfigError
-from configs.robot import ROBOTS, load_robot
+from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.robot import ROBOTS, load_robot
 
 
 @pytest.fixture

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from configs.robot import Robot
+from flexmotion.configs.robot import Robot
 
 MIRROR = np.diag([1.0, -1.0, 1.0])
 SIDES = tuple(

@@ -8,8 +8,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from configs.errors import ConfigError
-from configs.robot import ROBOTS, Robot, list_robots, load_robot
+from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.robot import ROBOTS, Robot, list_robots, load_robot
 
 Edit = Callable[[dict[str, Any]], Any]
 

@@ -2,8 +2,8 @@ from pathlib import Path
 
 import pytest
 
-from configs.errors import ConfigError
-from configs.schema import Strict, load, parse
+from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.schema import Strict, load, parse
 
 
 class Engine(Strict):

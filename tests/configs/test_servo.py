@@ -3,9 +3,9 @@ from pathlib import Path
 
 import pytest
 
-from configs.errors import ConfigError
-from configs.schema import parse
-from configs.servo import Family, Servo, catalogue, find_servo
+from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.schema import parse
+from flexmotion.configs.servo import Family, Servo, catalogue, find_servo
 
 
 def test_the_catalogue_has_the_families_of_three_protocols() -> None:

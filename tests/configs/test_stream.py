@@ -2,8 +2,8 @@ from pathlib import Path
 
 import pytest
 
-from configs.errors import ConfigError
-from configs.stream import StreamSettings, load_stream
+from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.stream import StreamSettings, load_stream
 
 
 def test_the_shipped_settings_are_the_defaults() -> None:

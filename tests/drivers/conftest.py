@@ -8,13 +8,13 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import pytest
 
-from configs.robot import Robot, load_robot
-from drivers.emulator.body import BenchBody
-from drivers.emulator.build import build_emulator
-from drivers.emulator.emulator import Emulator
-from drivers.interface import JointCommand, RobotState
-from drivers.sim.driver import SimDriver
-from drivers.sim.options import SimOptions
+from flexmotion.configs.robot import Robot, load_robot
+from flexmotion.drivers.emulator.body import BenchBody
+from flexmotion.drivers.emulator.build import build_emulator
+from flexmotion.drivers.emulator.emulator import Emulator
+from flexmotion.drivers.interface import JointCommand, RobotState
+from flexmotion.drivers.sim.driver import SimDriver
+from flexmotion.drivers.sim.options import SimOptions
 
 TICK = 0.008
 

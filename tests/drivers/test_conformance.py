@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from configs.robot import Robot, load_robot
-from drivers.conformance import DriverConformance
-from drivers.emulator.loopback import Loopback
-from drivers.interface import Driver
-from drivers.sim.driver import SimDriver
-from drivers.sim.options import SimOptions
+from flexmotion.configs.robot import Robot, load_robot
+from flexmotion.drivers.conformance import DriverConformance
+from flexmotion.drivers.emulator.loopback import Loopback
+from flexmotion.drivers.interface import Driver
+from flexmotion.drivers.sim.driver import SimDriver
+from flexmotion.drivers.sim.options import SimOptions
 
 from .bus.robots import looped, op3_with
 

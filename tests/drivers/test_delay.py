@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drivers.delay import DelayLine
+from flexmotion.drivers.delay import DelayLine
 
 
 def test_a_row_takes_effect_after_exactly_its_delay() -> None:

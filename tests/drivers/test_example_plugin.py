@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from configs.errors import ConfigError
-from configs.robot import Robot
-from drivers import plugins, registry
+from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.robot import Robot
+from flexmotion.drivers import plugins, registry
 
 pytestmark = pytest.mark.wall_clock
 

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from configs.robot import Robot, load_robot
-from drivers.plant import AMBIENT, ServoPlant
+from flexmotion.configs.robot import Robot, load_robot
+from flexmotion.drivers.plant import AMBIENT, ServoPlant
 
 ROBOT = load_robot("op3")  # hypothesis takes no fixtures
 

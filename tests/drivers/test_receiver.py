@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from configs.robot import Robot
-from drivers.receiver import Receiver
+from flexmotion.configs.robot import Robot
+from flexmotion.drivers.receiver import Receiver
 
 
 @pytest.fixture

@@ -5,10 +5,10 @@ from importlib.metadata import EntryPoint
 
 import pytest
 
-from configs.errors import ConfigError
-from configs.robot import Robot
-from drivers import plugins, registry
-from drivers.sim.driver import SimDriver
+from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.robot import Robot
+from flexmotion.drivers import plugins, registry
+from flexmotion.drivers.sim.driver import SimDriver
 
 
 @pytest.fixture
@@ -40,14 +40,14 @@ def test_an_installed_copy_of_a_built_in_driver_is_no_conflict(
     ("value", "says"),
     [
         ("no_such_package.driver:Robot", "does not load: ModuleNotFoundError"),
-        ("drivers.sim.driver:NoSuchDriver", "does not load: AttributeError"),
-        ("drivers.delay:DelayLine", "is no subclass of drivers.interface.Driver"),
+        ("flexmotion.drivers.sim.driver:NoSuchDriver", "does not load: AttributeError"),
+        ("flexmotion.drivers.delay:DelayLine", "is no subclass of flexmotion.drivers.interface.Driver"),
     ],
 )
 def test_a_broken_plug_in_warns_and_the_rest_work(
     plug_ins: list[EntryPoint], caplog: pytest.LogCaptureFixture, op3: Robot, value: str, says: str
 ) -> None:
-    plug_ins += [plug_in("broken", value), plug_in("another", "drivers.sim.driver:SimDriver")]
+    plug_ins += [plug_in("broken", value), plug_in("another", "flexmotion.drivers.sim.driver:SimDriver")]
     with caplog.at_level(logging.WARNING):
         assert set(registry.available()) == {*registry.BUILT_IN, "another"}
     assert says in caplog.text and "'broken'" in caplog.text

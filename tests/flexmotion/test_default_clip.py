@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import flexmotion.default_clip
-from configs.schema import load
 from flexmotion.body import Body
+from flexmotion.configs.schema import load
 from flexmotion.default_clip import Script, build_clip, minimum_jerk
 
 DATA = Path(flexmotion.default_clip.__file__).parent / "data"

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from configs.errors import MotionFormatError
 from flexmotion.body import Body, Segments
+from flexmotion.configs.errors import MotionFormatError
 from flexmotion.motion_file import load_motion, save_motion
 
 

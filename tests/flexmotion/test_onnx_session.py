@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from configs.errors import ConfigError
+from flexmotion.configs.errors import ConfigError
 from flexmotion.onnx_session import open_session, run
 
 onnx = pytest.importorskip("onnx", reason="networks are made with the extra 'train'")

@@ -5,11 +5,11 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from configs.errors import RetargetError
-from configs.robot import Robot
+from flexmotion.configs.errors import RetargetError
+from flexmotion.configs.robot import Robot
 from flexmotion.kinematics import forward
 from flexmotion.motion import Motion
-from retarget.arms import UpperBody
+from flexmotion.retarget.arms import UpperBody
 
 
 @pytest.fixture(scope="module")

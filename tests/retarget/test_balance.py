@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from retarget.balance import absorb, centre_of_mass, divergent_component, smoothstep
+from flexmotion.retarget.balance import absorb, centre_of_mass, divergent_component, smoothstep
 
 OMEGA, DT = 6.5, 0.008
 GROWTH = np.exp(OMEGA * DT)

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from retarget.dynamics import RobotDynamics
-from retarget.retargeter import Retargeter
+from flexmotion.retarget.dynamics import RobotDynamics
+from flexmotion.retarget.retargeter import Retargeter
 
 GRAVITY = 9.81
 

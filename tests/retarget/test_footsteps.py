@@ -9,14 +9,14 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from configs.robot_file import Gait
 from flexmotion.body import Body
+from flexmotion.configs.robot_file import Gait
 from flexmotion.default_clip import build_clip
 from flexmotion.motion import Motion
-from retarget.footsteps import NOTICE_S, UNHURRIED_S, Scaling, Step, settled_from
-from retarget.human import HumanWindow
-from retarget.retargeter import Retargeter
-from retarget.swing import PEAK_ACCELERATION
+from flexmotion.retarget.footsteps import NOTICE_S, UNHURRIED_S, Scaling, Step, settled_from
+from flexmotion.retarget.human import HumanWindow
+from flexmotion.retarget.retargeter import Retargeter
+from flexmotion.retarget.swing import PEAK_ACCELERATION
 
 from .conftest import step_script
 

@@ -9,8 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from flexmotion.contacts import ContactDetector
 from flexmotion.motion import Motion
+from flexmotion.retarget.human import HumanWindow
 from flexmotion.skeleton import JOINTS
-from retarget.human import HumanWindow
 
 
 def test_swings_are_those_of_the_walk(window: Callable[[Motion], HumanWindow], walk: Motion) -> None:

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from retarget.balance import divergent_component
-from retarget.joining import JoinAbsorber
+from flexmotion.retarget.balance import divergent_component
+from flexmotion.retarget.joining import JoinAbsorber
 
 OMEGA, DT, SHORTEST = 6.5, 0.008, 0.15
 SOLE = np.array([0.06, 0.04])

@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from configs.errors import RetargetError
-from configs.robot import ROBOTS, Robot, load_robot
-from retarget.legs import CHAIN, SIDE_NAMES, Leg
+from flexmotion.configs.errors import RetargetError
+from flexmotion.configs.robot import ROBOTS, Robot, load_robot
+from flexmotion.retarget.legs import CHAIN, SIDE_NAMES, Leg
 
 ROBOT = load_robot("op3")  # hypothesis takes no fixtures
 LEGS = [Leg.of(ROBOT, side) for side in SIDE_NAMES]

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from flexmotion.motion import Motion
-from retarget.footsteps import Scaling
-from retarget.human import HumanWindow
-from retarget.posture import follower, human_trunk, quiet_share, trunk_targets
-from retarget.retargeter import Retargeter
-from retarget.schedule import Schedule
+from flexmotion.retarget.footsteps import Scaling
+from flexmotion.retarget.human import HumanWindow
+from flexmotion.retarget.posture import follower, human_trunk, quiet_share, trunk_targets
+from flexmotion.retarget.retargeter import Retargeter
+from flexmotion.retarget.schedule import Schedule
 
 ROWS = 125
 

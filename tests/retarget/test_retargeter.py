@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from configs.errors import RetargetError
+from flexmotion.configs.errors import RetargetError
 from flexmotion.motion import Motion
-from retarget.footsteps import NOTICE_S
-from retarget.plan import Plan
-from retarget.retargeter import Retargeter
+from flexmotion.retarget.footsteps import NOTICE_S
+from flexmotion.retarget.plan import Plan
+from flexmotion.retarget.retargeter import Retargeter
 
 RATE = 125
 FRAMES = 32

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from retarget.footsteps import Step
-from retarget.schedule import SHIFT_S, Schedule
+from flexmotion.retarget.footsteps import Step
+from flexmotion.retarget.schedule import SHIFT_S, Schedule
 
 RATE = 125.0
 CLEARANCE = 0.022

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from retarget.smoothing import Follower
+from flexmotion.retarget.smoothing import Follower
 
 DT = 0.008
 FOLLOWER = Follower(omega=np.array([9.0, 22.0]), speed=np.array([0.25, 4.0]), acceleration=np.array([3.0, 80.0]), dt=DT)

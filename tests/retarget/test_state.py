@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from retarget.footsteps import Step
-from retarget.state import FROZEN_STEPS, StateLayout, pack_steps
+from flexmotion.retarget.footsteps import Step
+from flexmotion.retarget.state import FROZEN_STEPS, StateLayout, pack_steps
 
 LAYOUT = StateLayout(20, 8)
 STEPS = [

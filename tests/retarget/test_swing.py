@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from retarget.swing import PEAK_ACCELERATION, swing_path
+from flexmotion.retarget.swing import PEAK_ACCELERATION, swing_path
 
 CLEARANCE = 0.022
 poses = st.tuples(*[st.floats(-0.3, 0.3)] * 2, st.just(0.0), st.floats(-0.5, 0.5)).map(np.array)

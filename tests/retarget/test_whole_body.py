@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from retarget.retargeter import Retargeter
-from retarget.whole_body import POSTURE, WholeBody, yaw_rotation
+from flexmotion.retarget.retargeter import Retargeter
+from flexmotion.retarget.whole_body import POSTURE, WholeBody, yaw_rotation
 
 ROWS = 40
 

@@ -8,17 +8,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from configs.robot import load_robot
-from configs.stream import load_stream
-from streamer.commands.choice import choose_motion
-from streamer.commands.streaming import Outcome, RunRequest, stream
-from streamer.ladder import State
-from streamer.metrics import HumanTrack, RobotFigures
-from streamer.plots import write_plots
-from streamer.record import RunRecord
-from streamer.sources import ClipSource
-from streamer.telemetry import Event
-from streamer.tick_row import REPAIRS, blank, tick_dtype
+from flexmotion.configs.robot import load_robot
+from flexmotion.configs.stream import load_stream
+from flexmotion.streamer.commands.choice import choose_motion
+from flexmotion.streamer.commands.streaming import Outcome, RunRequest, stream
+from flexmotion.streamer.ladder import State
+from flexmotion.streamer.metrics import HumanTrack, RobotFigures
+from flexmotion.streamer.plots import write_plots
+from flexmotion.streamer.record import RunRecord
+from flexmotion.streamer.sources import ClipSource
+from flexmotion.streamer.telemetry import Event
+from flexmotion.streamer.tick_row import REPAIRS, blank, tick_dtype
 
 JOINTS = ("l_hip_pitch", "l_knee", "r_hip_pitch", "r_knee", "l_el", "head_pan")
 LEGS = np.array([0, 1, 2, 3])

@@ -10,8 +10,8 @@ from flexmotion.body import Body
 from flexmotion.motion import Motion
 from flexmotion.sampler import Condition
 from flexmotion.skeleton import JOINTS
+from flexmotion.streamer.metrics import heading
 from flexmotion.text.prompt_reader import Prompt
-from streamer.metrics import heading
 
 NOISE_M = 1e-3
 SPEEDS = {"walk forward": (1.0, 0.0), "turn left": (0.0, 1.0)}

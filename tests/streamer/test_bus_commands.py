@@ -16,11 +16,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from configs.robot import ROBOTS, load_robot
-from drivers.emulator.body import BenchBody
-from drivers.emulator.build import build_emulator
-from streamer.bus_check import check_buses
-from streamer.cli import execute
+from flexmotion.configs.robot import ROBOTS, load_robot
+from flexmotion.drivers.emulator.body import BenchBody
+from flexmotion.drivers.emulator.build import build_emulator
+from flexmotion.streamer.bus_check import check_buses
+from flexmotion.streamer.cli import execute
 
 pytestmark = pytest.mark.wall_clock
 
@@ -29,7 +29,7 @@ pytestmark = pytest.mark.wall_clock
 def port(tmp_path: Path) -> Iterator[Path]:
     """The bus of OP3's servos, new from the shop, emulated on a bench by the command itself."""
     link = tmp_path / "emulated"
-    command = [sys.executable, "-m", "streamer", "emulate", "--bench", "--no-realtime", "--json"]
+    command = [sys.executable, "-m", "flexmotion.streamer", "emulate", "--bench", "--no-realtime", "--json"]
     process = subprocess.Popen([*command, "--port-link", str(link)], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
     for _ in range(600):
         if link.exists() or process.poll() is not None:

@@ -14,17 +14,17 @@ from types import ModuleType
 
 import pytest
 
-from configs.errors import DriverError
-from configs.robot import load_robot
-from drivers import registry
-from drivers.interface import Capabilities, RobotState
-from drivers.sim.driver import SimDriver
-from streamer.cli import execute
-from streamer.commands.driver_options import simulation_options
-from streamer.commands.signals import operator_signals
-from streamer.commands.streaming import emulated_port
-from streamer.controls import Request
-from streamer.report import TIMING_KEYS
+from flexmotion.configs.errors import DriverError
+from flexmotion.configs.robot import load_robot
+from flexmotion.drivers import registry
+from flexmotion.drivers.interface import Capabilities, RobotState
+from flexmotion.drivers.sim.driver import SimDriver
+from flexmotion.streamer.cli import execute
+from flexmotion.streamer.commands.driver_options import simulation_options
+from flexmotion.streamer.commands.signals import operator_signals
+from flexmotion.streamer.commands.streaming import emulated_port
+from flexmotion.streamer.controls import Request
+from flexmotion.streamer.report import TIMING_KEYS
 
 COMMANDS = ["dry-run", "run", "retarget", "check torque", "robots", "drivers"]
 
@@ -48,7 +48,7 @@ def test_without_a_command_help_is_shown(capsys: pytest.CaptureFixture[str]) -> 
 
 
 def test_help_is_quick_because_nothing_heavy_is_imported() -> None:
-    code = "import sys, streamer.cli; print(sorted({'mujoco', 'scipy', 'matplotlib'} & set(sys.modules)))"
+    code = "import sys, flexmotion.streamer.cli; print(sorted({'mujoco', 'scipy', 'matplotlib'} & set(sys.modules)))"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"
 
 
@@ -57,7 +57,7 @@ def test_an_interrupt_before_anything_is_imported_is_quiet() -> None:
     # Whoever runs the tests in the background has it ignored; a user at a terminal has not.
     code = """
 import importlib.abc, os, signal, sys
-from streamer.__main__ import main
+from flexmotion.streamer.__main__ import main
 
 class Impatient(importlib.abc.MetaPathFinder):
     def find_spec(self, name, path, target=None):
@@ -345,7 +345,7 @@ def test_robots(capsys: pytest.CaptureFixture[str]) -> None:
 @pytest.fixture(scope="module")
 def short_clip(tmp_path_factory: pytest.TempPathFactory) -> Path:
     from flexmotion.motion_file import save_motion
-    from streamer.commands.choice import choose_motion
+    from flexmotion.streamer.commands.choice import choose_motion
 
     file = tmp_path_factory.mktemp("clip") / "short.npz"
     save_motion(choose_motion()[:20], file)
@@ -378,7 +378,7 @@ def test_script_of_two_clips(short_clip: Path, tmp_path: Path, capsys: pytest.Ca
 
 def test_a_reader_that_leaves_causes_no_traceback() -> None:
     process = subprocess.Popen(
-        [sys.executable, "-m", "streamer", "robots", "op3"], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+        [sys.executable, "-m", "flexmotion.streamer", "robots", "op3"], stdout=subprocess.PIPE, stderr=subprocess.PIPE
     )
     assert process.stdout is not None
     assert process.stderr is not None

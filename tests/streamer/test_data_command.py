@@ -15,8 +15,8 @@ import pytest
 
 from flexmotion.default_clip import default_clip
 from flexmotion.motion_file import load_motion, save_motion
-from streamer.cli import execute
-from streamer.exit_codes import BAD_USAGE, CHECK_FAILED, OK
+from flexmotion.streamer.cli import execute
+from flexmotion.streamer.exit_codes import BAD_USAGE, CHECK_FAILED, OK
 
 
 @pytest.fixture
@@ -53,7 +53,7 @@ def test_killed_half_way_it_goes_on_to_the_same_bytes(tmp_path: Path) -> None:
 
     whole, killed = tmp_path / "whole", tmp_path / "killed"
     assert execute(command(whole, 1)) == OK
-    program = [sys.executable, "-c", "from streamer.__main__ import main; main()", *command(killed, 2)]
+    program = [sys.executable, "-c", "from flexmotion.streamer.__main__ import main; main()", *command(killed, 2)]
     quiet = subprocess.DEVNULL
     process = subprocess.Popen(program, stdout=quiet, stderr=quiet, start_new_session=True)
     parts = killed / "work" / "parts"

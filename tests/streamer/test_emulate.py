@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from streamer.commands.emulate import describe
+from flexmotion.streamer.commands.emulate import describe
 
 
 def figures(**changed: Any) -> dict[str, Any]:

@@ -6,12 +6,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from configs.robot import load_robot
-from configs.stream import load_stream
-from drivers.interface import RobotState
-from retarget.retargeter import Retargeter
-from streamer.estimator import Estimator, roll_pitch
-from streamer.reference import Reference
+from flexmotion.configs.robot import load_robot
+from flexmotion.configs.stream import load_stream
+from flexmotion.drivers.interface import RobotState
+from flexmotion.retarget.retargeter import Retargeter
+from flexmotion.streamer.estimator import Estimator, roll_pitch
+from flexmotion.streamer.reference import Reference
 
 ROBOT = load_robot("op3")
 RETARGETER = Retargeter(ROBOT, load_stream())

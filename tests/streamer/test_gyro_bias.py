@@ -5,16 +5,16 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from configs.robot import load_robot
-from configs.stream import load_stream
-from drivers.interface import RobotState
-from drivers.sim.driver import SimDriver
-from drivers.sim.options import SimOptions
-from retarget.retargeter import Retargeter
-from streamer.gyro_bias import REST_S, GyroBias
-from streamer.loop import ControlLoop
-from streamer.plan_buffer import PlanBuffer
-from streamer.telemetry import Telemetry, events
+from flexmotion.configs.robot import load_robot
+from flexmotion.configs.stream import load_stream
+from flexmotion.drivers.interface import RobotState
+from flexmotion.drivers.sim.driver import SimDriver
+from flexmotion.drivers.sim.options import SimOptions
+from flexmotion.retarget.retargeter import Retargeter
+from flexmotion.streamer.gyro_bias import REST_S, GyroBias
+from flexmotion.streamer.loop import ControlLoop
+from flexmotion.streamer.plan_buffer import PlanBuffer
+from flexmotion.streamer.telemetry import Telemetry, events
 
 RATE = 125.0
 BIAS = np.array([0.02, -0.025, 0.01])

@@ -9,8 +9,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from configs.errors import ConfigError
-from streamer.intents import FASTEST, WORDS, Clip, Intent, Stop, Text, Velocity, from_content, to_content, word_of
+from flexmotion.configs.errors import ConfigError
+from flexmotion.streamer.intents import (
+    FASTEST,
+    WORDS,
+    Clip,
+    Intent,
+    Stop,
+    Text,
+    Velocity,
+    from_content,
+    to_content,
+    word_of,
+)
 
 _WORDS = st.text(st.characters(exclude_characters="\0", exclude_categories=["Cs"]), min_size=1).filter(str.strip)
 _LINES = st.text(st.characters(exclude_categories=["C", "Z"], include_characters=" "), min_size=1, max_size=100).filter(

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from configs.robot_file import SafetyLimits
-from streamer.ladder import POWERED, Inputs, Ladder, Playback, State
+from flexmotion.configs.robot_file import SafetyLimits
+from flexmotion.streamer.ladder import POWERED, Inputs, Ladder, Playback, State
 
 RATE = 100.0
 FREEZE, DAMP = 50, 100

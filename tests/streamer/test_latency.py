@@ -13,12 +13,12 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from configs.robot import load_robot
-from configs.stream import load_stream
-from drivers.registry import create
-from streamer.cli import execute
-from streamer.controls import Request
-from streamer.latency import (
+from flexmotion.configs.robot import load_robot
+from flexmotion.configs.stream import load_stream
+from flexmotion.drivers.registry import create
+from flexmotion.streamer.cli import execute
+from flexmotion.streamer.controls import Request
+from flexmotion.streamer.latency import (
     HISTOGRAM_US,
     LatencyResult,
     Moments,
@@ -29,12 +29,12 @@ from streamer.latency import (
     shipped_clips,
     switched,
 )
-from streamer.latency_text import render_latency
-from streamer.plots import write_latency
-from streamer.record import RunRecord
-from streamer.session import Session
-from streamer.telemetry import Event
-from streamer.tick_row import tick_dtype
+from flexmotion.streamer.latency_text import render_latency
+from flexmotion.streamer.plots import write_latency
+from flexmotion.streamer.record import RunRecord
+from flexmotion.streamer.session import Session
+from flexmotion.streamer.telemetry import Event
+from flexmotion.streamer.tick_row import tick_dtype
 
 pytestmark = pytest.mark.wall_clock
 
@@ -163,7 +163,7 @@ def test_an_interrupted_robot_is_asked_for_nothing_more(monkeypatch: pytest.Monk
     switcher = _Switcher(session, intents, 60.0, None, 0, None, lambda: next(asked, None))
     with monkeypatch.context() as patched:
         seconds = itertools.count(0.0, 3.0)
-        patched.setattr("streamer.latency.time", SimpleNamespace(perf_counter=lambda: next(seconds)))
+        patched.setattr("flexmotion.streamer.latency.time", SimpleNamespace(perf_counter=lambda: next(seconds)))
         heard = [switcher.next() for _ in range(6)]
     assert heard == [None, None, None, Request.END, None, None]
     assert switcher.interrupted and switcher.sent == 2

@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from configs.robot import load_robot
-from streamer.load_estimator import LoadEstimator
+from flexmotion.configs.robot import load_robot
+from flexmotion.streamer.load_estimator import LoadEstimator
 
 ROBOT = load_robot("op3")
 TICKS = int(8 * ROBOT.rate_hz)

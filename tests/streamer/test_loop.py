@@ -7,18 +7,18 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import pytest
 
-from configs.robot import Robot, load_robot
-from configs.stream import load_stream
-from drivers.interface import RobotState
-from drivers.sim.driver import SimDriver
-from drivers.sim.options import SimOptions
+from flexmotion.configs.robot import Robot, load_robot
+from flexmotion.configs.stream import load_stream
 from flexmotion.default_clip import default_clip
-from retarget.plan import Plan
-from retarget.retargeter import Retargeter
-from streamer.ladder import State
-from streamer.loop import ControlLoop
-from streamer.plan_buffer import PlanBuffer, Ticket
-from streamer.telemetry import Telemetry, events
+from flexmotion.drivers.interface import RobotState
+from flexmotion.drivers.sim.driver import SimDriver
+from flexmotion.drivers.sim.options import SimOptions
+from flexmotion.retarget.plan import Plan
+from flexmotion.retarget.retargeter import Retargeter
+from flexmotion.streamer.ladder import State
+from flexmotion.streamer.loop import ControlLoop
+from flexmotion.streamer.plan_buffer import PlanBuffer, Ticket
+from flexmotion.streamer.telemetry import Telemetry, events
 
 READY = 135
 """Ticks after which the robot stands at its stand pose and has rested there."""

@@ -10,10 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from streamer import metrics
-from streamer.ladder import State
-from streamer.metrics import HumanTrack, RobotFigures, joint_loads, motion_figures
-from streamer.record import RunRecord
+from flexmotion.streamer import metrics
+from flexmotion.streamer.ladder import State
+from flexmotion.streamer.metrics import HumanTrack, RobotFigures, joint_loads, motion_figures
+from flexmotion.streamer.record import RunRecord
 
 deterministic = settings(derandomize=True, deadline=None, max_examples=50)
 

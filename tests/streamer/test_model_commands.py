@@ -9,12 +9,12 @@ import pytest
 
 pytest.importorskip("torch", reason="training needs the extra 'train'")
 
-from configs.model import FOLDER
+from flexmotion.configs.model import FOLDER
 from flexmotion.dataset.build import build
 from flexmotion.dataset.settings import BuildSettings
 from flexmotion.default_clip import default_clip
 from flexmotion.motion_file import save_motion
-from streamer.cli import execute
+from flexmotion.streamer.cli import execute
 
 COMMANDS = ["train autoencoder", "train text", "train diffusion", "train distill", "train evaluator"]
 

@@ -9,24 +9,24 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from configs.robot import load_robot
-from configs.stream import load_stream
-from drivers.registry import create
 from flexmotion.bundles.bundle import Bundle
+from flexmotion.configs.robot import load_robot
+from flexmotion.configs.stream import load_stream
+from flexmotion.drivers.registry import create
 from flexmotion.pace import Pace
 from flexmotion.sampler import Sampler
-from streamer.cli import execute
-from streamer.commands.choice import choose_source, choose_switched
-from streamer.controls import Request
-from streamer.intents import Clip, Intent, Stop, Text, Velocity
-from streamer.ladder import State
-from streamer.model_source import ModelSource
-from streamer.offline import retarget_offline
-from streamer.pace import human_pace
-from streamer.record import RunRecord
-from streamer.report import TIMING_KEYS
-from streamer.script import Item
-from streamer.session import Session, human_motion
+from flexmotion.streamer.cli import execute
+from flexmotion.streamer.commands.choice import choose_source, choose_switched
+from flexmotion.streamer.controls import Request
+from flexmotion.streamer.intents import Clip, Intent, Stop, Text, Velocity
+from flexmotion.streamer.ladder import State
+from flexmotion.streamer.model_source import ModelSource
+from flexmotion.streamer.offline import retarget_offline
+from flexmotion.streamer.pace import human_pace
+from flexmotion.streamer.record import RunRecord
+from flexmotion.streamer.report import TIMING_KEYS
+from flexmotion.streamer.script import Item
+from flexmotion.streamer.session import Session, human_motion
 
 from .stub_sampler import StubSampler
 

@@ -8,15 +8,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from configs.errors import ConfigError
+from flexmotion.configs.errors import ConfigError
 from flexmotion.motion import Motion
 from flexmotion.pace import Pace
-from streamer.intents import Clip, Intent, Stop, Text, Velocity
-from streamer.metrics import heading
-from streamer.model_source import ModelSource
-from streamer.script import Item
-from streamer.sources import ClipSource, LiveSource, Performance
-from streamer.targets import Target
+from flexmotion.streamer.intents import Clip, Intent, Stop, Text, Velocity
+from flexmotion.streamer.metrics import heading
+from flexmotion.streamer.model_source import ModelSource
+from flexmotion.streamer.script import Item
+from flexmotion.streamer.sources import ClipSource, LiveSource, Performance
+from flexmotion.streamer.targets import Target
 
 from .stub_sampler import StubSampler
 

@@ -10,20 +10,20 @@ import numpy as np
 import pytest
 from rich.console import Console, RenderableType
 
-from configs.errors import ConfigError
-from configs.robot import Robot, load_robot
-from configs.stream import load_stream
+from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.robot import Robot, load_robot
+from flexmotion.configs.stream import load_stream
 from flexmotion.motion import Motion
-from streamer.commands.choice import choose_motion
-from streamer.envelope import endurance, envelope, torque_limit
-from streamer.intents import Text
-from streamer.model_source import ModelSource
-from streamer.offline import Trajectory, retarget_offline
-from streamer.script import Item
-from streamer.sources import ClipSource
-from streamer.torque_check import check_trajectory, render_check
-from streamer.trajectory_file import write_trajectory
-from streamer.trajectory_quality import quality, render_quality
+from flexmotion.streamer.commands.choice import choose_motion
+from flexmotion.streamer.envelope import endurance, envelope, torque_limit
+from flexmotion.streamer.intents import Text
+from flexmotion.streamer.model_source import ModelSource
+from flexmotion.streamer.offline import Trajectory, retarget_offline
+from flexmotion.streamer.script import Item
+from flexmotion.streamer.sources import ClipSource
+from flexmotion.streamer.torque_check import check_trajectory, render_check
+from flexmotion.streamer.trajectory_file import write_trajectory
+from flexmotion.streamer.trajectory_quality import quality, render_quality
 
 from .stub_sampler import StubSampler
 

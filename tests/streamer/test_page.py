@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from streamer.commands.streaming import Outcome
-from streamer.page import write_page
-from streamer.summary import verdict
+from flexmotion.streamer.commands.streaming import Outcome
+from flexmotion.streamer.page import write_page
+from flexmotion.streamer.summary import verdict
 
 
 def test_page_is_self_contained(outcome: Outcome, pictures: list[Path], tmp_path: Path) -> None:

@@ -9,13 +9,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from configs.errors import RetargetError
-from configs.robot import load_robot
-from configs.stream import load_stream
+from flexmotion.configs.errors import RetargetError
+from flexmotion.configs.robot import load_robot
+from flexmotion.configs.stream import load_stream
 from flexmotion.default_clip import default_clip
-from retarget.plan import Plan
-from retarget.retargeter import Retargeter
-from streamer.plan_buffer import SLOTS, Offer, PlanBuffer, Ticket
+from flexmotion.retarget.plan import Plan
+from flexmotion.retarget.retargeter import Retargeter
+from flexmotion.streamer.plan_buffer import SLOTS, Offer, PlanBuffer, Ticket
 
 TICKET = Ticket(
     id=1,
@@ -118,7 +118,7 @@ def test_the_writer_may_stop_in_the_middle_of_a_plan(
     def stop(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("streamer.plan_buffer.pack_steps", stop)
+    monkeypatch.setattr("flexmotion.streamer.plan_buffer.pack_steps", stop)
     with pytest.raises(KeyboardInterrupt):
         buffer.publish(replace(TICKET, id=2), replace(plan, zmp=np.full_like(plan.zmp, 9.0)))
     offer = buffer.newest(0)

@@ -6,16 +6,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from configs.errors import MotionFormatError
-from configs.robot import load_robot
-from configs.stream import load_stream
+from flexmotion.configs.errors import MotionFormatError
+from flexmotion.configs.robot import load_robot
+from flexmotion.configs.stream import load_stream
 from flexmotion.default_clip import default_clip
 from flexmotion.motion import Motion
-from retarget.plan import Plan
-from retarget.retargeter import Retargeter
-from streamer.planner import Planner
-from streamer.replan_noise import NoisySource
-from streamer.sources import ClipSource
+from flexmotion.retarget.plan import Plan
+from flexmotion.retarget.retargeter import Retargeter
+from flexmotion.streamer.planner import Planner
+from flexmotion.streamer.replan_noise import NoisySource
+from flexmotion.streamer.sources import ClipSource
 
 RETARGETER = Retargeter(load_robot("op3"), load_stream())
 CLIP = default_clip()[225:330]

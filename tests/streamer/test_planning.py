@@ -7,19 +7,19 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from configs.robot import Robot, load_robot
-from configs.stream import load_stream
+from flexmotion.configs.robot import Robot, load_robot
+from flexmotion.configs.stream import load_stream
 from flexmotion.default_clip import default_clip
-from retarget.retargeter import Retargeter
-from streamer.clip_library import ClipLibrary
-from streamer.intents import Clip
-from streamer.ladder import State
-from streamer.lead import FixedLead, Kind, MeasuredLead
-from streamer.plan_buffer import PlanBuffer, Ticket
-from streamer.planner import Planner
-from streamer.planning import Planning, Superseded
-from streamer.targets import TargetMailbox
-from streamer.telemetry import Telemetry
+from flexmotion.retarget.retargeter import Retargeter
+from flexmotion.streamer.clip_library import ClipLibrary
+from flexmotion.streamer.intents import Clip
+from flexmotion.streamer.ladder import State
+from flexmotion.streamer.lead import FixedLead, Kind, MeasuredLead
+from flexmotion.streamer.plan_buffer import PlanBuffer, Ticket
+from flexmotion.streamer.planner import Planner
+from flexmotion.streamer.planning import Planning, Superseded
+from flexmotion.streamer.targets import TargetMailbox
+from flexmotion.streamer.telemetry import Telemetry
 
 LEAD = 5
 

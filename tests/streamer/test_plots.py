@@ -8,16 +8,16 @@ import mujoco
 import numpy as np
 import pytest
 
-from streamer.commands.streaming import Outcome
-from streamer.metrics import HumanTrack, RobotFigures
-from streamer.plots import write_plots
-from streamer.plots.filmstrip import FRAMES, draw_filmstrip, moments
-from streamer.plots.footsteps import scaled_path, stances
-from streamer.plots.panels import joint_columns
-from streamer.plots.solid import Camera, shapes
-from streamer.plots.style import save, styled
-from streamer.record import RunRecord
-from streamer.tick_row import blank
+from flexmotion.streamer.commands.streaming import Outcome
+from flexmotion.streamer.metrics import HumanTrack, RobotFigures
+from flexmotion.streamer.plots import write_plots
+from flexmotion.streamer.plots.filmstrip import FRAMES, draw_filmstrip, moments
+from flexmotion.streamer.plots.footsteps import scaled_path, stances
+from flexmotion.streamer.plots.panels import joint_columns
+from flexmotion.streamer.plots.solid import Camera, shapes
+from flexmotion.streamer.plots.style import save, styled
+from flexmotion.streamer.record import RunRecord
+from flexmotion.streamer.tick_row import blank
 
 PNG = b"\x89PNG\r\n\x1a\n"
 

@@ -3,11 +3,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from configs.robot import Robot, load_robot
-from configs.stream import load_stream
-from retarget.retargeter import Retargeter
-from streamer.posture_move import PostureMove
-from streamer.reference import Reference
+from flexmotion.configs.robot import Robot, load_robot
+from flexmotion.configs.stream import load_stream
+from flexmotion.retarget.retargeter import Retargeter
+from flexmotion.streamer.posture_move import PostureMove
+from flexmotion.streamer.reference import Reference
 
 
 @pytest.fixture(scope="module")

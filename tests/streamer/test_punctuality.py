@@ -2,8 +2,8 @@ from __future__ import annotations
 
 import pytest
 
-from configs.robot import load_robot
-from streamer.punctuality import Punctuality
+from flexmotion.configs.robot import load_robot
+from flexmotion.streamer.punctuality import Punctuality
 
 
 @pytest.fixture

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from streamer.record import Collector, RunRecord
-from streamer.telemetry import KEPT_S, Event, Telemetry
-from streamer.tick_row import blank, tick_dtype
+from flexmotion.streamer.record import Collector, RunRecord
+from flexmotion.streamer.telemetry import KEPT_S, Event, Telemetry
+from flexmotion.streamer.tick_row import blank, tick_dtype
 
 JOINTS = ("a", "b")
 

@@ -16,22 +16,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from configs.errors import ConfigError, DriverError
-from configs.robot import load_robot
-from configs.stream import load_stream
-from drivers.registry import create
+from flexmotion.configs.errors import ConfigError, DriverError
+from flexmotion.configs.robot import load_robot
+from flexmotion.configs.stream import load_stream
 from flexmotion.default_clip import default_clip
-from streamer.cli import execute
-from streamer.commands.recording import record_to
-from streamer.controls import Request
-from streamer.ladder import State
-from streamer.log.log_file import LogFile
-from streamer.log.reader import read_log
-from streamer.plan_buffer import Offer, PlanBuffer
-from streamer.recorder import Recorder
-from streamer.session import Session
-from streamer.sources import ClipSource
-from streamer.telemetry import KEPT_S
+from flexmotion.drivers.registry import create
+from flexmotion.streamer.cli import execute
+from flexmotion.streamer.commands.recording import record_to
+from flexmotion.streamer.controls import Request
+from flexmotion.streamer.ladder import State
+from flexmotion.streamer.log.log_file import LogFile
+from flexmotion.streamer.log.reader import read_log
+from flexmotion.streamer.plan_buffer import Offer, PlanBuffer
+from flexmotion.streamer.recorder import Recorder
+from flexmotion.streamer.session import Session
+from flexmotion.streamer.sources import ClipSource
+from flexmotion.streamer.telemetry import KEPT_S
 
 pytestmark = pytest.mark.wall_clock
 
@@ -83,7 +83,9 @@ def test_a_full_disk_ends_the_log_and_not_the_run(tmp_path: Path) -> None:
         resource.setrlimit(resource.RLIMIT_FSIZE, (most, most))
 
     command = ["dry-run", "--seconds", "0.6", "--json", "--log", str(file)]
-    run = subprocess.run([sys.executable, "-m", "streamer", *command], capture_output=True, text=True, preexec_fn=limit)
+    run = subprocess.run(
+        [sys.executable, "-m", "flexmotion.streamer", *command], capture_output=True, text=True, preexec_fn=limit
+    )
     assert run.returncode == 0, run.stderr
     assert run.stderr.count("recording stopped at tick") == 1 and "Traceback" not in run.stderr
     report = json.loads(run.stdout)
@@ -160,7 +162,7 @@ def test_when_the_program_is_killed_the_parking_is_still_on_record(tmp_path: Pat
     command = [
         sys.executable,
         "-m",
-        "streamer",
+        "flexmotion.streamer",
         "dry-run",
         "--clock",
         "real",

@@ -3,12 +3,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from configs.robot import load_robot
-from configs.stream import load_stream
+from flexmotion.configs.robot import load_robot
+from flexmotion.configs.stream import load_stream
 from flexmotion.default_clip import default_clip
-from retarget.plan import Plan
-from retarget.retargeter import Retargeter
-from streamer.reference import Reference
+from flexmotion.retarget.plan import Plan
+from flexmotion.retarget.retargeter import Retargeter
+from flexmotion.streamer.reference import Reference
 
 
 @pytest.fixture(scope="module")

@@ -7,8 +7,8 @@ from scipy.spatial.transform import Rotation
 from flexmotion.default_clip import default_clip
 from flexmotion.kinematics import forward
 from flexmotion.motion import Motion
-from streamer.replan_noise import NoisySource
-from streamer.sources import ClipSource
+from flexmotion.streamer.replan_noise import NoisySource
+from flexmotion.streamer.sources import ClipSource
 
 CLIP = default_clip()
 SIZE = 0.05

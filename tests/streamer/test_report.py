@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from streamer.ladder import State
-from streamer.metrics import HumanTrack, RobotFigures
-from streamer.record import RunRecord
-from streamer.report import TIMING_KEYS, Latency, Report, RunInfo, build_report
-from streamer.telemetry import Event
+from flexmotion.streamer.ladder import State
+from flexmotion.streamer.metrics import HumanTrack, RobotFigures
+from flexmotion.streamer.record import RunRecord
+from flexmotion.streamer.report import TIMING_KEYS, Latency, Report, RunInfo, build_report
+from flexmotion.streamer.telemetry import Event
 
 INFO = RunInfo(robot="op3", driver="sim", source="walk.bvh", seed=3, elapsed_s=1.6)
 

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from configs.errors import ConfigError
-from streamer.intents import Clip, Stop, Text, Velocity
-from streamer.script import Item, load_script
+from flexmotion.configs.errors import ConfigError
+from flexmotion.streamer.intents import Clip, Stop, Text, Velocity
+from flexmotion.streamer.script import Item, load_script
 
 
 def script(folder: Path, text: str) -> Path:

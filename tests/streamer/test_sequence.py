@@ -9,8 +9,8 @@ from scipy.spatial.transform import Rotation
 from flexmotion.body import Body
 from flexmotion.motion import Motion
 from flexmotion.skeleton import JOINTS
-from streamer.metrics import heading
-from streamer.sequence import sequence
+from flexmotion.streamer.metrics import heading
+from flexmotion.streamer.sequence import sequence
 
 FPS = 30.0
 

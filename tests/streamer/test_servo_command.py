@@ -6,10 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from configs.robot import load_robot
-from drivers.interface import RobotState
-from drivers.plant import ServoPlant
-from streamer.servo_command import BRAKING_SHARE, ServoCommand
+from flexmotion.configs.robot import load_robot
+from flexmotion.drivers.interface import RobotState
+from flexmotion.drivers.plant import ServoPlant
+from flexmotion.streamer.servo_command import BRAKING_SHARE, ServoCommand
 
 ROBOT = load_robot("op3")  # hypothesis takes no fixtures
 N = ROBOT.n

@@ -8,20 +8,20 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from configs.robot import Robot, load_robot
-from configs.stream import load_stream
-from drivers.interface import JointCommand, RobotState
-from drivers.sim.driver import SimDriver
-from drivers.sim.options import SimOptions
+from flexmotion.configs.robot import Robot, load_robot
+from flexmotion.configs.stream import load_stream
 from flexmotion.default_clip import default_clip
+from flexmotion.drivers.interface import JointCommand, RobotState
+from flexmotion.drivers.sim.driver import SimDriver
+from flexmotion.drivers.sim.options import SimOptions
 from flexmotion.motion import Motion
-from streamer.controls import Request
-from streamer.ladder import State
-from streamer.loop import ControlLoop
-from streamer.metrics import tilt
-from streamer.record import RunRecord
-from streamer.session import Session, count_human_steps
-from streamer.sources import ClipSource
+from flexmotion.streamer.controls import Request
+from flexmotion.streamer.ladder import State
+from flexmotion.streamer.loop import ControlLoop
+from flexmotion.streamer.metrics import tilt
+from flexmotion.streamer.record import RunRecord
+from flexmotion.streamer.session import Session, count_human_steps
+from flexmotion.streamer.sources import ClipSource
 
 RATE = 125
 MID_WALK = 3.46

@@ -3,13 +3,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from configs.robot import load_robot
-from configs.stream import load_stream
-from drivers.interface import RobotState
-from retarget.retargeter import Retargeter
-from streamer.estimator import Estimator
-from streamer.reference import Reference
-from streamer.stabiliser import DCM_GAIN, Stabiliser
+from flexmotion.configs.robot import load_robot
+from flexmotion.configs.stream import load_stream
+from flexmotion.drivers.interface import RobotState
+from flexmotion.retarget.retargeter import Retargeter
+from flexmotion.streamer.estimator import Estimator
+from flexmotion.streamer.reference import Reference
+from flexmotion.streamer.stabiliser import DCM_GAIN, Stabiliser
 
 ROBOT = load_robot("op3")
 ZMP_SHIFT = np.array(ROBOT.gait.zmp_feedback)

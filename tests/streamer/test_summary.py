@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from streamer.ladder import State
-from streamer.metrics import HumanTrack, RobotFigures
-from streamer.record import RunRecord
-from streamer.report import RunInfo, build_report
-from streamer.summary import failures, joint_rows, render, verdict
-from streamer.telemetry import Event
+from flexmotion.streamer.ladder import State
+from flexmotion.streamer.metrics import HumanTrack, RobotFigures
+from flexmotion.streamer.record import RunRecord
+from flexmotion.streamer.report import RunInfo, build_report
+from flexmotion.streamer.summary import failures, joint_rows, render, verdict
+from flexmotion.streamer.telemetry import Event
 
 INFO = RunInfo(robot="op3", driver="sim", source="walk.bvh", elapsed_s=1.0)
 

@@ -5,16 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from configs.robot import Robot, load_robot
-from configs.stream import load_stream
-from drivers.sim.driver import SimDriver
-from drivers.sim.options import PERTURBED, SimOptions
+from flexmotion.configs.robot import Robot, load_robot
+from flexmotion.configs.stream import load_stream
 from flexmotion.default_clip import default_clip
-from streamer.ladder import State
-from streamer.record import RunRecord
-from streamer.session import Session
-from streamer.sources import ClipSource
-from streamer.suspension import Suspension
+from flexmotion.drivers.sim.driver import SimDriver
+from flexmotion.drivers.sim.options import PERTURBED, SimOptions
+from flexmotion.streamer.ladder import State
+from flexmotion.streamer.record import RunRecord
+from flexmotion.streamer.session import Session
+from flexmotion.streamer.sources import ClipSource
+from flexmotion.streamer.suspension import Suspension
 
 
 @pytest.fixture(scope="module")

@@ -7,14 +7,14 @@ import time
 import numpy as np
 import pytest
 
-from configs.errors import ConfigError
+from flexmotion.configs.errors import ConfigError
 from flexmotion.default_clip import default_clip
-from streamer.clip_library import ClipLibrary
-from streamer.controls import Controls, Request
-from streamer.intents import Clip, Intent, Stop, Text, Velocity
-from streamer.metrics import heading
-from streamer.sources import ClipSource, LiveSource
-from streamer.targets import NO_TARGET, TargetMailbox, arrived
+from flexmotion.streamer.clip_library import ClipLibrary
+from flexmotion.streamer.controls import Controls, Request
+from flexmotion.streamer.intents import Clip, Intent, Stop, Text, Velocity
+from flexmotion.streamer.metrics import heading
+from flexmotion.streamer.sources import ClipSource, LiveSource
+from flexmotion.streamer.targets import NO_TARGET, TargetMailbox, arrived
 
 
 def test_the_newest_target_counts_and_the_log_sees_all() -> None:

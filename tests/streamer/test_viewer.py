@@ -16,24 +16,24 @@ import viser
 from websockets.sync.client import connect
 from websockets.typing import Subprotocol
 
-from configs.errors import ConfigError
-from configs.robot import Robot, load_robot
-from configs.stream import load_stream
-from drivers.registry import create
-from streamer.commands.choice import choose_motion
-from streamer.commands.streaming import Outcome
-from streamer.ladder import State
-from streamer.record import RunRecord
-from streamer.session import Session
-from streamer.sources import ClipSource
-from streamer.telemetry import Telemetry
-from streamer.viewer.from_above import draw_from_above
-from streamer.viewer.geometry import geom_meshes
-from streamer.viewer.health import Health
-from streamer.viewer.page import Page
-from streamer.viewer.panel import render
-from streamer.viewer.pose import MeasuredPose, PlannedPose, Pose, heading
-from streamer.viewer.service import HOST, Viewer, free_port
+from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.robot import Robot, load_robot
+from flexmotion.configs.stream import load_stream
+from flexmotion.drivers.registry import create
+from flexmotion.streamer.commands.choice import choose_motion
+from flexmotion.streamer.commands.streaming import Outcome
+from flexmotion.streamer.ladder import State
+from flexmotion.streamer.record import RunRecord
+from flexmotion.streamer.session import Session
+from flexmotion.streamer.sources import ClipSource
+from flexmotion.streamer.telemetry import Telemetry
+from flexmotion.streamer.viewer.from_above import draw_from_above
+from flexmotion.streamer.viewer.geometry import geom_meshes
+from flexmotion.streamer.viewer.health import Health
+from flexmotion.streamer.viewer.page import Page
+from flexmotion.streamer.viewer.panel import render
+from flexmotion.streamer.viewer.pose import MeasuredPose, PlannedPose, Pose, heading
+from flexmotion.streamer.viewer.service import HOST, Viewer, free_port
 
 pytestmark = pytest.mark.wall_clock
 

@@ -6,19 +6,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from configs.robot import Robot
-from configs.stream import load_stream
-from drivers.bus.driver import BusDriver
-from drivers.emulator.faults import Fault
-from drivers.emulator.lockstep import LockstepBus
-from drivers.emulator.loopback import Loopback
-from drivers.emulator.sim_body import SimBody
-from drivers.interface import Driver
-from drivers.registry import create
-from streamer.commands.choice import choose_motion
-from streamer.record import RunRecord
-from streamer.session import Session
-from streamer.sources import ClipSource
+from flexmotion.configs.robot import Robot
+from flexmotion.configs.stream import load_stream
+from flexmotion.drivers.bus.driver import BusDriver
+from flexmotion.drivers.emulator.faults import Fault
+from flexmotion.drivers.emulator.lockstep import LockstepBus
+from flexmotion.drivers.emulator.loopback import Loopback
+from flexmotion.drivers.emulator.sim_body import SimBody
+from flexmotion.drivers.interface import Driver
+from flexmotion.drivers.registry import create
+from flexmotion.streamer.commands.choice import choose_motion
+from flexmotion.streamer.record import RunRecord
+from flexmotion.streamer.session import Session
+from flexmotion.streamer.sources import ClipSource
 
 SECONDS = 2.0
 

@@ -13,16 +13,16 @@ import numpy as np
 import psutil
 import pytest
 
-from configs.robot import Robot, load_robot
-from configs.stream import load_stream
-from drivers.registry import create
+from flexmotion.configs.robot import Robot, load_robot
+from flexmotion.configs.stream import load_stream
 from flexmotion.default_clip import default_clip
+from flexmotion.drivers.registry import create
 from flexmotion.motion import Motion
-from streamer.controls import Request
-from streamer.ladder import State
-from streamer.record import RunRecord
-from streamer.session import Session
-from streamer.sources import ClipSource
+from flexmotion.streamer.controls import Request
+from flexmotion.streamer.ladder import State
+from flexmotion.streamer.record import RunRecord
+from flexmotion.streamer.session import Session
+from flexmotion.streamer.sources import ClipSource
 
 RATE = 125
 

@@ -35,7 +35,7 @@ def wait_for(run: Run, words: str, patience_s: float = 30.0) -> None:
 @pytest.fixture
 def walking(tmp_path: Path) -> Iterator[Run]:
     """`flexmotion run` on the shipped motion, some seconds after it began to stream."""
-    command = [sys.executable, "-m", "streamer", "run", "-r", "op3", "-d", "sim", "--json"]
+    command = [sys.executable, "-m", "flexmotion.streamer", "run", "-r", "op3", "-d", "sim", "--json"]
     run = subprocess.Popen(
         command,
         stdout=subprocess.PIPE,

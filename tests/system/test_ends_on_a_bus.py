@@ -17,10 +17,10 @@ import psutil
 import pytest
 import yaml
 
-from configs.robot import ROBOTS, Robot, load_robot
-from drivers.bus.port import SerialPort
-from drivers.dynamixel.registers import table_of
-from drivers.dynamixel.sdk import Client
+from flexmotion.configs.robot import ROBOTS, Robot, load_robot
+from flexmotion.drivers.bus.port import SerialPort
+from flexmotion.drivers.dynamixel.registers import table_of
+from flexmotion.drivers.dynamixel.sdk import Client
 
 ChildNamed = Callable[..., psutil.Process]
 
@@ -87,7 +87,7 @@ class Bench:
 
 def _start(*command: str) -> subprocess.Popen[str]:
     return subprocess.Popen(
-        [sys.executable, "-m", "streamer", *command],
+        [sys.executable, "-m", "flexmotion.streamer", *command],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from streamer.controls import Request
-from streamer.ladder import State
+from flexmotion.streamer.controls import Request
+from flexmotion.streamer.ladder import State
 
 Live = Callable[..., Any]
 Send = Callable[..., Any]

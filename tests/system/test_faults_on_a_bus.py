@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 import yaml
 
-from configs.robot import ROBOTS, Robot, load_robot
-from drivers.emulator.faults import FaultKind
-from streamer.ladder import State
+from flexmotion.configs.robot import ROBOTS, Robot, load_robot
+from flexmotion.drivers.emulator.faults import FaultKind
+from flexmotion.streamer.ladder import State
 
 from .bus_runs import Run, through_bytes
 

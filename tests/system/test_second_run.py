@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from configs.robot import Robot
-from drivers.bus.driver import BusDriver
-from drivers.emulator.lockstep import LockstepBus
-from drivers.emulator.loopback import Loopback
-from drivers.emulator.sim_body import PICKED_UP_S, SimBody
-from drivers.registry import create
+from flexmotion.configs.robot import Robot
+from flexmotion.drivers.bus.driver import BusDriver
+from flexmotion.drivers.emulator.lockstep import LockstepBus
+from flexmotion.drivers.emulator.loopback import Loopback
+from flexmotion.drivers.emulator.sim_body import PICKED_UP_S, SimBody
+from flexmotion.drivers.registry import create
 
 from .bus_runs import Run, through
 

@@ -17,7 +17,7 @@ import pytest
 import yaml
 
 import flexmotion.default_clip
-from streamer.viewer.service import free_port
+from flexmotion.streamer.viewer.service import free_port
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
@@ -61,7 +61,7 @@ def test_the_page_shows_a_robot_that_moves(tab: Page, tmp_path: Path) -> None:
     script.write_text(yaml.safe_dump([{"at": 10.0 * k, "clip": str(clip)} for k in range(6)]))
     abroad: list[str] = []
     tab.on("request", lambda request: abroad.append(request.url) if f":{port}" not in request.url else None)
-    command = (sys.executable, "-m", "streamer", "dry-run", "--script", str(script))
+    command = (sys.executable, "-m", "flexmotion.streamer", "dry-run", "--script", str(script))
     command += ("--view", "--view-port", str(port), "--json")
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as run:
         try:

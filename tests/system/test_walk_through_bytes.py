@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from configs.robot import Robot
-from drivers.registry import create
+from flexmotion.configs.robot import Robot
+from flexmotion.drivers.registry import create
 
 from .bus_runs import Run, through, through_bytes
 

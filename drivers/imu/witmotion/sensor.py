@@ -8,12 +8,12 @@ from collections import deque
 
 from pydantic import Field
 
-from configs.errors import DriverError
-from configs.robot_file import Imu as ImuConfig
-from configs.schema import Strict
-from drivers.bus.port import BITS_A_BYTE, SerialPort
-from drivers.imu.interface import GRAVITY, OpenPort, StandaloneImu
-from drivers.imu.witmotion.protocol import (
+from flexmotion.configs.errors import DriverError
+from flexmotion.configs.robot_file import Imu as ImuConfig
+from flexmotion.configs.schema import Strict
+from flexmotion.drivers.bus.port import BITS_A_BYTE, SerialPort
+from flexmotion.drivers.imu.interface import GRAVITY, OpenPort, StandaloneImu
+from flexmotion.drivers.imu.witmotion.protocol import (
     ACCEL_FULL_G,
     BANDWIDTHS,
     FRAME_SIZE,

@@ -8,10 +8,10 @@ import time
 import numpy as np
 from pydantic import Field
 
-from configs.errors import DriverError
-from configs.robot import Robot
-from configs.schema import Strict
-from drivers.interface import Capabilities, Driver, JointCommand, RobotState
+from flexmotion.configs.errors import DriverError
+from flexmotion.configs.robot import Robot
+from flexmotion.configs.schema import Strict
+from flexmotion.drivers.interface import Capabilities, Driver, JointCommand, RobotState
 from flexmotion_udp.wire import GOALS, STATE, TORQUE, pack, unpack
 
 PATIENCE_S = 1.0

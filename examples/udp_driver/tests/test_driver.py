@@ -13,10 +13,10 @@ import pytest
 from flexmotion_udp.driver import UdpDriver, UdpOptions
 from flexmotion_udp.wire import GOALS, TORQUE, pack_state, unpack
 
-from configs.errors import DriverError
-from configs.robot import load_robot
-from drivers.conformance import DriverConformance
-from drivers.interface import Driver, JointCommand, RobotState
+from flexmotion.configs.errors import DriverError
+from flexmotion.configs.robot import load_robot
+from flexmotion.drivers.conformance import DriverConformance
+from flexmotion.drivers.interface import Driver, JointCommand, RobotState
 
 PERIOD = 0.002
 

@@ -9,11 +9,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from configs.robot import Robot, load_robot
-from drivers.bus.driver import READ_SHARE, BusDriver
-from drivers.bus.port import SerialPort
-from drivers.emulator.loopback import Loopback
-from drivers.interface import JointCommand, RobotState
+from flexmotion.configs.robot import Robot, load_robot
+from flexmotion.drivers.bus.driver import READ_SHARE, BusDriver
+from flexmotion.drivers.bus.port import SerialPort
+from flexmotion.drivers.emulator.loopback import Loopback
+from flexmotion.drivers.interface import JointCommand, RobotState
 
 from .robots import looped, op3_with
 

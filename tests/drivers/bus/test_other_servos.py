@@ -8,17 +8,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from configs.errors import ConfigError, DriverError
-from configs.robot import Robot, load_robot
-from drivers.bus.driver import BusDriver
-from drivers.bus.witness import GoalWitness
-from drivers.emulator.faults import Fault
-from drivers.emulator.feetech_bus import EmulatedFeetechBus
-from drivers.emulator.loopback import Loopback
-from drivers.feetech.bus import FeetechBus
-from drivers.interface import JointCommand, RobotState
-from drivers.lx16a.bus import Lx16aBus
-from drivers.registry import create
+from flexmotion.configs.errors import ConfigError, DriverError
+from flexmotion.configs.robot import Robot, load_robot
+from flexmotion.drivers.bus.driver import BusDriver
+from flexmotion.drivers.bus.witness import GoalWitness
+from flexmotion.drivers.emulator.faults import Fault
+from flexmotion.drivers.emulator.feetech_bus import EmulatedFeetechBus
+from flexmotion.drivers.emulator.loopback import Loopback
+from flexmotion.drivers.feetech.bus import FeetechBus
+from flexmotion.drivers.interface import JointCommand, RobotState
+from flexmotion.drivers.lx16a.bus import Lx16aBus
+from flexmotion.drivers.registry import create
 
 from .robots import looped, op3_with
 

@@ -4,9 +4,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drivers.bus.packet import SumDecoder, SumFormat, from_sign_magnitude, to_sign_magnitude
-from drivers.feetech.registers import FORMAT as STS
-from drivers.lx16a.protocol import FORMAT as LX
+from flexmotion.drivers.bus.packet import SumDecoder, SumFormat, from_sign_magnitude, to_sign_magnitude
+from flexmotion.drivers.feetech.registers import FORMAT as STS
+from flexmotion.drivers.lx16a.protocol import FORMAT as LX
 
 FORMATS = st.sampled_from([STS, LX])
 

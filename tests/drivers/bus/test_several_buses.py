@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 import yaml
 
-from configs.robot import ROBOTS, Robot, load_robot
-from drivers.bus.driver import BusDriver
-from drivers.emulator.body import BenchBody
-from drivers.emulator.faults import Fault
-from drivers.emulator.loopback import Loopback
-from drivers.interface import JointCommand, RobotState
-from drivers.registry import create
+from flexmotion.configs.robot import ROBOTS, Robot, load_robot
+from flexmotion.drivers.bus.driver import BusDriver
+from flexmotion.drivers.emulator.body import BenchBody
+from flexmotion.drivers.emulator.faults import Fault
+from flexmotion.drivers.emulator.loopback import Loopback
+from flexmotion.drivers.interface import JointCommand, RobotState
+from flexmotion.drivers.registry import create
 
 
 @pytest.fixture

@@ -4,15 +4,15 @@ from pathlib import Path
 
 import pytest
 
-from configs.errors import DriverError
-from configs.robot import Robot, load_robot
-from drivers.bus.tools import BusTools, Found
-from drivers.dynamixel.tools import DynamixelTools
-from drivers.emulator.body import BenchBody
-from drivers.emulator.dynamixel_bus import DynamixelBus
-from drivers.emulator.loopback import Loopback
-from drivers.feetech.tools import FeetechTools
-from drivers.lx16a.tools import Lx16aTools
+from flexmotion.configs.errors import DriverError
+from flexmotion.configs.robot import Robot, load_robot
+from flexmotion.drivers.bus.tools import BusTools, Found
+from flexmotion.drivers.dynamixel.tools import DynamixelTools
+from flexmotion.drivers.emulator.body import BenchBody
+from flexmotion.drivers.emulator.dynamixel_bus import DynamixelBus
+from flexmotion.drivers.emulator.loopback import Loopback
+from flexmotion.drivers.feetech.tools import FeetechTools
+from flexmotion.drivers.lx16a.tools import Lx16aTools
 
 from .robots import op3_with
 

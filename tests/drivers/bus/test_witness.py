@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from drivers.bus.witness import GoalWitness
+from flexmotion.drivers.bus.witness import GoalWitness
 
 FIRST = np.array([0])
 

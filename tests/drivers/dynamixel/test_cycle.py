@@ -5,9 +5,9 @@ import struct
 import numpy as np
 import pytest
 
-from drivers.dynamixel.cycle import ReadMany
-from drivers.dynamixel.layout import READ_SIZE, ROW, Span
-from drivers.dynamixel.packet import encode_fast_status, encode_status
+from flexmotion.drivers.dynamixel.cycle import ReadMany
+from flexmotion.drivers.dynamixel.layout import READ_SIZE, ROW, Span
+from flexmotion.drivers.dynamixel.packet import encode_fast_status, encode_status
 
 IDS = (1, 2)
 

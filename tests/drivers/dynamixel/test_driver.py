@@ -9,21 +9,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from configs.errors import ConfigError, DriverError
-from configs.robot import Robot
-from drivers.bus.port import SerialPort
-from drivers.bus.servo_bus import TORQUE_LOST
-from drivers.dynamixel.driver import DynamixelDriver
-from drivers.dynamixel.registers import Register
-from drivers.dynamixel.sdk import Client
-from drivers.emulator.body import BenchBody
-from drivers.emulator.dynamixel_bus import DynamixelBus
-from drivers.emulator.emulator import Emulator
-from drivers.emulator.faults import Fault, FaultKind
-from drivers.emulator.loopback import Loopback
-from drivers.emulator.servo import XServo
-from drivers.interface import JointCommand, RobotState
-from drivers.registry import create
+from flexmotion.configs.errors import ConfigError, DriverError
+from flexmotion.configs.robot import Robot
+from flexmotion.drivers.bus.port import SerialPort
+from flexmotion.drivers.bus.servo_bus import TORQUE_LOST
+from flexmotion.drivers.dynamixel.driver import DynamixelDriver
+from flexmotion.drivers.dynamixel.registers import Register
+from flexmotion.drivers.dynamixel.sdk import Client
+from flexmotion.drivers.emulator.body import BenchBody
+from flexmotion.drivers.emulator.dynamixel_bus import DynamixelBus
+from flexmotion.drivers.emulator.emulator import Emulator
+from flexmotion.drivers.emulator.faults import Fault, FaultKind
+from flexmotion.drivers.emulator.loopback import Loopback
+from flexmotion.drivers.emulator.servo import XServo
+from flexmotion.drivers.interface import JointCommand, RobotState
+from flexmotion.drivers.registry import create
 
 from ..bus.robots import op3_with
 
@@ -311,7 +311,7 @@ def test_options_name_a_port_for_every_bus(op3: Robot) -> None:
 
 
 def test_the_board_switches_the_servos_on(rig: Callable[..., Rig], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("drivers.dynamixel.opencr.START_S", 0.3)
+    monkeypatch.setattr("flexmotion.drivers.dynamixel.opencr.START_S", 0.3)
     it = rig()
     board = next(device for device in it.bus.devices if device.id == 200)
     board.write(24, b"\x00")

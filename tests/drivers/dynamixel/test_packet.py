@@ -5,7 +5,7 @@ from dynamixel_sdk import PacketHandler
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drivers.dynamixel.packet import (
+from flexmotion.drivers.dynamixel.packet import (
     BROADCAST,
     Decoder,
     Instruction,
@@ -74,7 +74,8 @@ def test_stuffing_is_what_the_sdk_does() -> None:
     assert b"\xff\xff\xfd\xfd" in ours
     theirs = [0xFF, 0xFF, 0xFD, 0, 1, len(params) + 3, 0, Instruction.WRITE, *params, 0, 0]
     handler = PacketHandler(2.0)
-    # The sdk's txPacket drops what its own stuffing returns; the driver does its own (see `drivers.dynamixel.sdk`).
+    # The sdk's txPacket drops what its own stuffing returns; the driver does its own, see
+    # `flexmotion.drivers.dynamixel.sdk`.
     assert bytes(handler.addStuffing(theirs)[:-2]) == ours[:-2]
     assert handler.updateCRC(0, list(ours), len(ours) - 2) == crc16(ours[:-2])
 

@@ -4,9 +4,9 @@ import itertools
 
 import pytest
 
-from configs.errors import ConfigError
-from configs.servo import catalogue
-from drivers.dynamixel.registers import open_cr, table_of
+from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.servo import catalogue
+from flexmotion.drivers.dynamixel.registers import open_cr, table_of
 
 MODELS = sorted(name for name, servo in catalogue().items() if servo.protocol == "dynamixel2")
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from configs.robot import Robot
-from drivers.dynamixel.packet import Decoder, Instruction, Packet, encode
-from drivers.emulator.body import BenchBody
-from drivers.emulator.build import make_bus
-from drivers.emulator.dynamixel_bus import DynamixelBus
-from drivers.emulator.servo import Joints, XServo
+from flexmotion.configs.robot import Robot
+from flexmotion.drivers.dynamixel.packet import Decoder, Instruction, Packet, encode
+from flexmotion.drivers.emulator.body import BenchBody
+from flexmotion.drivers.emulator.build import make_bus
+from flexmotion.drivers.emulator.dynamixel_bus import DynamixelBus
+from flexmotion.drivers.emulator.servo import Joints, XServo
 
 
 class Host:

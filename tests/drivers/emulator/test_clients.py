@@ -8,8 +8,8 @@ import pytest
 import rustypot
 from dynamixel_sdk import COMM_SUCCESS, GroupSyncRead, GroupSyncWrite, PacketHandler, PortHandler
 
-from configs.robot import Robot
-from drivers.emulator.emulator import Emulator
+from flexmotion.configs.robot import Robot
+from flexmotion.drivers.emulator.emulator import Emulator
 
 pytestmark = pytest.mark.wall_clock
 

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from configs.robot import load_robot
-from drivers.dynamixel.packet import BROADCAST, Error, Instruction, encode, split_fast_status
+from flexmotion.configs.robot import load_robot
+from flexmotion.drivers.dynamixel.packet import BROADCAST, Error, Instruction, encode, split_fast_status
 
 from .conftest import Host
 

@@ -4,11 +4,11 @@ import math
 
 import pytest
 
-from configs.errors import ConfigError
-from configs.robot import Robot
-from drivers.emulator.body import BenchBody
-from drivers.emulator.faults import PACKET_FAULTS, Damage, Fault, FaultKind
-from drivers.emulator.loopback import Loopback
+from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.robot import Robot
+from flexmotion.drivers.emulator.body import BenchBody
+from flexmotion.drivers.emulator.faults import PACKET_FAULTS, Damage, Fault, FaultKind
+from flexmotion.drivers.emulator.loopback import Loopback
 
 PACKET = bytes(range(20))
 

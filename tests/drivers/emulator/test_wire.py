@@ -2,13 +2,13 @@ from __future__ import annotations
 
 import pytest
 
-from configs.robot import Robot
-from drivers.dynamixel.packet import BROADCAST, Instruction, encode
-from drivers.emulator.body import BenchBody
-from drivers.emulator.dynamixel_bus import DynamixelBus
-from drivers.emulator.line import BusLine
-from drivers.emulator.loopback import Loopback
-from drivers.emulator.wire import FRAME_S, Reply, Wire
+from flexmotion.configs.robot import Robot
+from flexmotion.drivers.dynamixel.packet import BROADCAST, Instruction, encode
+from flexmotion.drivers.emulator.body import BenchBody
+from flexmotion.drivers.emulator.dynamixel_bus import DynamixelBus
+from flexmotion.drivers.emulator.line import BusLine
+from flexmotion.drivers.emulator.loopback import Loopback
+from flexmotion.drivers.emulator.wire import FRAME_S, Reply, Wire
 
 BAUD = 1_000_000
 

@@ -8,11 +8,11 @@ from typing import Any
 
 import yaml
 
-from configs.robot import ROBOTS, Robot, load_robot
-from drivers.bus.driver import BusDriver
-from drivers.emulator.body import BenchBody
-from drivers.emulator.loopback import Loopback
-from drivers.registry import create
+from flexmotion.configs.robot import ROBOTS, Robot, load_robot
+from flexmotion.drivers.bus.driver import BusDriver
+from flexmotion.drivers.emulator.body import BenchBody
+from flexmotion.drivers.emulator.loopback import Loopback
+from flexmotion.drivers.registry import create
 
 
 def op3_with_imu(folder: Path, **imu: Any) -> Robot:

@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from configs.errors import DriverError
-from drivers.imu.interface import GRAVITY
-from drivers.imu.mounting import mounting
+from flexmotion.configs.errors import DriverError
+from flexmotion.drivers.imu.interface import GRAVITY
+from flexmotion.drivers.imu.mounting import mounting
 
 UP = np.array([0.0, 0.0, GRAVITY])
 angle = st.floats(-3.0, 3.0)

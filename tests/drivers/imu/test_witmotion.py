@@ -19,22 +19,22 @@ import witmotion
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from configs.errors import ConfigError, DriverError
-from configs.robot import Robot
-from drivers import plugins
-from drivers.bus.driver import BusDriver
-from drivers.bus.port import SerialPort
-from drivers.emulator.body import BenchBody
-from drivers.emulator.emulator import Emulator
-from drivers.emulator.faults import Fault
-from drivers.emulator.loopback import Loopback
-from drivers.emulator.witmotion import WitMotionLine
-from drivers.imu import registry as imus
-from drivers.imu.interface import StandaloneImu
-from drivers.imu.witmotion.protocol import Kind, frame
-from drivers.imu.witmotion.sensor import WitMotion
-from drivers.interface import JointCommand, RobotState
-from drivers.registry import create
+from flexmotion.configs.errors import ConfigError, DriverError
+from flexmotion.configs.robot import Robot
+from flexmotion.drivers import plugins
+from flexmotion.drivers.bus.driver import BusDriver
+from flexmotion.drivers.bus.port import SerialPort
+from flexmotion.drivers.emulator.body import BenchBody
+from flexmotion.drivers.emulator.emulator import Emulator
+from flexmotion.drivers.emulator.faults import Fault
+from flexmotion.drivers.emulator.loopback import Loopback
+from flexmotion.drivers.emulator.witmotion import WitMotionLine
+from flexmotion.drivers.imu import registry as imus
+from flexmotion.drivers.imu.interface import StandaloneImu
+from flexmotion.drivers.imu.witmotion.protocol import Kind, frame
+from flexmotion.drivers.imu.witmotion.sensor import WitMotion
+from flexmotion.drivers.interface import JointCommand, RobotState
+from flexmotion.drivers.registry import create
 
 from .robots import looped, op3_with_imu
 

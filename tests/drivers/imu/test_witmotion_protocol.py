@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from witmotion import protocol as others
 
-from drivers.imu.witmotion.protocol import (
+from flexmotion.drivers.imu.witmotion.protocol import (
     BANDWIDTHS,
     KEY,
     RATES,

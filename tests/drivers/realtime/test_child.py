@@ -11,7 +11,7 @@ from multiprocessing.connection import Connection
 import psutil
 import pytest
 
-from drivers.realtime import child
+from flexmotion.drivers.realtime import child
 
 pytestmark = pytest.mark.wall_clock
 

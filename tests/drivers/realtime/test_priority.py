@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from drivers.realtime import child, priority
-from drivers.realtime.priority import WAKE_LATENCY, awake
+from flexmotion.drivers.realtime import child, priority
+from flexmotion.drivers.realtime.priority import WAKE_LATENCY, awake
 
 
 def _asked_us() -> int:
@@ -67,8 +67,8 @@ def test_linear_algebra_in_a_realtime_process_waits_for_no_thread_of_its_own() -
     """
     code = """
 import numpy as np
-from drivers.realtime import child, priority
-from drivers.realtime.priority import PLANNER_PRIORITY
+from flexmotion.drivers.realtime import child, priority
+from flexmotion.drivers.realtime.priority import PLANNER_PRIORITY
 
 wide, narrow = np.ones((2000, 600), np.float32), np.ones(600, np.float32)
 wide @ narrow  # begins the library's threads, where it has any

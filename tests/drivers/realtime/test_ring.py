@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.realtime.ring import Ring, shared_array, touch
+from flexmotion.drivers.realtime.ring import Ring, shared_array, touch
 
 pytestmark = pytest.mark.wall_clock
 

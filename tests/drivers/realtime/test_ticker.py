@@ -6,7 +6,7 @@ import time
 
 import pytest
 
-from drivers.realtime.ticker import Ticker
+from flexmotion.drivers.realtime.ticker import Ticker
 
 MS = 1_000_000
 

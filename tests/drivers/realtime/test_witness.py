@@ -13,8 +13,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.realtime.priority import WITNESS_PRIORITY
-from drivers.realtime.witness import Witness, overlapping
+from flexmotion.drivers.realtime.priority import WITNESS_PRIORITY
+from flexmotion.drivers.realtime.witness import Witness, overlapping
 
 pytestmark = pytest.mark.wall_clock
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 import yaml
 
-from configs.robot import ROBOTS, Robot, load_robot
-from drivers.sim.driver import OVERHEATED, SimDriver
-from drivers.sim.options import PERTURBED, SimOptions
+from flexmotion.configs.robot import ROBOTS, Robot, load_robot
+from flexmotion.drivers.sim.driver import OVERHEATED, SimDriver
+from flexmotion.drivers.sim.options import PERTURBED, SimOptions
 
 STANDING_HEIGHT = 0.26
 

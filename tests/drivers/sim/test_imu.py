@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from configs.robot import Robot, load_robot
+from flexmotion.configs.robot import Robot, load_robot
 
 
 def readings(run: Any, ticks: int) -> np.ndarray:

@@ -10,11 +10,11 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from configs.errors import DriverError
-from configs.robot import Robot, load_robot
-from drivers.interface import JointCommand, RobotState
-from drivers.sim.driver import SimDriver
-from drivers.sim.process import SimProcess
+from flexmotion.configs.errors import DriverError
+from flexmotion.configs.robot import Robot, load_robot
+from flexmotion.drivers.interface import JointCommand, RobotState
+from flexmotion.drivers.sim.driver import SimDriver
+from flexmotion.drivers.sim.process import SimProcess
 
 pytestmark = pytest.mark.wall_clock
 

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from drivers.sim.options import Push, RandomPushes, SimOptions
-from drivers.sim.pushes import PushSchedule
+from flexmotion.drivers.sim.options import Push, RandomPushes, SimOptions
+from flexmotion.drivers.sim.pushes import PushSchedule
 
 
 def impulse(options: SimOptions, steps: int, seed: int = 0) -> np.ndarray:

@@ -4,10 +4,10 @@ import mujoco
 import numpy as np
 import pytest
 
-from configs.errors import ConfigError
-from configs.robot import Robot
-from drivers.sim.options import SimOptions
-from drivers.sim.world import build_model, start_qpos
+from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.robot import Robot
+from flexmotion.drivers.sim.options import SimOptions
+from flexmotion.drivers.sim.world import build_model, start_qpos
 
 
 def test_mismatch_of_masses(op3: Robot) -> None:

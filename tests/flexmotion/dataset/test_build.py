@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from configs.errors import MotionFormatError
 from flexmotion.biomechanics.mirror import mirror
 from flexmotion.biomechanics.plausibility import JointReach
+from flexmotion.configs.errors import MotionFormatError
 from flexmotion.dataset import engines
 from flexmotion.dataset.build import build
 from flexmotion.dataset.clips import Clip, find_clips

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from configs.errors import MotionFormatError
 from flexmotion.captions import read_captions
+from flexmotion.configs.errors import MotionFormatError
 from flexmotion.importers import load, read
 from flexmotion.importers.smpl import NAMES
 from flexmotion.kinematics import HumanKinematics, forward

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from configs.errors import MotionFormatError
 from flexmotion.body import Body, Segments
+from flexmotion.configs.errors import MotionFormatError
 from flexmotion.importers import load, read
 from flexmotion.importers.bvh import read_bvh
 from flexmotion.importers.fit import fit

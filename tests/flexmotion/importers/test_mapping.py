@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 import yaml
 
-from configs.errors import ConfigError, MotionFormatError
+from flexmotion.configs.errors import ConfigError, MotionFormatError
 from flexmotion.importers.mapping import REQUIRED_POINTS, find_mapping, guess_mapping, shipped_mappings
 
 MIXAMO = """Hips Spine Spine1 Neck Head LeftShoulder LeftArm LeftForeArm LeftHand LeftHandThumb1 RightShoulder RightArm

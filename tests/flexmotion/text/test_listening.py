@@ -11,7 +11,7 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from configs.errors import ConfigError
+from flexmotion.configs.errors import ConfigError
 from flexmotion.text.listener import Listener
 from flexmotion.text.phrases import STAND, kinds
 from flexmotion.text.prompt_reader import forbids

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import yaml
 
-from configs.model import FOLDER
+from flexmotion.configs.model import FOLDER
 from flexmotion.dataset.build import build
 from flexmotion.dataset.settings import BuildSettings
 from flexmotion.motion import Motion

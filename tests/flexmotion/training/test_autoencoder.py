@@ -6,7 +6,7 @@ import pytest
 
 torch = pytest.importorskip("torch", reason="training needs the extra 'train'")
 
-from configs.model import load_model_config  # noqa: E402
+from flexmotion.configs.model import load_model_config  # noqa: E402
 from flexmotion.features.layout import Layout  # noqa: E402
 from flexmotion.training.autoencoder import Autoencoder  # noqa: E402
 from flexmotion.training.denoiser import Denoiser  # noqa: E402

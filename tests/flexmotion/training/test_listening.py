@@ -10,13 +10,13 @@ import pytest
 pytest.importorskip("torch")
 pytest.importorskip("sklearn")
 
-from configs.errors import ConfigError
 from flexmotion.bundles.bundle import Bundle
 from flexmotion.bundles.card import CARD
 from flexmotion.bundles.shipped import FOLDER
+from flexmotion.configs.errors import ConfigError
 from flexmotion.sampler import Sampler
+from flexmotion.streamer.cli import execute
 from flexmotion.training.listening import taught_anew
-from streamer.cli import execute
 
 OURS = "walk: [mop the floor, mop the hall, mop the kitchen, start mopping]\n"
 

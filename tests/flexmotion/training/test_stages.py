@@ -11,8 +11,8 @@ import pytest
 
 torch = pytest.importorskip("torch", reason="training needs the extra 'train'")
 
-from configs.errors import ConfigError, MotionFormatError  # noqa: E402
 from flexmotion.bundles.bundle import DECODER, DENOISER, Bundle  # noqa: E402
+from flexmotion.configs.errors import ConfigError, MotionFormatError  # noqa: E402
 from flexmotion.dataset.training_set import TrainingSet  # noqa: E402
 from flexmotion.kinematics import forward  # noqa: E402
 from flexmotion.sampler import Condition, Sampler  # noqa: E402

@@ -9,17 +9,17 @@ from typing import Any
 
 import pytest
 
-from configs.robot import load_robot
-from configs.stream import load_stream
-from drivers.registry import create
+from flexmotion.configs.robot import load_robot
+from flexmotion.configs.stream import load_stream
 from flexmotion.default_clip import default_clip
-from streamer.clip_library import ClipLibrary
-from streamer.commands.recording import record_to
-from streamer.controls import Request
-from streamer.intents import Clip
-from streamer.recorder import Recorder
-from streamer.session import Session
-from streamer.sources import ClipSource, Source
+from flexmotion.drivers.registry import create
+from flexmotion.streamer.clip_library import ClipLibrary
+from flexmotion.streamer.commands.recording import record_to
+from flexmotion.streamer.controls import Request
+from flexmotion.streamer.intents import Clip
+from flexmotion.streamer.recorder import Recorder
+from flexmotion.streamer.session import Session
+from flexmotion.streamer.sources import ClipSource, Source
 
 SEED = 3
 TARGET_TICK, END_TICK = 260, 420

@@ -10,9 +10,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap_ros2._dynamic import generate_dynamic
 
-from configs.errors import ConfigError
-from streamer.log.cdr import ENCAPSULATION, Column, columns_of, decode, encode, parse_schema, row_dtype, schema_text
-from streamer.tick_row import tick_dtype
+from flexmotion.configs.errors import ConfigError
+from flexmotion.streamer.log.cdr import (
+    ENCAPSULATION,
+    Column,
+    columns_of,
+    decode,
+    encode,
+    parse_schema,
+    row_dtype,
+    schema_text,
+)
+from flexmotion.streamer.tick_row import tick_dtype
 
 ELEMENTS = {
     "bool": st.booleans(),

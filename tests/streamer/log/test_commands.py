@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from streamer.cli import execute
+from flexmotion.streamer.cli import execute
 
 
 @pytest.mark.parametrize("command", ["show", "plot", "replay"])
@@ -62,7 +62,7 @@ def test_a_report_has_a_log_that_replays(tmp_path: Path, capsys: pytest.CaptureF
 def test_a_replay_that_differs_is_exit_code_1(
     logged: Any, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from streamer.log import replay
+    from flexmotion.streamer.log import replay
 
     monkeypatch.setattr(replay, "_targets", lambda log: [])  # a target that got lost
     assert execute(["log", "replay", str(logged.path)]) == 1

@@ -12,9 +12,9 @@ from foxglove import Context, open_mcap
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
-from configs.errors import ConfigError
-from streamer.ladder import State
-from streamer.log.reader import read_log
+from flexmotion.configs.errors import ConfigError
+from flexmotion.streamer.ladder import State
+from flexmotion.streamer.log.reader import read_log
 
 NUMBERS = {
     "q",
@@ -78,8 +78,8 @@ def test_a_log_that_was_cut_off_is_read_as_far_as_it_goes(logged: Any, tmp_path:
 
 
 def test_a_log_of_an_older_row_is_read_by_name(logged: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from streamer import tick_row
-    from streamer.log import reader
+    from flexmotion.streamer import tick_row
+    from flexmotion.streamer.log import reader
 
     full = tick_row.tick_dtype(logged.session.robot.n)
     newer = np.dtype([("later", "f8", 2), *((name, full[name]) for name in full.names if name != "tilt")])

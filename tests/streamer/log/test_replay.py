@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from configs.errors import ConfigError
-from streamer.log.judged import Subject
-from streamer.log.reader import Log, read_log
-from streamer.log.replay import Compared, replay
-from streamer.log.source import pack, unpack
-from streamer.replan_noise import NoisySource
+from flexmotion.configs.errors import ConfigError
+from flexmotion.streamer.log.judged import Subject
+from flexmotion.streamer.log.reader import Log, read_log
+from flexmotion.streamer.log.replay import Compared, replay
+from flexmotion.streamer.log.source import pack, unpack
+from flexmotion.streamer.replan_noise import NoisySource
 
 
 @pytest.fixture(scope="module")
