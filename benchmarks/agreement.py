@@ -4,7 +4,7 @@
 
 From moments of roll-outs, a window is sampled, its first quarter of a second is played, and the next window is made
 from there in three ways: with fresh noise, with the same noise, and as the live system does, which keeps what it has
-said and adds to it (`flexmotion.streamer.model_source`). Compared at 1 s of the old window: root, farther foot,
+said and adds to it (`flexmotion.streamer.motion.model_source`). Compared at 1 s of the old window: root, farther foot,
 heading; "later" at 1 s of the new window, against the old one and the one that would have followed it. Exits with 1
 where at 1 s, as the live system does it, the 90th percentile is more than 5 cm or 3 degrees.
 """
@@ -27,13 +27,13 @@ from rich.table import Table
 from verdicts import Verdict, benchmark, write_csv
 
 from flexmotion.bundles.bundle import Bundle
-from flexmotion.concatenate import concatenate
-from flexmotion.kinematics import forward, heading
-from flexmotion.motion import Motion
-from flexmotion.sampler import Condition, Sampler
-from flexmotion.streamer.intents import Text
-from flexmotion.streamer.model_source import ModelSource
-from flexmotion.streamer.script import Item
+from flexmotion.human.concatenate import concatenate
+from flexmotion.human.kinematics import forward, heading
+from flexmotion.human.motion import Motion
+from flexmotion.sampling.sampler import Condition, Sampler
+from flexmotion.streamer.motion.intents import Text
+from flexmotion.streamer.motion.model_source import ModelSource
+from flexmotion.streamer.motion.script import Item
 
 Float = NDArray[np.float64]
 

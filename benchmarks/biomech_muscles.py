@@ -29,9 +29,9 @@ from flexmotion.biomechanics.joint_contact import joint_contact_forces
 from flexmotion.biomechanics.muscle_geometry import muscle_models
 from flexmotion.biomechanics.static_optimisation import MuscleState, infeasible, static_optimisation, strength
 from flexmotion.dataset.clips import Clip, find_clips
+from flexmotion.human.motion import Motion
+from flexmotion.human.skeleton import DOF_COUNT, JOINTS
 from flexmotion.importers import load
-from flexmotion.motion import Motion
-from flexmotion.skeleton import DOF_COUNT, JOINTS
 
 Float = NDArray[np.float64]
 

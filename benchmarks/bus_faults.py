@@ -25,9 +25,9 @@ from flexmotion.drivers.emulator.loopback import Loopback
 from flexmotion.drivers.emulator.sim_body import SimBody
 from flexmotion.drivers.registry import create
 from flexmotion.streamer.commands.choice import choose_motion
-from flexmotion.streamer.record import Event, RunRecord
-from flexmotion.streamer.session import Session
-from flexmotion.streamer.sources import ClipSource
+from flexmotion.streamer.control.run_trace import Event, RunRecord
+from flexmotion.streamer.motion.sources import ClipSource
+from flexmotion.streamer.run.session import Session
 
 FAULT_AT = 3.0
 FAULTS = (

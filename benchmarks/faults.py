@@ -40,12 +40,12 @@ from flexmotion.drivers.registry import create
 from flexmotion.importers import load
 from flexmotion.retarget.plan import Plan
 from flexmotion.streamer.commands.driver_options import simulation_options
-from flexmotion.streamer.controls import Request
-from flexmotion.streamer.ladder import State
-from flexmotion.streamer.planner import Planned, Planner
-from flexmotion.streamer.planning import Superseded
-from flexmotion.streamer.session import Session
-from flexmotion.streamer.sources import ClipSource
+from flexmotion.streamer.control.ladder import State
+from flexmotion.streamer.motion.sources import ClipSource
+from flexmotion.streamer.planning.planner import Planned, Planner
+from flexmotion.streamer.planning.replanning import Superseded
+from flexmotion.streamer.run.requests import Request
+from flexmotion.streamer.run.session import Session
 
 KINDS = {"silent": (None, 0.90), "STOP": (Request.STOP, 0.95), "E-STOP": (Request.ESTOP, 0.95)}
 AFTER_S = 3.0

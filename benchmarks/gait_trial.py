@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from flexmotion.human.motion import Motion
 from flexmotion.importers.fit import fit
 from flexmotion.importers.landmarks import Landmarks
 from flexmotion.importers.refine import refine
 from flexmotion.importers.treadmill import belt_velocity, without_belt
-from flexmotion.motion import Motion
 
 Float = NDArray[np.float64]
 

@@ -34,8 +34,8 @@ from verdicts import Verdict, benchmark, write_csv
 from flexmotion.bundles.bundle import ARRAYS, DECODER, DENOISER, Bundle, write_bundle
 from flexmotion.configs.errors import ConfigError
 from flexmotion.features.encode import body_points
-from flexmotion.kinematics import forward
-from flexmotion.sampler import Condition, Sampler
+from flexmotion.human.kinematics import forward
+from flexmotion.sampling.sampler import Condition, Sampler
 
 Float = NDArray[np.float64]
 
@@ -55,7 +55,7 @@ COMPARED = 40
 _SAMPLE = """
 import sys
 from flexmotion.bundles.bundle import Bundle
-from flexmotion.sampler import Condition, Sampler
+from flexmotion.sampling.sampler import Condition, Sampler
 sampler = Sampler(Bundle(sys.argv[1]))
 history = sampler.standing()
 for number in range(50):

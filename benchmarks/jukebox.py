@@ -32,7 +32,7 @@ from flexmotion.bundles.bundle import Bundle
 from flexmotion.configs.errors import ConfigError
 from flexmotion.dataset.compact_set import MotionSet, open_set
 from flexmotion.evaluation.interval import Interval
-from flexmotion.sampler import Sampler
+from flexmotion.sampling.sampler import Sampler
 from flexmotion.text.phrases import wordings
 
 NEAREST, APART = 0.5, 0.3

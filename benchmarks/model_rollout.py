@@ -9,16 +9,16 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from flexmotion.concatenate import concatenate
-from flexmotion.motion import Motion
-from flexmotion.sampler import Condition
+from flexmotion.human.concatenate import concatenate
+from flexmotion.human.motion import Motion
+from flexmotion.sampling.sampler import Condition
 
 ROOMY = 1000
 """Seeds between two roll-outs: more than a roll-out has windows."""
 
 
 class MakesMotion(Protocol):
-    """What a roll-out needs of `flexmotion.sampler.Sampler`."""
+    """What a roll-out needs of `flexmotion.sampling.sampler.Sampler`."""
 
     @property
     def fps(self) -> float:

@@ -25,9 +25,9 @@ from flexmotion.bundles.bundle import Bundle
 from flexmotion.configs.errors import ConfigError
 from flexmotion.dataset.compact_set import MotionSet, open_set
 from flexmotion.features.encode import GRAVITY
-from flexmotion.kinematics import forward
-from flexmotion.motion import Motion
-from flexmotion.sampler import Sampler
+from flexmotion.human.kinematics import forward
+from flexmotion.human.motion import Motion
+from flexmotion.sampling.sampler import Sampler
 from flexmotion.streamer.plots.filmstrip import limbs
 from flexmotion.streamer.plots.solid import Camera
 from flexmotion.streamer.plots.style import MUTED, WARN, new_figure, save, styled

@@ -23,8 +23,8 @@ from flexmotion.biomechanics.box_least_norm import box_least_norm
 from flexmotion.biomechanics.dynamics import Dynamics
 from flexmotion.biomechanics.muscle_geometry import MuscleModel, muscle_models
 from flexmotion.biomechanics.static_optimisation import strength
-from flexmotion.motion import Motion
-from flexmotion.skeleton import DOF_COUNT, JOINTS, SIDES
+from flexmotion.human.motion import Motion
+from flexmotion.human.skeleton import DOF_COUNT, JOINTS, SIDES
 
 Float = NDArray[np.float64]
 

@@ -25,9 +25,9 @@ from flexmotion.biomechanics.differentiation import derivative, second_derivativ
 from flexmotion.biomechanics.dynamics import Dynamics, dynamics
 from flexmotion.biomechanics.inverse_dynamics import joint_torques
 from flexmotion.biomechanics.segment_motion import segment_motion
-from flexmotion.human_model import human_model
-from flexmotion.motion import Motion
-from flexmotion.skeleton import DOF_COUNT, JOINTS
+from flexmotion.human.human_model import human_model
+from flexmotion.human.motion import Motion
+from flexmotion.human.skeleton import DOF_COUNT, JOINTS
 
 ROOT = ("pelvis_rz", "pelvis_ry", "pelvis_rx", "pelvis_tx", "pelvis_ty", "pelvis_tz")
 AGREE = 0.01

@@ -25,11 +25,11 @@ from rich.console import Console
 from rich.table import Table
 from verdicts import Verdict, benchmark, write_csv
 
-from flexmotion.body import Body
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.model import ModelConfig, Transformer
 from flexmotion.evaluation.interval import Interval
-from flexmotion.sampler import Sampler
+from flexmotion.human.body import Body
+from flexmotion.sampling.sampler import Sampler
 from flexmotion.text.sentence_encoder import SentenceEncoder
 from flexmotion.training.autoencoder import Autoencoder
 from flexmotion.training.autoencoder_task import AutoencoderTask, load_autoencoder

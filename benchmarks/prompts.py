@@ -20,9 +20,9 @@ from model_rollout import always, roll_out
 from reversals import reversals
 
 from flexmotion.bundles.bundle import Bundle
-from flexmotion.kinematics import HumanKinematics, continuous_heading, forward
-from flexmotion.motion import Motion
-from flexmotion.sampler import Sampler
+from flexmotion.human.kinematics import HumanKinematics, continuous_heading, forward
+from flexmotion.human.motion import Motion
+from flexmotion.sampling.sampler import Sampler
 
 OVERALL, EACH = 0.9, 0.7
 SIDES = {"left": (0,), "right": (1,), "both": (0, 1)}

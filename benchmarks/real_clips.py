@@ -7,8 +7,8 @@ from dataclasses import replace
 
 from flexmotion.dataset.compact_set import MotionSet
 from flexmotion.dataset.training_set import SetClip
-from flexmotion.motion import Motion
-from flexmotion.resample import resample
+from flexmotion.human.motion import Motion
+from flexmotion.human.resample import resample
 from flexmotion.text.sides import mirrored
 
 

@@ -3,7 +3,7 @@
     python benchmarks/replan_noise.py [--noise 0 --noise .05] [--clips FILE] [--jobs 2] [--seed 0] [--csv OUT]
 
 The standing and walking clips of `spine.py`, odd places of each kind perturbed at 3.5 kg as there, in lockstep, with an
-error that grows to the given size at 1 s lookahead (see `streamer/replan_noise.py`), with balance feedback and without.
+error that grows to the given size at 1 s lookahead (`streamer/motion/replan_noise.py`), with balance feedback or not.
 Prints a table by kind, noise and feedback. "join mm/tick" is by how much a new plan's divergent component of motion
 moves away from the old plan's in a tick while a join is absorbed. Exits 1 where fewer than 90 % of standing or walking
 clips stay up at 5 cm with feedback, or where a join moves by more than 3 mm a tick.
@@ -36,16 +36,16 @@ from spine import ARCHIVES, CLIPS, Run, cell, degrees, extract, middle
 from flexmotion.configs.robot import load_robot
 from flexmotion.configs.stream import load_stream
 from flexmotion.drivers.registry import create
+from flexmotion.human.motion import Motion
 from flexmotion.importers import load
-from flexmotion.motion import Motion
 from flexmotion.retarget.plan import Plan
 from flexmotion.streamer.commands.driver_options import simulation_options
-from flexmotion.streamer.metrics import HumanTrack, RobotFigures
-from flexmotion.streamer.planner import Planned, Planner
-from flexmotion.streamer.replan_noise import NoisySource
-from flexmotion.streamer.report import RunInfo, build_report
-from flexmotion.streamer.session import Session, count_human_steps
-from flexmotion.streamer.sources import ClipSource
+from flexmotion.streamer.motion.replan_noise import NoisySource
+from flexmotion.streamer.motion.sources import ClipSource
+from flexmotion.streamer.planning.planner import Planned, Planner
+from flexmotion.streamer.report.metrics import HumanTrack, RobotFigures
+from flexmotion.streamer.report.report import RunInfo, build_report
+from flexmotion.streamer.run.session import Session, count_human_steps
 
 KINDS = ("standing", "walking")
 JUDGED_M, UPRIGHT_SHARE, JOIN_MM = 0.05, 0.9, 3.0

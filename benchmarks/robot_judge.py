@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from reversals import reversals
 
 from flexmotion.configs.robot import Robot
-from flexmotion.streamer.metrics import Displacement, heading
-from flexmotion.streamer.record import RunRecord
+from flexmotion.streamer.control.run_trace import RunRecord
+from flexmotion.streamer.report.metrics import Displacement, heading
 
 Float = NDArray[np.float64]
 

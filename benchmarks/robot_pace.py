@@ -32,16 +32,16 @@ from verdicts import Verdict, benchmark, write_csv
 from flexmotion.configs.robot import load_robot
 from flexmotion.configs.stream import load_stream
 from flexmotion.drivers.registry import create
-from flexmotion.sampler import Sampler
+from flexmotion.sampling.sampler import Sampler
 from flexmotion.streamer.commands.choice import open_sampler
 from flexmotion.streamer.commands.driver_options import simulation_options
-from flexmotion.streamer.intents import Velocity
-from flexmotion.streamer.metrics import Displacement, HumanTrack, RobotFigures
-from flexmotion.streamer.model_source import ModelSource
-from flexmotion.streamer.pace import human_pace
-from flexmotion.streamer.report import RunInfo, build_report
-from flexmotion.streamer.script import Item
-from flexmotion.streamer.session import Session, human_motion
+from flexmotion.streamer.motion.intents import Velocity
+from flexmotion.streamer.motion.model_source import ModelSource
+from flexmotion.streamer.motion.robot_pace import human_pace
+from flexmotion.streamer.motion.script import Item
+from flexmotion.streamer.report.metrics import Displacement, HumanTrack, RobotFigures
+from flexmotion.streamer.report.report import RunInfo, build_report
+from flexmotion.streamer.run.session import Session, human_motion
 
 SPEEDS: dict[str, tuple[float, ...]] = {
     "ahead": (0.4, 0.6, 0.8, 1.0, 1.2),

@@ -37,18 +37,18 @@ from verdicts import Verdict, benchmark
 from flexmotion.configs.robot import Robot, load_robot
 from flexmotion.configs.stream import load_stream
 from flexmotion.drivers.registry import create
-from flexmotion.motion import Motion
-from flexmotion.sampler import Sampler
+from flexmotion.human.motion import Motion
+from flexmotion.sampling.sampler import Sampler
 from flexmotion.streamer.commands.choice import choose_source, open_sampler
 from flexmotion.streamer.commands.driver_options import simulation_options
-from flexmotion.streamer.intents import Text
-from flexmotion.streamer.metrics import HumanTrack, RobotFigures, heading
-from flexmotion.streamer.model_source import ModelSource
-from flexmotion.streamer.pace import human_pace
-from flexmotion.streamer.report import RunInfo, build_report
-from flexmotion.streamer.script import Item
-from flexmotion.streamer.session import Session, count_human_steps, human_motion
-from flexmotion.streamer.sources import Source
+from flexmotion.streamer.motion.intents import Text
+from flexmotion.streamer.motion.model_source import ModelSource
+from flexmotion.streamer.motion.robot_pace import human_pace
+from flexmotion.streamer.motion.script import Item
+from flexmotion.streamer.motion.sources import Source
+from flexmotion.streamer.report.metrics import HumanTrack, RobotFigures, heading
+from flexmotion.streamer.report.report import RunInfo, build_report
+from flexmotion.streamer.run.session import Session, count_human_steps, human_motion
 
 PROMPTS = Path(__file__).with_name("prompts.yaml")
 SCRIPT = "default script"

@@ -30,9 +30,9 @@ from flexmotion.dataset.compact_set import open_set
 from flexmotion.evaluation.interval import Interval
 from flexmotion.evaluation.motions import foot_metrics, jerk
 from flexmotion.features.encode import body_points
-from flexmotion.kinematics import forward
-from flexmotion.motion import Motion
-from flexmotion.sampler import Condition, Sampler
+from flexmotion.human.kinematics import forward
+from flexmotion.human.motion import Motion
+from flexmotion.sampling.sampler import Condition, Sampler
 
 Float = NDArray[np.float64]
 

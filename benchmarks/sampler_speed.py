@@ -17,7 +17,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from flexmotion.bundles.bundle import Bundle
-from flexmotion.sampler import Condition, Sampler
+from flexmotion.sampling.sampler import Condition, Sampler
 
 PROMPTS = ("walk forward", "wave with the right hand", "turn left", "stand still")
 

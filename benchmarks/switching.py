@@ -35,18 +35,18 @@ from verdicts import Verdict, benchmark
 from flexmotion.configs.robot import load_robot
 from flexmotion.configs.stream import load_stream
 from flexmotion.drivers.registry import create
+from flexmotion.human.motion import Motion
 from flexmotion.importers import load
-from flexmotion.motion import Motion
-from flexmotion.sampler import Sampler
+from flexmotion.sampling.sampler import Sampler
+from flexmotion.streamer.checks.latency import RandomTargets, switched
 from flexmotion.streamer.commands.choice import open_sampler
 from flexmotion.streamer.commands.driver_options import simulation_options
-from flexmotion.streamer.intents import Intent, Text
-from flexmotion.streamer.latency import RandomTargets, switched
-from flexmotion.streamer.model_source import ModelSource
-from flexmotion.streamer.pace import human_pace
-from flexmotion.streamer.script import Item
-from flexmotion.streamer.session import Session
-from flexmotion.streamer.sources import LiveSource
+from flexmotion.streamer.motion.intents import Intent, Text
+from flexmotion.streamer.motion.model_source import ModelSource
+from flexmotion.streamer.motion.robot_pace import human_pace
+from flexmotion.streamer.motion.script import Item
+from flexmotion.streamer.motion.sources import LiveSource
+from flexmotion.streamer.run.session import Session
 
 CLIPS = tuple(f"dataset-1_{name}_normal_001" for name in ("walk", "bow", "guide", "respond", "byebye", "walk-back"))
 MOST = 1 / 200

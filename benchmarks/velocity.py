@@ -30,9 +30,9 @@ from flexmotion.bundles.bundle import Bundle
 from flexmotion.configs.errors import ConfigError
 from flexmotion.dataset.compact_set import MotionSet, open_set
 from flexmotion.evaluation.interval import Interval
-from flexmotion.kinematics import continuous_heading
-from flexmotion.motion import Motion
-from flexmotion.sampler import Condition, Sampler
+from flexmotion.human.kinematics import continuous_heading
+from flexmotion.human.motion import Motion
+from flexmotion.sampling.sampler import Condition, Sampler
 
 Float = NDArray[np.float64]
 

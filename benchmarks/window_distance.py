@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from flexmotion.body import Body
 from flexmotion.features.encode import body_points
 from flexmotion.features.heading_frame import turned
-from flexmotion.kinematics import continuous_heading, forward
-from flexmotion.motion import Motion
+from flexmotion.human.body import Body
+from flexmotion.human.kinematics import continuous_heading, forward
+from flexmotion.human.motion import Motion
 
 Float32 = NDArray[np.float32]
 

@@ -19,7 +19,7 @@ from scipy.stats import qmc
 
 from flexmotion.configs.errors import RetargetError
 from flexmotion.configs.robot import Robot
-from flexmotion.kinematics import HumanKinematics
+from flexmotion.human.kinematics import HumanKinematics
 from flexmotion.retarget.legs import SIDE_NAMES
 
 Float = NDArray[np.float64]

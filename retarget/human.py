@@ -8,11 +8,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from flexmotion.contacts import ContactDetector
-from flexmotion.kinematics import HumanKinematics, forward, heading
-from flexmotion.motion import Motion
+from flexmotion.human.contacts import ContactDetector
+from flexmotion.human.kinematics import HumanKinematics, forward, heading
+from flexmotion.human.motion import Motion
+from flexmotion.human.skeleton import SIDES
 from flexmotion.retarget.balance import GRAVITY
-from flexmotion.skeleton import SIDES
 
 Float = NDArray[np.float64]
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexmotion.motion import Motion
+from flexmotion.human.motion import Motion
 from flexmotion.retarget.footsteps import Step
 
 Float = NDArray[np.float64]

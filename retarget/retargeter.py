@@ -19,8 +19,8 @@ from scipy.spatial.transform import Rotation
 from flexmotion.configs.errors import RetargetError
 from flexmotion.configs.robot import Robot
 from flexmotion.configs.stream import StreamSettings
-from flexmotion.contacts import ContactDetector
-from flexmotion.motion import Motion
+from flexmotion.human.contacts import ContactDetector
+from flexmotion.human.motion import Motion
 from flexmotion.retarget import balance, posture
 from flexmotion.retarget.footsteps import FootstepPlanner, Scaling, Step, settled_from
 from flexmotion.retarget.human import HumanWindow

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from flexmotion.contacts import STATE_SIZE
+from flexmotion.human.contacts import STATE_SIZE
 from flexmotion.retarget.footsteps import Step
 from flexmotion.retarget.whole_body import POSTURE
 

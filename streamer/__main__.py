@@ -8,7 +8,7 @@ import sys
 from types import FrameType
 from typing import NoReturn
 
-from flexmotion.streamer.exit_codes import INTERRUPTED
+from flexmotion.streamer.commands.exit_codes import INTERRUPTED
 
 
 def main() -> NoReturn:

@@ -22,6 +22,7 @@ from flexmotion.streamer.commands.drivers import drivers
 from flexmotion.streamer.commands.dry_run import dry_run
 from flexmotion.streamer.commands.emulate import emulate
 from flexmotion.streamer.commands.evaluate import evaluate
+from flexmotion.streamer.commands.exit_codes import BAD_USAGE, INTERRUPTED, OK
 from flexmotion.streamer.commands.export import export
 from flexmotion.streamer.commands.log import log
 from flexmotion.streamer.commands.personalize import personalize
@@ -30,7 +31,6 @@ from flexmotion.streamer.commands.robots import robots
 from flexmotion.streamer.commands.run import run
 from flexmotion.streamer.commands.servo import servo
 from flexmotion.streamer.commands.train import train
-from flexmotion.streamer.exit_codes import BAD_USAGE, INTERRUPTED, OK
 
 ParserError: type[Exception] = typer.BadParameter.__mro__[2]
 """What the parser raises for any bad usage (click's `ClickException`, of which Typer exports only this subclass)."""

@@ -23,8 +23,8 @@ from flexmotion.configs.robot import load_robot
 from flexmotion.configs.stream import load_stream
 from flexmotion.drivers.registry import create
 from flexmotion.streamer.commands.choice import choose_motion
-from flexmotion.streamer.session import Session
-from flexmotion.streamer.sources import ClipSource
+from flexmotion.streamer.motion.sources import ClipSource
+from flexmotion.streamer.run.session import Session
 from flexmotion.streamer.viewer.service import Viewer
 
 SIZE = {"width": 1400, "height": 720}

@@ -16,8 +16,8 @@ from flexmotion.biomechanics.residual_reduction import shifted
 from flexmotion.biomechanics.segment_motion import SegmentMotion, segment_motion
 from flexmotion.biomechanics.smoothing import CUTOFF, smooth
 from flexmotion.biomechanics.sole import NEARNESS, Nearness, sole_points
-from flexmotion.human_model import human_model
-from flexmotion.motion import Motion
+from flexmotion.human.human_model import human_model
+from flexmotion.human.motion import Motion
 
 Float = NDArray[np.float64]
 

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from flexmotion.floor import clip_floor
-from flexmotion.kinematics import forward
-from flexmotion.motion import Motion
-from flexmotion.signals import fill
+from flexmotion.human.floor import clip_floor
+from flexmotion.human.kinematics import forward
+from flexmotion.human.motion import Motion
+from flexmotion.human.signals import fill
 
 Float = NDArray[np.float64]
 

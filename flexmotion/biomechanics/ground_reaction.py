@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from flexmotion.biomechanics.inverse_dynamics import GRAVITY, Effort
 from flexmotion.biomechanics.segment_motion import SegmentMotion
 from flexmotion.biomechanics.sole import POINTS, SolePoints
-from flexmotion.vectors import unit
+from flexmotion.human.vectors import unit
 
 Float = NDArray[np.float64]
 

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from flexmotion.biomechanics.external_load import ExternalLoad
 from flexmotion.biomechanics.segment_motion import SegmentMotion, carried
-from flexmotion.body import Body
-from flexmotion.human_model import human_model
-from flexmotion.skeleton import DOF_COUNT, SIDES
+from flexmotion.human.body import Body
+from flexmotion.human.human_model import human_model
+from flexmotion.human.skeleton import DOF_COUNT, SIDES
 
 Float = NDArray[np.float64]
 

@@ -12,8 +12,8 @@ from flexmotion.biomechanics.dynamics import Dynamics
 from flexmotion.biomechanics.inverse_dynamics import effort
 from flexmotion.biomechanics.segment_motion import carried
 from flexmotion.biomechanics.static_optimisation import MuscleState
-from flexmotion.human_model import human_model
-from flexmotion.skeleton import JOINTS, SIDES
+from flexmotion.human.human_model import human_model
+from flexmotion.human.skeleton import JOINTS, SIDES
 
 Float = NDArray[np.float64]
 

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from flexmotion.motion import Motion
-from flexmotion.skeleton import JOINTS
+from flexmotion.human.motion import Motion
+from flexmotion.human.skeleton import JOINTS
 
 Float = NDArray[np.float64]
 

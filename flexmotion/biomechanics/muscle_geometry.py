@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexmotion.configs.errors import ConfigError
-from flexmotion.skeleton import JOINTS
+from flexmotion.human.skeleton import JOINTS
 
 Float = NDArray[np.float64]
 

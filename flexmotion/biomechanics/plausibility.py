@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexmotion.angles import three_angle_rotation
 from flexmotion.biomechanics.smoothing import BALL_JOINTS
-from flexmotion.joint_limits import joint_limits
-from flexmotion.motion import Motion
-from flexmotion.skeleton import JOINTS
+from flexmotion.human.angles import three_angle_rotation
+from flexmotion.human.joint_limits import joint_limits
+from flexmotion.human.motion import Motion
+from flexmotion.human.skeleton import JOINTS
 
 Float = NDArray[np.float64]
 

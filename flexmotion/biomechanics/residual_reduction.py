@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solveh_banded
 
-from flexmotion.motion import Motion
+from flexmotion.human.motion import Motion
 
 Float = NDArray[np.float64]
 

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexmotion.biomechanics.differentiation import derivative, second_derivative
-from flexmotion.body import Body
-from flexmotion.human_model import HumanModel, human_model
-from flexmotion.motion import Motion
-from flexmotion.skeleton import JOINTS
+from flexmotion.human.body import Body
+from flexmotion.human.human_model import HumanModel, human_model
+from flexmotion.human.motion import Motion
+from flexmotion.human.skeleton import JOINTS
 
 Float = NDArray[np.float64]
 

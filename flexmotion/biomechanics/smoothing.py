@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from scipy.linalg import solveh_banded
 from scipy.spatial.transform import Rotation
 
-from flexmotion.angles import three_angle_rotation, three_angles
-from flexmotion.motion import Motion
-from flexmotion.signals import continuous_quaternions
-from flexmotion.skeleton import JOINTS, SIDES
+from flexmotion.human.angles import three_angle_rotation, three_angles
+from flexmotion.human.motion import Motion
+from flexmotion.human.signals import continuous_quaternions
+from flexmotion.human.skeleton import JOINTS, SIDES
 
 Float = NDArray[np.float64]
 

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from flexmotion.biomechanics.differentiation import derivative
 from flexmotion.biomechanics.segment_motion import SegmentMotion
-from flexmotion.body import Body
-from flexmotion.human_model import human_model
-from flexmotion.skeleton import SIDES
+from flexmotion.human.body import Body
+from flexmotion.human.human_model import human_model
+from flexmotion.human.skeleton import SIDES
 
 Float = NDArray[np.float64]
 

@@ -23,8 +23,8 @@ from flexmotion.biomechanics.muscle_geometry import (
     MuscleModel,
     muscle_models,
 )
-from flexmotion.motion import Motion
-from flexmotion.skeleton import DOF_COUNT, JOINTS
+from flexmotion.human.motion import Motion
+from flexmotion.human.skeleton import DOF_COUNT, JOINTS
 
 Float = NDArray[np.float64]
 

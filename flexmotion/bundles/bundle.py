@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
-from flexmotion.body import Body, Segments, Sex
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.schema import Strict
 from flexmotion.features.layout import Layout
 from flexmotion.features.statistics import Statistics
+from flexmotion.human.body import Body, Segments, Sex
 from flexmotion.text.listener import Listener
 
 SCHEMA = "flexmotion.bundle/3"

@@ -19,7 +19,7 @@ from flexmotion.dataset.fields import FIELDS
 from flexmotion.dataset.parts import is_whole, part_path, read, write
 from flexmotion.dataset.report import Ranges, summary
 from flexmotion.dataset.settings import REVISION, BuildSettings
-from flexmotion.skeleton import JOINTS
+from flexmotion.human.skeleton import JOINTS
 
 SCHEMA = "flexmotion.set/1"
 MANIFEST = "manifest.json"

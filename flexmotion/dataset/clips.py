@@ -17,8 +17,8 @@ from pathlib import Path
 
 import numpy as np
 
-from flexmotion.captions import Caption, read_captions
 from flexmotion.configs.errors import MotionFormatError
+from flexmotion.dataset.captions import Caption, read_captions
 from flexmotion.dataset.splits import split_of
 from flexmotion.importers.acclaim import find_skeleton
 from flexmotion.importers.packed import is_packed

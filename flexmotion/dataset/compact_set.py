@@ -14,7 +14,7 @@ import numpy as np
 from flexmotion.biomechanics.mirror import POLAR, mirror
 from flexmotion.dataset.compact import read_compact
 from flexmotion.dataset.training_set import SetClip, TrainingSet
-from flexmotion.motion import Motion
+from flexmotion.human.motion import Motion
 
 MIRROR = "mirror"
 

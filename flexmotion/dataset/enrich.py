@@ -19,8 +19,8 @@ from flexmotion.configs.errors import FlexMotionError
 from flexmotion.dataset.clips import Clip
 from flexmotion.dataset.fields import FIELDS
 from flexmotion.dataset.settings import BuildSettings
+from flexmotion.human.motion import Motion
 from flexmotion.importers import load
-from flexmotion.motion import Motion
 
 MEAN_HEIGHT = 1.75
 

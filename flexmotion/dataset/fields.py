@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexmotion.skeleton import DOF_COUNT, JOINTS
+from flexmotion.human.skeleton import DOF_COUNT, JOINTS
 
 MUSCLES, MUSCLE_JOINTS, CROSSINGS, LOADS = 290, 13, 7, 3
 

@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from flexmotion.body import Body, Segments
 from flexmotion.configs.errors import MotionFormatError
 from flexmotion.dataset.build import MANIFEST, SCHEMA
-from flexmotion.motion import Motion
+from flexmotion.human.body import Body, Segments
+from flexmotion.human.motion import Motion
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexmotion.features.encode import body_points
-from flexmotion.kinematics import forward
-from flexmotion.motion import Motion
+from flexmotion.human.kinematics import forward
+from flexmotion.human.motion import Motion
 
 Float = NDArray[np.float64]
 

@@ -10,8 +10,8 @@ from flexmotion.biomechanics.dynamics import dynamics
 from flexmotion.biomechanics.inverse_dynamics import GRAVITY, joint_torques
 from flexmotion.biomechanics.segment_motion import segment_motion
 from flexmotion.biomechanics.static_optimisation import infeasible, static_optimisation
-from flexmotion.motion import Motion
-from flexmotion.skeleton import JOINTS
+from flexmotion.human.motion import Motion
+from flexmotion.human.skeleton import JOINTS
 
 Float = NDArray[np.float64]
 

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from flexmotion.body import Body
 from flexmotion.features.encode import GRAVITY
 from flexmotion.features.heading_frame import turned, yaw_matrix
 from flexmotion.features.joint_groups import (
@@ -20,9 +19,10 @@ from flexmotion.features.joint_groups import (
     matrix,
 )
 from flexmotion.features.layout import ACTIVATIONS, POINTS, Layout
-from flexmotion.kinematics import continuous_heading
-from flexmotion.motion import Motion
-from flexmotion.skeleton import DOF_COUNT, JOINTS, SIDES
+from flexmotion.human.body import Body
+from flexmotion.human.kinematics import continuous_heading
+from flexmotion.human.motion import Motion
+from flexmotion.human.skeleton import DOF_COUNT, JOINTS, SIDES
 
 Float = NDArray[np.float64]
 

@@ -9,9 +9,9 @@ from scipy.spatial.transform import Rotation
 from flexmotion.features.heading_frame import turned, yaw_matrix
 from flexmotion.features.joint_groups import HINGE_COLUMNS, ball_matrices, six
 from flexmotion.features.layout import ACTIVATIONS, POINTS, Layout
-from flexmotion.kinematics import HumanKinematics, continuous_heading, forward
-from flexmotion.motion import Motion
-from flexmotion.skeleton import JOINTS
+from flexmotion.human.kinematics import HumanKinematics, continuous_heading, forward
+from flexmotion.human.motion import Motion
+from flexmotion.human.skeleton import JOINTS
 
 Float = NDArray[np.float64]
 

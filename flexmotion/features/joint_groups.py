@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from flexmotion.human_model import AXES, MIRRORED
-from flexmotion.skeleton import JOINTS, SIDES
+from flexmotion.human.human_model import AXES, MIRRORED
+from flexmotion.human.skeleton import JOINTS, SIDES
 
 Float = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ from dataclasses import asdict, dataclass
 from functools import cached_property
 
 from flexmotion.features.joint_groups import ROTATION_SIZE
-from flexmotion.skeleton import JOINTS, SIDES
+from flexmotion.human.skeleton import JOINTS, SIDES
 
 POINTS: tuple[str, ...] = tuple(
     f"{point}_{side}"

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from flexmotion.body import Body, Segments
+from flexmotion.human.body import Body, Segments
+from flexmotion.human.vectors import in_frame
 from flexmotion.importers.foot import FlatFoot
 from flexmotion.importers.landmarks import Landmarks
-from flexmotion.vectors import in_frame
 
 Float = NDArray[np.float64]
 

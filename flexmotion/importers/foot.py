@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from flexmotion.human.joint_limits import joint_limits
+from flexmotion.human.signals import fill, smoothstep
+from flexmotion.human.skeleton import JOINTS
+from flexmotion.human.vectors import in_frame, unit
 from flexmotion.importers.landmarks import Landmarks
-from flexmotion.joint_limits import joint_limits
-from flexmotion.signals import fill, smoothstep
-from flexmotion.skeleton import JOINTS
-from flexmotion.vectors import in_frame, unit
 
 Float = NDArray[np.float64]
 

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexmotion.configs.errors import MotionFormatError
+from flexmotion.human.signals import resample_rotations, resample_signal
 from flexmotion.importers.capture import Capture
 from flexmotion.importers.mapping import SkeletonMapping, Units, Up, markers
 from flexmotion.importers.zero_pose import zero_pose_orientations
-from flexmotion.signals import resample_rotations, resample_signal
 
 Float = NDArray[np.float64]
 

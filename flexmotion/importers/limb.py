@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexmotion.signals import fill, smoothstep
-from flexmotion.vectors import in_frame, unit
+from flexmotion.human.signals import fill, smoothstep
+from flexmotion.human.vectors import in_frame, unit
 
 Float = NDArray[np.float64]
 

@@ -12,7 +12,12 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from flexmotion.configs.errors import MotionFormatError
-from flexmotion.floor import clip_floor
+from flexmotion.human.floor import clip_floor
+from flexmotion.human.kinematics import forward, heading
+from flexmotion.human.motion import Motion
+from flexmotion.human.motion_file import load_motion
+from flexmotion.human.resample import resample
+from flexmotion.human.signals import continuous_quaternions
 from flexmotion.importers.acclaim import read_acclaim
 from flexmotion.importers.bvh import read_bvh
 from flexmotion.importers.capture import Capture
@@ -23,11 +28,6 @@ from flexmotion.importers.packed import is_packed, read_packed
 from flexmotion.importers.refine import refine
 from flexmotion.importers.smpl import is_amass, read_amass, read_joints22
 from flexmotion.importers.trc import read_trc
-from flexmotion.kinematics import forward, heading
-from flexmotion.motion import Motion
-from flexmotion.motion_file import load_motion
-from flexmotion.resample import resample
-from flexmotion.signals import continuous_quaternions
 
 FPS = 30.0
 """Frame rate that clips are brought to unless asked otherwise."""

@@ -16,7 +16,7 @@ from pydantic import Field, field_validator
 
 from flexmotion.configs.errors import ConfigError, MotionFormatError
 from flexmotion.configs.schema import Strict, load
-from flexmotion.skeleton import SIDES
+from flexmotion.human.skeleton import SIDES
 
 Units = Literal["m", "cm", "mm", "inch"]
 Up = Literal["y", "z"]

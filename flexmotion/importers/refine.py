@@ -18,13 +18,13 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from flexmotion.biomechanics.segment_motion import SegmentMotion, carried, segment_motion
-from flexmotion.human_model import human_model
+from flexmotion.human.human_model import human_model
+from flexmotion.human.joint_limits import joint_limits
+from flexmotion.human.motion import Motion
+from flexmotion.human.signals import continuous_quaternions
+from flexmotion.human.skeleton import DOF_COUNT
+from flexmotion.human.vectors import in_frame
 from flexmotion.importers.landmarks import Landmarks
-from flexmotion.joint_limits import joint_limits
-from flexmotion.motion import Motion
-from flexmotion.signals import continuous_quaternions
-from flexmotion.skeleton import DOF_COUNT
-from flexmotion.vectors import in_frame
 
 Float = NDArray[np.float64]
 

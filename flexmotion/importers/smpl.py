@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from flexmotion.body import Segments
 from flexmotion.configs.errors import MotionFormatError
+from flexmotion.human.body import Segments
 from flexmotion.importers.body_fit import BALL_HEIGHT
 from flexmotion.importers.capture import Capture
 

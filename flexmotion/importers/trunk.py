@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from flexmotion.angles import rotation_about
+from flexmotion.human.angles import rotation_about
+from flexmotion.human.vectors import frame, in_frame, unit
 from flexmotion.importers.landmarks import Landmarks
-from flexmotion.vectors import frame, in_frame, unit
 
 Float = NDArray[np.float64]
 

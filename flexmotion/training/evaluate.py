@@ -16,7 +16,6 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from flexmotion.body import Body
 from flexmotion.evaluation.embeddings import (
     diversity,
     frechet_distance,
@@ -30,8 +29,9 @@ from flexmotion.evaluation.physics import beyond_muscles, physics_metrics
 from flexmotion.features.decode import Anchor, decode, pressure_centres
 from flexmotion.features.encode import encode
 from flexmotion.features.layout import ACTIVATIONS
-from flexmotion.motion import Motion
-from flexmotion.sampler import Condition, Sampler
+from flexmotion.human.body import Body
+from flexmotion.human.motion import Motion
+from flexmotion.sampling.sampler import Condition, Sampler
 from flexmotion.text.sentence_encoder import SentenceEncoder
 from flexmotion.training.conditions import NONE, Sentences, describe
 from flexmotion.training.evaluator import Evaluator

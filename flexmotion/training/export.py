@@ -12,12 +12,12 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from flexmotion.body import Body, Segments
 from flexmotion.bundles.bundle import DECODER, DENOISER, SCHEMA, BodySize, Bundle, Manifest, write_bundle
 from flexmotion.bundles.card import Making, write_card
 from flexmotion.configs.errors import ConfigError
 from flexmotion.features.layout import POINTS, Layout
-from flexmotion.skeleton import SIDES
+from flexmotion.human.body import Body, Segments
+from flexmotion.human.skeleton import SIDES
 from flexmotion.text.phrases import kinds, wordings
 from flexmotion.text.sayings import sayings
 from flexmotion.text.sentence_encoder import NETWORK, VOCABULARY, SentenceEncoder

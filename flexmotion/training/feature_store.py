@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from flexmotion.body import Body, Segments
 from flexmotion.configs.errors import MotionFormatError
 from flexmotion.dataset.compact_set import MotionSet
 from flexmotion.dataset.training_set import SetClip
@@ -21,8 +20,9 @@ from flexmotion.features.encode import encode
 from flexmotion.features.joint_groups import BALL_COLUMNS
 from flexmotion.features.layout import Layout
 from flexmotion.features.statistics import Statistics
-from flexmotion.resample import resample
-from flexmotion.signals import resample_signal, same_rate
+from flexmotion.human.body import Body, Segments
+from flexmotion.human.resample import resample
+from flexmotion.human.signals import resample_signal, same_rate
 
 INDEX = "index.json"
 

@@ -11,12 +11,12 @@ import torch
 from torch import Tensor
 
 from flexmotion.biomechanics.muscle_geometry import MODEL_HEIGHT, MODEL_MASS
-from flexmotion.body import Body
 from flexmotion.features.joint_groups import BALLS, HINGES, sign
 from flexmotion.features.layout import POINTS
-from flexmotion.human_model import AXES, SEGMENTS, human_model
-from flexmotion.kinematics import SIDED_BODIES
-from flexmotion.skeleton import JOINTS
+from flexmotion.human.body import Body
+from flexmotion.human.human_model import AXES, SEGMENTS, human_model
+from flexmotion.human.kinematics import SIDED_BODIES
+from flexmotion.human.skeleton import JOINTS
 
 
 def _tree() -> tuple[int, ...]:

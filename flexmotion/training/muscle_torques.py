@@ -22,7 +22,7 @@ from flexmotion.dataset.training_set import SetClip
 from flexmotion.features.encode import GRAVITY
 from flexmotion.features.joint_groups import BALL_COLUMNS, BALL_SIGNS, HINGE_COLUMNS
 from flexmotion.features.layout import ACTIVATIONS, Layout
-from flexmotion.skeleton import JOINTS
+from flexmotion.human.skeleton import JOINTS
 from flexmotion.training.human_tensors import HumanTensors
 from flexmotion.training.kinematics import pose
 

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from flexmotion.streamer.commands.exit_codes import CHECK_FAILED, INTERRUPTED
 from flexmotion.streamer.commands.options import (
     BundleOption,
     ClipOption,
@@ -22,7 +23,6 @@ from flexmotion.streamer.commands.options import (
     SettingsOption,
 )
 from flexmotion.streamer.commands.output import print_json, print_note, print_result, progress_bar
-from flexmotion.streamer.exit_codes import CHECK_FAILED, INTERRUPTED
 
 check = typer.Typer(no_args_is_help=True)
 
@@ -66,10 +66,10 @@ def torque(
     # Heavy imports wait until the command runs: help and completion answer at once.
     from flexmotion.configs.robot import load_robot
     from flexmotion.configs.stream import load_stream
+    from flexmotion.streamer.checks.torque_check import check_trajectory, render_check
     from flexmotion.streamer.commands.choice import choose_source
-    from flexmotion.streamer.offline import retarget_offline
+    from flexmotion.streamer.planning.offline import retarget_offline
     from flexmotion.streamer.plots import write_torque
-    from flexmotion.streamer.torque_check import check_trajectory, render_check
 
     chosen = load_robot(robot)
     stream_settings = load_stream(settings)
@@ -136,10 +136,10 @@ def latency(
     from flexmotion.configs.robot import load_robot
     from flexmotion.configs.stream import load_stream
     from flexmotion.drivers.registry import create
+    from flexmotion.streamer.checks.latency import measure
+    from flexmotion.streamer.checks.latency_text import render_latency
     from flexmotion.streamer.commands.choice import choose_switched
     from flexmotion.streamer.commands.signals import operator_signals
-    from flexmotion.streamer.latency import measure
-    from flexmotion.streamer.latency_text import render_latency
     from flexmotion.streamer.plots import write_latency
 
     chosen = load_robot(robot)

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.table import Table
 
+from flexmotion.streamer.commands.exit_codes import CHECK_FAILED
 from flexmotion.streamer.commands.options import JsonOption, RobotOption
 from flexmotion.streamer.commands.output import print_json, print_result
-from flexmotion.streamer.exit_codes import CHECK_FAILED
 
 if TYPE_CHECKING:
     from flexmotion.configs.robot import Robot
@@ -41,7 +41,7 @@ def bus(
     """
     # Heavy imports wait until the command runs: help and completion answer at once.
     from flexmotion.configs.robot import load_robot
-    from flexmotion.streamer.bus_check import check_buses
+    from flexmotion.streamer.checks.bus_check import check_buses
 
     chosen = load_robot(robot)
     wanted = chosen.rate_hz if rate is None else rate

@@ -12,17 +12,17 @@ import typer
 from flexmotion.bundles.bundle import Bundle
 from flexmotion.bundles.shipped import shipped_bundle
 from flexmotion.configs.robot import Robot
+from flexmotion.human.motion import Motion
+from flexmotion.human.resample import resample
 from flexmotion.importers import load
-from flexmotion.motion import Motion
-from flexmotion.resample import resample
-from flexmotion.sampler import Sampler
-from flexmotion.streamer.intents import Clip, Intent, Stop, Text
-from flexmotion.streamer.latency import shipped_clips, switched
-from flexmotion.streamer.model_source import ModelSource
-from flexmotion.streamer.pace import human_pace
-from flexmotion.streamer.script import Item, load_script
-from flexmotion.streamer.sequence import sequence
-from flexmotion.streamer.sources import ClipSource, LiveSource, Performance
+from flexmotion.sampling.sampler import Sampler
+from flexmotion.streamer.checks.latency import shipped_clips, switched
+from flexmotion.streamer.motion.intents import Clip, Intent, Stop, Text
+from flexmotion.streamer.motion.model_source import ModelSource
+from flexmotion.streamer.motion.robot_pace import human_pace
+from flexmotion.streamer.motion.script import Item, load_script
+from flexmotion.streamer.motion.sequence import sequence
+from flexmotion.streamer.motion.sources import ClipSource, LiveSource, Performance
 
 DEFAULT_CLIP = "default.npz"
 """Shipped in `flexmotion/data`: what is followed when nothing is asked for and there is no model."""

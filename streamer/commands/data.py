@@ -8,9 +8,9 @@ from typing import Annotated
 
 import typer
 
+from flexmotion.streamer.commands.exit_codes import CHECK_FAILED
 from flexmotion.streamer.commands.options import JsonOption, MappingOption
 from flexmotion.streamer.commands.output import print_json, print_note, print_result, progress_bar
-from flexmotion.streamer.exit_codes import CHECK_FAILED
 
 data = typer.Typer(help="Motion files to a training set with forces, torques and muscle activations.")
 
@@ -34,8 +34,8 @@ def import_(
 
       flexmotion data import walk.bvh -o walk.npz
     """
+    from flexmotion.human.motion_file import save_motion
     from flexmotion.importers import read
-    from flexmotion.motion_file import save_motion
 
     found = read(file, mapping=mapping, clip=clip, fps=fps)
     save_motion(found.motion, out)
@@ -67,8 +67,8 @@ def augment(
     from flexmotion.biomechanics.augmentation import varied
     from flexmotion.biomechanics.dynamics import dynamics
     from flexmotion.biomechanics.mirror import mirror
+    from flexmotion.human.motion_file import save_motion
     from flexmotion.importers import load
-    from flexmotion.motion_file import save_motion
 
     motion = load(file)
     changed, loads = (mirror(motion), ()) if mirrored else varied(motion, seed)

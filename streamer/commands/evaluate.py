@@ -37,7 +37,7 @@ def evaluate(
     needs_training()
     from flexmotion.bundles.bundle import Bundle
     from flexmotion.bundles.card import add_figures
-    from flexmotion.sampler import Sampler
+    from flexmotion.sampling.sampler import Sampler
     from flexmotion.training.evaluate import Judge
     from flexmotion.training.run import Run
 

@@ -30,7 +30,7 @@ def export(
       flexmotion export training -o bundle
     """
     needs_training()
-    from flexmotion.body import Body
+    from flexmotion.human.body import Body
     from flexmotion.training.export import export as write
     from flexmotion.training.run import Run
 

@@ -7,9 +7,9 @@ from typing import Annotated
 
 import typer
 
+from flexmotion.streamer.commands.exit_codes import CHECK_FAILED
 from flexmotion.streamer.commands.options import JsonOption, writable_folder
 from flexmotion.streamer.commands.output import print_json, print_note, print_result, progress_bar
-from flexmotion.streamer.exit_codes import CHECK_FAILED
 
 log = typer.Typer(help="Logs of runs: what is in them, their pictures, and the run once more.", no_args_is_help=True)
 

@@ -34,10 +34,10 @@ def retarget(
     from flexmotion.configs.robot import load_robot
     from flexmotion.configs.stream import load_stream
     from flexmotion.streamer.commands.choice import choose_motion
-    from flexmotion.streamer.offline import retarget_offline
-    from flexmotion.streamer.sources import ClipSource
-    from flexmotion.streamer.trajectory_file import WRITERS, write_trajectory
-    from flexmotion.streamer.trajectory_quality import quality, render_quality
+    from flexmotion.streamer.motion.sources import ClipSource
+    from flexmotion.streamer.planning.offline import retarget_offline
+    from flexmotion.streamer.report.trajectory_file import WRITERS, write_trajectory
+    from flexmotion.streamer.report.trajectory_quality import quality, render_quality
 
     if out.suffix.lower() not in WRITERS:
         raise typer.BadParameter(f"{out}: unknown kind of file, expected {' or '.join(WRITERS)}")

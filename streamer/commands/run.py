@@ -77,7 +77,7 @@ def run(
         from flexmotion.configs.stream import load_stream
         from flexmotion.streamer.commands.choice import choose_source
         from flexmotion.streamer.commands.driver_options import parse_options
-        from flexmotion.streamer.commands.recording import log_file
+        from flexmotion.streamer.commands.log_option import log_file
         from flexmotion.streamer.commands.streaming import RunRequest, present, stream
 
         stream_settings = load_stream(settings)

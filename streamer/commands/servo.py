@@ -11,9 +11,9 @@ from rich.live import Live
 from rich.table import Table
 
 from flexmotion.configs.errors import DriverError
+from flexmotion.streamer.commands.exit_codes import CHECK_FAILED, INTERRUPTED
 from flexmotion.streamer.commands.options import JsonOption, RobotOption
 from flexmotion.streamer.commands.output import print_json, print_note, print_result
-from flexmotion.streamer.exit_codes import CHECK_FAILED, INTERRUPTED
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

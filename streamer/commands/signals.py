@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from types import FrameType
 
 from flexmotion.streamer.commands.output import print_note
-from flexmotion.streamer.controls import Request
+from flexmotion.streamer.run.requests import Request
 
 
 class OperatorSignals:

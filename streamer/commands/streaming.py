@@ -15,23 +15,23 @@ import typer
 from flexmotion.configs.robot import Robot
 from flexmotion.configs.stream import StreamSettings
 from flexmotion.drivers.registry import create
-from flexmotion.motion import Motion
+from flexmotion.human.motion import Motion
+from flexmotion.streamer.commands.exit_codes import CHECK_FAILED, HARDWARE_FAILED, INTERRUPTED
+from flexmotion.streamer.commands.log_option import record_to
 from flexmotion.streamer.commands.options import Clock
 from flexmotion.streamer.commands.output import print_json, print_note, print_result, progress_bar
-from flexmotion.streamer.commands.recording import record_to
 from flexmotion.streamer.commands.signals import OperatorSignals
-from flexmotion.streamer.exit_codes import CHECK_FAILED, HARDWARE_FAILED, INTERRUPTED
-from flexmotion.streamer.metrics import HumanTrack, RobotFigures
-from flexmotion.streamer.page import write_page
+from flexmotion.streamer.control.run_trace import RunRecord
+from flexmotion.streamer.control.telemetry import Event
+from flexmotion.streamer.log.recorder import Recorder
+from flexmotion.streamer.motion.replan_noise import NoisySource
+from flexmotion.streamer.motion.sources import Performance
 from flexmotion.streamer.plots import write_plots
-from flexmotion.streamer.record import RunRecord
-from flexmotion.streamer.recorder import Recorder
-from flexmotion.streamer.replan_noise import NoisySource
-from flexmotion.streamer.report import Report, RunInfo, build_report
-from flexmotion.streamer.session import Session, count_human_steps, human_motion
-from flexmotion.streamer.sources import Performance
-from flexmotion.streamer.summary import render
-from flexmotion.streamer.telemetry import Event
+from flexmotion.streamer.report.metrics import HumanTrack, RobotFigures
+from flexmotion.streamer.report.report import Report, RunInfo, build_report
+from flexmotion.streamer.report.report_page import write_page
+from flexmotion.streamer.report.summary import render
+from flexmotion.streamer.run.session import Session, count_human_steps, human_motion
 from flexmotion.streamer.viewer.service import Viewer
 
 
@@ -41,8 +41,8 @@ class RunRequest:
 
     Attributes:
         source: what to follow, to its end.
-        stay, realtime: as of `flexmotion.streamer.session.Session`.
-        replan_noise_m: error of every redrawn window at 1 s lookahead [m] (see `flexmotion.streamer.replan_noise`).
+        stay, realtime: as of `flexmotion.streamer.run.session.Session`.
+        replan_noise_m: error of every redrawn window at 1 s lookahead [m] (`streamer/motion/replan_noise.py`).
         driver_options: fields of the driver's `Options`, without the seed.
         log: file to log to; None: nowhere.
         view_port: first port to try for the page that shows the run; None: no page.

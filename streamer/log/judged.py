@@ -6,14 +6,14 @@ from dataclasses import dataclass
 
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.robot import Robot, load_robot
-from flexmotion.motion import Motion
+from flexmotion.human.motion import Motion
 from flexmotion.retarget.retargeter import Retargeter
+from flexmotion.streamer.control.run_trace import RunRecord
 from flexmotion.streamer.log.reader import Log
 from flexmotion.streamer.log.source import MODEL
-from flexmotion.streamer.metrics import HumanTrack, RobotFigures
-from flexmotion.streamer.record import RunRecord
-from flexmotion.streamer.report import Report, RunInfo, build_report
-from flexmotion.streamer.session import count_human_steps, human_motion
+from flexmotion.streamer.report.metrics import HumanTrack, RobotFigures
+from flexmotion.streamer.report.report import Report, RunInfo, build_report
+from flexmotion.streamer.run.session import count_human_steps, human_motion
 
 
 @dataclass(frozen=True)

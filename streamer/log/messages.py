@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import fields
 from typing import Any
 
-from flexmotion.streamer.ladder import State
+from flexmotion.streamer.control.ladder import State
+from flexmotion.streamer.control.plan_buffer import Offer, Ticket
+from flexmotion.streamer.control.tick_row import tick_dtype
 from flexmotion.streamer.log.cdr import Column, columns_of, encode
-from flexmotion.streamer.plan_buffer import Offer, Ticket
-from flexmotion.streamer.tick_row import tick_dtype
 
 TICK, PLAN, TARGET, EVENT = "/tick", "/plan", "/target", "/event"
 TICK_SCHEMA, PLAN_SCHEMA = "flexmotion/msg/Tick", "flexmotion/msg/Plan"
@@ -44,7 +44,7 @@ _ROWS = (("q", None), ("qd", None), ("torque", None), ("feet", 8), ("com", 3), (
 
 
 def tick_columns(joints: int) -> list[Column]:
-    """Fields of `/tick`: all of `flexmotion.streamer.tick_row.tick_dtype`, in its order."""
+    """Fields of `/tick`: all of `flexmotion.streamer.control.tick_row.tick_dtype`, in its order."""
     states = tuple((state.name, int(state)) for state in State)
     return [
         Column(column.name, column.kind, column.size, column.unit, states) if column.name == "state" else column

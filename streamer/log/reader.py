@@ -17,14 +17,14 @@ from numpy.typing import NDArray
 
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.robot import Robot
+from flexmotion.streamer.control.run_trace import RunRecord
+from flexmotion.streamer.control.telemetry import Event
+from flexmotion.streamer.control.tick_row import blank, tick_dtype
 from flexmotion.streamer.log.cdr import ENCAPSULATION, decode, parse_schema, row_dtype
 from flexmotion.streamer.log.header import SCHEMA, LogHeader, robot_files
 from flexmotion.streamer.log.messages import EVENT, PLAN, TARGET, TICK
 from flexmotion.streamer.log.source import unpack
-from flexmotion.streamer.record import RunRecord
-from flexmotion.streamer.sources import Source
-from flexmotion.streamer.telemetry import Event
-from flexmotion.streamer.tick_row import blank, tick_dtype
+from flexmotion.streamer.motion.sources import Source
 
 
 @dataclass
@@ -42,7 +42,7 @@ class Log:
     """What is in a log.
 
     Attributes:
-        rows: of `flexmotion.streamer.tick_row.tick_dtype`, one a tick; columns that the log lacks are NaN or 0.
+        rows: of `flexmotion.streamer.control.tick_row.tick_dtype`, one a tick; columns that the log lacks are NaN or 0.
         events: in order.
         plans: fields of `flexmotion.streamer.log.messages.PLAN_COLUMNS` by name.
         targets: as sent.

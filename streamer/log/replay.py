@@ -10,13 +10,13 @@ import numpy as np
 
 from flexmotion.configs.errors import ConfigError
 from flexmotion.drivers.registry import create
-from flexmotion.streamer.controls import Request
-from flexmotion.streamer.intents import from_content
+from flexmotion.streamer.control.run_trace import RunRecord
 from flexmotion.streamer.log.judged import Subject
 from flexmotion.streamer.log.reader import Log
-from flexmotion.streamer.record import RunRecord
-from flexmotion.streamer.report import Report
-from flexmotion.streamer.session import Session
+from flexmotion.streamer.motion.intents import from_content
+from flexmotion.streamer.report.report import Report
+from flexmotion.streamer.run.requests import Request
+from flexmotion.streamer.run.session import Session
 
 TOLERANCES = {
     "fell": 0.0,

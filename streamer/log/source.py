@@ -11,16 +11,16 @@ from typing import Any
 from flexmotion.bundles.bundle import Bundle
 from flexmotion.bundles.shipped import shipped_bundle
 from flexmotion.configs.errors import ConfigError
-from flexmotion.motion import Motion
-from flexmotion.motion_file import load_motion, save_motion
-from flexmotion.pace import Pace
-from flexmotion.sampler import Sampler
-from flexmotion.streamer.clip_library import ClipLibrary
-from flexmotion.streamer.intents import from_content, to_content
-from flexmotion.streamer.model_source import ModelSource
-from flexmotion.streamer.replan_noise import NoisySource
-from flexmotion.streamer.script import Item
-from flexmotion.streamer.sources import ClipSource, Source
+from flexmotion.human.motion import Motion
+from flexmotion.human.motion_file import load_motion, save_motion
+from flexmotion.sampling.pace import Pace
+from flexmotion.sampling.sampler import Sampler
+from flexmotion.streamer.motion.clip_library import ClipLibrary
+from flexmotion.streamer.motion.intents import from_content, to_content
+from flexmotion.streamer.motion.model_source import ModelSource
+from flexmotion.streamer.motion.replan_noise import NoisySource
+from flexmotion.streamer.motion.script import Item
+from flexmotion.streamer.motion.sources import ClipSource, Source
 
 Parts = dict[str, Any]
 
@@ -30,7 +30,7 @@ _FOLDER = "source"
 
 
 def pack(source: Source) -> tuple[Parts, dict[str, bytes]]:
-    """How to build a source, and the files that it takes, by attachment name (`flexmotion.motion_file`)."""
+    """How to build a source, and the files that it takes, by attachment name (`flexmotion.human.motion_file`)."""
     if isinstance(source, ClipSource):
         file = f"{_FOLDER}/clip.npz"
         return {"kind": "clip", "name": source.name, "file": file}, {file: _pack_motion(source.motion)}

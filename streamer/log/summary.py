@@ -9,11 +9,11 @@ import numpy as np
 from rich.console import Group, RenderableType
 from rich.table import Table
 
-from flexmotion.streamer.intents import WORDS
-from flexmotion.streamer.ladder import State
+from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.log.reader import Log
 from flexmotion.streamer.log.replay import Replay
-from flexmotion.streamer.report import Latency
+from flexmotion.streamer.motion.intents import WORDS
+from flexmotion.streamer.report.report import Latency
 
 SHOW_SCHEMA, REPLAY_SCHEMA = "flexmotion.log-summary/1", "flexmotion.replay/1"
 _EVENTS_SHOWN = 40

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexmotion.configs.robot import Robot
-from flexmotion.motion import Motion
-from flexmotion.streamer.latency import LatencyResult
-from flexmotion.streamer.metrics import HumanTrack, RobotFigures
+from flexmotion.human.motion import Motion
+from flexmotion.streamer.checks.latency import LatencyResult
+from flexmotion.streamer.control.run_trace import RunRecord
 from flexmotion.streamer.plots.filmstrip import draw_filmstrip
 from flexmotion.streamer.plots.footsteps import draw_footsteps
 from flexmotion.streamer.plots.latency import draw_latency
@@ -18,7 +18,7 @@ from flexmotion.streamer.plots.style import save, styled
 from flexmotion.streamer.plots.timeline import draw_timeline
 from flexmotion.streamer.plots.torque import draw_torque
 from flexmotion.streamer.plots.tracking import draw_tracking
-from flexmotion.streamer.record import RunRecord
+from flexmotion.streamer.report.metrics import HumanTrack, RobotFigures
 
 __all__ = [
     "draw_filmstrip",

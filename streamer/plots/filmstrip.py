@@ -10,11 +10,11 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from flexmotion.configs.robot import Robot
-from flexmotion.kinematics import HumanKinematics, forward
-from flexmotion.motion import Motion
+from flexmotion.human.kinematics import HumanKinematics, forward
+from flexmotion.human.motion import Motion
+from flexmotion.streamer.control.run_trace import RunRecord
 from flexmotion.streamer.plots.solid import Camera, draw_solid, shapes
 from flexmotion.streamer.plots.style import HUMAN, LEFT, MUTED, RIGHT, empty, new_figure
-from flexmotion.streamer.record import RunRecord
 
 Float = NDArray[np.float64]
 

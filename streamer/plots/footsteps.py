@@ -11,9 +11,9 @@ from matplotlib.patches import Polygon
 from numpy.typing import NDArray
 
 from flexmotion.configs.robot import Robot
-from flexmotion.streamer.metrics import HumanTrack, RobotFigures, heading
+from flexmotion.streamer.control.run_trace import RunRecord
 from flexmotion.streamer.plots.style import HUMAN, INK, LEFT, MIDDLE, MUTED, RIGHT, new_figure
-from flexmotion.streamer.record import RunRecord
+from flexmotion.streamer.report.metrics import HumanTrack, RobotFigures, heading
 
 Float = NDArray[np.float64]
 

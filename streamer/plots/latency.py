@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from flexmotion.streamer.latency import HISTOGRAM_US, LatencyResult
+from flexmotion.streamer.checks.latency import HISTOGRAM_US, LatencyResult
 from flexmotion.streamer.plots.style import LEFT, MUTED, RIGHT, WARN, new_figure
 
 

@@ -9,10 +9,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from flexmotion.streamer.ladder import State
-from flexmotion.streamer.metrics import FALL_TILT_RAD, HumanTrack, RobotFigures, heading, tilt
+from flexmotion.streamer.control.ladder import State
+from flexmotion.streamer.control.run_trace import RunRecord
 from flexmotion.streamer.plots.style import FAINT, HUMAN, INK, LEFT, MIDDLE, MUTED, RIGHT, WARN, empty, new_figure
-from flexmotion.streamer.record import RunRecord
+from flexmotion.streamer.report.metrics import FALL_TILT_RAD, HumanTrack, RobotFigures, heading, tilt
 
 Float = NDArray[np.float64]
 

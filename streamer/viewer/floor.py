@@ -52,7 +52,7 @@ class Footprints:
         self._bore = np.zeros(2, bool)
 
     def take(self, rows: Row) -> None:
-        """Follow rows (k,) of `flexmotion.streamer.tick_row`, none left out: note where soles have landed."""
+        """Follow rows (k,) of `flexmotion.streamer.control.tick_row`, none left out: note where soles have landed."""
         bears = np.concatenate([self._bore[None], rows["contact_ref"]])
         self._bore = bears[-1].copy()
         landed = np.argwhere(bears[1:] & ~bears[:-1])

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexmotion.configs.robot import Robot
-from flexmotion.streamer.ladder import State
-from flexmotion.streamer.telemetry import Event
+from flexmotion.streamer.control.ladder import State
+from flexmotion.streamer.control.telemetry import Event
 
 Float = NDArray[np.float64]
 Row = np.ndarray[Any, Any]

@@ -62,7 +62,7 @@ class MeasuredPose(Pose):
     """The robot as it is: the simulation's truth; on a real robot what encoders and IMU tell, on its planned feet."""
 
     def show(self, row: Row) -> bool:
-        """Take the pose of a row of `flexmotion.streamer.tick_row`; returns whether it is known."""
+        """Take the pose of a row of `flexmotion.streamer.control.tick_row`; returns whether it is known."""
         if not np.isfinite(row["q"]).all():
             return False
         if np.isfinite(row["true_base"]).all():
@@ -94,7 +94,7 @@ class PlannedPose(Pose):
     """The robot as the plan wants it."""
 
     def show(self, row: Row) -> bool:
-        """Take the reference of a row of `flexmotion.streamer.tick_row`; returns whether there is one."""
+        """Take the reference of a row of `flexmotion.streamer.control.tick_row`; returns whether there is one."""
         known = bool(np.isfinite(row["base_ref"]).all() and np.isfinite(row["q_ref"]).all())
         if known:
             self.place(row["base_ref"], row["q_ref"])

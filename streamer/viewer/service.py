@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.robot import Robot
-from flexmotion.streamer.telemetry import Telemetry
+from flexmotion.streamer.control.telemetry import Telemetry
 
 HOST = "127.0.0.1"
 FIRST_PORT = 8080
@@ -45,7 +45,7 @@ class Viewer:
         if multiprocessing.parent_process() is not None:  # in lockstep it shares the run's process
             os.nice(_NICENESS)
         # The web server takes half a second to load, and only this process needs it.
-        from flexmotion.streamer.viewer.page import Page
+        from flexmotion.streamer.viewer.view_page import Page
 
         return Page(self.robot, self.telemetry, HOST, self.port).follow
 

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexmotion.motion import Motion
-from flexmotion.skeleton import JOINTS
+from flexmotion.human.motion import Motion
+from flexmotion.human.skeleton import JOINTS
 
 sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))
 

@@ -13,8 +13,8 @@ from velocity import frame_velocities
 from verdicts import Verdict, benchmark
 from window_distance import mean_distance, nearest_distance, windows_of
 
-from flexmotion.body import Body
 from flexmotion.configs.errors import ConfigError
+from flexmotion.human.body import Body
 
 
 def test_velocity_is_along_and_across_where_the_body_faces(circling) -> None:

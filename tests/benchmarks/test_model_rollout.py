@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from model_rollout import ROOMY, Cue, always, roll_out
 
-from flexmotion.motion import Motion
-from flexmotion.sampler import Condition
+from flexmotion.human.motion import Motion
+from flexmotion.sampling.sampler import Condition
 
 WINDOW = 32
 

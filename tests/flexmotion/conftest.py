@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from flexmotion.body import Body
-from flexmotion.default_clip import default_clip
-from flexmotion.human_model import human_model
+from flexmotion.human.body import Body
+from flexmotion.human.human_model import human_model
+from flexmotion.human.kinematics import HumanKinematics, forward
+from flexmotion.human.motion import Motion
+from flexmotion.human.skeleton import JOINTS
 from flexmotion.importers.body_fit import BALL_HEIGHT
-from flexmotion.kinematics import HumanKinematics, forward
-from flexmotion.motion import Motion
-from flexmotion.skeleton import JOINTS
+from flexmotion.importers.default_clip import default_clip
 
 # From y up, z forward, x left to z up, x forward, y left.
 FROM_Y_UP = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])

@@ -10,10 +10,10 @@ import yaml
 
 from flexmotion.bundles.bundle import Bundle
 from flexmotion.bundles.shipped import shipped_bundle
-from flexmotion.concatenate import concatenate
-from flexmotion.kinematics import continuous_heading, forward
-from flexmotion.pace import Pace
-from flexmotion.sampler import Condition, Sampler
+from flexmotion.human.concatenate import concatenate
+from flexmotion.human.kinematics import continuous_heading, forward
+from flexmotion.sampling.pace import Pace
+from flexmotion.sampling.sampler import Condition, Sampler
 from flexmotion.text.phrases import STAND
 from flexmotion.text.sayings import NOTHING
 from flexmotion.text.sides import sides

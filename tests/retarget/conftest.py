@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from flexmotion.body import Body
 from flexmotion.configs.robot import Robot, load_robot
 from flexmotion.configs.stream import StreamSettings, load_stream
-from flexmotion.contacts import ContactDetector
-from flexmotion.default_clip import Script, build_clip, default_clip
-from flexmotion.motion import Motion
+from flexmotion.human.body import Body
+from flexmotion.human.contacts import ContactDetector
+from flexmotion.human.motion import Motion
+from flexmotion.human.skeleton import JOINTS
+from flexmotion.importers.default_clip import Script, build_clip, default_clip
 from flexmotion.retarget.human import HumanWindow
 from flexmotion.retarget.retargeter import Retargeter
-from flexmotion.skeleton import JOINTS
 
 FPS = 30.0
 

@@ -7,8 +7,8 @@ import pytest
 
 from flexmotion.configs.errors import RetargetError
 from flexmotion.configs.robot import Robot
-from flexmotion.kinematics import forward
-from flexmotion.motion import Motion
+from flexmotion.human.kinematics import forward
+from flexmotion.human.motion import Motion
 from flexmotion.retarget.arms import UpperBody
 
 

@@ -9,10 +9,10 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from flexmotion.body import Body
 from flexmotion.configs.robot_file import Gait
-from flexmotion.default_clip import build_clip
-from flexmotion.motion import Motion
+from flexmotion.human.body import Body
+from flexmotion.human.motion import Motion
+from flexmotion.importers.default_clip import build_clip
 from flexmotion.retarget.footsteps import NOTICE_S, UNHURRIED_S, Scaling, Step, settled_from
 from flexmotion.retarget.human import HumanWindow
 from flexmotion.retarget.retargeter import Retargeter

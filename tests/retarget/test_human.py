@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from flexmotion.contacts import ContactDetector
-from flexmotion.motion import Motion
+from flexmotion.human.contacts import ContactDetector
+from flexmotion.human.motion import Motion
+from flexmotion.human.skeleton import JOINTS
 from flexmotion.retarget.human import HumanWindow
-from flexmotion.skeleton import JOINTS
 
 
 def test_swings_are_those_of_the_walk(window: Callable[[Motion], HumanWindow], walk: Motion) -> None:

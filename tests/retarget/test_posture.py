@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from flexmotion.motion import Motion
+from flexmotion.human.motion import Motion
 from flexmotion.retarget.footsteps import Scaling
 from flexmotion.retarget.human import HumanWindow
 from flexmotion.retarget.posture import follower, human_trunk, quiet_share, trunk_targets

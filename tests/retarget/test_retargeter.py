@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from flexmotion.configs.errors import RetargetError
-from flexmotion.motion import Motion
+from flexmotion.human.motion import Motion
 from flexmotion.retarget.footsteps import NOTICE_S
 from flexmotion.retarget.plan import Plan
 from flexmotion.retarget.retargeter import Retargeter

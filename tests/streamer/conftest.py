@@ -12,13 +12,13 @@ from flexmotion.configs.robot import load_robot
 from flexmotion.configs.stream import load_stream
 from flexmotion.streamer.commands.choice import choose_motion
 from flexmotion.streamer.commands.streaming import Outcome, RunRequest, stream
-from flexmotion.streamer.ladder import State
-from flexmotion.streamer.metrics import HumanTrack, RobotFigures
+from flexmotion.streamer.control.ladder import State
+from flexmotion.streamer.control.run_trace import RunRecord
+from flexmotion.streamer.control.telemetry import Event
+from flexmotion.streamer.control.tick_row import REPAIRS, blank, tick_dtype
+from flexmotion.streamer.motion.sources import ClipSource
 from flexmotion.streamer.plots import write_plots
-from flexmotion.streamer.record import RunRecord
-from flexmotion.streamer.sources import ClipSource
-from flexmotion.streamer.telemetry import Event
-from flexmotion.streamer.tick_row import REPAIRS, blank, tick_dtype
+from flexmotion.streamer.report.metrics import HumanTrack, RobotFigures
 
 JOINTS = ("l_hip_pitch", "l_knee", "r_hip_pitch", "r_knee", "l_el", "head_pan")
 LEGS = np.array([0, 1, 2, 3])

@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from flexmotion.body import Body
-from flexmotion.motion import Motion
-from flexmotion.sampler import Condition
-from flexmotion.skeleton import JOINTS
-from flexmotion.streamer.metrics import heading
+from flexmotion.human.body import Body
+from flexmotion.human.motion import Motion
+from flexmotion.human.skeleton import JOINTS
+from flexmotion.sampling.sampler import Condition
+from flexmotion.streamer.report.metrics import heading
 from flexmotion.text.prompt_reader import Prompt
 
 NOISE_M = 1e-3
@@ -28,7 +28,7 @@ class Asked:
 
 
 class StubSampler:
-    """Has of `flexmotion.sampler.Sampler` what a source needs; the pelvis' height tells the noise."""
+    """Has of `flexmotion.sampling.sampler.Sampler` what a source needs; the pelvis' height tells the noise."""
 
     def __init__(self, follows_velocity: bool = True) -> None:
         self.fps, self.history, self.future, self.remembers = 30.0, 8, 32, 10

@@ -16,9 +16,9 @@ from flexmotion.drivers.emulator.sim_body import SimBody
 from flexmotion.drivers.interface import Driver
 from flexmotion.drivers.registry import create
 from flexmotion.streamer.commands.choice import choose_motion
-from flexmotion.streamer.record import RunRecord
-from flexmotion.streamer.session import Session
-from flexmotion.streamer.sources import ClipSource
+from flexmotion.streamer.control.run_trace import RunRecord
+from flexmotion.streamer.motion.sources import ClipSource
+from flexmotion.streamer.run.session import Session
 
 SECONDS = 2.0
 

@@ -15,14 +15,14 @@ import pytest
 
 from flexmotion.configs.robot import Robot, load_robot
 from flexmotion.configs.stream import load_stream
-from flexmotion.default_clip import default_clip
 from flexmotion.drivers.registry import create
-from flexmotion.motion import Motion
-from flexmotion.streamer.controls import Request
-from flexmotion.streamer.ladder import State
-from flexmotion.streamer.record import RunRecord
-from flexmotion.streamer.session import Session
-from flexmotion.streamer.sources import ClipSource
+from flexmotion.human.motion import Motion
+from flexmotion.importers.default_clip import default_clip
+from flexmotion.streamer.control.ladder import State
+from flexmotion.streamer.control.run_trace import RunRecord
+from flexmotion.streamer.motion.sources import ClipSource
+from flexmotion.streamer.run.requests import Request
+from flexmotion.streamer.run.session import Session
 
 RATE = 125
 

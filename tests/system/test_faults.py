@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexmotion.streamer.controls import Request
-from flexmotion.streamer.ladder import State
+from flexmotion.streamer.control.ladder import State
+from flexmotion.streamer.run.requests import Request
 
 Live = Callable[..., Any]
 Send = Callable[..., Any]

@@ -11,7 +11,7 @@ import yaml
 
 from flexmotion.configs.robot import ROBOTS, Robot, load_robot
 from flexmotion.drivers.emulator.faults import FaultKind
-from flexmotion.streamer.ladder import State
+from flexmotion.streamer.control.ladder import State
 
 from .bus_runs import Run, through_bytes
 

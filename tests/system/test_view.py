@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 import yaml
 
-import flexmotion.default_clip
+import flexmotion.importers.default_clip
 from flexmotion.streamer.viewer.service import free_port
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ def moved_pixels(first: np.ndarray, second: np.ndarray) -> int:
 def test_the_page_shows_a_robot_that_moves(tab: Page, tmp_path: Path) -> None:
     port = free_port(18400)
     # Long enough for a browser that draws with the processor, which it shares with the run.
-    clip = Path(flexmotion.default_clip.__file__).parent / "data" / "default.npz"
+    clip = Path(flexmotion.importers.default_clip.__file__).parents[1] / "data" / "default.npz"
     script = tmp_path / "again.yaml"
     script.write_text(yaml.safe_dump([{"at": 10.0 * k, "clip": str(clip)} for k in range(6)]))
     abroad: list[str] = []

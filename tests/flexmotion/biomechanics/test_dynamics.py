@@ -14,10 +14,10 @@ from flexmotion.biomechanics.ground_reaction import GroundReaction, ground_react
 from flexmotion.biomechanics.inverse_dynamics import GRAVITY, effort
 from flexmotion.biomechanics.segment_motion import segment_motion
 from flexmotion.biomechanics.sole import sole_points
-from flexmotion.body import Body
+from flexmotion.human.body import Body
+from flexmotion.human.kinematics import forward
+from flexmotion.human.motion import Motion
 from flexmotion.importers import load
-from flexmotion.kinematics import forward
-from flexmotion.motion import Motion
 
 
 def test_standing_shares_the_weight_evenly(make_standing) -> None:

@@ -9,9 +9,9 @@ import pytest
 from flexmotion.biomechanics.inverse_dynamics import joint_torques
 from flexmotion.biomechanics.segment_motion import segment_motion
 from flexmotion.biomechanics.smoothing import smooth
-from flexmotion.human_model import human_model
-from flexmotion.motion import Motion
-from flexmotion.resample import resample
+from flexmotion.human.human_model import human_model
+from flexmotion.human.motion import Motion
+from flexmotion.human.resample import resample
 
 FPS = 240.0
 

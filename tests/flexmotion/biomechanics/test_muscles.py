@@ -7,8 +7,8 @@ import pytest
 
 from flexmotion.biomechanics.activation import activation_limits
 from flexmotion.biomechanics.box_least_norm import box_least_norm
-from flexmotion.motion import Motion
-from flexmotion.skeleton import JOINTS
+from flexmotion.human.motion import Motion
+from flexmotion.human.skeleton import JOINTS
 
 
 def test_activation_rises_and_falls_as_in_mujoco() -> None:

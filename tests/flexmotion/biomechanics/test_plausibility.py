@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flexmotion.angles import rotation_about, three_angle_rotation, three_angles
 from flexmotion.biomechanics.plausibility import REACH, plausible, within_turn
+from flexmotion.human.angles import rotation_about, three_angle_rotation, three_angles
+from flexmotion.human.joint_limits import joint_limits
+from flexmotion.human.motion import Motion
+from flexmotion.human.skeleton import DOF_COUNT, JOINTS
 from flexmotion.importers.foot import dorsiflexion
-from flexmotion.joint_limits import joint_limits
-from flexmotion.motion import Motion
-from flexmotion.skeleton import DOF_COUNT, JOINTS
 
 SHOULDER = ("shoulder_flexion", "shoulder_adduction", "shoulder_rotation")
 COLUMNS = [JOINTS.index(f"{name}_l") for name in SHOULDER]

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flexmotion.angles import three_angle_rotation
 from flexmotion.biomechanics.differentiation import derivative, second_derivative
 from flexmotion.biomechanics.smoothing import BALL_JOINTS, smooth, smoothing_spline
-from flexmotion.motion import Motion
-from flexmotion.skeleton import JOINTS
+from flexmotion.human.angles import three_angle_rotation
+from flexmotion.human.motion import Motion
+from flexmotion.human.skeleton import JOINTS
 
 
 @pytest.mark.parametrize("frequency", [0.5, 2.0, 6.0])

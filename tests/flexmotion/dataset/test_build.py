@@ -21,8 +21,8 @@ from flexmotion.dataset.fields import MUSCLES
 from flexmotion.dataset.settings import BuildSettings
 from flexmotion.dataset.splits import bucket, split_of
 from flexmotion.dataset.training_set import TrainingSet
-from flexmotion.motion import Motion
-from flexmotion.skeleton import JOINTS
+from flexmotion.human.motion import Motion
+from flexmotion.human.skeleton import JOINTS
 
 PLAIN = BuildSettings(muscles=False)
 

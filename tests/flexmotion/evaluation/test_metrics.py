@@ -19,7 +19,7 @@ from flexmotion.evaluation.embeddings import (
 from flexmotion.evaluation.interval import Interval, repeated
 from flexmotion.evaluation.motions import foot_metrics, jerk
 from flexmotion.evaluation.physics import beyond_muscles, physics_metrics
-from flexmotion.motion import Motion
+from flexmotion.human.motion import Motion
 
 
 def test_frechet_distance_of_normal_distributions() -> None:

@@ -11,15 +11,15 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from flexmotion.biomechanics.dynamics import dynamics
-from flexmotion.body import Body
 from flexmotion.features.decode import Anchor, decode, pressure_centres
 from flexmotion.features.encode import LEAD, encode
 from flexmotion.features.joint_groups import BALL_COLUMNS, BALLS, ball_angles, ball_matrices, matrix, six
 from flexmotion.features.layout import Layout
 from flexmotion.features.statistics import Statistics
-from flexmotion.kinematics import forward
-from flexmotion.motion import Motion
-from flexmotion.skeleton import JOINTS
+from flexmotion.human.body import Body
+from flexmotion.human.kinematics import forward
+from flexmotion.human.motion import Motion
+from flexmotion.human.skeleton import JOINTS
 
 
 @pytest.fixture(scope="module")

@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexmotion.captions import read_captions
 from flexmotion.configs.errors import MotionFormatError
+from flexmotion.dataset.captions import read_captions
+from flexmotion.human.kinematics import HumanKinematics, forward
+from flexmotion.human.motion import Motion
+from flexmotion.human.skeleton import JOINTS
 from flexmotion.importers import load, read
 from flexmotion.importers.smpl import NAMES
-from flexmotion.kinematics import HumanKinematics, forward
-from flexmotion.motion import Motion
-from flexmotion.skeleton import JOINTS
 
 TO_Y_UP = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
 

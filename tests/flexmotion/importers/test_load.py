@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from flexmotion.body import Body, Segments
 from flexmotion.configs.errors import MotionFormatError
+from flexmotion.human.body import Body, Segments
+from flexmotion.human.kinematics import forward, heading
+from flexmotion.human.motion_file import save_motion
+from flexmotion.human.skeleton import JOINTS
 from flexmotion.importers import load, read
 from flexmotion.importers.bvh import read_bvh
 from flexmotion.importers.fit import fit
 from flexmotion.importers.landmarks import landmarks
 from flexmotion.importers.mapping import find_mapping
-from flexmotion.kinematics import forward, heading
-from flexmotion.motion_file import save_motion
-from flexmotion.skeleton import JOINTS
 
 POINTS = ("hip", "knee", "ankle", "heel", "toe", "shoulder", "elbow", "wrist", "hand")
 

@@ -13,7 +13,7 @@ import yaml
 from flexmotion.configs.model import FOLDER
 from flexmotion.dataset.build import build
 from flexmotion.dataset.settings import BuildSettings
-from flexmotion.motion import Motion
+from flexmotion.human.motion import Motion
 
 SMALL = {"width": 32, "heads": 2, "layers": 1, "expansion": 2}
 

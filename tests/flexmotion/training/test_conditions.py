@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexmotion.body import Body
 from flexmotion.configs.errors import ConfigError
+from flexmotion.human.body import Body
 
 pytest.importorskip("torch", reason="the extra 'train' is not installed")
 

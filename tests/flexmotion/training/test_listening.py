@@ -14,7 +14,7 @@ from flexmotion.bundles.bundle import Bundle
 from flexmotion.bundles.card import CARD
 from flexmotion.bundles.shipped import FOLDER
 from flexmotion.configs.errors import ConfigError
-from flexmotion.sampler import Sampler
+from flexmotion.sampling.sampler import Sampler
 from flexmotion.streamer.cli import execute
 from flexmotion.training.listening import taught_anew
 

@@ -17,7 +17,7 @@ from flexmotion.dataset.fields import MUSCLES  # noqa: E402
 from flexmotion.dataset.training_set import TrainingSet  # noqa: E402
 from flexmotion.features.encode import encode  # noqa: E402
 from flexmotion.features.layout import ACTIVATIONS, Layout  # noqa: E402
-from flexmotion.motion import Motion  # noqa: E402
+from flexmotion.human.motion import Motion  # noqa: E402
 from flexmotion.training.human_tensors import HumanTensors  # noqa: E402
 from flexmotion.training.muscle_torques import (  # noqa: E402
     LIMBS,

@@ -11,14 +11,14 @@ import pytest
 torch = pytest.importorskip("torch", reason="training needs the extra 'train'")
 
 from flexmotion.biomechanics.dynamics import dynamics  # noqa: E402
-from flexmotion.body import Body  # noqa: E402
 from flexmotion.features.encode import body_points, encode  # noqa: E402
 from flexmotion.features.joint_groups import BALL_COLUMNS, BALL_SIGNS, HINGE_COLUMNS  # noqa: E402
 from flexmotion.features.layout import Layout  # noqa: E402
-from flexmotion.human_model import human_model  # noqa: E402
-from flexmotion.kinematics import forward  # noqa: E402
-from flexmotion.motion import Motion  # noqa: E402
-from flexmotion.skeleton import JOINTS  # noqa: E402
+from flexmotion.human.body import Body  # noqa: E402
+from flexmotion.human.human_model import human_model  # noqa: E402
+from flexmotion.human.kinematics import forward  # noqa: E402
+from flexmotion.human.motion import Motion  # noqa: E402
+from flexmotion.human.skeleton import JOINTS  # noqa: E402
 from flexmotion.training.human_tensors import HumanTensors  # noqa: E402
 from flexmotion.training.kinematics import Pose, path, points, pose, segments  # noqa: E402
 from flexmotion.training.newton_euler import Rates, angular_momentum, generalised_forces, rates  # noqa: E402

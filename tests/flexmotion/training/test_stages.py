@@ -14,8 +14,8 @@ torch = pytest.importorskip("torch", reason="training needs the extra 'train'")
 from flexmotion.bundles.bundle import DECODER, DENOISER, Bundle  # noqa: E402
 from flexmotion.configs.errors import ConfigError, MotionFormatError  # noqa: E402
 from flexmotion.dataset.training_set import TrainingSet  # noqa: E402
-from flexmotion.kinematics import forward  # noqa: E402
-from flexmotion.sampler import Condition, Sampler  # noqa: E402
+from flexmotion.human.kinematics import forward  # noqa: E402
+from flexmotion.sampling.sampler import Condition, Sampler  # noqa: E402
 from flexmotion.text.sentence_encoder import SentenceEncoder  # noqa: E402
 from flexmotion.training import evaluate  # noqa: E402
 from flexmotion.training.autoencoder import Autoencoder  # noqa: E402

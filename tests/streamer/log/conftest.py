@@ -11,15 +11,15 @@ import pytest
 
 from flexmotion.configs.robot import load_robot
 from flexmotion.configs.stream import load_stream
-from flexmotion.default_clip import default_clip
 from flexmotion.drivers.registry import create
-from flexmotion.streamer.clip_library import ClipLibrary
-from flexmotion.streamer.commands.recording import record_to
-from flexmotion.streamer.controls import Request
-from flexmotion.streamer.intents import Clip
-from flexmotion.streamer.recorder import Recorder
-from flexmotion.streamer.session import Session
-from flexmotion.streamer.sources import ClipSource, Source
+from flexmotion.importers.default_clip import default_clip
+from flexmotion.streamer.commands.log_option import record_to
+from flexmotion.streamer.log.recorder import Recorder
+from flexmotion.streamer.motion.clip_library import ClipLibrary
+from flexmotion.streamer.motion.intents import Clip
+from flexmotion.streamer.motion.sources import ClipSource, Source
+from flexmotion.streamer.run.requests import Request
+from flexmotion.streamer.run.session import Session
 
 SEED = 3
 TARGET_TICK, END_TICK = 260, 420

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from mcap_ros2._dynamic import generate_dynamic
 
 from flexmotion.configs.errors import ConfigError
+from flexmotion.streamer.control.tick_row import tick_dtype
 from flexmotion.streamer.log.cdr import (
     ENCAPSULATION,
     Column,
@@ -21,7 +22,6 @@ from flexmotion.streamer.log.cdr import (
     row_dtype,
     schema_text,
 )
-from flexmotion.streamer.tick_row import tick_dtype
 
 ELEMENTS = {
     "bool": st.booleans(),

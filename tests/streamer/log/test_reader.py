@@ -13,7 +13,7 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
 from flexmotion.configs.errors import ConfigError
-from flexmotion.streamer.ladder import State
+from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.log.reader import read_log
 
 NUMBERS = {
@@ -78,7 +78,7 @@ def test_a_log_that_was_cut_off_is_read_as_far_as_it_goes(logged: Any, tmp_path:
 
 
 def test_a_log_of_an_older_row_is_read_by_name(logged: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from flexmotion.streamer import tick_row
+    from flexmotion.streamer.control import tick_row
     from flexmotion.streamer.log import reader
 
     full = tick_row.tick_dtype(logged.session.robot.n)

@@ -13,7 +13,7 @@ from flexmotion.streamer.log.judged import Subject
 from flexmotion.streamer.log.reader import Log, read_log
 from flexmotion.streamer.log.replay import Compared, replay
 from flexmotion.streamer.log.source import pack, unpack
-from flexmotion.streamer.replan_noise import NoisySource
+from flexmotion.streamer.motion.replan_noise import NoisySource
 
 
 @pytest.fixture(scope="module")

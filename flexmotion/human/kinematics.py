@@ -1,0 +1,143 @@
+"""Forward kinematics of human motion: where its joints, feet, hands and centre of mass are."""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import dataclass, fields
+from functools import lru_cache
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from flexmotion.human.body import Body
+from flexmotion.human.human_model import HumanModel, human_model
+from flexmotion.human.motion import Motion
+from flexmotion.human.skeleton import SIDES
+
+Float = NDArray[np.float64]
+
+SIDED_BODIES = {
+    "hip": "femur",
+    "knee": "tibia",
+    "ankle": "talus",
+    "shoulder": "humerus",
+    "elbow": "ulna",
+    "wrist": "hand",
+}
+"""Joint centres that are the origin of a body of the model."""
+
+SIDED_SITES = ("heel", "toe", "hand")
+
+
+@dataclass(frozen=True)
+class HumanKinematics:
+    """Positions [m] and rotations of every frame in the world frame; sides are ordered left, right.
+
+    Rotation matrices map a segment's axes (x forward, y left, z up in upright stance) into the world.
+
+    Attributes:
+        com: centre of mass of the whole body, (T, 3).
+        pelvis_position: midpoint of the hips, (T, 3).
+        pelvis_rotation, torso_rotation, head_rotation: (T, 3, 3).
+        hip, knee, ankle: joint centres, (T, 2, 3).
+        heel, toe: the sole at the back of the heel and under the toe joint, about which the foot rolls off, (T, 2, 3).
+        foot_rotation: x along the foot to the toes, z up when it stands flat, (T, 2, 3, 3).
+        shoulder, elbow, wrist: joint centres, (T, 2, 3).
+        hand: centre of the closed fist, (T, 2, 3).
+        hand_rotation: z from the fist to the forearm, x out of the palm, (T, 2, 3, 3).
+        vertex: top of the head, (T, 3).
+    """
+
+    com: Float
+    pelvis_position: Float
+    pelvis_rotation: Float
+    torso_rotation: Float
+    head_rotation: Float
+    hip: Float
+    knee: Float
+    ankle: Float
+    heel: Float
+    toe: Float
+    foot_rotation: Float
+    shoulder: Float
+    elbow: Float
+    wrist: Float
+    hand: Float
+    hand_rotation: Float
+    vertex: Float
+
+    def __len__(self) -> int:
+        return len(self.com)
+
+    def __getitem__(self, frames: slice) -> HumanKinematics:
+        """The frames of a slice (views, not copies)."""
+        return HumanKinematics(**{item.name: getattr(self, item.name)[frames] for item in fields(self)})
+
+    def __add__(self, other: HumanKinematics) -> HumanKinematics:
+        """Two stretches of frames, one after the other."""
+        return HumanKinematics(
+            **{
+                item.name: np.concatenate([getattr(self, item.name), getattr(other, item.name)])
+                for item in fields(self)
+            }
+        )
+
+
+def forward(motion: Motion) -> HumanKinematics:
+    """Kinematics of every frame of a motion, by MuJoCo's forward kinematics on the model of its body."""
+    human = human_model(motion.body)
+    model, data = human.model, _scratch(motion.body, threading.get_ident())
+    qpos, frames = human.qpos(motion), len(motion)
+    bodies, sites = np.empty((frames, model.nbody, 3)), np.empty((frames, model.nsite, 3))
+    centres, rotations = np.empty((frames, model.nbody, 3)), np.empty((frames, model.nbody, 9))
+    # Views into the MjData, looked up once: attribute access would cost as much as the kinematics.
+    state, xpos, xipos, xmat, site_xpos = data.qpos, data.xpos, data.xipos, data.xmat, data.site_xpos
+    for frame in range(frames):
+        state[:] = qpos[frame]
+        mujoco.mj_kinematics(model, data)
+        bodies[frame], centres[frame], rotations[frame], sites[frame] = xpos, xipos, xmat, site_xpos
+    return _collect(human, bodies, centres, rotations.reshape(frames, model.nbody, 3, 3), sites)
+
+
+@lru_cache(maxsize=32)
+def _scratch(body: Body, thread: int) -> mujoco.MjData:
+    """Work space of one thread, kept because making it costs as much as a second of motion."""
+    return mujoco.MjData(human_model(body).model)
+
+
+def _collect(human: HumanModel, bodies: Float, centres: Float, rotations: Float, sites: Float) -> HumanKinematics:
+    mass, body, site = human.model.body_mass, human.body_index, human.site_index
+
+    def sided(array: Float, index: dict[str, int], name: str) -> Float:
+        return array[:, [index[f"{name}_{side}"] for side in SIDES]]
+
+    return HumanKinematics(
+        com=np.einsum("b,tbi->ti", mass / mass.sum(), centres),
+        pelvis_position=bodies[:, body["pelvis"]],
+        pelvis_rotation=rotations[:, body["pelvis"]],
+        torso_rotation=rotations[:, body["torso"]],
+        head_rotation=rotations[:, body["head"]],
+        foot_rotation=sided(rotations, body, "calcaneus"),
+        hand_rotation=sided(rotations, body, "hand"),
+        vertex=sites[:, site["vertex"]],
+        **{name: sided(bodies, body, origin) for name, origin in SIDED_BODIES.items()},
+        **{name: sided(sites, site, name) for name in SIDED_SITES},
+    )
+
+
+def heading(rotation: Float) -> Float:
+    """Yaw of rotation matrices [rad], (..., 3, 3) -> (...), in (-π, π].
+
+    The angle about z of the swing-twist decomposition: unlike the azimuth of the x axis it stays well defined when
+    the segment bends forward by 90° and more (it fails only upside down).
+    """
+    return np.arctan2(rotation[..., 1, 0] - rotation[..., 0, 1], rotation[..., 0, 0] + rotation[..., 1, 1])
+
+
+def continuous_heading(rotation: Float, start: float | None = None) -> Float:
+    """Yaw without jumps over time [rad], (T, ..., 3, 3) -> (T, ...); within π of `start` at first where given."""
+    yaw = np.unwrap(heading(rotation), axis=0)
+    if start is not None and len(yaw):
+        yaw = yaw - 2 * np.pi * np.round((yaw[0] - start) / (2 * np.pi))
+    return yaw

@@ -1,0 +1,83 @@
+"""`Motion`: a stretch of human motion, the type that every importer makes and every consumer takes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexmotion.human.body import Body
+from flexmotion.human.skeleton import DOF_COUNT, JOINTS
+
+Float = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Human motion at a fixed frame rate; world frame x forward, y left, z up, SI units.
+
+    Attributes:
+        fps: frames per second.
+        root_position: pelvis origin (midpoint of the hip joints) in the world, (T, 3) [m].
+        root_quaternion: pelvis orientation in the world, (T, 4), w x y z, unit norm, continuous in sign.
+        joints: joint coordinates in the order of `skeleton.JOINTS`, (T, 26) [rad].
+        body: size, sex and mass of the human.
+        torques: generalised forces of root and joints, (T, 32) [N, N·m]; None where not computed.
+        wrenches: ground reaction on the left and right foot (force, then moment about the foot's centre of
+            pressure's reference point, world frame), (T, 2, 6) [N, N·m]; None where not computed.
+        activations: muscle activations, (T, M) in [0, 1]; None where not computed.
+        contacts: whether the left and right foot carry load, (T, 2) bool; None where not computed.
+        source: where it comes from (a file name or `model:NAME`).
+    """
+
+    fps: float
+    root_position: Float
+    root_quaternion: Float
+    joints: Float
+    body: Body = field(default_factory=Body)
+    torques: Float | None = None
+    wrenches: Float | None = None
+    activations: Float | None = None
+    contacts: NDArray[np.bool_] | None = None
+    source: str = ""
+
+    def __post_init__(self) -> None:
+        frames = len(self.root_position)
+        expected = {
+            "root_position": (frames, 3),
+            "root_quaternion": (frames, 4),
+            "joints": (frames, len(JOINTS)),
+        }
+        optional = {"torques": (frames, DOF_COUNT), "wrenches": (frames, 2, 6), "contacts": (frames, 2)}
+        for name, shape in (expected | optional).items():
+            value = getattr(self, name)
+            if value is None and name in optional:
+                continue
+            if value.shape != shape:
+                raise ValueError(f"Motion.{name} has shape {value.shape}, expected {shape}")
+            if value.dtype != np.bool_ and not np.isfinite(value).all():
+                raise ValueError(f"Motion.{name} has NaN or infinite values")
+        if self.activations is not None and len(self.activations) != frames:
+            raise ValueError(f"Motion.activations has {len(self.activations)} frames, expected {frames}")
+        if not self.fps > 0:
+            raise ValueError(f"Motion.fps is {self.fps}, expected a positive number")
+
+    def __len__(self) -> int:
+        return len(self.root_position)
+
+    @property
+    def duration(self) -> float:
+        """Time from the first to the last frame [s]."""
+        return max(len(self) - 1, 0) / self.fps
+
+    def __getitem__(self, frames: slice) -> Motion:
+        """The frames of a slice (views, not copies)."""
+        return self._map(lambda value: value[frames])
+
+    def _map(self, function: Callable[[NDArray], NDArray]) -> Motion:
+        arrays = ("root_position", "root_quaternion", "joints", "torques", "wrenches", "activations", "contacts")
+        changed: dict[str, Any] = {n: function(getattr(self, n)) for n in arrays if getattr(self, n) is not None}
+        return replace(self, **changed)

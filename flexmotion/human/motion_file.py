@@ -1,0 +1,85 @@
+"""Our own motion files: one `.npz` holds a `Motion` with all that is known of it."""
+
+from __future__ import annotations
+
+import json
+import zipfile
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flexmotion.configs.errors import MotionFormatError
+from flexmotion.human.body import Body, Segments
+from flexmotion.human.motion import Motion
+from flexmotion.human.skeleton import JOINTS
+
+SCHEMA = "flexmotion.motion/1"
+REQUIRED = ("root_position", "root_quaternion", "joints")
+OPTIONAL = ("torques", "wrenches", "activations", "contacts")
+
+
+def save_motion(motion: Motion, path: str | Path) -> None:
+    """Write a motion; arrays keep their precision.
+
+    The file is a compressed NumPy archive: arrays as in `Motion`, and `header`, JSON with schema, fps, joint names,
+    body and source.
+    """
+    header = {
+        "schema": SCHEMA,
+        "fps": motion.fps,
+        "joints": JOINTS,
+        "body": asdict(motion.body),
+        "source": motion.source,
+    }
+    arrays = {name: getattr(motion, name) for name in (*REQUIRED, *OPTIONAL)}
+    present = {name: value for name, value in arrays.items() if value is not None}
+    with open(path, "wb") as file:
+        np.savez_compressed(file, header=np.array(json.dumps(header)), **present)
+
+
+def load_motion(path: str | Path) -> Motion:
+    """Read what `save_motion` wrote; joints are matched by name.
+
+    Raises:
+        MotionFormatError: the file is missing, no motion file of ours, or what is in it is no motion.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            content: dict[str, Any] = {name: archive[name] for name in archive.files}
+    except OSError as error:
+        raise MotionFormatError(f"{path}: cannot be read ({error.strerror or error})") from error
+    except (ValueError, EOFError, zipfile.BadZipFile) as error:
+        raise MotionFormatError(f"{path}: not a NumPy archive, or a damaged one") from error
+    missing = [name for name in ("header", *REQUIRED) if name not in content]
+    if missing:
+        raise MotionFormatError(f"{path}: not a motion of `flexmotion data import`, it lacks {', '.join(missing)}")
+    try:
+        header = json.loads(str(content["header"]))
+        if header["schema"] != SCHEMA:
+            raise MotionFormatError(f"{path}: schema is {header['schema']!r}, expected {SCHEMA!r}")
+        order = _order(header["joints"], path)
+        body = header["body"]
+        fitted = Segments(**body.pop("fitted")) if body.get("fitted") else body.pop("fitted")
+        joints = np.asarray(content["joints"], np.float64)[:, order]
+        floats = {
+            name: np.asarray(content[name], np.float64) for name in (*REQUIRED, *OPTIONAL[:-1]) if name in content
+        }
+        contacts = np.asarray(content["contacts"], np.bool_) if "contacts" in content else None
+        return Motion(
+            fps=float(header["fps"]),
+            body=Body(**body, fitted=fitted),
+            source=str(header["source"]),
+            contacts=contacts,
+            **floats | {"joints": joints},
+        )
+    except (ValueError, KeyError, TypeError, IndexError) as error:
+        raise MotionFormatError(f"{path}: {type(error).__name__}: {error}") from error
+
+
+def _order(names: list[str], path: str | Path) -> list[int]:
+    missing = [name for name in JOINTS if name not in names]
+    if missing:
+        raise MotionFormatError(f"{path}: lacks joint {', '.join(missing)}")
+    return [names.index(name) for name in JOINTS]

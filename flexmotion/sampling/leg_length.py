@@ -1,0 +1,62 @@
+"""`lowered`: legs that stretch or bend a little, so that their feet come lower or higher and keep their pitch."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexmotion.human.motion import Motion
+from flexmotion.human.skeleton import JOINTS, SIDES
+
+Float = NDArray[np.float64]
+
+STRAIGHT = np.radians(3.0)
+"""A knee is not stretched further than this [rad]."""
+MOST_BENT = np.radians(140.0)
+
+_HIPS, _KNEES, _ANKLES = (
+    [JOINTS.index(f"{name}_{side}") for side in SIDES] for name in ("hip_flexion", "knee_flexion", "ankle_dorsiflexion")
+)
+
+
+def lowered(motion: Motion, down: Float, hip: Float, ankle: Float) -> Motion:
+    """A motion whose feet are lower by `down`, as far as the legs reach.
+
+    Each ankle moves along the line from its hip, in the plane of the knee; thigh and shank turn by the cosine rule.
+    Knees that bend backwards are straight in what comes back: where both ways are open, a leg would jump between them.
+
+    Args:
+        down: of the left and right foot, negative for up, (T, 2) [m].
+        hip, ankle: joint centres as the motion has them, (T, 2, 3) [m].
+    """
+    thigh, shank = motion.body.segments.thigh, motion.body.segments.shank
+    line = hip - ankle
+    length = np.linalg.norm(line, axis=-1)
+    # A leg aslant must grow by more; one that is nearly level would turn instead.
+    steep = np.maximum(line[..., 2] / np.maximum(length, 1e-6), 0.5)
+    knee = motion.joints[:, _KNEES]
+    least, most = (_length(thigh, shank, np.asarray(bend)) for bend in (MOST_BENT, STRAIGHT))
+    own = _length(thigh, shank, knee)
+    wanted = np.clip(own + down / steep, np.minimum(least, own), np.maximum(most, own))
+    cosine = (wanted**2 - thigh**2 - shank**2) / (2.0 * thigh * shank)
+    bent = np.where(wanted == own, np.maximum(knee, 0.0), np.arccos(np.clip(cosine, -1.0, 1.0)))
+    turned = _behind(thigh, shank, bent) - _behind(thigh, shank, knee)
+    joints = motion.joints.copy()
+    joints[:, _KNEES] = bent
+    joints[:, _HIPS] += turned
+    joints[:, _ANKLES] += (bent - knee) - turned
+    return replace(motion, joints=joints)
+
+
+def _length(thigh: float, shank: float, knee: Float) -> Float:
+    """From hip to ankle with a knee bent so [m]."""
+    found: Float = np.sqrt(thigh**2 + shank**2 + 2.0 * thigh * shank * np.cos(knee))
+    return found
+
+
+def _behind(thigh: float, shank: float, knee: Float) -> Float:
+    """By how much the ankle lies behind the thigh's direction, as seen from the hip [rad]."""
+    found: Float = np.arctan2(shank * np.sin(knee), thigh + shank * np.cos(knee))
+    return found

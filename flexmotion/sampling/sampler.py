@@ -1,0 +1,278 @@
+"""`Sampler`: the next second of human motion from the last moments and what is asked for; onnxruntime, no torch."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from math import hypot
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexmotion.bundles.bundle import DECODER, DENOISER, Bundle
+from flexmotion.configs.errors import ConfigError
+from flexmotion.features.decode import Anchor, decode
+from flexmotion.features.encode import LEAD, encode
+from flexmotion.features.heading_frame import chord
+from flexmotion.features.inertialise import inertialised
+from flexmotion.human.motion import Motion
+from flexmotion.onnx_session import open_session, run
+from flexmotion.sampling.at_rest import at_rest
+from flexmotion.sampling.pace import Pace
+from flexmotion.sampling.planted import planted
+from flexmotion.text import phrases
+from flexmotion.text.phrases import BACK, STAND, WALK
+from flexmotion.text.prompt_reader import Prompt, PromptReader
+
+Float32 = NDArray[np.float32]
+
+
+CALM = 0.4
+"""Noise of who is to stand still, of that of others: people who wait shift their weight from foot to foot, a robot
+should not."""
+
+
+STILL = 0.05
+"""A velocity whose parts are all slower than this, and that comes without words, means standing still [m/s, rad/s]."""
+
+
+RUN_FROM = 2.0
+"""Who goes slower walks: humans change between the two at about this speed [m/s]."""
+
+BACK_FROM = 0.1
+"""Who is asked for less to the back goes ahead or turns: a hair of it does not turn a gait round [m/s]."""
+
+ASIDE, ASIDE_NOT_AHEAD, ASIDE_TURNING = 1.5, 1.25, 0.2
+"""Sideways velocities are asked for so much more strongly, so much of them less ahead, and with so much of a turn to
+that side (rad/s for a m/s): in the data those who go aside mostly go ahead as well, and asked as it is the model goes
+.15 aside and .17 ahead for .3 and 0."""
+
+CATCHING_UP, AT_MOST = 0.3, 0.3
+"""Of what the last frames lack of a speed that is asked for, so much is asked for on top, but no more than the second
+[m/s]: feet that are planted keep a body from gliding along as the model would have it."""
+
+
+@dataclass(frozen=True)
+class Condition:
+    """What is asked for.
+
+    Attributes:
+        text: what to do, in words; None for standing still, or for walking at a velocity where there is one. Words that
+            mean a velocity ("step to the left") are heard as that velocity where no other is asked for.
+        velocity: of the root: forward, left [m/s], turning left [rad/s], as seen from where it faces at every moment;
+            None for none. Alone, one that is next to nothing is for standing still.
+        guidance: how strictly it is followed; None for the bundle's default.
+        pace: how fast to go at most: velocities beyond it and words that mean faster ones ("run") are slowed; None for
+            no such limit.
+    """
+
+    text: str | None = None
+    velocity: tuple[float, float, float] | None = None
+    guidance: float | None = None
+    pace: Pace | None = None
+
+
+class Sampler:
+    """Samples motion from a bundle, one window at a time, on one thread; buffers are made once.
+
+    Args:
+        bundle: trained and exported.
+        steps: of the diffusion; None for the bundle's default.
+
+    Raises:
+        ConfigError: a network of the bundle cannot be run, or there are no such steps.
+    """
+
+    def __init__(self, bundle: Bundle, steps: int | None = None) -> None:
+        manifest = bundle.manifest
+        self.bundle, self.layout, self.body = bundle, bundle.layout, bundle.body
+        self.history, self.future = manifest.history, manifest.future
+        self.steps = manifest.steps if steps is None else steps
+        if not 1 <= self.steps <= manifest.times:
+            raise ConfigError(f"steps is {self.steps}, expected 1 to {manifest.times}")
+        self._denoiser = open_session(bundle.folder / DENOISER)
+        self._decoder = open_session(bundle.folder / DECODER)
+        prompts = bundle.prompts
+        self.reader = PromptReader(bundle.folder, prompts.kinds, prompts.embeddings, bundle.listener)
+        self._rest = self.standing().joints[-1]
+        self._walking, self._backing = self.reader.meaning(WALK), self.reader.meaning(BACK)
+        self.read = lru_cache(maxsize=64)(self.reader)
+        self._statistics, self._kept = bundle.statistics, bundle.kept
+        # Where the distilled network stands in for guidance there is one evaluation a step, else one that is told what
+        # is asked for and one that is not.
+        self._rows = rows = 1 if manifest.guided else 2
+        width = prompts.embeddings.shape[1]
+        self._inputs: dict[str, np.ndarray] = {
+            "noisy": np.zeros((rows, manifest.latent), np.float32),
+            "time": np.zeros(rows, np.int64),
+            "history": np.zeros((rows, self.history, self.layout.size), np.float32),
+            "sentence": np.zeros((rows, width), np.float32),
+            "velocity": np.zeros((rows, 3), np.float32),
+            "present": np.zeros((rows, 2), np.float32),
+        }
+        if manifest.guided:
+            self._inputs["guidance"] = np.zeros(rows, np.float32)
+
+    @property
+    def fps(self) -> float:
+        """Frames per second of history and samples."""
+        return self.layout.fps
+
+    @property
+    def name(self) -> str:
+        """Of the bundle."""
+        return self.bundle.manifest.name
+
+    @property
+    def remembers(self) -> int:
+        """Frames of a history that tell all."""
+        return self.history + LEAD
+
+    @property
+    def follows_velocity(self) -> bool:
+        """Whether a velocity can be asked for."""
+        return self.bundle.manifest.velocity
+
+    def standing(self, after: Motion | None = None) -> Motion:
+        """A human who stands: a history to begin with.
+
+        Args:
+            after: stands where that motion ends and faces as it does then; None: at the origin, facing x.
+        """
+        anchor = Anchor.origin() if after is None else Anchor.after(after)
+        return decode(self.bundle.rest, self.layout, self.body, anchor, source=self._source)
+
+    def sample(self, history: Motion, condition: Condition, seed: int) -> Motion:
+        """The `future` frames after a history.
+
+        Args:
+            history: the last frames, of the bundle's body, at its frame rate; at least `history + 2` of them tell all,
+                with fewer it is taken to have moved evenly before.
+            condition: what is asked for.
+            seed: of the noise.
+
+        Raises:
+            ValueError: the history is empty, or has another frame rate or body.
+            ConfigError: a network of the bundle fails.
+        """
+        features = self.features(history, condition, seed)
+        motion = decode(features, self.layout, self.body, Anchor.after(history), source=self._source)
+        motion = planted(motion, history)
+        return at_rest(motion, self._rest) if self._stands(self.meant(condition)) else motion
+
+    def features(self, history: Motion, condition: Condition, seed: int) -> Float32:
+        """Features of what `sample` makes, before its feet are planted, not normalised, (W, layout.size)."""
+        remembered = self._remember(history)
+        latent = self._latent(remembered, condition, seed)
+        inputs = {"latent": latent, "history": self._inputs["history"][:1]}
+        frames = run(self._decoder, self.bundle.folder / DECODER, inputs)
+        return inertialised(self._statistics.restore(frames[0]), remembered, self.layout)
+
+    def _remember(self, history: Motion) -> Float32:
+        """Features of the history, not normalised, (H, F)."""
+        if not len(history):
+            raise ValueError("the history has no frames")
+        if history.body != self.body:
+            raise ValueError(f"the history is of {history.body}, the bundle's human is {self.body}")
+        last = history[max(0, len(history) - self.history - LEAD) :]
+        # The networks see its kinematics only.
+        moved = replace(last, torques=None, wrenches=None, activations=None, contacts=None)
+        features = encode(moved, self.layout)[-self.history :] if self.history else np.zeros((0, self.layout.size))
+        if len(features) < self.history:
+            first = np.repeat(features[:1], self.history - len(features), axis=0)
+            features = np.concatenate([first, features])
+        return features.astype(np.float32)
+
+    def _latent(self, remembered: Float32, condition: Condition, seed: int) -> Float32:
+        """DDIM from noise to a normalised latent, (1, L)."""
+        inputs, manifest = self._inputs, self.bundle.manifest
+        inputs["history"][:] = self._statistics.normalise(remembered)
+        guidance = manifest.guidance if condition.guidance is None else condition.guidance
+        condition = self.meant(condition)
+        self._ask(condition, remembered)
+        if manifest.guided:
+            inputs["guidance"][:] = guidance
+        noisy = np.random.default_rng(seed).standard_normal((1, manifest.latent), np.float32)
+        noisy *= CALM if self._stands(condition) else 1.0
+        times = np.round(np.linspace(manifest.times - 1, 0, self.steps + 1)[:-1]).astype(np.int64)
+        for now, earlier in zip(times, [*times[1:], -1], strict=True):
+            inputs["noisy"][:] = noisy
+            inputs["time"][:] = now
+            found = run(self._denoiser, self.bundle.folder / DENOISER, inputs)
+            clean = found if manifest.guided else found[1:] + guidance * (found[:1] - found[1:])
+            kept = self._kept[now]
+            left = self._kept[earlier] if earlier >= 0 else np.float32(1.0)
+            noise = (noisy - np.sqrt(kept) * clean) / np.sqrt(1 - kept)
+            noisy = (np.sqrt(left) * clean + np.sqrt(1 - left) * noise).astype(np.float32)
+        return noisy
+
+    def meant(self, condition: Condition) -> Condition:
+        """What is meant by what is said: the velocity that words stand for, none faster than its pace allows."""
+        if not self.follows_velocity:
+            return condition
+        if condition.velocity is None:
+            kind = self.prompt(condition.text).kind
+            meant, goes = phrases.velocity(kind), phrases.goes(kind)
+            if meant is not None:
+                return self._slowed(replace(condition, text=None, velocity=meant))
+            slowed = None if goes is None else self._slowed(replace(condition, velocity=goes))
+            # Words say best how fast to go where nobody has to be waited for.
+            if goes is None or slowed is None or slowed.velocity == goes:
+                return condition
+            assert slowed.velocity is not None
+            no_longer_runs = hypot(*goes[:2]) > RUN_FROM > hypot(*slowed.velocity[:2])
+            return replace(slowed, text=None) if no_longer_runs else slowed
+        still = condition.text is None and np.abs(condition.velocity).max() < STILL
+        return replace(condition, velocity=None) if still else self._slowed(condition)
+
+    @staticmethod
+    def _slowed(condition: Condition) -> Condition:
+        if condition.pace is None or condition.velocity is None:
+            return condition
+        return replace(condition, velocity=condition.pace.slowed(condition.velocity))
+
+    def _stands(self, condition: Condition) -> bool:
+        return condition.velocity is None and self.prompt(condition.text).kind == STAND
+
+    def _ask(self, condition: Condition, remembered: Float32) -> None:
+        """Put what is asked for into the inputs: the first row is told, the second is what guidance leads away from."""
+        inputs = self._inputs
+        inputs["present"][:] = 0.0
+        if condition.velocity is not None and self.bundle.manifest.velocity:
+            ahead, aside, turning = condition.velocity
+            more = self._caught_up(condition.velocity, remembered)
+            ahead += more[0] - ASIDE_NOT_AHEAD * abs(aside)
+            turning += ASIDE_TURNING * aside
+            # Who is not asked aside still sways: there is nothing to be caught up with.
+            aside = ASIDE * (aside + more[1]) if aside else 0.0
+            # The model was told how far a window went as seen from its beginning: who turns goes along an arc.
+            forward, left = chord(ahead, aside, turning, seconds=self.future / self.fps)
+            inputs["velocity"][:] = (forward / self.body.leg, left / self.body.leg, turning)
+            inputs["present"][0, 1] = 1.0
+        inputs["sentence"][:] = self._words(condition).embedding
+        inputs["present"][0, 0] = 1.0
+
+    def _words(self, condition: Condition) -> Prompt:
+        """What is said; of a velocity alone, that it is walked."""
+        if condition.velocity is None or condition.text is not None:
+            return self.prompt(condition.text)
+        # Without words a model goes so fast however it likes: on its knees, or with its hands in the air.
+        forward, left, _ = condition.velocity
+        return self._backing if forward < -max(abs(left), BACK_FROM) else self._walking
+
+    def _caught_up(self, velocity: tuple[float, float, float], remembered: Float32) -> tuple[float, float]:
+        """What to ask for on top ahead and aside, for what the history lacks [m/s]."""
+        if not len(remembered):
+            return 0.0, 0.0
+        start = self.layout.blocks["root"].start
+        lacks = np.array(velocity[:2]) - self.body.leg * remembered[:, start : start + 2].mean(axis=0)
+        ahead, aside = np.clip(CATCHING_UP * lacks, -AT_MOST, AT_MOST)
+        return float(ahead), float(aside)
+
+    def prompt(self, text: str | None) -> Prompt:
+        """What a text means; standing still for None."""
+        return self.reader.idle if text is None else self.read(text)
+
+    @property
+    def _source(self) -> str:
+        return f"model:{self.name}"

@@ -1,0 +1,126 @@
+"""Where the robot is: floating base, centre of mass and its divergent component, from encoders, IMU and stance foot.
+
+The IMU tells how the torso tilts; the stance foot, taken to stand where the plan put it, tells the rest.
+"""
+
+from __future__ import annotations
+
+import math
+
+import imufusion
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from flexmotion.configs.robot import Robot
+from flexmotion.drivers.interface import RobotState
+from flexmotion.streamer.control.reference import Reference
+
+Float = NDArray[np.float64]
+
+_GRAVITY = 9.81
+_AHRS_GAIN = 0.4
+"""Pull of the accelerometer on the tilt; the gyroscope's bias matters over seconds, steps shake within tenths."""
+_VELOCITY_CUTOFF_HZ = 12.0
+"""Low-pass of the centre of mass's velocity: encoder speeds are coarse."""
+
+
+class Estimator:
+    """Fills its attributes each tick; allocates nothing that grows.
+
+    Attributes:
+        tilt: roll and pitch of the torso, (2,) [rad]; tilt_rate: their rates, (2,) [rad/s].
+        com, dcm: horizontal centre of mass and its divergent component in the plan's world, (2,) [m].
+        leg_axes: axes of each leg's joints in the plan's world, (2, 6, 3).
+        has_imu: whether the tilt is measured; else it is the reference's.
+        gyro_bias: taken off what the gyro measures, (3,) [rad/s]; whoever knows it fills it.
+    """
+
+    def __init__(self, robot: Robot, omega: float) -> None:
+        self.robot, self.omega, self.dt = robot, omega, 1.0 / robot.rate_hz
+        self.model = robot.model
+        self.data = mujoco.MjData(self.model)
+        self.ahrs = imufusion.Ahrs()
+        settings = imufusion.AhrsSettings()
+        settings.convention = imufusion.CONVENTION_NWU
+        settings.gain = _AHRS_GAIN
+        settings.sample_rate = robot.rate_hz
+        self.ahrs.set_settings(settings)
+        self.legs = [
+            np.array([self.model.joint(robot.joint_names[i]).id for i in robot.chain(f"{side}_leg").values()])
+            for side in ("left", "right")
+        ]
+        self._patience = robot.safety.max_stale_reads
+        self.has_imu = False
+        self.gyro_bias, self._gyro = np.zeros(3), np.zeros(3)
+        self.tilt, self.tilt_rate = np.zeros(2), np.zeros(2)
+        self.com, self.dcm = np.zeros(2), np.zeros(2)
+        self.com_velocity = np.zeros(2)
+        self.leg_axes = np.zeros((2, 6, 3))
+        self._smoothing = 1.0 - np.exp(-2 * np.pi * _VELOCITY_CUTOFF_HZ * self.dt)
+        self._spatial, self._euler = np.zeros(6), np.zeros(3)
+
+    def reset(self) -> None:
+        """Forget speeds of an earlier run; the attitude is kept, since it goes on being measured."""
+        self.com_velocity[:] = 0.0
+
+    def update(self, state: RobotState, reference: Reference) -> None:
+        """Take in one measurement, against the reference that was in force when it was made."""
+        # A few samples may be missed, the last one then goes on to hold; after that the last attitude is no attitude.
+        self.has_imu = state.imu_stale == 0 or (self.has_imu and 0 < state.imu_stale <= self._patience)
+        if state.imu_stale == 0:
+            np.subtract(state.gyro, self.gyro_bias, out=self._gyro)
+            self.ahrs.update_no_magnetometer(np.degrees(self._gyro), state.accel / _GRAVITY)
+        if self.has_imu:
+            self.tilt[:] = roll_pitch(self.ahrs.get_quaternion())
+            self.tilt_rate[:] = self._gyro[:2]
+        else:
+            self.tilt[:], self.tilt_rate[:] = roll_pitch(reference.base[3:]), 0.0
+        if reference.balanced:
+            self._anchor(state, reference)
+
+    def _anchor(self, state: RobotState, reference: Reference) -> None:
+        model, data, robot = self.model, self.data, self.robot
+        data.qpos[:3] = 0.0
+        self._euler[1:] = self.tilt[1], self.tilt[0]
+        mujoco.mju_euler2Quat(data.qpos[3:7], self._euler, "zyx")
+        data.qpos[robot.qpos_address] = state.position
+        data.qvel[:3] = 0.0
+        data.qvel[3:6] = self._gyro if self.has_imu else 0.0
+        data.qvel[robot.dof_address] = state.velocity
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_comVel(model, data)
+        mujoco.mj_subtreeVel(model, data)
+        com, speed = data.subtree_com[robot.torso_id], data.subtree_linvel[robot.torso_id]
+        weights = (1.0 - reference.share, reference.share)
+        self.com[:] = 0.0
+        velocity = np.zeros(2)
+        for side, body in enumerate(robot.foot_ids):
+            rotation = data.xmat[body].reshape(3, 3)
+            arm = rotation @ robot.soles[side]
+            mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_BODY, body, self._spatial, 0)
+            wx, wy, wz = self._spatial[:3]
+            drift_x = speed[0] - self._spatial[3] - (wy * arm[2] - wz * arm[1])
+            drift_y = speed[1] - self._spatial[4] - (wz * arm[0] - wx * arm[2])
+            yaw = reference.feet[side, 3] - math.atan2(rotation[1, 0], rotation[0, 0])
+            cos, sin = math.cos(yaw), math.sin(yaw)
+            away = com - data.xpos[body] - arm
+            weight = weights[side]
+            self.com[0] += weight * (reference.feet[side, 0] + cos * away[0] - sin * away[1])
+            self.com[1] += weight * (reference.feet[side, 1] + sin * away[0] + cos * away[1])
+            velocity[0] += weight * (cos * drift_x - sin * drift_y)
+            velocity[1] += weight * (sin * drift_x + cos * drift_y)
+            axes = data.xaxis[self.legs[side]]
+            self.leg_axes[side, :, 0] = cos * axes[:, 0] - sin * axes[:, 1]
+            self.leg_axes[side, :, 1] = sin * axes[:, 0] + cos * axes[:, 1]
+            self.leg_axes[side, :, 2] = axes[:, 2]
+        self.com_velocity += self._smoothing * (velocity - self.com_velocity)
+        self.dcm[:] = self.com + self.com_velocity / self.omega
+
+
+def roll_pitch(quaternion: Float) -> tuple[float, float]:
+    """Roll and pitch [rad] of a quaternion w x y z, yaw taken out (z-y-x order)."""
+    w, x, y, z = quaternion
+    sine = min(max(2 * (w * y - z * x), -1.0), 1.0)
+    return math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y)), math.asin(sine)

@@ -1,0 +1,102 @@
+"""Slow moves between poses with both feet on the ground: to the stand pose before streaming, to rest after it."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from flexmotion.configs.robot import Robot
+from flexmotion.retarget.balance import smoothstep
+from flexmotion.retarget.dynamics import RobotDynamics
+from flexmotion.streamer.control.reference import Reference
+
+Float = NDArray[np.float64]
+
+_KNOTS = 17
+"""Poses along the way at which the torque that holds the robot up is worked out, all when a move begins: together they
+take a tick once as long as one did on the way, every tenth tick. Between them it is linear."""
+
+
+class PostureMove:
+    """A minimum-jerk path in joint space that carries the robot's weight on the way.
+
+    Args:
+        dynamics: the robot's inverse dynamics, for the torque that holds it up.
+    """
+
+    def __init__(self, robot: Robot, dynamics: RobotDynamics) -> None:
+        self.robot, self.dynamics = robot, dynamics
+        self.data = mujoco.MjData(robot.model)
+        self._feet = list(robot.foot_ids)
+        self.start, self.goal = np.zeros(robot.n), np.zeros(robot.n)
+        self.ticks = self.tick = 0
+        self._torque = np.zeros((_KNOTS, robot.n))
+
+    def begin(self, start: Float, goal: Float, *, least_s: float, speed: float) -> None:
+        """Plan from `start` to `goal` (n,) [rad] in at least `least_s` and at no joint faster than `speed`."""
+        self.start[:], self.goal[:] = start, goal
+        # A minimum-jerk profile peaks at 15/8 of its mean speed.
+        seconds = max(least_s, 1.875 * float(np.max(np.abs(goal - start), initial=0.0)) / speed)
+        self.ticks, self.tick = max(int(np.ceil(seconds * self.robot.rate_hz)), 1), 0
+        part = np.linspace(0.0, 1.0, _KNOTS)[:, None]
+        np.copyto(self._torque, self._holding_torque(self.start + part * (self.goal - self.start)))
+
+    @property
+    def done(self) -> bool:
+        """Whether the goal has been reached."""
+        return self.tick >= self.ticks
+
+    def step(self, reference: Reference) -> None:
+        """Fill `reference` for this tick and go on one."""
+        s = np.array([self.tick, self.tick + 1]) / self.ticks
+        now, after = smoothstep(s)
+        span = self.goal - self.start
+        np.copyto(reference.q, self.start + now * span)
+        np.copyto(reference.qd, (after - now) * self.robot.rate_hz * span)
+        place = now * (_KNOTS - 1)
+        knot = min(int(place), _KNOTS - 2)
+        before, following = self._torque[knot], self._torque[knot + 1]
+        np.copyto(reference.torque, before + (place - knot) * (following - before))
+        reference.balanced = False
+        self.tick = min(self.tick + 1, self.ticks)
+
+    def _holding_torque(self, q: Float) -> Float:
+        """Joint torques at rest with the weight on both soles, by where the centre of mass lies between them.
+
+        Args:
+            q: poses, (K, n) [rad].
+
+        Returns:
+            (K, n) [N·m].
+        """
+        robot, count = self.robot, len(q)
+        foot, soles, com = self._look(q)
+        # Lean the torso so that the soles lie flat: that is how the ground holds the robot.
+        level = foot.swapaxes(1, 2)
+        soles, com = soles @ foot, np.einsum("kij,kj->ki", level, com)
+        base = np.zeros((count, 7))
+        base[:, 3:] = Rotation.from_matrix(level).as_quat(scalar_first=True)
+        across, away = (soles[:, 1] - soles[:, 0])[:, :2], (com - soles[:, 0])[:, :2]
+        share = np.sum(across * away, axis=1) / np.maximum(np.sum(across**2, axis=1), 1e-6)
+        feet = np.concatenate([soles, np.zeros((count, 2, 1))], axis=2)
+        still, joints = np.zeros((count, 6)), np.zeros((count, robot.n))
+        torque, _ = self.dynamics.inverse(
+            base, still, still, q, joints, joints, feet, np.minimum(np.maximum(share, 0.0), 1.0)
+        )
+        return torque
+
+    def _look(self, q: Float) -> tuple[Float, Float, Float]:
+        """Attitude of the left foot (K, 3, 3), sole centres (K, 2, 3) and centre of mass (K, 3), in the torso frame."""
+        robot, model, data = self.robot, self.robot.model, self.data
+        rotations, places, com = np.empty((len(q), 2, 3, 3)), np.empty((len(q), 2, 3)), np.empty((len(q), 3))
+        data.qpos[:7] = [0, 0, 0, 1, 0, 0, 0]
+        # Views, looked up once, as in `RobotDynamics.centre_of_mass`.
+        qpos, xmat, xpos, centre = data.qpos, data.xmat, data.xpos, data.subtree_com[robot.torso_id]
+        for k, row in enumerate(q):
+            qpos[robot.qpos_address] = row
+            mujoco.mj_kinematics(model, data)
+            mujoco.mj_comPos(model, data)
+            rotations[k], places[k], com[k] = xmat[self._feet].reshape(2, 3, 3), xpos[self._feet], centre
+        return rotations[:, 0], places + (rotations @ robot.soles[:, :, None])[..., 0], com

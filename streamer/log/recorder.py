@@ -1,0 +1,220 @@
+"""`Recorder`: follows a run into a log file, beside it; when it fails the run goes on."""
+
+from __future__ import annotations
+
+import errno
+import logging
+import os
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from flexmotion.drivers.realtime.ring import shared_array
+from flexmotion.streamer.control.ladder import State
+from flexmotion.streamer.control.plan_buffer import PlanBuffer
+from flexmotion.streamer.control.telemetry import Telemetry
+from flexmotion.streamer.log.cdr import ENCAPSULATION
+from flexmotion.streamer.log.header import LogHeader
+from flexmotion.streamer.log.log_file import LogFile
+from flexmotion.streamer.log.messages import plan_message
+from flexmotion.streamer.log.writer import LogWriter
+from flexmotion.streamer.motion.intents import to_content
+from flexmotion.streamer.motion.targets import TargetMailbox, arrived
+
+NICENESS = 10
+"""Of the recorder's own process: it shares two cores with the motion."""
+_MOST_ROWS = 250
+"""Ticks written at a time; the ring holds many more."""
+_REPARENTED_S = 0.1
+"""After this an orphan knows that it is one [s]."""
+_LINGER_S = 0.5
+"""A loop that has not ticked for this long has ended [s]."""
+
+log = logging.getLogger(__name__)
+
+
+class Recorder:
+    """A `Service` that writes everything that a run tells to an MCAP file.
+
+    It only reads shared memory, so neither loop nor planner notices whether it is there. What is in the rings when
+    the loop ends, or dies, is still written.
+
+    Args:
+        path: the file; an older one is written over.
+        attachments: files to keep in the log, by name.
+
+    Raises:
+        ConfigError: the file cannot be written.
+    """
+
+    name = "recorder"
+
+    def __init__(
+        self,
+        path: Path,
+        header: LogHeader,
+        attachments: Mapping[str, bytes],
+        telemetry: Telemetry,
+        plans: PlanBuffer,
+        targets: TargetMailbox,
+    ) -> None:
+        self.path, self.header, self.attachments = path, header, attachments
+        self.telemetry, self.plans, self.targets = telemetry, plans, targets
+        self._file = LogFile(path)
+        self._outcome = Outcome()
+        self._parent = os.getpid()
+
+    def follow(self) -> Callable[[bool], None]:
+        """See `Service.follow`."""
+        own_process = os.getpid() != self._parent
+        if own_process:
+            os.nice(NICENESS)
+        following = _Following(self, self._file, self._outcome)
+
+        def step(last: bool) -> None:
+            following.step()
+            if last:
+                if own_process and self._orphaned():
+                    following.follow_to_the_end()
+                following.close()
+
+        return step
+
+    def _orphaned(self) -> bool:
+        # While a program with several threads dies, its children still see it as their parent for a moment.
+        time.sleep(_REPARENTED_S)
+        return os.getppid() != self._parent
+
+    def result(self) -> str:
+        """Path of the log, and what is missing from it if anything is; after the run."""
+        self._file.close()
+        missing = self._outcome.missing(self.telemetry.ticks.count)
+        return f"{self.path} ({missing})" if missing else str(self.path)
+
+
+class Outcome:
+    """How the recording went, told through shared memory to whoever started it."""
+
+    def __init__(self) -> None:
+        self._cells = shared_array(4, int)
+
+    def tell(self, *, error: int, written: int, lost: int, closed: bool) -> None:
+        """Say it.
+
+        Args:
+            error: number of the system's error that ended the recording; 0: none.
+            written: ticks in the file.
+            lost: ticks that were overwritten before they were read.
+            closed: whether the file has its index.
+        """
+        self._cells[:] = error, written, lost, closed
+
+    def missing(self, ticks: int) -> str:
+        """What the log of a run of so many ticks lacks; empty where it is whole."""
+        error, written, lost, closed = (int(cell) for cell in self._cells)
+        if error:
+            return f"recording stopped: {os.strerror(error)}"
+        if not closed or written + lost < ticks:
+            return "the recorder ended before the run"
+        return f"{lost} ticks lost" if lost else ""
+
+
+class _Following:
+    """One log being written.
+
+    Attributes:
+        moving: whether the loop had ticked at the last step.
+    """
+
+    def __init__(self, recorder: Recorder, file: LogFile, outcome: Outcome) -> None:
+        self.header, self.file, self.outcome = recorder.header, file, outcome
+        self.plans = recorder.plans
+        self.moving = False
+        self._ticks, self._events = recorder.telemetry.ticks.reader(), recorder.telemetry.events.reader()
+        self._targets = recorder.targets.reader()
+        self._plan = self._tick = self._written = self._lost = self._unflushed = 0
+        self._state = State.OFF
+        self._stopped = False
+        self._writer = LogWriter(file, recorder.header, recorder.attachments)
+
+    def step(self) -> None:
+        """Write what has been told since the last step."""
+        self._record_plan()
+        self._record_ticks()
+        for target in arrived(self._targets):
+            content = {"id": target.id, "stamp_ns": target.stamp_ns, **to_content(target.intent)}
+            self._writer.target(content, self._time(self._tick, target.stamp_ns))
+        for row in self._events.read():
+            message = row["message"].decode(errors="replace")
+            self._record_event(int(row["tick"]), int(row["stamp_ns"]), row["kind"].decode(), message)
+        # Once a second of run: what is in the file is never further behind than that.
+        if self._unflushed >= self.header.rate_hz:
+            self._flush()
+
+    def follow_to_the_end(self) -> None:
+        """Go on until the loop has ended: left alone it still brings the robot to a stand."""
+        self.moving = True
+        while self.moving:
+            time.sleep(_LINGER_S)
+            self.step()
+
+    def close(self) -> None:
+        """Finish the file."""
+        if self._state not in (State.OFF, State.FAULT):
+            note = f"the log ends in {self._state.name}: the loop died there, was cut short, or is no longer recorded"
+            self._record_event(self._tick, time.perf_counter_ns(), "note", note)
+        self._flush()
+        self._writer.close()
+        self._check()
+        self._tell(closed=True)
+
+    def _record_ticks(self) -> None:
+        first = self._ticks.lost
+        self.moving = False
+        while len(rows := self._ticks.read(_MOST_ROWS)):
+            self.moving = True
+            for row in rows:
+                self._tick = int(row["tick"])
+                message = ENCAPSULATION + row.tobytes()
+                self._writer.tick(message, self._time(self._tick, int(row["stamp_ns"])))
+            self._state = State(int(rows["state"][-1]))
+            self._written += len(rows)
+            self._unflushed += len(rows)
+        if self._ticks.lost > first:
+            self._lost = self._ticks.lost
+            note = f"recorder: {self._lost - first} ticks were overwritten before they were read"
+            self._record_event(self._tick, time.perf_counter_ns(), "note", note)
+
+    def _record_plan(self) -> None:
+        offer = self.plans.observe(self._plan)
+        if offer is not None:
+            self._plan = offer.ticket.id
+            self._writer.plan(plan_message(offer), self._time(offer.ticket.asked_tick, time.perf_counter_ns()))
+
+    def _record_event(self, tick: int, stamp_ns: int, kind: str, message: str) -> None:
+        content: dict[str, Any] = {"tick": tick, "stamp_ns": stamp_ns, "kind": kind, "message": message}
+        self._writer.event(content, self._time(tick, stamp_ns))
+
+    def _time(self, tick: int, stamp_ns: int) -> int:
+        """Log time: the wall clock; in lockstep, where no clock runs along, the time that the ticks stand for."""
+        if self.header.clock == "lockstep":
+            return self.header.start_ns + round(tick * 1e9 / self.header.rate_hz)
+        return stamp_ns + self.header.wall_minus_perf_ns
+
+    def _flush(self) -> None:
+        self._unflushed = 0
+        self._writer.flush()
+        self._check()
+        self._tell(closed=False)
+
+    def _check(self) -> None:
+        """Say, once, that the disk takes no more."""
+        if self.file.error is not None and not self._stopped:
+            self._stopped = True
+            reason = self.file.error.strerror
+            log.warning("%s: recording stopped at tick %d: %s; the run goes on", self.file.path, self._tick, reason)
+
+    def _tell(self, *, closed: bool) -> None:
+        error = 0 if self.file.error is None else self.file.error.errno or errno.EIO
+        self.outcome.tell(error=error, written=self._written, lost=self._lost, closed=closed)

@@ -1,0 +1,17 @@
+"""How fast a human may be asked to go so that a robot keeps up."""
+
+from __future__ import annotations
+
+from flexmotion.configs.robot import Robot
+from flexmotion.human.body import Body
+from flexmotion.retarget.whole_body import WholeBody
+from flexmotion.sampling.pace import Pace
+
+
+def human_pace(robot: Robot, body: Body) -> Pace | None:
+    """A robot's pace in the scale of a human, as lengths are scaled: by their legs; None where it is not known."""
+    own = robot.gait.pace
+    if own is None:
+        return None
+    ratio = body.leg / WholeBody(robot).leg_length
+    return Pace(own.ahead * ratio, own.back * ratio, own.aside * ratio, own.turning)

@@ -1,0 +1,98 @@
+"""Scripts: a YAML list of what to do at which time.
+
+```yaml
+- {at: 0, text: walk forward}
+- {at: 4.5, velocity: [0.4, 0, 0.5]}
+- {at: 8, text: wave with the right hand}
+- {at: 12, stop: true}
+```
+
+or of clips, each with `clip: FILE`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.schema import not_yaml
+from flexmotion.streamer.motion.intents import WORDS, Clip, Intent, Stop, from_content, word_of
+
+_ITEM = "{at: seconds, text: WORDS | velocity: [vx, vy, wz] | clip: FILE | stop: true}"
+
+
+@dataclass(frozen=True)
+class Item:
+    """From `at` [s] on, do as `intent` says; a clip's name is its file."""
+
+    at: float
+    intent: Intent
+
+
+def load_script(file: Path) -> list[Item]:
+    """The items of a script in order of time; clips are sought beside the script.
+
+    Raises:
+        ConfigError: with the line, the word that is wrong and what it may be.
+    """
+    try:
+        text = file.read_text(encoding="utf-8")
+        root = yaml.compose(text, Loader=yaml.SafeLoader)
+    except OSError as error:
+        raise ConfigError(f"{file}: cannot be read: {error.strerror}") from error
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise not_yaml(file, error) from error
+    if not isinstance(root, yaml.SequenceNode) or not root.value:
+        raise ConfigError(f"{file}: expected a list of {_ITEM}")
+    items: list[Item] = []
+    for node in root.value:
+        where = f"{file}, line {node.start_mark.line + 1}"
+        item = _item(where, node, file.parent)
+        _follows(where, item, items)
+        items.append(item)
+    return items
+
+
+def _follows(where: str, item: Item, before: list[Item]) -> None:
+    """Whether an item may come after those before it. Raises `ConfigError`."""
+    if not before:
+        if item.at != 0 or isinstance(item.intent, Stop):
+            raise ConfigError(f"{where}: a script starts with something to do at: 0, expected {_ITEM}")
+        return
+    if item.at <= before[-1].at:
+        raise ConfigError(f"{where}: at: {item.at:g} does not come after {before[-1].at:g}")
+    if isinstance(before[-1].intent, Stop):
+        raise ConfigError(f"{where}: nothing may follow stop")
+    first = before[0].intent
+    if not isinstance(item.intent, Stop) and isinstance(item.intent, Clip) != isinstance(first, Clip):
+        raise ConfigError(
+            f"{where}: {word_of(item.intent)} after {word_of(first)}: a script is either of clips, or of text and "
+            "velocity, which a model follows"
+        )
+
+
+def _item(where: str, node: yaml.Node, folder: Path) -> Item:
+    if not isinstance(node, yaml.MappingNode):
+        raise ConfigError(f"{where}: expected {_ITEM}")
+    content: dict[str, Any] = {}
+    for key, value in node.value:
+        content[str(key.value)] = yaml.safe_load(yaml.serialize(value))
+        if key.value not in ("at", *WORDS):
+            raise ConfigError(
+                f"{where.rsplit(' ', 1)[0]} {key.start_mark.line + 1}: unknown word {key.value!r}, "
+                f"expected at and one of: {', '.join(WORDS)}"
+            )
+    try:
+        intent = from_content(content)
+    except ConfigError as error:
+        raise ConfigError(f"{where}: {error}") from error
+    at = content.get("at")
+    if isinstance(at, bool) or not isinstance(at, int | float) or not 0 <= at < float("inf"):
+        raise ConfigError(f"{where}: at: expected seconds from the start, found {at!r}")
+    if isinstance(intent, Clip):
+        intent = Clip(str(folder / Path(intent.name).expanduser()))
+    return Item(float(at), intent)

@@ -1,0 +1,99 @@
+"""Clips one after another as one motion: each starts where the human is, facing where the human faces."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from flexmotion.human.motion import Motion
+from flexmotion.streamer.report.metrics import heading
+
+Float = NDArray[np.float64]
+
+
+def sequence(clips: Sequence[tuple[float, Motion]], end: float | None, blend_frames: int) -> Motion:
+    """One motion from clips and the times [s] at which they start.
+
+    A clip that is over before the next one starts holds its last pose.
+
+    Args:
+        clips: ascending, the first at 0, all at one frame rate; the first one's body is everyone's.
+        end: when the whole is over [s]; None with the last clip.
+        blend_frames: frames over which a clip takes over from the one before.
+    """
+    whole = poses_only(clips[0][1])
+    for at, clip in clips[1:]:
+        start = round(at * whole.fps)
+        held = _held(whole, start + blend_frames + 1)
+        # Scaled by height, so that a taller human's feet meet the floor on the first one's legs.
+        scale = whole.body.standing_height / clip.body.standing_height
+        follower = placed(poses_only(clip), held[start : start + 1], scale)
+        whole = _blended(held, follower, start, blend_frames)
+    return whole if end is None else _held(whole, round(end * whole.fps) + 1)
+
+
+def poses_only(motion: Motion) -> Motion:
+    """Without what a change of place and body makes invalid."""
+    return replace(motion, torques=None, wrenches=None, activations=None, contacts=None)
+
+
+def _held(motion: Motion, frames: int) -> Motion:
+    """The first `frames` frames, the last pose held where the motion is shorter."""
+    index = np.minimum(np.arange(frames), len(motion) - 1)
+    return replace(
+        motion,
+        root_position=motion.root_position[index],
+        root_quaternion=motion.root_quaternion[index],
+        joints=motion.joints[index],
+    )
+
+
+def placed(motion: Motion, at: Motion, scale: float) -> Motion:
+    """A motion scaled, turned about z and moved so that its first frame is over and faces like that of `at`.
+
+    Args:
+        at: one frame; its body becomes the motion's.
+        scale: of the path, that other human's feet meet the floor on that body's legs.
+    """
+    turn = Rotation.from_euler("z", heading(at.root_quaternion)[0] - heading(motion.root_quaternion)[0])
+    path = scale * motion.root_position
+    path = turn.apply(path - path[0] * [1.0, 1.0, 0.0]) + at.root_position[0] * [1.0, 1.0, 0.0]
+    turned = (turn * Rotation.from_quat(motion.root_quaternion, scalar_first=True)).as_quat(scalar_first=True)
+    return replace(motion, root_position=path, root_quaternion=_continuous(turned), body=at.body)
+
+
+def _blended(before: Motion, after: Motion, start: int, frames: int) -> Motion:
+    """`before` up to frame `start`, then a transition over `frames` frames, then `after`."""
+    overlap = min(frames, len(after))
+    weight = (np.arange(1, overlap + 1) / (overlap + 1))[:, None]
+    old, new = before[start : start + overlap], after[:overlap]
+    sign = np.sign(np.sum(old.root_quaternion * new.root_quaternion, axis=1, keepdims=True))
+    mixed = (1 - weight) * old.root_quaternion + weight * sign * new.root_quaternion
+
+    def joined(first: Float, middle: Float, last: Float) -> Float:
+        return np.concatenate([first[:start], middle, last[overlap:]])
+
+    quaternion = joined(
+        before.root_quaternion, mixed / np.linalg.norm(mixed, axis=1, keepdims=True), after.root_quaternion
+    )
+    return replace(
+        before,
+        root_position=joined(
+            before.root_position,
+            (1 - weight) * old.root_position + weight * new.root_position,
+            after.root_position,
+        ),
+        root_quaternion=_continuous(quaternion),
+        joints=joined(before.joints, (1 - weight) * old.joints + weight * new.joints, after.joints),
+    )
+
+
+def _continuous(quaternions: Float) -> Float:
+    """The same rotations without jumps of sign over time."""
+    steps = np.sum(quaternions[1:] * quaternions[:-1], axis=1)
+    sign = np.cumprod(np.concatenate([[1.0], np.where(steps < 0, -1.0, 1.0)]))
+    return quaternions * sign[:, None]

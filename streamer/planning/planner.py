@@ -1,0 +1,89 @@
+"""The planner: asks the source for the next second of human motion and turns it into the plan that plays next."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexmotion.configs.errors import RetargetError
+from flexmotion.configs.stream import StreamSettings
+from flexmotion.retarget.plan import Plan
+from flexmotion.retarget.retargeter import Retargeter
+from flexmotion.sampling.blend import take_over
+from flexmotion.streamer.motion.sources import Source
+
+
+@dataclass(frozen=True)
+class Planned:
+    """A plan and what it cost.
+
+    Attributes:
+        plan: joins at `plan.start_tick`.
+        sample_s, retarget_s: time to get the human motion, and to retarget it [s].
+        stops: it comes to a stop whatever the source has.
+        source_over: the source has nothing after this plan.
+    """
+
+    plan: Plan
+    sample_s: float
+    retarget_s: float
+    stops: bool
+    source_over: bool
+
+
+class Planner:
+    """Makes plans that each resume the last one's state and blend in from its human; keeps nothing between them."""
+
+    def __init__(self, retargeter: Retargeter, source: Source, settings: StreamSettings) -> None:
+        self.retargeter, self.source, self.settings = retargeter, source, settings
+        self.rate = retargeter.rate
+
+    def plan(
+        self,
+        join: int,
+        current: Plan | None,
+        *,
+        stop: bool = False,
+        partial: bool = False,
+        checkpoint: Callable[[], None] = lambda: None,
+    ) -> Planned:
+        """The plan that plays from tick `join` on.
+
+        Args:
+            current: the plan that plays until then; None when the robot stands at its stand pose.
+            stop: come to a balanced stop from there, whatever the source has.
+            partial: follow the source only for the settings' `first_s`, which takes less time.
+            checkpoint: called every few milliseconds; what it raises ends the work.
+        """
+        begin = time.perf_counter()
+        retargeter = self.retargeter
+        state = self._state(join, current)
+        first = retargeter.next_frame(state, join, self.source.fps)
+        horizon_s = self.settings.first_s if partial else self.settings.horizon_s
+        horizon = int(round(horizon_s * self.rate))
+        frames = int(np.ceil(horizon_s * self.source.fps)) + 2
+        motion = None if stop else self.source.window(first, frames)
+        sampled = time.perf_counter()
+        checkpoint()
+        ended = motion is None or len(motion) < frames
+        if motion is not None and current is not None and current.human is not None:
+            motion = take_over(current.human, current.human_first_frame, motion, first, self.settings.blend_frames)
+        plan = retargeter.plan(state, motion, first, join, horizon=horizon, checkpoint=checkpoint)
+        if not (np.isfinite(plan.q).all() and np.isfinite(plan.qd).all() and np.isfinite(plan.torque).all()):
+            raise RetargetError(f"{self.source.name}: the plan for tick {join} holds values that are no numbers")
+        # A short window is only the end where the plan has followed all of it.
+        over = ended and plan.stop_row < horizon and not stop
+        return Planned(plan, sampled - begin, time.perf_counter() - sampled, stop, over)
+
+    def first_frame(self, join: int, current: Plan | None) -> int:
+        """Index of the first source frame that a plan from tick `join` on follows."""
+        return self.retargeter.next_frame(self._state(join, current), join, self.source.fps)
+
+    def _state(self, join: int, current: Plan | None) -> NDArray[np.float64]:
+        if current is None:
+            return self.retargeter.standing()
+        return current.states[min(max(join - current.start_tick, 0), len(current) - 1)]

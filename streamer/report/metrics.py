@@ -1,0 +1,330 @@
+"""Figures of merit of a run: whether the robot fell, how faithfully it followed, how hard its servos worked.
+
+Pure functions of arrays with one row a tick, so that each can be checked by hand; `motion_figures` and
+`joint_loads` apply them to a `RunRecord`. A figure that cannot be known (no ground truth, the human stood still)
+is None, never 0.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from flexmotion.configs.robot import Robot
+from flexmotion.human.body import Body
+from flexmotion.human.motion import Motion
+from flexmotion.retarget.balance import GRAVITY
+from flexmotion.retarget.whole_body import WholeBody
+from flexmotion.streamer.control.run_trace import RunRecord
+
+Float = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+FALL_TILT_RAD = np.deg2rad(45.0)
+FALL_HEIGHT_SHARE = 0.6
+"""A robot has fallen when its torso tilts further than this, or is lower than this share of its standing height."""
+MAX_LAG_S = 0.1
+"""Longest delay between reference and measurement that counts as lag and not as error."""
+LOADED_SHARE = 0.05
+"""A foot carries load when it bears at least this share of the robot's weight."""
+STANDS_AGAIN_S = 3.0
+"""Within this time after the source's last frame a robot has come to a stand; later it follows nobody [s]."""
+MOVING_HUMAN_M = 0.5
+"""Shortest straight path of the human for which a ratio of paths means anything."""
+EPISODE_GAP_S = 0.1
+"""Contacts closer together than this are one episode (a touch that chatters is one touch)."""
+
+
+@dataclass(frozen=True)
+class HumanTrack:
+    """Where the human went, on the source's own clock.
+
+    Attributes:
+        t: ascending times, (T,) [s].
+        pelvis_position: in the world, (T, 3) [m].
+        heading: yaw of the pelvis, unwrapped, (T,) [rad].
+    """
+
+    t: Float
+    pelvis_position: Float
+    heading: Float
+
+    @classmethod
+    def of(cls, motion: Motion) -> HumanTrack:
+        """The path of a whole motion, its first frame at time 0."""
+        return cls(np.arange(len(motion)) / motion.fps, motion.root_position, heading(motion.root_quaternion))
+
+    def at(self, source_s: Float) -> tuple[Float, Float]:
+        """Pelvis position (K, 3) and heading (K,) at the given times (K,), held constant outside the track."""
+        position = [np.interp(source_s, self.t, axis) for axis in self.pelvis_position.T]
+        return np.stack(position, axis=1), np.interp(source_s, self.t, self.heading)
+
+
+@dataclass(frozen=True)
+class RobotFigures:
+    """What the figures need to know of the robot; joints in the order of the record's columns.
+
+    Attributes:
+        legs: columns of the leg joints, (k,).
+        standing_height: height of the torso's origin when the robot stands [m].
+        weight: mass times gravity [N].
+        leg_ratio: leg length of the robot over the human's [1].
+        torque_limit: what each servo may use, (n,) [N·m].
+        stall_torque: what each servo holds for a moment at its rated voltage, (n,) [N·m].
+        speed_limit: no-load speed, (n,) [rad/s].
+        arm_length: shoulder to hand [m]; NaN for a robot without arms.
+    """
+
+    legs: NDArray[np.int64]
+    standing_height: float
+    weight: float
+    leg_ratio: float
+    torque_limit: Float
+    stall_torque: Float
+    speed_limit: Float
+    arm_length: float = float("nan")
+
+    @classmethod
+    def of(cls, robot: Robot, human_leg: float | None = None) -> RobotFigures:
+        """Read from the robot's model; `human_leg` is the human's leg length [m], the default human's where None."""
+        body = WholeBody(robot)
+        data = mujoco.MjData(robot.model)
+        data.qpos[:7] = (0, 0, 0, 1, 0, 0, 0)
+        data.qpos[robot.qpos_address] = robot.stand_pose
+        mujoco.mj_kinematics(robot.model, data)
+        soles = [
+            data.xpos[foot] + data.xmat[foot].reshape(3, 3) @ sole
+            for foot, sole in zip(robot.foot_ids, robot.soles, strict=True)
+        ]
+        return cls(
+            legs=np.sort(np.concatenate([leg.indices for leg in body.legs])),
+            standing_height=-min(float(sole[2]) for sole in soles),
+            weight=robot.mass * GRAVITY,
+            leg_ratio=body.leg_length / (human_leg or Body().leg),
+            torque_limit=robot.usable_torque,
+            stall_torque=robot.stall_torque,
+            speed_limit=robot.no_load_speed,
+            arm_length=float(body.upper.lengths.sum(axis=1).mean()),
+        )
+
+
+@dataclass(frozen=True)
+class Displacement:
+    """Where somebody came to, as seen from where they stood at first. Units are in the names.
+
+    Attributes:
+        ahead_m, left_m: along and across the first heading.
+        turned_rad: counter-clockwise, whole turns counted.
+    """
+
+    ahead_m: float
+    left_m: float
+    turned_rad: float
+
+    @classmethod
+    def of(cls, position: Float, heading: Float, scale: float = 1.0) -> Displacement:
+        """From positions (T, >= 2) [m], times `scale`, and unwrapped headings (T,) [rad]."""
+        (x, y), cos, sin = scale * (position[-1, :2] - position[0, :2]), np.cos(heading[0]), np.sin(heading[0])
+        return cls(float(cos * x + sin * y), float(cos * y - sin * x), float(heading[-1] - heading[0]))
+
+
+@dataclass(frozen=True)
+class MotionFigures:
+    """How the robot moved. Units are in the names; None where unknown.
+
+    Attributes:
+        robot_went: from the source's first frame until it stands again.
+        human_went: as far as it was followed, lengths scaled to the robot's legs.
+    """
+
+    fell: bool
+    time_to_fall_s: float | None
+    joint_rmse_rad: float | None
+    lag_s: float | None
+    foot_slip_mm_s: float | None
+    net_path_ratio: float | None
+    robot_went: Displacement | None
+    human_went: Displacement | None
+    heading_rms_rad: float | None
+    hand_error_share: float | None
+    self_collisions: int | None
+
+
+@dataclass(frozen=True)
+class JointLoad:
+    """How hard one joint worked, beside what it may."""
+
+    peak_torque_nm: float | None
+    rms_torque_nm: float | None
+    torque_limit_nm: float
+    rms_share_of_stall: float | None
+    peak_speed_rad_s: float | None
+    speed_limit_rad_s: float
+    saturated_share: float | None
+
+
+def tilt(quaternion: Float) -> Float:
+    """Angle between a body's up axis and the world's, (T,) [rad], from unit quaternions w x y z (T, 4); NaN stays."""
+    _, x, y, _ = quaternion.T
+    return np.arccos(np.clip(1.0 - 2.0 * (x * x + y * y), -1.0, 1.0))
+
+
+def heading(quaternion: Float) -> Float:
+    """Yaw about the world's z, unwrapped, (T,) [rad], from finite unit quaternions w x y z (T, 4).
+
+    The twist of the swing-twist decomposition, which stays defined when a torso bows past the horizontal.
+    """
+    return np.unwrap(2.0 * np.arctan2(quaternion[:, 3], quaternion[:, 0]))
+
+
+def first_fall(base: Float, standing_height: float, should_stand: Mask) -> int | None:
+    """First tick at which the torso is tilted too far or, while it should stand, too low.
+
+    Args:
+        base: torso position and quaternion w x y z, (T, 7); NaN rows do not count.
+        standing_height: of the torso's origin [m].
+        should_stand: (T,); a robot that crouches on purpose (parking) is low without having fallen.
+    """
+    low = should_stand & (base[:, 2] < FALL_HEIGHT_SHARE * standing_height)
+    fallen = np.flatnonzero(low | (tilt(base[:, 3:]) > FALL_TILT_RAD))
+    return int(fallen[0]) if len(fallen) else None
+
+
+def tracking_error(reference: Float, measured: Float, max_lag: int) -> tuple[float, int] | None:
+    """RMS error of all joints together once the best common lag is taken out.
+
+    Args:
+        reference, measured: (T, k) [rad]; rows with a NaN in either do not count.
+        max_lag: longest lag tried [ticks].
+
+    Returns:
+        The error [rad] and the lag of measurement behind reference [ticks]; None with no common row.
+    """
+    best: tuple[float, int] | None = None
+    for lag in range(min(max_lag, len(reference) - 1) + 1):
+        error = measured[lag:] - reference[: len(reference) - lag]
+        rows = np.isfinite(error).all(axis=1)
+        if not rows.any():
+            continue
+        rmse = float(np.sqrt(np.mean(error[rows] ** 2)))
+        if best is None or rmse < best[0]:
+            best = rmse, lag
+    return best
+
+
+def foot_slip(velocity: Float, force: Float, weight: float) -> float | None:
+    """Mean horizontal speed [m/s] of the feet that carry load, from their velocity and ground force, (T, 2, 3)."""
+    speed = np.linalg.norm(velocity[..., :2], axis=-1)
+    loaded = np.isfinite(speed) & (force[..., 2] >= LOADED_SHARE * weight)
+    return float(speed[loaded].mean()) if loaded.any() else None
+
+
+def net_path_ratio(robot: Float, human: Float, leg_ratio: float) -> float | None:
+    """Straight displacement of the robot over the human's scaled by leg length; positions (T, >= 2) [m]."""
+    human_path = float(np.linalg.norm(human[-1, :2] - human[0, :2]))
+    if human_path < MOVING_HUMAN_M:
+        return None
+    return float(np.linalg.norm(robot[-1, :2] - robot[0, :2])) / (human_path * leg_ratio)
+
+
+def heading_rms(robot: Float, human: Float) -> float:
+    """RMS difference [rad] of two unwrapped headings (T,), each counted from its own start."""
+    return float(np.sqrt(np.mean(((robot - robot[0]) - (human - human[0])) ** 2)))
+
+
+def hand_error_share(hand_error: Float, arm_length: float) -> float | None:
+    """Median of the hands' distances (T, 2) [m] from where they should be over arm length; NaN: out of reach."""
+    within = hand_error[np.isfinite(hand_error)]
+    return float(np.median(within)) / arm_length if len(within) and arm_length > 0 else None
+
+
+def episodes(touching: Mask, gap: int) -> int:
+    """Number of runs of True in (T,), runs less than `gap` ticks apart counted as one."""
+    ticks = np.flatnonzero(touching)
+    return int(np.sum(np.diff(ticks) > gap)) + 1 if len(ticks) else 0
+
+
+def motion_figures(
+    record: RunRecord,
+    robot: RobotFigures,
+    human: HumanTrack | None,
+    *,
+    should_stand: Mask,
+) -> MotionFigures:
+    """All figures of a run; what compares robot and human does so over the ticks whose reference is the human's.
+
+    Args:
+        record: the run; its ground truth may be missing (NaN) on hardware.
+        human: the source's path; None where it has none.
+        should_stand: ticks in which the robot is meant to be on its feet, (used,).
+    """
+    rows = slice(record.used)
+    base, q_ref, q = record.true_base[rows], record.q_ref[rows, robot.legs], record.q[rows, robot.legs]
+    known = np.isfinite(base).all(axis=1)
+    fall = first_fall(base, robot.standing_height, should_stand)
+    upright = np.arange(record.used) < (record.used if fall is None else fall)
+    playing = np.isfinite(record.source_s[rows]) & upright
+
+    tracking = tracking_error(np.where(playing[:, None], q_ref, np.nan), q, max_lag=int(MAX_LAG_S * record.rate_hz))
+    slip = foot_slip(record.true_foot_velocity[rows][playing], record.true_foot_force[rows][playing], robot.weight)
+
+    path_ratio = heading_error = robot_went = human_went = None
+    compared = playing & known
+    if compared.any():
+        # The robot's path ends where it comes to a stand: the last step of the human is its last step too.
+        first, last = np.flatnonzero(compared)[[0, -1]]
+        ticks = np.arange(record.used)
+        follows = (ticks >= first) & (ticks <= last + STANDS_AGAIN_S * record.rate_hz)
+        moving = known & upright & should_stand & follows
+        robot_went = Displacement.of(base[moving, :3], heading(base[moving, 3:]))
+        if human is not None:
+            human_position, human_heading = human.at(record.source_s[rows][compared])
+            human_went = Displacement.of(human_position, human_heading, robot.leg_ratio)
+            path_ratio = net_path_ratio(base[moving, :3], human_position, robot.leg_ratio)
+            heading_error = heading_rms(heading(base[compared, 3:]), human_heading)
+
+    return MotionFigures(
+        fell=fall is not None,
+        time_to_fall_s=None if fall is None else fall / record.rate_hz,
+        joint_rmse_rad=None if tracking is None else tracking[0],
+        lag_s=None if tracking is None else tracking[1] / record.rate_hz,
+        foot_slip_mm_s=None if slip is None else 1e3 * slip,
+        net_path_ratio=path_ratio,
+        robot_went=robot_went,
+        human_went=human_went,
+        heading_rms_rad=heading_error,
+        hand_error_share=hand_error_share(record.hand_error[rows][playing], robot.arm_length),
+        self_collisions=(
+            episodes(record.true_self_contact[rows], int(EPISODE_GAP_S * record.rate_hz)) if known.any() else None
+        ),
+    )
+
+
+def joint_loads(record: RunRecord, robot: RobotFigures) -> dict[str, JointLoad]:
+    """Peak and RMS of `RunRecord.torque`, peak speed and saturation of each joint over the ticks with goals sent."""
+    rows = slice(record.used)
+    powered = np.isfinite(record.q_cmd[rows]).all(axis=1)
+    torque, speed = record.torque[powered], record.qd[rows][powered]
+    saturated = record.true_saturated[rows][powered]
+
+    def figure(value: np.floating | float) -> float | None:
+        return float(value) if np.isfinite(value) else None
+
+    loads: dict[str, JointLoad] = {}
+    for j, name in enumerate(record.joint_names):
+        known_torque = torque[np.isfinite(torque[:, j]), j]
+        known_speed = speed[np.isfinite(speed[:, j]), j]
+        rms = np.sqrt(np.mean(known_torque**2)) if len(known_torque) else np.nan
+        loads[name] = JointLoad(
+            peak_torque_nm=figure(np.max(np.abs(known_torque), initial=-np.inf)),
+            rms_torque_nm=figure(rms),
+            torque_limit_nm=float(robot.torque_limit[j]),
+            rms_share_of_stall=figure(rms / robot.stall_torque[j]),
+            peak_speed_rad_s=figure(np.max(np.abs(known_speed), initial=-np.inf)),
+            speed_limit_rad_s=float(robot.speed_limit[j]),
+            saturated_share=figure(np.mean(saturated[:, j])) if len(known_torque) else None,
+        )
+    return loads

@@ -1,0 +1,279 @@
+"""The report of a run, `flexmotion.report/1`: what was asked, how it went, and whether that is good enough.
+
+Two runs with the same clip, seed and options give the same bytes but for `TIMING_KEYS`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+
+from flexmotion.streamer.control.ladder import State
+from flexmotion.streamer.control.run_trace import RunRecord, TorqueSource
+from flexmotion.streamer.report.metrics import HumanTrack, RobotFigures, joint_loads, motion_figures
+
+TIMING_KEYS = ("loop", "planner", "log")
+"""Top-level keys that may differ between equal runs."""
+DIGITS = 6
+"""Significant digits of a figure."""
+
+
+def _rounded(value: float | None) -> float | None:
+    """`DIGITS` significant digits; None for what is not known (NaN, infinity), since JSON has neither."""
+    if value is None or not math.isfinite(value):
+        return None
+    return float(f"{value:.{DIGITS}g}") + 0.0  # + 0.0: no negative zero
+
+
+Figure = Annotated[float, BeforeValidator(_rounded)]
+Maybe = Annotated[float | None, BeforeValidator(_rounded)]
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Latency(_Section):
+    """Percentiles of a time; the key it stands under names the unit."""
+
+    p50: Figure
+    p99: Figure
+    p99_9: Figure
+    max: Figure
+
+    @classmethod
+    def of(cls, seconds: Iterable[float], unit_s: float) -> Latency | None:
+        """Percentiles of finite times in units of `unit_s`; None if there are none."""
+        values = np.asarray(list(seconds), dtype=float)
+        values = values[np.isfinite(values)] / unit_s
+        if not len(values):
+            return None
+        p50, p99, p99_9 = np.percentile(values, (50, 99, 99.9))
+        return cls(p50=p50, p99=p99, p99_9=p99_9, max=values.max())
+
+
+class LoopSection(_Section):
+    """How the control loop kept its time. `realtime_factor` is the run's duration over the wall clock's."""
+
+    rate_hz: Figure
+    cycles: int
+    missed_deadlines: int
+    missed_allowed: int
+    wake_lateness_us: Latency | None
+    work_us: Latency | None
+    realtime: Literal["fifo", "other"]
+    robot_lateness_us: Latency | None
+    elapsed_s: Maybe
+    realtime_factor: Maybe
+
+
+class PlannerSection(_Section):
+    """What plans cost and how fast targets became commands."""
+
+    plans: int
+    sample_ms: Latency | None
+    retarget_ms: Latency | None
+    target_to_command_ms: Latency | None
+    target_to_effect_ms: Latency | None
+    underruns: int
+
+
+class DisplacementSection(_Section):
+    """Where somebody came to; `flexmotion.streamer.report.metrics.Displacement`."""
+
+    ahead_m: Figure
+    left_m: Figure
+    turned_rad: Figure
+
+
+class MotionSection(_Section):
+    """How the robot moved; `flexmotion.streamer.report.metrics.MotionFigures` and the count of steps."""
+
+    fell: bool
+    time_to_fall_s: Maybe
+    joint_rmse_rad: Maybe
+    lag_s: Maybe
+    foot_slip_mm_s: Maybe
+    net_path_ratio: Maybe
+    robot_went: DisplacementSection | None
+    human_went: DisplacementSection | None
+    heading_rms_rad: Maybe
+    human_steps: int
+    steps_planned: int
+    steps_inserted: int
+    steps_dropped: int
+    hand_error_share: Maybe
+    self_collisions: int | None
+
+
+class JointSection(_Section):
+    """One joint beside what it may; `flexmotion.streamer.report.metrics.JointLoad`."""
+
+    peak_torque_nm: Maybe
+    rms_torque_nm: Maybe
+    torque_limit_nm: Figure
+    rms_share_of_stall: Maybe
+    peak_speed_rad_s: Maybe
+    speed_limit_rad_s: Figure
+    saturated_share: Maybe
+
+
+class LimitsSection(_Section):
+    """Limits kept or not: `violations_sent` is counted at the receiving end, repairs in planner and loop.
+
+    `torque_source` is who tells the joints' torques, None where nobody does.
+    """
+
+    violations_sent: int
+    repairs: dict[str, int]
+    torque_source: TorqueSource | None
+    joints: dict[str, JointSection]
+
+
+class SafetySection(_Section):
+    """Where the safety ladder ended, every fault on the way, and whether the hardware is to blame."""
+
+    final_state: str
+    faults: list[str]
+    hardware_failed: bool = False
+
+
+class Report(_Section):
+    """The whole report; keys are a contract (see `docs/report.md`)."""
+
+    schema_: Literal["flexmotion.report/1"] = Field(default="flexmotion.report/1", alias="schema")
+    ok: bool
+    robot: str
+    driver: str
+    source: str
+    seed: int
+    duration_s: Figure
+    clock: Literal["real", "lockstep"]
+    options: dict[str, Any]
+    loop: LoopSection
+    planner: PlannerSection
+    motion: MotionSection
+    limits: LimitsSection
+    safety: SafetySection
+    log: str | None
+
+    def json_text(self) -> str:
+        """The report as JSON, keys in the order of the schema, with a final newline."""
+        return self.model_dump_json(by_alias=True, indent=2) + "\n"
+
+    def write(self, folder: Path) -> Path:
+        """Write `report.json` into `folder`, which is made if need be, and return its path."""
+        folder.mkdir(parents=True, exist_ok=True)
+        file = folder / "report.json"
+        file.write_text(self.json_text(), encoding="utf-8")
+        return file
+
+
+@dataclass(frozen=True)
+class RunInfo:
+    """What a run was asked to do, and under which conditions; the rest of the report comes from the record.
+
+    Attributes:
+        robot, driver, source: names; the source is a file name or `model:NAME`.
+        seed: of everything drawn at random.
+        clock: "real" or "lockstep".
+        options: what else was set (perturbations, say), by name.
+        elapsed_s: wall-clock time of the run [s].
+        realtime: scheduling class that the loop ran under.
+        missed_allowed, underruns_allowed: cycles that may miss their deadline, and plans that may come late.
+        log: path of the log; None where none was kept.
+    """
+
+    robot: str
+    driver: str
+    source: str
+    seed: int = 0
+    clock: Literal["real", "lockstep"] = "lockstep"
+    options: dict[str, Any] = field(default_factory=dict)
+    elapsed_s: float | None = None
+    realtime: Literal["fifo", "other"] = "other"
+    missed_allowed: int = 0
+    underruns_allowed: int = 0
+    log: str | None = None
+
+
+def build_report(
+    record: RunRecord,
+    info: RunInfo,
+    robot: RobotFigures,
+    *,
+    human: HumanTrack | None = None,
+) -> Report:
+    """The report of a finished run; `human` is the source's path, None where it has none."""
+    states = record.state[: record.used]
+    duration = record.duration_s
+    figures = motion_figures(record, robot, human, should_stand=np.isin(states, (State.STREAMING, State.HOLD)))
+    motion = asdict(figures)
+    if not figures.fell and (damped := np.flatnonzero(states == State.DAMPED)).size:
+        # Without ground truth the loop's own detection, which alone leads to DAMPED, is what there is.
+        motion |= {"fell": True, "time_to_fall_s": int(damped[0]) / record.rate_hz}
+    faults = [event.message for event in record.events if event.kind == "fault"]
+    return Report(
+        ok=(
+            not motion["fell"]
+            and not faults
+            and record.violations_sent == 0
+            and record.missed_deadlines <= info.missed_allowed
+            and record.underruns <= info.underruns_allowed
+            and bool((states == State.STREAMING).any())
+            and states[-1] in (State.HOLD, State.OFF)
+        ),
+        robot=info.robot,
+        driver=info.driver,
+        source=info.source,
+        seed=info.seed,
+        duration_s=duration,
+        clock=info.clock,
+        options=info.options,
+        loop=LoopSection(
+            rate_hz=record.rate_hz,
+            cycles=record.cycles,
+            missed_deadlines=record.missed_deadlines,
+            missed_allowed=info.missed_allowed,
+            # Nobody wakes in lockstep.
+            wake_lateness_us=Latency.of(record.lateness_s[: record.used], 1e-6) if info.clock == "real" else None,
+            work_us=Latency.of(record.work_s[: record.used], 1e-6),
+            realtime=info.realtime,
+            robot_lateness_us=Latency.of(record.robot_lateness_s, 1e-6),
+            elapsed_s=info.elapsed_s,
+            realtime_factor=duration / info.elapsed_s if info.elapsed_s else None,
+        ),
+        planner=PlannerSection(
+            plans=len(record.plans),
+            sample_ms=Latency.of((plan.sample_s for plan in record.plans), 1e-3),
+            retarget_ms=Latency.of((plan.retarget_s for plan in record.plans), 1e-3),
+            target_to_command_ms=Latency.of(record.target_to_command_s, 1e-3),
+            target_to_effect_ms=Latency.of(record.target_to_effect_s, 1e-3),
+            underruns=record.underruns,
+        ),
+        motion=MotionSection(
+            **motion,
+            human_steps=record.human_steps,
+            steps_planned=record.steps_planned,
+            steps_inserted=record.steps_inserted,
+            steps_dropped=max(record.human_steps - (record.steps_planned - record.steps_inserted), 0),
+        ),
+        limits=LimitsSection(
+            violations_sent=record.violations_sent,
+            repairs=dict(record.repairs),
+            torque_source=record.torque_source,
+            joints={name: JointSection(**asdict(load)) for name, load in joint_loads(record, robot).items()},
+        ),
+        safety=SafetySection(
+            final_state=State(states[-1]).name if len(states) else State.OFF.name,
+            faults=faults,
+            hardware_failed=record.hardware_failed,
+        ),
+        log=info.log,
+    )

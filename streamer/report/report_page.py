@@ -1,0 +1,46 @@
+"""One self-contained HTML page of a run: the verdict, its figures and its pictures. Opens anywhere, offline."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Sequence
+from pathlib import Path
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from flexmotion.streamer.report.report import Report
+from flexmotion.streamer.report.summary import joint_rows, motion_rows, timing_rows, torque_note, verdict
+
+CAPTIONS = {
+    "robot": "Human and robot",
+    "footsteps": "Footsteps",
+    "timeline": "Timeline",
+    "tracking": "Tracking",
+    "torque": "Torque",
+}
+
+
+def write_page(file: Path, report: Report, pictures: Sequence[Path]) -> Path:
+    """Render the page with its pictures inside, named by their file's stem, and return its path."""
+    environment = Environment(
+        loader=PackageLoader("flexmotion.streamer.report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    html = environment.get_template("report.html").render(
+        report=report,
+        verdict=verdict(report),
+        motion=motion_rows(report),
+        joints=joint_rows(report),
+        torque_note=torque_note(report),
+        timing=timing_rows(report),
+        pictures=[
+            (CAPTIONS.get(picture.stem, picture.stem), base64.b64encode(picture.read_bytes()).decode("ascii"))
+            for picture in pictures
+        ],
+    )
+    file.parent.mkdir(parents=True, exist_ok=True)
+    file.write_text(html, encoding="utf-8")
+    return file

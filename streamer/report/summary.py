@@ -1,0 +1,181 @@
+"""A report as a person reads it in a terminal: the verdict first, then short tables."""
+
+from __future__ import annotations
+
+import math
+
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from flexmotion.streamer.report.report import DisplacementSection, Latency, Report
+
+WORST_JOINTS = 5
+"""Joints shown in the terminal; the others are in `report.json`."""
+_CUT_SHORT = ("READY", "STREAMING", "PARK")
+"""A run that ends in these states was left at once: the robot is limp where it was."""
+
+
+def failures(report: Report) -> list[str]:
+    """Every reason why the run is not ok, in plain words; empty when it is."""
+    reasons = []
+    motion, loop = report.motion, report.loop
+    if motion.fell:
+        reasons.append("fell" if motion.time_to_fall_s is None else f"fell after {motion.time_to_fall_s:.2f} s")
+    reasons += [f"fault: {fault}" for fault in report.safety.faults]
+    if report.limits.violations_sent:
+        reasons.append(f"{report.limits.violations_sent} goals outside a servo's envelope reached the driver")
+    if report.planner.plans == 0:
+        reasons.append("no plan was ever played")
+    if report.planner.underruns and not report.ok:
+        reasons.append(f"{report.planner.underruns} plans came too late")
+    if loop.missed_deadlines > loop.missed_allowed:
+        reasons.append(f"{loop.missed_deadlines} of {loop.cycles} deadlines missed, {loop.missed_allowed} allowed")
+    if report.safety.final_state in _CUT_SHORT or not (report.ok or reasons):
+        reasons.append(f"cut short in {report.safety.final_state}, torque off")
+    return reasons
+
+
+def verdict(report: Report) -> str:
+    """One sentence: what was done, and whether it went well."""
+    what = f"{report.robot} on {report.driver}, {report.source}, {report.duration_s:.1f} s"
+    return f"{what}: upright, no fault, no limit passed" if report.ok else f"{what}: {'; '.join(failures(report))}"
+
+
+def render(report: Report) -> RenderableType:
+    """The report for a `rich` console."""
+    mark = Text("PASS ", style="bold green") if report.ok else Text("FAIL ", style="bold red")
+    parts: list[RenderableType] = [mark + Text(verdict(report), style="bold"), Text()]
+    if report.planner.plans == 0:
+        return parts[0]  # nothing moved, so there are no figures
+    for section in (_motion(report), _joints(report), _timing(report)):
+        parts += [*section, Text()]
+    return Group(*parts[:-1])
+
+
+def motion_rows(report: Report) -> list[tuple[str, str, str]]:
+    """Name, value with unit, and what it says, of every motion figure that is known."""
+    m = report.motion
+    collisions = "-" if m.self_collisions is None else str(m.self_collisions)
+    steps = f"planned; the human made {m.human_steps}, {m.steps_dropped} dropped, {m.steps_inserted} inserted"
+    rows = [
+        ("leg tracking error", show(m.joint_rmse_rad, "°", math.degrees(1)), "RMS, measured against reference"),
+        ("lag", show(m.lag_s, "ms", 1e3, 0), "measured behind reference, taken out of the error"),
+        ("foot slip", show(m.foot_slip_mm_s, "mm/s"), "mean speed of feet that carry load"),
+        ("net path", show(m.net_path_ratio, "", 1.0, 2), "robot over human, scaled by leg length"),
+        ("went", _went(m.robot_went), f"when it stands again; the human, scaled: {_went(m.human_went)}"),
+        ("heading error", show(m.heading_rms_rad, "°", math.degrees(1), 1), "RMS, robot against human"),
+        ("hand error", show(m.hand_error_share, "%", 100, 1), "median, of arm length, where within reach"),
+        ("steps", f"{m.steps_planned}", steps),
+        ("self-collisions", collisions, "separate touches of two links"),
+    ]
+    return [row for row in rows if row[1] != "-"]
+
+
+def joint_rows(report: Report) -> list[tuple[str, ...]]:
+    """Name, RMS torque, its share of stall, peak, limit, peak speed, time at the limit; hardest worked first."""
+    hardest = sorted(report.limits.joints.items(), key=lambda item: -(item[1].rms_share_of_stall or 0.0))
+    return [
+        (
+            name,
+            show(joint.rms_torque_nm, "N·m", 1, 2),
+            show(joint.rms_share_of_stall, "%", 100, 0),
+            show(joint.peak_torque_nm, "N·m", 1, 2),
+            show(joint.torque_limit_nm, "N·m", 1, 2),
+            show(joint.peak_speed_rad_s, "rad/s", 1, 1),
+            show(joint.saturated_share, "%", 100, 1),
+        )
+        for name, joint in hardest
+    ]
+
+
+def torque_note(report: Report) -> str:
+    """Who tells the joints' torques, where that is not the simulation."""
+    return {"simulation": "", "servos": "torque as the servos measure it, by their current", None: "torque unknown"}[
+        report.limits.torque_source
+    ]
+
+
+def timing_rows(report: Report) -> list[tuple[str, ...]]:
+    """Name, median, 99th percentile and maximum of every time that was measured."""
+    loop, planner = report.loop, report.planner
+    latencies: list[tuple[str, Latency | None, str]] = [
+        ("loop work", loop.work_us, "µs"),
+        ("wake lateness", loop.wake_lateness_us, "µs"),
+        ("robot lateness", loop.robot_lateness_us, "µs"),
+        ("sample", planner.sample_ms, "ms"),
+        ("retarget", planner.retarget_ms, "ms"),
+        ("target to command", planner.target_to_command_ms, "ms"),
+        ("target to effect", planner.target_to_effect_ms, "ms"),
+    ]
+    return [
+        (name, *(show(value, unit) for value in (latency.p50, latency.p99, latency.max)))
+        for name, latency, unit in latencies
+        if latency is not None
+    ]
+
+
+def _motion(report: Report) -> list[RenderableType]:
+    drawn = table("Motion", "", "", "")
+    for name, value, meaning in motion_rows(report):
+        drawn.add_row(name, value, Text(meaning, style="dim"))
+    return [drawn]
+
+
+def _went(way: DisplacementSection | None) -> str:
+    """Where somebody came to, directions in words."""
+    if way is None:
+        return "-"
+    # Rounded first: nothing has no side.
+    ahead, left, turned = round(way.ahead_m, 2), round(way.left_m, 2), round(math.degrees(way.turned_rad))
+    return (
+        f"{abs(ahead):.2f} m {'back' if ahead < 0 else 'ahead'}, "
+        f"{abs(left):.2f} m {'right' if left < 0 else 'left' if left else 'aside'}, "
+        f"turned {abs(turned)}°{' right' if turned < 0 else ' left' if turned else ''}"
+    )
+
+
+def _joints(report: Report) -> list[RenderableType]:
+    limits = report.limits
+    columns = ("joint", "rms", "of stall", "peak", "usable", "speed", "at limit")
+    drawn = table(f"Hardest worked of {len(limits.joints)} joints", *columns)
+    for row in joint_rows(report)[:WORST_JOINTS]:
+        drawn.add_row(*row)
+    repairs = ", ".join(f"{count} {kind}" for kind, count in limits.repairs.items() if count) or "none"
+    note = f"goals outside the envelope that were sent: {limits.violations_sent}; repairs: {repairs}"
+    return [drawn, Text("; ".join(filter(None, (torque_note(report), note))), style="dim")]
+
+
+def _timing(report: Report) -> list[RenderableType]:
+    loop, planner = report.loop, report.planner
+    drawn = table("Time", "", "p50", "p99", "max")
+    for row in timing_rows(report):
+        drawn.add_row(*row)
+    speed = f"{loop.realtime_factor:.1f} times real time; " if loop.realtime_factor else ""
+    # In lockstep nobody waits for a deadline.
+    missed = f"{loop.missed_deadlines} missed deadlines; " if report.clock == "real" else ""
+    note = (
+        f"{report.clock} clock, {loop.rate_hz:g} Hz, {loop.cycles} cycles; {speed}{planner.plans} plans, "
+        f"{planner.underruns} under-runs; {missed}ended {report.safety.final_state}"
+    )
+    return [drawn, Text(note, style="dim")]
+
+
+def table(title: str, *columns: str) -> Table:
+    """A table in the look of all reports: first column left, numbers right, no frame; columns may be nameless."""
+    drawn = Table(title=title or None, title_justify="left", title_style="bold", box=None, pad_edge=False)
+    drawn.show_header = any(columns)
+    for index, column in enumerate(columns):
+        drawn.add_column(column, justify="left" if index == 0 or not any(columns) else "right", header_style="dim")
+    return drawn
+
+
+def show(value: float | None, unit: str, scale: float = 1.0, digits: int | None = None) -> str:
+    """A figure times `scale` with its unit; `digits` after the point, else three significant ones down to 0.001."""
+    if value is None:
+        return "-"
+    scaled = value * scale
+    if digits is None:
+        digits = 2 - math.floor(math.log10(abs(scaled))) if scaled else 0
+    text = f"{scaled:.{min(max(digits, 0), 3)}f}"
+    return text + ("" if unit in ("", "°") else " ") + unit

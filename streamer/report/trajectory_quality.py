@@ -1,0 +1,123 @@
+"""How faithful a retargeted motion is, before any robot has tried it."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
+from rich.console import Group, RenderableType
+from rich.text import Text
+
+from flexmotion.configs.robot import Robot
+from flexmotion.human.motion import Motion
+from flexmotion.streamer.planning.offline import Trajectory
+from flexmotion.streamer.report.metrics import (
+    HumanTrack,
+    RobotFigures,
+    hand_error_share,
+    heading,
+    heading_rms,
+    net_path_ratio,
+)
+from flexmotion.streamer.report.report import Figure, Latency, Maybe
+from flexmotion.streamer.report.summary import show, table
+
+
+class Worst(BaseModel):
+    """The joint that comes closest to a limit: by which share of it, and when."""
+
+    model_config = ConfigDict(frozen=True)
+
+    joint: str
+    share: Figure
+    at_s: Figure
+
+
+class Quality(BaseModel):
+    """Quality report of `flexmotion retarget`; figures as in the report of a run, of the plan instead of the robot."""
+
+    model_config = ConfigDict(frozen=True)
+
+    schema_: Literal["flexmotion.retarget/1"] = Field(default="flexmotion.retarget/1", alias="schema")
+    robot: str
+    source: str
+    duration_s: Figure
+    rate_hz: Figure
+    net_path_ratio: Maybe
+    heading_rms_rad: Maybe
+    hand_error_share: Maybe
+    human_steps: int
+    steps_planned: int
+    steps_inserted: int
+    steps_dropped: int
+    repairs: dict[str, int]
+    torque: Worst
+    speed: Worst
+    retarget_ms: Latency | None
+
+    def json_text(self) -> str:
+        """As JSON, keys in the order of the schema."""
+        return self.model_dump_json(by_alias=True, indent=2)
+
+
+def quality(trajectory: Trajectory, robot: Robot, motion: Motion) -> Quality:
+    """Measure a trajectory against the motion that it was made from."""
+    figures = RobotFigures.of(robot, motion.body.leg)
+    following = np.isfinite(trajectory.source_s)
+    base = trajectory.base[following]
+    # The robot's path ends where it comes to a stand (as in `metrics.motion_figures`).
+    path = trajectory.base[int(np.flatnonzero(following)[0]) :]
+    human_position, human_heading = HumanTrack.of(motion).at(trajectory.source_s[following])
+    return Quality(
+        robot=robot.name,
+        source=motion.source,
+        duration_s=trajectory.duration,
+        rate_hz=trajectory.rate_hz,
+        net_path_ratio=net_path_ratio(path, human_position, figures.leg_ratio),
+        heading_rms_rad=heading_rms(heading(base[:, 3:]), human_heading),
+        hand_error_share=hand_error_share(trajectory.hand_error[following], figures.arm_length),
+        human_steps=trajectory.human_steps,
+        steps_planned=trajectory.steps,
+        steps_inserted=trajectory.inserted,
+        steps_dropped=trajectory.dropped,
+        repairs=trajectory.repairs,
+        torque=_worst(trajectory, robot, np.abs(trajectory.torque) / robot.stall_torque),
+        speed=_worst(trajectory, robot, trajectory.qd / robot.no_load_speed),
+        retarget_ms=Latency.of(trajectory.retarget_s, 1e-3),
+    )
+
+
+def render_quality(result: Quality) -> RenderableType:
+    """The quality report for a terminal."""
+    rows = [
+        ("net path", show(result.net_path_ratio, "", 1, 2), "planned over human, scaled by leg length"),
+        ("heading error", show(result.heading_rms_rad, "°", 180 / np.pi, 1), "RMS, plan against human"),
+        ("hand error", show(result.hand_error_share, "%", 100, 1), "median, of arm length, where within reach"),
+        (
+            "steps",
+            str(result.steps_planned),
+            f"planned; the human made {result.human_steps}, {result.steps_dropped} dropped, "
+            f"{result.steps_inserted} inserted",
+        ),
+        ("torque", show(result.torque.share, "%", 100, 0), f"of stall torque at most: {_where(result.torque)}"),
+        ("speed", show(result.speed.share, "%", 100, 0), f"of no-load speed at most: {_where(result.speed)}"),
+        ("repairs", str(sum(result.repairs.values())), ", ".join(f"{n} {kind}" for kind, n in result.repairs.items())),
+    ]
+    if result.retarget_ms is not None:
+        rows.append(("retargeting", show(result.retarget_ms.p50, "ms"), f"a plan; p99 {result.retarget_ms.p99:.3g} ms"))
+    drawn = table("", "", "", "")
+    for name, value, meaning in rows:
+        drawn.add_row(name, value, Text(meaning, style="dim"))
+    return Group(Text(f"{result.source} on {result.robot}, {result.duration_s:.1f} s", style="bold"), drawn)
+
+
+def _where(worst: Worst) -> str:
+    return f"{worst.joint} at {worst.at_s:.2f} s"
+
+
+def _worst(trajectory: Trajectory, robot: Robot, share: np.ndarray) -> Worst:
+    tick, joint = np.unravel_index(int(np.argmax(np.abs(share))), share.shape)
+    return Worst(
+        joint=robot.joint_names[joint], share=abs(float(share[tick, joint])), at_s=float(tick) / trajectory.rate_hz
+    )

@@ -1,0 +1,120 @@
+"""`Operator`: who runs the robot through a whole run: starts it, hears what is asked, lets it settle, parks it."""
+
+from __future__ import annotations
+
+from flexmotion.configs.stream import StreamSettings
+from flexmotion.streamer.control.ladder import State
+from flexmotion.streamer.control.loop import ControlLoop
+from flexmotion.streamer.run.requests import Request
+
+_SETTLE_S = 1.0
+"""How long the robot stands in HOLD after the source is over, before it parks."""
+_HURRIED_SETTLE_S = 0.2
+"""The same when somebody asked for the end."""
+_SILENCE_S = 5.0
+"""A run that should go on but has had no plan for this long is ended."""
+_PARKING_S = 12.0
+"""What a run that has gone on too long is left to stop and park."""
+MARGIN_S = 30.0
+"""Longest run beyond the source's length: standing up, stopping, parking."""
+_AGAINST_A_START = (Request.STOP, Request.ESTOP, Request.KILL, Request.END)
+"""Asked for while the program still gets ready, these leave the robot as it is: torque stays off."""
+
+
+class Operator:
+    """Acts once a tick, before it.
+
+    Args:
+        seconds: how much of the source is streamed; None: whatever it has [s].
+        stay: after the source is over, and where plans stay away, the robot goes on standing; else the run ends.
+
+    Attributes:
+        quit: the run ends now, whatever state the robot is in.
+        broken: why no more plans can be made; None while they can.
+    """
+
+    def __init__(self, loop: ControlLoop, settings: StreamSettings, *, seconds: float | None, stay: bool) -> None:
+        self.loop, self.settings, self.seconds, self.stay = loop, settings, seconds, stay
+        self.quit = False
+        self.broken: str | None = None
+        self._started = self._ending = False
+        self._withheld: Request | None = None
+        self._stream_start: int | None = None
+        self._hold_ticks = self._idle_ticks = 0
+        self._most_ticks = None if stay or seconds is None else int((seconds + MARGIN_S) * loop.robot.rate_hz)
+
+    @property
+    def finished(self) -> bool:
+        """Whether the run is over."""
+        loop = self.loop
+        if self.quit or (self._most_ticks is not None and loop.tick_count >= self._most_ticks):
+            return True
+        return self._started and loop.ladder.state in (State.OFF, State.FAULT)
+
+    def hear(self, request: Request, reason: str = "") -> None:
+        """Take a request; it acts on the next tick."""
+        inputs = self.loop.inputs
+        if request not in (Request.LOST, Request.NOTE):
+            self.loop.telemetry.tell(self.loop.tick_count, "request", request.name)
+        if not self._started and request in _AGAINST_A_START:
+            self._withheld = request
+        if request is Request.STOP:
+            inputs.stop = True
+        elif request is Request.ESTOP:
+            inputs.estop = True
+        elif request is Request.KILL:
+            inputs.kill = True
+        elif request is Request.CLEAR:
+            inputs.clear = True
+        elif request is Request.FAULT:
+            self.broken = reason
+        elif request in (Request.LOST, Request.NOTE):
+            self.loop.telemetry.tell(self.loop.tick_count, "fault" if request is Request.LOST else "note", reason)
+        elif request is Request.QUIT:
+            self.quit = True
+        elif not self._ending:
+            self._ending = inputs.stop = True
+
+    def act(self) -> None:
+        """Ask the loop for what this tick needs."""
+        loop, inputs, rate = self.loop, self.loop.inputs, self.loop.robot.rate_hz
+        state = loop.ladder.state
+        if not self._started:
+            self._started = True
+            inputs.start = self._withheld is None
+            if self._withheld is not None:
+                loop.telemetry.tell(loop.tick_count, "note", f"no start: {self._withheld.name} was asked for before it")
+        if self._stream_start is None and loop.playing is not None:
+            self._stream_start = loop.playing.plan.start_tick
+        loop.winding_down = self._ending or self._stream_over()
+        if self.broken is not None:
+            inputs.fault = f"planner: {self.broken}"
+        if self._most_ticks is not None and loop.tick_count >= self._most_ticks - int(_PARKING_S * rate):
+            inputs.fault = "the run went on past its time"
+        if state is State.READY and self._ending:
+            inputs.park = True
+        self._watch_for_plans(state)
+        self._hold_ticks = self._hold_ticks + 1 if state is State.HOLD else 0
+        settle = _HURRIED_SETTLE_S if self._ending else _SETTLE_S
+        if self._over() and self._hold_ticks >= settle * rate:
+            inputs.park = True
+
+    def _over(self) -> bool:
+        if self._ending:
+            return True
+        source_over = self.loop.playing is not None and self.loop.playing.ticket.source_over
+        return not self.stay and (source_over or self._stream_over())
+
+    def _stream_over(self) -> bool:
+        """Whether as much of the source has been played as was asked for; the lead-in before it does not count."""
+        if self._stream_start is None or self.seconds is None:
+            return False
+        since = (self.loop.tick_count - self._stream_start) / self.loop.robot.rate_hz
+        return since - self.settings.lead_in_s >= self.seconds
+
+    def _watch_for_plans(self, state: State) -> None:
+        """A robot that stands and waits for a plan that never comes is not left standing for ever."""
+        waiting = self.loop.ready or (state is State.HOLD and not self._over())
+        self._idle_ticks = self._idle_ticks + 1 if waiting and not self.loop.must_stop else 0
+        if not self.stay and self._idle_ticks > _SILENCE_S * self.loop.robot.rate_hz:
+            self.loop.inputs.fault = f"planner: no plan for {_SILENCE_S:.0f} s"

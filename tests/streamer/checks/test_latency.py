@@ -1,0 +1,179 @@
+"""`check latency`: what it measures, how it judges, how it reads."""
+
+from __future__ import annotations
+
+import io
+import itertools
+import json
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from flexmotion.configs.robot import load_robot
+from flexmotion.configs.stream import load_stream
+from flexmotion.drivers.registry import create
+from flexmotion.streamer.checks.latency import (
+    HISTOGRAM_US,
+    LatencyResult,
+    Moments,
+    Standstills,
+    _Switcher,
+    _told,
+    measure,
+    shipped_clips,
+    switched,
+)
+from flexmotion.streamer.checks.latency_text import render_latency
+from flexmotion.streamer.cli import execute
+from flexmotion.streamer.control.run_trace import RunRecord
+from flexmotion.streamer.control.telemetry import Event
+from flexmotion.streamer.control.tick_row import tick_dtype
+from flexmotion.streamer.plots import write_latency
+from flexmotion.streamer.run.requests import Request
+from flexmotion.streamer.run.session import Session
+
+pytestmark = pytest.mark.wall_clock
+
+PNG = b"\x89PNG\r\n\x1a\n"
+
+
+@pytest.fixture(scope="module")
+def result() -> LatencyResult:
+    """Six switches on this machine, under whatever else it does, without realtime scheduling."""
+    op3 = load_robot("op3")
+    for _ in range(3):  # a machine whose processor is taken away meanwhile tells nothing of the program
+        source, intents = switched(shipped_clips())
+        found = measure(
+            op3, create("sim", op3), load_stream(), source, intents, seconds=60.0, switches=6, realtime=False, load=1
+        )
+        if not found.faults and found.answered >= 5:
+            break
+    return found
+
+
+def test_every_switch_is_followed_and_every_stage_is_measured(result: LatencyResult) -> None:
+    assert result.switches == 6 and 5 <= result.answered <= 6  # the end may overtake the last one
+    assert all(stage.time is not None for stage in result.stages.values())
+    assert sum(result.lateness) == result.cycles and len(result.lateness) == len(HISTOGRAM_US)
+    command, effect = result.stages["target to command"].time, result.stages["target to effect"].time
+    assert command is not None and effect is not None and effect.p50 >= command.p50
+    assert result.violations_sent == 0 and result.faults == ()
+
+
+def test_without_realtime_scheduling_it_never_passes(result: LatencyResult) -> None:
+    assert result.scheduling == "other" and not result.ok
+    assert any("SCHED_FIFO" in failure for failure in result.failures)
+
+
+def test_the_text_names_the_failures_and_shows_the_histogram(result: LatencyResult) -> None:
+    out = io.StringIO()
+    Console(file=out, width=120).print(render_latency(result))
+    text = out.getvalue()
+    assert text.startswith("FAIL") and "target to command" in text and "8000 and more" in text and "1 hogs" in text
+
+
+def test_time_that_a_host_took_is_said(result: LatencyResult) -> None:
+    """Went wrong: a run on a virtual machine missed ten periods in one stall, and nothing said whose it was."""
+    said = []
+    for standstills in (None, Standstills(3, 130.0, 91.0, missed_deadlines=10, stolen_ms=120.0)):
+        out = io.StringIO()
+        Console(file=out, width=200).print(
+            render_latency(replace(result, standstills=standstills, missed_deadlines=11))
+        )
+        text = " ".join(out.getvalue().split())
+        said.append("stood still 3 times, 130 ms in all, up to 91.0 ms" in text and "took 120 ms" in text)
+        assert ("10 of 11 missed deadlines" in text) == (standstills is not None)
+    assert said == [False, True]
+    assert result.standstills is None  # without realtime scheduling, other programs look the same
+
+
+def test_what_fell_into_a_standstill_is_told_apart() -> None:
+    """Twelve ticks; before the fifth the machine stood still for 20 ms, so that it and the next woke late."""
+    ms = 1_000_000
+    record = RunRecord(125.0, ("l_knee",))
+    rows = np.zeros(12, tick_dtype(1))
+    rows["stamp_ns"] = 1000 * ms + 8 * ms * np.arange(12)
+    rows["stamp_ns"][4:] += 8 * ms * 2  # two ticks left out
+    rows["missed_deadlines"][4:] = 3
+    rows["lateness_s"], rows["work_s"] = 0.0001, 0.001
+    rows["lateness_s"][4], rows["work_s"][9] = 0.020, 0.004
+    rows["target_to_command_s"] = np.nan
+    rows["target_to_command_s"][[2, 5, 11]] = 0.012, 0.080, 0.013
+    record.append(rows)
+    stood = np.array([[1030 * ms, 1050 * ms], [5000 * ms, 5001 * ms]])  # the second one after the run
+    moments = Moments(record, stood, stolen_ms=20.0)
+    assert moments.summary == Standstills(1, 20.0, 20.0, missed_deadlines=3, stolen_ms=20.0)
+    late, work = moments.apart(rows["lateness_s"]), moments.apart(rows["work_s"], rows["work_s"])
+    answered = moments.apart(rows["target_to_command_s"])
+    assert late is not None and work is not None and answered is not None
+    assert (late.max, work.max, answered.max) == pytest.approx((0.1, 4.0, 13.0))
+
+
+def test_a_tick_that_woke_late_makes_the_next_one_miss_its_deadline() -> None:
+    """It is counted a tick after the standstill, which ended as the late tick began: it was laid to the program."""
+    ms = 1_000_000
+    record = RunRecord(125.0, ("l_knee",))
+    rows = np.zeros(6, tick_dtype(1))
+    rows["stamp_ns"] = 1000 * ms + 8 * ms * np.arange(6)
+    rows["stamp_ns"][3] += 7 * ms
+    rows["stamp_ns"][4] += 1 * ms
+    rows["lateness_s"][3], rows["work_s"] = 0.007, 0.002
+    rows["missed_deadlines"][4:] = 1
+    record.append(rows)
+    stood = np.array([[1024 * ms, 1031 * ms - 50_000]])  # the witness, above the loop, woke just before it
+    assert Moments(record, stood, stolen_ms=0.0).summary.missed_deadlines == 1
+    before = np.array([[1016 * ms, 1023 * ms]])
+    assert Moments(record, before, stolen_ms=0.0).summary.missed_deadlines == 0
+
+
+def test_a_fall_is_told_with_the_standstill_before_it() -> None:
+    """A robot fell after 457 s, and nobody could say whether that was when the machine stood still for 83 ms."""
+    ms = 1_000_000
+    record = RunRecord(125.0, ("l_knee",))
+    rows = np.zeros(500, tick_dtype(1))
+    rows["tick"], rows["stamp_ns"] = np.arange(500), 1000 * ms + 8 * ms * np.arange(500)
+    record.append(rows)
+    fall = Event(375, "fault", "fall")
+    for begin, length, told in (
+        (3100, 83, ", 0.82 s after the machine itself stood still for 83 ms"),
+        (3100, 5, ""),
+        (1100, 83, ""),
+    ):
+        moments = Moments(record, np.array([[begin * ms, (begin + length) * ms]]), stolen_ms=0.0)
+        assert _told(fall, record, moments) == f"fall, at 3.0 s{told}"
+    assert _told(fall, record, None) == "fall, at 3.0 s"
+
+
+def test_the_picture_and_the_json(result: LatencyResult, tmp_path: Path) -> None:
+    assert write_latency(tmp_path / "latency.png", result).read_bytes().startswith(PNG)
+    content = json.loads(json.dumps(result.content()))
+    assert content["stages"]["target to command"]["budget_p99_ms"] == 60.0 and content["ok"] is False
+
+
+def test_an_interrupted_robot_is_asked_for_nothing_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    """While it came to a stand and parked, switches went on: "7 of 9 switches were not followed"."""
+    op3, (source, intents) = load_robot("op3"), switched(shipped_clips())
+    session = Session(op3, create("sim", op3), source, load_stream())
+    session.telemetry.commit()
+    asked = iter([None, None, None, Request.END])
+    switcher = _Switcher(session, intents, 60.0, None, 0, None, lambda: next(asked, None))
+    with monkeypatch.context() as patched:
+        seconds = itertools.count(0.0, 3.0)
+        patched.setattr("flexmotion.streamer.checks.latency.time", SimpleNamespace(perf_counter=lambda: next(seconds)))
+        heard = [switcher.next() for _ in range(6)]
+    assert heard == [None, None, None, Request.END, None, None]
+    assert switcher.interrupted and switcher.sent == 2
+
+
+def test_one_clip_is_not_enough_to_switch_between(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from flexmotion.human.motion_file import save_motion
+    from flexmotion.importers.default_clip import default_clip
+
+    file = tmp_path / "one.npz"
+    save_motion(default_clip()[:90], file)
+    assert execute(["check", "latency", "--clip", str(file)]) == 2
+    assert "two or more files" in capsys.readouterr().err

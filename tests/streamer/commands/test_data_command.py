@@ -1,0 +1,113 @@
+"""`flexmotion data` from files to a set and what it says of it."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flexmotion.human.motion_file import load_motion, save_motion
+from flexmotion.importers.default_clip import default_clip
+from flexmotion.streamer.cli import execute
+from flexmotion.streamer.commands.exit_codes import BAD_USAGE, CHECK_FAILED, OK
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    motions = tmp_path / "motions"
+    motions.mkdir()
+    save_motion(default_clip()[:45], motions / "wave.npz")
+    return motions
+
+
+def test_build_inspect_export(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = str(tmp_path / "set")
+    assert execute(["data", "build", str(folder), "-o", out, "--workers", "1", "--no-muscles", "--json"]) == OK
+    report = json.loads(capsys.readouterr().out)
+    assert report["summary"]["clips_kept"] == 2
+    assert execute(["data", "inspect", out, "--verify", "--plots", str(tmp_path / "plots")]) == OK
+    assert "root_position" in capsys.readouterr().out
+    assert (tmp_path / "plots" / "clip.png").stat().st_size > 10_000
+    assert execute(["data", "export", out, "-o", str(tmp_path / "set.fms")]) == OK
+    (tmp_path / "set" / "joints.npy").write_bytes(b"torn")
+    assert execute(["data", "inspect", out, "--verify"]) == CHECK_FAILED
+
+
+@pytest.mark.wall_clock
+def test_killed_half_way_it_goes_on_to_the_same_bytes(tmp_path: Path) -> None:
+    """SIGKILL in the middle of a build: what was computed is kept, nobody is left behind, and the set is the same."""
+    motions = tmp_path / "motions"
+    motions.mkdir()
+    for number in range(8):
+        save_motion(default_clip()[10 * number : 10 * number + 90 - number], motions / f"wave_{number}.npz")
+
+    def command(out: Path, workers: int) -> list[str]:
+        return ["data", "build", str(motions), "-o", str(out), "--workers", str(workers), "--no-muscles"]
+
+    whole, killed = tmp_path / "whole", tmp_path / "killed"
+    assert execute(command(whole, 1)) == OK
+    program = [sys.executable, "-c", "from flexmotion.streamer.__main__ import main; main()", *command(killed, 2)]
+    quiet = subprocess.DEVNULL
+    process = subprocess.Popen(program, stdout=quiet, stderr=quiet, start_new_session=True)
+    parts = killed / "work" / "parts"
+    deadline = time.monotonic() + 60
+    while len(list(parts.glob("*.npz"))) < 2 and time.monotonic() < deadline:
+        time.sleep(0.005)
+    os.kill(process.pid, signal.SIGKILL)
+    process.wait()
+    done = {path.name: path.stat().st_mtime_ns for path in parts.glob("*.npz")}
+    assert 2 <= len(done) < 8 and not (killed / "manifest.json").exists()
+    while _group_lives(process.pid) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert not _group_lives(process.pid)
+
+    assert execute(command(killed, 1)) == OK
+    assert {name: (parts / name).stat().st_mtime_ns for name in done} == done
+    files = [path for path in whole.iterdir() if path.is_file()]
+    assert len(files) > 5
+    for path in files:
+        assert (killed / path.name).read_bytes() == path.read_bytes(), path.name
+
+
+def _group_lives(group: int) -> bool:
+    try:
+        os.killpg(group, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+def test_import_and_augment(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "out.npz"
+    assert execute(["data", "import", str(folder / "wave.npz"), "-o", str(out), "--fps", "20"]) == OK
+    assert load_motion(out).fps == 20.0
+    assert execute(["data", "augment", str(folder / "wave.npz"), "-o", str(out), "--seed", "3", "--json"]) == OK
+    assert load_motion(out).torques is not None
+    assert np.max(json.loads(capsys.readouterr().out.partition("\n")[2])["residual_median"]) < 0.02
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["build", "nowhere", "-o", "set"], "no such folder"),
+        (["inspect", "nowhere"], "no set there"),
+        (["build", "nowhere", "-o", "set", "--engine", "cloud"], "expected process or ray"),
+    ],
+)
+def test_faults(
+    arguments: list[str],
+    message: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert execute(["data", *arguments]) == BAD_USAGE
+    assert message in capsys.readouterr().err

@@ -1,0 +1,260 @@
+"""Every state against every input, then the ways through several states."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from flexmotion.configs.robot_file import SafetyLimits
+from flexmotion.streamer.control.ladder import POWERED, Inputs, Ladder, Playback, State
+
+RATE = 100.0
+FREEZE, DAMP = 50, 100
+"""Ticks that a frozen and a damped robot is left."""
+REQUESTS = ("start", "stop", "park", "clear", "estop", "kill", "plan_ready", "plan_over", "move_done", "fallen")
+REASONS = ("fault", "bus_lost")
+
+
+def one(name: str) -> Inputs:
+    """Nothing but this."""
+    inputs = Inputs()
+    setattr(inputs, name, True if name in REQUESTS else f"{name} of servo 7")
+    return inputs
+
+
+def at(state: State) -> Ladder:
+    """A ladder that came to this state the usual way."""
+    ways = {
+        State.OFF: [],
+        State.READY: [Inputs(start=True)],
+        State.STREAMING: [Inputs(start=True), Inputs(move_done=True, plan_ready=True)],
+        State.HOLD: [Inputs(start=True), Inputs(move_done=True, plan_ready=True), Inputs(plan_over=True)],
+        State.PARK: [Inputs(start=True), Inputs(park=True)],
+        State.DAMPED: [Inputs(start=True), Inputs(fallen=True)],
+        State.FAULT: [Inputs(start=True), Inputs(kill=True)],
+    }
+    ladder = Ladder(SafetyLimits(), RATE)
+    for inputs in ways[state]:
+        ladder.step(inputs)
+    assert ladder.state is state
+    return ladder
+
+
+MOVES = {
+    State.OFF: {"kill": State.FAULT, "start": State.READY},
+    State.READY: {"park": State.PARK, "fault": State.PARK},
+    State.STREAMING: {"plan_over": State.HOLD},
+    State.HOLD: {"park": State.PARK, "fault": State.PARK, "plan_ready": State.STREAMING},
+    State.PARK: {"move_done": State.OFF},
+    State.DAMPED: {},
+    State.FAULT: {"clear": State.OFF},
+}
+"""What takes a state elsewhere; what is not here leaves it where it is."""
+EMERGENCIES = {"kill": State.FAULT, "bus_lost": State.FAULT, "fallen": State.DAMPED, "estop": State.HOLD}
+"""The same for every state with torque; a damped robot has fallen already and hears only what cuts its torque."""
+
+
+def test_all_inputs_are_looked_at() -> None:
+    assert {field.name for field in fields(Inputs)} == {*REQUESTS, *REASONS}
+
+
+@pytest.mark.parametrize("name", [*REQUESTS, *REASONS])
+@pytest.mark.parametrize("state", State)
+def test_one_input_in_one_state(state: State, name: str) -> None:
+    ladder = at(state)
+    expected = MOVES[state].get(name, state)
+    if state in POWERED and name in EMERGENCIES:
+        expected = EMERGENCIES[name]
+        if state is State.DAMPED and name in ("fallen", "estop"):
+            expected = State.DAMPED
+    ladder.step(one(name))
+    assert ladder.state is expected
+
+
+@pytest.mark.parametrize("state", State)
+def test_nothing_asked_nothing_changes(state: State) -> None:
+    ladder = at(state)
+    playback = ladder.step(Inputs())
+    assert ladder.state is state
+    assert (
+        playback
+        is {
+            State.OFF: Playback.NOTHING,
+            State.READY: Playback.TO_STAND,
+            State.STREAMING: Playback.PLAN,
+            State.HOLD: Playback.PLAN,
+            State.PARK: Playback.TO_REST,
+            State.DAMPED: Playback.DAMP,
+            State.FAULT: Playback.NOTHING,
+        }[state]
+    )
+
+
+def test_it_streams_only_once_it_stands_and_has_a_plan() -> None:
+    ladder = at(State.READY)
+    for inputs in (Inputs(move_done=True), Inputs(plan_ready=True)):
+        ladder.step(inputs)
+        assert ladder.state is State.READY
+    assert ladder.step(Inputs(move_done=True, plan_ready=True)) is Playback.PLAN
+
+
+@pytest.mark.parametrize("state", [s for s in POWERED if s is not State.DAMPED])
+def test_estop_freezes_then_parks_then_ends_in_fault(state: State) -> None:
+    ladder = at(state)
+    assert ladder.step(Inputs(estop=True)) is Playback.FREEZE
+    for _ in range(FREEZE - 1):
+        assert ladder.step(Inputs(plan_ready=True, move_done=True)) is Playback.FREEZE
+    assert ladder.step(Inputs()) is Playback.TO_REST
+    assert ladder.step(Inputs()) is Playback.TO_REST
+    assert ladder.step(Inputs(move_done=True)) is Playback.NOTHING
+    assert ladder.state is State.FAULT and ladder.fault is not None and "e-stop" in ladder.fault
+
+
+def test_an_estop_button_held_down_counts_once() -> None:
+    """Each tick of a latching button froze it anew: it never came to park."""
+    ladder = at(State.STREAMING)
+    for _ in range(FREEZE + 1):
+        ladder.step(Inputs(estop=True))
+    assert ladder.state is State.PARK
+    ladder.step(Inputs(estop=True))
+    assert ladder.state is State.PARK
+    ladder.step(Inputs())
+    assert ladder.step(Inputs(estop=True)) is Playback.FREEZE  # pressed again
+
+
+@pytest.mark.parametrize("name", ["estop", "kill"])
+def test_no_start_under_a_pressed_button(name: str) -> None:
+    ladder = Ladder(SafetyLimits(), RATE)
+    ladder.step(Inputs(start=True, **{name: True}))
+    assert ladder.state is (State.FAULT if name == "kill" else State.OFF)
+
+
+@pytest.mark.parametrize("state", POWERED)
+def test_kill_cuts_torque_within_the_tick_whatever_else_is_asked(state: State) -> None:
+    ladder = at(state)
+    everything = Inputs(**dict.fromkeys(REQUESTS, True), fault="hot", bus_lost="gone")
+    assert ladder.step(everything) is Playback.NOTHING
+    assert ladder.state is State.FAULT and ladder.fault is not None  # not even by a clear in the same tick
+
+
+def test_a_fault_while_streaming_lets_the_plan_end_then_parks() -> None:
+    ladder = at(State.STREAMING)
+    assert ladder.step(Inputs(fault="servo hot")) is Playback.PLAN
+    assert ladder.stopping
+    assert ladder.step(Inputs(plan_ready=True)) is Playback.PLAN
+    ladder.step(Inputs(plan_over=True))
+    assert ladder.state is State.HOLD
+    ladder.step(Inputs(plan_ready=True))
+    assert ladder.state is State.HOLD  # a plan in mid-step is not cut short
+    ladder.step(Inputs(plan_over=True))
+    assert ladder.state is State.PARK
+    ladder.step(Inputs(move_done=True))
+    assert (ladder.state, ladder.fault) == (State.FAULT, "servo hot")
+
+
+def test_the_first_fault_is_the_one_that_is_kept() -> None:
+    ladder = at(State.STREAMING)
+    ladder.step(Inputs(fault="voltage low"))
+    ladder.step(Inputs(fault="servo hot"))
+    ladder.step(Inputs(estop=True))
+    ladder.step(Inputs(kill=True))
+    assert ladder.fault == "voltage low"
+
+
+def test_a_fall_is_damped_then_off_and_latched() -> None:
+    ladder = at(State.STREAMING)
+    assert ladder.step(Inputs(fallen=True)) is Playback.DAMP
+    for _ in range(DAMP - 1):
+        assert ladder.step(Inputs(fallen=True, fault="later")) is Playback.DAMP
+    assert ladder.step(Inputs()) is Playback.NOTHING
+    assert ladder.fault is not None and ladder.fault.startswith("fall")
+
+
+def test_a_frozen_robot_that_falls_is_damped_and_starts_unfrozen_after_a_clear() -> None:
+    ladder = at(State.STREAMING)
+    ladder.step(Inputs(estop=True))
+    assert ladder.step(Inputs(fallen=True)) is Playback.DAMP
+    for _ in range(DAMP):
+        ladder.step(Inputs())
+    ladder.step(Inputs(clear=True))
+    ladder.step(Inputs(start=True))
+    assert ladder.step(Inputs()) is Playback.TO_STAND
+
+
+def test_no_start_before_the_fault_is_cleared() -> None:
+    ladder = at(State.FAULT)
+    ladder.step(Inputs(start=True))
+    assert ladder.state is State.FAULT
+    ladder.step(Inputs(clear=True, start=True))
+    assert (ladder.state, ladder.fault) == (State.OFF, None)
+    ladder.step(Inputs(start=True))
+    assert ladder.state is State.READY
+
+
+def test_a_stop_holds_until_somebody_starts_again() -> None:
+    """A stop in HOLD was undone a tick later, by the next plan that came."""
+    ladder = at(State.STREAMING)
+    ladder.step(Inputs(stop=True))
+    ladder.step(Inputs(plan_ready=True))
+    assert ladder.stopping and ladder.state is State.STREAMING
+    ladder.step(Inputs(plan_over=True))
+    for _ in range(3):
+        ladder.step(Inputs(plan_ready=True))
+        assert ladder.state is State.HOLD and ladder.stopping
+    ladder.step(Inputs(plan_ready=True, start=True))
+    assert ladder.state is State.STREAMING and not ladder.stopping
+
+
+@pytest.mark.parametrize("state", [State.READY, State.HOLD])
+def test_a_stop_keeps_a_standing_robot_standing(state: State) -> None:
+    ladder = at(state)
+    ladder.step(Inputs(move_done=True, plan_ready=True, stop=True))
+    ladder.step(Inputs(move_done=True, plan_ready=True))
+    assert ladder.state is state
+
+
+def test_park_while_streaming_parks_once_the_robot_stands() -> None:
+    """It came to a stand and stayed in HOLD: the wish to park was forgotten."""
+    ladder = at(State.STREAMING)
+    ladder.step(Inputs(park=True))
+    ladder.step(Inputs(plan_over=True))
+    ladder.step(Inputs(plan_over=True))
+    assert ladder.state is State.PARK
+
+
+anything = st.builds(
+    Inputs,
+    **{name: st.sampled_from([False] * 4 + [True]) for name in REQUESTS},
+    fault=st.sampled_from([None] * 5 + ["hot"]),
+    bus_lost=st.sampled_from([None] * 9 + ["gone"]),
+)
+
+
+@settings(derandomize=True, deadline=None, max_examples=150)
+@given(sequence=st.lists(anything, max_size=40))
+def test_whatever_comes_a_latched_fault_stays_until_cleared_and_torque_never_returns_by_itself(
+    sequence: list[Inputs],
+) -> None:
+    ladder = Ladder(SafetyLimits(), RATE, freeze_s=0.03, damp_s=0.03)
+    for inputs in sequence:
+        before, fault = ladder.state, ladder.fault
+        playback = ladder.step(inputs)
+        if fault is not None:
+            assert ladder.fault == fault or (before is State.FAULT and inputs.clear)
+        if before not in POWERED and ladder.state in POWERED:
+            assert before is State.OFF and inputs.start and fault is None
+        if ladder.state is State.FAULT:
+            assert ladder.fault is not None
+        if ladder.state in (State.OFF, State.FAULT):
+            assert playback is Playback.NOTHING
+        if playback is Playback.FREEZE:
+            assert ladder.state is State.HOLD and ladder.fault is not None
+
+
+def test_inputs_are_forgotten_after_a_tick() -> None:
+    inputs = Inputs(**dict.fromkeys(REQUESTS, True), fault="hot", bus_lost="gone")
+    inputs.reset()
+    assert inputs == Inputs()

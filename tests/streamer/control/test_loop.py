@@ -1,0 +1,323 @@
+"""The loop by itself: what a tick does with no plan, a late plan, and an operator at the buttons."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import pytest
+
+from flexmotion.configs.robot import Robot, load_robot
+from flexmotion.configs.stream import load_stream
+from flexmotion.drivers.interface import RobotState
+from flexmotion.drivers.sim.driver import SimDriver
+from flexmotion.drivers.sim.options import SimOptions
+from flexmotion.importers.default_clip import default_clip
+from flexmotion.retarget.plan import Plan
+from flexmotion.retarget.retargeter import Retargeter
+from flexmotion.streamer.control.ladder import State
+from flexmotion.streamer.control.loop import ControlLoop
+from flexmotion.streamer.control.plan_buffer import PlanBuffer, Ticket
+from flexmotion.streamer.control.telemetry import Telemetry, events
+
+READY = 135
+"""Ticks after which the robot stands at its stand pose and has rested there."""
+
+
+@pytest.fixture(scope="module")
+def op3() -> Robot:
+    return load_robot("op3")
+
+
+@pytest.fixture(scope="module")
+def retargeter(op3: Robot) -> Retargeter:
+    return Retargeter(op3, load_stream())
+
+
+@pytest.fixture
+def loop(op3: Robot, retargeter: Retargeter) -> Iterator[ControlLoop]:
+    with SimDriver(op3, options=SimOptions()) as driver:
+        plans = PlanBuffer(op3.n, retargeter.layout.size, retargeter.horizon, op3.rate_hz)
+        yield ControlLoop(op3, driver, retargeter, plans, Telemetry(op3.n, op3.rate_hz))
+
+
+@pytest.fixture
+def run(loop: ControlLoop) -> Callable[..., None]:
+    """Function (ticks, request=True ...) -> that many ticks, the requests made in the first of them."""
+
+    def go(ticks: int, **requests: bool) -> None:
+        for name, value in requests.items():
+            setattr(loop.inputs, name, value)
+        for _ in range(ticks):
+            loop.tick()
+            loop.driver.advance(0.008)
+
+    return go
+
+
+def plan_at(retargeter: Retargeter, tick: int) -> Plan:
+    return retargeter.plan(retargeter.standing(), default_clip()[:32], 0, tick)
+
+
+def offer(loop: ControlLoop, plan: Plan, *, resumed: int = 0, stops: bool = False) -> Plan:
+    """Publish a plan to the loop."""
+    ticket = Ticket(
+        id=loop.plans.newest_id + 1,
+        resumed=resumed,
+        asked_tick=loop.tick_count,
+        target=0,
+        target_ns=0,
+        effect_row=-1,
+        partial=False,
+        stops=stops,
+        source_over=False,
+        sample_s=0.001,
+        retarget_s=0.02,
+    )
+    loop.plans.publish(ticket, plan)
+    return plan
+
+
+def test_off_it_reads_and_sends_nothing(loop: ControlLoop, run: Callable[..., None]) -> None:
+    run(20)
+    assert loop.ladder.state is State.OFF and loop.tick_count == 20
+    told = loop.telemetry.ticks.reader().read()
+    assert len(told) == 20 and np.isnan(told["q_cmd"]).all() and np.isfinite(told["q"]).all()
+    assert events(loop.telemetry.events.reader()) == []
+
+
+def test_without_a_plan_it_stands_and_waits(loop: ControlLoop, run: Callable[..., None], op3: Robot) -> None:
+    run(1, start=True)
+    run(300)
+    assert loop.ready and loop.ladder.state is State.READY
+    np.testing.assert_array_equal(loop.now.q, loop.stand_pose)
+    assert loop.driver.violations == 0
+    assert np.abs(loop.state.position - loop.stand_pose).max() < 0.06
+
+
+def test_a_plan_that_waits_takes_over_at_its_tick(
+    loop: ControlLoop, run: Callable[..., None], retargeter: Retargeter
+) -> None:
+    run(1, start=True)
+    run(READY)
+    offer(loop, plan_at(retargeter, loop.tick_count + 5))
+    run(5)
+    assert loop.plan is None and loop.ladder.state is State.READY
+    run(1)
+    assert loop.plan is not None and loop.waiting is None
+    assert loop.ladder.state is State.STREAMING
+    np.testing.assert_array_equal(loop.now.q, loop.plan.q[0])
+
+
+def test_a_plan_with_no_successor_ends_in_hold_on_its_last_row(
+    loop: ControlLoop, run: Callable[..., None], retargeter: Retargeter
+) -> None:
+    run(1, start=True)
+    run(READY)
+    plan = offer(loop, plan_at(retargeter, loop.tick_count))
+    run(len(plan) + 100)
+    assert loop.ladder.state is State.HOLD
+    np.testing.assert_array_equal(loop.now.q, plan.q[-1])
+    assert loop.now.balanced and loop.driver.violations == 0
+
+
+def test_a_fresh_plan_leads_from_hold_back_to_streaming(
+    loop: ControlLoop, run: Callable[..., None], retargeter: Retargeter
+) -> None:
+    run(1, start=True)
+    run(READY)
+    plan = offer(loop, plan_at(retargeter, loop.tick_count))
+    run(len(plan) + 10)
+    offer(loop, retargeter.plan(plan.states[-1], None, 0, loop.tick_count), resumed=1)
+    run(2)
+    assert loop.ladder.state is State.STREAMING
+
+
+@pytest.mark.parametrize("plan", [False, True])
+def test_estop_freezes_the_last_goals(
+    loop: ControlLoop, run: Callable[..., None], retargeter: Retargeter, plan: bool
+) -> None:
+    run(1, start=True)
+    run(READY)
+    if plan:
+        offer(loop, plan_at(retargeter, loop.tick_count))
+        run(60)
+    goals = loop.command.position.copy()
+    run(40, estop=True)
+    np.testing.assert_array_equal(loop.command.position, goals)
+    assert loop.ladder.state is State.HOLD
+    run(40)
+    assert loop.ladder.state is State.PARK and loop.plan is None
+
+
+def test_requests_hold_for_one_tick(loop: ControlLoop, run: Callable[..., None]) -> None:
+    run(1, start=True, stop=True)
+    assert not (loop.inputs.start or loop.inputs.stop)
+
+
+def test_after_a_fault_it_starts_again_once_cleared(loop: ControlLoop, run: Callable[..., None]) -> None:
+    run(1, start=True)
+    run(5)
+    run(2, kill=True)
+    run(1, start=True)
+    assert loop.ladder.state is State.FAULT
+    run(1, clear=True)
+    run(1, start=True)
+    assert loop.ladder.state is State.READY
+
+
+@pytest.mark.parametrize(
+    ("late", "resumed", "reason"), [(1, 0, "late"), (-5, 7, "of a plan that never played"), (-5, 1, "of none")]
+)
+def test_a_plan_that_does_not_fit_is_never_played(
+    loop: ControlLoop, run: Callable[..., None], retargeter: Retargeter, late: int, resumed: int, reason: str
+) -> None:
+    run(1, start=True)
+    run(READY)
+    offer(loop, plan_at(retargeter, loop.tick_count - late), resumed=resumed)
+    run(20)
+    assert loop.plan is None and loop.ladder.state is State.READY, reason
+    assert loop.telemetry.row["late_plans"] == (late > 0)
+
+
+def test_once_it_must_stop_only_a_plan_that_stops_is_taken(
+    loop: ControlLoop, run: Callable[..., None], retargeter: Retargeter
+) -> None:
+    run(1, start=True)
+    run(READY)
+    first = offer(loop, plan_at(retargeter, loop.tick_count))
+    run(20, stop=False)
+    run(1, stop=True)
+    state = first.states[loop.tick_count + 5 - first.start_tick]
+    offer(loop, retargeter.plan(state, default_clip()[:32], 0, loop.tick_count + 5), resumed=1)
+    run(10)
+    assert loop.playing is not None and loop.playing.ticket.id == 1
+    state = first.states[loop.tick_count + 5 - first.start_tick]
+    offer(loop, retargeter.plan(state, None, 0, loop.tick_count + 5), resumed=1, stops=True)
+    run(10)
+    assert loop.playing.ticket.id == 3
+
+
+def test_a_plan_that_runs_out_is_told_of(loop: ControlLoop, run: Callable[..., None], retargeter: Retargeter) -> None:
+    run(1, start=True)
+    run(READY)
+    plan = offer(loop, plan_at(retargeter, loop.tick_count))
+    run(len(plan))
+    assert loop.telemetry.row["underruns"] == 1
+    told = events(loop.telemetry.events.reader())
+    assert [e.message for e in told if e.kind == "warning"] == ["no plan followed plan 1: its own stop is played"]
+
+
+def test_a_plan_that_waits_in_hold_is_dropped_by_a_stop(
+    loop: ControlLoop, run: Callable[..., None], retargeter: Retargeter
+) -> None:
+    """It once began to walk after STOP: a plan that had been accepted before played in HOLD."""
+    run(1, start=True)
+    run(READY)
+    plan = offer(loop, retargeter.plan(retargeter.standing(), None, 0, loop.tick_count), stops=True)
+    run(len(plan) + 5)
+    assert loop.ladder.state is State.HOLD
+    offer(loop, retargeter.plan(plan.states[-1], default_clip()[240:290], 0, loop.tick_count + 4), resumed=1)
+    run(1)
+    assert loop.waiting is not None
+    run(1, stop=True)
+    run(30)
+    assert loop.ladder.state is State.HOLD and loop.waiting is None
+    assert loop.playing is not None and loop.playing.ticket.id == 1
+
+
+def test_steps_and_runouts_are_counted_over_ticks_that_were_skipped(
+    loop: ControlLoop, run: Callable[..., None], retargeter: Retargeter
+) -> None:
+    run(1, start=True)
+    run(READY)
+    plan = offer(loop, retargeter.plan(retargeter.standing(), default_clip()[240:290], 0, loop.tick_count))
+    assert plan.steps
+    run(1)
+    while loop.tick_count < plan.end_tick:
+        loop.tick_count += 3
+        run(1)
+    assert loop.telemetry.row["steps_planned"] == len(plan.steps)
+    assert loop.telemetry.row["underruns"] == 1
+
+
+def turn_head(loop: ControlLoop, op3: Robot, angle: float) -> int:
+    """Somebody turns the head by hand, which nothing stops; the joint's index."""
+    assert isinstance(loop.driver, SimDriver)
+    pan = op3.index("head_pan")
+    loop.driver.data.qpos[op3.qpos_address[pan]] = angle
+    loop.driver.advance(0.008)
+    return pan
+
+
+def test_a_joint_that_stands_past_its_limit_is_brought_in_softly(
+    loop: ControlLoop, run: Callable[..., None], op3: Robot
+) -> None:
+    """A limp robot rests on its stops. It was once refused: "stands at -2.06, outside [-2.00, 2.00]"."""
+    limit = op3.upper[op3.index("head_pan")]
+    pan = turn_head(loop, op3, limit + 0.08)
+    run(1, start=True)
+    assert loop.ladder.state is State.READY
+    goals, torques = [loop.command.position[pan]], []
+    while not loop.move.done:
+        run(1)
+        goals.append(loop.command.position[pan])
+        torques.append(abs(loop.driver.truth().torque[pan]))
+    assert goals[0] == pytest.approx(limit + 0.08, abs=op3.tick_rad[pan])
+    beyond = [goal for goal in goals if goal > limit]
+    assert len(beyond) > 20 and beyond == sorted(beyond, reverse=True)
+    assert max(torques) < 0.5
+    assert abs(loop.state.position[pan] - loop.stand_pose[pan]) < 0.02
+    assert loop.driver.violations == 0
+
+
+def test_goals_begin_where_the_driver_pinned_them(
+    loop: ControlLoop, run: Callable[..., None], op3: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Servos are pinned to where they stand when torque goes on, a moment after the loop has read them."""
+    limit = op3.upper[op3.index("head_pan")]
+    pan = turn_head(loop, op3, limit + 0.08)
+    pins = [limit + 0.05]
+
+    def take_pins(goal: np.ndarray) -> None:
+        if pins and loop.ladder.state is State.READY:
+            goal[pan] = pins.pop()
+
+    monkeypatch.setattr(loop.driver, "take_pins", take_pins)
+    run(1, start=True)
+    goals = [loop.command.position[pan]]
+    while not loop.move.done:
+        run(1)
+        goals.append(loop.command.position[pan])
+        if len(goals) == 4:
+            pins.append(limit + 0.01)  # switched on again, further in
+    assert limit < goals[0] <= limit + 0.05 and max(goals[:4]) <= limit + 0.05
+    assert max(goals[5:]) <= limit + 0.01
+
+
+def test_a_joint_further_out_than_its_servo_takes_goals_is_refused_by_name(
+    loop: ControlLoop, run: Callable[..., None], op3: Robot
+) -> None:
+    turn_head(loop, op3, op3.upper[op3.index("head_pan")] + 0.16)
+    run(1, start=True)
+    (told,) = events(loop.telemetry.events.reader())
+    assert loop.ladder.state is State.OFF
+    assert told.message.startswith("no start: servo of head_pan (id 19) stands at 1.6")
+    assert "more than 0.15 rad outside [-1.50, 1.50]" in told.message
+
+
+def test_a_fault_says_so_where_the_loop_itself_was_late(
+    loop: ControlLoop, run: Callable[..., None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run(1, start=True)
+    run(10)
+    read = loop.driver.read
+
+    def unanswered(state: RobotState) -> None:
+        read(state)
+        state.stale[:] = 6
+
+    monkeypatch.setattr(loop.driver, "read", unanswered)
+    loop.tick(late_ns=35_000_000)
+    assert loop.ladder.fault is not None
+    assert loop.ladder.fault.startswith("bus lost: no joint has answered for 6 reads (the loop itself woke 35 ms late")

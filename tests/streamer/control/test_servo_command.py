@@ -1,0 +1,134 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from flexmotion.configs.robot import load_robot
+from flexmotion.drivers.interface import RobotState
+from flexmotion.drivers.plant import ServoPlant
+from flexmotion.streamer.control.servo_command import BRAKING_SHARE, ServoCommand
+
+ROBOT = load_robot("op3")  # hypothesis takes no fixtures
+N = ROBOT.n
+DELAY = 0.004
+
+
+def each(low: float, high: float) -> st.SearchStrategy[np.ndarray]:
+    return arrays(np.float64, N, elements=st.floats(low, high), fill=st.nothing())
+
+
+def measured(position: np.ndarray, velocity: np.ndarray | None = None, voltage: float = np.nan) -> RobotState:
+    state = RobotState(N)
+    state.position[:], state.voltage[:] = position, voltage
+    state.velocity[:] = 0.0 if velocity is None else velocity
+    return state
+
+
+def settled(q: np.ndarray, qd: np.ndarray, torque: np.ndarray, state: RobotState) -> ServoCommand:
+    """A command whose joints have kept their speed, so that it looks no further ahead than the delay."""
+    command = ServoCommand(ROBOT, DELAY)
+    for _ in range(2):
+        command.update(q, qd, torque, state)
+    return command
+
+
+@settings(derandomize=True, deadline=None)
+@given(q=each(-4, 4), qd=each(-8, 8), torque=each(-10, 10), position=each(-2, 2), velocity=each(-6, 6))
+def test_goals_keep_to_the_joint_limits_whatever_is_asked(
+    q: np.ndarray, qd: np.ndarray, torque: np.ndarray, position: np.ndarray, velocity: np.ndarray
+) -> None:
+    command = settled(q, qd, torque, measured(position, velocity))
+    assert (command.goal >= ROBOT.lower).all() and (command.goal <= ROBOT.upper).all()
+
+
+@settings(derandomize=True, deadline=None)
+@given(
+    q=each(-4, 4), torque=each(-10, 10), share=each(0, 1), velocity=each(-4, 4), voltage=st.sampled_from([9.5, 11, 12])
+)
+def test_torque_that_a_goal_implies_stays_within_the_envelope(
+    q: np.ndarray, torque: np.ndarray, share: np.ndarray, velocity: np.ndarray, voltage: float
+) -> None:
+    """Of a joint inside its limits, as it was measured; the envelope shrinks with the supply."""
+    position = ROBOT.lower + share * (ROBOT.upper - ROBOT.lower)
+    goal = settled(q, np.zeros(N), torque, measured(position, velocity, voltage)).goal
+    supply = voltage / ROBOT.nominal_voltage
+    implied = ROBOT.kp * supply * (goal - position) - ROBOT.back_emf * velocity
+    # The limit of a joint has the last word; where it does not speak, the envelope does.
+    inside = (goal > ROBOT.lower) & (goal < ROBOT.upper)
+    peak = BRAKING_SHARE * ROBOT.stall_torque * supply
+    assert (np.abs(implied[inside]) <= peak[inside] + 1e-9).all()
+    driving = inside & (implied * velocity > 0)
+    assert (np.abs(implied[driving]) <= (ROBOT.usable_torque * supply)[driving] + 1e-9).all()
+
+
+@settings(derandomize=True, deadline=None)
+@given(position=each(-0.2, 0.2), velocity=each(-1, 1), torque=each(-1.5, 1.5), voltage=st.sampled_from([None, 10.5]))
+def test_the_servo_makes_the_torque_that_was_wanted(
+    position: np.ndarray, velocity: np.ndarray, torque: np.ndarray, voltage: float | None
+) -> None:
+    """On the reference, the plant gives the profile's torque back, also at a low supply that the servos report."""
+    centre = np.clip(position + ROBOT.stand_pose, ROBOT.lower + 0.3, ROBOT.upper - 0.3)
+    state = measured(centre, velocity, np.nan if voltage is None else voltage)
+    command = settled(centre, velocity, torque, state)
+    free = (command.goal > ROBOT.lower) & (command.goal < ROBOT.upper)
+    plant = ServoPlant(ROBOT, supply=voltage)
+    plant.enabled[:] = True
+    plant.goal[:] = command.goal
+    made = plant.step(centre, velocity)
+    # kp falls with the supply; the loss to back-EMF is the motor's own.
+    np.testing.assert_allclose(made[free & ~plant.saturated], torque[free & ~plant.saturated], atol=1e-9)
+    assert np.count_nonzero(free & ~plant.saturated) > N // 2
+
+
+def test_clamps_are_counted_by_kind() -> None:
+    still = measured(ROBOT.stand_pose)
+    assert settled(ROBOT.stand_pose, np.zeros(N), np.zeros(N), still).torque_clamps == 0
+    command = settled(ROBOT.stand_pose + 2.0, np.zeros(N), np.zeros(N), still)
+    assert command.torque_clamps == N
+    at_limit = measured(ROBOT.upper)
+    command = settled(ROBOT.upper + 0.01, np.zeros(N), np.zeros(N), at_limit)
+    assert (command.torque_clamps, command.position_clamps) == (0, N)
+
+
+def test_a_joint_that_speeds_up_is_bounded_for_where_it_will_be() -> None:
+    """A foot's impact throws a joint within a tick: the goal must be right for the next one, too."""
+    command = ServoCommand(ROBOT, DELAY)
+    command.update(ROBOT.stand_pose, np.zeros(N), np.zeros(N), measured(ROBOT.stand_pose))
+    fast = np.full(N, 2.0)
+    goal = command.update(ROBOT.stand_pose - 3.0, np.zeros(N), np.zeros(N), measured(ROBOT.stand_pose, fast)).copy()
+    later = ROBOT.stand_pose + DELAY * (fast + 2 * fast)
+    implied = ROBOT.kp * (goal - later) - ROBOT.back_emf * 2 * fast
+    inside = goal > ROBOT.lower
+    assert (implied[inside] >= -BRAKING_SHARE * ROBOT.stall_torque[inside] - 1e-9).all()
+
+
+@pytest.mark.parametrize("spoiled", ["position", "velocity"])
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_what_is_no_number_never_becomes_a_goal(spoiled: str, value: float) -> None:
+    command = ServoCommand(ROBOT, DELAY)
+    good = command.update(ROBOT.stand_pose, np.zeros(N), np.zeros(N), measured(ROBOT.stand_pose)).copy()
+    state = measured(ROBOT.stand_pose)
+    getattr(state, spoiled)[3] = value
+    with np.errstate(invalid="ignore"):
+        goal = command.update(ROBOT.stand_pose, np.zeros(N), np.zeros(N), state)
+    assert np.isfinite(goal).all()
+    assert goal[3] == good[3] or ROBOT.lower[3] <= goal[3] <= ROBOT.upper[3]
+    state = measured(ROBOT.stand_pose)
+    torque = np.full(N, np.nan)
+    command.update(ROBOT.stand_pose, np.zeros(N), torque, state)
+    assert np.isfinite(command.goal).all()
+
+
+def test_no_voltage_reading_counts_as_nominal_and_zero_does_no_harm() -> None:
+    torque = np.full(N, 0.5)
+    unknown, nominal = (
+        settled(ROBOT.stand_pose, np.zeros(N), torque, measured(ROBOT.stand_pose, voltage=voltage)).goal
+        for voltage in (np.nan, float(ROBOT.nominal_voltage[0]))
+    )
+    np.testing.assert_allclose(unknown, nominal)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        dead = settled(ROBOT.stand_pose, np.zeros(N), torque, measured(ROBOT.stand_pose, voltage=0.0)).goal
+    assert np.isfinite(dead).all()

@@ -1,0 +1,160 @@
+from __future__ import annotations
+
+import itertools
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from flexmotion.configs.errors import MotionFormatError
+from flexmotion.configs.robot import load_robot
+from flexmotion.configs.stream import load_stream
+from flexmotion.human.motion import Motion
+from flexmotion.importers.default_clip import default_clip
+from flexmotion.retarget.plan import Plan
+from flexmotion.retarget.retargeter import Retargeter
+from flexmotion.streamer.motion.replan_noise import NoisySource
+from flexmotion.streamer.motion.sources import ClipSource
+from flexmotion.streamer.planning.planner import Planner
+
+RETARGETER = Retargeter(load_robot("op3"), load_stream())
+CLIP = default_clip()[225:330]
+
+
+class Witness(ClipSource):
+    """Remembers what it was asked for."""
+
+    def __init__(self, motion: Motion) -> None:
+        super().__init__(motion)
+        self.asked: list[tuple[int, int]] = []
+
+    def window(self, first_frame: int, frames: int) -> Motion | None:
+        self.asked.append((first_frame, frames))
+        return super().window(first_frame, frames)
+
+
+@pytest.fixture
+def source() -> Witness:
+    return Witness(CLIP)
+
+
+@pytest.fixture
+def planner(source: Witness) -> Planner:
+    return Planner(RETARGETER, source, load_stream())
+
+
+def test_without_a_plan_that_plays_it_starts_from_the_stand_pose(planner: Planner) -> None:
+    planned = planner.plan(40, None)
+    assert planned.plan.start_tick == 40 and not planned.source_over
+    np.testing.assert_allclose(planned.plan.q[0], RETARGETER.layout.get(RETARGETER.standing(), "q")[0], atol=6e-3)
+    assert planned.retarget_s > 0.0 and planned.sample_s >= 0.0
+
+
+def test_each_plan_goes_on_from_the_one_before(planner: Planner) -> None:
+    current = planner.plan(0, None).plan
+    for join in (31, 62, 93):
+        later = planner.plan(join, current).plan
+        np.testing.assert_allclose(later.q[0], current.q[join - current.start_tick], atol=1e-3)
+        current = later
+
+
+def test_a_window_that_disagrees_is_blended_in(source: Witness) -> None:
+    """The robot's pose and speed go on over the join, although the human is suddenly drawn elsewhere."""
+    planner = Planner(RETARGETER, source, load_stream())
+    current = planner.plan(0, None).plan
+    moved = replace(CLIP, root_position=CLIP.root_position + [0.0, 0.1, 0.0], joints=CLIP.joints + 0.1)
+    after = Planner(RETARGETER, ClipSource(moved), load_stream()).plan(150, current).plan
+    assert current.human is not None and after.human is not None
+    first = after.human_first_frame
+    np.testing.assert_allclose(after.human.joints[:2], CLIP.joints[first : first + 2], atol=1e-12)
+    np.testing.assert_allclose(after.human.joints[9:], moved.joints[first + 9 : first + len(after.human)], atol=1e-12)
+    bare = replace(current, human=None)
+    abrupt = Planner(RETARGETER, ClipSource(moved), load_stream()).plan(150, bare).plan
+    assert abrupt.human is not None
+    np.testing.assert_allclose(abrupt.human.joints[0], moved.joints[first], atol=1e-12)
+
+
+@pytest.fixture(scope="module")
+def redrawn() -> list[Plan]:
+    """Plans of a whole walk whose every window is off by 5 cm at a second, joined every 250 ms."""
+    planner = Planner(RETARGETER, NoisySource(ClipSource(default_clip()), 0.05, 1), load_stream())
+    planned = planner.plan(0, None)
+    plans = [planned.plan]
+    while not planned.source_over:
+        planned = planner.plan(plans[-1].start_tick + 31, plans[-1])
+        plans.append(planned.plan)
+    return plans
+
+
+def test_joins_of_plans_that_disagree_move_the_dcm_by_less_than_three_millimetres_a_tick(redrawn: list[Plan]) -> None:
+    for old, new in itertools.pairwise(redrawn):
+        rows = new.start_tick - old.start_tick + np.arange(19)
+        apart = new.dcm[:19] - old.dcm[np.minimum(rows, len(old) - 1)]
+        assert np.linalg.norm(np.diff(apart, axis=0, prepend=np.zeros((1, 2))), axis=1).max() < 3e-3
+
+
+def test_a_step_that_has_been_noticed_stays_as_it_is(redrawn: list[Plan]) -> None:
+    settled = 0
+    for old, new in itertools.pairwise(redrawn):
+        for step in old.steps:
+            if new.start_tick >= step.lift - step.notice_s * RETARGETER.rate and new.start_tick < step.land:
+                (same,) = [s for s in RETARGETER.layout.steps(new.states[0]) if s.side == step.side]
+                assert (same.lift, same.land) == (step.lift, step.land)
+                np.testing.assert_array_equal(same.target, step.target)
+                settled += 1
+    assert settled > 10
+
+
+def test_it_asks_for_the_frame_at_or_before_the_join_and_a_horizon_more(planner: Planner, source: Witness) -> None:
+    current = planner.plan(0, None).plan
+    planner.plan(125, current)
+    lead = round(load_stream().lead_in_s * 125)
+    assert source.asked == [(0, 32), (int((125 - lead) / 125 * 30), 32)]
+
+
+def test_a_stop_asks_the_source_for_nothing_and_stands(planner: Planner, source: Witness) -> None:
+    current = planner.plan(0, None).plan
+    asked = len(source.asked)
+    stop = planner.plan(31, current, stop=True).plan
+    assert len(source.asked) == asked
+    assert stop.stop_row == 0 and stop.contacts[-1].all()
+
+
+def test_the_end_of_the_source_is_told_by_the_plan_that_reaches_it(planner: Planner) -> None:
+    planned, joins = planner.plan(0, None), 0
+    while not planned.source_over:
+        joins += 31
+        planned = planner.plan(joins, planned.plan)
+    np.testing.assert_allclose(np.nanmax(planned.plan.source_s), CLIP.duration, atol=1 / 125)
+
+
+def test_a_clip_shorter_than_the_first_plan_is_followed_to_its_end() -> None:
+    """The first plan sees less than a second of the source, since it waits for it: a clip of one second was cut."""
+    short = CLIP[:31]
+    planner = Planner(RETARGETER, ClipSource(short), load_stream())
+    planned = planner.plan(0, None)
+    while not planned.source_over:
+        planned = planner.plan(planned.plan.start_tick + 31, planned.plan)
+    np.testing.assert_allclose(np.nanmax(planned.plan.source_s), short.duration, atol=1 / 125)
+
+
+@pytest.mark.parametrize("join", [-5, 10**6])
+def test_a_join_outside_the_plan_takes_its_nearest_row(planner: Planner, join: int) -> None:
+    current = planner.plan(0, None).plan
+    stop = planner.plan(join, current, stop=True).plan
+    nearest = current.q[0 if join < 0 else -1]
+    np.testing.assert_allclose(stop.q[0], nearest, atol=6e-3)
+
+
+def test_a_clip_of_one_frame_is_refused() -> None:
+    with pytest.raises(MotionFormatError, match="needs at least two"):
+        ClipSource(CLIP[:1])
+
+
+def test_a_cut_clip_keeps_its_name_and_its_first_seconds() -> None:
+    source = ClipSource(CLIP)
+    cut = source.cut(1.0)
+    assert cut.seconds == pytest.approx(1.0) and cut.name == source.name
+    assert source.seconds == CLIP.duration
+    assert ClipSource(CLIP).window(len(CLIP) - 1, 9) is None
+    assert len(source.window(len(CLIP) - 5, 9) or []) == 5

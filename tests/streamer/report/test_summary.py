@@ -1,0 +1,91 @@
+"""What a person reads in the terminal."""
+
+from __future__ import annotations
+
+import io
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from flexmotion.streamer.control.ladder import State
+from flexmotion.streamer.control.run_trace import RunRecord
+from flexmotion.streamer.control.telemetry import Event
+from flexmotion.streamer.report.metrics import HumanTrack, RobotFigures
+from flexmotion.streamer.report.report import RunInfo, build_report
+from flexmotion.streamer.report.summary import failures, joint_rows, render, verdict
+
+INFO = RunInfo(robot="op3", driver="sim", source="walk.bvh", elapsed_s=1.0)
+
+
+def text_of(record: RunRecord, figures: RobotFigures, human: HumanTrack | None, width: int = 100) -> str:
+    console = Console(file=io.StringIO(), width=width)
+    console.print(render(build_report(record, INFO, figures, human=human)))
+    assert isinstance(console.file, io.StringIO)
+    return console.file.getvalue()
+
+
+def test_verdict_comes_first(record: RunRecord, figures: RobotFigures, human: HumanTrack) -> None:
+    text = text_of(record, figures, human)
+    assert text.startswith("PASS op3 on sim, walk.bvh, 8.0 s: upright, no fault, no limit passed")
+    for word in ("leg tracking error", "mm/s", "l_knee", "retarget", "8.0 times real time", "ended HOLD", "3 speed"):
+        assert word in text
+
+
+def test_every_reason_for_failing_is_named(record: RunRecord, figures: RobotFigures) -> None:
+    record.true_base[500:, 2] = 0.0
+    record.rows["violations"], record.rows["missed_deadlines"] = 2, 3
+    record.events.append(Event(1, "fault", "l_knee: lost"))
+    report = build_report(record, INFO, figures)
+    assert failures(report) == [
+        "fell after 4.00 s",
+        "fault: l_knee: lost",
+        "2 goals outside a servo's envelope reached the driver",
+        "3 of 1000 deadlines missed, 0 allowed",
+    ]
+    assert text_of(record, figures, None).startswith("FAIL")
+    assert "fell after 4.00 s; fault: l_knee" in verdict(report)
+
+
+def test_a_robot_that_was_left_limp_is_said_whatever_else_failed(record: RunRecord, figures: RobotFigures) -> None:
+    """Beside two missed deadlines a second Ctrl-C was not named."""
+    record.rows["missed_deadlines"] = 2
+    record.rows["state"][-1] = State.STREAMING
+    assert failures(build_report(record, INFO, figures))[-1] == "cut short in STREAMING, torque off"
+
+
+def test_a_run_that_never_began_has_no_figures(record: RunRecord, figures: RobotFigures) -> None:
+    """Ctrl-C before the start printed a page of dashes."""
+    record.rows["plan"], record.rows["state"], record.rows["source_s"] = 0, State.OFF, np.nan
+    text = text_of(record, figures, None)
+    assert text.startswith("FAIL") and "no plan was ever played" in text
+    assert len(text.splitlines()) == 1
+
+
+@pytest.mark.parametrize("width", [40, 80, 200])
+def test_fits_any_terminal(width: int, record: RunRecord, figures: RobotFigures, human: HumanTrack) -> None:
+    assert max(map(len, text_of(record, figures, human, width).splitlines())) <= width
+
+
+def test_unknown_figures_are_left_out(record: RunRecord, figures: RobotFigures) -> None:
+    assert "net path" not in text_of(record, figures, None)
+
+
+def test_the_hardest_worked_joints_come_first_for_what_their_servos_can(
+    record: RunRecord, figures: RobotFigures
+) -> None:
+    """On hardware, where servos measure torque, they once came in any order, and without a figure."""
+    record.true_torque[:] = np.nan
+    record.effort[:] = [0.1, 0.3, 0.2, 0.5, 0.4, 0.35]
+    weak_neck = replace(figures, stall_torque=np.array([4, 4, 4, 4, 4, 0.5]))
+    report = build_report(record, INFO, weak_neck)
+    assert [row[0] for row in joint_rows(report)] == [
+        "head_pan",
+        "r_knee",
+        "l_el",
+        "l_knee",
+        "r_hip_pitch",
+        "l_hip_pitch",
+    ]
+    assert "torque as the servos measure it, by their current; goals outside" in text_of(record, figures, None, 200)

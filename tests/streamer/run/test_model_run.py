@@ -1,0 +1,226 @@
+"""The model in the live system: a run that follows words, from the command line to the log and back."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flexmotion.bundles.bundle import Bundle
+from flexmotion.configs.robot import load_robot
+from flexmotion.configs.stream import load_stream
+from flexmotion.drivers.registry import create
+from flexmotion.sampling.pace import Pace
+from flexmotion.sampling.sampler import Sampler
+from flexmotion.streamer.cli import execute
+from flexmotion.streamer.commands.choice import choose_source, choose_switched
+from flexmotion.streamer.control.ladder import State
+from flexmotion.streamer.control.run_trace import RunRecord
+from flexmotion.streamer.motion.intents import Clip, Intent, Stop, Text, Velocity
+from flexmotion.streamer.motion.model_source import ModelSource
+from flexmotion.streamer.motion.robot_pace import human_pace
+from flexmotion.streamer.motion.script import Item
+from flexmotion.streamer.planning.offline import retarget_offline
+from flexmotion.streamer.report.report import TIMING_KEYS
+from flexmotion.streamer.run.requests import Request
+from flexmotion.streamer.run.session import Session, human_motion
+
+from ..stub_sampler import StubSampler
+
+WALK, TURN = Text("walk forward"), Text("turn left")
+
+
+def session(*items: Item, seconds: float | None = 3.0) -> Session:
+    """One that follows the stub: it glides, so the robot makes no steps."""
+    robot = load_robot("op3")
+    source = ModelSource(StubSampler(), items, "model:stub", seconds=seconds)  # type: ignore[arg-type]
+    return Session(robot, create("sim", robot, seed=0), source, load_stream(), seconds)
+
+
+def sent(run: Session, at: dict[int, Intent], end: int) -> RunRecord:
+    """A run with targets at some ticks, asked for its end at tick `end`."""
+
+    def operate() -> Request | None:
+        assert run.loop is not None
+        tick = run.loop.tick_count
+        if tick in at:
+            run.targets.send(at[tick])
+        return Request.END if tick == end else None
+
+    run.request = operate
+    return run.run()
+
+
+def test_a_script_plays_to_its_end_and_what_the_human_did_is_known() -> None:
+    run = session(Item(0.0, Velocity(0.0, 0.0, 0.2)), Item(1.5, Text("stand still")))
+    record = run.run()
+    assert State(record.state[-1]) is State.OFF
+    played = record.source_s[np.isfinite(record.source_s)]
+    assert played[-1] == pytest.approx(3.0, abs=0.05)
+    human = human_motion(run.source, record)
+    assert human is not None and human.duration == pytest.approx(played[-1], abs=0.05)
+    # The torso follows the human's turn, which ended half-way.
+    yaw = 2 * np.arctan2(record.base_ref[:, 6], record.base_ref[:, 3])
+    assert np.nanmax(yaw) == pytest.approx(0.3, abs=0.1)
+
+
+def test_targets_are_followed_and_a_stop_is_gone_on_from() -> None:
+    run = session(Item(0.0, Text("stand still")), seconds=None)
+    turning = Velocity(0.0, 0.0, 0.3)
+    record = sent(run, {300: turning, 450: Stop(), 800: turning}, 1000)
+    targets = record.rows["target"]
+    assert [int(number) for number in np.unique(targets)] == [0, 1, 2, 3]
+    assert int(np.argmax(targets == 1)) - 300 <= 8 and int(np.argmax(targets == 3)) - 800 <= 8
+    assert (record.state[450 + int(2.5 * 125) : 800] == State.HOLD).all()
+    assert (record.state[820:990] == State.STREAMING).all()
+    assert record.underruns == 0 and not [event for event in record.events if event.kind == "fault"]
+    assert human_motion(run.source, record) is None  # targets came in between
+
+
+def test_a_run_that_ends_before_the_source_begins_has_no_human() -> None:
+    """A robot that fell in the lead-in, before the first frame, once ended in a traceback."""
+    run = session(Item(0.0, WALK), seconds=None)
+    assert human_motion(run.source, sent(run, {}, 3)) is None
+
+
+def test_a_target_that_is_too_fast_is_told_while_it_runs() -> None:
+    robot, pace = load_robot("op3"), Pace(0.3, 0.3, 0.1, 0.2)
+    source = ModelSource(StubSampler(), [Item(0.0, Text("stand still"))], "model:stub", pace=pace)  # type: ignore[arg-type]
+    run = Session(robot, create("sim", robot, seed=0), source, load_stream())
+    record = sent(run, {300: Velocity(0.0, 0.0, 0.4)}, 400)
+    notes = [event.message for event in record.events if event.kind == "note"]
+    assert len(notes) == 1 and "velocity [0.0, 0.0, 0.4] is slowed to a human's 0.2 rad/s turning left" in notes[0]
+    assert int(record.rows["target"][-1]) == 1
+
+
+def test_what_switches_between_prompts_waits_too() -> None:
+    op3 = load_robot("op3")
+    source, _ = choose_switched(op3, (), None, None, seed=0)
+    assert isinstance(source, ModelSource) and source.pace == human_pace(op3, source.body)
+
+
+def test_what_cannot_be_followed_is_told_and_the_rest_goes_on() -> None:
+    run = session(Item(0.0, Text("stand still")), seconds=None)
+    record = sent(run, {300: Clip("walk.bvh")}, 400)
+    notes = [event.message for event in record.events if event.kind == "note"]
+    assert notes == ["target: a model cannot follow clip, expected: text, velocity, stop"]
+    assert not record.rows["target"].any() and State(record.state[-1]) is State.OFF
+
+
+def test_a_model_is_retargeted_offline_to_its_end() -> None:
+    run = session(Item(0.0, TURN), seconds=1.5)
+    trajectory = retarget_offline(run.robot, run.source, run.settings)  # type: ignore[arg-type]
+    assert np.nanmax(trajectory.source_s) == pytest.approx(1.5, abs=0.05)
+
+
+# ---------------------------------------------------------------- with a trained model
+
+
+def dry_run(*arguments: str) -> int:
+    return execute(["dry-run", *arguments])
+
+
+def test_a_prompt_from_the_command_line_and_again(
+    bundle: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    asked = ["--prompt", "wave with the right hand", "--bundle", str(bundle), "--seconds", "2", "--seed", "5", "--json"]
+    assert dry_run(*asked, "--report", str(tmp_path)) == 0
+    first = json.loads(capsys.readouterr().out)
+    assert first["source"] == "prompt:wave with the right hand" and first["planner"]["sample_ms"]["max"] > 0.0
+    assert dry_run(*asked) == 0
+    second = json.loads(capsys.readouterr().out)
+    assert [key for key in first if first[key] != second[key] and key not in TIMING_KEYS] == []
+    # The log names the bundle, and a replay samples the same motion from it.
+    assert execute(["log", "replay", str(tmp_path / "run.mcap"), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["equal"] is True
+
+
+def test_with_no_option_the_shipped_model_plays_the_shipped_script(
+    bundle: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    op3 = load_robot("op3")
+    monkeypatch.setattr("flexmotion.bundles.shipped.FOLDER", bundle)
+    source = choose_source(op3, seed=2)
+    assert isinstance(source, ModelSource) and source.name == "model:default" and source.seed == 2
+    assert source.seconds is not None and 15.0 <= source.seconds <= 25.0
+    intents = [item.intent for item in source.items]
+    assert Text("walk forward") in intents and Text("turn left") in intents
+    assert choose_source(op3, prompt="wave").seconds == 10.0
+    assert choose_source(op3, prompt="wave", seconds=30.0).seconds == 30.0
+    assert choose_source(op3, prompt="wave", endless=True).seconds is None
+    monkeypatch.setattr("flexmotion.bundles.shipped.FOLDER", tmp_path)
+    assert choose_source(op3).name == "default" and choose_source(op3, seconds=1.0).seconds == pytest.approx(1.0)
+
+
+def test_a_human_who_waits_for_the_robot_is_told_and_replayed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Velocities that a robot cannot follow were asked for without a word; the robot came a third of the way."""
+    script = tmp_path / "fast.yaml"
+    script.write_text("- {at: 0, velocity: [2, 0, 0]}\n- {at: 2, text: stand still}\n- {at: 3, stop: true}\n")
+    assert dry_run("--script", str(script), "--json", "--log", str(tmp_path / "run.mcap")) == 0
+    found = capsys.readouterr()
+    assert "note: velocity [2, 0, 0] is slowed to a human's 0.9 m/s ahead, so that the robot can follow" in found.err
+    assert execute(["log", "show", str(tmp_path / "run.mcap")]) == 0
+    assert "is slowed to a human's 0.9 m/s ahead" in capsys.readouterr().out.replace("\n", " ")
+    assert "stand still" not in found.err and json.loads(found.out)["motion"]["human_went"]["ahead_m"] < 0.5
+    assert execute(["log", "replay", str(tmp_path / "run.mcap"), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["equal"] is True
+
+
+def test_a_log_can_be_read_where_its_bundle_is_not(
+    bundle: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    copy = shutil.copytree(bundle, tmp_path / "bundle")
+    log = tmp_path / "run.mcap"
+    dry_run("--prompt", "stand", "--bundle", str(copy), "--seconds", "0.5", "--log", str(log))
+    shutil.rmtree(copy)
+    capsys.readouterr()
+    assert execute(["log", "show", str(log), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["source"] == "prompt:stand"
+    assert execute(["log", "replay", str(log)]) == 2
+    assert "no bundle there" in capsys.readouterr().err
+
+
+def test_a_damaged_bundle_is_one_line(bundle: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    copy = shutil.copytree(bundle, tmp_path / "bundle")
+    (copy / "denoiser.onnx").write_bytes(b"no network")
+    for command in (["dry-run", "--prompt", "wave"], ["check", "torque"], ["check", "latency"]):
+        assert execute([*command, "--bundle", str(copy)]) == 2
+        error = capsys.readouterr().err
+        assert "denoiser.onnx: is not what the manifest says (hash)" in error and error.count("\n") == 1
+
+
+def test_a_wording_that_is_new_is_told_as_what_it_is_heard(bundle: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A new user's "do a backflip" walked backward, and nothing said why."""
+    dry_run("--prompt", "please walk on ahead of you", "--bundle", str(bundle), "--seconds", "0.5", "--json")
+    told = capsys.readouterr().err
+    sampler = Sampler(Bundle(bundle))
+    heard = sampler.prompt("please walk on ahead of you")
+    assert heard.known and f"'please walk on ahead of you' is heard as {heard.kind}" in told
+
+
+def test_words_that_look_like_markup_end_no_run(
+    bundle: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What is heard is told in the middle of a run, and a closing tag in it raised there: the robot was parked."""
+    log = tmp_path / "run.mcap"
+    words = "please stand where you are [/] [fast]"
+    assert dry_run("--prompt", words, "--bundle", str(bundle), "--seconds", "0.5", "--log", str(log)) == 0
+    assert f"{words!r} is heard as stand" in capsys.readouterr().err
+    assert execute(["log", "show", str(log)]) == 0
+    assert "[/] [fast]" in capsys.readouterr().out
+
+
+def test_words_that_mean_nothing_are_warned_of_before_anything_moves(
+    bundle: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    script = tmp_path / "talk.yaml"
+    script.write_text("- {at: 0, text: xyzzy plugh qwrtzp}\n- {at: 0.5, stop: true}\n")
+    dry_run("--script", str(script), "--bundle", str(bundle), "--json")
+    out, err = capsys.readouterr()
+    assert json.loads(out)["source"] == "script:talk.yaml"
+    assert "note: 'xyzzy plugh qwrtzp' means nothing to this model: it stands still; it has learnt: " in err
