@@ -25,7 +25,7 @@ from flexmotion.drivers.emulator.loopback import Loopback
 from flexmotion.drivers.emulator.sim_body import SimBody
 from flexmotion.drivers.registry import create
 from flexmotion.streamer.commands.choice import choose_motion
-from flexmotion.streamer.control.run_trace import Event, RunRecord
+from flexmotion.streamer.control.run_trace import Event, RunTrace
 from flexmotion.streamer.motion.sources import ClipSource
 from flexmotion.streamer.run.session import Session
 
@@ -46,7 +46,7 @@ class Result:
         refused: goals that left past the limits which the servos told (`flexmotion.drivers.bus.witness`).
     """
 
-    record: RunRecord
+    record: RunTrace
     body: SimBody
     packets: int
     spoilt: int

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from reversals import reversals
 
 from flexmotion.configs.robot import Robot
-from flexmotion.streamer.control.run_trace import RunRecord
+from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.report.metrics import Displacement, heading
 
 Float = NDArray[np.float64]
@@ -43,7 +43,7 @@ class Deeds:
     turned: float
 
 
-def deeds(robot: Robot, record: RunRecord) -> Deeds:
+def deeds(robot: Robot, record: RunTrace) -> Deeds:
     """Read from the ground truth of a run."""
     rows = np.flatnonzero(np.isfinite(record.source_s) & np.isfinite(record.true_base).all(axis=1))
     base = record.true_base[rows]

@@ -15,12 +15,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from flexmotion.configs.envelope import AMBIENT
 from flexmotion.configs.robot import Robot
 
 Float = NDArray[np.float64]
-
-AMBIENT = 25.0
-"""Room temperature [°C]."""
 
 DAMPED_SHARE = 0.1
 """Damped: position gain and voltage (PWM limit) are lowered to this share. Back-EMF brakes what gives way."""

@@ -20,7 +20,7 @@ from flexmotion.drivers.realtime.priority import Scheduling
 from flexmotion.drivers.realtime.witness import Witness, overlapping
 from flexmotion.human.motion import Motion
 from flexmotion.importers.default_clip import default_clip
-from flexmotion.streamer.control.run_trace import RunRecord
+from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.control.telemetry import Event
 from flexmotion.streamer.motion.clip_library import ClipLibrary
 from flexmotion.streamer.motion.intents import Clip, Intent
@@ -268,7 +268,7 @@ def _ns(seconds: NDArray[np.float64] | float) -> NDArray[np.int64]:
 class Moments:
     """The machine's standstills, laid beside a run."""
 
-    def __init__(self, record: RunRecord, found: NDArray[np.int64], stolen_ms: float) -> None:
+    def __init__(self, record: RunTrace, found: NDArray[np.int64], stolen_ms: float) -> None:
         first, last = (int(record.stamp_ns[at]) for at in (0, -1))
         self._stamps = record.stamp_ns
         self._moments = found[(found[:, 1] > first) & (found[:, 0] < last)]
@@ -300,7 +300,7 @@ class Moments:
 
 
 def _result(
-    record: RunRecord, session: Session, budgets: Budgets, load: int, switcher: _Switcher, moments: Moments | None
+    record: RunTrace, session: Session, budgets: Budgets, load: int, switcher: _Switcher, moments: Moments | None
 ) -> LatencyResult:
     def stage(seconds: NDArray[np.float64], budget_ms: float | None = None) -> Stage:
         return Stage(Latency.of(seconds, 1e-3), budget_ms)
@@ -371,7 +371,7 @@ def _result(
     )
 
 
-def _told(event: Event, record: RunRecord, moments: Moments | None) -> str:
+def _told(event: Event, record: RunTrace, moments: Moments | None) -> str:
     """A fault, when it was, and whether the machine may have been its cause."""
     if not record.used:
         return event.message

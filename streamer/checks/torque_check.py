@@ -9,9 +9,9 @@ from pydantic import BaseModel, ConfigDict, Field
 from rich.console import Group, RenderableType
 from rich.text import Text
 
+from flexmotion.configs.envelope import endurance, torque_limit
 from flexmotion.configs.robot import Robot
 from flexmotion.streamer.planning.offline import Trajectory
-from flexmotion.streamer.report.envelope import endurance, torque_limit
 from flexmotion.streamer.report.report import Figure, Maybe
 from flexmotion.streamer.report.summary import show, table
 

@@ -21,7 +21,7 @@ from flexmotion.streamer.commands.log_option import record_to
 from flexmotion.streamer.commands.options import Clock
 from flexmotion.streamer.commands.output import print_json, print_note, print_result, progress_bar
 from flexmotion.streamer.commands.signals import OperatorSignals
-from flexmotion.streamer.control.run_trace import RunRecord
+from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.control.telemetry import Event
 from flexmotion.streamer.log.recorder import Recorder
 from flexmotion.streamer.motion.replan_noise import NoisySource
@@ -29,7 +29,7 @@ from flexmotion.streamer.motion.sources import Performance
 from flexmotion.streamer.plots import write_plots
 from flexmotion.streamer.report.metrics import HumanTrack, RobotFigures
 from flexmotion.streamer.report.report import Report, RunInfo, build_report
-from flexmotion.streamer.report.report_page import write_page
+from flexmotion.streamer.report.report_page import write_report_page
 from flexmotion.streamer.report.summary import render
 from flexmotion.streamer.run.session import Session, count_human_steps, human_motion
 from flexmotion.streamer.viewer.service import Viewer
@@ -75,7 +75,7 @@ class Outcome:
     robot: Robot
     motion: Motion | None
     figures: RobotFigures
-    record: RunRecord
+    record: RunTrace
     report: Report
     interrupted: bool
     simulated: bool
@@ -201,7 +201,7 @@ def present(outcome: Outcome, folder: Path | None, as_json: bool) -> None:
     if folder is not None:
         report.write(folder)
         pictures = write_plots(folder, outcome.record, outcome.robot, outcome.figures, outcome.motion)
-        page = write_page(folder / "index.html", report, pictures)
+        page = write_report_page(folder / "index.html", report, pictures)
         print_note(f"report: {page}")
     if report.safety.hardware_failed and not outcome.simulated:
         if port := emulated_port(report.options):

@@ -1,4 +1,4 @@
-"""`RunRecord`: what one run did, tick by tick; collected from the loop's telemetry, read by report, plots and log."""
+"""`RunTrace`: what one run did, tick by tick; collected from the loop's telemetry, read by report, plots and log."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class PlanEvent:
     retarget_s: float
 
 
-class RunRecord:
+class RunTrace:
     """Rows of `flexmotion.streamer.control.tick_row.tick_dtype`, each column an attribute: `record.q` is (used, n).
 
     Args:
@@ -171,7 +171,7 @@ class RunRecord:
 class Collector:
     """Follows a loop's telemetry into a record."""
 
-    def __init__(self, telemetry: Telemetry, record: RunRecord) -> None:
+    def __init__(self, telemetry: Telemetry, record: RunTrace) -> None:
         self.record = record
         self._ticks, self._events = telemetry.ticks.reader(), telemetry.events.reader()
 

@@ -8,7 +8,7 @@ from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.robot import Robot, load_robot
 from flexmotion.human.motion import Motion
 from flexmotion.retarget.retargeter import Retargeter
-from flexmotion.streamer.control.run_trace import RunRecord
+from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.log.reader import Log
 from flexmotion.streamer.log.source import MODEL
 from flexmotion.streamer.report.metrics import HumanTrack, RobotFigures
@@ -39,7 +39,7 @@ class Subject:
         steps = 0 if motion is None else count_human_steps(motion, Retargeter(robot, log.header.settings))
         return cls(robot, motion, figures, steps)
 
-    def report(self, log: Log, record: RunRecord) -> Report:
+    def report(self, log: Log, record: RunTrace) -> Report:
         """The report of `record`, the log's own or that of a run made again from it."""
         header, budgets = log.header, log.header.settings.budgets
         record.human_steps = self.human_steps

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.robot import Robot
-from flexmotion.streamer.control.run_trace import RunRecord
+from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.control.telemetry import Event
 from flexmotion.streamer.control.tick_row import blank, tick_dtype
 from flexmotion.streamer.log.cdr import ENCAPSULATION, decode, parse_schema, row_dtype
@@ -60,9 +60,9 @@ class Log:
     topics: dict[str, Topic]
     whole: bool
 
-    def record(self) -> RunRecord:
+    def record(self) -> RunTrace:
         """The record that the run itself kept."""
-        record = RunRecord(self.header.rate_hz, self.header.joints, kept_s=len(self.rows) / self.header.rate_hz + 1.0)
+        record = RunTrace(self.header.rate_hz, self.header.joints, kept_s=len(self.rows) / self.header.rate_hz + 1.0)
         record.append(self.rows)
         record.events.extend(self.events)
         return record

@@ -10,7 +10,7 @@ import numpy as np
 
 from flexmotion.configs.errors import ConfigError
 from flexmotion.drivers.registry import create
-from flexmotion.streamer.control.run_trace import RunRecord
+from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.log.judged import Subject
 from flexmotion.streamer.log.reader import Log
 from flexmotion.streamer.motion.intents import from_content
@@ -101,7 +101,7 @@ def replay(log: Log, subject: Subject, progress: Callable[[float], None] | None 
     again = _run(log, subject, progress)
     logged = log.record()
     kept = again.rows[again.rows["tick"] <= log.rows["tick"][-1]]
-    cut = RunRecord(again.rate_hz, again.joint_names, kept_s=len(kept) / again.rate_hz + 1.0)
+    cut = RunTrace(again.rate_hz, again.joint_names, kept_s=len(kept) / again.rate_hz + 1.0)
     cut.append(kept)
     cut.events.extend(event for event in again.events if event.tick <= log.rows["tick"][-1])
     lockstep = log.header.clock == "lockstep"
@@ -109,7 +109,7 @@ def replay(log: Log, subject: Subject, progress: Callable[[float], None] | None 
     return Replay(figures, _differing(logged, cut))
 
 
-def _run(log: Log, subject: Subject, progress: Callable[[float], None] | None) -> RunRecord:
+def _run(log: Log, subject: Subject, progress: Callable[[float], None] | None) -> RunTrace:
     header = log.header
     options = header.driver_options if header.driver == "sim" else {}
     driver = create("sim", subject.robot, **options, seed=header.seed)
@@ -171,12 +171,12 @@ def _numbers(section: dict[str, Any], prefix: str = "") -> dict[str, float | Non
     return found
 
 
-def _differing(logged: RunRecord, replayed: RunRecord) -> list[str]:
+def _differing(logged: RunTrace, replayed: RunTrace) -> list[str]:
     if logged.used != replayed.used:
         return ["tick"]
     names = [name for name in logged.rows.dtype.names or () if name not in _TIMING]
     return [n for n in names if not np.array_equal(logged.rows[n], replayed.rows[n], equal_nan=_is_float(logged, n))]
 
 
-def _is_float(record: RunRecord, name: str) -> bool:
+def _is_float(record: RunTrace, name: str) -> bool:
     return bool(record.rows.dtype[name].base.kind == "f")

@@ -1,4 +1,4 @@
-"""`Planning`: looks at what the loop told last and makes the plan that is due; in its own process, or in lockstep."""
+"""`Replanner`: looks at what the loop told last and makes the plan that is due; in its own process, or in lockstep."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Superseded(Exception):  # noqa: N818 - no error: something newer is asked 
     """The plan that is being made is no longer wanted."""
 
 
-class Planning:
+class Replanner:
     """The planner's side of the live system.
 
     Args:

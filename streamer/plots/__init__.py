@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from flexmotion.configs.robot import Robot
 from flexmotion.human.motion import Motion
 from flexmotion.streamer.checks.latency import LatencyResult
-from flexmotion.streamer.control.run_trace import RunRecord
+from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.plots.filmstrip import draw_filmstrip
 from flexmotion.streamer.plots.footsteps import draw_footsteps
 from flexmotion.streamer.plots.latency import draw_latency
@@ -33,7 +33,7 @@ __all__ = [
 
 
 def write_plots(
-    folder: Path, record: RunRecord, robot: Robot, figures: RobotFigures, motion: Motion | None = None
+    folder: Path, record: RunTrace, robot: Robot, figures: RobotFigures, motion: Motion | None = None
 ) -> list[Path]:
     """Draw every picture of a run into `folder`, which is made if need be; returns the PNGs, most telling first."""
     folder.mkdir(parents=True, exist_ok=True)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from flexmotion.configs.robot import Robot
 from flexmotion.human.kinematics import HumanKinematics, forward
 from flexmotion.human.motion import Motion
-from flexmotion.streamer.control.run_trace import RunRecord
+from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.plots.solid import Camera, draw_solid, shapes
 from flexmotion.streamer.plots.style import HUMAN, LEFT, MUTED, RIGHT, empty, new_figure
 
@@ -26,7 +26,7 @@ _REACHING, _ABOVE = 1.25, 1.3
 """Room for somebody who raises the hands, and how far above the robot the human stands, in robot heights."""
 
 
-def draw_filmstrip(record: RunRecord, robot: Robot, motion: Motion | None = None) -> Figure:
+def draw_filmstrip(record: RunTrace, robot: Robot, motion: Motion | None = None) -> Figure:
     """The robot as simulated (as planned where there is no simulation), each frame centred on itself.
 
     Above it the human at the same moment, drawn as tall as the robot and seen from the same side.
@@ -66,7 +66,7 @@ def draw_filmstrip(record: RunRecord, robot: Robot, motion: Motion | None = None
     return figure
 
 
-def moments(record: RunRecord, known: NDArray[np.bool_]) -> NDArray[np.int64]:
+def moments(record: RunTrace, known: NDArray[np.bool_]) -> NDArray[np.int64]:
     """Up to `FRAMES` ticks spread over the part in which the source plays (over the whole run if it never does)."""
     playing = np.flatnonzero(known & np.isfinite(record.source_s[: record.used]))
     candidates = playing if len(playing) else np.flatnonzero(known)
@@ -84,7 +84,7 @@ def _standing_height(robot: Robot) -> float:
 
 
 def _humans(
-    axes: Axes, record: RunRecord, motion: Motion, ticks: NDArray[np.int64], camera: Camera, height: float
+    axes: Axes, record: RunTrace, motion: Motion, ticks: NDArray[np.int64], camera: Camera, height: float
 ) -> None:
     scale = height / motion.body.height
     for place, tick in enumerate(ticks):

@@ -11,7 +11,7 @@ from matplotlib.patches import Polygon
 from numpy.typing import NDArray
 
 from flexmotion.configs.robot import Robot
-from flexmotion.streamer.control.run_trace import RunRecord
+from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.plots.style import HUMAN, INK, LEFT, MIDDLE, MUTED, RIGHT, new_figure
 from flexmotion.streamer.report.metrics import HumanTrack, RobotFigures, heading
 
@@ -57,7 +57,7 @@ def scaled_path(human: HumanTrack, source_s: Float, base: Float, ratio: float) -
     return base[:2] + ratio * (position[:, :2] - position[0, :2]) @ rotation.T
 
 
-def draw_footsteps(record: RunRecord, robot: Robot, figures: RobotFigures, human: HumanTrack | None = None) -> Figure:
+def draw_footsteps(record: RunTrace, robot: Robot, figures: RobotFigures, human: HumanTrack | None = None) -> Figure:
     """Soles as planned (numbered), ZMP, DCM and centre of mass, what they came to, and the human's path."""
     rows = slice(record.used)
     drawn: list[Float] = []

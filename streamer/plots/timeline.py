@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from flexmotion.streamer.control.ladder import State
-from flexmotion.streamer.control.run_trace import RunRecord
+from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.plots.style import FAINT, HUMAN, INK, LEFT, MIDDLE, MUTED, RIGHT, WARN, empty, new_figure
 from flexmotion.streamer.report.metrics import FALL_TILT_RAD, HumanTrack, RobotFigures, heading, tilt
 
@@ -30,7 +30,7 @@ _LABELLED_SHARE = 0.04
 _MOST_LABELS = 12
 
 
-def draw_timeline(record: RunRecord, figures: RobotFigures, human: HumanTrack | None = None) -> Figure:
+def draw_timeline(record: RunTrace, figures: RobotFigures, human: HumanTrack | None = None) -> Figure:
     """Ladder state and events, load on each foot over planned contact, torso tilt, leg error, heading."""
     t = np.arange(record.used) / record.rate_hz
     figure = new_figure(11, 8.2, "Timeline", "what the robot was in, stood on, and how far it was from its plan")
@@ -51,7 +51,7 @@ def _spans(values: NDArray[np.int64]) -> list[tuple[int, int, int]]:
     return [(int(values[a]), int(a), int(b)) for a, b in pairwise(edges) if a < b]
 
 
-def _states(axes: Axes, record: RunRecord, t: Float) -> None:
+def _states(axes: Axes, record: RunTrace, t: Float) -> None:
     for value, start, stop in _spans(record.state[: record.used]):
         state = State(value)
         axes.axvspan(start / record.rate_hz, stop / record.rate_hz, color=_STATE_COLOURS[state], linewidth=0)
@@ -67,7 +67,7 @@ def _states(axes: Axes, record: RunRecord, t: Float) -> None:
     axes.set(yticks=[], ylim=(0, 1), ylabel="state")
 
 
-def _feet(axes: Axes, record: RunRecord, figures: RobotFigures, t: Float) -> None:
+def _feet(axes: Axes, record: RunTrace, figures: RobotFigures, t: Float) -> None:
     for side, (colour, name) in enumerate(((LEFT, "left"), (RIGHT, "right"))):
         planned = record.contact_ref[: record.used, side]
         base = 1.0 - side
@@ -80,7 +80,7 @@ def _feet(axes: Axes, record: RunRecord, figures: RobotFigures, t: Float) -> Non
     _note(axes, "shaded: planned contact; line: share of weight")
 
 
-def _tilt(axes: Axes, record: RunRecord, t: Float) -> None:
+def _tilt(axes: Axes, record: RunTrace, t: Float) -> None:
     base = record.true_base[: record.used]
     axes.plot(t, np.degrees(tilt(base[:, 3:])), color=MIDDLE)
     axes.plot(t, np.degrees(tilt(record.base_ref[: record.used, 3:])), color=INK, linestyle="--", linewidth=0.9)
@@ -89,7 +89,7 @@ def _tilt(axes: Axes, record: RunRecord, t: Float) -> None:
     _note(axes, "dashed: planned; red: fallen")
 
 
-def _error(axes: Axes, record: RunRecord, figures: RobotFigures, t: Float) -> None:
+def _error(axes: Axes, record: RunTrace, figures: RobotFigures, t: Float) -> None:
     rows = slice(record.used)
     error = np.degrees(np.abs(record.q[rows, figures.legs] - record.q_ref[rows, figures.legs]))
     axes.fill_between(t, error.max(axis=1), color=MIDDLE, alpha=0.2, linewidth=0)
@@ -98,7 +98,7 @@ def _error(axes: Axes, record: RunRecord, figures: RobotFigures, t: Float) -> No
     _note(axes, "line: mean of the leg joints; shaded: worst joint; lag included")
 
 
-def _heading(axes: Axes, record: RunRecord, human: HumanTrack | None, t: Float) -> None:
+def _heading(axes: Axes, record: RunTrace, human: HumanTrack | None, t: Float) -> None:
     base = record.true_base[: record.used]
     known = np.isfinite(base).all(axis=1)
     if not known.any():

@@ -7,10 +7,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from flexmotion.configs.envelope import envelope
 from flexmotion.configs.robot import Robot
 from flexmotion.streamer.plots.panels import joint_columns, joint_panels
 from flexmotion.streamer.plots.style import FAINT, INK, MUTED, WARN, empty, new_figure, side_colour
-from flexmotion.streamer.report.envelope import envelope
 
 Float = NDArray[np.float64]
 

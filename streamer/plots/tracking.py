@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from flexmotion.configs.robot import Robot
-from flexmotion.streamer.control.run_trace import RunRecord
+from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.plots.panels import joint_columns, joint_panels
 from flexmotion.streamer.plots.style import INK, MUTED, WARN, new_figure, side_colour
 
@@ -14,7 +14,7 @@ _LEAST_SPAN_DEG = 10.0
 """Panels show at least this much, so that noise of a still joint does not look like motion."""
 
 
-def draw_tracking(record: RunRecord, robot: Robot) -> Figure:
+def draw_tracking(record: RunTrace, robot: Robot) -> Figure:
     """Reference (broad, grey) under measurement (thin, coloured by side) of every joint, with its RMS difference."""
     rows = max(map(len, joint_columns(robot)))
     figure = new_figure(

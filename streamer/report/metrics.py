@@ -1,7 +1,7 @@
 """Figures of merit of a run: whether the robot fell, how faithfully it followed, how hard its servos worked.
 
 Pure functions of arrays with one row a tick, so that each can be checked by hand; `motion_figures` and
-`joint_loads` apply them to a `RunRecord`. A figure that cannot be known (no ground truth, the human stood still)
+`joint_loads` apply them to a `RunTrace`. A figure that cannot be known (no ground truth, the human stood still)
 is None, never 0.
 """
 
@@ -18,7 +18,7 @@ from flexmotion.human.body import Body
 from flexmotion.human.motion import Motion
 from flexmotion.retarget.balance import GRAVITY
 from flexmotion.retarget.whole_body import WholeBody
-from flexmotion.streamer.control.run_trace import RunRecord
+from flexmotion.streamer.control.run_trace import RunTrace
 
 Float = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -248,7 +248,7 @@ def episodes(touching: Mask, gap: int) -> int:
 
 
 def motion_figures(
-    record: RunRecord,
+    record: RunTrace,
     robot: RobotFigures,
     human: HumanTrack | None,
     *,
@@ -303,8 +303,8 @@ def motion_figures(
     )
 
 
-def joint_loads(record: RunRecord, robot: RobotFigures) -> dict[str, JointLoad]:
-    """Peak and RMS of `RunRecord.torque`, peak speed and saturation of each joint over the ticks with goals sent."""
+def joint_loads(record: RunTrace, robot: RobotFigures) -> dict[str, JointLoad]:
+    """Peak and RMS of `RunTrace.torque`, peak speed and saturation of each joint over the ticks with goals sent."""
     rows = slice(record.used)
     powered = np.isfinite(record.q_cmd[rows]).all(axis=1)
     torque, speed = record.torque[powered], record.qd[rows][powered]

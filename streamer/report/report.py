@@ -15,7 +15,7 @@ import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 from flexmotion.streamer.control.ladder import State
-from flexmotion.streamer.control.run_trace import RunRecord, TorqueSource
+from flexmotion.streamer.control.run_trace import RunTrace, TorqueSource
 from flexmotion.streamer.report.metrics import HumanTrack, RobotFigures, joint_loads, motion_figures
 
 TIMING_KEYS = ("loop", "planner", "log")
@@ -204,7 +204,7 @@ class RunInfo:
 
 
 def build_report(
-    record: RunRecord,
+    record: RunTrace,
     info: RunInfo,
     robot: RobotFigures,
     *,

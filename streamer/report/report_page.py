@@ -20,7 +20,7 @@ CAPTIONS = {
 }
 
 
-def write_page(file: Path, report: Report, pictures: Sequence[Path]) -> Path:
+def write_report_page(file: Path, report: Report, pictures: Sequence[Path]) -> Path:
     """Render the page with its pictures inside, named by their file's stem, and return its path."""
     environment = Environment(
         loader=PackageLoader("flexmotion.streamer.report"),

@@ -1,4 +1,4 @@
-"""`Operator`: who runs the robot through a whole run: starts it, hears what is asked, lets it settle, parks it."""
+"""`Lifecycle`: who runs the robot through a whole run: starts it, hears what is asked, lets it settle, parks it."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _AGAINST_A_START = (Request.STOP, Request.ESTOP, Request.KILL, Request.END)
 """Asked for while the program still gets ready, these leave the robot as it is: torque stays off."""
 
 
-class Operator:
+class Lifecycle:
     """Acts once a tick, before it.
 
     Args:

@@ -11,12 +11,12 @@ from flexmotion.configs.errors import DriverError, FlexMotionError
 from flexmotion.drivers.realtime import priority
 from flexmotion.drivers.realtime.ticker import Ticker
 from flexmotion.streamer.control.loop import ControlLoop
-from flexmotion.streamer.run.lifecycle import Operator
-from flexmotion.streamer.run.requests import Controls, Request
+from flexmotion.streamer.run.lifecycle import Lifecycle
+from flexmotion.streamer.run.requests import Request, RequestChannel
 
 
 def serve(
-    loop: ControlLoop, operator: Operator, controls: Sequence[Controls], realtime: bool, outcome: Connection
+    loop: ControlLoop, lifecycle: Lifecycle, controls: Sequence[RequestChannel], realtime: bool, outcome: Connection
 ) -> None:
     """Open the driver, tick until the run is over, close the driver.
 
@@ -32,7 +32,7 @@ def serve(
             # Locking memory takes long inside the kernel: not yet at a priority that keeps everybody else waiting.
             priority.settle(collect=False)
             outcome.send(priority.claim(priority.LOOP_PRIORITY, allowed=realtime))
-            _tick(loop, operator, controls, signalled)
+            _tick(loop, lifecycle, controls, signalled)
     except FlexMotionError as failure:
         error = failure
     except Exception as failure:  # whatever it is, the supervisor must learn of it, and so must the log
@@ -43,19 +43,21 @@ def serve(
         outcome.send(error)
 
 
-def _tick(loop: ControlLoop, operator: Operator, controls: Sequence[Controls], signalled: list[Request]) -> None:
+def _tick(
+    loop: ControlLoop, lifecycle: Lifecycle, controls: Sequence[RequestChannel], signalled: list[Request]
+) -> None:
     listeners = [one.listener() for one in controls]
     row = loop.telemetry.row
     ticker = Ticker(1.0 / loop.robot.rate_hz)
-    while not operator.finished:
+    while not lifecycle.finished:
         ticker.wait()
         row["missed_deadlines"] += ticker.missed
         # Clamp, never re-time: the plan has gone on meanwhile, as the robot has.
         loop.tick_count += ticker.skipped
         while signalled:
-            operator.hear(signalled.pop())
+            lifecycle.hear(signalled.pop())
         for listener in listeners:
             for request, reason in listener.heard():
-                operator.hear(request, reason)
-        operator.act()
+                lifecycle.hear(request, reason)
+        lifecycle.act()
         loop.tick(ticker.late_ns)

@@ -9,8 +9,8 @@ import numpy as np
 from flexmotion.configs.errors import FlexMotionError
 from flexmotion.drivers.realtime import priority
 from flexmotion.drivers.realtime.ring import Ring, shared_array
-from flexmotion.streamer.planning.replanning import Planning
-from flexmotion.streamer.run.requests import Controls, Request
+from flexmotion.streamer.planning.replanning import Replanner
+from flexmotion.streamer.run.requests import Request, RequestChannel
 
 _LOOK_S = 0.002
 """How often it looks for something to do [s]."""
@@ -33,10 +33,12 @@ class Heartbeat:
         return (time.perf_counter_ns() - stamp) * 1e-9 if stamp else 0.0
 
 
-def serve(planning: Planning, ticks: Ring, rate_hz: float, controls: Controls, beat: Heartbeat, realtime: bool) -> None:
+def serve(
+    replanner: Replanner, ticks: Ring, rate_hz: float, controls: RequestChannel, beat: Heartbeat, realtime: bool
+) -> None:
     """Plan until this process is ended, or until source or retargeter fail: that is told through `controls`."""
     try:
-        planning.warm_up()
+        replanner.warm_up()
         priority.settle(collect=True)
         priority.claim(priority.PLANNER_PRIORITY, allowed=realtime)
         while True:
@@ -47,7 +49,7 @@ def serve(planning: Planning, ticks: Ring, rate_hz: float, controls: Controls, b
                 continue
             # The tick that the loop does next: it woke for the last one at `stamp_ns`.
             since = (time.perf_counter_ns() - int(status["stamp_ns"])) * 1e-9
-            if not planning.step(int(status["tick"]) + 1 + int(since * rate_hz)):
+            if not replanner.step(int(status["tick"]) + 1 + int(since * rate_hz)):
                 time.sleep(_LOOK_S)
     except (FlexMotionError, ArithmeticError, ValueError, LookupError) as error:
         controls.ask(Request.FAULT, f"{type(error).__name__}: {error}")

@@ -1,4 +1,4 @@
-"""`Controls`: what an operator asks of a running loop, heard at its next tick."""
+"""`RequestChannel`: what an operator asks of a running loop, heard at its next tick."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Request(IntEnum):
     NOTE = 9
 
 
-class Controls:
+class RequestChannel:
     """Requests of one operator; an operator has its own, so that nobody waits for another."""
 
     def __init__(self) -> None:

@@ -20,16 +20,16 @@ from flexmotion.retarget.human import HumanWindow
 from flexmotion.retarget.retargeter import Retargeter
 from flexmotion.streamer.control.loop import ControlLoop
 from flexmotion.streamer.control.plan_buffer import PlanBuffer
-from flexmotion.streamer.control.run_trace import KEPT_S, Collector, RunRecord
+from flexmotion.streamer.control.run_trace import KEPT_S, Collector, RunTrace
 from flexmotion.streamer.control.telemetry import Event, Telemetry
 from flexmotion.streamer.motion.replan_noise import NoisySource
 from flexmotion.streamer.motion.sources import LiveSource, Performance, Source
 from flexmotion.streamer.motion.targets import TargetMailbox
 from flexmotion.streamer.planning.lead import FixedLead, Kind, Lead, MeasuredLead
 from flexmotion.streamer.planning.planner import Planner
-from flexmotion.streamer.planning.replanning import Planning
-from flexmotion.streamer.run.lifecycle import MARGIN_S, Operator
-from flexmotion.streamer.run.requests import Controls, Request
+from flexmotion.streamer.planning.replanning import Replanner
+from flexmotion.streamer.run.lifecycle import MARGIN_S, Lifecycle
+from flexmotion.streamer.run.requests import Request, RequestChannel
 from flexmotion.streamer.run.supervisor import Service, Supervisor
 
 _AT_FIRST_S = {Kind.WHOLE: 0.05, Kind.PARTIAL: 0.02, Kind.STOP: 0.02}
@@ -67,13 +67,13 @@ class Session:
     kept_s: float = KEPT_S
     tell: Callable[[Event], None] = lambda _event: None
     services: tuple[Service, ...] = ()
-    controls: Controls = field(init=False)
+    controls: RequestChannel = field(init=False)
     """For requests from this process that must be heard on the next tick; a signal handler may use it."""
     telemetry: Telemetry = field(init=False)
     plans: PlanBuffer = field(init=False)
     targets: TargetMailbox = field(init=False)
     planner: Planner = field(init=False)
-    record: RunRecord = field(init=False)
+    record: RunTrace = field(init=False)
     loop: ControlLoop | None = field(init=False, default=None)
     scheduling: Scheduling = field(init=False, default="other")
     awake: bool = field(init=False, default=False)
@@ -83,14 +83,14 @@ class Session:
     def __post_init__(self) -> None:
         robot, rate = self.robot, self.robot.rate_hz
         retargeter = Retargeter(robot, self.settings)
-        self.controls = Controls()
+        self.controls = RequestChannel()
         self.telemetry = Telemetry(robot.n, rate)
         self.plans = PlanBuffer(robot.n, retargeter.layout.size, retargeter.horizon, rate)
         self.targets = TargetMailbox()
         self.planner = Planner(retargeter, self.source, self.settings)
-        self.record = RunRecord(rate, robot.joint_names, kept_s=max(self.kept_s, (self.seconds or 0.0) + MARGIN_S))
+        self.record = RunTrace(rate, robot.joint_names, kept_s=max(self.kept_s, (self.seconds or 0.0) + MARGIN_S))
 
-    def run(self, clock: str = "lockstep") -> RunRecord:
+    def run(self, clock: str = "lockstep") -> RunTrace:
         """Run to the end on clock "lockstep" or "real" and return the record.
 
         Raises:
@@ -109,34 +109,34 @@ class Session:
         retargeter = Retargeter(self.robot, self.settings)
         return ControlLoop(self.robot, driver, retargeter, self.plans, self.telemetry, feedback=self.feedback)
 
-    def _planning(self, lead: Lead, tell: Callable[[str], None]) -> Planning:
-        return Planning(self.planner, self.plans, self.telemetry.ticks, self.settings, self.targets, lead, tell)
+    def _planning(self, lead: Lead, tell: Callable[[str], None]) -> Replanner:
+        return Replanner(self.planner, self.plans, self.telemetry.ticks, self.settings, self.targets, lead, tell)
 
-    def _run_lockstep(self) -> RunRecord:
+    def _run_lockstep(self) -> RunTrace:
         period = 1.0 / self.robot.rate_hz
         lead = FixedLead(max(round(self.settings.commit_s * self.robot.rate_hz), 1))
-        planning = self._planning(lead, partial(self.controls.ask, Request.NOTE))
+        replanner = self._planning(lead, partial(self.controls.ask, Request.NOTE))
         collector = Collector(self.telemetry, self.record)
         followers = [service.follow() for service in self.services]
         with ExitStack() as ending, self.driver:
             for follow in followers:
                 ending.callback(follow, True)
             loop = self.loop = self.control_loop(self.driver)
-            operator = Operator(loop, self.settings, seconds=self.seconds, stay=False)
+            lifecycle = Lifecycle(loop, self.settings, seconds=self.seconds, stay=False)
             listener = self.controls.listener()
-            while not operator.finished:
+            while not lifecycle.finished:
                 asked = None if self.request is None else self.request()
                 if asked is not None:
-                    operator.hear(asked)
+                    lifecycle.hear(asked)
                 for heard, reason in listener.heard():
-                    operator.hear(heard, reason)
-                operator.act()
-                if operator.broken is None:
+                    lifecycle.hear(heard, reason)
+                lifecycle.act()
+                if lifecycle.broken is None:
                     try:
-                        planning.step(loop.tick_count)
+                        replanner.step(loop.tick_count)
                     except (FlexMotionError, ArithmeticError, ValueError, LookupError) as error:
                         # What plays ends in its own stop.
-                        operator.broken = f"{type(error).__name__}: {error}"
+                        lifecycle.broken = f"{type(error).__name__}: {error}"
                 loop.tick()
                 self.driver.advance(period)
                 for event in collector.collect():
@@ -147,11 +147,11 @@ class Session:
                     self.progress(float(self.record.source_s[-1]))
         return self.record
 
-    def _run_real(self) -> RunRecord:
+    def _run_real(self) -> RunTrace:
         driver = self.driver
         if driver.capabilities.lockstep:
             driver = driver.detached(realtime=self.realtime)
-        planner_controls = Controls()
+        planner_controls = RequestChannel()
         lead = MeasuredLead(self.robot.rate_hz, _AT_FIRST_S, self.settings.horizon_s - self.settings.replan_s)
         supervisor = Supervisor(
             self.control_loop(driver),
@@ -171,7 +171,7 @@ class Session:
         return self.record
 
 
-def human_motion(source: Source, record: RunRecord) -> Motion | None:
+def human_motion(source: Source, record: RunTrace) -> Motion | None:
     """What the human did in a run, as far as it was played; None where nobody can tell.
 
     Nobody can of a source that followed targets, and of a run that is longer than what a record keeps.

@@ -21,11 +21,11 @@ from flexmotion.drivers.realtime.priority import Scheduling
 from flexmotion.streamer.control.loop import ControlLoop
 from flexmotion.streamer.control.run_trace import Collector
 from flexmotion.streamer.control.telemetry import Event
-from flexmotion.streamer.planning.replanning import Planning
+from flexmotion.streamer.planning.replanning import Replanner
 from flexmotion.streamer.run import loop_process, planner_process
-from flexmotion.streamer.run.lifecycle import Operator
+from flexmotion.streamer.run.lifecycle import Lifecycle
 from flexmotion.streamer.run.planner_process import Heartbeat
-from flexmotion.streamer.run.requests import Controls, Request
+from flexmotion.streamer.run.requests import Request, RequestChannel
 
 _LOOK_S = 0.02
 """How often it looks after everybody [s]."""
@@ -72,9 +72,9 @@ class Supervisor:
     def __init__(
         self,
         loop: ControlLoop,
-        planning: Planning,
+        replanner: Replanner,
         settings: StreamSettings,
-        controls: tuple[Controls, Controls],
+        controls: tuple[RequestChannel, RequestChannel],
         *,
         seconds: float | None,
         stay: bool,
@@ -82,11 +82,11 @@ class Supervisor:
         services: tuple[Service, ...] = (),
         wake: int | None = None,
     ) -> None:
-        self.loop, self.planning, self.realtime = loop, planning, realtime
-        self.operator = Operator(loop, settings, seconds=seconds, stay=stay)
+        self.loop, self.replanner, self.realtime = loop, replanner, realtime
+        self.lifecycle = Lifecycle(loop, settings, seconds=seconds, stay=stay)
         self.services, self.wake = services, wake
         self.outside_controls, self.planner_controls = controls
-        self.controls = Controls()
+        self.controls = RequestChannel()
         self.heartbeat = Heartbeat()
         self._silent = False
         self._begun_ns, self._quit_ns, self._killed = time.perf_counter_ns(), 0, ""
@@ -113,7 +113,7 @@ class Supervisor:
         planner = child.start(
             "planner",
             planner_process.serve,
-            self.planning,
+            self.replanner,
             self.loop.telemetry.ticks,
             rate,
             self.planner_controls,
@@ -128,7 +128,7 @@ class Supervisor:
             "loop",
             loop_process.serve,
             self.loop,
-            self.operator,
+            self.lifecycle,
             [self.outside_controls, self.controls, self.planner_controls],
             self.realtime,
             mouth,

@@ -45,9 +45,9 @@ class Viewer:
         if multiprocessing.parent_process() is not None:  # in lockstep it shares the run's process
             os.nice(_NICENESS)
         # The web server takes half a second to load, and only this process needs it.
-        from flexmotion.streamer.viewer.view_page import Page
+        from flexmotion.streamer.viewer.view_page import ViewPage
 
-        return Page(self.robot, self.telemetry, HOST, self.port).follow
+        return ViewPage(self.robot, self.telemetry, HOST, self.port).follow
 
 
 def free_port(first: int) -> int:

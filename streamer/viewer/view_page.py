@@ -1,4 +1,4 @@
-"""`Page`: the web page of a run, from the server to the last footprint."""
+"""`ViewPage`: the web page of a run, from the server to the last footprint."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _AMBIENT = 0.8
 """Light from everywhere, beside viser's own lamps."""
 
 
-class Page:
+class ViewPage:
     """A viser server with the robot in it.
 
     The camera stays with the robot because the world moves under it: turning the view by hand and following do not

@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from flexmotion.configs.envelope import AMBIENT
 from flexmotion.configs.robot import Robot, load_robot
-from flexmotion.drivers.plant import AMBIENT, ServoPlant
+from flexmotion.drivers.plant import ServoPlant
 
 ROBOT = load_robot("op3")  # hypothesis takes no fixtures
 

@@ -13,7 +13,7 @@ from flexmotion.configs.stream import load_stream
 from flexmotion.streamer.commands.choice import choose_motion
 from flexmotion.streamer.commands.streaming import Outcome, RunRequest, stream
 from flexmotion.streamer.control.ladder import State
-from flexmotion.streamer.control.run_trace import RunRecord
+from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.control.telemetry import Event
 from flexmotion.streamer.control.tick_row import REPAIRS, blank, tick_dtype
 from flexmotion.streamer.motion.sources import ClipSource
@@ -32,10 +32,10 @@ TURN = 0.3
 """How far both turn in the whole run [rad]."""
 
 
-def make_record(seconds: float = 8.0, rate_hz: float = 125.0) -> RunRecord:
+def make_record(seconds: float = 8.0, rate_hz: float = 125.0) -> RunTrace:
     """Stand .5 s, walk straight while turning a little, hold the last .5 s; measurement lags by `LAG_TICKS`."""
     ticks, n = int(seconds * rate_hz), len(JOINTS)
-    record = RunRecord(rate_hz=rate_hz, joint_names=JOINTS)
+    record = RunTrace(rate_hz=rate_hz, joint_names=JOINTS)
     record.append(blank(tick_dtype(n), ticks))
     record.rows["tick"] = np.arange(ticks)
     t = np.arange(ticks) / rate_hz
@@ -104,12 +104,12 @@ def make_record(seconds: float = 8.0, rate_hz: float = 125.0) -> RunRecord:
 
 
 @pytest.fixture
-def record() -> RunRecord:
+def record() -> RunTrace:
     return make_record()
 
 
 @pytest.fixture
-def make() -> Callable[..., RunRecord]:
+def make() -> Callable[..., RunTrace]:
     return make_record
 
 

@@ -16,7 +16,7 @@ from flexmotion.drivers.emulator.sim_body import SimBody
 from flexmotion.drivers.interface import Driver
 from flexmotion.drivers.registry import create
 from flexmotion.streamer.commands.choice import choose_motion
-from flexmotion.streamer.control.run_trace import RunRecord
+from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.motion.sources import ClipSource
 from flexmotion.streamer.run.session import Session
 
@@ -33,7 +33,7 @@ class Run:
         body: the robot, as the run left it; None where it was not behind a bus.
     """
 
-    record: RunRecord
+    record: RunTrace
     driver: Driver
     body: SimBody | None
 

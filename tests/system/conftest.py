@@ -19,7 +19,7 @@ from flexmotion.drivers.registry import create
 from flexmotion.human.motion import Motion
 from flexmotion.importers.default_clip import default_clip
 from flexmotion.streamer.control.ladder import State
-from flexmotion.streamer.control.run_trace import RunRecord
+from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.motion.sources import ClipSource
 from flexmotion.streamer.run.requests import Request
 from flexmotion.streamer.run.session import Session
@@ -50,7 +50,7 @@ class Live:
     """One live run; `at` is played in it: what to do so many seconds after the first plan began to play."""
 
     session: Session
-    record: RunRecord
+    record: RunTrace
     acted_ns: list[int] = field(default_factory=list)
 
     @property

@@ -20,7 +20,7 @@ import flexmotion.importers.default_clip
 from flexmotion.streamer.viewer.service import free_port
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Page
+    from playwright.sync_api import ViewPage
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 FLAGS = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist")
@@ -29,7 +29,7 @@ LOADED_MS = 60_000
 
 
 @pytest.fixture
-def tab() -> Iterator[Page]:
+def tab() -> Iterator[ViewPage]:
     """An empty page of a headless Chromium; what it cannot do without a network is not to be needed."""
     browser = next(filter(None, map(shutil.which, BROWSERS)), None)
     if browser is None:
@@ -43,7 +43,7 @@ def tab() -> Iterator[Page]:
             chromium.close()
 
 
-def picture(tab: Page) -> np.ndarray:
+def picture(tab: ViewPage) -> np.ndarray:
     """The left half of the page, where the scene is, (height, width, 3) in [0, 1]."""
     shot = matplotlib.image.imread(io.BytesIO(tab.screenshot(timeout=LOADED_MS)), format="png")
     return shot[:, :320, :3]
@@ -53,7 +53,7 @@ def moved_pixels(first: np.ndarray, second: np.ndarray) -> int:
     return int((np.abs(first - second).max(axis=2) > 0.1).sum())
 
 
-def test_the_page_shows_a_robot_that_moves(tab: Page, tmp_path: Path) -> None:
+def test_the_page_shows_a_robot_that_moves(tab: ViewPage, tmp_path: Path) -> None:
     port = free_port(18400)
     # Long enough for a browser that draws with the processor, which it shares with the run.
     clip = Path(flexmotion.importers.default_clip.__file__).parents[1] / "data" / "default.npz"
@@ -83,7 +83,7 @@ def test_the_page_shows_a_robot_that_moves(tab: Page, tmp_path: Path) -> None:
     assert report["clock"] == "real"
 
 
-def open_when_served(tab: Page, url: str) -> None:
+def open_when_served(tab: ViewPage, url: str) -> None:
     """The address is told before the viewer's process has loaded its server."""
     from playwright.sync_api import Error
 

@@ -29,7 +29,7 @@ from flexmotion.streamer.checks.latency import (
 )
 from flexmotion.streamer.checks.latency_text import render_latency
 from flexmotion.streamer.cli import execute
-from flexmotion.streamer.control.run_trace import RunRecord
+from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.control.telemetry import Event
 from flexmotion.streamer.control.tick_row import tick_dtype
 from flexmotion.streamer.plots import write_latency
@@ -94,7 +94,7 @@ def test_time_that_a_host_took_is_said(result: LatencyResult) -> None:
 def test_what_fell_into_a_standstill_is_told_apart() -> None:
     """Twelve ticks; before the fifth the machine stood still for 20 ms, so that it and the next woke late."""
     ms = 1_000_000
-    record = RunRecord(125.0, ("l_knee",))
+    record = RunTrace(125.0, ("l_knee",))
     rows = np.zeros(12, tick_dtype(1))
     rows["stamp_ns"] = 1000 * ms + 8 * ms * np.arange(12)
     rows["stamp_ns"][4:] += 8 * ms * 2  # two ticks left out
@@ -116,7 +116,7 @@ def test_what_fell_into_a_standstill_is_told_apart() -> None:
 def test_a_tick_that_woke_late_makes_the_next_one_miss_its_deadline() -> None:
     """It is counted a tick after the standstill, which ended as the late tick began: it was laid to the program."""
     ms = 1_000_000
-    record = RunRecord(125.0, ("l_knee",))
+    record = RunTrace(125.0, ("l_knee",))
     rows = np.zeros(6, tick_dtype(1))
     rows["stamp_ns"] = 1000 * ms + 8 * ms * np.arange(6)
     rows["stamp_ns"][3] += 7 * ms
@@ -133,7 +133,7 @@ def test_a_tick_that_woke_late_makes_the_next_one_miss_its_deadline() -> None:
 def test_a_fall_is_told_with_the_standstill_before_it() -> None:
     """A robot fell after 457 s, and nobody could say whether that was when the machine stood still for 83 ms."""
     ms = 1_000_000
-    record = RunRecord(125.0, ("l_knee",))
+    record = RunTrace(125.0, ("l_knee",))
     rows = np.zeros(500, tick_dtype(1))
     rows["tick"], rows["stamp_ns"] = np.arange(500), 1000 * ms + 8 * ms * np.arange(500)
     record.append(rows)

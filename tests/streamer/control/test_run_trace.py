@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexmotion.streamer.control.run_trace import Collector, RunRecord
+from flexmotion.streamer.control.run_trace import Collector, RunTrace
 from flexmotion.streamer.control.telemetry import KEPT_S, Event, Telemetry
 from flexmotion.streamer.control.tick_row import blank, tick_dtype
 
@@ -31,7 +31,7 @@ def test_wide_fields_come_first_so_that_a_row_is_its_own_message() -> None:
 
 
 def test_columns_are_attributes_and_unknown_ones_are_named() -> None:
-    record = RunRecord(125.0, JOINTS)
+    record = RunTrace(125.0, JOINTS)
     record.append(rows(0, 5))
     record.q[:] = 0.5
     assert record.rows["q"].sum() == 5.0 and record.used == 5
@@ -41,7 +41,7 @@ def test_columns_are_attributes_and_unknown_ones_are_named() -> None:
 
 def test_it_grows_and_then_forgets_the_oldest() -> None:
     """A daemon that stood for a day would otherwise fill the memory."""
-    record = RunRecord(125.0, JOINTS, kept_s=80.0)
+    record = RunTrace(125.0, JOINTS, kept_s=80.0)
     written = 0
     for count in [1, 4095, 700] * 20:
         record.append(rows(written, count))
@@ -52,7 +52,7 @@ def test_it_grows_and_then_forgets_the_oldest() -> None:
 
 
 def test_counts_are_those_of_the_newest_row() -> None:
-    record = RunRecord(125.0, JOINTS)
+    record = RunTrace(125.0, JOINTS)
     assert (record.missed_deadlines, record.violations_sent, record.plans) == (0, 0, [])
     record.append(rows(0, 3))
     record.rows["missed_deadlines"] = [0, 1, 4]
@@ -64,7 +64,7 @@ def test_counts_are_those_of_the_newest_row() -> None:
 
 def test_what_is_told_is_collected_and_counts_go_on() -> None:
     telemetry = Telemetry(2, 125.0)
-    collector = Collector(telemetry, RunRecord(125.0, JOINTS))
+    collector = Collector(telemetry, RunTrace(125.0, JOINTS))
     telemetry.row["tick"], telemetry.row["underruns"], telemetry.row["q"] = 1, 2, 0.25
     telemetry.commit()
     telemetry.tell(1, "warning", "ä" * 400)
@@ -79,7 +79,7 @@ def test_what_is_told_is_collected_and_counts_go_on() -> None:
 
 def test_a_collector_that_slept_too_long_says_what_it_missed() -> None:
     telemetry = Telemetry(2, 125.0)
-    collector = Collector(telemetry, RunRecord(125.0, JOINTS))
+    collector = Collector(telemetry, RunTrace(125.0, JOINTS))
     count = int(KEPT_S * 125.0) + 500
     for tick in range(count):
         telemetry.row["tick"] = tick

@@ -11,7 +11,7 @@ from flexmotion.drivers.sim.driver import SimDriver
 from flexmotion.drivers.sim.options import PERTURBED, SimOptions
 from flexmotion.importers.default_clip import default_clip
 from flexmotion.streamer.control.ladder import State
-from flexmotion.streamer.control.run_trace import RunRecord
+from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.control.suspension import Suspension
 from flexmotion.streamer.motion.sources import ClipSource
 from flexmotion.streamer.run.session import Session
@@ -22,12 +22,12 @@ def op3() -> Robot:
     return load_robot("op3")
 
 
-def streamed(op3: Robot, options: SimOptions) -> RunRecord:
+def streamed(op3: Robot, options: SimOptions) -> RunTrace:
     source = ClipSource(default_clip()[225:330])
     return Session(op3, SimDriver(op3, options=options), source, load_stream()).run()
 
 
-def messages(record: RunRecord) -> list[str]:
+def messages(record: RunTrace) -> list[str]:
     return [event.message for event in record.events if event.kind == "note"]
 
 

@@ -14,7 +14,7 @@ from flexmotion.streamer.motion.intents import Clip, Intent, Stop, Text, Velocit
 from flexmotion.streamer.motion.sources import ClipSource, LiveSource
 from flexmotion.streamer.motion.targets import NO_TARGET, TargetMailbox, arrived
 from flexmotion.streamer.report.metrics import heading
-from flexmotion.streamer.run.requests import Controls, Request
+from flexmotion.streamer.run.requests import Request, RequestChannel
 
 
 def test_the_newest_target_counts_and_the_log_sees_all() -> None:
@@ -43,7 +43,7 @@ def test_a_velocity_that_is_no_number_never_gets_into_the_mailbox() -> None:
 
 
 def test_requests_are_heard_in_order_with_their_reasons() -> None:
-    controls = Controls()
+    controls = RequestChannel()
     listener = controls.listener()
     assert listener.heard() == []
     controls.ask(Request.STOP)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from rich.console import Console, RenderableType
 
+from flexmotion.configs.envelope import endurance, envelope, torque_limit
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.robot import Robot, load_robot
 from flexmotion.configs.stream import load_stream
@@ -21,7 +22,6 @@ from flexmotion.streamer.motion.model_source import ModelSource
 from flexmotion.streamer.motion.script import Item
 from flexmotion.streamer.motion.sources import ClipSource
 from flexmotion.streamer.planning.offline import Trajectory, retarget_offline
-from flexmotion.streamer.report.envelope import endurance, envelope, torque_limit
 from flexmotion.streamer.report.trajectory_file import write_trajectory
 from flexmotion.streamer.report.trajectory_quality import quality, render_quality
 

@@ -19,7 +19,7 @@ from flexmotion.streamer.motion.intents import Clip
 from flexmotion.streamer.motion.targets import TargetMailbox
 from flexmotion.streamer.planning.lead import FixedLead, Kind, MeasuredLead
 from flexmotion.streamer.planning.planner import Planner
-from flexmotion.streamer.planning.replanning import Planning, Superseded
+from flexmotion.streamer.planning.replanning import Replanner, Superseded
 
 LEAD = 5
 
@@ -43,7 +43,7 @@ class Bench:
         self.telemetry, self.targets = Telemetry(op3.n, op3.rate_hz), TargetMailbox()
         self.plans = PlanBuffer(op3.n, retargeter.layout.size, retargeter.horizon, op3.rate_hz)
         self.planner = Planner(retargeter, self.library, load_stream())
-        self.planning = Planning(
+        self.planning = Replanner(
             self.planner, self.plans, self.telemetry.ticks, load_stream(), self.targets, FixedLead(LEAD)
         )
 

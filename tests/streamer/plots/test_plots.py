@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from flexmotion.streamer.commands.streaming import Outcome
-from flexmotion.streamer.control.run_trace import RunRecord
+from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.control.tick_row import blank
 from flexmotion.streamer.plots import write_plots
 from flexmotion.streamer.plots.filmstrip import FRAMES, draw_filmstrip, moments
@@ -35,7 +35,7 @@ def test_equal_runs_look_equal(outcome: Outcome, pictures: list[Path], tmp_path:
 
 @pytest.mark.parametrize("ticks", [0, 50])
 def test_a_run_without_truth_or_without_a_tick_can_be_drawn(ticks: int, outcome: Outcome, tmp_path: Path) -> None:
-    blind = RunRecord(outcome.record.rate_hz, outcome.record.joint_names)
+    blind = RunTrace(outcome.record.rate_hz, outcome.record.joint_names)
     blind.append(blank(blind.rows.dtype, ticks))
     blind.q[:], blind.q_ref[:] = outcome.robot.stand_pose, outcome.robot.stand_pose
     for file in write_plots(tmp_path, blind, outcome.robot, outcome.figures, outcome.motion):
@@ -65,7 +65,7 @@ def test_human_path_starts_at_the_robot_and_turns_with_it() -> None:
     assert scaled_path(human, t, facing_left, 0.25) == pytest.approx(np.array([[0.2, 0.3], [0.2, 0.55]]))
 
 
-def test_moments_are_spread_over_what_was_followed(record: RunRecord, figures: RobotFigures) -> None:
+def test_moments_are_spread_over_what_was_followed(record: RunTrace, figures: RobotFigures) -> None:
     ticks = moments(record, np.ones(record.used, bool))
     playing = np.flatnonzero(np.isfinite(record.source_s))
     assert len(ticks) == FRAMES

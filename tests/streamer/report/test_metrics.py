@@ -11,14 +11,14 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from flexmotion.streamer.control.ladder import State
-from flexmotion.streamer.control.run_trace import RunRecord
+from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.report import metrics
 from flexmotion.streamer.report.metrics import HumanTrack, RobotFigures, joint_loads, motion_figures
 
 deterministic = settings(derandomize=True, deadline=None, max_examples=50)
 
 
-def standing(record: RunRecord) -> np.ndarray:
+def standing(record: RunTrace) -> np.ndarray:
     return np.isin(record.state[: record.used], (State.STREAMING, State.HOLD))
 
 
@@ -120,7 +120,7 @@ def test_episodes_bridge_short_gaps(pattern: str, expected: int) -> None:
     assert metrics.episodes(np.array([c == "#" for c in pattern]), gap=4) == expected
 
 
-def test_figures_of_a_run(record: RunRecord, figures: RobotFigures, human: HumanTrack) -> None:
+def test_figures_of_a_run(record: RunTrace, figures: RobotFigures, human: HumanTrack) -> None:
     record.hand_error[:] = 0.01
     found = motion_figures(record, figures, human, should_stand=standing(record))
     assert not found.fell and found.time_to_fall_s is None
@@ -139,7 +139,7 @@ def test_figures_of_a_run(record: RunRecord, figures: RobotFigures, human: Human
     assert found.self_collisions == 0
 
 
-def test_what_follows_a_fall_does_not_count(record: RunRecord, figures: RobotFigures, human: HumanTrack) -> None:
+def test_what_follows_a_fall_does_not_count(record: RunTrace, figures: RobotFigures, human: HumanTrack) -> None:
     fall = 500
     record.true_base[fall:, 3:] = quaternion("y", 80)
     record.true_foot_velocity[fall:] = 9.0
@@ -150,7 +150,7 @@ def test_what_follows_a_fall_does_not_count(record: RunRecord, figures: RobotFig
 
 
 def test_without_truth_only_what_servos_tell_is_known(
-    record: RunRecord, figures: RobotFigures, human: HumanTrack
+    record: RunTrace, figures: RobotFigures, human: HumanTrack
 ) -> None:
     for array in (record.true_base, record.true_foot_velocity, record.true_foot_force, record.true_saturated):
         array[:] = np.nan
@@ -171,7 +171,7 @@ def test_without_truth_only_what_servos_tell_is_known(
     assert joint_loads(record, figures)["l_hip_pitch"].rms_torque_nm is None
 
 
-def test_the_simulation_knows_better_than_its_servos(record: RunRecord, figures: RobotFigures) -> None:
+def test_the_simulation_knows_better_than_its_servos(record: RunTrace, figures: RobotFigures) -> None:
     record.effort[:] = 9.0
     assert record.torque_source == "simulation"
     assert joint_loads(record, figures)["l_knee"].peak_torque_nm == pytest.approx(1.2, abs=1e-3)
@@ -183,7 +183,7 @@ def test_human_is_interpolated_on_the_source_clock(human: HumanTrack) -> None:
     assert heading[0] == pytest.approx(1.0 + 0.3 * 0.5 / (8 - 1 / 125))
 
 
-def test_joint_loads(record: RunRecord, figures: RobotFigures) -> None:
+def test_joint_loads(record: RunTrace, figures: RobotFigures) -> None:
     record.q_cmd[:100] = np.nan  # torque off: does not count
     record.true_torque[:100] = 99.0
     loads = joint_loads(record, replace(figures, stall_torque=np.full(6, 4.0)))

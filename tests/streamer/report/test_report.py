@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from flexmotion.streamer.control.ladder import State
-from flexmotion.streamer.control.run_trace import RunRecord
+from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.control.telemetry import Event
 from flexmotion.streamer.report.metrics import HumanTrack, RobotFigures
 from flexmotion.streamer.report.report import TIMING_KEYS, Latency, Report, RunInfo, build_report
@@ -28,11 +28,11 @@ CONTRACT = {
 }
 
 
-def build(record: RunRecord, figures: RobotFigures, human: HumanTrack | None = None) -> Report:
+def build(record: RunTrace, figures: RobotFigures, human: HumanTrack | None = None) -> Report:
     return build_report(record, INFO, figures, human=human)
 
 
-def test_keys_of_the_contract(record: RunRecord, figures: RobotFigures, human: HumanTrack) -> None:
+def test_keys_of_the_contract(record: RunTrace, figures: RobotFigures, human: HumanTrack) -> None:
     content = json.loads(build(record, figures, human).json_text())
     for section, keys in CONTRACT.items():
         assert set(keys.split()) <= set(content[section] if section else content)
@@ -45,7 +45,7 @@ def test_keys_of_the_contract(record: RunRecord, figures: RobotFigures, human: H
     assert content["ok"] is True
 
 
-def test_unknown_is_null_never_nan(record: RunRecord, figures: RobotFigures) -> None:
+def test_unknown_is_null_never_nan(record: RunTrace, figures: RobotFigures) -> None:
     for array in (record.true_base, record.true_torque, record.true_saturated, record.qd, record.work_s):
         array[:] = np.nan
     text = build(record, figures).json_text()
@@ -56,7 +56,7 @@ def test_unknown_is_null_never_nan(record: RunRecord, figures: RobotFigures) -> 
 
 
 def test_equal_runs_give_equal_bytes_but_for_timing(
-    make: Callable[..., RunRecord], figures: RobotFigures, human: HumanTrack
+    make: Callable[..., RunTrace], figures: RobotFigures, human: HumanTrack
 ) -> None:
     first, second = make(), make()
     second.work_s[:] = 1.0
@@ -68,34 +68,34 @@ def test_equal_runs_give_equal_bytes_but_for_timing(
     assert json.dumps(contents[0]) == json.dumps(contents[1])
 
 
-def test_figures_carry_six_digits(record: RunRecord, figures: RobotFigures) -> None:
+def test_figures_carry_six_digits(record: RunTrace, figures: RobotFigures) -> None:
     record.true_foot_velocity[..., 0] = 1 / 3000
     assert '"foot_slip_mm_s": 0.333333,' in build(record, figures).json_text()
 
 
-def fell(record: RunRecord) -> None:
+def fell(record: RunTrace) -> None:
     record.true_base[600:, 2] = 0.05
 
 
-def fell_without_truth(record: RunRecord) -> None:
+def fell_without_truth(record: RunTrace) -> None:
     record.true_base[:] = np.nan
     record.state[600:] = State.DAMPED
 
 
-def fault(record: RunRecord) -> None:
+def fault(record: RunTrace) -> None:
     record.events.append(Event(5, "fault", "l_knee: servo 14 reports overheating"))
 
 
-def violation(record: RunRecord) -> None:
+def violation(record: RunTrace) -> None:
     record.rows["violations"] = 1
 
 
-def missed(record: RunRecord) -> None:
+def missed(record: RunTrace) -> None:
     record.rows["missed_deadlines"] = 1
 
 
 @pytest.mark.parametrize("harm", [fell, fell_without_truth, fault, violation, missed])
-def test_not_ok(harm: Callable[[RunRecord], None], record: RunRecord, figures: RobotFigures) -> None:
+def test_not_ok(harm: Callable[[RunTrace], None], record: RunTrace, figures: RobotFigures) -> None:
     harm(record)
     report = build(record, figures)
     assert not report.ok
@@ -105,13 +105,13 @@ def test_not_ok(harm: Callable[[RunRecord], None], record: RunRecord, figures: R
         assert report.safety.faults == ["l_knee: servo 14 reports overheating"]
 
 
-def test_parking_low_is_ok(record: RunRecord, figures: RobotFigures) -> None:
+def test_parking_low_is_ok(record: RunTrace, figures: RobotFigures) -> None:
     record.state[950:-1], record.state[record.used - 1] = State.PARK, State.OFF
     record.true_base[950:, 2] = 0.1
     assert build(record, figures).ok
 
 
-def test_deadline_budget(record: RunRecord, figures: RobotFigures) -> None:
+def test_deadline_budget(record: RunTrace, figures: RobotFigures) -> None:
     record.rows["missed_deadlines"] = 9
     within = RunInfo(robot="op3", driver="sim", source="x", missed_allowed=9)
     assert build_report(record, within, figures).ok
@@ -123,14 +123,14 @@ def test_latency_percentiles() -> None:
     assert Latency.of([np.nan], 1.0) is None
 
 
-def test_write(tmp_path: Path, record: RunRecord, figures: RobotFigures) -> None:
+def test_write(tmp_path: Path, record: RunTrace, figures: RobotFigures) -> None:
     report = build(record, figures)
     file = report.write(tmp_path / "deep" / "folder")
     assert file.name == "report.json"
     assert Report.model_validate_json(file.read_text()) == report
 
 
-def test_empty_run_has_a_report(figures: RobotFigures, record: RunRecord) -> None:
-    empty = RunRecord(rate_hz=125.0, joint_names=record.joint_names)
+def test_empty_run_has_a_report(figures: RobotFigures, record: RunTrace) -> None:
+    empty = RunTrace(rate_hz=125.0, joint_names=record.joint_names)
     report = build(empty, figures)
     assert report.duration_s == 0 and report.safety.final_state == "OFF"

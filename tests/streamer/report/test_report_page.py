@@ -6,12 +6,12 @@ import re
 from pathlib import Path
 
 from flexmotion.streamer.commands.streaming import Outcome
-from flexmotion.streamer.report.report_page import write_page
+from flexmotion.streamer.report.report_page import write_report_page
 from flexmotion.streamer.report.summary import verdict
 
 
 def test_page_is_self_contained(outcome: Outcome, pictures: list[Path], tmp_path: Path) -> None:
-    html = write_page(tmp_path / "index.html", outcome.report, pictures).read_text(encoding="utf-8")
+    html = write_report_page(tmp_path / "index.html", outcome.report, pictures).read_text(encoding="utf-8")
     assert len(re.findall(r'src="data:image/png;base64,', html)) == len(pictures)
     assert not re.search(r'(src|href)="(?!data:)', html)
     assert "http" not in re.sub(r"base64,[^\"]*", "", html)
@@ -22,5 +22,5 @@ def test_page_is_self_contained(outcome: Outcome, pictures: list[Path], tmp_path
 
 def test_text_from_outside_is_escaped(outcome: Outcome, tmp_path: Path) -> None:
     report = outcome.report.model_copy(update={"source": "<script>alert(1)</script>"})
-    html = write_page(tmp_path / "index.html", report, []).read_text(encoding="utf-8")
+    html = write_report_page(tmp_path / "index.html", report, []).read_text(encoding="utf-8")
     assert "<script>" not in html

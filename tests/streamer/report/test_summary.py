@@ -10,7 +10,7 @@ import pytest
 from rich.console import Console
 
 from flexmotion.streamer.control.ladder import State
-from flexmotion.streamer.control.run_trace import RunRecord
+from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.control.telemetry import Event
 from flexmotion.streamer.report.metrics import HumanTrack, RobotFigures
 from flexmotion.streamer.report.report import RunInfo, build_report
@@ -19,21 +19,21 @@ from flexmotion.streamer.report.summary import failures, joint_rows, render, ver
 INFO = RunInfo(robot="op3", driver="sim", source="walk.bvh", elapsed_s=1.0)
 
 
-def text_of(record: RunRecord, figures: RobotFigures, human: HumanTrack | None, width: int = 100) -> str:
+def text_of(record: RunTrace, figures: RobotFigures, human: HumanTrack | None, width: int = 100) -> str:
     console = Console(file=io.StringIO(), width=width)
     console.print(render(build_report(record, INFO, figures, human=human)))
     assert isinstance(console.file, io.StringIO)
     return console.file.getvalue()
 
 
-def test_verdict_comes_first(record: RunRecord, figures: RobotFigures, human: HumanTrack) -> None:
+def test_verdict_comes_first(record: RunTrace, figures: RobotFigures, human: HumanTrack) -> None:
     text = text_of(record, figures, human)
     assert text.startswith("PASS op3 on sim, walk.bvh, 8.0 s: upright, no fault, no limit passed")
     for word in ("leg tracking error", "mm/s", "l_knee", "retarget", "8.0 times real time", "ended HOLD", "3 speed"):
         assert word in text
 
 
-def test_every_reason_for_failing_is_named(record: RunRecord, figures: RobotFigures) -> None:
+def test_every_reason_for_failing_is_named(record: RunTrace, figures: RobotFigures) -> None:
     record.true_base[500:, 2] = 0.0
     record.rows["violations"], record.rows["missed_deadlines"] = 2, 3
     record.events.append(Event(1, "fault", "l_knee: lost"))
@@ -48,14 +48,14 @@ def test_every_reason_for_failing_is_named(record: RunRecord, figures: RobotFigu
     assert "fell after 4.00 s; fault: l_knee" in verdict(report)
 
 
-def test_a_robot_that_was_left_limp_is_said_whatever_else_failed(record: RunRecord, figures: RobotFigures) -> None:
+def test_a_robot_that_was_left_limp_is_said_whatever_else_failed(record: RunTrace, figures: RobotFigures) -> None:
     """Beside two missed deadlines a second Ctrl-C was not named."""
     record.rows["missed_deadlines"] = 2
     record.rows["state"][-1] = State.STREAMING
     assert failures(build_report(record, INFO, figures))[-1] == "cut short in STREAMING, torque off"
 
 
-def test_a_run_that_never_began_has_no_figures(record: RunRecord, figures: RobotFigures) -> None:
+def test_a_run_that_never_began_has_no_figures(record: RunTrace, figures: RobotFigures) -> None:
     """Ctrl-C before the start printed a page of dashes."""
     record.rows["plan"], record.rows["state"], record.rows["source_s"] = 0, State.OFF, np.nan
     text = text_of(record, figures, None)
@@ -64,16 +64,16 @@ def test_a_run_that_never_began_has_no_figures(record: RunRecord, figures: Robot
 
 
 @pytest.mark.parametrize("width", [40, 80, 200])
-def test_fits_any_terminal(width: int, record: RunRecord, figures: RobotFigures, human: HumanTrack) -> None:
+def test_fits_any_terminal(width: int, record: RunTrace, figures: RobotFigures, human: HumanTrack) -> None:
     assert max(map(len, text_of(record, figures, human, width).splitlines())) <= width
 
 
-def test_unknown_figures_are_left_out(record: RunRecord, figures: RobotFigures) -> None:
+def test_unknown_figures_are_left_out(record: RunTrace, figures: RobotFigures) -> None:
     assert "net path" not in text_of(record, figures, None)
 
 
 def test_the_hardest_worked_joints_come_first_for_what_their_servos_can(
-    record: RunRecord, figures: RobotFigures
+    record: RunTrace, figures: RobotFigures
 ) -> None:
     """On hardware, where servos measure torque, they once came in any order, and without a figure."""
     record.true_torque[:] = np.nan

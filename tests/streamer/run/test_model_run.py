@@ -18,7 +18,7 @@ from flexmotion.sampling.sampler import Sampler
 from flexmotion.streamer.cli import execute
 from flexmotion.streamer.commands.choice import choose_source, choose_switched
 from flexmotion.streamer.control.ladder import State
-from flexmotion.streamer.control.run_trace import RunRecord
+from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.motion.intents import Clip, Intent, Stop, Text, Velocity
 from flexmotion.streamer.motion.model_source import ModelSource
 from flexmotion.streamer.motion.robot_pace import human_pace
@@ -40,7 +40,7 @@ def session(*items: Item, seconds: float | None = 3.0) -> Session:
     return Session(robot, create("sim", robot, seed=0), source, load_stream(), seconds)
 
 
-def sent(run: Session, at: dict[int, Intent], end: int) -> RunRecord:
+def sent(run: Session, at: dict[int, Intent], end: int) -> RunTrace:
     """A run with targets at some ticks, asked for its end at tick `end`."""
 
     def operate() -> Request | None:

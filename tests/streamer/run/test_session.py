@@ -17,7 +17,7 @@ from flexmotion.human.motion import Motion
 from flexmotion.importers.default_clip import default_clip
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.loop import ControlLoop
-from flexmotion.streamer.control.run_trace import RunRecord
+from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.motion.sources import ClipSource
 from flexmotion.streamer.report.metrics import tilt
 from flexmotion.streamer.run.requests import Request
@@ -54,7 +54,7 @@ class Faulty(SimDriver):
 class Run:
     session: Session
     driver: Faulty
-    record: RunRecord
+    record: RunTrace
 
     @property
     def loop(self) -> ControlLoop:

@@ -23,7 +23,7 @@ from flexmotion.drivers.registry import create
 from flexmotion.streamer.commands.choice import choose_motion
 from flexmotion.streamer.commands.streaming import Outcome
 from flexmotion.streamer.control.ladder import State
-from flexmotion.streamer.control.run_trace import RunRecord
+from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.control.telemetry import Telemetry
 from flexmotion.streamer.motion.sources import ClipSource
 from flexmotion.streamer.run.session import Session
@@ -33,7 +33,7 @@ from flexmotion.streamer.viewer.health import Health
 from flexmotion.streamer.viewer.panel import render
 from flexmotion.streamer.viewer.pose import MeasuredPose, PlannedPose, Pose, heading
 from flexmotion.streamer.viewer.service import HOST, Viewer, free_port
-from flexmotion.streamer.viewer.view_page import Page
+from flexmotion.streamer.viewer.view_page import ViewPage
 
 pytestmark = pytest.mark.wall_clock
 
@@ -65,8 +65,8 @@ def telemetry(robot: Robot, rows: Row) -> Telemetry:
 
 
 @pytest.fixture
-def page(robot: Robot, telemetry: Telemetry) -> Iterator[Page]:
-    shown = Page(robot, telemetry, HOST, free_port(18080))
+def page(robot: Robot, telemetry: Telemetry) -> Iterator[ViewPage]:
+    shown = ViewPage(robot, telemetry, HOST, free_port(18080))
     yield shown
     shown.follow(True)
 
@@ -159,13 +159,13 @@ def test_a_robot_that_never_answered_is_not_shown(robot: Robot, streaming: Row) 
 # The page
 
 
-def test_the_scene_has_every_body_and_geom_measured_and_planned(page: Page, robot: Robot) -> None:
+def test_the_scene_has_every_body_and_geom_measured_and_planned(page: ViewPage, robot: Robot) -> None:
     for figure in (page.measured, page.planned):
         assert sorted(figure.frames) == list(range(1, robot.model.nbody))
         assert len(figure.meshes) == robot.model.ngeom
 
 
-def test_frames_are_where_the_newest_row_has_them(page: Page, robot: Robot, rows: Row) -> None:
+def test_frames_are_where_the_newest_row_has_them(page: ViewPage, robot: Robot, rows: Row) -> None:
     page.follow(False)
     position, quaternion = page.is_pose.in_parents()
     assert np.abs(page.is_pose.base - rows[-1]["true_base"]).max() == 0.0
@@ -176,7 +176,7 @@ def test_frames_are_where_the_newest_row_has_them(page: Page, robot: Robot, rows
 
 def test_the_planned_robot_is_hidden_without_a_plan(robot: Robot, rows: Row, streaming: Row) -> None:
     told = Telemetry(robot.n, robot.rate_hz)
-    shown = Page(robot, told, HOST, free_port(18080))
+    shown = ViewPage(robot, told, HOST, free_port(18080))
     try:
         told.ticks.publish(rows[0])
         shown._draw(shown.rows.read(), 0.04)
@@ -192,9 +192,9 @@ def test_the_planned_robot_is_hidden_without_a_plan(robot: Robot, rows: Row, str
         shown.follow(True)
 
 
-def test_soles_leave_an_outline_where_they_land(robot: Robot, make: Callable[..., RunRecord]) -> None:
+def test_soles_leave_an_outline_where_they_land(robot: Robot, make: Callable[..., RunTrace]) -> None:
     told = Telemetry(robot.n, robot.rate_hz)
-    shown = Page(robot, told, HOST, free_port(18080))
+    shown = ViewPage(robot, told, HOST, free_port(18080))
     try:
         walk = make().rows
         shown.footprints.take(walk[:300])
@@ -206,7 +206,7 @@ def test_soles_leave_an_outline_where_they_land(robot: Robot, make: Callable[...
         shown.follow(True)
 
 
-def test_a_client_that_stalls_does_not_hold_the_page_up(page: Page, telemetry: Telemetry, rows: Row) -> None:
+def test_a_client_that_stalls_does_not_hold_the_page_up(page: ViewPage, telemetry: Telemetry, rows: Row) -> None:
     port = page.server.get_port()
     with connect(f"ws://{HOST}:{port}", subprotocols=[Subprotocol(f"viser-v{viser.__version__}")], max_queue=1):
         for row in rows[:100]:
@@ -235,7 +235,7 @@ def test_health_of_a_run(robot: Robot, rows: Row) -> None:
     assert loads[0].share == pytest.approx(torque.max())
 
 
-def test_messages_are_text_in_the_panel(robot: Robot, telemetry: Telemetry, page: Page) -> None:
+def test_messages_are_text_in_the_panel(robot: Robot, telemetry: Telemetry, page: ViewPage) -> None:
     telemetry.tell(3, "fault", "servo <b>l_knee</b> & co")
     page.follow(False)
     assert "servo &lt;b&gt;l_knee&lt;/b&gt; &amp; co" in render("op3", page.health)

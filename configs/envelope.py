@@ -9,9 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexmotion.configs.robot import Robot
-from flexmotion.drivers.plant import AMBIENT
 
 Float = NDArray[np.float64]
+
+AMBIENT = 25.0
+"""Room temperature [°C]."""
 
 
 def torque_limit(robot: Robot, torque: Float, speed: Float) -> Float:
