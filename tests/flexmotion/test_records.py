@@ -1,0 +1,78 @@
+"""A record declares its layout once, and is a view of whatever array holds it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from flexmotion.records import Float, Int, Record, column
+
+
+class Sample(Record):
+    """A layout with a size that is known later."""
+
+    tick: Int = column("i8")
+    q: Float = column("f8", "joints")
+    feet: Float = column("f8", 2, 4)
+
+
+class Numbers(Record):
+    """A layout of numbers alone."""
+
+    com: Float = column("f8", 2)
+    landed: Float = column("f8")
+
+
+def test_a_field_has_the_shape_of_the_view_and_then_its_own() -> None:
+    dtype = Sample.dtype(joints=3)
+    assert dtype.names == Sample.names() == ("tick", "q", "feet")
+    one, many = Sample(np.zeros((), dtype)), Sample(np.zeros(5, dtype))
+    assert (one.tick.shape, one.q.shape, one.feet.shape) == ((), (3,), (2, 4))
+    assert (many.tick.shape, many.q.shape, many.feet.shape) == ((5,), (5, 3), (5, 2, 4))
+
+
+def test_writing_a_field_writes_the_array_behind_it() -> None:
+    rows = np.zeros(4, Sample.dtype(joints=2))
+    view = Sample(rows)
+    view.q = 1.5
+    view[2].tick = 7
+    view[1:3].feet[:, 0, 0] = 2.0
+    assert (rows["q"] == 1.5).all()
+    assert rows["tick"].tolist() == [0, 0, 7, 0]
+    assert rows["feet"][:, 0, 0].tolist() == [0.0, 2.0, 2.0, 0.0]
+
+
+def test_a_copy_no_longer_follows() -> None:
+    rows = np.zeros((), Sample.dtype(joints=2))
+    copy = Sample(rows).copy()
+    rows["tick"] = 3
+    assert int(copy.tick) == 0
+
+
+def test_fields_may_lie_apart() -> None:
+    fields = {"tick": np.zeros(4, np.int64), "q": np.zeros((4, 2)), "feet": np.zeros((4, 2, 4))}
+    view = Sample(fields)
+    view[1:].q = 2.0
+    assert fields["q"][:, 0].tolist() == [0.0, 2.0, 2.0, 2.0]
+    assert [name for name, _ in view] == ["tick", "q", "feet"]
+
+
+def test_numbers_are_seen_as_a_record_and_stay_where_they_are() -> None:
+    states = np.arange(12.0).reshape(4, 3)
+    view = Numbers.over(states)
+    assert view.com.tolist() == states[:, :2].tolist()
+    view.landed = -1.0
+    assert (states[:, 2] == -1.0).all()
+    assert float(Numbers.over(states[1]).landed) == -1.0
+
+
+def test_numbers_that_do_not_fit_are_refused() -> None:
+    with pytest.raises(ValueError, match="takes 3 float64, got 4"):
+        Numbers.over(np.zeros(4))
+    with pytest.raises(ValueError, match="other types than float64"):
+        Sample.over(np.zeros(12), joints=2)
+
+
+def test_a_name_without_a_size_is_an_error() -> None:
+    with pytest.raises(KeyError, match="joints"):
+        Sample.dtype()
