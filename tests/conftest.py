@@ -1,4 +1,4 @@
-"""What all tests share: real motion data and a trained model, where this machine has them."""
+"""What all tests share: settings of hypothesis, and motion data and a model where this machine has them."""
 
 from __future__ import annotations
 
@@ -9,30 +9,25 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from hypothesis import HealthCheck, settings
 
 from flexmotion.bundles.shipped import shipped_bundle
 
 SHARED, BUNDLE = "FLEXMOTION_SHARED", "FLEXMOTION_BUNDLE"
 ARCHIVES = {"cmu": "cmu_raw.tar.xz", "bandai": "bandai.tar.xz"}
 
-
-_ATTEMPTS = 3
-
-
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Run tests of the program, or its processes, on the wall clock again where they fail.
-
-    What the machine itself interrupts tells nothing of the program; pytest counts it. How often the program fails is
-    measured by benchmarks/faults.py, which repeats nothing. One in lockstep that fails now and then has found a fault.
-    """
-    for item in items:
-        if item.get_closest_marker("wall_clock") is not None:
-            item.add_marker(pytest.mark.flaky(reruns=_ATTEMPTS - 1))
+settings.register_profile(
+    "flexmotion",
+    deadline=None,  # the time of one example depends on the machine
+    suppress_health_check=[HealthCheck.too_slow],  # likewise
+    derandomize=True,  # the same examples in every run
+)
+settings.load_profile("flexmotion")
 
 
 @pytest.fixture
 def hears_hangup() -> Iterator[None]:
-    """SIGHUP as it is without nohup, also in what is started. Went wrong: under nohup tests waited for it in vain."""
+    """SIGHUP with its default action, also in child processes; under `nohup` it is ignored, and tests of it hung."""
     before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
     yield
     signal.signal(signal.SIGHUP, before)

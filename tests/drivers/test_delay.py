@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from flexmotion.drivers.delay import DelayLine
@@ -18,7 +18,6 @@ def test_no_delay_is_no_delay() -> None:
     assert line.advance(0.002)[0] == 1.0
 
 
-@settings(derandomize=True, deadline=None)
 @given(
     delay=st.floats(0, 0.03),
     gaps=st.lists(st.integers(1, 6), min_size=1, max_size=12),

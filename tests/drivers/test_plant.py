@@ -47,7 +47,7 @@ def test_driving_is_bound_by_the_usable_torque_and_braking_by_the_stall_torque(o
     assert step(plant, 1.0, -0.1) == pytest.approx(op3.stall_torque[0])
 
 
-@settings(derandomize=True, deadline=None, max_examples=300)
+@settings(max_examples=300)
 @given(
     error=st.floats(-3, 3), speed=st.floats(-15, 15), volts=st.floats(6, 16), bound=st.floats(0.1, 9) | st.just(np.inf)
 )
@@ -61,7 +61,6 @@ def test_torque_never_leaves_the_envelope(error: float, speed: float, volts: flo
         assert abs(torque) <= min(line, ROBOT.usable_torque[0] * share) + 1e-9
 
 
-@settings(derandomize=True, deadline=None)
 @given(error=st.floats(-3, 3), speed=st.floats(-15, 15))
 def test_both_directions_are_alike(error: float, speed: float) -> None:
     plant = running(ROBOT)

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from flexmotion.retarget.balance import absorb, centre_of_mass, divergent_component, smoothstep
@@ -29,7 +29,6 @@ def test_smoothstep_rises_from_rest_to_rest() -> None:
     assert speed.max() == pytest.approx(15 / 8, rel=1e-4)
 
 
-@settings(derandomize=True, deadline=None)
 @given(zmp=paths)
 def test_divergent_component_obeys_the_pendulum_and_ends_over_the_pressure(zmp: np.ndarray) -> None:
     dcm = divergent_component(zmp, OMEGA, DT)
@@ -46,7 +45,6 @@ def test_divergent_component_leads_a_step_of_the_pressure() -> None:
     np.testing.assert_allclose(dcm[:100], np.exp(-OMEGA * lead), atol=1e-9)
 
 
-@settings(derandomize=True, deadline=None)
 @given(zmp=paths, error=points, seconds=st.floats(0.02, 0.4))
 def test_absorb_starts_where_the_robot_is_and_ends_at_the_plan(
     zmp: np.ndarray, error: np.ndarray, seconds: float
@@ -68,7 +66,6 @@ def test_nothing_to_absorb_changes_nothing() -> None:
     np.testing.assert_array_equal(same, dcm)
 
 
-@settings(derandomize=True, deadline=None)
 @given(zmp=paths, start=points)
 def test_centre_of_mass_follows_the_divergent_component(zmp: np.ndarray, start: np.ndarray) -> None:
     dcm = divergent_component(zmp, OMEGA, DT)

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from flexmotion.retarget.balance import divergent_component
@@ -27,7 +27,6 @@ def test_a_small_jump_is_gone_in_the_shortest_time() -> None:
     assert found.excess < 1.0
 
 
-@settings(derandomize=True, deadline=None)
 @given(along=st.floats(-0.05, 0.05), across=st.floats(-0.05, 0.05), yaw=st.floats(-3.0, 3.0))
 def test_the_pressure_stays_within_half_a_sole_or_it_says_that_it_does_not(
     along: float, across: float, yaw: float

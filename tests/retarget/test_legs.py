@@ -48,7 +48,7 @@ def bent(side: int, spread: list[float]) -> np.ndarray:
     return lower + np.array(spread) * (upper - lower)
 
 
-@settings(derandomize=True, deadline=None, max_examples=150)
+@settings(max_examples=150)
 @given(side=st.sampled_from([0, 1]), spread=shares, tilt=tilts)
 def test_inverse_of_forward_kinematics_for_every_pose_within_the_limits(
     side: int, spread: list[float], tilt: tuple[float, float, float]

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from flexmotion.retarget.footsteps import Step
@@ -72,7 +72,6 @@ def walks(draw: st.DrawFn) -> list[Step]:
     return steps
 
 
-@settings(derandomize=True, deadline=None)
 @given(steps=walks(), quiet=st.floats(0.3, 0.7))
 def test_load_is_all_on_the_stance_foot_and_moves_without_jumps(steps: list[Step], quiet: float) -> None:
     rows = steps[-1].land + 200

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from flexmotion.retarget.smoothing import Follower
@@ -12,7 +12,6 @@ FOLLOWER = Follower(omega=np.array([9.0, 22.0]), speed=np.array([0.25, 4.0]), ac
 jumpy = st.lists(st.tuples(st.floats(-10, 10), st.floats(-10, 10)), min_size=1, max_size=80).map(np.array)
 
 
-@settings(derandomize=True, deadline=None)
 @given(targets=jumpy)
 def test_speed_and_acceleration_stay_within_their_bounds(targets: np.ndarray) -> None:
     start = np.array([0.1, -0.2])

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from flexmotion.retarget.swing import PEAK_ACCELERATION, swing_path
@@ -12,7 +12,6 @@ poses = st.tuples(*[st.floats(-0.3, 0.3)] * 2, st.just(0.0), st.floats(-0.5, 0.5
 PHASE = np.linspace(0.0, 1.0, 2001)
 
 
-@settings(derandomize=True, deadline=None)
 @given(start=poses, target=poses)
 def test_it_goes_from_start_to_target_and_rests_at_both(start: np.ndarray, target: np.ndarray) -> None:
     path = swing_path(PHASE, start, target, CLEARANCE)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flexmotion.configs.robot import Robot, load_robot
@@ -91,9 +91,7 @@ def suffering(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Noise]:
 
 
 @pytest.mark.parametrize("name", ["dynamixel", "feetech", "lx16a"])
-@settings(
-    derandomize=True, deadline=None, max_examples=1000, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
+@settings(max_examples=1000)
 @given(data=st.data())
 def test_no_bytes_crash_or_hang_a_driver(suffering: dict[str, Noise], name: str, data: st.DataObject) -> None:
     noise = suffering[name]

@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from flexmotion.drivers.bus.packet import SumDecoder, SumFormat, from_sign_magnitude, to_sign_magnitude
@@ -17,7 +17,6 @@ def test_packets_by_hand() -> None:
     assert LX.encode(1, 1, bytes.fromhex("F4 01 E8 03")) == bytes.fromhex("55 55 01 07 01 F4 01 E8 03 16")
 
 
-@settings(derandomize=True, deadline=None)
 @given(form=FORMATS, id_=st.integers(0, 0xFD), code=st.integers(0, 255), params=st.binary(max_size=40))
 def test_what_is_encoded_is_decoded(form: SumFormat, id_: int, code: int, params: bytes) -> None:
     if id_ == form.header:
@@ -26,7 +25,6 @@ def test_what_is_encoded_is_decoded(form: SumFormat, id_: int, code: int, params
     assert (packet.id, packet.code, packet.params) == (id_, code, params)
 
 
-@settings(derandomize=True, deadline=None)
 @given(form=FORMATS, noise=st.binary(max_size=30), cut=st.integers(1, 9))
 def test_a_packet_is_found_behind_noise_in_pieces(form: SumFormat, noise: bytes, cut: int) -> None:
     wire = form.encode(7, 2, b"\x01\x02\x03\x04")

@@ -80,7 +80,7 @@ def test_stuffing_is_what_the_sdk_does() -> None:
     assert handler.updateCRC(0, list(ours), len(ours) - 2) == crc16(ours[:-2])
 
 
-@settings(derandomize=True, deadline=None, max_examples=200)
+@settings(max_examples=200)
 @given(st.integers(0, 254), st.integers(0, 255), st.lists(st.sampled_from([0xFF, 0xFD, 0x00, 0x42]), max_size=40))
 def test_any_packet_survives_the_way(id_: int, instruction: int, params: list[int]) -> None:
     (packet,) = Decoder().feed(encode(id_, instruction, bytes(params)))
@@ -88,7 +88,7 @@ def test_any_packet_survives_the_way(id_: int, instruction: int, params: list[in
     assert (packet.id, packet.instruction, packet.params) == (id_, instruction, bytes(params))
 
 
-@settings(derandomize=True, deadline=None, max_examples=300)
+@settings(max_examples=300)
 @given(st.binary(max_size=60), st.integers(1, 7))
 def test_noise_before_a_packet_is_skipped(noise: bytes, step: int) -> None:
     decoder = Decoder()

@@ -215,7 +215,7 @@ def test_a_packet_with_a_wrong_crc_is_refused_and_counted(host: Host) -> None:
     assert host.bus.bad == 1 and host.read(1, "led") == 0
 
 
-@settings(derandomize=True, deadline=None, max_examples=150)
+@settings(max_examples=150)
 @given(st.lists(st.binary(max_size=40), max_size=4), st.integers(0, 255), st.integers(0, 255), st.binary(max_size=24))
 def test_no_bytes_break_the_bus(noise: list[bytes], id_: int, instruction: int, params: bytes) -> None:
     host = Host(ROBOT)

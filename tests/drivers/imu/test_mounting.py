@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
@@ -19,7 +19,6 @@ def felt(lean: float) -> np.ndarray:
     return Rotation.from_euler("y", lean).inv().apply(UP)
 
 
-@settings(derandomize=True, deadline=None)
 @given(true=st.tuples(angle, angle, angle), lean=st.floats(0.3, 1.4), believed=st.tuples(angle, angle, angle))
 def test_two_directions_tell_how_it_sits(
     true: tuple[float, float, float], lean: float, believed: tuple[float, float, float]

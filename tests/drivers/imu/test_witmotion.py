@@ -16,7 +16,7 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 import witmotion
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flexmotion.configs.errors import ConfigError, DriverError
@@ -362,9 +362,7 @@ _cut = st.integers(0, len(SAMPLE)).map(lambda at: SAMPLE[:at])
 _tail = st.integers(0, len(SAMPLE)).map(lambda at: SAMPLE[at:])
 
 
-@settings(
-    derandomize=True, deadline=None, max_examples=1000, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
+@settings(max_examples=1000)
 @given(pieces=st.lists(st.one_of(st.binary(max_size=60), _cut, _tail), max_size=4))
 def test_no_bytes_crash_it(noisy: tuple[StandaloneImu, NoisyPort], pieces: list[bytes]) -> None:
     imu, port = noisy

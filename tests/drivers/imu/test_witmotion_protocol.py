@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from witmotion import protocol as others
 
@@ -64,7 +64,6 @@ def test_another_library_reads_our_frames_and_writes_our_commands() -> None:
         assert command(Register.RATE, RATES[rate]) == wire
 
 
-@settings(derandomize=True, deadline=None)
 @given(kind=st.integers(0x50, 0x5F), content=numbers, cut=st.integers(0, 11), noise=st.binary(max_size=30))
 def test_a_frame_is_found_behind_noise_in_pieces(
     kind: int, content: tuple[int, int, int, int], cut: int, noise: bytes

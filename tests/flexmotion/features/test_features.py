@@ -83,7 +83,7 @@ def test_positions_are_where_kinematics_says(clip: Motion, layout: Layout) -> No
     assert toe == pytest.approx(human.toe[:, 1, 2], abs=1e-6)
 
 
-@settings(derandomize=True, deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(st.lists(st.floats(-3.0, 3.0), min_size=3, max_size=3), st.integers(0, len(BALLS) - 1))
 def test_ball_angles_follow_whole_turns(end: list[float], ball: int) -> None:
     joints = np.zeros((60, len(JOINTS)))

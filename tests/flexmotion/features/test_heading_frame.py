@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from flexmotion.features.heading_frame import chord, turned, yaw_matrix
@@ -12,7 +12,6 @@ from flexmotion.features.heading_frame import chord, turned, yaw_matrix
 SPEED = st.floats(-2.0, 2.0)
 
 
-@settings(derandomize=True, deadline=None)
 @given(SPEED, SPEED, SPEED)
 def test_the_chord_of_an_arc_is_what_steps_along_it_add_up_to(forward: float, left: float, turning: float) -> None:
     """Went wrong: walking forward while turning was asked for as walking askew, of which the data have next to none."""

@@ -31,7 +31,7 @@ def lifted(human, frames: slice, foot: int, by: float):
     return replace(human, heel=heel, toe=toe)
 
 
-@settings(derandomize=True, max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.lists(st.integers(1, 359), max_size=12, unique=True))
 def test_chunks_do_not_matter(clip_kinematics, cuts):
     detector = ContactDetector()

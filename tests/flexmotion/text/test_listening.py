@@ -83,7 +83,7 @@ def test_what_is_like_nothing_known_must_be_surer() -> None:
     assert listener("a sentence", EMBEDDING, [], likeness=0.5) == NOTHING
 
 
-@settings(derandomize=True, max_examples=100)
+@settings(max_examples=100)
 @given(st.text(max_size=60), st.lists(st.integers(0, 12), max_size=20))
 def test_whatever_is_said_its_shares_are_one_together(sentence: str, pieces: list[int]) -> None:
     weights = np.linspace(-90.0, 90.0, 25, dtype=np.float32).reshape(5, 5)

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
@@ -111,7 +111,6 @@ def test_moving_joints_move_the_divergent_component_ahead() -> None:
     np.testing.assert_allclose(moving.dcm - moving.com, moving.com_velocity / RETARGETER.omega, atol=1e-12)
 
 
-@settings(derandomize=True, deadline=None)
 @given(yaw=st.floats(-3, 3), pitch=st.floats(-1.4, 1.4), roll=st.floats(-3, 3))
 def test_roll_and_pitch_of_any_heading(yaw: float, pitch: float, roll: float) -> None:
     quaternion = Rotation.from_euler("ZYX", [yaw, pitch, roll]).as_quat(scalar_first=True)

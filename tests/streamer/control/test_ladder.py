@@ -233,7 +233,7 @@ anything = st.builds(
 )
 
 
-@settings(derandomize=True, deadline=None, max_examples=150)
+@settings(max_examples=150)
 @given(sequence=st.lists(anything, max_size=40))
 def test_whatever_comes_a_latched_fault_stays_until_cleared_and_torque_never_returns_by_itself(
     sequence: list[Inputs],

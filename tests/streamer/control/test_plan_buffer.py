@@ -79,7 +79,7 @@ def test_a_plan_too_long_for_a_slot_is_refused_with_a_reason(buffer: PlanBuffer,
         buffer.publish(TICKET, longer)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.lists(st.sampled_from(["publish", "look", "take", "begin", "drop"]), max_size=40))
 def test_no_plan_in_use_is_ever_written_over(plan: Plan, retargeter: Retargeter, turns: list[str]) -> None:
     """Whatever planner and loop do in whichever order, the plans that the loop holds keep their rows."""

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -35,7 +35,6 @@ def settled(q: np.ndarray, qd: np.ndarray, torque: np.ndarray, state: RobotState
     return command
 
 
-@settings(derandomize=True, deadline=None)
 @given(q=each(-4, 4), qd=each(-8, 8), torque=each(-10, 10), position=each(-2, 2), velocity=each(-6, 6))
 def test_goals_keep_to_the_joint_limits_whatever_is_asked(
     q: np.ndarray, qd: np.ndarray, torque: np.ndarray, position: np.ndarray, velocity: np.ndarray
@@ -44,7 +43,6 @@ def test_goals_keep_to_the_joint_limits_whatever_is_asked(
     assert (command.goal >= ROBOT.lower).all() and (command.goal <= ROBOT.upper).all()
 
 
-@settings(derandomize=True, deadline=None)
 @given(
     q=each(-4, 4), torque=each(-10, 10), share=each(0, 1), velocity=each(-4, 4), voltage=st.sampled_from([9.5, 11, 12])
 )
@@ -64,7 +62,6 @@ def test_torque_that_a_goal_implies_stays_within_the_envelope(
     assert (np.abs(implied[driving]) <= (ROBOT.usable_torque * supply)[driving] + 1e-9).all()
 
 
-@settings(derandomize=True, deadline=None)
 @given(position=each(-0.2, 0.2), velocity=each(-1, 1), torque=each(-1.5, 1.5), voltage=st.sampled_from([None, 10.5]))
 def test_the_servo_makes_the_torque_that_was_wanted(
     position: np.ndarray, velocity: np.ndarray, torque: np.ndarray, voltage: float | None

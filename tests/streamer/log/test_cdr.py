@@ -44,7 +44,7 @@ def messages(draw: st.DrawFn) -> tuple[list[Column], dict[str, Any]]:
     return columns, values
 
 
-@settings(derandomize=True, deadline=None, max_examples=150)
+@settings(max_examples=150)
 @given(messages())
 def test_what_is_encoded_is_decoded_by_us_and_by_others(message: tuple[list[Column], dict[str, Any]]) -> None:
     columns, values = message

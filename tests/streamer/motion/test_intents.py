@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from flexmotion.configs.errors import ConfigError
@@ -35,7 +35,6 @@ _INTENTS = st.one_of(
 )
 
 
-@settings(derandomize=True)
 @given(_INTENTS)
 def test_an_intent_comes_back_from_its_words(intent: Intent) -> None:
     assert from_content({"at": 3, **to_content(intent)}) == intent

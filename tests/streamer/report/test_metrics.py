@@ -15,7 +15,7 @@ from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.report import metrics
 from flexmotion.streamer.report.metrics import HumanTrack, RobotFigures, joint_loads, motion_figures
 
-deterministic = settings(derandomize=True, deadline=None, max_examples=50)
+deterministic = settings(max_examples=50)
 
 
 def standing(record: RunTrace) -> np.ndarray:
