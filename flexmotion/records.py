@@ -8,6 +8,9 @@ a retargeter's state is laid out this way.
         tick: Int = column("i8")
         q: Float = column("f8", "joints")
 
+    class Batch(Record):
+        samples: Sample = column(Sample, 5)
+
     dtype = Sample.dtype(joints=20)
     one = Sample(np.zeros((), dtype))      # one.q is (20,)
     many = Sample(np.zeros(1000, dtype))   # many.q is (1000, 20)
@@ -16,6 +19,7 @@ a retargeter's state is laid out this way.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from functools import lru_cache
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -26,11 +30,11 @@ Int = NDArray[np.int64]
 Bool = NDArray[np.bool_]
 
 
-def column(kind: str, *shape: int | str) -> Any:
+def column(kind: str | type[Record], *shape: int | str) -> Any:
     """A field of a record.
 
     Args:
-        kind: numpy's name of its type, such as "f8" or "S64".
+        kind: numpy's name of its type, such as "f8" or "S64"; or a record, whose rows the field holds.
         shape: its axes; a name stands for a size that `Record.dtype` is told.
     """
     return _Column(kind, shape)
@@ -39,7 +43,7 @@ def column(kind: str, *shape: int | str) -> Any:
 class _Column:
     """Reads and writes one field of a record's array."""
 
-    def __init__(self, kind: str, shape: tuple[int | str, ...]) -> None:
+    def __init__(self, kind: str | type[Record], shape: tuple[int | str, ...]) -> None:
         self.kind, self.shape = kind, shape
         self.name = ""
 
@@ -47,10 +51,13 @@ class _Column:
         self.name = name
 
     def __get__(self, record: Record | None, owner: type[Record]) -> Any:
-        return self if record is None else record.array[self.name]
+        if record is None:
+            return self
+        values = record.array[self.name]
+        return values if isinstance(self.kind, str) else self.kind(values)
 
-    def __set__(self, record: Record, value: ArrayLike) -> None:
-        record.array[self.name][...] = value
+    def __set__(self, record: Record, value: ArrayLike | Record) -> None:
+        record.array[self.name][...] = value.array if isinstance(value, Record) else value
 
 
 class Record:
@@ -83,7 +90,7 @@ class Record:
         Raises:
             KeyError: an axis has no size.
         """
-        return np.dtype([(name, *_spec(one, sizes)) for name, one in cls._columns.items()])
+        return _dtype(cls, tuple(sizes.items()))
 
     @classmethod
     def names(cls) -> tuple[str, ...]:
@@ -101,11 +108,17 @@ class Record:
             ValueError: the layout holds other types, or another count of numbers.
         """
         dtype = cls.dtype(**sizes)
-        if any(one.kind != "f8" for one in cls._columns.values()):
+        if not cls._floats():
             raise ValueError(f"{cls.__name__} holds other types than float64")
         if numbers.dtype != np.float64 or numbers.shape[-1] * 8 != dtype.itemsize:
             raise ValueError(f"{cls.__name__} takes {dtype.itemsize // 8} float64, got {numbers.shape[-1]}")
         return cls(numbers.view(dtype)[..., 0])
+
+    @classmethod
+    def _floats(cls) -> bool:
+        """Whether the layout holds "f8" alone, the records within it included."""
+        kinds = (one.kind for one in cls._columns.values())
+        return all(kind == "f8" if isinstance(kind, str) else kind._floats() for kind in kinds)
 
     def __iter__(self) -> Iterator[tuple[str, NDArray[Any]]]:
         return ((name, self.array[name]) for name in self._columns)
@@ -116,6 +129,14 @@ class Record:
             return type(self)(np.asarray(self.array[index]))
         return type(self)({name: np.asarray(value[index]) for name, value in self.array.items()})
 
+    def __setitem__(self, index: Any, value: Self) -> None:
+        """Write the rows that an index selects; the value is broadcast to them."""
+        if isinstance(self.array, np.ndarray):
+            self.array[index] = value.array
+        else:
+            for name, rows in self.array.items():
+                rows[index] = value.array[name]
+
     def copy(self) -> Self:
         """The same rows in memory of their own."""
         if isinstance(self.array, np.ndarray):
@@ -123,5 +144,12 @@ class Record:
         return type(self)({name: value.copy() for name, value in self.array.items()})
 
 
-def _spec(one: _Column, sizes: Mapping[str, int]) -> tuple[str, tuple[int, ...]]:
-    return one.kind, tuple(sizes[axis] if isinstance(axis, str) else axis for axis in one.shape)
+@lru_cache(maxsize=256)
+def _dtype(record: type[Record], sizes: tuple[tuple[str, int], ...]) -> np.dtype[np.void]:
+    known = dict(sizes)
+    return np.dtype([(name, *_spec(one, known)) for name, one in record._columns.items()])
+
+
+def _spec(one: _Column, sizes: Mapping[str, int]) -> tuple[str | np.dtype[np.void], tuple[int, ...]]:
+    shape = tuple(sizes[axis] if isinstance(axis, str) else axis for axis in one.shape)
+    return one.kind if isinstance(one.kind, str) else one.kind.dtype(**sizes), shape

@@ -23,6 +23,13 @@ class Numbers(Record):
     landed: Float = column("f8")
 
 
+class Path(Record):
+    """A layout that holds rows of another."""
+
+    start: Float = column("f8")
+    points: Numbers = column(Numbers, "points")
+
+
 def test_a_field_has_the_shape_of_the_view_and_then_its_own() -> None:
     dtype = Sample.dtype(joints=3)
     assert dtype.names == Sample.names() == ("tick", "q", "feet")
@@ -76,3 +83,33 @@ def test_numbers_that_do_not_fit_are_refused() -> None:
 def test_a_name_without_a_size_is_an_error() -> None:
     with pytest.raises(KeyError, match="joints"):
         Sample.dtype()
+
+
+def test_a_record_may_hold_rows_of_another() -> None:
+    states = np.arange(14.0).reshape(2, 7)
+    view = Path.over(states, points=2)
+    assert view.points.com.shape == (2, 2, 2)
+    assert view[1].points[0].com.tolist() == [8.0, 9.0]
+    view[0].points.landed = -1.0
+    assert states[0].tolist() == [0.0, 1.0, 2.0, -1.0, 4.0, 5.0, -1.0]
+    view.points = view[0].points.copy()
+    np.testing.assert_array_equal(states[1, 1:], states[0, 1:])
+    assert states[1, 0] == 7.0
+
+
+def test_rows_that_an_index_selects_are_written() -> None:
+    rows, other = np.zeros((3, 3)), np.arange(3.0)
+    Numbers.over(rows)[np.array([True, False, True])] = Numbers.over(other)
+    assert rows.tolist() == [[0.0, 1.0, 2.0], [0.0, 0.0, 0.0], [0.0, 1.0, 2.0]]
+    apart = Numbers({"com": np.zeros((3, 2)), "landed": np.zeros(3)})
+    apart[1:] = Numbers.over(other)
+    assert apart.com.tolist() == [[0.0, 0.0], [0.0, 1.0], [0.0, 1.0]]
+    assert apart.landed.tolist() == [0.0, 2.0, 2.0]
+
+
+def test_numbers_within_numbers_must_be_numbers_too() -> None:
+    class Outer(Record):
+        sample: Sample = column(Sample)
+
+    with pytest.raises(ValueError, match="other types than float64"):
+        Outer.over(np.zeros(12), joints=2)
