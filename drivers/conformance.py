@@ -1,13 +1,13 @@
-"""What every driver must do, as tests that any driver can run on itself.
+"""Tests that every driver must pass.
 
-A plug-in's test suite subclasses `DriverConformance`, and pytest finds the rest:
+A plug-in's test suite subclasses `DriverConformance`, and pytest collects the tests:
 
     class TestMyDriver(DriverConformance):
         def make_driver(self) -> Driver:
             return MyDriver(load_robot("op3"))
 """
 
-# ruff: noqa: D102 - a test says by its name what it tests
+# ruff: noqa: D102 - the names of tests say what they check
 from __future__ import annotations
 
 import math
@@ -18,44 +18,86 @@ import numpy as np
 
 from flexmotion.configs.schema import Strict
 from flexmotion.drivers.interface import Capabilities, Driver, JointCommand, RobotState
+from flexmotion.drivers.simulated import LockstepDriver, SimulatedDriver, lockstep, simulated
 
 STILL = 0.05
-"""A joint that is pinned to where it is moves no further than this [rad]."""
+"""Largest motion of a joint whose goal is pinned [rad]."""
 
 
 class DriverConformance(ABC):
-    """Tests of the interface; the robot must be free to move, or simulated.
+    """Tests of the interface. The robot must be free to move, or simulated.
 
     Attributes:
-        ticks: that a test runs a driver for.
+        ticks: ticks that a test runs a driver for.
     """
 
     ticks = 20
 
     @abstractmethod
     def make_driver(self) -> Driver:
-        """A driver that is not open."""
+        """Return a driver that is not open."""
 
     def wait(self, driver: Driver, seconds: float) -> None:
         """Let time pass for the robot."""
-        if driver.capabilities.lockstep:
-            driver.advance(seconds)
-        else:
+        stepped = lockstep(driver)
+        if stepped is None:
             time.sleep(seconds)
+        else:
+            stepped.advance(seconds)
 
     def run(self, driver: Driver, state: RobotState, command: JointCommand | None = None) -> None:
-        """Some ticks; goals are sent where there are any."""
+        """Run `ticks` ticks; `command` is sent in each if given."""
         for _ in range(self.ticks):
             driver.read(state)
             if command is not None:
                 driver.write(command)
             self.wait(driver, 1.0 / driver.robot.rate_hz)
 
-    def test_it_says_what_it_is_before_it_is_open(self) -> None:
+    def test_it_describes_itself_before_it_is_open(self) -> None:
         driver = self.make_driver()
         assert driver.name and issubclass(driver.Options, Strict)
         assert math.isfinite(driver.delay_s) and driver.delay_s >= 0
         assert isinstance(driver.capabilities, Capabilities)
+
+    def test_capabilities_of_simulation_match_the_type(self) -> None:
+        driver = self.make_driver()
+        assert driver.capabilities.truth == isinstance(driver, SimulatedDriver)
+        assert driver.capabilities.lockstep == isinstance(driver, LockstepDriver)
+
+    def test_a_simulated_robot_reports_its_true_state(self) -> None:
+        with self.make_driver() as driver:
+            robot = simulated(driver)
+            if robot is None:
+                return
+            n, state = driver.robot.n, RobotState(driver.robot.n)
+            self.run(driver, state)
+            truth = robot.truth()
+            shapes = {
+                **dict.fromkeys(("joint_position", "torque", "saturated"), (n,)),
+                **dict.fromkeys(("foot_position", "foot_velocity", "foot_force"), (2, 3)),
+                **{"base_position": (3,), "base_quaternion": (4,), "com": (3,)},
+            }
+            for name, shape in shapes.items():
+                values = getattr(truth, name)
+                assert values.shape == shape and np.isfinite(values).all(), name
+            assert math.isclose(float(np.linalg.norm(truth.base_quaternion)), 1.0, abs_tol=1e-6)
+            assert isinstance(truth.self_contact, bool)
+
+    def test_time_in_lockstep_passes_only_in_advance(self) -> None:
+        with self.make_driver() as driver:
+            stepped = lockstep(driver)
+            if stepped is None:
+                return
+            state, period = RobotState(driver.robot.n), 1.0 / driver.robot.rate_hz
+            self.run(driver, state)
+            before = stepped.truth().joint_position.copy()
+            time.sleep(period)
+            assert (stepped.truth().joint_position == before).all()
+            driver.read(state)
+            first = state.stamp_ns
+            stepped.advance(period)
+            driver.read(state)
+            assert math.isclose((state.stamp_ns - first) * 1e-9, period, abs_tol=0.5 * period)
 
     def test_it_reads_fresh_values_of_every_joint(self) -> None:
         with self.make_driver() as driver:
@@ -74,7 +116,7 @@ class DriverConformance(ABC):
             self.run(driver, state)
             assert all(getattr(state, name) is array for name, array in arrays.items())
 
-    def test_stamps_go_forward(self) -> None:
+    def test_stamps_increase(self) -> None:
         with self.make_driver() as driver:
             state = RobotState(driver.robot.n)
             self.run(driver, state)
@@ -82,7 +124,7 @@ class DriverConformance(ABC):
             self.run(driver, state)
             assert state.stamp_ns > first
 
-    def test_it_measures_what_it_claims_to_measure(self) -> None:
+    def test_it_measures_what_its_capabilities_promise(self) -> None:
         with self.make_driver() as driver:
             state = RobotState(driver.robot.n)
             self.run(driver, state)
@@ -92,7 +134,7 @@ class DriverConformance(ABC):
             elif state.imu_stale >= 0:
                 assert np.isfinite(state.gyro).all() and np.isfinite(state.accel).all()
 
-    def test_nothing_jumps_when_torque_goes_on(self) -> None:
+    def test_joints_stay_when_torque_goes_on(self) -> None:
         with self.make_driver() as driver:
             state, command = RobotState(driver.robot.n), JointCommand(driver.robot.n)
             self.run(driver, state)
@@ -116,7 +158,7 @@ class DriverConformance(ABC):
                 self.run(driver, state, command)
             assert abs(state.position[joint] - goal) < 2 * STILL
 
-    def test_without_torque_goals_are_ignored(self) -> None:
+    def test_goals_are_ignored_without_torque(self) -> None:
         with self.make_driver() as driver:
             state, command = RobotState(driver.robot.n), JointCommand(driver.robot.n)
             self.run(driver, state)

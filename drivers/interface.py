@@ -91,34 +91,6 @@ class JointCommand:
         self.position, self.torque_bound = np.zeros(self.n), np.full(self.n, np.nan)
 
 
-@dataclass(frozen=True)
-class Truth:
-    """The simulated robot's real state, for reports and pictures, never for control.
-
-    Attributes:
-        base_position, base_quaternion: torso in the world, (3,) [m] and (4,) w x y z.
-        joint_position: (n,) [rad], without sensor quantisation.
-        foot_position: centre of each sole in the world, left then right, (2, 3) [m].
-        foot_velocity: velocity of that point, (2, 3) [m/s].
-        foot_force: ground force on each foot, world frame, (2, 3) [N].
-        torque: torque each servo made, averaged over the tick, (n,) [N·m].
-        saturated: share of the tick in which each servo was at its torque limit, (n,) in [0, 1].
-        com: centre of mass of the whole robot, (3,) [m].
-        self_contact: whether two links of the robot touch (feet on the floor do not count).
-    """
-
-    base_position: Float
-    base_quaternion: Float
-    joint_position: Float
-    foot_position: Float
-    foot_velocity: Float
-    foot_force: Float
-    torque: Float
-    saturated: Float
-    com: Float
-    self_contact: bool
-
-
 class Driver(ABC):
     """A robot, or its servo bus, behind one interface. Used as a context manager it opens and closes itself.
 
@@ -177,27 +149,6 @@ class Driver(ABC):
     def violations(self) -> int:
         """Goals received outside a servo's envelope, counted at the receiving end after quantisation."""
         return 0
-
-    def truth(self) -> Truth:
-        """The real pose. Only with `Capabilities.truth`."""
-        raise NotImplementedError(f"driver {self.name!r} has no ground truth")
-
-    def advance(self, seconds: float) -> None:
-        """Let simulated time pass. Only with `Capabilities.lockstep`."""
-        raise NotImplementedError(f"driver {self.name!r} does not run in lockstep")
-
-    def detached(self, *, realtime: bool) -> Driver:
-        """The same robot on the real clock, in a process of its own. Only with `Capabilities.lockstep`; call it once.
-
-        Args:
-            realtime: whether that process may ask for realtime scheduling.
-        """
-        raise NotImplementedError(f"driver {self.name!r} runs in lockstep only")
-
-    @property
-    def lateness_s(self) -> float:
-        """How late the simulated robot's own clock ran lately, at worst [s]; NaN for a robot that is always on time."""
-        return float("nan")
 
     @abstractmethod
     def close(self) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from flexmotion.drivers.bus.port import SerialPort
+from flexmotion.drivers.port import SerialPort
 
 TRIES = 3
 PATIENCE_S = 0.3

@@ -14,9 +14,9 @@ from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.robot import Robot
 from flexmotion.configs.servo import Protocol
 from flexmotion.drivers.bus.options import BusOptions
-from flexmotion.drivers.bus.port import SerialPort
 from flexmotion.drivers.bus.witness import GoalWitness
 from flexmotion.drivers.imu.interface import Imu
+from flexmotion.drivers.port import SerialPort
 
 Float = NDArray[np.float64]
 Bool = NDArray[np.bool_]

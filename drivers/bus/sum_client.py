@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from flexmotion.drivers.bus.attempts import attempts
 from flexmotion.drivers.bus.packet import SumDecoder, SumFormat, SumPacket
-from flexmotion.drivers.bus.port import SerialPort
+from flexmotion.drivers.port import SerialPort
 
 LATENCY_S = 0.02
 """Time beyond that on the wire that an answer may take [s]."""

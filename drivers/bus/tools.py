@@ -9,7 +9,7 @@ from typing import ClassVar
 
 from flexmotion.configs.errors import DriverError
 from flexmotion.configs.servo import Protocol, catalogue
-from flexmotion.drivers.bus.port import SerialPort
+from flexmotion.drivers.port import SerialPort
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,6 @@ from flexmotion.configs.errors import ConfigError, DriverError
 from flexmotion.configs.robot import Robot
 from flexmotion.drivers.bus.attempts import TRIES, attempts
 from flexmotion.drivers.bus.options import BusOptions
-from flexmotion.drivers.bus.port import BITS_A_BYTE, SerialPort
 from flexmotion.drivers.bus.servo_bus import Budget, ServoBus
 from flexmotion.drivers.dynamixel.cycle import Exchange, ReadMany, ReadOne
 from flexmotion.drivers.dynamixel.layout import FAST_ROW, ROW, Layout, Span, goal_row, layout_of
@@ -24,6 +23,7 @@ from flexmotion.drivers.dynamixel.setup import audit
 from flexmotion.drivers.dynamixel.staleness import ReplyClock
 from flexmotion.drivers.imu.interface import do_without
 from flexmotion.drivers.plant import DAMPED_SHARE
+from flexmotion.drivers.port import BITS_A_BYTE, SerialPort
 
 Float = NDArray[np.float64]
 Bool = NDArray[np.bool_]

@@ -14,9 +14,9 @@ from dynamixel_sdk import COMM_SUCCESS, PacketHandler, PortHandler
 
 from flexmotion.configs.errors import DriverError
 from flexmotion.drivers.bus.attempts import attempts
-from flexmotion.drivers.bus.port import SerialPort
 from flexmotion.drivers.dynamixel.packet import ALERT, Error
 from flexmotion.drivers.dynamixel.registers import Register
+from flexmotion.drivers.port import SerialPort
 
 LATENCY_S = 0.025
 """Time beyond that on the wire that an answer may take [s]."""

@@ -6,10 +6,10 @@ import time
 from collections.abc import Iterator
 
 from flexmotion.configs.errors import DriverError
-from flexmotion.drivers.bus.port import SerialPort
 from flexmotion.drivers.bus.tools import BusTools, Found, model_name
 from flexmotion.drivers.dynamixel.registers import BAUD_RATES, open_cr, table_of
 from flexmotion.drivers.dynamixel.sdk import Client
+from flexmotion.drivers.port import SerialPort
 
 _REBOOT_S = 3.0
 """What a servo may take to start again [s]; it takes some tenths."""

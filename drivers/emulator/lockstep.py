@@ -1,20 +1,21 @@
-"""`LockstepBus`: a bus driver and the robot behind its emulated bus, stepped tick by tick like driver `sim`."""
+"""`LockstepBus`: a bus driver and a simulated robot on its emulated bus, stepped tick by tick like driver `sim`."""
 
 from __future__ import annotations
 
 from flexmotion.drivers.bus.driver import BusDriver
 from flexmotion.drivers.emulator.loopback import Loopback
 from flexmotion.drivers.emulator.sim_body import SimBody
-from flexmotion.drivers.interface import Capabilities, Driver, Float, JointCommand, RobotState, Truth
+from flexmotion.drivers.interface import Capabilities, Float, JointCommand, RobotState
+from flexmotion.drivers.simulated import LockstepDriver, Truth
 
 
-class LockstepBus(Driver):
-    """Everything but time is as on a real port: what a read takes on the wire passes in it.
+class LockstepBus(LockstepDriver):
+    """A bus driver on an emulated clock: the wire time of a read passes during the read.
 
     Args:
-        driver: a real driver; its ports are replaced by emulated ones.
+        driver: a bus driver; emulated ports replace its ports.
         world: the emulated buses; the driver's `port` options name them.
-        body: the robot behind them.
+        body: the robot on these buses.
     """
 
     name = "lockstep_bus"
@@ -27,7 +28,7 @@ class LockstepBus(Driver):
 
     @property
     def capabilities(self) -> Capabilities:
-        """The driver's, and those of a simulation."""
+        """Those of the bus driver, and all of simulation."""
         real = self._driver.capabilities
         return Capabilities(imu=real.imu, effort=real.effort, torque_bound=real.torque_bound, lockstep=True, truth=True)
 
@@ -38,14 +39,14 @@ class LockstepBus(Driver):
 
     @property
     def violations(self) -> int:
-        """Goals outside the envelope, as counted where the bytes arrive."""
+        """Goals outside the envelope, counted by the emulated servos."""
         return self._body.receiver.violations
 
     def open(self) -> None:
         """See `Driver`."""
         self._driver.open()
-        # Ticks begin where physics steps, whatever opening took: how long a goal waits for its step moves tracking by a
-        # sixth, and runs are compared.
+        # Align ticks with physics steps, however long opening took: the time that a goal waits for its physics step
+        # changes the tracking error by a sixth, and runs must be comparable.
         self._world.advance(-self._world.now % self._body.timestep)
         self._tick_end = None
 
@@ -72,11 +73,11 @@ class LockstepBus(Driver):
         self._driver.damp()
 
     def truth(self) -> Truth:
-        """See `Driver`."""
+        """See `SimulatedDriver`."""
         return self._body.driver.truth()
 
     def advance(self, seconds: float) -> None:
-        """Let the rest of the tick pass; a tick that reading overran ends late, and the next one makes up for it."""
+        """Let the rest of the tick pass; if reading overran the tick, the next tick is shorter by as much."""
         self._tick_end = (self._world.now if self._tick_end is None else self._tick_end) + seconds
         self._world.advance(self._tick_end - self._world.now)
 

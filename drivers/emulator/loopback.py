@@ -10,11 +10,11 @@ from collections.abc import Sequence
 from typing import Any
 
 from flexmotion.configs.errors import DriverError
-from flexmotion.drivers.bus.port import SerialPort
 from flexmotion.drivers.emulator.body import Body
 from flexmotion.drivers.emulator.build import assemble, port_names
 from flexmotion.drivers.emulator.emulator import Emulator
 from flexmotion.drivers.emulator.line import Line
+from flexmotion.drivers.port import SerialPort
 
 _GRAIN_S = 1e-9
 """Who waits until a time wakes past it, whatever adding and subtracting rounds off [s]."""

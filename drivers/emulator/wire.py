@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import dataclass
 
-BITS_A_BYTE = 10
-"""Start bit, eight bits, stop bit."""
+from flexmotion.drivers.port import BITS_A_BYTE
 
 FRAME_S = 0.0005
 """Replies that end within this time of the first are handed over together, as a USB adapter does [s]."""

@@ -12,11 +12,11 @@ from flexmotion.configs.robot import Robot
 from flexmotion.drivers.bus.attempts import TRIES, attempts
 from flexmotion.drivers.bus.options import BusOptions
 from flexmotion.drivers.bus.packet import BROADCAST, SumDecoder
-from flexmotion.drivers.bus.port import BITS_A_BYTE, SerialPort
 from flexmotion.drivers.bus.servo_bus import Budget, ServoBus
 from flexmotion.drivers.bus.sum_client import SumClient
 from flexmotion.drivers.feetech.registers import BAUD_RATES, FORMAT, VOLTAGE, Instruction, sts
 from flexmotion.drivers.plant import DAMPED_SHARE
+from flexmotion.drivers.port import BITS_A_BYTE, SerialPort
 
 Float = NDArray[np.float64]
 Bool = NDArray[np.bool_]

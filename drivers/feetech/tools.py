@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from flexmotion.drivers.bus.packet import MAX_ID
-from flexmotion.drivers.bus.port import SerialPort
 from flexmotion.drivers.bus.sum_client import SumClient
 from flexmotion.drivers.bus.tools import BusTools, Found, model_name
 from flexmotion.drivers.feetech.registers import BAUD_RATES, FORMAT, Instruction, sts
+from flexmotion.drivers.port import SerialPort
 
 
 class FeetechTools(BusTools):

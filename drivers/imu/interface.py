@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from flexmotion.configs.errors import DriverError
 from flexmotion.configs.robot_file import Imu as ImuConfig
 from flexmotion.configs.schema import Strict
-from flexmotion.drivers.bus.port import SerialPort
+from flexmotion.drivers.port import SerialPort
 
 Float = NDArray[np.float64]
 

@@ -11,10 +11,10 @@ from flexmotion.configs.errors import ConfigError, DriverError
 from flexmotion.configs.robot import Robot
 from flexmotion.drivers.bus.options import BusOptions
 from flexmotion.drivers.bus.packet import SumDecoder
-from flexmotion.drivers.bus.port import BITS_A_BYTE, SerialPort
 from flexmotion.drivers.bus.servo_bus import Budget, ServoBus
 from flexmotion.drivers.bus.sum_client import SumClient
 from flexmotion.drivers.lx16a.protocol import ANSWER_SIZE, BAUD, FORMAT, MILLIVOLT, Command
+from flexmotion.drivers.port import BITS_A_BYTE, SerialPort
 
 Float = NDArray[np.float64]
 Bool = NDArray[np.bool_]

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from flexmotion.drivers.bus.packet import MAX_ID
-from flexmotion.drivers.bus.port import SerialPort
 from flexmotion.drivers.bus.sum_client import SumClient
 from flexmotion.drivers.bus.tools import BusTools, Found
 from flexmotion.drivers.lx16a.protocol import ANSWER_SIZE, BAUD, FORMAT, Command
+from flexmotion.drivers.port import SerialPort
 
 
 class Lx16aTools(BusTools):

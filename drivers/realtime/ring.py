@@ -1,6 +1,6 @@
-"""`Ring`: rows of a fixed size in memory that forked processes share; one writes, any number read, nobody waits.
+"""`Ring`: rows of a fixed size in memory shared by forked processes: one writer, any number of readers, no waiting.
 
-The memory has no name: it is gone when the last process that has it is, however that process ends.
+The memory has no name: the system frees it when the last process that maps it ends, however that process ends.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ _barrier = threading.Lock()
 def fence() -> None:
     """Order memory accesses before and after this call, on processors that would reorder them (Arm).
 
-    What comes before cannot sink below the first release, what comes after cannot rise above the second acquire, and
-    a lock's own operations keep their order.
+    Accesses before the call cannot move past the first release, accesses after it cannot move ahead of the second
+    acquire, and operations on a lock keep their order.
     """
     for _ in range(2):
         _barrier.acquire()
@@ -30,7 +30,7 @@ def fence() -> None:
 
 
 def shared_array(shape: int | tuple[int, ...], dtype: np.dtype[Any] | type) -> Rows:
-    """An array of zeros that processes forked from this one share."""
+    """An array of zeros, shared with processes that are forked from this one."""
     kind = np.dtype(dtype)
     count = int(np.prod(shape, dtype=np.int64))
     memory = mmap.mmap(-1, max(count * kind.itemsize, 1))
@@ -38,7 +38,7 @@ def shared_array(shape: int | tuple[int, ...], dtype: np.dtype[Any] | type) -> R
 
 
 def touch(array: Rows) -> None:
-    """Read every page of a shared array, so that this process meets no page fault in it later."""
+    """Read every page of a shared array, so that this process has no page fault in it later."""
     array.view(np.uint8).reshape(-1)[:: mmap.PAGESIZE].max(initial=0)
 
 
@@ -74,7 +74,7 @@ class Ring:
         count = self.count
         if not count:
             return None
-        # The writer would have to lap the whole ring during this copy to spoil it.
+        # The copy is only torn if the writer writes the whole ring during it.
         fence()
         return self._rows[(count - 1) % self.capacity].copy()
 
@@ -82,22 +82,23 @@ class Ring:
         """See `touch`."""
         touch(self._rows)
 
-    def reader(self) -> Reader:
-        """A reader that begins with the oldest row still there."""
-        return Reader(self)
+    def reader(self, *, new_only: bool = False) -> Reader:
+        """A reader that begins with the oldest row still kept, or with the next row published (`new_only`)."""
+        return Reader(self, self.count if new_only else 0)
 
 
 class Reader:
-    """Follows a ring.
+    """Reads the rows of a ring in order.
 
     Attributes:
         lost: rows that were overwritten before they were read.
     """
 
-    def __init__(self, ring: Ring) -> None:
+    def __init__(self, ring: Ring, first: int = 0) -> None:
+        """`first` is the number of the first row to read."""
         self.ring = ring
         self.lost = 0
-        self._next = 0
+        self._next = first
 
     def read(self, most: int | None = None) -> Rows:
         """Copies of the rows published since the last call, oldest first, at most `most`; shape (k,)."""
@@ -115,7 +116,7 @@ class Reader:
         return rows[kept - first :]
 
     def _skip(self, count: int) -> int:
-        """First row that the writer cannot be overwriting now; what is before it counts as lost."""
+        """Number of the first unread row that the writer cannot be overwriting now; rows before it count as lost."""
         first = max(self._next, count - self.ring.capacity + 1, 0)
         self.lost += first - self._next
         self._next = first

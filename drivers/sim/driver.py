@@ -1,4 +1,4 @@
-"""`SimDriver`: the robot in MuJoCo, floating freely on a floor, behind the same door as a real one."""
+"""`SimDriver`: the robot simulated in MuJoCo, with a free-floating torso, on a floor."""
 
 from __future__ import annotations
 
@@ -11,35 +11,36 @@ from numpy.typing import NDArray
 from flexmotion.configs.robot import Robot
 from flexmotion.configs.schema import Strict
 from flexmotion.drivers.delay import DelayLine
-from flexmotion.drivers.interface import Capabilities, Driver, JointCommand, RobotState, Truth
+from flexmotion.drivers.interface import Capabilities, JointCommand, RobotState
 from flexmotion.drivers.plant import ServoPlant
 from flexmotion.drivers.receiver import Receiver
+from flexmotion.drivers.sim.ground_truth import GroundTruth
 from flexmotion.drivers.sim.imu import SimImu
 from flexmotion.drivers.sim.options import SimOptions
 from flexmotion.drivers.sim.process import SimProcess
 from flexmotion.drivers.sim.pushes import PushSchedule
-from flexmotion.drivers.sim.world import FLOOR, HOLDER, build_model, start_qpos
+from flexmotion.drivers.sim.world import HOLDER, build_model, start_qpos
+from flexmotion.drivers.simulated import LockstepDriver, Truth
 
 Float = NDArray[np.float64]
 
 OVERHEATED = 0x04
-"""Hardware error bit of a servo that shut down hot (bit 2 of Dynamixel's hardware error status)."""
+"""Hardware error bit of a servo that overheated and shut down (bit 2 of Dynamixel's hardware error status)."""
 
 UNBOUND = 1e6
-"""Torque bound that binds nothing [N·m]; finite, for the delay line takes means."""
+"""Torque bound above every servo's torque [N·m]; finite, because the delay line averages bounds."""
 
 log = logging.getLogger(__name__)
 
 
-class SimDriver(Driver):
+class SimDriver(LockstepDriver):
     """Physics in this process, in lockstep: time passes only in `advance`.
 
     A tick is `read`, `write`, `advance(1 / rate)`. Equal options and commands give equal runs, bit for bit.
 
     Attributes:
-        model, data: MuJoCo's, for viewers; `data` belongs to the driver.
+        model, data: MuJoCo's, for viewers; only the driver changes `data`.
         plant: the servos.
-        time: simulated time since `open` [s].
     """
 
     name = "sim"
@@ -53,10 +54,8 @@ class SimDriver(Driver):
         self.model = build_model(robot, self._settings)
         self.data = mujoco.MjData(self.model)
         self._torso = robot.torso_id
-        self._feet = np.array(robot.foot_ids)
         self._qpos, self._dof = _index(robot.qpos_address), _index(robot.dof_address)
-        self._soles = robot.soles[:, :, None]
-        self._floor = self.model.geom(FLOOR).id
+        self._truth = GroundTruth(robot, self.model, self.data)
         self._weld = self.model.equality(HOLDER).id
         self._has_current = np.array([servo.current_unit is not None for servo in robot.servos])
         self._open = False
@@ -64,7 +63,7 @@ class SimDriver(Driver):
 
     @property
     def capabilities(self) -> Capabilities:
-        """An IMU where robot file and options have one, effort where servos measure current, and all of simulation."""
+        """An IMU if the robot file and the options have one, effort if a servo measures current, all of simulation."""
         return Capabilities(
             imu=self._imu is not None,
             effort=bool(self._has_current.any()),
@@ -75,7 +74,7 @@ class SimDriver(Driver):
 
     @property
     def delay_s(self) -> float:
-        """The command delay without `extra_latency_s`, which is a mismatch nobody is told of."""
+        """The command delay [s], without `extra_latency_s`: the driver does not report that mismatch."""
         return self._settings.command_delay_s
 
     @property
@@ -90,7 +89,7 @@ class SimDriver(Driver):
 
     @property
     def receiver(self) -> Receiver:
-        """Where goals arrive and are counted."""
+        """Takes goals and counts those outside the envelope."""
         return self._receiver
 
     @property
@@ -114,12 +113,12 @@ class SimDriver(Driver):
         return float(self.data.xmat[self._torso, 8])
 
     def open(self) -> None:
-        """Put the robot on the floor in its start pose, torque off, held by the torso unless told otherwise."""
+        """Put the robot on the floor in its start pose, torque off; its torso is held if option `held` is set."""
         self._reset()
         self._open = True
 
     def detached(self, *, realtime: bool) -> SimProcess:
-        """See `Driver.detached`."""
+        """See `LockstepDriver`."""
         return SimProcess(self, realtime=realtime)
 
     def close(self) -> None:
@@ -129,7 +128,7 @@ class SimDriver(Driver):
             self._open = False
 
     def set_torque(self, on: bool) -> None:
-        """Switch all servos at once; on: goals are pinned, damping ends, and whoever held the robot lets go."""
+        """Switch all servos at once. On: goals are pinned, damping ends, and the torso is released."""
         if on:
             self._pin_goals()
             self.plant.stiffen()
@@ -139,12 +138,12 @@ class SimDriver(Driver):
             self.plant.enabled[:] = False
 
     def release(self) -> None:
-        """Whoever holds the torso lets go, unless the robot is suspended."""
+        """Stop holding the torso, unless the robot is suspended."""
         if not self._settings.suspended:
             self.data.eq_active[self._weld] = 0
 
     def place(self) -> None:
-        """Put the robot into its start pose, at rest, held by the torso unless told otherwise; torque stays."""
+        """Put the robot into its start pose, at rest, as `open` does; torque stays on or off."""
         robot, options, data = self.robot, self._settings, self.data
         mujoco.mj_resetData(self.model, data)
         pose = robot.stand_pose if options.start == "stand" else robot.rest_pose
@@ -161,9 +160,9 @@ class SimDriver(Driver):
         self._pin_goals()
 
     def receive(self, goal: Float, which: NDArray[np.bool_], bound: Float) -> None:
-        """Goals [rad] and torque bounds [N·m] for the servos marked in `which`: an emulated bus's way in, (n,) each.
+        """Take goals [rad] and torque bounds [N·m] from an emulated bus, (n,) each.
 
-        All of `goal` and `bound` is taken; what is not marked is not counted against the envelope.
+        All of `goal` and `bound` takes effect; only goals of servos marked in `which` are counted against the envelope.
         """
         n = self.robot.n
         receiver = self._receiver
@@ -173,12 +172,12 @@ class SimDriver(Driver):
         self._delay.push(self._command_row)
 
     def damp(self) -> None:
-        """Pin the goals and give way softly (see `ServoPlant.damp`)."""
+        """Pin the goals and lower gain and voltage (see `ServoPlant.damp`)."""
         self._pin_goals()
         self.plant.damp()
 
     def write(self, command: JointCommand) -> None:
-        """Send goals: quantised and counted against the envelope now, in force after the delay."""
+        """Send goals: they are quantised and counted against the envelope now, and take effect after the delay."""
         n = self.robot.n
         row = self._command_row
         self._receiver.receive(
@@ -194,7 +193,7 @@ class SimDriver(Driver):
         self._delay.push(row)
 
     def read(self, state: RobotState) -> None:
-        """Fill `state` with what the sensors saw `read_delay_s` ago; effort, supply and heat are of now."""
+        """Fill `state` with measurements that are `read_delay_s` old; effort, voltage and temperature are current."""
         robot, row = self.robot, self._history[(self._steps - self._read_steps) % len(self._history)]
         n = robot.n
         robot.from_ticks(robot.to_ticks(row[:n], out=state.position), out=state.position)
@@ -212,7 +211,7 @@ class SimDriver(Driver):
         state.stamp_ns = round(max(self._steps - self._read_steps, 0) * self._settings.timestep * 1e9)
 
     def advance(self, seconds: float) -> None:
-        """Simulate `seconds`, in whole physics steps; what is left over is carried to the next call."""
+        """Simulate `seconds` in whole physics steps; the remainder is carried over to the next call."""
         self._owed += seconds / self._settings.timestep
         steps = int(self._owed + 1e-6)
         self._owed -= steps
@@ -230,29 +229,8 @@ class SimDriver(Driver):
             self._shut_down(hot)
 
     def truth(self) -> Truth:
-        """The real state now; forces are of the last physics step, torque and saturation of the last `advance`."""
-        model, data, robot = self.model, self.data, self.robot
-        # mj_step leaves positions of before its integration: bring what is reported here up to the present.
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
-        mujoco.mj_comVel(model, data)
-        arm = np.matmul(data.xmat[self._feet].reshape(2, 3, 3), self._soles)[:, :, 0]
-        soles = data.xpos[self._feet] + arm
-        # cvel: rotation, then velocity of the body's point at the centre of mass of its whole tree.
-        twist = data.cvel[self._feet]
-        arm = soles - data.subtree_com[self._torso]
-        return Truth(
-            base_position=data.xpos[self._torso].copy(),
-            base_quaternion=data.xquat[self._torso].copy(),
-            joint_position=data.qpos[robot.qpos_address],
-            foot_position=soles,
-            foot_velocity=twist[:, 3:] + _cross(twist[:, :3], arm),
-            foot_force=data.cfrc_ext[self._feet, 3:],
-            torque=self._torque.copy(),
-            saturated=self._saturated.copy(),
-            com=data.subtree_com[self._torso].copy(),
-            self_contact=self._touches_itself(),
-        )
+        """The true state now; torque and saturation are those of the last `advance`."""
+        return self._truth.read(self._torque, self._saturated)
 
     def _reset(self) -> None:
         robot, options = self.robot, self._settings
@@ -300,7 +278,7 @@ class SimDriver(Driver):
         self._pushed = force is not None
 
     def _remember(self) -> None:
-        """Keep what the sensors see now: joint positions, speeds, IMU; `read` returns it `read_delay_s` later."""
+        """Store the present joint positions, speeds and IMU sample; `read` returns them `read_delay_s` later."""
         n = self.robot.n
         row = self._newest = self._history[self._steps % len(self._history)]
         row[:n] = self.data.qpos[self._qpos]
@@ -309,7 +287,7 @@ class SimDriver(Driver):
             row[2 * n :] = self._imu.sample
 
     def _pin_goals(self) -> None:
-        """Goals at the present position, and nothing on its way."""
+        """Set the goals to the present positions; goals still in the delay line are dropped."""
         n = self.robot.n
         self._receiver.pin(self._newest[:n])
         self._command_row[:n] = self._receiver.goal
@@ -317,23 +295,14 @@ class SimDriver(Driver):
         self._delay.reset(self._command_row)
 
     def _shut_down(self, hot: NDArray[np.bool_]) -> None:
-        """A servo past its temperature limit turns its own torque off, as real ones do."""
+        """Servos past their temperature limit switch their own torque off, as real servos do."""
         for index in np.flatnonzero(hot & (self._hardware_error == 0)):
             log.warning("joint %s: servo overheated and shut down", self.robot.joint_names[index])
         self._hardware_error[hot] |= OVERHEATED
         self.plant.enabled[hot] = False
 
-    def _touches_itself(self) -> bool:
-        contacts = self.data.contact.geom
-        return bool((contacts != self._floor).all(axis=1).any()) if len(contacts) else False
-
 
 def _index(addresses: NDArray[np.int64]) -> slice | NDArray[np.int64]:
-    """Where joints lie in `qpos` or `qvel`; a slice if they follow one another, which numpy takes without a copy."""
+    """Indices of the joints in `qpos` or `qvel`; a slice if they are consecutive, which numpy reads without a copy."""
     first, n = int(addresses[0]), len(addresses)
     return slice(first, first + n) if np.array_equal(addresses, np.arange(first, first + n)) else addresses
-
-
-def _cross(a: Float, b: Float) -> Float:
-    """Cross products by row, (m, 3); numpy's own takes longer than the physics step that this follows."""
-    return a[:, [1, 2, 0]] * b[:, [2, 0, 1]] - a[:, [2, 0, 1]] * b[:, [1, 2, 0]]

@@ -1,4 +1,4 @@
-"""`SimProcess`: the simulated robot in a process of its own, on the real clock, as hardware is."""
+"""`SimProcess`: a simulated robot on the real clock, in a process of its own."""
 
 from __future__ import annotations
 
@@ -7,25 +7,23 @@ import time
 from dataclasses import fields
 from multiprocessing.connection import Connection, Pipe
 from multiprocessing.process import BaseProcess
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexmotion.configs.errors import DriverError
-from flexmotion.drivers.interface import Capabilities, Driver, JointCommand, RobotState, Truth
+from flexmotion.drivers.interface import Capabilities, JointCommand, RobotState
 from flexmotion.drivers.realtime import child, priority
 from flexmotion.drivers.realtime.ring import Reader, Ring
 from flexmotion.drivers.realtime.ticker import Ticker
-
-if TYPE_CHECKING:
-    from flexmotion.drivers.sim.driver import SimDriver
+from flexmotion.drivers.simulated import LockstepDriver, SimulatedDriver, Truth
 
 QUANTUM_S = 0.002
-"""Simulated time goes on in steps of this, each when its time has come [s]: a quarter of a servo bus's usual cycle."""
+"""Step of simulated time, each taken when it is due on the real clock [s]: a quarter of a servo bus's usual cycle."""
 _OPEN_PATIENCE_S, _CLOSE_PATIENCE_S = 5.0, 1.0
 _PAUSE_S = 0.1
-"""What shares its processor with others may pause for longer than a servo bus ever does, and is alive [s]."""
+"""Longest pause of the process that does not count as silence [s]; it shares its processor with other processes."""
 _GOALS, _TORQUE_ON, _TORQUE_OFF, _DAMP, _END = range(5)
 _TRUTH = tuple(field.name for field in fields(Truth))
 _STATE = ("position", "velocity", "effort", "voltage", "temperature", "hardware_error", "gyro", "accel")
@@ -59,20 +57,20 @@ def _state_dtype(n: int) -> np.dtype[Any]:
     )
 
 
-class SimProcess(Driver):
-    """A driver that talks to a simulated robot through shared memory.
+class SimProcess(SimulatedDriver):
+    """Runs a lockstep driver in a process of its own and exchanges messages with it through shared memory.
 
-    The robot's time passes whether or not anybody reads. A robot whose process has died answers no more: its joints
-    go stale, as they do on a bus whose cable was pulled.
+    The robot's time passes whether or not `read` is called. If the process dies, all joints go stale, as on a bus whose
+    cable was pulled.
 
     Args:
-        simulation: the robot to run, not yet open; it belongs to the process from `open` on.
+        simulation: the robot to run, not yet open; from `open` on only the process uses it.
         realtime: whether the process may ask for realtime scheduling.
     """
 
     name = "sim"
 
-    def __init__(self, simulation: SimDriver, *, realtime: bool = True) -> None:
+    def __init__(self, simulation: LockstepDriver, *, realtime: bool = True) -> None:
         super().__init__(simulation.robot, options=simulation.options)
         self.simulation = simulation
         self._realtime = realtime
@@ -88,7 +86,7 @@ class SimProcess(Driver):
 
     @property
     def capabilities(self) -> Capabilities:
-        """Those of the simulation, but for its clock."""
+        """Those of the simulation, without `lockstep`."""
         inner = self.simulation.capabilities
         return Capabilities(
             imu=inner.imu, effort=inner.effort, torque_bound=inner.torque_bound, lockstep=False, truth=inner.truth
@@ -96,39 +94,39 @@ class SimProcess(Driver):
 
     @property
     def delay_s(self) -> float:
-        """As the simulation reports it; the process takes goals up to `QUANTUM_S` later."""
+        """Delay of the simulation [s]; the process takes goals up to `QUANTUM_S` later."""
         return self.simulation.delay_s
 
     @property
     def violations(self) -> int:
-        """Goals outside the servos' envelope, as of the newest state that was read."""
+        """Goals outside the servos' envelope, up to the last `read`."""
         return int(self._newest["violations"])
 
     @property
     def lateness_s(self) -> float:
-        """How late the simulated robot ran since the last read but one, at worst [s]."""
+        """Greatest lateness of the simulation in the tick of the newest state and the one before [s]."""
         return float(self._newest["worst_late_s"])
 
     @property
     def pid(self) -> int | None:
-        """Of the robot's process; None while it is not open."""
+        """Process id of the robot's process; None while it is not open."""
         return None if self._process is None else self._process.pid
 
     def open(self) -> None:
-        """Start the process and wait for its first state. Raises `DriverError` where none comes."""
-        ears, mouth = Pipe(duplex=False)
-        self._process = child.start("robot", self._serve, mouth)
-        mouth.close()
+        """Start the process and wait for its first state. Raises `DriverError` if none comes."""
+        result, result_writer = Pipe(duplex=False)
+        self._process = child.start("robot", self._serve, result_writer, self._commands.reader(new_only=True))
+        result_writer.close()
         error: Exception | None = DriverError("driver 'sim': the simulated robot's process did not start")
         with contextlib.suppress(EOFError):
-            if ears.poll(_OPEN_PATIENCE_S):
-                error = ears.recv()
+            if result.poll(_OPEN_PATIENCE_S):
+                error = result.recv()
         if error is not None:
             self.close()
             raise error
 
     def read(self, state: RobotState) -> None:
-        """Fill `state` with the newest measurement; `stale` counts reads that found no new one."""
+        """Fill `state` with the newest measurement; `stale` counts reads that found no new one, see `_reads_behind`."""
         newest = self._states.latest()
         count = self._states.count
         self._unchanged = self._unchanged + 1 if count == self._seen else 0
@@ -144,13 +142,13 @@ class SimProcess(Driver):
             state.imu_stale = int(state.stale[0])
 
     def _reads_behind(self) -> int:
-        """Reads in a row that told nothing new: as many as a robot that pauses may miss, more once it paused too long.
+        """Consecutive reads without a new state, at most `max_stale_reads` until the pause is longer than `_PAUSE_S`.
 
-        One is nothing yet: two reads may follow each other closely after a loop was late.
+        A single one counts as 0: after a late tick two reads may follow each other closely.
         """
-        borne = self.robot.safety.max_stale_reads
-        paused_too_long = max(self._unchanged - self._patience, 0)
-        return borne + paused_too_long if paused_too_long else min(max(self._unchanged - 1, 0), borne)
+        tolerated = self.robot.safety.max_stale_reads
+        excess = max(self._unchanged - self._patience, 0)
+        return tolerated + excess if excess else min(max(self._unchanged - 1, 0), tolerated)
 
     def write(self, command: JointCommand) -> None:
         """Send goals."""
@@ -162,16 +160,16 @@ class SimProcess(Driver):
         self._send(_TORQUE_ON if on else _TORQUE_OFF)
 
     def damp(self) -> None:
-        """Let the joints give way softly."""
+        """Let the joints give way."""
         self._send(_DAMP)
 
     def truth(self) -> Truth:
-        """The real pose as of the newest state that was read."""
+        """The true state at the last `read`."""
         values: dict[str, Any] = {name: self._newest[name] for name in _TRUTH}
         return Truth(**values | {"self_contact": bool(values["self_contact"])})
 
     def close(self) -> None:
-        """Torque off, and the process ended."""
+        """Switch torque off and end the process."""
         if self._process is not None:
             self._send(_TORQUE_OFF)
             self._send(_END)
@@ -184,9 +182,9 @@ class SimProcess(Driver):
 
     # ---------------------------------------------------------------- in the robot's process
 
-    def _serve(self, opened: Connection) -> None:
-        """Be the robot: let time pass, obey, publish what the sensors see."""
-        simulation, commands = self.simulation, self._commands.reader()
+    def _serve(self, opened: Connection, commands: Reader) -> None:
+        """Main function of the process: step time, carry out commands, publish states."""
+        simulation = self.simulation
         try:
             simulation.open()
         except DriverError as error:
@@ -202,8 +200,8 @@ class SimProcess(Driver):
         worst, step, ended = [0.0, 0.0], 0, False
         while not ended:
             ticker.wait()
-            ended = self._obey(commands)
-            # Late is late: the time that has passed is simulated, none is left out.
+            ended = self._execute(commands)
+            # Skipped steps are simulated too: simulated time keeps up with the real clock.
             simulation.advance(QUANTUM_S * (1 + ticker.skipped))
             step += 1
             late = 1e-9 * ticker.late_ns + QUANTUM_S * ticker.skipped
@@ -213,14 +211,14 @@ class SimProcess(Driver):
             self._publish(sensed, row, late, max(worst))
         simulation.close()
 
-    def _obey(self, commands: Reader) -> bool:
-        """Do what was asked since the last step, in order; whether it was to end."""
+    def _execute(self, commands: Reader) -> bool:
+        """Carry out the commands that came since the last step, in order; True if the process must end."""
         simulation = self.simulation
         command = JointCommand(self.robot.n)
-        for asked in commands.read():
-            kind = int(asked["kind"])
+        for row in commands.read():
+            kind = int(row["kind"])
             if kind == _GOALS:
-                command.position[:], command.torque_bound[:] = asked["position"], asked["torque_bound"]
+                command.position[:], command.torque_bound[:] = row["position"], row["torque_bound"]
                 simulation.write(command)
             elif kind in (_TORQUE_ON, _TORQUE_OFF):
                 simulation.set_torque(kind == _TORQUE_ON)

@@ -325,7 +325,7 @@ def _heard(driver: BusDriver, state: RobotState, index: int) -> bool:
 
 @contextmanager
 def _open(kind: type[BusTools], port: str, baud: int) -> Iterator[BusTools]:
-    from flexmotion.drivers.bus.port import SerialPort
+    from flexmotion.drivers.port import SerialPort
 
     line = SerialPort(port, baud)
     try:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from flexmotion.configs.robot import Robot
 from flexmotion.drivers.interface import Driver, JointCommand, RobotState
+from flexmotion.drivers.simulated import SimulatedDriver, simulated
 from flexmotion.retarget.plan import Plan
 from flexmotion.retarget.retargeter import Retargeter
 from flexmotion.streamer.control.estimator import Estimator
@@ -394,15 +395,16 @@ class ControlLoop:
         row["tick"], row["state"] = self.tick_count, self.ladder.state
         row["ready"], row["plan_over"], row["must_stop"] = self.ready, self.plan_over, self.must_stop
         row["offer"], row["pending"] = self._looked_at, 0 if self.waiting is None else self.waiting.ticket.id
-        row["robot_lateness_s"], row["violations"] = self.driver.lateness_s, self.driver.violations
+        row["violations"] = self.driver.violations
         for name in _MEASURED:
             row[_COLUMNS.get(name, name)] = getattr(state, name)
         row["tilt"], row["hung"] = self.estimator.tilt, self.suspension.hung
         row["hardware_failed"] = self.hardware_failed
         row["contact_ref"] = False
         self._describe_plan()
-        if self.driver.capabilities.truth:
-            self._describe_truth()
+        robot = simulated(self.driver)
+        if robot is not None:
+            self._describe_truth(robot)
         if playback in (Playback.NOTHING, Playback.DAMP):
             return
         row["q_cmd"] = self.command.position
@@ -458,8 +460,9 @@ class ControlLoop:
             row["underruns"] += 1
             self._event("warning", f"no plan followed plan {ticket.id}: its own stop is played")
 
-    def _describe_truth(self) -> None:
-        row, truth = self.telemetry.row, self.driver.truth()
+    def _describe_truth(self, robot: SimulatedDriver) -> None:
+        row, truth = self.telemetry.row, robot.truth()
+        row["robot_lateness_s"] = robot.lateness_s
         row["true_base"][:3], row["true_base"][3:] = truth.base_position, truth.base_quaternion
         row["true_q"], row["true_com"] = truth.joint_position, truth.com
         row["true_foot"], row["true_foot_velocity"] = truth.foot_position, truth.foot_velocity

@@ -33,7 +33,7 @@ def tick_dtype(n: int) -> np.dtype[Any]:
                              what the feedback adds to the zero-moment point
     foot_ref, base_ref       planned soles (x, y, z, yaw), left and right; planned torso, position and w x y z
     hand_error               distance of each hand's reference from where the human's maps to
-    true_*                   ground truth of a simulation (flexmotion.drivers.interface.Truth)
+    true_*                   ground truth of a simulation (flexmotion.drivers.simulated.Truth)
     contact_ref              planned contact of left and right foot
     ready, plan_over, must_stop           waits for its first plan; the plan is played; only a plan that stops is taken
     hung                     the feet are in the air

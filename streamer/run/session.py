@@ -14,6 +14,7 @@ from flexmotion.configs.robot import Robot
 from flexmotion.configs.stream import StreamSettings
 from flexmotion.drivers.interface import Driver
 from flexmotion.drivers.realtime.priority import Scheduling, awake
+from flexmotion.drivers.simulated import LockstepDriver, lockstep
 from flexmotion.human.contacts import ContactDetector
 from flexmotion.human.motion import Motion
 from flexmotion.retarget.human import HumanWindow
@@ -99,9 +100,10 @@ class Session:
         """
         if clock == "real":
             return self._run_real()
-        if not self.driver.capabilities.lockstep:
+        stepped = lockstep(self.driver)
+        if stepped is None:
             raise ConfigError(f"driver {self.driver.name!r} runs on the real clock only; use --clock real")
-        return self._run_lockstep()
+        return self._run_lockstep(stepped)
 
     def control_loop(self, driver: Driver) -> ControlLoop:
         """The loop of this run."""
@@ -112,16 +114,16 @@ class Session:
     def _planning(self, lead: Lead, tell: Callable[[str], None]) -> Replanner:
         return Replanner(self.planner, self.plans, self.telemetry.ticks, self.settings, self.targets, lead, tell)
 
-    def _run_lockstep(self) -> RunTrace:
+    def _run_lockstep(self, driver: LockstepDriver) -> RunTrace:
         period = 1.0 / self.robot.rate_hz
         lead = FixedLead(max(round(self.settings.commit_s * self.robot.rate_hz), 1))
         replanner = self._planning(lead, partial(self.controls.ask, Request.NOTE))
         collector = Collector(self.telemetry, self.record)
         followers = [service.follow() for service in self.services]
-        with ExitStack() as ending, self.driver:
+        with ExitStack() as ending, driver:
             for follow in followers:
                 ending.callback(follow, True)
-            loop = self.loop = self.control_loop(self.driver)
+            loop = self.loop = self.control_loop(driver)
             lifecycle = Lifecycle(loop, self.settings, seconds=self.seconds, stay=False)
             listener = self.controls.listener()
             while not lifecycle.finished:
@@ -138,7 +140,7 @@ class Session:
                         # What plays ends in its own stop.
                         lifecycle.broken = f"{type(error).__name__}: {error}"
                 loop.tick()
-                self.driver.advance(period)
+                driver.advance(period)
                 for event in collector.collect():
                     self.tell(event)
                 for follow in followers:
@@ -148,9 +150,8 @@ class Session:
         return self.record
 
     def _run_real(self) -> RunTrace:
-        driver = self.driver
-        if driver.capabilities.lockstep:
-            driver = driver.detached(realtime=self.realtime)
+        stepped = lockstep(self.driver)
+        driver = self.driver if stepped is None else stepped.detached(realtime=self.realtime)
         planner_controls = RequestChannel()
         lead = MeasuredLead(self.robot.rate_hz, _AT_FIRST_S, self.settings.horizon_s - self.settings.replan_s)
         supervisor = Supervisor(

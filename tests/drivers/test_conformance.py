@@ -1,15 +1,20 @@
-"""Every driver of the project passes the suite that it offers to others."""
+"""Every driver of the project passes the conformance suite."""
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 
 import pytest
 
 from flexmotion.configs.robot import Robot, load_robot
+from flexmotion.drivers.bus.driver import BusDriver
 from flexmotion.drivers.conformance import DriverConformance
+from flexmotion.drivers.emulator.lockstep import LockstepBus
 from flexmotion.drivers.emulator.loopback import Loopback
-from flexmotion.drivers.interface import Driver
+from flexmotion.drivers.emulator.sim_body import SimBody
+from flexmotion.drivers.interface import Driver, RobotState
+from flexmotion.drivers.registry import create
 from flexmotion.drivers.sim.driver import SimDriver
 from flexmotion.drivers.sim.options import SimOptions
 
@@ -21,8 +26,33 @@ class TestSim(DriverConformance):
         return SimDriver(load_robot("op3"), options=SimOptions(suspended=True))
 
 
+@pytest.mark.wall_clock
+class TestDetachedSim(DriverConformance):
+    def make_driver(self) -> Driver:
+        return SimDriver(load_robot("op3"), options=SimOptions(suspended=True)).detached(realtime=False)
+
+    def wait(self, driver: Driver, seconds: float) -> None:
+        """Wait until the robot's clock has passed `seconds`: on a slow machine its process may pause."""
+        state, hangs = RobotState(driver.robot.n), time.monotonic() + 60.0
+        driver.read(state)
+        end = state.stamp_ns + round(seconds * 1e9)
+        while state.stamp_ns < end:
+            assert time.monotonic() < hangs, "the robot's process publishes no states"
+            time.sleep(0.001)
+            driver.read(state)
+
+
+class TestLockstepBus(DriverConformance):
+    def make_driver(self) -> Driver:
+        robot = load_robot("op3")
+        body = SimBody(robot, SimOptions(suspended=True))
+        driver = create("dynamixel", robot, port="main")
+        assert isinstance(driver, BusDriver)
+        return LockstepBus(driver, Loopback(body), body)
+
+
 class OnLoopback(DriverConformance):
-    """Bus drivers on emulated servos; time passes in their world."""
+    """Bus drivers on emulated servos; time passes on the emulated clock."""
 
     driver: str
     robot: Robot

@@ -18,9 +18,9 @@ import pytest
 import yaml
 
 from flexmotion.configs.robot import ROBOTS, Robot, load_robot
-from flexmotion.drivers.bus.port import SerialPort
 from flexmotion.drivers.dynamixel.registers import table_of
 from flexmotion.drivers.dynamixel.sdk import Client
+from flexmotion.drivers.port import SerialPort
 
 ChildNamed = Callable[..., psutil.Process]
 

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from flexmotion.configs.robot import Robot, load_robot
 from flexmotion.drivers.bus.driver import READ_SHARE, BusDriver
-from flexmotion.drivers.bus.port import SerialPort
 from flexmotion.drivers.emulator.loopback import Loopback
 from flexmotion.drivers.interface import JointCommand, RobotState
+from flexmotion.drivers.port import SerialPort
 
 from .robots import looped, op3_with
 

@@ -11,9 +11,9 @@ import yaml
 from flexmotion.configs.errors import ConfigError, DriverError
 from flexmotion.configs.robot import ROBOTS, Robot, load_robot
 from flexmotion.configs.servo import find_servo
-from flexmotion.drivers.bus.port import SerialPort
 from flexmotion.drivers.emulator.body import BenchBody
 from flexmotion.drivers.emulator.loopback import Loopback
+from flexmotion.drivers.port import SerialPort
 from flexmotion.drivers.registry import create
 
 from .robots import op3_with
@@ -35,7 +35,7 @@ def test_servos_that_no_driver_speaks_to(servo: str, why: str) -> None:
 
 def test_a_can_interface_is_no_serial_port(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     (tmp_path / "can0").mkdir()
-    monkeypatch.setattr("flexmotion.drivers.bus.port.NETWORK", tmp_path)
+    monkeypatch.setattr("flexmotion.drivers.port.NETWORK", tmp_path)
     with pytest.raises(DriverError, match="port can0: is a CAN or network interface, no serial port: a driver plug-in"):
         SerialPort("can0", 1_000_000)
 

@@ -11,7 +11,6 @@ import pytest
 
 from flexmotion.configs.errors import ConfigError, DriverError
 from flexmotion.configs.robot import Robot
-from flexmotion.drivers.bus.port import SerialPort
 from flexmotion.drivers.bus.servo_bus import TORQUE_LOST
 from flexmotion.drivers.dynamixel.driver import DynamixelDriver
 from flexmotion.drivers.dynamixel.registers import Register
@@ -23,6 +22,7 @@ from flexmotion.drivers.emulator.faults import Fault, FaultKind
 from flexmotion.drivers.emulator.loopback import Loopback
 from flexmotion.drivers.emulator.servo import XServo
 from flexmotion.drivers.interface import JointCommand, RobotState
+from flexmotion.drivers.port import SerialPort
 from flexmotion.drivers.registry import create
 
 from ..bus.robots import op3_with

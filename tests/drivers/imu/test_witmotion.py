@@ -23,7 +23,6 @@ from flexmotion.configs.errors import ConfigError, DriverError
 from flexmotion.configs.robot import Robot
 from flexmotion.drivers import plugins
 from flexmotion.drivers.bus.driver import BusDriver
-from flexmotion.drivers.bus.port import SerialPort
 from flexmotion.drivers.emulator.body import BenchBody
 from flexmotion.drivers.emulator.emulator import Emulator
 from flexmotion.drivers.emulator.faults import Fault
@@ -34,6 +33,7 @@ from flexmotion.drivers.imu.interface import StandaloneImu
 from flexmotion.drivers.imu.witmotion.protocol import Kind, frame
 from flexmotion.drivers.imu.witmotion.sensor import WitMotion
 from flexmotion.drivers.interface import JointCommand, RobotState
+from flexmotion.drivers.port import SerialPort
 from flexmotion.drivers.registry import create
 
 from .robots import looped, op3_with_imu

@@ -50,6 +50,16 @@ def test_a_reader_sees_every_row_once_in_order_or_counts_it_as_lost(
         assert newest is not None and newest["number"] == written - 1
 
 
+def test_a_reader_of_new_rows_skips_those_published_before() -> None:
+    ring = Ring(ROW, 4)
+    for number in range(3):
+        ring.publish(row(number))
+    reader = ring.reader(new_only=True)
+    assert len(reader.read()) == 0
+    ring.publish(row(3))
+    assert reader.read()["number"].tolist() == [3] and reader.lost == 0
+
+
 def _write(ring: Ring, count: int) -> None:
     for number in range(count):
         ring.publish(row(number))
