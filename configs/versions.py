@@ -37,8 +37,6 @@ class FormatVersions:
             )
         found = f"{origin}: field version: {self.kind} of version {version}, this release reads {read}"
         if version > self.newest:
-            raise ConfigError(
-                f"{found}: the file is too new, install the FlexMotion release that wrote it or a later one"
-            )
+            raise ConfigError(f"{found}: the file is too new: install the FlexMotion release that wrote it, or newer")
         if version < self.oldest:
-            raise ConfigError(f"{found}: the file is too old, {self.migration}")
+            raise ConfigError(f"{found}: the file is too old: {self.migration}")

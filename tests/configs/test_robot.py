@@ -96,11 +96,11 @@ def test_a_file_without_version_is_read_as_version_1(spoiled: Callable[[Edit], P
     [
         (
             2,
-            "robot file of version 2, this release reads 1: the file is too new, install the FlexMotion release",
+            "robot file of version 2, this release reads 1: the file is too new: install the FlexMotion release",
         ),
         (
             0,
-            "robot file of version 0, this release reads 1: the file is too old, change it as docs/drivers.md",
+            "robot file of version 0, this release reads 1: the file is too old: change it as docs/drivers.md",
         ),
         ("1", r"field version: '1', expected a whole number; this release reads 1"),
         (True, r"field version: True, expected a whole number"),
@@ -121,7 +121,7 @@ def test_the_versions_that_are_read_are_named_with_the_migration() -> None:
     versions = FormatVersions(kind="robot file", oldest=2, newest=4, migration="run `flexmotion migrate`")
     for version in (2, 3, 4):
         versions.check(version, "robot.yaml")
-    with pytest.raises(ConfigError, match="version 1, this release reads 2 to 4: the file is too old, run `flex"):
+    with pytest.raises(ConfigError, match="version 1, this release reads 2 to 4: the file is too old: run `flex"):
         versions.check(1, "robot.yaml")
     with pytest.raises(ConfigError, match="version 5, this release reads 2 to 4: the file is too new"):
         versions.check(5, "robot.yaml")
