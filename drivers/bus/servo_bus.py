@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.robot import Robot
-from flexmotion.configs.servo import Protocol
+from flexmotion.configs.servo import Protocol, Servo
 from flexmotion.drivers.bus.options import BusOptions
 from flexmotion.drivers.bus.witness import GoalWitness
 from flexmotion.drivers.imu.interface import Imu
@@ -83,6 +84,7 @@ class ServoBus(ABC):
         joints: indices of its joints in the robot's order, (m,); `where` the same, as a slice if it is one, which numpy
             takes several times faster.
         ids: addresses of their servos.
+        torque_per_unit: torque of one unit of measured current, (m,) [N·m]; NaN where a servo measures none.
         measured: the newest values.
         witness: keeps back goals that the servos are not to take.
         pins: goals that servos were last pinned to, in their units, (m,); NaN once the driver has taken them.
@@ -100,6 +102,7 @@ class ServoBus(ABC):
         self.where: slice | NDArray[np.int64] = slice(first, first + m) if consecutive else self.joints
         self.ids = [robot.joints[i].id for i in self.joints]
         self.servos = [robot.servos[i] for i in self.joints]
+        self.torque_per_unit = np.array([_torque_per_unit(servo) for servo in self.servos])
         self.measured = Measurement(len(self.joints))
         ends = np.stack([robot.to_ticks(robot.lower), robot.to_ticks(robot.upper)])[:, self.joints]
         self.witness = GoalWitness(ends.min(axis=0), ends.max(axis=0))
@@ -199,3 +202,7 @@ class ServoBus(ABC):
     def close(self) -> None:
         """Let go of the port."""
         self.port.close()
+
+
+def _torque_per_unit(servo: Servo) -> float:
+    return (servo.current_unit or math.nan) * (servo.torque_constant or servo.stall_torque / servo.stall_current)

@@ -1,4 +1,4 @@
-"""`DynamixelBus`: devices on one bus that hear instructions in bytes and answer in bytes, as Protocol 2.0 says."""
+"""`EmulatedDynamixelBus`: devices on one bus that receive and answer packets of Protocol 2.0."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _LENGTH = slice(5, 7)
 _WRITES_TO_MANY = tuple(bytes([kind]) for kind in (Instruction.SYNC_WRITE, Instruction.BULK_WRITE))
 
 
-class DynamixelBus:
+class EmulatedDynamixelBus:
     """All devices of one bus.
 
     Args:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -44,12 +42,6 @@ class FeetechBus(ServoBus):
         self._fields = [table[field] for field in _READ]
         self._first, self._size = _read_span()
         self._tick = np.array([servo.tick_rad for servo in self.servos])
-        self._torque_per_unit = np.array(
-            [
-                (s.current_unit or math.nan) * (s.torque_constant or s.stall_torque / s.stall_current)
-                for s in self.servos
-            ]
-        )
         self._patience = 0.0
         self._answered: set[int] = set()
         self._on = False
@@ -205,7 +197,7 @@ class FeetechBus(ServoBus):
         )
         measured = self.measured
         measured.ticks[slot], measured.velocity[slot] = position, speed * self._tick[slot]
-        measured.effort[slot] = current * self._torque_per_unit[slot]
+        measured.effort[slot] = current * self.torque_per_unit[slot]
         measured.voltage[slot], measured.temperature[slot] = voltage * VOLTAGE, temperature
         measured.error[slot], measured.fresh[slot] = status, True
         self._answered.add(slot)

@@ -16,7 +16,7 @@ from flexmotion.drivers.dynamixel.driver import DynamixelDriver
 from flexmotion.drivers.dynamixel.registers import Register
 from flexmotion.drivers.dynamixel.sdk import Client
 from flexmotion.drivers.emulator.body import BenchBody
-from flexmotion.drivers.emulator.dynamixel_bus import DynamixelBus
+from flexmotion.drivers.emulator.dynamixel_bus import EmulatedDynamixelBus
 from flexmotion.drivers.emulator.emulator import Emulator
 from flexmotion.drivers.emulator.faults import Fault, FaultKind
 from flexmotion.drivers.emulator.loopback import Loopback
@@ -51,9 +51,9 @@ class Rig:
         self.command.position[:] = robot.stand_pose
 
     @property
-    def bus(self) -> DynamixelBus:
+    def bus(self) -> EmulatedDynamixelBus:
         bus = self.emulator.lines[0].bus
-        assert isinstance(bus, DynamixelBus)
+        assert isinstance(bus, EmulatedDynamixelBus)
         return bus
 
     def servo(self, id_: int) -> XServo:
@@ -375,7 +375,7 @@ def test_old_firmware_is_read_by_sync_read(rig: Callable[..., Rig]) -> None:
     it.start()
     it.tick(5)
     assert not it.state.stale.any()
-    groups = it.driver.buses[0]._groups  # type: ignore[attr-defined]
+    groups = it.driver.buses[0].cycle.groups
     assert sorted((group.fast, len(group.ids)) for group in groups) == [(False, 1), (True, 19)]
 
 
@@ -536,7 +536,7 @@ def test_a_joint_that_sagged_past_its_limit_is_pinned_there_and_counted_if_sent_
 
 
 def test_a_servo_past_its_own_limits_is_pinned_to_these(rig: Callable[..., Rig]) -> None:
-    """The goal was clipped on its way and compared unclipped: "does not take the goal to stay where it is"."""
+    """The goal was clipped on its way and compared unclipped: "does not take a goal at its present position"."""
     it = rig()
     it.driver.open()
     it.driver.read(it.state)
