@@ -12,7 +12,7 @@ from flexmotion.configs.errors import DriverError
 from flexmotion.configs.robot_file import Imu as ImuConfig
 from flexmotion.configs.schema import Strict
 from flexmotion.drivers.bus.port import BITS_A_BYTE, SerialPort
-from flexmotion.drivers.imu.interface import GRAVITY, OpenPort, StandaloneImu
+from flexmotion.drivers.imu.interface import OpenPort, StandaloneImu
 from flexmotion.drivers.imu.witmotion.protocol import (
     ACCEL_FULL_G,
     BANDWIDTHS,
@@ -27,6 +27,7 @@ from flexmotion.drivers.imu.witmotion.protocol import (
     Register,
     command,
 )
+from flexmotion.spatial.gravity import GRAVITY
 
 SAMPLE_SIZE = 2 * FRAME_SIZE
 """Bytes of a sample: a frame of acceleration, then one of angular velocity."""
