@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from flexmotion.configs.robot import Robot
 from flexmotion.configs.schema import Strict
+from flexmotion.spatial.gravity import GRAVITY
 
 Float = NDArray[np.float64]
 
@@ -64,7 +65,7 @@ class RobotState:
     hardware_error: NDArray[np.int64] = field(init=False)
     stale: NDArray[np.int64] = field(init=False)
     gyro: Float = field(default_factory=lambda: np.zeros(3))
-    accel: Float = field(default_factory=lambda: np.array([0.0, 0.0, 9.81]))
+    accel: Float = field(default_factory=lambda: np.array([0.0, 0.0, GRAVITY]))
     imu_stale: int = -1
 
     def __post_init__(self) -> None:

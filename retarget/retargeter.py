@@ -29,6 +29,7 @@ from flexmotion.retarget.plan import Plan
 from flexmotion.retarget.schedule import SHIFT_S, Schedule
 from flexmotion.retarget.state import StateLayout, pack_steps
 from flexmotion.retarget.whole_body import POSTURE, WholeBody
+from flexmotion.spatial.gravity import GRAVITY
 
 Float = NDArray[np.float64]
 
@@ -111,7 +112,7 @@ class Retargeter:
         self.com_height = float(self.body.dynamics.centre_of_mass(base, q)[0, 2])
         self._smoother = butter(2, _ACCELERATION_CUTOFF_HZ, fs=self.rate, output="sos")
         self._settled = sosfilt_zi(self._smoother)[:, :, None]
-        self.omega = float(np.sqrt(balance.GRAVITY / self.com_height))
+        self.omega = float(np.sqrt(GRAVITY / self.com_height))
         self.absorber = JoinAbsorber(robot.sole_half_size.min(axis=0), self.omega, self.dt, settings.dcm_absorb_s)
         self._put_off = [int(round(seconds * self.rate)) for seconds in _PUT_OFF_S]
 

@@ -28,9 +28,10 @@ from verdicts import Verdict, benchmark, write_csv
 
 from flexmotion.bundles.bundle import Bundle
 from flexmotion.human.concatenate import concatenate
-from flexmotion.human.kinematics import forward, heading
+from flexmotion.human.kinematics import forward
 from flexmotion.human.motion import Motion
 from flexmotion.sampling.sampler import Condition, Sampler
+from flexmotion.spatial.heading import matrix_heading
 from flexmotion.streamer.motion.intents import Text
 from flexmotion.streamer.motion.model_source import ModelSource
 from flexmotion.streamer.motion.script import Item
@@ -73,7 +74,7 @@ def apart(first: Motion, second: Motion, frame: int, other: int) -> Float:
     """Root [m], farther foot [m] and heading [degrees] between a frame of one motion and one of another."""
     one, two = forward(first[frame : frame + 1]), forward(second[other : other + 1])
     feet = np.stack([one.ankle - two.ankle, one.toe - two.toe])
-    turn = heading(one.pelvis_rotation[0]) - heading(two.pelvis_rotation[0])
+    turn = matrix_heading(one.pelvis_rotation[0]) - matrix_heading(two.pelvis_rotation[0])
     return np.array(
         [
             np.linalg.norm(one.pelvis_position[0] - two.pelvis_position[0]),

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from flexmotion.configs.robot import Robot
 from flexmotion.drivers.plant import ServoPlant
 from flexmotion.drivers.receiver import Receiver
+from flexmotion.spatial.gravity import GRAVITY
 
 Float = NDArray[np.float64]
 Bool = NDArray[np.bool_]
@@ -29,7 +30,7 @@ class Body(ABC):
 
     def __init__(self, robot: Robot, timestep: float) -> None:
         self.robot, self.timestep = robot, timestep
-        self.gyro, self.accel = np.zeros(3), np.array([0.0, 0.0, 9.81])
+        self.gyro, self.accel = np.zeros(3), np.array([0.0, 0.0, GRAVITY])
 
     @property
     @abstractmethod

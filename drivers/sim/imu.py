@@ -11,10 +11,9 @@ from scipy.spatial.transform import Rotation
 
 from flexmotion.configs.robot_file import Imu
 from flexmotion.drivers.sim.options import SimOptions
+from flexmotion.spatial.gravity import GRAVITY
 
 Float = NDArray[np.float64]
-
-GRAVITY = 9.81
 
 SENSORS = ("gyro", "accel")
 """Names of its sensors in the model, which follow one another in `sensordata`."""

@@ -12,8 +12,9 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from flexmotion.bundles.bundle import DECODER, DENOISER, SCHEMA, BodySize, Bundle, Manifest, write_bundle
+from flexmotion.bundles.bundle import DECODER, DENOISER, Bundle, write_bundle
 from flexmotion.bundles.card import Making, write_card
+from flexmotion.bundles.manifest import SCHEMA, BodySize, Manifest
 from flexmotion.configs.errors import ConfigError
 from flexmotion.features.layout import POINTS, Layout
 from flexmotion.human.body import Body, Segments
@@ -126,6 +127,7 @@ def export(run: Run, folder: Path, *, distilled: bool, body: Body | None = None,
         guidance=diffusion.guidance,
         velocity=diffusion.velocity,
         body=BodySize(height=body.height, mass=body.mass, sex=body.sex, segments=asdict(body.segments)),
+        corrections=config.corrections,
         licence="; ".join(store.licences) or UNKNOWN_LICENCE,
         versions={name: version(name) for name in LIBRARIES},
     )

@@ -19,10 +19,10 @@ from flexmotion.biomechanics.muscle_geometry import muscle_models
 from flexmotion.biomechanics.static_optimisation import muscle_moments
 from flexmotion.dataset.compact_set import MotionSet
 from flexmotion.dataset.training_set import SetClip
-from flexmotion.features.encode import GRAVITY
 from flexmotion.features.joint_groups import BALL_COLUMNS, BALL_SIGNS, HINGE_COLUMNS
 from flexmotion.features.layout import ACTIVATIONS, Layout
 from flexmotion.human.skeleton import JOINTS
+from flexmotion.spatial.gravity import GRAVITY
 from flexmotion.training.human_tensors import HumanTensors
 from flexmotion.training.kinematics import pose
 

@@ -15,9 +15,9 @@ import torch
 from torch import Tensor
 
 from flexmotion.biomechanics.differentiation import FIRST, HALF, SECOND
-from flexmotion.features.encode import GRAVITY
 from flexmotion.features.joint_groups import BALL_COLUMNS, BALL_SIGNS, HINGE_COLUMNS
 from flexmotion.human.skeleton import JOINTS
+from flexmotion.spatial.gravity import GRAVITY
 from flexmotion.training.differentiation import of_neighbours
 from flexmotion.training.human_tensors import (
     ANKLES,

@@ -12,8 +12,8 @@ import torch
 from torch import Tensor
 
 from flexmotion.biomechanics.differentiation import EDGE
-from flexmotion.features.encode import GRAVITY
 from flexmotion.features.layout import Layout
+from flexmotion.spatial.gravity import GRAVITY
 from flexmotion.training.human_tensors import HumanTensors
 from flexmotion.training.kinematics import Segments, about_z, path, pose, segments
 from flexmotion.training.newton_euler import generalised_forces, rates

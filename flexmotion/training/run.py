@@ -106,7 +106,7 @@ class Run:
 
 def _lasting(config: ModelConfig) -> dict[str, Any]:
     """What may not change between the starts of one training: all but how long, how fast and weighed how."""
-    content = config.model_dump(exclude={"stages", "losses"})
+    content = config.model_dump(exclude={"stages", "losses", "corrections"})
     free = set(type(config.diffusion).model_fields) - {"denoiser", "steps", "text", "velocity"}
     content["diffusion"] = {name: value for name, value in content["diffusion"].items() if name not in free}
     return content

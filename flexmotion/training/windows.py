@@ -14,6 +14,7 @@ from torch import Tensor
 
 from flexmotion.configs.errors import MotionFormatError
 from flexmotion.configs.model import Window
+from flexmotion.spatial.transitions import smoothstep
 from flexmotion.training.feature_store import FeatureStore, StoredClip
 from flexmotion.training.human_tensors import HumanTensors
 
@@ -87,8 +88,8 @@ class Windows:
 
     def going_over_to(self, others: Windows, frames: int) -> Windows:
         """The clips of `others`, after these histories, whose motion gives way to theirs over `frames` frames."""
-        share = ((torch.arange(self.future.shape[1], device=self.future.device) + 1) / (frames + 1)).clamp(max=1.0)
-        share = (share.square() * (3.0 - 2.0 * share))[:, None]
+        passed = np.arange(1, self.future.shape[1] + 1)
+        share = self.future.new_tensor(smoothstep(passed, 0.0, frames + 1.0))[:, None]
         return replace(
             others,
             history=self.history,

@@ -7,8 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from flexmotion.retarget.dynamics import RobotDynamics
 from flexmotion.retarget.retargeter import Retargeter
-
-GRAVITY = 9.81
+from flexmotion.spatial.gravity import GRAVITY
 
 
 @pytest.fixture

@@ -20,6 +20,7 @@ from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.robot import Robot, load_robot
 from flexmotion.configs.stream import load_stream
 from flexmotion.drivers.registry import create
+from flexmotion.spatial.heading import heading
 from flexmotion.streamer.commands.choice import choose_motion
 from flexmotion.streamer.commands.streaming import Outcome
 from flexmotion.streamer.control.ladder import State
@@ -31,7 +32,7 @@ from flexmotion.streamer.viewer.from_above import draw_from_above
 from flexmotion.streamer.viewer.geometry import geom_meshes
 from flexmotion.streamer.viewer.health import Health
 from flexmotion.streamer.viewer.panel import render
-from flexmotion.streamer.viewer.pose import MeasuredPose, PlannedPose, Pose, heading
+from flexmotion.streamer.viewer.pose import MeasuredPose, PlannedPose, Pose
 from flexmotion.streamer.viewer.service import HOST, Viewer, free_port
 from flexmotion.streamer.viewer.view_page import ViewPage
 
