@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexmotion.retarget.balance import smoothstep
-from flexmotion.retarget.footsteps import Step
+from flexmotion.retarget.steps import Step
 from flexmotion.retarget.swing import swing_path
 
 Float = NDArray[np.float64]

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from flexmotion.retarget.footsteps import Step
+from flexmotion.retarget.steps import Step
 from flexmotion.retarget.schedule import SHIFT_S, Schedule
 
 RATE = 125.0

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexmotion.retarget.footsteps import Step
+from flexmotion.retarget.steps import Step
 from flexmotion.retarget.state import FROZEN_STEPS, StateLayout, pack_steps
 
 LAYOUT = StateLayout(20, 8)
