@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexmotion.retarget.footsteps import Step
+from flexmotion.retarget.steps import Step
 from flexmotion.retarget.swing import swing_path
 from flexmotion.spatial.transitions import minimum_jerk
 

@@ -80,7 +80,7 @@ class ControlLoop:
         self.punctuality = Punctuality(robot)
         self.servo = ServoCommand(robot, driver.delay_s)
         self.move = PostureMove(robot, retargeter.body.dynamics)
-        self.stand_pose = retargeter.layout.get(retargeter.standing(), "q")[0].copy()
+        self.stand_pose = retargeter.layout.view(retargeter.standing()).q[0].copy()
         self.playing: Offer | None = None
         self.waiting: Offer | None = None
         self.winding_down = self.hardware_failed = False

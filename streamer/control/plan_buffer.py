@@ -10,7 +10,7 @@ import numpy as np
 from flexmotion.configs.errors import RetargetError
 from flexmotion.drivers.realtime.ring import fence, shared_array, touch
 from flexmotion.retarget.plan import Plan
-from flexmotion.retarget.state import STEP_SIZE, pack_steps, unpack_step
+from flexmotion.retarget.steps import StepRecord, pack_steps
 from flexmotion.streamer.control.tick_row import REPAIRS
 
 SLOTS = 5
@@ -91,7 +91,7 @@ class PlanBuffer:
             [
                 *((f.name, {"int": "i8", "float": "f8", "bool": "?"}[str(f.type)]) for f in fields(Ticket)),
                 *((name, "i8") for name in ("start_tick", "stop_row", "length", "step_count")),
-                ("steps", "f8", (MOST_STEPS, STEP_SIZE)),
+                ("steps", StepRecord.dtype(), MOST_STEPS),
             ]
         )
         self._row_names = [name for name in row.names or () if name != "repairs"]
@@ -140,8 +140,7 @@ class PlanBuffer:
             head[field.name] = getattr(ticket, field.name)
         head["start_tick"], head["stop_row"], head["length"] = plan.start_tick, plan.stop_row, length
         head["step_count"] = len(plan.steps)
-        for index, step in enumerate(plan.steps):
-            head["steps"][0, index] = pack_steps([step])[0]
+        StepRecord(head["steps"][0])[: len(plan.steps)] = pack_steps(plan.steps)
         fence()
         self._slot[0] = slot
         fence()
@@ -198,7 +197,7 @@ class PlanBuffer:
             start_tick=int(head["start_tick"]),
             stop_row=int(head["stop_row"]),
             repairs={kind: columns["repairs"][:length, index] for index, kind in enumerate(REPAIRS)},
-            steps=[unpack_step(packed) for packed in head["steps"][: int(head["step_count"])]],
+            steps=StepRecord(head["steps"])[: int(head["step_count"])].steps(),
             **rows,
         )
         return Offer(Ticket(**{field.name: head[field.name].item() for field in fields(Ticket)}), plan, slot)
