@@ -110,9 +110,9 @@ def stream(request: RunRequest, signals: OperatorSignals | None = None) -> Outco
             stay=request.stay,
             realtime=request.realtime,
             progress=show,
-            request=None if signals is None else signals.next,
+            next_request=None if signals is None else signals.next,
             wake=None if signals is None else signals.wake,
-            tell=partial(_tell, request.stay),
+            on_event=partial(_tell, request.stay),
         )
         if request.view_port is not None:
             viewer = Viewer(robot, session.telemetry, port=request.view_port)
@@ -120,7 +120,7 @@ def stream(request: RunRequest, signals: OperatorSignals | None = None) -> Outco
             print_note(f"view: {viewer.url}")
         # Only before the run: a ring has one writer, from the start on the loop.
         for remark in source.remarks:
-            session.telemetry.tell(0, "note", remark)
+            session.telemetry.emit(0, "note", remark)
         recorder = None if request.log is None else _recorder(request, session, robot)
         begin = time.perf_counter()
         try:

@@ -1,4 +1,8 @@
-"""A whole run: robot up, source streamed, robot parked; on a clock that steps (lockstep) or one that passes (real)."""
+"""`Session`: one run of a robot that follows a source with given settings, in lockstep or on the real clock.
+
+`flexmotion.streamer.run.lifecycle.Lifecycle` is the robot's course through it: start, stream, settle, park.
+`flexmotion.streamer.run.supervisor.Supervisor` starts and checks its processes on the real clock.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +38,7 @@ from flexmotion.streamer.run.requests import Request, RequestChannel
 from flexmotion.streamer.run.supervisor import Service, Supervisor
 
 _AT_FIRST_S = {Kind.WHOLE: 0.05, Kind.PARTIAL: 0.02, Kind.STOP: 0.02}
-"""What plans are taken to cost before any was made [s]."""
+"""Assumed time to make a plan, before any was made [s]."""
 
 
 @dataclass
@@ -42,16 +46,19 @@ class Session:
     """One robot, one source, one run.
 
     Args:
-        seconds: longest that the source is streamed; None: to its end [s].
+        seconds: how much of the source is streamed at most [s]; None: all of it.
         feedback: whether balance feedback acts.
-        stay: on the real clock: go on standing when the source is over, until somebody asks for the end.
+        stay: on the real clock: stand on when the source is over, until the end is requested.
         realtime: on the real clock: ask the system for realtime scheduling.
         progress: called each tick with the time of the source that plays [s].
-        request: asked each tick (on the real clock every 20 ms) what an operator wants, if anything.
-        wake: file descriptor that becomes readable when `request` should be asked sooner.
-        tell: told of every event as it happens.
-        kept_s: how much of the run, its end, the record keeps [s].
-        services: what follows the run in processes of their own on the real clock, in this one in lockstep.
+        next_request: called each tick (on the real clock every 20 ms) for an operator's request; None: there is none.
+        wake: file descriptor that becomes readable when `next_request` should be called sooner.
+        on_event: called with every event as it happens.
+        kept_s: the record keeps this much of the run, its end [s].
+        services: recorder, viewer and the like; on the real clock each runs in a process of its own.
+
+    Attributes:
+        requests: for requests from this process that must act on the next tick; a signal handler may use it.
     """
 
     robot: Robot
@@ -63,13 +70,12 @@ class Session:
     stay: bool = False
     realtime: bool = True
     progress: Callable[[float], None] | None = None
-    request: Callable[[], Request | None] | None = None
+    next_request: Callable[[], Request | None] | None = None
     wake: int | None = None
     kept_s: float = KEPT_S
-    tell: Callable[[Event], None] = lambda _event: None
+    on_event: Callable[[Event], None] = lambda _event: None
     services: tuple[Service, ...] = ()
-    controls: RequestChannel = field(init=False)
-    """For requests from this process that must be heard on the next tick; a signal handler may use it."""
+    requests: RequestChannel = field(init=False)
     telemetry: Telemetry = field(init=False)
     plans: PlanBuffer = field(init=False)
     targets: TargetMailbox = field(init=False)
@@ -84,7 +90,7 @@ class Session:
     def __post_init__(self) -> None:
         robot, rate = self.robot, self.robot.rate_hz
         retargeter = Retargeter(robot, self.settings)
-        self.controls = RequestChannel()
+        self.requests = RequestChannel()
         self.telemetry = Telemetry(robot.n, rate)
         self.plans = PlanBuffer(robot.n, retargeter.layout.size, retargeter.horizon, rate)
         self.targets = TargetMailbox()
@@ -95,7 +101,7 @@ class Session:
         """Run to the end on clock "lockstep" or "real" and return the record.
 
         Raises:
-            ConfigError: lockstep is asked for with a driver whose time cannot be stepped.
+            ConfigError: the clock is lockstep and the driver's time cannot be stepped.
             DriverError: the driver failed.
         """
         if clock == "real":
@@ -111,13 +117,13 @@ class Session:
         retargeter = Retargeter(self.robot, self.settings)
         return ControlLoop(self.robot, driver, retargeter, self.plans, self.telemetry, feedback=self.feedback)
 
-    def _planning(self, lead: Lead, tell: Callable[[str], None]) -> Replanner:
-        return Replanner(self.planner, self.plans, self.telemetry.ticks, self.settings, self.targets, lead, tell)
+    def _replanner(self, lead: Lead, on_note: Callable[[str], None]) -> Replanner:
+        return Replanner(self.planner, self.plans, self.telemetry.ticks, self.settings, self.targets, lead, on_note)
 
     def _run_lockstep(self, driver: LockstepDriver) -> RunTrace:
         period = 1.0 / self.robot.rate_hz
         lead = FixedLead(max(round(self.settings.commit_s * self.robot.rate_hz), 1))
-        replanner = self._planning(lead, partial(self.controls.ask, Request.NOTE))
+        replanner = self._replanner(lead, partial(self.requests.send, Request.NOTE))
         collector = Collector(self.telemetry, self.record)
         followers = [service.follow() for service in self.services]
         with ExitStack() as ending, driver:
@@ -125,24 +131,24 @@ class Session:
                 ending.callback(follow, True)
             loop = self.loop = self.control_loop(driver)
             lifecycle = Lifecycle(loop, self.settings, seconds=self.seconds, stay=False)
-            listener = self.controls.listener()
+            requests = self.requests.reader()
             while not lifecycle.finished:
-                asked = None if self.request is None else self.request()
-                if asked is not None:
-                    lifecycle.hear(asked)
-                for heard, reason in listener.heard():
-                    lifecycle.hear(heard, reason)
-                lifecycle.act()
+                request = None if self.next_request is None else self.next_request()
+                if request is not None:
+                    lifecycle.request(request)
+                for sent, reason in requests.read():
+                    lifecycle.request(sent, reason)
+                lifecycle.step()
                 if lifecycle.broken is None:
                     try:
                         replanner.step(loop.tick_count)
                     except (FlexMotionError, ArithmeticError, ValueError, LookupError) as error:
-                        # What plays ends in its own stop.
+                        # The plan that plays ends in its own stop.
                         lifecycle.broken = f"{type(error).__name__}: {error}"
                 loop.tick()
                 driver.advance(period)
                 for event in collector.collect():
-                    self.tell(event)
+                    self.on_event(event)
                 for follow in followers:
                     follow(False)
                 if self.progress is not None:
@@ -152,13 +158,13 @@ class Session:
     def _run_real(self) -> RunTrace:
         stepped = lockstep(self.driver)
         driver = self.driver if stepped is None else stepped.detached(realtime=self.realtime)
-        planner_controls = RequestChannel()
+        planner_requests = RequestChannel()
         lead = MeasuredLead(self.robot.rate_hz, _AT_FIRST_S, self.settings.horizon_s - self.settings.replan_s)
         supervisor = Supervisor(
             self.control_loop(driver),
-            self._planning(lead, partial(planner_controls.ask, Request.NOTE)),
+            self._replanner(lead, partial(planner_requests.send, Request.NOTE)),
             self.settings,
-            (self.controls, planner_controls),
+            (self.requests, planner_requests),
             seconds=self.seconds,
             stay=self.stay,
             realtime=self.realtime,
@@ -167,15 +173,16 @@ class Session:
         )
         collector = Collector(self.telemetry, self.record)
         with awake(self.settings.wake_latency_us if self.realtime else None) as self.awake:
-            self.scheduling = supervisor.run(collector, self.request, self.progress, self.tell)
+            self.scheduling = supervisor.run(collector, self.next_request, self.progress, self.on_event)
         self.memory_mb = supervisor.memory_mb
         return self.record
 
 
 def human_motion(source: Source, record: RunTrace) -> Motion | None:
-    """What the human did in a run, as far as it was played; None where nobody can tell.
+    """What the human did in a run, as far as it was played.
 
-    Nobody can of a source that followed targets, and of a run that is longer than what a record keeps.
+    Returns:
+        None where that is not known: the source followed targets, or the run is longer than a record keeps.
     """
     if isinstance(source, NoisySource):
         return human_motion(source.source, record)
@@ -184,12 +191,12 @@ def human_motion(source: Source, record: RunTrace) -> Motion | None:
     if not isinstance(source, LiveSource):
         return source.human()
     played = record.source_s[record.source_s >= 0.0]
-    if not len(played) or played[-1] > KEPT_S or record.rows["target"].any():
+    if not len(played) or played[-1] > KEPT_S or record.ticks.target.any():
         return None
     return source.cut(min(float(played[-1]) + 1.0 / source.fps, source.seconds or np.inf)).human()
 
 
 def count_human_steps(motion: Motion, retargeter: Retargeter) -> int:
-    """Steps that the human makes in a motion, by the measure of the footstep planner."""
+    """Steps that the human makes in a motion, as the footstep planner counts them."""
     window = HumanWindow(motion, 0.0, ContactDetector().initial(), None)
     return sum(1 for swing in window.swings if swing.landed and retargeter.footsteps.worth(window, swing))

@@ -123,7 +123,7 @@ def test_a_loop_that_hangs_is_ended_and_so_is_everything(walking: Run, child_nam
     os.kill(child_named("fm-loop", walking.pid).pid, signal.SIGSTOP)
     _, err = walking.communicate(timeout=5.0)
     assert walking.returncode == 3 and gone(family, 0.5)
-    assert "the control loop's process was ended: it did not move for 2 s" in err
+    assert "the control loop's process was ended: it did not tick for 2 s" in err
 
 
 def test_a_reader_that_goes_away_does_not_stop_the_robot(walking: Run) -> None:

@@ -66,6 +66,6 @@ def logged(logged_session: Callable[..., Logged], tmp_path_factory: pytest.TempP
             session.targets.send(Clip("wave"))
         return Request.END if tick == END_TICK else None
 
-    session.request = operate
+    session.next_request = operate
     session.run()
     return made

@@ -66,7 +66,7 @@ def killing(session: Session, process: str, after: int) -> Callable[[], Request 
 
 def test_killed_it_changes_nothing_but_its_log(tmp_path: Path) -> None:
     session, recorder = recorded(tmp_path / "run.mcap", "real")
-    session.request = killing(session, "recorder", after=2 * RATE)
+    session.next_request = killing(session, "recorder", after=2 * RATE)
     record = session.run("real")
     assert record.state[-1] == State.OFF and record.violations_sent == 0
     assert "recorder ended (signal 9); the run goes on" in [e.message for e in record.events if e.kind == "note"]
@@ -132,7 +132,7 @@ def test_a_file_that_cannot_be_written_is_told_before_the_run(
 
 def test_a_killed_loop_is_on_record_to_its_last_tick(tmp_path: Path) -> None:
     session, recorder = recorded(tmp_path / "run.mcap", "real")
-    session.request = killing(session, "loop", after=RATE)
+    session.next_request = killing(session, "loop", after=RATE)
     with pytest.raises(DriverError, match=r"the control loop's process died \(signal 9\)"):
         session.run("real")
     log = read_log(recorder.path)
@@ -196,7 +196,7 @@ def test_ticks_that_were_overwritten_are_counted_and_noted(tmp_path: Path) -> No
     follow = recorder.follow()
     ticks = int(KEPT_S * RATE)
     for tick in range(ticks + 100):
-        session.telemetry.row["tick"] = tick
+        session.telemetry.row.tick[...] = tick
         session.telemetry.commit()
     follow(True)
     log = read_log(recorder.path)
@@ -232,7 +232,7 @@ def test_an_observer_drops_a_plan_that_was_written_over_meanwhile(
     def lapped(buffer: PlanBuffer, slot: int) -> Offer:
         """The planner comes round to this slot while it is read."""
         offer = read(buffer, slot)
-        buffer._heads[slot]["id"] += 5
+        buffer._heads[slot].id += 5
         return offer
 
     monkeypatch.setattr(PlanBuffer, "_offer", lapped)

@@ -43,14 +43,14 @@ def test_a_velocity_that_is_no_number_never_gets_into_the_mailbox() -> None:
 
 
 def test_requests_are_heard_in_order_with_their_reasons() -> None:
-    controls = RequestChannel()
-    listener = controls.listener()
-    assert listener.heard() == []
-    controls.ask(Request.STOP)
-    controls.ask(Request.FAULT, "the planner: nothing to plan – ü")
-    assert listener.heard() == [(Request.STOP, ""), (Request.FAULT, "the planner: nothing to plan – ü")]
-    controls.ask(Request.NOTE, "y" * 600)
-    ((_, reason),) = listener.heard()
+    requests = RequestChannel()
+    reader = requests.reader()
+    assert reader.read() == []
+    requests.send(Request.STOP)
+    requests.send(Request.FAULT, "the planner: nothing to plan – ü")
+    assert reader.read() == [(Request.STOP, ""), (Request.FAULT, "the planner: nothing to plan – ü")]
+    requests.send(Request.NOTE, "y" * 600)
+    ((_, reason),) = reader.read()
     assert reason == "y" * 488
 
 

@@ -50,7 +50,7 @@ def sent(run: Session, at: dict[int, Intent], end: int) -> RunTrace:
             run.targets.send(at[tick])
         return Request.END if tick == end else None
 
-    run.request = operate
+    run.next_request = operate
     return run.run()
 
 

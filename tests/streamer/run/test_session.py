@@ -107,7 +107,7 @@ def run(op3: Robot, steps: Motion) -> Callable[..., Run]:
             assert session.loop is not None
             return request if session.loop.tick_count == int(at * RATE) else None
 
-        session = Session(op3, driver, source, load_stream(), seconds, request=operate)
+        session = Session(op3, driver, source, load_stream(), seconds, next_request=operate)
         return Run(session, driver, session.run())
 
     return make

@@ -237,7 +237,7 @@ def test_health_of_a_run(robot: Robot, rows: Row) -> None:
 
 
 def test_messages_are_text_in_the_panel(robot: Robot, telemetry: Telemetry, page: ViewPage) -> None:
-    telemetry.tell(3, "fault", "servo <b>l_knee</b> & co")
+    telemetry.emit(3, "fault", "servo <b>l_knee</b> & co")
     page.follow(False)
     assert "servo &lt;b&gt;l_knee&lt;/b&gt; &amp; co" in render("op3", page.health)
 
