@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from flexmotion.human.contacts import ContactDetector
+from flexmotion.human.motion import Motion
 from flexmotion.retarget.human import HumanWindow, Swing
 
 _LEAST_DISTANCE, _LEAST_YAW, _LEAST_LIFT = 0.06, 0.2, 0.04
@@ -32,3 +34,9 @@ def is_consumed(swing: Swing, consumed_s: float) -> bool:
     """
     margin = _REDRAWN_S if swing.lift_s < consumed_s else 1e-6
     return swing.land_s <= consumed_s + margin
+
+
+def count_steps(motion: Motion) -> int:
+    """Steps that the human makes in a motion and completes."""
+    window = HumanWindow(motion, 0.0, ContactDetector().initial(), None)
+    return sum(swing.landed and is_step(window, swing) for swing in window.swings)

@@ -19,9 +19,8 @@ from flexmotion.configs.stream import StreamSettings
 from flexmotion.drivers.interface import Driver
 from flexmotion.drivers.realtime.priority import Scheduling, awake
 from flexmotion.drivers.simulated import LockstepDriver, lockstep
-from flexmotion.human.contacts import ContactDetector
 from flexmotion.human.motion import Motion
-from flexmotion.retarget.human import HumanWindow
+from flexmotion.retarget.human_steps import count_steps
 from flexmotion.retarget.retargeter import Retargeter
 from flexmotion.streamer.control.loop import ControlLoop
 from flexmotion.streamer.control.plan_buffer import PlanBuffer
@@ -197,6 +196,5 @@ def human_motion(source: Source, record: RunTrace) -> Motion | None:
 
 
 def count_human_steps(motion: Motion, retargeter: Retargeter) -> int:
-    """Steps that the human makes in a motion, as the footstep planner counts them."""
-    window = HumanWindow(motion, 0.0, ContactDetector().initial(), None)
-    return sum(1 for swing in window.swings if swing.landed and retargeter.footsteps.worth(window, swing))
+    """Steps that the human makes in a motion, by the measure of the footstep planner."""
+    return count_steps(motion)

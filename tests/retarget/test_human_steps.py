@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from flexmotion.human.motion import Motion
 from flexmotion.retarget.human import Swing
-from flexmotion.retarget.human_steps import is_consumed, is_step
+from flexmotion.retarget.human_steps import count_steps, is_consumed, is_step
 
 from .conftest import Windows
 
@@ -18,6 +18,13 @@ def test_every_swing_of_a_walk_is_a_step(window: Windows, walk: Motion) -> None:
     seen = window(walk)
     assert len(seen.swings) == 8
     assert all(is_step(seen, swing) for swing in seen.swings)
+    assert count_steps(walk) == 8
+
+
+def test_a_step_without_its_landing_is_not_counted(window: Windows, walk: Motion) -> None:
+    cut = walk[:42]
+    assert [swing.landed for swing in window(cut).swings] == [False]
+    assert count_steps(cut) == 0
 
 
 @pytest.mark.parametrize(
