@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from contextlib import ExitStack
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from functools import partial
+from types import TracebackType
+from typing import Literal, Self
 
 import numpy as np
 
@@ -22,15 +25,19 @@ from flexmotion.streamer.control.loop import ControlLoop
 from flexmotion.streamer.control.plan_buffer import PlanBuffer
 from flexmotion.streamer.control.run_trace import KEPT_S, Collector, RunTrace
 from flexmotion.streamer.control.telemetry import Event, Telemetry
+from flexmotion.streamer.motion.intents import Intent
 from flexmotion.streamer.motion.replan_noise import NoisySource
 from flexmotion.streamer.motion.sources import LiveSource, Performance, Source
-from flexmotion.streamer.motion.targets import TargetMailbox
+from flexmotion.streamer.motion.targets import Target, TargetMailbox
 from flexmotion.streamer.planning.lead import FixedLead, Kind, Lead, MeasuredLead
 from flexmotion.streamer.planning.planner import Planner
 from flexmotion.streamer.planning.replanning import Replanner
 from flexmotion.streamer.run.lifecycle import MARGIN_S, Lifecycle
 from flexmotion.streamer.run.requests import Request, RequestChannel
+from flexmotion.streamer.run.session_state import SessionState
 from flexmotion.streamer.run.supervisor import Service, Supervisor
+
+Clock = Literal["real", "lockstep"]
 
 _AT_FIRST_S = {Kind.WHOLE: 0.05, Kind.PARTIAL: 0.02, Kind.STOP: 0.02}
 """What plans are taken to cost before any was made [s]."""
@@ -51,6 +58,8 @@ class Session:
         tell: told of every event as it happens.
         kept_s: how much of the run, its end, the record keeps [s].
         services: what follows the run in processes of their own on the real clock, in this one in lockstep.
+        seed: of the driver and the source, for the log and the report.
+        clock: what `run` runs on where it is not told otherwise.
     """
 
     robot: Robot
@@ -67,6 +76,10 @@ class Session:
     kept_s: float = KEPT_S
     tell: Callable[[Event], None] = lambda _event: None
     services: tuple[Service, ...] = ()
+    seed: int = 0
+    clock: Clock = "lockstep"
+    elapsed_s: float | None = field(init=False, default=None)
+    """Wall-clock time that the last run took [s]."""
     controls: RequestChannel = field(init=False)
     """For requests from this process that must be heard on the next tick; a signal handler may use it."""
     telemetry: Telemetry = field(init=False)
@@ -79,6 +92,9 @@ class Session:
     awake: bool = field(init=False, default=False)
     """Whether processors were kept from sleeping in the last run on the real clock."""
     memory_mb: tuple[float, float] | None = field(init=False, default=None)
+    _entered: ExitStack = field(init=False, repr=False)
+    _step: Callable[[], bool] | None = field(init=False, default=None, repr=False)
+    _begin_s: float = field(init=False, default=0.0, repr=False)
 
     def __post_init__(self) -> None:
         robot, rate = self.robot, self.robot.rate_hz
@@ -90,18 +106,80 @@ class Session:
         self.planner = Planner(retargeter, self.source, self.settings)
         self.record = RunTrace(rate, robot.joint_names, kept_s=max(self.kept_s, (self.seconds or 0.0) + MARGIN_S))
 
-    def run(self, clock: str = "lockstep") -> RunTrace:
-        """Run to the end on clock "lockstep" or "real" and return the record.
+    def run(self, clock: Clock | None = None) -> RunTrace:
+        """Run to the end and return the record.
+
+        Args:
+            clock: "lockstep" or "real"; None: the session's own.
 
         Raises:
             ConfigError: lockstep is asked for with a driver whose time cannot be stepped.
             DriverError: the driver failed.
         """
-        if clock == "real":
-            return self._run_real()
-        if not self.driver.capabilities.lockstep:
-            raise ConfigError(f"driver {self.driver.name!r} runs on the real clock only; use --clock real")
-        return self._run_lockstep()
+        begin = time.perf_counter()
+        clock = self.clock if clock is None else clock
+        try:
+            return self._run_real() if clock == "real" else self._run_lockstep()
+        finally:
+            self.elapsed_s = time.perf_counter() - begin
+
+    def __enter__(self) -> Self:
+        """Begin a lockstep run that `step` and `advance` carry on; see `lockstep` for the errors."""
+        self._begin_s = time.perf_counter()
+        self._entered = ExitStack()
+        self._step = self._entered.enter_context(self.lockstep())
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._step = None
+        self._entered.__exit__(kind, error, trace)
+        self.elapsed_s = time.perf_counter() - self._begin_s
+
+    def step(self) -> bool:
+        """Run one tick; returns whether the run goes on.
+
+        Raises:
+            RuntimeError: the session has not been entered (`with session:`).
+            DriverError: the driver failed.
+        """
+        if self._step is None:
+            raise RuntimeError("a session is stepped within its context: with session: session.step()")
+        return self._step()
+
+    def advance(self, seconds: float) -> bool:
+        """Run as many ticks as `seconds` hold, fewer where the run ends; returns whether it goes on. See `step`."""
+        return all(self.step() for _ in range(round(seconds * self.robot.rate_hz)))
+
+    def finish(self) -> RunTrace:
+        """Ask for the end and step to it: the robot comes to a balanced stop, parks, torque goes off. See `step`."""
+        self.ask(Request.END)
+        while self.step():
+            pass
+        return self.record
+
+    def send(self, intent: Intent) -> Target:
+        """Set the target that the robot follows from now on.
+
+        Raises:
+            ConfigError: the source follows no targets, or the target's text is too long.
+        """
+        if not isinstance(self.source, LiveSource):
+            raise ConfigError(f"{self.source.name}: a source that follows no targets; a model or a clip library does")
+        return self.targets.send(intent)
+
+    def ask(self, request: Request) -> None:
+        """Ask for a stop, an emergency stop or the end; it acts on the next tick."""
+        self.controls.ask(request)
+
+    @property
+    def state(self) -> SessionState:
+        """The newest tick, in lockstep and on the real clock. Raises `LookupError` before the first."""
+        row = self.telemetry.ticks.latest()
+        if row is None:
+            raise LookupError("the run has no tick yet")
+        return SessionState.of(row, self.robot.rate_hz)
 
     def control_loop(self, driver: Driver) -> ControlLoop:
         """The loop of this run."""
@@ -112,7 +190,19 @@ class Session:
     def _planning(self, lead: Lead, tell: Callable[[str], None]) -> Replanner:
         return Replanner(self.planner, self.plans, self.telemetry.ticks, self.settings, self.targets, lead, tell)
 
-    def _run_lockstep(self) -> RunTrace:
+    @contextmanager
+    def lockstep(self) -> Iterator[Callable[[], bool]]:
+        """Within: the driver is open, and each call of the function that is yielded runs one tick.
+
+        The function returns whether the run goes on. On leaving, services end and the driver is closed: torque is off.
+
+        Raises:
+            ConfigError: the driver's time cannot be stepped.
+            DriverError: the driver failed.
+        """
+        if not self.driver.capabilities.lockstep:
+            raise ConfigError(f"driver {self.driver.name!r} runs on the real clock only; use --clock real")
+        self.clock = "lockstep"
         period = 1.0 / self.robot.rate_hz
         lead = FixedLead(max(round(self.settings.commit_s * self.robot.rate_hz), 1))
         replanner = self._planning(lead, partial(self.controls.ask, Request.NOTE))
@@ -124,7 +214,10 @@ class Session:
             loop = self.loop = self.control_loop(self.driver)
             lifecycle = Lifecycle(loop, self.settings, seconds=self.seconds, stay=False)
             listener = self.controls.listener()
-            while not lifecycle.finished:
+
+            def step() -> bool:
+                if lifecycle.finished:
+                    return False
                 asked = None if self.request is None else self.request()
                 if asked is not None:
                     lifecycle.hear(asked)
@@ -145,9 +238,18 @@ class Session:
                     follow(False)
                 if self.progress is not None:
                     self.progress(float(self.record.source_s[-1]))
+                return not lifecycle.finished
+
+            yield step
+
+    def _run_lockstep(self) -> RunTrace:
+        with self.lockstep() as step:
+            while step():
+                pass
         return self.record
 
     def _run_real(self) -> RunTrace:
+        self.clock = "real"
         driver = self.driver
         if driver.capabilities.lockstep:
             driver = driver.detached(realtime=self.realtime)
