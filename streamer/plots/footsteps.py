@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from flexmotion.configs.robot import Robot
 from flexmotion.streamer.control.run_trace import RunTrace
-from flexmotion.streamer.plots.style import HUMAN, INK, LEFT, MIDDLE, MUTED, RIGHT, new_figure
+from flexmotion.streamer.plots.palette import HUMAN, INK, LEFT, MIDDLE, MUTED, RIGHT
+from flexmotion.streamer.plots.style import new_figure
 from flexmotion.streamer.report.metrics import HumanTrack, RobotFigures, heading
 
 Float = NDArray[np.float64]

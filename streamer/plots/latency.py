@@ -8,7 +8,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from flexmotion.streamer.checks.latency import HISTOGRAM_US, LatencyResult
-from flexmotion.streamer.plots.style import LEFT, MUTED, RIGHT, WARN, new_figure, save, styled
+from flexmotion.streamer.plots.palette import LEFT, MUTED, RIGHT, WARN
+from flexmotion.streamer.plots.style import new_figure, save, styled
 
 
 def draw_latency(result: LatencyResult) -> Figure:

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from flexmotion.configs.envelope import envelope
 from flexmotion.configs.robot import Robot
+from flexmotion.streamer.plots.palette import FAINT, INK, MUTED, WARN
 from flexmotion.streamer.plots.panels import joint_columns, joint_panels
-from flexmotion.streamer.plots.style import FAINT, INK, MUTED, WARN, empty, new_figure, save, side_colour, styled
+from flexmotion.streamer.plots.style import empty, new_figure, save, side_colour, styled
 
 Float = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexmotion.configs.robot import Robot
-from flexmotion.streamer.plots.style import FAINT, MUTED
+from flexmotion.streamer.plots.palette import FAINT, MUTED
 from flexmotion.streamer.viewer.colours import COM, DCM, SIDES, ZMP
 from flexmotion.streamer.viewer.pose import heading
 
