@@ -160,7 +160,8 @@ def table(done: Sequence[Trial]) -> Table:
 
 def draw(done: Sequence[Trial], path: Path) -> None:
     """How the three ways spread."""
-    from flexmotion.streamer.plots.style import LEFT, MIDDLE, MUTED, RIGHT, new_figure, save, styled
+    from flexmotion.streamer.plots.palette import LEFT, MIDDLE, MUTED, RIGHT
+    from flexmotion.streamer.plots.style import new_figure, save, styled
 
     with styled():
         figure = new_figure(11, 3.6, "Agreement", "share of plans that are within a distance of the last one, at 1 s")

@@ -29,8 +29,9 @@ from flexmotion.human.motion import Motion
 from flexmotion.sampling.sampler import Sampler
 from flexmotion.spatial.gravity import GRAVITY
 from flexmotion.streamer.plots.filmstrip import limbs
+from flexmotion.streamer.plots.palette import MUTED, WARN
 from flexmotion.streamer.plots.solid import Camera
-from flexmotion.streamer.plots.style import MUTED, WARN, new_figure, save, styled
+from flexmotion.streamer.plots.style import new_figure, save, styled
 from flexmotion.text.phrases import wordings
 
 KINDS = ("walk", "walk-turn-left", "run", "wave-right-hand", "raise-up-both-hands", "bow")

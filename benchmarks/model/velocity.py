@@ -123,7 +123,8 @@ def table(rows: Sequence[Row]) -> Table:
 
 def draw(rows: Sequence[Row], enough: int, path: Path) -> None:
     """What was found over what was asked for, one panel a component."""
-    from flexmotion.streamer.plots.style import LEFT, MUTED, new_figure, save, styled
+    from flexmotion.streamer.plots.palette import LEFT, MUTED
+    from flexmotion.streamer.plots.style import new_figure, save, styled
 
     with styled():
         figure = new_figure(11, 4.0, "Velocity", "found over commanded; grey: the data have no such motion")

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.robot import Robot
 from flexmotion.configs.stream import StreamSettings
+from flexmotion.retarget.human_steps import count_steps
 from flexmotion.retarget.plan import Plan
 from flexmotion.retarget.retargeter import Retargeter
 from flexmotion.streamer.motion.sources import Performance
 from flexmotion.streamer.planning.planner import Planner
-from flexmotion.streamer.run.session import count_human_steps
 
 Float = NDArray[np.float64]
 
@@ -105,7 +105,7 @@ def retarget_offline(
     return Trajectory(
         rate_hz=robot.rate_hz,
         **arrays,
-        human_steps=count_human_steps(source.human(), planner.retargeter),
+        human_steps=count_steps(source.human()),
         steps=len(made),
         inserted=sum(step.inserted for step in made),
         dropped=sum(step.dropped for step in made),

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from flexmotion.configs.robot import Robot
 from flexmotion.spatial.heading import continuous_heading
 from flexmotion.streamer.control.run_trace import RunTrace
-from flexmotion.streamer.plots.style import HUMAN, INK, LEFT, MIDDLE, MUTED, RIGHT, new_figure
+from flexmotion.streamer.plots.palette import HUMAN, INK, LEFT, MIDDLE, MUTED, RIGHT
+from flexmotion.streamer.plots.style import new_figure
 from flexmotion.streamer.report.metrics import HumanTrack, RobotFigures
 
 Float = NDArray[np.float64]

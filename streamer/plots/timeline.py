@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from flexmotion.spatial.heading import continuous_heading
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.run_trace import RunTrace
-from flexmotion.streamer.plots.style import FAINT, HUMAN, INK, LEFT, MIDDLE, MUTED, RIGHT, WARN, empty, new_figure
+from flexmotion.streamer.plots.palette import FAINT, HUMAN, INK, LEFT, MIDDLE, MUTED, RIGHT, WARN
+from flexmotion.streamer.plots.style import empty, new_figure
 from flexmotion.streamer.report.metrics import FALL_TILT_RAD, HumanTrack, RobotFigures, tilt
 
 Float = NDArray[np.float64]

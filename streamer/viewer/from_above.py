@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from flexmotion.configs.robot import Robot
 from flexmotion.spatial.heading import heading
-from flexmotion.streamer.plots.style import FAINT, MUTED
+from flexmotion.streamer.plots.palette import FAINT, MUTED
 from flexmotion.streamer.viewer.colours import COM, DCM, SIDES, ZMP
 
 Float = NDArray[np.float64]

@@ -22,13 +22,13 @@ from flexmotion.configs.stream import load_stream
 from flexmotion.drivers.registry import create
 from flexmotion.importers.default_clip import default_clip
 from flexmotion.streamer.cli import execute
-from flexmotion.streamer.commands.log_option import record_to
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.plan_buffer import Offer, PlanBuffer
 from flexmotion.streamer.control.telemetry import KEPT_S
 from flexmotion.streamer.log.log_file import LogFile
 from flexmotion.streamer.log.reader import read_log
 from flexmotion.streamer.log.recorder import Recorder
+from flexmotion.streamer.log.recording import record_to
 from flexmotion.streamer.motion.sources import ClipSource
 from flexmotion.streamer.run.requests import Request
 from flexmotion.streamer.run.session import Session
@@ -42,8 +42,7 @@ PATIENCE_S = 60.0
 def recorded(path: Path, clock: str) -> tuple[Session, Recorder]:
     robot = load_robot("op3")
     session = Session(robot, create("sim", robot), ClipSource(default_clip()[:30]), load_stream(), 0.9)
-    about = {"driver": "sim", "driver_options": {}, "seed": 0, "clock": clock, "source": "default"}
-    return session, record_to(path, session, robot, **about)
+    return session, record_to(path, session, clock)
 
 
 def killing(session: Session, process: str, after: int) -> Callable[[], Request | None]:

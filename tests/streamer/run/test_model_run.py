@@ -25,8 +25,9 @@ from flexmotion.streamer.motion.robot_pace import human_pace
 from flexmotion.streamer.motion.script import Item
 from flexmotion.streamer.planning.offline import retarget_offline
 from flexmotion.streamer.report.report import TIMING_KEYS
+from flexmotion.streamer.run.played_human import human_motion
 from flexmotion.streamer.run.requests import Request
-from flexmotion.streamer.run.session import Session, human_motion
+from flexmotion.streamer.run.session import Session
 
 from ..stub_sampler import StubSampler
 

@@ -21,8 +21,8 @@ from flexmotion.configs.robot import Robot, load_robot
 from flexmotion.configs.stream import load_stream
 from flexmotion.drivers.registry import create
 from flexmotion.spatial.heading import heading
+from flexmotion.streamer.api import Outcome
 from flexmotion.streamer.commands.choice import choose_motion
-from flexmotion.streamer.commands.streaming import Outcome
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.control.telemetry import Telemetry
