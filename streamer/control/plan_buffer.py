@@ -163,7 +163,7 @@ class PlanBuffer:
         for index, kind in enumerate(REPAIRS):
             rows.repairs[:length, index] = plan.repairs[kind]
         for name in _TICKET:
-            head.array[name] = getattr(ticket, name)
+            setattr(head, name, getattr(ticket, name))
         head.start_tick[...], head.stop_row[...], head.length[...] = plan.start_tick, plan.stop_row, length
         head.step_count[...] = len(plan.steps)
         head.steps[: len(plan.steps)] = pack_steps(plan.steps)
