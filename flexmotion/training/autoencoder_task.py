@@ -10,6 +10,7 @@ from torch import Tensor
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.model import ModelConfig
 from flexmotion.training.autoencoder import Autoencoder
+from flexmotion.training.checkpoints import digest, is_trained, load_weights
 from flexmotion.training.draws import normal
 from flexmotion.training.feature_store import FeatureStore
 from flexmotion.training.kinematics import points, pose, segments
@@ -18,8 +19,8 @@ from flexmotion.training.muscle_torques import MuscleTorques
 from flexmotion.training.principal_components import principal_components
 from flexmotion.training.processes import Processes
 from flexmotion.training.run import Run
-from flexmotion.training.stage import digest, is_trained, load_weights
-from flexmotion.training.windows import Windows, WindowSet
+from flexmotion.training.window_set import WindowSet
+from flexmotion.training.windows import Windows
 
 VALIDATION = 256
 """Windows that validation looks at, always the same."""

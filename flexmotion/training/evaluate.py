@@ -33,12 +33,12 @@ from flexmotion.human.body import Body
 from flexmotion.human.motion import Motion
 from flexmotion.sampling.sampler import Condition, Sampler
 from flexmotion.text.sentence_encoder import SentenceEncoder
+from flexmotion.training.checkpoints import load_weights
 from flexmotion.training.conditions import NONE, Sentences, describe
 from flexmotion.training.evaluator import Evaluator
 from flexmotion.training.losses import Reconstruction
 from flexmotion.training.run import Run
-from flexmotion.training.stage import load_weights
-from flexmotion.training.windows import WindowSet
+from flexmotion.training.window_set import WindowSet
 
 Features = NDArray[np.float32]
 

@@ -16,7 +16,7 @@ from flexmotion.training.evaluator import Evaluator
 from flexmotion.training.feature_store import FeatureStore
 from flexmotion.training.losses import Reconstruction
 from flexmotion.training.processes import Processes
-from flexmotion.training.windows import WindowSet
+from flexmotion.training.window_set import WindowSet
 
 ALIKE = 0.9
 """Sentences with a greater cosine are not held apart: they say the same (Petrovich et al., TMR, ICCV 2023)."""

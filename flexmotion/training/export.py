@@ -23,6 +23,7 @@ from flexmotion.text.sayings import sayings
 from flexmotion.text.sentence_encoder import NETWORK, VOCABULARY, SentenceEncoder
 from flexmotion.training.autoencoder import Autoencoder
 from flexmotion.training.autoencoder_task import load_autoencoder
+from flexmotion.training.checkpoints import is_trained, load_weights, training_record
 from flexmotion.training.conditions import STILL
 from flexmotion.training.denoiser import Denoiser
 from flexmotion.training.export_onnx import export_network
@@ -31,10 +32,9 @@ from flexmotion.training.half_weights import halve_weights
 from flexmotion.training.listening import learn_to_listen
 from flexmotion.training.noise_schedule import NoiseSchedule
 from flexmotion.training.run import Run
-from flexmotion.training.stage import is_trained, load_weights, trained
-from flexmotion.training.windows import WindowSet
+from flexmotion.training.window_set import WindowSet
 
-LIBRARIES = ("flexmotion", "torch", "diffusers", "onnx", "scikit-learn")
+LIBRARIES = ("flexmotion", "torch", "onnx", "scikit-learn")
 
 PERSONAL_KIND = "personal"
 """Kind of motion of the wordings that a personalised run adds."""
@@ -134,7 +134,8 @@ def export(run: Run, folder: Path, *, distilled: bool, body: Body | None = None,
     names = ["autoencoder", "diffusion", *(["distill"] if distilled else [])]
     if is_trained(run.stage("forces")):
         names.append("forces")
-    made = Making(config.name, hours, len(training), run.seed, {name: trained(run.stage(name)) for name in names})
+    records = {name: training_record(run.stage(name)) for name in names}
+    made = Making(config.name, hours, len(training), run.seed, records)
     write_card(folder, manifest, made)
     return write_bundle(folder, manifest, _arrays(run, store, layout, diffusion.steps))
 

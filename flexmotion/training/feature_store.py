@@ -23,6 +23,7 @@ from flexmotion.features.statistics import Statistics
 from flexmotion.human.body import Body, Segments
 from flexmotion.human.resample import resample
 from flexmotion.human.signals import resample_signal, same_rate
+from flexmotion.training.format import FORMAT, UNVERSIONED, check_format
 
 INDEX = "index.json"
 
@@ -51,6 +52,8 @@ class FeatureStore:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         index = json.loads((folder / INDEX).read_text(encoding="utf-8"))
+        advice = "remove the folder and name the training set again"
+        check_format(index.get("format"), folder / INDEX, oldest=UNVERSIONED, advice=advice)
         self.layout = Layout(index["fps"], index["muscles"])
         self._clips = index["clips"]
         self.features: np.ndarray = np.load(folder / "features.npy", mmap_mode="r")
@@ -119,6 +122,7 @@ def build_store(
     statistics = Statistics.of(_training_sample(features, clips), layout)
     np.savez(folder / "statistics.npz", mean=statistics.mean, spread=statistics.spread)
     content = {
+        "format": FORMAT,
         "key": key,
         "fps": layout.fps,
         "muscles": layout.muscles,

@@ -23,6 +23,7 @@ from flexmotion.features.encode import GRAVITY
 from flexmotion.features.joint_groups import BALL_COLUMNS, BALL_SIGNS, HINGE_COLUMNS
 from flexmotion.features.layout import ACTIVATIONS, Layout
 from flexmotion.human.skeleton import JOINTS
+from flexmotion.training.format import FORMAT, UNVERSIONED, check_format
 from flexmotion.training.human_tensors import HumanTensors
 from flexmotion.training.kinematics import pose
 
@@ -122,15 +123,17 @@ def fit_muscle_torques(source: MotionSet, path: Path, seed: int = 0) -> None:
     """
     clips = list(source.select(split="train"))
     chosen = np.random.default_rng((seed, 71)).permutation(len(clips))[:CLIPS]
-    arrays: dict[str, np.ndarray] = {}
+    arrays: dict[str, np.ndarray] = {"format": np.array(FORMAT)}
     for number, (active, passive) in enumerate(_fitted(source, [clips[at] for at in sorted(chosen)])):
         arrays |= {f"active{number}": active, f"passive{number}": passive}
-    np.savez(path, **arrays)  # type: ignore[arg-type]
+    np.savez(path, allow_pickle=False, **arrays)
 
 
 def load_muscle_torques(path: Path) -> MuscleTorques:
     """Read what `fit_muscle_torques` wrote."""
     with np.load(path) as found:
+        version = int(found["format"]) if "format" in found else None
+        check_format(version, path, oldest=UNVERSIONED, advice="remove the file and name the training set again")
         limbs = [
             Limb(
                 np.array([JOINTS.index(name) for name in names]),

@@ -19,11 +19,11 @@ from flexmotion.configs.errors import ConfigError
 from flexmotion.dataset.compact_set import open_set
 from flexmotion.text.sentence_encoder import NETWORK, SentenceEncoder
 from flexmotion.training.autoencoder_task import load_autoencoder
+from flexmotion.training.checkpoints import BEST, is_trained, load_weights
 from flexmotion.training.diffusion_task import DiffusionTask
 from flexmotion.training.feature_store import build_store
 from flexmotion.training.processes import Processes
 from flexmotion.training.run import CONFIG, PERSONAL, Run
-from flexmotion.training.stage import BEST, is_trained, load_weights
 
 
 class PersonalTask:

@@ -9,7 +9,7 @@ from torch import Tensor
 
 from flexmotion.configs.model import LossWeights
 from flexmotion.features.layout import ACTIVATIONS, KINEMATIC, Layout
-from flexmotion.training.windows import WindowSet
+from flexmotion.training.window_set import WindowSet
 
 WINDOWS, WINDOWS_EACH = 8192, 64
 """So many windows of the training split are looked at, or so many for each component where that is less."""

@@ -184,8 +184,8 @@ def distill(run: Run, finish: Finish) -> None:
 
       flexmotion train distill -o training
     """
+    from flexmotion.training.checkpoints import load_weights
     from flexmotion.training.distillation_task import DistillationTask
-    from flexmotion.training.stage import load_weights
 
     teacher = _diffusion_task(run)
     load_weights(teacher.network, run.stage("diffusion"))
@@ -201,8 +201,8 @@ def forces(run: Run, finish: Finish) -> None:
       flexmotion train forces -o training --minutes 20
     """
     from flexmotion.training.autoencoder_task import AutoencoderTask
+    from flexmotion.training.checkpoints import digest
     from flexmotion.training.processes import Processes
-    from flexmotion.training.stage import digest
 
     trained = run.stage("autoencoder")
     task = AutoencoderTask(run.config, run.store(), run.seed, Processes(), run.muscles(), trained)
@@ -291,7 +291,7 @@ def train_and_report(
             seconds=None if minutes is None else 60 * minutes,
             progress=follow,
             processes=Processes(),
-            goes_on=bool(goes_on_from),
+            pretrained=bool(goes_on_from),
         )
     if as_json:
         print_json({"stage": name, "step": done.step, "steps": done.steps, "validation": done.figures})

@@ -10,7 +10,6 @@ from flexmotion.configs.model import load_model_config  # noqa: E402
 from flexmotion.features.layout import Layout  # noqa: E402
 from flexmotion.training.autoencoder import Autoencoder  # noqa: E402
 from flexmotion.training.denoiser import Denoiser  # noqa: E402
-from flexmotion.training.noise_schedule import NoiseSchedule  # noqa: E402
 
 
 @pytest.mark.parametrize("name", ["stream", "paper"])
@@ -62,18 +61,3 @@ def test_what_is_absent_is_not_seen() -> None:
     with torch.no_grad():
         found = denoiser(latent, time, history, torch.randn(2, 384), torch.randn(2, 3), absent)
     torch.testing.assert_close(found[0], found[1])
-
-
-def test_ddim_steps_are_those_of_diffusers() -> None:
-    from diffusers import DDIMScheduler
-
-    schedule = NoiseSchedule(1000)
-    other = DDIMScheduler(1000, beta_schedule="squaredcos_cap_v2", prediction_type="sample", clip_sample=False)
-    other.set_timesteps(10)
-    noisy, clean = torch.randn(3, 16), torch.randn(3, 16)
-    for now, earlier in [(900, 800), (500, 400), (100, 0)]:
-        expected = other.step(clean, now, noisy).prev_sample
-        found = schedule.step(noisy, clean, torch.full((3,), now), torch.full((3,), earlier))
-        torch.testing.assert_close(found, expected, atol=1e-4, rtol=1e-4)
-    at_the_end = schedule.step(noisy, clean, torch.full((3,), 100), torch.full((3,), -1))
-    torch.testing.assert_close(at_the_end, clean)

@@ -20,6 +20,7 @@ from flexmotion.text.sentence_encoder import SentenceEncoder  # noqa: E402
 from flexmotion.training import evaluate  # noqa: E402
 from flexmotion.training.autoencoder import Autoencoder  # noqa: E402
 from flexmotion.training.autoencoder_task import AutoencoderTask, load_autoencoder  # noqa: E402
+from flexmotion.training.checkpoints import BEST, LAST, load_weights  # noqa: E402
 from flexmotion.training.diffusion_task import DiffusionTask  # noqa: E402
 from flexmotion.training.distillation_task import DistillationTask  # noqa: E402
 from flexmotion.training.evaluator_task import EvaluatorTask  # noqa: E402
@@ -27,9 +28,9 @@ from flexmotion.training.export import Decoder, export, load_networks  # noqa: E
 from flexmotion.training.personal import personal_run, personal_task  # noqa: E402
 from flexmotion.training.processes import Processes  # noqa: E402
 from flexmotion.training.run import Run  # noqa: E402
-from flexmotion.training.stage import BEST, LAST, Progress, load_weights, train_stage  # noqa: E402
+from flexmotion.training.stage import Progress, train_stage  # noqa: E402
 from flexmotion.training.text_student import Corpus, distil  # noqa: E402
-from flexmotion.training.windows import WindowSet  # noqa: E402
+from flexmotion.training.window_set import WindowSet  # noqa: E402
 
 
 def _text(run: Run, teacher, vocabulary: list[str]) -> None:
@@ -119,7 +120,7 @@ def test_an_untrained_autoencoder_is_the_principal_components(trained: Run) -> N
 def test_windows_that_go_over_to_another_clip(trained: Run) -> None:
     windows = WindowSet(trained.store(), trained.config.window, "train")
     before, after = windows.draw((1,), 6), windows.draw((2,), 6)
-    both = before.going_over_to(after, 8)
+    both = before.blended_into(after, 8)
     torch.testing.assert_close(both.future[:, 8:], after.future[:, 8:])
     assert (both.future[:, 0] - before.future[:, 0]).norm() < 0.1 * (after.future[:, 0] - before.future[:, 0]).norm()
     assert torch.equal(both.history, before.history) and np.array_equal(both.clip, after.clip)
@@ -132,10 +133,10 @@ def test_windows_with_what_follows_lie_within_their_clips(trained: Run) -> None:
     for row in range(64):
         clip = trained.store().clips[drawn.clip[row]]
         assert drawn.first[row] + 2 * trained.config.window.future <= clip.frames
-    moved = drawn.moved_on(drawn.history)
+    moved = drawn.next(drawn.history)
     assert drawn.following is not None and torch.equal(moved.future, drawn.following)
-    with pytest.raises(ValueError, match="what follows"):
-        moved.moved_on(drawn.history)
+    with pytest.raises(ValueError, match="windows that follow"):
+        moved.next(drawn.history)
 
 
 def test_a_killed_training_goes_on_bit_for_bit(trained: Run, tmp_path: Path) -> None:
@@ -192,7 +193,7 @@ def test_only_better_forces_are_kept(trained: Run, tmp_path: Path) -> None:
     task = _forces(trained)
     before = {name: value.clone() for name, value in task.network.state_dict().items()}
     stage = trained.config.stages.forces.model_copy(update={"learning_rate": 1.0, "warm_up": 0})
-    train_stage(task, stage, tmp_path / "forces", fingerprint="", goes_on=True)
+    train_stage(task, stage, tmp_path / "forces", fingerprint="", pretrained=True)
     kept = torch.load(tmp_path / "forces" / BEST, weights_only=True)["network"]
     assert all(torch.equal(kept[name], before[name]) for name in before)
 
