@@ -39,7 +39,8 @@ def read_checkpoint(path: Path, *, oldest: int = UNVERSIONED, device: torch.devi
     try:
         content: dict[str, Any] = torch.load(path, map_location=device or torch.device("cpu"), weights_only=True)
     except (pickle.UnpicklingError, RuntimeError, EOFError) as error:
-        raise ConfigError(f"{path}: damaged ({str(error).splitlines()[0]})") from error
+        problem = str(error).partition("\n")[0] or "ends too early"
+        raise ConfigError(f"{path}: damaged ({problem})") from error
     advice = "finish the stage with the version that began it, or train in an empty folder"
     check_format(content.get("format"), path, oldest=oldest, advice=advice)
     return content

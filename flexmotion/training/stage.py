@@ -116,8 +116,9 @@ def train_stage(
     def save() -> None:
         if group.first:
             state = {"network": network.state_dict(), "average": average.state_dict()}
-            state |= {"optimiser": optimiser.state_dict(), "fingerprint": fingerprint}
-            write_checkpoint(state | {"step": step, "least": least, "figures": figures}, last)
+            state["optimiser"] = optimiser.state_dict()
+            where = {"fingerprint": fingerprint, "step": step, "least": least, "figures": figures}
+            write_checkpoint(state | where, last)
 
     def validate() -> None:
         nonlocal least, figures

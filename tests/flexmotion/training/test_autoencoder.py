@@ -1,4 +1,4 @@
-"""What the networks see, and what they do not."""
+"""Inputs and outputs of the networks."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ def test_shapes(name: str) -> None:
     assert mean.shape == spread.shape == (2, config.autoencoder.latent)
 
 
-def test_forces_of_the_history_are_not_seen() -> None:
-    """At run time nobody knows them: a history with other torques and forces must give the same motion."""
+def test_forces_of_the_history_have_no_effect() -> None:
+    """They are unknown at run time: a history with other torques and forces must give the same motion."""
     config = load_model_config("stream")
     window, layout = config.window, Layout(30.0, 290)
     autoencoder = Autoencoder(config.autoencoder, window, layout).eval()
@@ -40,8 +40,8 @@ def test_forces_of_the_history_are_not_seen() -> None:
     assert torch.equal(first, second)
 
 
-def test_frames_are_written_in_full_precision() -> None:
-    """Went wrong: rounded to bfloat16 as on a GPU, decoded motion accelerated at random, as much as it really did."""
+def test_frames_have_full_precision() -> None:
+    """Regression: in bfloat16, as on a GPU, rounding gave decoded motion accelerations as large as the true ones."""
     config = load_model_config("stream")
     window, layout = config.window, Layout(30.0, 0)
     autoencoder = Autoencoder(config.autoencoder, window, layout).eval()
@@ -52,7 +52,7 @@ def test_frames_are_written_in_full_precision() -> None:
     assert not torch.equal(frames, frames.bfloat16().float())
 
 
-def test_what_is_absent_is_not_seen() -> None:
+def test_absent_conditions_have_no_effect() -> None:
     config = load_model_config("stream")
     denoiser = Denoiser(config.diffusion, config.window, Layout(30.0, 290), 128)
     history, latent = torch.randn(2, 8, Layout(30.0, 290).size), torch.randn(1, 128).expand(2, -1)
