@@ -12,7 +12,8 @@ from flexmotion.configs.robot_file import Imu as ImuConfig
 from flexmotion.drivers.dynamixel.layout import Span
 from flexmotion.drivers.dynamixel.registers import open_cr
 from flexmotion.drivers.dynamixel.sdk import Client
-from flexmotion.drivers.imu.interface import GRAVITY, Imu
+from flexmotion.drivers.imu.interface import Imu
+from flexmotion.drivers.interface import GRAVITY
 
 START_S = 1.0
 """Time that servos take after power was switched on (assumption) [s]."""

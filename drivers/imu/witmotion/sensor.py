@@ -11,7 +11,7 @@ from pydantic import Field
 from flexmotion.configs.errors import DriverError
 from flexmotion.configs.robot_file import Imu as ImuConfig
 from flexmotion.configs.schema import Strict
-from flexmotion.drivers.imu.interface import GRAVITY, OpenPort, StandaloneImu
+from flexmotion.drivers.imu.interface import OpenPort, StandaloneImu
 from flexmotion.drivers.imu.witmotion.protocol import (
     ACCEL_FULL_G,
     BANDWIDTHS,
@@ -26,6 +26,7 @@ from flexmotion.drivers.imu.witmotion.protocol import (
     Register,
     command,
 )
+from flexmotion.drivers.interface import GRAVITY
 from flexmotion.drivers.port import BITS_A_BYTE, SerialPort
 
 SAMPLE_SIZE = 2 * FRAME_SIZE
