@@ -79,8 +79,8 @@ class BusDriver(Driver):
 
     @property
     def violations(self) -> int:
-        """Goals outside their envelope on their way to a servo; see `flexmotion.drivers.bus.witness`."""
-        return self._violations + sum(bus.witness.violations for bus in self.buses)
+        """Goals outside their envelope on their way to a servo; see `flexmotion.drivers.bus.goal_guard`."""
+        return self._violations + sum(bus.guard.violations for bus in self.buses)
 
     def open(self) -> None:
         """Take every port, audit and set up every servo; torque stays as it is. Raises `DriverError`."""

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.robot import Robot
 from flexmotion.configs.servo import Protocol, Servo
+from flexmotion.drivers.bus.goal_guard import GoalGuard
 from flexmotion.drivers.bus.options import BusOptions
-from flexmotion.drivers.bus.witness import GoalWitness
 from flexmotion.drivers.imu.interface import Imu
 from flexmotion.drivers.port import SerialPort
 
@@ -86,7 +86,7 @@ class ServoBus(ABC):
         ids: addresses of their servos.
         torque_per_unit: torque of one unit of measured current, (m,) [N·m]; NaN where a servo measures none.
         measured: the newest values.
-        witness: keeps back goals that the servos are not to take.
+        guard: keeps back goals that the servos are not to take.
         pins: goals that servos were last pinned to, in their units, (m,); NaN once the driver has taken them.
         imu: that answers on this bus; None where there is none.
     """
@@ -105,7 +105,7 @@ class ServoBus(ABC):
         self.torque_per_unit = np.array([_torque_per_unit(servo) for servo in self.servos])
         self.measured = Measurement(len(self.joints))
         ends = np.stack([robot.to_ticks(robot.lower), robot.to_ticks(robot.upper)])[:, self.joints]
-        self.witness = GoalWitness(ends.min(axis=0), ends.max(axis=0))
+        self.guard = GoalGuard(ends.min(axis=0), ends.max(axis=0))
         self.pins = np.full(len(self.joints), np.nan)
         self.imu: Imu | None = None
 
@@ -180,7 +180,7 @@ class ServoBus(ABC):
     def damp(self) -> None:
         """Pin the goals and give way softly, as far as the servos can."""
 
-    def tell_changes(self, changes: Mapping[int, Sequence[str]]) -> None:
+    def log_changes(self, changes: Mapping[int, Sequence[str]]) -> None:
         """Log what the audit wrote for good: one line for the bus, one for each servo to whoever wants to know.
 
         Args:

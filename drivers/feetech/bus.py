@@ -96,10 +96,10 @@ class FeetechBus(ServoBus):
             if None in told:
                 raise DriverError(f"{where}: does not tell its position limits")
             self._position_limits[:, slot] = told
-            self.witness.limit(slot, *self._position_limits[:, slot])
+            self.guard.limit(slot, *self._position_limits[:, slot])
             if kept:
                 self._write(slot, "lock", 1)
-        self.tell_changes(changes)
+        self.log_changes(changes)
 
     def request(self, now: float) -> None:
         """See `ServoBus`."""
@@ -172,7 +172,7 @@ class FeetechBus(ServoBus):
     def damp(self) -> None:
         """See `ServoBus`; the torque limit goes down to `DAMPED_SHARE`, told twice."""
         for _ in range(2):
-            self._send(self.witness.nearest(self.measured.ticks))
+            self._send(self.guard.nearest(self.measured.ticks))
             self._sync_write("torque_limit", [round(1000 * DAMPED_SHARE)] * len(self.ids))
 
     # ---------------------------------------------------------------- inside
@@ -227,7 +227,7 @@ class FeetechBus(ServoBus):
         step = goal.size + 1
         slots = np.array([self._slot[id_] for id_ in sent[::step]])
         goals = np.array([goal.unpack(sent[at + 1 : at + step]) for at in range(0, len(sent), step)], np.float64)
-        admitted = self.witness.admit(slots, goals, standing=None if standing is None else standing[slots])
+        admitted = self.guard.admit(slots, goals, standing=None if standing is None else standing[slots])
         if (admitted != goals).any():
             ticks = ticks.copy()
             ticks[slots] = admitted

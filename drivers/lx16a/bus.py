@@ -77,7 +77,7 @@ class Lx16aBus(ServoBus):
                 raise DriverError(f"{self.joint_name(slot)} on {self.port.path}: does not tell its position limits")
             lower, upper = (int.from_bytes(limits[at : at + 2], "little") for at in (0, 2))
             self._position_limits[:, slot] = lower, upper
-            self.witness.limit(slot, lower, upper)
+            self.guard.limit(slot, lower, upper)
             for command in (Command.READ_VOLTAGE, Command.READ_TEMPERATURE, Command.READ_LOAD):
                 self._ask(slot, command)
 
@@ -175,7 +175,7 @@ class Lx16aBus(ServoBus):
         # Off the bytes: header, id, length, command, goal.
         slots, sent = np.array([self.ids.index(packet[2])]), float(int.from_bytes(packet[5:7], "little"))
         standing = self.measured.ticks[slots] if pinned else None
-        admitted = float(self.witness.admit(slots, np.array([sent]), standing=standing)[0])
+        admitted = float(self.guard.admit(slots, np.array([sent]), standing=standing)[0])
         self.port.send(packet if admitted == sent else self._packet(slot, int(admitted)))
         self._told[slot] = tick
         if pinned:

@@ -11,7 +11,7 @@ import pytest
 from flexmotion.configs.errors import ConfigError, DriverError
 from flexmotion.configs.robot import Robot, load_robot
 from flexmotion.drivers.bus.driver import BusDriver
-from flexmotion.drivers.bus.witness import GoalWitness
+from flexmotion.drivers.bus.goal_guard import GoalGuard
 from flexmotion.drivers.emulator.faults import Fault
 from flexmotion.drivers.emulator.feetech_bus import EmulatedFeetechBus
 from flexmotion.drivers.emulator.loopback import Loopback
@@ -128,7 +128,7 @@ def test_torque_goes_on_with_goals_pinned_and_goals_past_a_limit_are_counted(nam
         ticks(driver, world, state, command, 20)
         assert driver.violations == 0
         bus = driver.buses[0]
-        bus.witness.limit(3, 0, 10)  # a servo whose limits are narrower than the file's
+        bus.guard.limit(3, 0, 10)  # a servo whose limits are narrower than the file's
         command.position[:] += 0.01
         ticks(driver, world, state, command, 20)
         assert driver.violations > 0
@@ -143,16 +143,16 @@ def test_an_lx16a_past_its_own_limits_is_pinned_to_these(lx: Robot) -> None:
         assert isinstance(bus, Lx16aBus)
         limit = int(bus.measured.ticks[3]) - 5
         bus._position_limits[1, 3] = limit
-        bus.witness.limit(3, 0, limit)
+        bus.guard.limit(3, 0, limit)
         driver.set_torque(True)
         assert bus.pins[3] == limit and driver.violations == 0
         assert world.emulator.body.plant.enabled.all()
 
 
 def test_a_first_goal_outside_goes_to_the_nearest_inside() -> None:
-    witness = GoalWitness(np.zeros(2), np.full(2, 100.0))
-    np.testing.assert_array_equal(witness.admit(np.array([0, 1]), np.array([150.0, 50.0])), [100.0, 50.0])
-    assert witness.violations == 1
+    guard = GoalGuard(np.zeros(2), np.full(2, 100.0))
+    np.testing.assert_array_equal(guard.admit(np.array([0, 1]), np.array([150.0, 50.0])), [100.0, 50.0])
+    assert guard.violations == 1
 
 
 def test_a_bus_that_falls_silent_while_goals_are_read_back_does_not_hold_the_loop_up(
@@ -189,7 +189,7 @@ def test_a_servo_past_its_own_limits_is_pinned_to_these(sts: Robot) -> None:
         assert isinstance(bus, FeetechBus)
         limit = bus.measured.ticks[3] - 5
         bus._position_limits[1, 3] = limit
-        bus.witness.limit(3, 0, limit)
+        bus.guard.limit(3, 0, limit)
         driver.set_torque(True)
         assert world.emulator.lines[0].bus.servos[3].get("goal_position") == limit
         assert driver.violations == 0

@@ -543,7 +543,7 @@ def test_a_servo_past_its_own_limits_is_pinned_to_these(rig: Callable[..., Rig])
     bus, knee = it.driver.buses[0], it.robot.index("l_knee")
     limit = float(bus.measured.ticks[knee]) - 5
     bus.position_limits[1, knee] = limit
-    bus.witness.limit(knee, 0, limit)
+    bus.guard.limit(knee, 0, limit)
     it.driver.set_torque(True)
     assert it.servo(KNEE).get("goal_position") == limit
     it.tick(3)

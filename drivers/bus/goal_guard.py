@@ -1,4 +1,4 @@
-"""`GoalWitness`: keeps goals outside of their envelope from leaving for the servos, and counts them (docs/faults.md).
+"""`GoalGuard`: keeps goals outside of their envelope from leaving for the servos, and counts them (docs/faults.md).
 
 It stands at the last place where a goal is still in the program: at the bytes for the port. It shares nothing with the
 loop's command filter.
@@ -16,7 +16,7 @@ PIN_TICKS = 1
 """How far a goal that is pinned to where a joint stands may be from there [servo units]."""
 
 
-class GoalWitness:
+class GoalGuard:
     """What the m servos of a bus may be told, in their own units, and how often a goal was something else.
 
     Args:
