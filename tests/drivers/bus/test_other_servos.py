@@ -43,7 +43,7 @@ def lx(tmp_path: Path) -> Robot:
 def test_a_driver_refuses_servos_of_another_protocol(sts: Robot) -> None:
     with pytest.raises(ConfigError, match=r"servo STS3215-12V on bus 'main' speaks feetech, .* speaks dynamixel2"):
         create("dynamixel", sts, port="main")
-    with pytest.raises(ConfigError, match="speaks dynamixel2, this driver speaks lx16a"):
+    with pytest.raises(ConfigError, match="has protocol dynamixel2, this driver supports lx16a"):
         create("lx16a", load_robot("op3"), port="main")
 
 
@@ -77,7 +77,7 @@ def test_a_setting_that_differs_is_written_once_and_told(sts: Robot, caplog: pyt
     bus.servos[3].put("homing_offset", -80)
     with caplog.at_level(logging.INFO), driver:
         assert "homing_offset -80 -> 0" in caplog.text
-        assert "bus main: set for good on servo of l_sho_roll (id 4): homing_offset" in caplog.text
+        assert "bus main: written to EEPROM of servo of l_sho_roll (id 4): homing_offset" in caplog.text
     assert bus.servos[3].get("homing_offset") == 0 and bus.servos[3].get("lock") == 1
 
 
