@@ -136,9 +136,9 @@ class DynamixelBus(ServoBus):
             slot = self._slot[id_]
             changes[slot] = found.changes
             self.current_limit[slot], self.position_limits[:, slot] = found.current_limit, found.position_limits
-            self.witness.limit(slot, *found.position_limits, found.current_limit)
+            self.guard.limit(slot, *found.position_limits, found.current_limit)
             fast.setdefault((layout.read, found.fast), []).append(id_)
-        self.tell_changes(changes)
+        self.log_changes(changes)
         groups = [ReadMany(ids, span, fast=quick, where=f"bus {self.name}") for (span, quick), ids in fast.items()]
         self.cycle.set_up(groups, self._board)
         answered = self.cycle.learn_clocks()
@@ -232,7 +232,7 @@ class DynamixelBus(ServoBus):
         """See `ServoBus`. Position gain and PWM limit are lowered to `DAMPED_SHARE`; sent twice."""
         self._damped = True
         for _ in range(2):
-            self._send(self.witness.nearest(self.measured.ticks), np.full(len(self.ids), np.nan))
+            self._send(self.guard.nearest(self.measured.ticks), np.full(len(self.ids), np.nan))
             self._set_softness(DAMPED_SHARE)
 
     # ---------------------------------------------------------------- packets
@@ -252,7 +252,7 @@ class DynamixelBus(ServoBus):
             packet = goals.encode(ticks, bound, self.current_limit)
             sent = goals.decode(packet)
             slots = self._slot_of[sent["id"]]
-            admitted = self.witness.admit(
+            admitted = self.guard.admit(
                 slots,
                 sent["position"],
                 sent["current"] if goals.bounded else None,

@@ -72,7 +72,7 @@ class WitMotionLine(Line):
         self.damage.act(faults)
         self.cut = any(fault.kind is FaultKind.IMU for fault in faults)
 
-    def hear(self, now: float) -> None:
+    def receive(self, now: float) -> None:
         """See `Line`."""
         data = self.terminal.read()
         if self.cut or self.terminal.baud != self._baud:

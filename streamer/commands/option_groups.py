@@ -124,9 +124,7 @@ def grouped(command: Callable[..., None]) -> Callable[..., None]:
     Typer has no such feature; it reads the options of a command from its signature.
     """
     parameters = signature(command, eval_str=True).parameters
-    groups: dict[str, Any] = {
-        name: one.annotation for name, one in parameters.items() if is_dataclass(one.annotation)
-    }
+    groups: dict[str, Any] = {name: one.annotation for name, one in parameters.items() if is_dataclass(one.annotation)}
 
     def expanded(**values: Any) -> None:
         built = {

@@ -54,7 +54,7 @@ def test_an_id_is_changed_and_never_doubled(tools: BusTools) -> None:
 
 def test_a_reboot_clears_a_shutdown(tools: BusTools) -> None:
     if not isinstance(tools, DynamixelTools):
-        with pytest.raises(DriverError, match="know no reboot"):
+        with pytest.raises(DriverError, match="cannot reboot"):
             tools.reboot(14)
         return
     robot = load_robot("op3")

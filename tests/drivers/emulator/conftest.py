@@ -37,7 +37,7 @@ class Host:
 
     def raw(self, data: bytes) -> list[bytes]:
         """Bytes of each answer to bytes."""
-        return [reply.data for _, replies in self.bus.hear(data, self.baud, self.now) for reply in replies]
+        return [reply.data for _, replies in self.bus.receive(data, self.baud, self.now) for reply in replies]
 
     def read(self, id_: int, name: str) -> int:
         """A register's value, signed as the table says."""
