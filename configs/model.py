@@ -6,6 +6,7 @@ from pathlib import Path
 
 from pydantic import Field, model_validator
 
+from flexmotion.configs.corrections import Corrections
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.schema import Strict, load
 
@@ -205,7 +206,10 @@ class Stages(Strict):
 
 
 class ModelConfig(Strict):
-    """Everything that a model depends on but its data."""
+    """Everything that a model depends on but its data.
+
+    `corrections` are written into exported bundles as they are; training does not depend on them.
+    """
 
     name: str
     window: Window
@@ -215,6 +219,7 @@ class ModelConfig(Strict):
     distillation: DistillationConfig
     evaluator: EvaluatorConfig
     stages: Stages
+    corrections: Corrections = Corrections()
 
 
 def shipped_models() -> list[str]:

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from flexmotion.configs.calibration import calibrated, calibrated_imu
 from flexmotion.configs.errors import ConfigError
-from flexmotion.configs.robot_file import Gait, JointConfig, Mapping, RobotFile
-from flexmotion.configs.schema import load
+from flexmotion.configs.robot_file import ROBOT_FILE_VERSIONS, Gait, JointConfig, Mapping, RobotFile
+from flexmotion.configs.schema import parse, read_yaml
 from flexmotion.configs.servo import Servo, find_servo
 
 Float = NDArray[np.float64]
@@ -79,7 +79,10 @@ class Robot:
     def __init__(self, file: Path) -> None:
         """Load and check `file`. Raises `ConfigError` naming file, field and what would be valid."""
         self.file, self.folder = file, file.parent
-        written = load(RobotFile, file)
+        content = read_yaml(file)
+        # Before the fields: a file of another version may have others.
+        ROBOT_FILE_VERSIONS.check(content.get("version", 1), file)
+        written = parse(RobotFile, content, file)
         self.config = written.model_copy(update={"imu": calibrated_imu(written.imu, self.folder)})
         self.name, self.rate_hz = self.config.name, self.config.rate_hz
         self.gait: Gait = self.config.gait

@@ -7,10 +7,18 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from flexmotion.configs.schema import Strict
+from flexmotion.configs.versions import FormatVersions
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 Name = Annotated[str, Field(min_length=1)]
+
+ROBOT_FILE_VERSIONS = FormatVersions(
+    kind="robot file",
+    oldest=1,
+    newest=1,
+    migration='change it as docs/drivers.md, "Versions of the robot file", says',
+)
 
 
 class JointConfig(Strict):
@@ -239,8 +247,13 @@ class SafetyLimits(Strict):
 
 
 class RobotFile(Strict):
-    """The whole robot file (see each part)."""
+    """The whole robot file (see each part).
 
+    Attributes:
+        version: of the file format; a file without this field has version 1.
+    """
+
+    version: int = 1
     name: Name
     description: str
     mjcf: Name

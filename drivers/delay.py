@@ -1,4 +1,4 @@
-"""A delay line: commands take effect a fixed time after they were sent, to a fraction of a simulation step."""
+"""A delay line: commands take effect a fixed time after they are sent, resolved to fractions of a simulation step."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ Float = NDArray[np.float64]
 
 
 class DelayLine:
-    """Rows of `width` numbers on their way; holds `capacity` rows and drops none in order.
+    """Delays rows of `width` numbers; holds up to `capacity` rows.
 
     Attributes:
-        value: the row in force at the end of the last `advance`, (width,).
+        value: the row in effect at the end of the last `advance`, (width,).
     """
 
     def __init__(self, initial: Float, delay: float, capacity: int = 64) -> None:
-        """`delay` in seconds. Raises ValueError where it is negative."""
+        """`delay` in seconds. Raises ValueError if it is negative."""
         if not delay >= 0:
             raise ValueError(f"delay is {delay} s, expected 0 or more")
         self.delay = delay
@@ -28,7 +28,7 @@ class DelayLine:
         self._now = 0.0
 
     def push(self, row: Float) -> None:
-        """Send a row now. With the line full the oldest row takes effect early."""
+        """Send a row now. If the line is full, the oldest row takes effect early."""
         if self._count == len(self._due):
             self._take()
         slot = (self._first + self._count) % len(self._due)
@@ -37,12 +37,12 @@ class DelayLine:
         self._count += 1
 
     def reset(self, row: Float) -> None:
-        """Put a row in force now and forget what is on its way."""
+        """Put a row into effect now and drop the delayed ones."""
         self._count = 0
         self.value[:] = row
 
     def advance(self, seconds: float) -> Float:
-        """Let time pass; the mean over that time of the row in force, (width,). Valid until the next call."""
+        """Let time pass; the mean over that time of the row in effect, (width,). Valid until the next call."""
         end = self._now + seconds
         if not self._count or self._due[self._first] >= end:
             self._now = end

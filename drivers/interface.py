@@ -1,7 +1,7 @@
-"""The one door to servos and robots: what a driver can do, and the messages that pass through it.
+"""The hardware interface: what a driver does, and the messages that it exchanges with the control loop.
 
-The loop calls `open`, then every tick `read` and `write`, then `close`. Messages are allocated once and filled in
-place, so that a tick allocates nothing that grows. Joints are in the order of the robot file.
+The loop calls `open`, then `read` and `write` in every tick, then `close`. Messages are allocated once and filled in
+place. Joints are in the order of the robot file. `flexmotion.drivers.simulated` adds what simulated robots offer.
 """
 
 from __future__ import annotations
@@ -15,20 +15,21 @@ from numpy.typing import NDArray
 
 from flexmotion.configs.robot import Robot
 from flexmotion.configs.schema import Strict
+from flexmotion.spatial.gravity import GRAVITY
 
 Float = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Capabilities:
-    """What a driver offers; the loop asks before it relies on anything.
+    """What a driver offers. The loop checks it before it relies on anything.
 
     Attributes:
         imu: an inertial measurement unit is read with the joints.
         effort: `RobotState.effort` is measured.
-        torque_bound: `JointCommand.torque_bound` reaches the servo.
-        lockstep: time stands still between `advance` calls (simulation in this process).
-        truth: `truth()` tells the robot's real pose (simulation).
+        torque_bound: `JointCommand.torque_bound` reaches the servos.
+        lockstep: time passes only in `advance` (`flexmotion.drivers.simulated.LockstepDriver`).
+        truth: the true state is known (`flexmotion.drivers.simulated.SimulatedDriver`).
     """
 
     imu: bool = False
@@ -40,18 +41,18 @@ class Capabilities:
 
 @dataclass
 class RobotState:
-    """What a driver measured, filled in place by `Driver.read`.
+    """Measurements, filled in place by `Driver.read`.
 
     Attributes:
         stamp_ns: `time.perf_counter_ns` (or simulated time) of the measurement.
         position, velocity: joint angles and speeds, (n,) [rad, rad/s].
         effort: joint torque estimated from current, (n,) [N·m]; NaN where unknown.
         voltage, temperature: per servo, (n,) [V, °C]; NaN where unknown.
-        hardware_error: per servo, (n,) bits as the servo reports them; 0 is healthy.
-        stale: reads in a row that each joint's values are old, (n,) int; 0 is fresh.
-        gyro: angular velocity in the IMU's frame as mounted and calibrated to the torso frame, (3,) [rad/s].
+        hardware_error: per servo, (n,) bits as the servo reports them; 0: no error.
+        stale: consecutive reads without a new value, per joint, (n,) int; 0: fresh.
+        gyro: angular velocity in the torso frame, (3,) [rad/s].
         accel: specific force in the torso frame, (3,) [m/s²] (at rest: +9.81 along up).
-        imu_stale: reads in a row without a fresh IMU sample; -1 where there is no IMU.
+        imu_stale: consecutive reads without a new IMU sample; -1: no IMU.
     """
 
     n: int
@@ -64,7 +65,7 @@ class RobotState:
     hardware_error: NDArray[np.int64] = field(init=False)
     stale: NDArray[np.int64] = field(init=False)
     gyro: Float = field(default_factory=lambda: np.zeros(3))
-    accel: Float = field(default_factory=lambda: np.array([0.0, 0.0, 9.81]))
+    accel: Float = field(default_factory=lambda: np.array([0.0, 0.0, GRAVITY]))
     imu_stale: int = -1
 
     def __post_init__(self) -> None:
@@ -75,12 +76,12 @@ class RobotState:
 
 @dataclass
 class JointCommand:
-    """What the loop asks of the servos in one tick.
+    """Goals for one tick.
 
     Attributes:
         position: goal positions, (n,) [rad].
-        torque_bound: upper bound of each servo's torque, (n,) [N·m]; NaN leaves the servo's own limit. Only
-            drivers with `Capabilities.torque_bound` obey it.
+        torque_bound: upper bound of each servo's torque, (n,) [N·m]; NaN: the servo's own limit. Ignored by drivers
+            without `Capabilities.torque_bound`.
     """
 
     n: int
@@ -92,13 +93,13 @@ class JointCommand:
 
 
 class Driver(ABC):
-    """A robot, or its servo bus, behind one interface. Used as a context manager it opens and closes itself.
+    """A robot, or its servo bus. As a context manager it opens and closes itself.
 
     Class attributes:
         name: the entry-point name in group `flexmotion.drivers`.
-        Options: what may be set when it is created; `flexmotion.drivers.registry.create` checks its options against it.
+        Options: fields that may be set when it is created, checked by `flexmotion.drivers.registry.create`.
 
-    Every method raises `flexmotion.configs.errors.DriverError` naming joint, servo id and port where hardware fails.
+    Methods raise `flexmotion.configs.errors.DriverError`, which names joint, servo id and port, if hardware fails.
     """
 
     name: ClassVar[str]
@@ -111,48 +112,48 @@ class Driver(ABC):
     @property
     @abstractmethod
     def capabilities(self) -> Capabilities:
-        """What this driver offers, known before `open`."""
+        """What this driver offers; known before `open`."""
 
     @property
     @abstractmethod
     def delay_s(self) -> float:
-        """Time from `write` to the servo acting on it [s], measured where the driver can, else assumed."""
+        """Time from `write` to the servo acting on it [s], measured if the driver can, otherwise an assumption."""
 
     @abstractmethod
     def open(self) -> None:
-        """Connect and audit; torque stays off. Raises if a servo is missing or not what the robot file says."""
+        """Connect and check every servo; torque stays as it is. Raises if one is missing or differs from the file."""
 
     @abstractmethod
     def read(self, state: RobotState) -> None:
-        """Fill `state` with the newest measurement; never blocks past the tick's budget."""
+        """Fill `state` with the newest measurement; never blocks longer than its share of the tick."""
 
     @abstractmethod
     def write(self, command: JointCommand) -> None:
-        """Send the goals; ignored by servos whose torque is off."""
+        """Send the goals. Servos whose torque is off ignore them."""
 
     @abstractmethod
     def set_torque(self, on: bool) -> None:
-        """Switch all servos. Switching on pins every goal to its present position first."""
+        """Switch the torque of all servos. Before it goes on, every goal is pinned to the present position."""
 
-    def take_pins(self, goal: Float) -> None:  # noqa: B027 - who pins to what was read last has nothing to add
-        """Write where goals were pinned since the last call into `goal`, (n,) [rad]; others stay as they are.
+    def take_pins(self, goal: Float) -> None:  # noqa: B027 - optional
+        """Write goals that were pinned since the last call into `goal`, (n,) [rad]; the others are left unchanged.
 
-        A driver that reads once more before it switches on, or switches a servo on again later, pins goals to where the
-        loop has not seen the joints yet; the goals that follow must not lie further out.
+        For drivers that read the joints again before they switch torque on, or switch a servo on again later: they pin
+        goals to positions that the loop has not read. Goals that follow must not be further outside the limits.
         """
 
     @abstractmethod
     def damp(self) -> None:
-        """Let the joints give way softly, within what the servos can (after a detected fall only)."""
+        """Lower stiffness and torque, as far as servos can, so that joints give way. Only after a detected fall."""
 
     @property
     def violations(self) -> int:
-        """Goals received outside a servo's envelope, counted at the receiving end after quantisation."""
+        """Goals outside a servo's envelope, counted after quantisation."""
         return 0
 
     @abstractmethod
     def close(self) -> None:
-        """Leave the robot safe (torque off) and release the port. May be called twice."""
+        """Switch torque off and release the port. May be called twice."""
 
     def __enter__(self) -> Driver:
         self.open()

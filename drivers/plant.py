@@ -1,13 +1,12 @@
-"""The servo plant: what torque position servos make, one piece of code for the simulated robot and the emulated bus.
+"""The servo plant: the torque of position servos. Shared by the simulated robot and the emulated bus.
 
-A servo with a proportional position loop drives its motor with a voltage in proportion to the error, so for supply
-V and nominal supply Vn, stall torque s, stiffness kp and back-EMF constant b = s / no-load speed:
+A servo with a proportional position loop drives its motor with a voltage proportional to the error. For supply V,
+nominal supply Vn, stall torque s, stiffness kp and back-EMF constant b = s / no-load speed:
 
     tau = clip(kp (goal - q), -s, s) V/Vn - b qd
 
 bounded by the stall torque while it brakes (tau qd <= 0) and by the usable torque while it drives (tau qd > 0), both
-times V/Vn.
-Friction and rotor inertia are not here: they belong to the joint (MJCF `frictionloss`, `armature`).
+times V/Vn. Friction and rotor inertia are part of the joint (MJCF `frictionloss`, `armature`).
 """
 
 from __future__ import annotations
@@ -21,27 +20,27 @@ from flexmotion.configs.robot import Robot
 Float = NDArray[np.float64]
 
 DAMPED_SHARE = 0.1
-"""Damped: position gain and voltage (PWM limit) are lowered to this share. Back-EMF brakes what gives way."""
+"""Share to which position gain and voltage (PWM limit) are lowered while damped; back-EMF brakes the joints."""
 
 
 class ServoPlant:
-    """All servos of a robot. Every array is (n,), in robot order; `step` fills them in place and allocates nothing.
+    """All servos of a robot. Every array is (n,), in robot order, and filled in place.
 
     Attributes:
-        goal: goal position in force, quantised by whoever sets it [rad].
+        goal: goal position in effect, quantised by the caller [rad].
         enabled: torque is on, bool.
-        torque_bound: bound on the torque, infinite where there is none [N·m].
+        torque_bound: bound on the torque [N·m]; infinite: none.
         supply: voltage of the source at no current [V].
         resistance: of source and wiring [Ohm].
         torque: last torque [N·m].
-        saturated: whether any limit held the last torque down, bool.
+        saturated: whether a limit reduced the last torque, bool.
         voltage: at the servos [V], one number.
         current: of the source [A], one number.
         temperature: of the windings [°C].
     """
 
     def __init__(self, robot: Robot, *, kp_scale: float = 1.0, supply: float | None = None, resistance: float = 0.0):
-        """`supply` is the lowest nominal voltage of the servos where not given."""
+        """`supply` defaults to the lowest nominal voltage of the servos."""
         n = robot.n
         self.goal = np.zeros(n)
         self.enabled = np.zeros(n, np.bool_)
@@ -68,28 +67,28 @@ class ServoPlant:
         self._refresh()
 
     def set_supply(self, volts: float) -> None:
-        """Voltage of the source from now on [V]."""
+        """Set the voltage of the source [V]."""
         self.supply = volts
         self.voltage = volts - self.resistance * self.current
         self._refresh()
 
     def set_gain(self, kp: Float) -> None:
-        """Stiffness at nominal supply, (n,) [N·m/rad]."""
+        """Set the stiffness at nominal supply, (n,) [N·m/rad]."""
         self._kp[:] = kp
         self._refresh()
 
     def set_drive_share(self, share: Float | float) -> None:
-        """Share of the supply that may drive the motors (the PWM limit), (n,) or one number in [0, 1]."""
+        """Set the share of the supply that may drive the motors (the PWM limit), (n,) or one number in [0, 1]."""
         self._drive_share[:] = share
         self._refresh()
 
     def damp(self) -> None:
-        """Give way softly: gain and PWM limit at `DAMPED_SHARE`, so that back-EMF does most of the work."""
+        """Lower gain and PWM limit to `DAMPED_SHARE`, so that joints give way and mainly back-EMF brakes them."""
         self._gain_share = DAMPED_SHARE
         self.set_drive_share(DAMPED_SHARE)
 
     def stiffen(self) -> None:
-        """Full gain and drive again."""
+        """Restore full gain and PWM limit."""
         self._gain_share = 1.0
         self.set_drive_share(1.0)
 
@@ -103,7 +102,7 @@ class ServoPlant:
             self._flag,
             self.torque,
         )
-        # PWM stage: proportional to the error, saturating at its limit.
+        # PWM stage: proportional to the error, saturated at its limit.
         np.subtract(self.goal, position, out=asked)
         asked *= self._gain
         np.minimum(asked, self._drive_peak, out=drive)
@@ -111,7 +110,7 @@ class ServoPlant:
         np.maximum(drive, scratch, out=drive)
         np.not_equal(drive, asked, out=self.saturated)
 
-        # Motor: back-EMF takes its share, then the envelope.
+        # Motor: minus back-EMF, then the envelope.
         np.multiply(self._robot.back_emf, velocity, out=scratch)
         np.subtract(drive, scratch, out=asked)
         np.multiply(asked, velocity, out=scratch)
@@ -130,10 +129,10 @@ class ServoPlant:
         return torque
 
     def draw(self, torque: Float, seconds: float) -> None:
-        """Heat the windings and load the supply with `torque`, the mean over the last `seconds`, (n,) [N·m].
+        """Update temperature and supply voltage for `torque`, the mean over the last `seconds`, (n,) [N·m].
 
-        Assumptions, both first order: windings warm with (torque / stall)²; the source gives each motor its current
-        times its share of the supply, and sags from then on.
+        Two first-order models, both assumptions: windings warm with (torque / stall)²; the source delivers each motor's
+        current times its share of the supply, and its voltage drops by resistance times current.
         """
         robot, load = self._robot, self._scratch
         np.divide(torque, robot.stall_torque, out=load)
@@ -149,7 +148,7 @@ class ServoPlant:
             np.divide(torque, self._torque_constant, out=load)
             load *= self._drive
             load /= robot.stall_torque
-            np.maximum(load, 0.0, out=load)  # what braking gives back is not counted
+            np.maximum(load, 0.0, out=load)  # regenerated current is not counted
             self.current = float(load.sum())
             self.voltage = self.supply - self.resistance * self.current
             self._refresh()

@@ -1,4 +1,4 @@
-"""`PlugIns`: classes by name, built in or installed by anyone under an entry-point group.
+"""`PlugIns`: classes by name, built-in ones and those of an entry-point group.
 
 A plug-in that fails to import is reported and left out; the others work.
 """
@@ -21,23 +21,23 @@ class PlugIns(Generic[Kind]):
     """Subclasses of one base.
 
     Args:
-        group: of the entry points.
-        what: they are called in messages.
-        base: that every one is a subclass of.
-        built_in: those of this project, `module:Class` by name. They are entry points of its distribution too, but
-            those exist only once something is installed: this table lets a plain checkout find them. They win over
-            plug-ins of the same name, so that no package can slip in front of one that moves hardware.
+        group: entry-point group.
+        what: name of the kind of class, for messages.
+        base: common base class.
+        built_in: classes of this project, `module:Class` by name. They are entry points of its distribution too; this
+            table finds them in a checkout that is not installed. They take precedence over plug-ins of the same name,
+            so that no package can replace one that moves hardware.
     """
 
     def __init__(self, group: str, what: str, base: type[Kind], built_in: Mapping[str, str]) -> None:
         self.group, self.what, self.base, self.built_in = group, what, base, built_in
 
     def names(self) -> tuple[str, ...]:
-        """All that are registered, whether or not they import."""
+        """Names of all registered classes, whether or not they can be imported."""
         return tuple(sorted(self._entries()))
 
     def available(self) -> dict[str, type[Kind]]:
-        """Every one that imports, by name; the others are logged as warnings."""
+        """Every class that can be imported, by name; a warning is logged for each of the others."""
         found = {}
         for name, entry in sorted(self._entries().items()):
             try:
@@ -47,7 +47,7 @@ class PlugIns(Generic[Kind]):
         return found
 
     def get(self, name: str) -> type[Kind]:
-        """The one of that name. Raises `ConfigError` where there is none or it does not import."""
+        """The class of that name. Raises `ConfigError` if there is none or it cannot be imported."""
         entries = self._entries()
         if name not in entries:
             raise ConfigError(f"unknown {self.what} {name!r}, expected one of: {', '.join(sorted(entries))}")
@@ -62,7 +62,7 @@ class PlugIns(Generic[Kind]):
         return entries
 
     def _load(self, entry: EntryPoint) -> type[Kind]:
-        """The class that an entry point names. Raises `ConfigError` whatever a plug-in's import raises."""
+        """The class that an entry point names. Raises `ConfigError` for every exception of the import."""
         try:
             found: Any = entry.load()
         except Exception as error:
@@ -72,5 +72,5 @@ class PlugIns(Generic[Kind]):
             ) from error
         if not (isinstance(found, type) and issubclass(found, self.base)):
             base = f"{self.base.__module__}.{self.base.__qualname__}"
-            raise ConfigError(f"{self.what} {entry.name!r} ({entry.value}) is no subclass of {base}")
+            raise ConfigError(f"{self.what} {entry.name!r} ({entry.value}) is not a subclass of {base}")
         return found

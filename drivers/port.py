@@ -1,4 +1,4 @@
-"""`SerialPort`: a serial device that answers at once, belongs to one program, and may vanish without an exception."""
+"""`SerialPort`: a serial device, used exclusively, without waiting and, once open, without exceptions."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ BITS_A_BYTE = 10
 """Start bit, eight bits, stop bit."""
 
 NETWORK = Path("/sys/class/net")
-"""Where Linux lists its network interfaces, CAN buses among them."""
+"""Where Linux lists its network interfaces, including CAN buses."""
 
 _CHUNK = 4096
 
@@ -27,7 +27,7 @@ log = logging.getLogger(__name__)
 
 
 class SerialPort:
-    """An open port. After it has been opened nothing here raises: a port that fails is `lost` from then on.
+    """An open port. Once it is open, only `set_baud` raises: a port that fails is `lost` from then on.
 
     Args:
         path: the device.
@@ -37,11 +37,11 @@ class SerialPort:
         path, baud: as given.
         lost: why the port is gone; None while it works.
         sent: bytes sent so far.
-        busy_until: time at which all that was sent is on its way [s].
+        busy_until: time at which the last byte sent has left the wire [s].
     """
 
     def __init__(self, path: str, baud: int) -> None:
-        """Raises `DriverError` where there is no such device, it is another's, or it refuses the baud rate."""
+        """Raises `DriverError` if the device is missing, in use, or does not support the baud rate."""
         self.path, self.baud = path, baud
         self.lost: str | None = None
         self.sent, self.busy_until = 0, 0.0
@@ -52,7 +52,7 @@ class SerialPort:
         except ValueError as error:
             raise DriverError(f"port {path}: cannot run at {baud} baud: {error}") from error
         try:
-            # Otherwise an FTDI adapter gathers bytes for 16 ms before it hands them over.
+            # Otherwise an FTDI adapter buffers bytes for 16 ms.
             self._serial.set_low_latency_mode(True)
         except (OSError, ValueError, NotImplementedError, AttributeError):
             log.debug("port %s has no low-latency mode", path)
@@ -62,38 +62,38 @@ class SerialPort:
         return size * BITS_A_BYTE / self.baud
 
     def send(self, data: bytes) -> None:
-        """Hand bytes to the adapter, which sends them when the wire is free."""
+        """Pass bytes to the adapter, which sends them when the wire is free."""
         if self.lost is None:
             try:
-                # Past pyserial, which would copy them and select first; what an adapter's full buffer refuses is lost.
+                # Not through pyserial, which copies and selects first. Bytes beyond the adapter's buffer are lost.
                 os.write(self._serial.fd, data)
                 self._count(data)
             except BlockingIOError:
-                log.debug("port %s: its buffer is full, %d bytes are lost", self.path, len(data))
+                log.debug("port %s: buffer full, %d bytes are lost", self.path, len(data))
             except OSError as error:
                 self._lose(error)
 
     def receive(self) -> bytes:
-        """Bytes that have come, without waiting."""
+        """Bytes that have arrived, without waiting."""
         if self.lost is not None:
             return b""
         try:
-            # Past pyserial, which would first select what is known to be there.
+            # Not through pyserial, which selects first.
             data = os.read(self._serial.fd, _CHUNK)
             if not data:
-                _ = self._serial.in_waiting  # raises where there is nothing because the device is gone
+                _ = self._serial.in_waiting  # raises if the device is gone
         except OSError as error:
             self._lose(error)
             return b""
         return data
 
     def wait(self, seconds: float) -> bytes:
-        """Bytes that have come, waiting at most `seconds` for the first."""
+        """Bytes that have arrived, after waiting at most `seconds` for the first."""
         self.wait_any([self], seconds)
         return self.receive()
 
     def wait_any(self, ports: Sequence[SerialPort], seconds: float) -> None:
-        """Sleep until one of the ports, of this kind, has bytes, at most `seconds`."""
+        """Sleep until one of `ports` has bytes, at most `seconds`. All must be of this port's class."""
         descriptors = [port.descriptor for port in ports if port.lost is None]
         if descriptors:
             select.select(descriptors, (), (), max(seconds, 0.0))
@@ -101,15 +101,15 @@ class SerialPort:
             self.sleep(seconds)
 
     def now(self) -> float:
-        """Time on the clock that everything on this port goes by [s]."""
+        """Time on the clock of this port [s]."""
         return time.perf_counter()
 
     def sleep(self, seconds: float) -> None:
-        """Let time pass on that clock."""
+        """Let time pass on the clock of this port."""
         time.sleep(max(seconds, 0.0))
 
     def set_baud(self, baud: int) -> None:
-        """Another bit rate from now on. Raises `DriverError` where the port refuses it."""
+        """Change the bit rate. Raises `DriverError` if the port does not support it."""
         try:
             self._serial.baudrate = baud
         except (ValueError, OSError) as error:
@@ -117,7 +117,7 @@ class SerialPort:
         self.baud = baud
 
     def close(self) -> None:
-        """Let go of the device. May be called twice."""
+        """Release the device. May be called twice."""
         self.lost = self.lost or "closed"
         try:
             self._serial.close()
@@ -126,7 +126,7 @@ class SerialPort:
 
     @property
     def descriptor(self) -> int:
-        """For `select`; -1 once the port is lost."""
+        """File descriptor for `select`; -1 once the port is lost."""
         return -1 if self.lost is not None else int(self._serial.fileno())
 
     def _count(self, data: bytes) -> None:
@@ -140,13 +140,13 @@ class SerialPort:
 
 def _reason(path: str, error: serial.SerialException) -> str:
     if error.errno == errno.ENOENT and path and (NETWORK / path).is_dir():
-        return "is a CAN or network interface, no serial port: a driver plug-in would have to speak to it"
+        return "is a CAN or network interface, not a serial port: it needs a driver plug-in"
     if error.errno == errno.ENOENT:
         return "there is no such device"
     if error.errno == errno.EACCES:
-        return "permission denied; on most systems a member of group dialout may use it"
+        return "permission denied; on most systems members of group dialout may use it"
     if error.errno in (errno.EBUSY, errno.EAGAIN) or "exclusively lock" in str(error):
         return "another program holds it"
     if error.errno == errno.EISDIR or isinstance(error.__context__, termios.error):
-        return "is no serial port"
+        return "is not a serial port"
     return " ".join(str(error).split())

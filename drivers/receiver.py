@@ -1,7 +1,7 @@
-"""The receiving end of goals: what servos do with them, and an independent count of goals they should not have got.
+"""`Receiver`: takes goals as servos do, and counts those outside the envelope.
 
-Shared by the simulated robot and the emulated bus. It shares no code with the loop's command filter: it is the witness
-that the filter works.
+Shared by the simulated robot and the emulated bus. It shares no code with the loop's command filter, so that its counts
+check the filter independently.
 """
 
 from __future__ import annotations
@@ -14,24 +14,24 @@ from flexmotion.configs.robot import Robot
 Float = NDArray[np.float64]
 
 GOAL_AGE_S = 0.02
-"""Longest time between the reading of a position and the arrival of the first goal, which begins there [s]."""
+"""Longest time from the read of a position to the arrival of the first goal, which starts there [s]."""
 
 
 class Receiver:
-    """Takes goals as servos do, in whole ticks, and counts those outside the envelope.
+    """Takes goals in whole servo ticks and counts those outside the envelope.
 
-    A goal violates the envelope where, after quantisation and with one tick of tolerance,
-    - it is outside the joint's limits and further out than the goal before it (the first one since torque was off, or
-      since goals were pinned, may be as far out as the joint itself, with what that moves in `GOAL_AGE_S`); or not a
-      number (such a goal is not taken; the last one stays), or
+    A goal violates the envelope if, after quantisation and with one tick of tolerance,
+    - it is outside the joint's limits and further out than the goal before it. The first goal after torque was off, or
+      after goals were pinned, may be as far out as the joint itself, plus its motion in `GOAL_AGE_S`; or
+    - it is not a number (such a goal is not taken; the last one stays); or
     - the torque that it implies at the servo's true position and speed, |kp (goal - q) V/Vn - b qd|, is above the
       servo's peak at the present supply, stall torque times V/Vn. (The usable torque of a servo that drives its load
-      is lower, and the loop's filter aims below it; but a servo overdriven for a moment is within its peak.)
-    Goals to servos whose torque is off are not counted: they wait there for torque to go on.
+      is lower, and the loop's filter stays below it; a servo that exceeds it briefly is still within its peak.)
+    Goals to servos whose torque is off are not counted.
 
     Attributes:
         goal: last goal taken, quantised, (n,) [rad].
-        position_violations, torque_violations: counts, one a joint and goal.
+        position_violations, torque_violations: counts, one per joint and goal.
     """
 
     def __init__(self, robot: Robot) -> None:
@@ -56,7 +56,7 @@ class Receiver:
         return self.position_violations + self.torque_violations
 
     def pin(self, position: Float) -> None:
-        """Take the present position as the goal, (n,) [rad]."""
+        """Set the goal to the present position, (n,) [rad]."""
         self._robot.from_ticks(self._robot.to_ticks(position, out=self._ticks), out=self.goal)
         np.copyto(self._last, self.goal)
         self._first[:] = True
@@ -74,7 +74,7 @@ class Receiver:
 
         Args:
             enabled: servos whose torque is on.
-            which: servos that are told; the others keep their goals, of which `goal` holds copies. None: all.
+            which: servos that get a new goal; for the others `goal` holds a copy of the last one. None: all.
         """
         robot, bad, told = self._robot, self._bad, self._told
         told.fill(True) if which is None else np.copyto(told, which)
@@ -84,7 +84,7 @@ class Receiver:
         np.copyto(self._ticks, goal, where=self._finite)
         robot.from_ticks(robot.to_ticks(self._ticks, out=self._ticks), out=self.goal)
 
-        # Limits are held against what was asked for: a servo's own range would hide a goal far outside.
+        # Limits are checked before quantisation: the servo's own range would hide a goal far outside.
         self._widen(position, velocity)
         np.less(goal, self._lowest, out=bad)
         bad |= goal > self._highest
@@ -109,7 +109,7 @@ class Receiver:
         self.torque_violations += int(np.count_nonzero(bad))
 
     def _widen(self, position: Float, velocity: Float) -> None:
-        """The joints' limits, as far out as goals may lie now: as the last one, the first one as the joint itself."""
+        """Set the range of goals allowed now: the limits, widened to the last goal, for the first goal to the joint."""
         tick, slack = self._robot.tick_rad, self._slack
         np.abs(velocity, out=slack)
         slack *= GOAL_AGE_S
@@ -118,7 +118,7 @@ class Receiver:
         np.add(position, slack, out=self._highest)
         np.copyto(self._lowest, self._lower, where=~self._first)
         np.copyto(self._highest, self._upper, where=~self._first)
-        # The last goal is known in whole ticks: whatever rounds to it is no further out.
+        # The last goal is known in whole ticks: every goal that rounds to it counts as equal.
         np.minimum(self._lowest, self._last - 0.5 * tick, out=self._lowest)
         np.maximum(self._highest, self._last + 0.5 * tick, out=self._highest)
         np.minimum(self._lowest, self._lower, out=self._lowest)

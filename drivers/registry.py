@@ -1,4 +1,4 @@
-"""Finds drivers: built in, or installed by anyone under the entry-point group `flexmotion.drivers`."""
+"""Finds drivers: built-in ones, and plug-ins in the entry-point group `flexmotion.drivers`."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ _DRIVERS: PlugIns[Driver] = PlugIns(GROUP, "driver", Driver, BUILT_IN)  # type: 
 
 
 def names() -> tuple[str, ...]:
-    """Names of all registered drivers, whether or not they import."""
+    """Names of all registered drivers, whether or not they can be imported."""
     return _DRIVERS.names()
 
 
 def available() -> dict[str, type[Driver]]:
-    """Every driver that imports, by name; the others are logged as warnings."""
+    """Every driver that can be imported, by name; a warning is logged for each of the others."""
     return _DRIVERS.available()
 
 
 def create(name: str, robot: Robot, **options: Any) -> Driver:
-    """The driver `name` for a robot, not yet open; `options` are the fields of its `Options`.
+    """Create the driver `name` for a robot, not yet open; `options` are the fields of its `Options`.
 
-    Raises `ConfigError` where there is no such driver, it does not import, or an option is wrong.
+    Raises `ConfigError` if there is no such driver, it cannot be imported, or an option is wrong.
     """
     driver = _DRIVERS.get(name)
     return driver(robot, options=parse(driver.Options, options, f"options of driver {name!r}"))

@@ -1,0 +1,130 @@
+"""FlexMotion: human motion to a humanoid's servos, live.
+
+    import flexmotion as fm
+
+    with fm.open_session("op3") as session:
+        session.send(fm.Velocity(0.2, 0.0, 0.0))
+        session.advance(5.0)
+        print(session.state.torso)
+
+Nothing is imported before a name is used. `docs/library.md` lists the names; `examples/` has whole programs.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from flexmotion.bundles.bundle import Bundle
+    from flexmotion.configs.errors import ConfigError, DriverError, FlexMotionError, MotionFormatError
+    from flexmotion.configs.robot import Robot
+    from flexmotion.configs.stream import StreamSettings, load_stream
+    from flexmotion.drivers.interface import Driver
+    from flexmotion.human.motion import Motion
+    from flexmotion.sampling.sampler import Condition, Sampler
+    from flexmotion.streamer.api import (
+        Outcome,
+        load_motion,
+        open_bundle,
+        open_driver,
+        open_robot,
+        open_sampler,
+        open_session,
+        open_source,
+        outcome,
+        retarget_motion,
+    )
+    from flexmotion.streamer.control.ladder import State
+    from flexmotion.streamer.log.reader import Log, read_log
+    from flexmotion.streamer.motion.intents import Clip, Stop, Text, Velocity
+    from flexmotion.streamer.motion.script import Item, load_script
+    from flexmotion.streamer.motion.sources import Performance, Source
+    from flexmotion.streamer.planning.offline import Trajectory
+    from flexmotion.streamer.run.requests import Request
+    from flexmotion.streamer.run.session import Session
+    from flexmotion.streamer.run.session_state import SessionState
+
+_MODULES = {
+    "bundles.bundle": ("Bundle",),
+    "configs.errors": ("ConfigError", "DriverError", "FlexMotionError", "MotionFormatError"),
+    "configs.robot": ("Robot",),
+    "configs.stream": ("StreamSettings", "load_stream"),
+    "drivers.interface": ("Driver",),
+    "human.motion": ("Motion",),
+    "sampling.sampler": ("Condition", "Sampler"),
+    "streamer.api": (
+        "Outcome",
+        "load_motion",
+        "open_bundle",
+        "open_driver",
+        "open_robot",
+        "open_sampler",
+        "open_session",
+        "open_source",
+        "outcome",
+        "retarget_motion",
+    ),
+    "streamer.control.ladder": ("State",),
+    "streamer.log.reader": ("Log", "read_log"),
+    "streamer.motion.intents": ("Clip", "Stop", "Text", "Velocity"),
+    "streamer.motion.script": ("Item", "load_script"),
+    "streamer.motion.sources": ("Performance", "Source"),
+    "streamer.planning.offline": ("Trajectory",),
+    "streamer.run.requests": ("Request",),
+    "streamer.run.session": ("Session",),
+    "streamer.run.session_state": ("SessionState",),
+}
+"""Names by the module that defines them. No name may be that of a subpackage (`retarget`), which would hide it."""
+_WHERE = {name: module for module, names in _MODULES.items() for name in names}
+
+__all__ = [
+    "Bundle",
+    "Clip",
+    "Condition",
+    "ConfigError",
+    "Driver",
+    "DriverError",
+    "FlexMotionError",
+    "Item",
+    "Log",
+    "Motion",
+    "MotionFormatError",
+    "Outcome",
+    "Performance",
+    "Request",
+    "Robot",
+    "Sampler",
+    "Session",
+    "SessionState",
+    "Source",
+    "State",
+    "Stop",
+    "StreamSettings",
+    "Text",
+    "Trajectory",
+    "Velocity",
+    "load_motion",
+    "load_script",
+    "load_stream",
+    "open_bundle",
+    "open_driver",
+    "open_robot",
+    "open_sampler",
+    "open_session",
+    "open_source",
+    "outcome",
+    "read_log",
+    "retarget_motion",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _WHERE:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = globals()[name] = getattr(import_module(f"{__name__}.{_WHERE[name]}"), name)
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted(globals().keys() | set(__all__))

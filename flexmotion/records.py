@@ -19,7 +19,6 @@ a retargeter's state is laid out this way.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from functools import lru_cache
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -72,10 +71,11 @@ class Record:
     """
 
     _columns: ClassVar[dict[str, _Column]] = {}
+    _dtypes: ClassVar[dict[tuple[tuple[str, int], ...], np.dtype[np.void]]] = {}
 
     def __init_subclass__(cls) -> None:
         own = {name: value for name, value in vars(cls).items() if isinstance(value, _Column)}
-        cls._columns = cls._columns | own
+        cls._columns, cls._dtypes = cls._columns | own, {}
 
     def __init__(self, array: NDArray[Any] | Mapping[str, NDArray[Any]]) -> None:
         self.array = array
@@ -90,7 +90,10 @@ class Record:
         Raises:
             KeyError: an axis has no size.
         """
-        return _dtype(cls, tuple(sizes.items()))
+        key = tuple(sizes.items())
+        if key not in cls._dtypes:
+            cls._dtypes[key] = np.dtype([(name, *_spec(one, sizes)) for name, one in cls._columns.items()])
+        return cls._dtypes[key]
 
     @classmethod
     def names(cls) -> tuple[str, ...]:
@@ -142,12 +145,6 @@ class Record:
         if isinstance(self.array, np.ndarray):
             return type(self)(self.array.copy())
         return type(self)({name: value.copy() for name, value in self.array.items()})
-
-
-@lru_cache(maxsize=256)
-def _dtype(record: type[Record], sizes: tuple[tuple[str, int], ...]) -> np.dtype[np.void]:
-    known = dict(sizes)
-    return np.dtype([(name, *_spec(one, known)) for name, one in record._columns.items()])
 
 
 def _spec(one: _Column, sizes: Mapping[str, int]) -> tuple[str | np.dtype[np.void], tuple[int, ...]]:

@@ -11,15 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+from flexmotion.spatial.transitions import minimum_jerk
+
 Float = NDArray[np.float64]
-
-GRAVITY = 9.81
-
-
-def smoothstep(s: Float) -> Float:
-    """Minimum-jerk rise from 0 to 1 for s in [0, 1] (clipped outside)."""
-    s = np.clip(s, 0.0, 1.0)
-    return s**3 * (10.0 + s * (6.0 * s - 15.0))
 
 
 def divergent_component(zmp: Float, omega: float, dt: float) -> Float:
@@ -49,7 +43,7 @@ def absorb_offset(seconds: float, omega: float, dt: float, rows: int | None = No
 
 def _remaining(t: Float, seconds: float) -> Float:
     """Share of a jump that is left after a time."""
-    return 1.0 - smoothstep(t / seconds)
+    return 1.0 - minimum_jerk(t / seconds)
 
 
 def absorb(zmp: Float, dcm: Float, error: Float, omega: float, dt: float, seconds: float) -> tuple[Float, Float]:

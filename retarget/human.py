@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexmotion.human.contacts import ContactDetector
-from flexmotion.human.kinematics import HumanKinematics, forward, heading
+from flexmotion.human.kinematics import HumanKinematics, forward
 from flexmotion.human.motion import Motion
 from flexmotion.human.skeleton import SIDES
-from flexmotion.retarget.balance import GRAVITY
+from flexmotion.spatial.gravity import GRAVITY
+from flexmotion.spatial.heading import matrix_heading
 
 Float = NDArray[np.float64]
 
@@ -56,7 +57,7 @@ class HumanWindow:
         kin = self.kinematics
         feet = 0.5 * (kin.heel + kin.toe)
         along = kin.toe - kin.heel
-        yaw = np.column_stack([np.arctan2(along[:, :, 1], along[:, :, 0]), heading(kin.pelvis_rotation)])
+        yaw = np.column_stack([np.arctan2(along[:, :, 1], along[:, :, 0]), matrix_heading(kin.pelvis_rotation)])
         if yaws is not None:
             yaw = np.concatenate([yaws[None], yaw])
         self.yaws = np.unwrap(yaw, axis=0)[(yaws is not None) :]
@@ -123,7 +124,7 @@ class HumanWindow:
         As seen from where it faces, over Euler's angles, which turn round where somebody bows by more than 90 degrees.
         """
         torso = self.kinematics.torso_rotation
-        yaw, up = heading(torso), torso[:, :, 2]
+        yaw, up = matrix_heading(torso), torso[:, :, 2]
         cos, sin = np.cos(yaw), np.sin(yaw)
         forward, left = cos * up[:, 0] + sin * up[:, 1], cos * up[:, 1] - sin * up[:, 0]
         return np.column_stack([-np.arcsin(np.clip(left, -1.0, 1.0)), np.arctan2(forward, up[:, 2])])

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexmotion.human.motion import Motion
-from flexmotion.retarget.footsteps import Step
+from flexmotion.retarget.steps import Step
 
 Float = NDArray[np.float64]
 

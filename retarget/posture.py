@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from flexmotion.configs.robot import Robot
 from flexmotion.configs.robot_file import Gait
-from flexmotion.retarget.footsteps import Scaling
+from flexmotion.retarget.footholds import Scaling
 from flexmotion.retarget.human import HumanWindow
 from flexmotion.retarget.schedule import Schedule
 from flexmotion.retarget.smoothing import Follower

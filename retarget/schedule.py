@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexmotion.retarget.balance import smoothstep
-from flexmotion.retarget.footsteps import Step
+from flexmotion.retarget.steps import Step
 from flexmotion.retarget.swing import swing_path
+from flexmotion.spatial.transitions import minimum_jerk
 
 Float = NDArray[np.float64]
 
@@ -77,11 +77,11 @@ def _load_share(
         gap = (ticks >= begin) & (ticks < step.lift)
         t = ticks[gap]
         if step.lift - landed <= shift:
-            towards = smoothstep((t - landed) / max(step.lift - landed, 1))
+            towards = minimum_jerk((t - landed) / max(step.lift - landed, 1))
             share[gap] = last_stance + towards * (step.stance - last_stance)
         else:
-            leaving = 1.0 - smoothstep((t - landed) / shift)
-            coming = smoothstep((t - step.lift + shift) / shift)
+            leaving = 1.0 - minimum_jerk((t - landed) / shift)
+            coming = minimum_jerk((t - step.lift + shift) / shift)
             # In a gap shorter than two shifts the weight never comes to rest between the feet.
             total = np.maximum(leaving + coming, 1.0)
             leaving, coming = leaving / total, coming / total
@@ -89,6 +89,6 @@ def _load_share(
         share[(ticks >= step.lift) & (ticks < step.land)] = step.stance
         begin, landed, last_stance = step.land, step.land, step.stance
     rest = ticks >= begin
-    leaving = 1.0 - smoothstep((ticks[rest] - landed) / shift)
+    leaving = 1.0 - minimum_jerk((ticks[rest] - landed) / shift)
     share[rest] = leaving * last_stance + (1.0 - leaving) * quiet[rest]
     return share

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from flexmotion.retarget.balance import smoothstep
+from flexmotion.spatial.transitions import minimum_jerk, smoothstep
 
 Float = NDArray[np.float64]
 
@@ -27,8 +27,8 @@ def swing_path(phase: Float, start: Float, target: Float, clearance: float) -> F
         (T, 4) [m, m, m, rad].
     """
     s = np.clip(phase, 0.0, 1.0)
-    quintic = smoothstep(s)
-    progress = _CUBIC_SHARE * (s * s * (3.0 - 2.0 * s)) + (1.0 - _CUBIC_SHARE) * quintic
+    quintic = minimum_jerk(s)
+    progress = _CUBIC_SHARE * smoothstep(s) + (1.0 - _CUBIC_SHARE) * quintic
     path = start + np.outer(progress, target - start)
     path[:, 2] = start[2] + quintic * (target[2] - start[2]) + clearance * 16.0 * (s * (1.0 - s)) ** 2
     path[:, 3] = start[3] + quintic * (target[3] - start[3])

@@ -10,7 +10,7 @@ import importlib, pkgutil, sys
 
 class Refuse:
     def find_spec(self, name, path=None, target=None):
-        if name.partition(".")[0] in {"torch", "diffusers", "sentence_transformers", "myo_sim"}:
+        if name.partition(".")[0] in {"torch", "sentence_transformers", "myo_sim"}:
             raise ImportError(f"{name} does not belong to the runtime")
 
 sys.meta_path.insert(0, Refuse())

@@ -20,8 +20,8 @@ import numpy as np
 from gait_trial import MOMENTS, GaitTrial, default_path, load_trial
 
 from flexmotion.biomechanics.dynamics import Dynamics, dynamics
-from flexmotion.biomechanics.inverse_dynamics import GRAVITY
 from flexmotion.human.skeleton import DOF_COUNT, JOINTS
+from flexmotion.spatial.gravity import GRAVITY
 
 FORCES = {"vertical": (2, 4.5), "fore-aft": (0, 2.5), "side": (1, 2.5)}
 # Adduction and rotation of the hip are held to the limit of the hip.

@@ -24,7 +24,6 @@ from numpy.typing import NDArray
 from flexmotion.biomechanics.activation import activation_limits
 from flexmotion.biomechanics.differentiation import derivative
 from flexmotion.biomechanics.dynamics import dynamics
-from flexmotion.biomechanics.inverse_dynamics import GRAVITY
 from flexmotion.biomechanics.joint_contact import joint_contact_forces
 from flexmotion.biomechanics.muscle_geometry import muscle_models
 from flexmotion.biomechanics.static_optimisation import MuscleState, infeasible, static_optimisation, strength
@@ -32,6 +31,7 @@ from flexmotion.dataset.clips import Clip, find_clips
 from flexmotion.human.motion import Motion
 from flexmotion.human.skeleton import DOF_COUNT, JOINTS
 from flexmotion.importers import load
+from flexmotion.spatial.gravity import GRAVITY
 
 Float = NDArray[np.float64]
 

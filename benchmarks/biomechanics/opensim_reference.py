@@ -28,6 +28,7 @@ from flexmotion.biomechanics.segment_motion import segment_motion
 from flexmotion.human.human_model import human_model
 from flexmotion.human.motion import Motion
 from flexmotion.human.skeleton import DOF_COUNT, JOINTS
+from flexmotion.spatial.gravity import GRAVITY
 
 ROOT = ("pelvis_rz", "pelvis_ry", "pelvis_rx", "pelvis_tx", "pelvis_ty", "pelvis_tz")
 AGREE = 0.01
@@ -101,7 +102,7 @@ def export(motion: Motion) -> opensim.Model:
     human = human_model(motion.body).model
     model = opensim.Model()
     model.setName("flexmotion_human")
-    model.setGravity(opensim.Vec3(0, 0, -9.81))
+    model.setGravity(opensim.Vec3(0, 0, -GRAVITY))
     bodies = {0: model.getGround()}
     for index in range(1, human.nbody):
         inertia = opensim.Inertia(*(float(v) for v in np.maximum(human.body_inertia[index], 1e-9)))

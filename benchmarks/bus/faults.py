@@ -43,7 +43,7 @@ class Result:
     Attributes:
         record: of the loop; `body` the robot, as it was left.
         packets, spoilt: sent by the host, and damaged either way.
-        refused: goals that left past the limits which the servos told (`flexmotion.drivers.bus.witness`).
+        refused: goals that left past the limits which the servos told (`flexmotion.drivers.bus.goal_guard`).
     """
 
     record: RunTrace
@@ -78,7 +78,7 @@ def run(
     driver = LockstepBus(real, world, body)
     record = Session(robot, driver, ClipSource(motion), settings, None).run("lockstep")
     line = world.emulator.lines[0]
-    return Result(record, body, line.bus.heard, sum(line.damage.spoilt.values()), real.violations)
+    return Result(record, body, line.bus.received, sum(line.damage.spoilt.values()), real.violations)
 
 
 def campaign(robot: Robot, clip: Path | None, share: float, minutes: float) -> bool:

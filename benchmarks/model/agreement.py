@@ -28,9 +28,10 @@ from verdicts import Verdict, benchmark, write_csv
 
 from flexmotion.bundles.bundle import Bundle
 from flexmotion.human.concatenate import concatenate
-from flexmotion.human.kinematics import forward, heading
+from flexmotion.human.kinematics import forward
 from flexmotion.human.motion import Motion
 from flexmotion.sampling.sampler import Condition, Sampler
+from flexmotion.spatial.heading import matrix_heading
 from flexmotion.streamer.motion.intents import Text
 from flexmotion.streamer.motion.model_source import ModelSource
 from flexmotion.streamer.motion.script import Item
@@ -73,7 +74,7 @@ def apart(first: Motion, second: Motion, frame: int, other: int) -> Float:
     """Root [m], farther foot [m] and heading [degrees] between a frame of one motion and one of another."""
     one, two = forward(first[frame : frame + 1]), forward(second[other : other + 1])
     feet = np.stack([one.ankle - two.ankle, one.toe - two.toe])
-    turn = heading(one.pelvis_rotation[0]) - heading(two.pelvis_rotation[0])
+    turn = matrix_heading(one.pelvis_rotation[0]) - matrix_heading(two.pelvis_rotation[0])
     return np.array(
         [
             np.linalg.norm(one.pelvis_position[0] - two.pelvis_position[0]),
@@ -159,7 +160,8 @@ def table(done: Sequence[Trial]) -> Table:
 
 def draw(done: Sequence[Trial], path: Path) -> None:
     """How the three ways spread."""
-    from flexmotion.streamer.plots.style import LEFT, MIDDLE, MUTED, RIGHT, new_figure, save, styled
+    from flexmotion.streamer.plots.palette import LEFT, MIDDLE, MUTED, RIGHT
+    from flexmotion.streamer.plots.style import new_figure, save, styled
 
     with styled():
         figure = new_figure(11, 3.6, "Agreement", "share of plans that are within a distance of the last one, at 1 s")

@@ -195,7 +195,8 @@ def verdicts(model: Sequence[Figures], failed: int) -> list[Verdict]:
 
 def draw(runs: Sequence[Run], path: Path) -> None:
     """Jerk around the joins, speed over the minutes, and where the first roll-outs went."""
-    from flexmotion.streamer.plots.style import LEFT, MIDDLE, RIGHT, new_figure, save, styled
+    from flexmotion.streamer.plots.palette import LEFT, MIDDLE, RIGHT
+    from flexmotion.streamer.plots.style import new_figure, save, styled
 
     with styled():
         figure = new_figure(11, 3.8, "Roll-outs", "jerk around joins; speed of the body over time; paths from above")

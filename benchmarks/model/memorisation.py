@@ -137,7 +137,8 @@ def table(rows: Sequence[Row]) -> Table:
 
 def draw(rows: Sequence[Row], path: Path) -> None:
     """Distances to the nearest training window by kind, of samples and of held-out clips."""
-    from flexmotion.streamer.plots.style import LEFT, MUTED, new_figure, save, styled
+    from flexmotion.streamer.plots.palette import LEFT, MUTED
+    from flexmotion.streamer.plots.style import new_figure, save, styled
 
     with styled():
         figure = new_figure(11, 4.0, "Jukebox", "distance to the nearest training window: samples blue, held-out grey")

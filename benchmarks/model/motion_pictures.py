@@ -24,13 +24,14 @@ from verdicts import Verdict, benchmark
 from flexmotion.bundles.bundle import Bundle
 from flexmotion.configs.errors import ConfigError
 from flexmotion.dataset.compact_set import MotionSet, open_set
-from flexmotion.features.encode import GRAVITY
 from flexmotion.human.kinematics import forward
 from flexmotion.human.motion import Motion
 from flexmotion.sampling.sampler import Sampler
+from flexmotion.spatial.gravity import GRAVITY
 from flexmotion.streamer.plots.filmstrip import limbs
+from flexmotion.streamer.plots.palette import MUTED, WARN
 from flexmotion.streamer.plots.solid import Camera
-from flexmotion.streamer.plots.style import MUTED, WARN, new_figure, save, styled
+from flexmotion.streamer.plots.style import new_figure, save, styled
 from flexmotion.text.phrases import wordings
 
 KINDS = ("walk", "walk-turn-left", "run", "wave-right-hand", "raise-up-both-hands", "bow")

@@ -20,9 +20,10 @@ from model_rollout import always, roll_out
 from reversals import reversals
 
 from flexmotion.bundles.bundle import Bundle
-from flexmotion.human.kinematics import HumanKinematics, continuous_heading, forward
+from flexmotion.human.kinematics import HumanKinematics, forward
 from flexmotion.human.motion import Motion
 from flexmotion.sampling.sampler import Sampler
+from flexmotion.spatial.heading import continuous_matrix_heading
 
 OVERALL, EACH = 0.9, 0.7
 SIDES = {"left": (0,), "right": (1,), "both": (0, 1)}
@@ -36,7 +37,7 @@ REACH = 0.05
 
 def speed(motion: Motion, human: HumanKinematics) -> tuple[float, float]:
     """Mean speed along and across the heading [m/s]."""
-    yaw = continuous_heading(human.pelvis_rotation)[:-1]
+    yaw = continuous_matrix_heading(human.pelvis_rotation)[:-1]
     step = np.diff(motion.root_position[:, :2], axis=0) * motion.fps
     along = np.cos(yaw) * step[:, 0] + np.sin(yaw) * step[:, 1]
     across = np.cos(yaw) * step[:, 1] - np.sin(yaw) * step[:, 0]
@@ -57,7 +58,7 @@ def sideways(motion: Motion, human: HumanKinematics, wanted: float) -> bool:
 
 
 def turns(motion: Motion, human: HumanKinematics, wanted: float) -> bool:
-    yaw = continuous_heading(human.pelvis_rotation)
+    yaw = continuous_matrix_heading(human.pelvis_rotation)
     return at_least(float(np.degrees(yaw[-1] - yaw[0])), wanted)
 
 

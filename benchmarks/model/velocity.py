@@ -30,9 +30,9 @@ from flexmotion.bundles.bundle import Bundle
 from flexmotion.configs.errors import ConfigError
 from flexmotion.dataset.compact_set import MotionSet, open_set
 from flexmotion.evaluation.interval import Interval
-from flexmotion.human.kinematics import continuous_heading
 from flexmotion.human.motion import Motion
 from flexmotion.sampling.sampler import Condition, Sampler
+from flexmotion.spatial.heading import continuous_matrix_heading
 
 Float = NDArray[np.float64]
 
@@ -69,7 +69,7 @@ class Row:
 
 def frame_velocities(motion: Motion) -> Float:
     """Velocity along and across the heading, and of turning, from frame to frame, (T - 1, 3)."""
-    yaw = continuous_heading(Rotation.from_quat(motion.root_quaternion, scalar_first=True).as_matrix())
+    yaw = continuous_matrix_heading(Rotation.from_quat(motion.root_quaternion, scalar_first=True).as_matrix())
     step, turn = np.diff(motion.root_position[:, :2], axis=0) * motion.fps, np.diff(yaw) * motion.fps
     middle = 0.5 * (yaw[1:] + yaw[:-1])
     along = np.cos(middle) * step[:, 0] + np.sin(middle) * step[:, 1]
@@ -123,7 +123,8 @@ def table(rows: Sequence[Row]) -> Table:
 
 def draw(rows: Sequence[Row], enough: int, path: Path) -> None:
     """What was found over what was asked for, one panel a component."""
-    from flexmotion.streamer.plots.style import LEFT, MUTED, new_figure, save, styled
+    from flexmotion.streamer.plots.palette import LEFT, MUTED
+    from flexmotion.streamer.plots.style import new_figure, save, styled
 
     with styled():
         figure = new_figure(11, 4.0, "Velocity", "found over commanded; grey: the data have no such motion")

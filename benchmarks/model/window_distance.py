@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from flexmotion.features.encode import body_points
 from flexmotion.features.heading_frame import turned
 from flexmotion.human.body import Body
-from flexmotion.human.kinematics import continuous_heading, forward
+from flexmotion.human.kinematics import forward
 from flexmotion.human.motion import Motion
+from flexmotion.spatial.heading import continuous_matrix_heading
 
 Float32 = NDArray[np.float32]
 
@@ -35,7 +36,7 @@ def windows_of(motion: Motion, body: Body, length: int, stride: int) -> Float32:
     """
     motion = replace(motion, body=body, root_position=motion.root_position * (body.leg / motion.body.leg))
     human = forward(motion)
-    points, yaw = body_points(human), continuous_heading(human.pelvis_rotation)
+    points, yaw = body_points(human), continuous_matrix_heading(human.pelvis_rotation)
     starts = np.arange(0, len(motion) - length + 1, stride)
     rows = starts[:, None] + np.arange(0, length, EVERY)
     origin = motion.root_position[starts] * [1.0, 1.0, 0.0]

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from reversals import reversals
 
 from flexmotion.configs.robot import Robot
+from flexmotion.spatial.heading import continuous_heading
 from flexmotion.streamer.control.run_trace import RunTrace
-from flexmotion.streamer.report.metrics import Displacement, heading
+from flexmotion.streamer.report.metrics import Displacement
 
 Float = NDArray[np.float64]
 
@@ -47,7 +48,7 @@ def deeds(robot: Robot, record: RunTrace) -> Deeds:
     """Read from the ground truth of a run."""
     rows = np.flatnonzero(np.isfinite(record.source_s) & np.isfinite(record.true_base).all(axis=1))
     base = record.true_base[rows]
-    yaw = heading(base[:, 3:])
+    yaw = continuous_heading(base[:, 3:])
     went = Displacement.of(base[:, :3], yaw)
     looked = rows[:: max(round(record.rate_hz / LOOK_HZ), 1)]
     hand, shoulder, torso = _arms(robot, record.true_base[looked], record.true_q[looked])

@@ -91,7 +91,7 @@ def trial(kind: str, file: Path, perturbed: bool, share: float, seed: int) -> Tr
         silent.last_tick = tick
         session.planner = silent
     else:
-        session.request = lambda: request if session.loop is not None and session.loop.tick_count == tick else None
+        session.next_request = lambda: request if session.loop is not None and session.loop.tick_count == tick else None
     record = session.run("lockstep")
     w, x, y, z = record.true_base[:, 3:].T
     up = 1 - 2 * (x * x + y * y) > TILTED

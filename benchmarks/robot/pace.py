@@ -41,7 +41,8 @@ from flexmotion.streamer.motion.robot_pace import human_pace
 from flexmotion.streamer.motion.script import Item
 from flexmotion.streamer.report.metrics import Displacement, HumanTrack, RobotFigures
 from flexmotion.streamer.report.report import RunInfo, build_report
-from flexmotion.streamer.run.session import Session, human_motion
+from flexmotion.streamer.run.played_human import human_motion
+from flexmotion.streamer.run.session import Session
 
 SPEEDS: dict[str, tuple[float, ...]] = {
     "ahead": (0.4, 0.6, 0.8, 1.0, 1.2),

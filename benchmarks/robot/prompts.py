@@ -38,7 +38,9 @@ from flexmotion.configs.robot import Robot, load_robot
 from flexmotion.configs.stream import load_stream
 from flexmotion.drivers.registry import create
 from flexmotion.human.motion import Motion
+from flexmotion.retarget.human_steps import count_steps
 from flexmotion.sampling.sampler import Sampler
+from flexmotion.spatial.heading import continuous_heading
 from flexmotion.streamer.commands.choice import choose_source, open_sampler
 from flexmotion.streamer.commands.driver_options import simulation_options
 from flexmotion.streamer.motion.intents import Text
@@ -46,9 +48,10 @@ from flexmotion.streamer.motion.model_source import ModelSource
 from flexmotion.streamer.motion.robot_pace import human_pace
 from flexmotion.streamer.motion.script import Item
 from flexmotion.streamer.motion.sources import Source
-from flexmotion.streamer.report.metrics import HumanTrack, RobotFigures, heading
+from flexmotion.streamer.report.metrics import HumanTrack, RobotFigures
 from flexmotion.streamer.report.report import RunInfo, build_report
-from flexmotion.streamer.run.session import Session, count_human_steps, human_motion
+from flexmotion.streamer.run.played_human import human_motion
+from flexmotion.streamer.run.session import Session
 
 PROMPTS = Path(__file__).with_name("prompts.yaml")
 SCRIPT = "default script"
@@ -126,12 +129,12 @@ def run(task: Task, folder: Path | None) -> dict[str, Any]:
     record = session.run("lockstep")
     human = human_motion(source, record)
     assert human is not None
-    record.human_steps = count_human_steps(human, session.planner.retargeter)
+    record.human_steps = count_steps(human)
     figures = RobotFigures.of(robot, human.body.leg)
     info = RunInfo(robot.name, "sim", source.name, task.seed, "lockstep")
     report = build_report(record, info, figures, human=HumanTrack.of(human))
     done = deeds(robot, record)
-    turned = float(np.degrees(np.ptp(heading(human.root_quaternion)[[0, -1]])))
+    turned = float(np.degrees(np.ptp(continuous_heading(human.root_quaternion)[[0, -1]])))
     return {
         **asdict(task),
         "ok": report.ok,

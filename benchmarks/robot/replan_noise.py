@@ -38,6 +38,7 @@ from flexmotion.configs.stream import load_stream
 from flexmotion.drivers.registry import create
 from flexmotion.human.motion import Motion
 from flexmotion.importers import load
+from flexmotion.retarget.human_steps import count_steps
 from flexmotion.retarget.plan import Plan
 from flexmotion.streamer.commands.driver_options import simulation_options
 from flexmotion.streamer.motion.replan_noise import NoisySource
@@ -45,7 +46,7 @@ from flexmotion.streamer.motion.sources import ClipSource
 from flexmotion.streamer.planning.planner import Planned, Planner
 from flexmotion.streamer.report.metrics import HumanTrack, RobotFigures
 from flexmotion.streamer.report.report import RunInfo, build_report
-from flexmotion.streamer.run.session import Session, count_human_steps
+from flexmotion.streamer.run.session import Session
 
 KINDS = ("standing", "walking")
 JUDGED_M, UPRIGHT_SHARE, JOIN_MM = 0.05, 0.9, 3.0
@@ -111,7 +112,7 @@ def trial(task: Task, motion: Motion, noise_m: float, feedback: bool) -> Trial:
     session = Session(robot, driver, source, load_stream(), clip.seconds, feedback=feedback)
     planner = session.planner = WatchedPlanner.over(session.planner)
     record = session.run("lockstep")
-    record.human_steps = count_human_steps(motion, planner.retargeter)
+    record.human_steps = count_steps(motion)
     info = RunInfo(robot.name, "sim", motion.source, task.seed, "lockstep")
     figures = RobotFigures.of(robot, motion.body.leg)
     report = build_report(record, info, figures, human=HumanTrack.of(motion))

@@ -90,7 +90,7 @@ def run(seed: int, seconds: float, clips: dict[str, Motion] | None, perturbed: b
         if session.loop is not None:
             changes.at(session.loop.tick_count / robot.rate_hz)
 
-    session.request = change
+    session.next_request = change
     record = session.run("lockstep")
     fell = any("fall" in event.message for event in record.events if event.kind == "fault")
     return Run(seed, record.duration_s, changes.sent, fell, record.violations_sent)

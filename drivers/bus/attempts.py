@@ -1,4 +1,4 @@
-"""`attempts`: how long a servo is asked again before it counts as silent, when not every tick asks."""
+"""`attempts`: how often a request outside the control cycle is repeated before a servo counts as silent."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from flexmotion.drivers.port import SerialPort
 
 TRIES = 3
 PATIENCE_S = 0.3
-"""As long as a busy host may keep a reply from the program: USB adapters, other processes [s]."""
+"""Longest time that a busy host (USB adapter, other processes) delays a reply [s]."""
 
 
 def attempts(port: SerialPort, *, once: bool = False) -> Iterator[None]:
-    """Turns of asking: at least `TRIES`, as many as fit `PATIENCE_S`, and none any more once the port is lost."""
+    """Yield once per attempt: at least `TRIES` times, as often as fits `PATIENCE_S`, until the port is lost."""
     end = port.now() + PATIENCE_S
     tried = 0
     while tried == 0 or not (once or port.lost is not None or (tried >= TRIES and port.now() >= end)):

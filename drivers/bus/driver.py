@@ -1,4 +1,4 @@
-"""`BusDriver`: a robot on one or several servo buses, behind the one door that the simulated robot has too."""
+"""`BusDriver`: a robot on one or several servo buses."""
 
 from __future__ import annotations
 
@@ -22,27 +22,27 @@ from flexmotion.drivers.port import SerialPort
 Float = NDArray[np.float64]
 
 READ_SHARE = 0.6
-"""Share of a tick that reading may take at most; the rest is for the loop and for writing."""
+"""Largest share of a tick for reading; the rest is for the loop and for writing."""
 
 SERVO_CYCLE_S = 0.001
-"""Time that a servo takes to act on a goal (assumption) [s]."""
+"""Time from a servo's receiving a goal to acting on it (assumption) [s]."""
 
 SETTLE_S = 0.05
-"""Time after switching on in which servos that missed it are told again; later it is a fault [s]."""
+"""Time after switching on in which servos without torque are switched on again; later it is a fault [s]."""
 
 IMU_PATIENCE_S = 0.15
-"""How long `open` waits for a sample of the IMU at its end; more than a sensor takes to show its rate [s]."""
+"""Longest time that `open` waits for a sample of the IMU [s]; longer than a sensor needs to reach its rate."""
 
 log = logging.getLogger(__name__)
 
 
 class BusDriver(Driver):
-    """What drivers of all vendors share: units, staleness, budgets, several buses with one time base.
+    """Common base of the vendors' drivers: units, staleness, time budget, several buses on one clock.
 
-    Subclasses name the `Bus` that speaks to their servos.
+    Subclasses set `Bus`, which implements the protocol of their servos.
 
     Attributes:
-        buses: of the robot file, in its order, while open.
+        buses: of the robot file, in its order; empty unless open.
         open_port: makes a port from path and baud rate.
     """
 
@@ -73,17 +73,17 @@ class BusDriver(Driver):
 
     @property
     def delay_s(self) -> float:
-        """Time from the start of a tick until its goals act: reading, writing, and a servo's own cycle (assumption)."""
+        """Time from the start of a tick until its goals act [s]: read, write, and a servo's own cycle (assumption)."""
         robot = self.robot
         return max(self.Bus.budget(robot, name).cycle_s for name in robot.config.buses) + SERVO_CYCLE_S
 
     @property
     def violations(self) -> int:
-        """Goals outside their envelope on their way to a servo; see `flexmotion.drivers.bus.witness`."""
-        return self._violations + sum(bus.witness.violations for bus in self.buses)
+        """Goals outside their envelope, replaced before they were sent; see `flexmotion.drivers.bus.goal_guard`."""
+        return self._violations + sum(bus.guard.violations for bus in self.buses)
 
     def open(self) -> None:
-        """Take every port, audit and set up every servo; torque stays as it is. Raises `DriverError`."""
+        """Open every port, check and set up every servo; torque stays as it is. Raises `DriverError`."""
         try:
             for name, path in self._paths.items():
                 port = self.open_port(path, self.robot.config.buses[name].baud)
@@ -98,13 +98,13 @@ class BusDriver(Driver):
             raise
 
     def close(self) -> None:
-        """Torque off, ports released. May be called twice."""
+        """Switch torque off and release the ports. May be called twice."""
         if self.buses:
             self.set_torque(False)
             self.let_go()
 
     def let_go(self) -> None:
-        """Release all ports and leave torque as it is: for those who only look."""
+        """Release all ports and leave torque as it is: for tools that only read."""
         self._violations = self.violations
         for bus in self.buses:
             bus.close()
@@ -113,7 +113,7 @@ class BusDriver(Driver):
             self._standalone_imu.close()
 
     def read(self, state: RobotState) -> None:
-        """Ask all buses at once and wait for their answers, at most `READ_SHARE` of a tick."""
+        """Read all buses in parallel, at most `READ_SHARE` of a tick."""
         begin = self.buses[0].port.now()
         self._cycle(begin, begin + READ_SHARE * self._period)
         for bus in self.buses:
@@ -128,17 +128,17 @@ class BusDriver(Driver):
         state.stamp_ns = self._stamp_ns
 
     def write(self, command: JointCommand) -> None:
-        """Send the goals to all buses; what is no number is not sent, and the goal before it stays in force."""
+        """Send the goals to all buses. If one is not a number, none is sent and the goals before stay in effect."""
         robot, bad = self.robot, ~np.isfinite(command.position)
         if bad.any():
-            log.error("joint %s: goal is no number", robot.joint_names[int(np.flatnonzero(bad)[0])])
+            log.error("joint %s: goal is not a number", robot.joint_names[int(np.flatnonzero(bad)[0])])
             return
         robot.to_ticks(command.position, out=self._raw)
         for bus in self.buses:
             bus.send_goals(self._raw[bus.where], command.torque_bound[bus.where])
 
     def set_torque(self, on: bool) -> None:
-        """Switch all servos. On: goals are pinned to present positions and checked first; raises where that fails."""
+        """Switch all servos. On: goals are pinned to present positions and verified first; raises if that fails."""
         if not on:
             self._on_since = None
             for bus in self.buses:
@@ -163,7 +163,7 @@ class BusDriver(Driver):
             np.copyto(goal, self.robot.from_ticks(self._raw), where=pinned)
 
     def damp(self) -> None:
-        """Pin the goals and give way softly, as far as the servos can."""
+        """Pin the goals and lower stiffness and torque as far as the servos can."""
         for bus in self.buses:
             bus.damp()
 
@@ -185,7 +185,7 @@ class BusDriver(Driver):
             bus.finish()
 
     def _take(self, bus: ServoBus, state: RobotState) -> None:
-        """What the servos of a bus measured, in the directions of their shafts."""
+        """Copy the measurements of a bus to `state`, in the direction of the output shafts."""
         measured, where = bus.measured, bus.where
         if measured.fresh.all():
             self._stale[where] = 0
@@ -198,7 +198,7 @@ class BusDriver(Driver):
         state.hardware_error[where] = measured.error
 
     def _look_at_torque(self, now: float, state: RobotState) -> None:
-        """Torque that is off though it was switched on: told again just after switching on, else a fault."""
+        """Find servos whose torque is off unasked: during `SETTLE_S` switch it on again, later set `TORQUE_LOST`."""
         if self._on_since is None or all(bus.measured.torque.all() for bus in self.buses):
             return
         for bus in self.buses:
@@ -209,7 +209,7 @@ class BusDriver(Driver):
                 state.hardware_error[bus.joints[off]] |= TORQUE_LOST
 
     def _own_imu(self) -> StandaloneImu | None:
-        """The robot's IMU where it is no part of a bus. Raises `ConfigError` where nobody knows it."""
+        """The robot's IMU if it is not on a servo bus. Raises `ConfigError` if its driver is unknown."""
         imu = self.robot.config.imu
         if imu is None or imu.driver is None or self._imu_on_bus or not self._settings.imu:
             return None
@@ -224,21 +224,21 @@ class BusDriver(Driver):
         except DriverError as error:
             do_without(imu.config, error)
             return None
-        except Exception as error:  # a plug-in's: whatever it is, the robot can do without
+        except Exception as error:  # of a plug-in: the robot can run without it
             log.debug("IMU %s", imu.name, exc_info=True)
             do_without(imu.config, DriverError(f"IMU {imu.name}: {type(error).__name__}: {error}"))
             return None
         return imu
 
     def _await_imu(self) -> None:
-        """Let what came while servos were audited go, so that the first tick finds a sample of its own."""
+        """Wait for a sample from after the audit, so that the first tick finds a fresh one."""
         clock = self.buses[0].port
         end = clock.now() + IMU_PATIENCE_S
         while self._imu is not None and not self._fresh(self._imu, now := clock.now()) and now < end:
             clock.sleep(IMU_PATIENCE_S / 10)
 
     def _fresh(self, imu: Imu, now: float) -> bool:
-        """Whether it has a sample of now. One that raises has none: a plug-in's error must not end a walking loop."""
+        """Whether the IMU has a fresh sample. An exception counts as none: a plug-in must not end a walking loop."""
         try:
             return imu.read(now)
         except Exception as error:
@@ -259,7 +259,7 @@ class BusDriver(Driver):
 
     @property
     def capabilities(self) -> Capabilities:
-        """An IMU where the robot file names its driver, effort where servos measure current."""
+        """An IMU if the robot file names its driver, effort if a servo measures current."""
         return Capabilities(
             imu=self._imu_on_bus or self._standalone_imu is not None,
             effort=any(servo.current_unit is not None for servo in self.robot.servos),
@@ -268,11 +268,11 @@ class BusDriver(Driver):
 
 
 def _refuse_couplings(robot: Robot) -> None:
-    """Raise `ConfigError` where the MJCF couples joints: here each is driven by a servo of its own, directly."""
+    """Raise `ConfigError` if the MJCF couples joints: every joint must be driven directly by its own servo."""
     model = robot.model
     coupled = [model.equality(i).name for i in range(model.neq)] + [model.tendon(i).name for i in range(model.ntendon)]
     if coupled:
         raise ConfigError(
             f"{robot.file}: {robot.config.mjcf} couples joints ({coupled[0] or 'a constraint'}): differentials and "
-            "linkages want a driver plug-in that turns joint angles into its actuators' (docs/drivers.md)"
+            "linkages need a driver plug-in that converts joint angles to actuator angles (docs/drivers.md)"
         )

@@ -1,4 +1,4 @@
-"""What may be set about any driver of a servo bus."""
+"""Options of the drivers of servo buses."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ class BusOptions(Strict):
 
     Attributes:
         port: device of the robot's only bus.
-        ports: device of each bus, by the robot file's names, where there are several.
-        imu: whether an IMU with a port of its own is read; who only looks at servos does without.
-        imu_port: that port; wins over the robot file's.
-        configure: settings that servos keep without power are written where they differ from the robot file; without
-            it a difference is an error.
+        ports: device of each bus, by its name in the robot file, if there are several.
+        imu: whether an IMU with a port of its own is read; tools for servos switch it off.
+        imu_port: port of that IMU; takes precedence over the robot file's.
+        configure: whether settings in EEPROM that differ from the robot file are written; otherwise a difference is an
+            error.
     """
 
     port: str | None = None
@@ -30,11 +30,11 @@ class BusOptions(Strict):
     @model_validator(mode="after")
     def _one_way(self) -> BusOptions:
         if (self.port is None) == (not self.ports):
-            raise ValueError("expected either port (--port, of the only bus) or ports (by name of the bus)")
+            raise ValueError("expected either port (--port, for the only bus) or ports (by name of the bus)")
         return self
 
     def port_of(self, bus: str, robot: Robot) -> str:
-        """Device of a bus. Raises `ConfigError` where none is given."""
+        """Device of a bus. Raises `ConfigError` if none is given."""
         buses = list(robot.config.buses)
         if self.port is not None and len(buses) == 1:
             return self.port

@@ -1,4 +1,4 @@
-"""Packets that end in an inverted sum, as Feetech's and LewanSoul's servos speak them; only header and length differ.
+"""Packets that end in an inverted sum, of Feetech's and LewanSoul's servos; header and length field differ.
 
 header, header | id | length | code | params ... | sum        sum = ~(id + length + code + params) & 0xFF
 """
@@ -14,7 +14,7 @@ MAX_ID = 0xFD
 
 @dataclass(frozen=True)
 class SumPacket:
-    """One packet off the wire; `code` is its instruction or, in an answer, its error byte or command."""
+    """One received packet; `code` is its instruction or, in an answer, its error byte or command."""
 
     id: int
     code: int
@@ -27,8 +27,8 @@ class SumFormat:
     """A protocol's framing.
 
     Attributes:
-        header: the byte that stands twice at the start.
-        counted: what the length field counts beside the params.
+        header: the byte that occurs twice at the start.
+        counted: what the length field counts in addition to the params.
     """
 
     header: int
@@ -40,13 +40,13 @@ class SumFormat:
         return 6
 
     def encode(self, id_: int, code: int, params: bytes = b"") -> bytes:
-        """A packet."""
+        """The bytes of a packet."""
         body = bytes([id_, len(params) + self.counted, code]) + params
         return bytes([self.header, self.header]) + body + bytes([~sum(body) & 0xFF])
 
 
 class SumDecoder:
-    """Cuts a stream of bytes into packets, whatever comes between them.
+    """Splits a stream of bytes into packets and skips everything else.
 
     Attributes:
         bad: packets whose sum was wrong.
@@ -58,7 +58,7 @@ class SumDecoder:
         self.bad = 0
 
     def feed(self, data: bytes) -> Iterator[SumPacket]:
-        """Take in bytes; yields every packet that they complete."""
+        """Append bytes; yields every packet that they complete."""
         buffer = self._buffer
         buffer += data
         while True:
@@ -85,15 +85,15 @@ class SumDecoder:
             yield packet
 
     def clear(self) -> None:
-        """Forget a packet that never came to its end."""
+        """Discard an incomplete packet."""
         self._buffer.clear()
 
 
 def to_sign_magnitude(value: int, sign_bit: int) -> int:
-    """A signed number as magnitude with a sign bit."""
+    """Encode a signed number as magnitude with a sign bit."""
     return value if value >= 0 else -value | 1 << sign_bit
 
 
 def from_sign_magnitude(raw: int, sign_bit: int) -> int:
-    """The number that magnitude and sign bit mean."""
+    """Decode magnitude and sign bit."""
     return -(raw & ~(1 << sign_bit)) if raw >> sign_bit & 1 else raw

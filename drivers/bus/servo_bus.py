@@ -1,8 +1,9 @@
-"""`ServoBus`: the servos on one port, whatever they speak; what drivers of all vendors have in common."""
+"""`ServoBus`: the servos on one port, for any protocol."""
 
 from __future__ import annotations
 
 import logging
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -12,9 +13,9 @@ from numpy.typing import NDArray
 
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.robot import Robot
-from flexmotion.configs.servo import Protocol
+from flexmotion.configs.servo import Protocol, Servo
+from flexmotion.drivers.bus.goal_guard import GoalGuard
 from flexmotion.drivers.bus.options import BusOptions
-from flexmotion.drivers.bus.witness import GoalWitness
 from flexmotion.drivers.imu.interface import Imu
 from flexmotion.drivers.port import SerialPort
 
@@ -24,12 +25,12 @@ Bool = NDArray[np.bool_]
 log = logging.getLogger(__name__)
 
 TORQUE_LOST = 0x100
-"""Bit of `RobotState.hardware_error` that no servo reports: torque went off without being told to."""
+"""Bit of `RobotState.hardware_error` set by the driver: torque went off unasked."""
 
 
 @dataclass(frozen=True)
 class Budget:
-    """What a cycle costs on the wire, calculated.
+    """Bytes and time of a cycle on the wire, calculated.
 
     Attributes:
         read_bytes, write_bytes: both directions together.
@@ -52,13 +53,13 @@ class Measurement:
 
     Attributes:
         ticks: position in servo units.
-        velocity: of the servo's shaft [rad/s].
-        effort: torque at the shaft [N·m]; NaN where unknown.
+        velocity: of the output shaft [rad/s].
+        effort: torque at the output shaft [N·m]; NaN where unknown.
         voltage, temperature: [V, °C]; NaN where unknown.
         error: bits as the servo reports them.
-        torque: torque is on, as the servo says.
-        fresh: answered in the last cycle.
-        asked: was asked in the last cycle; a bus too slow to ask all asks the others later.
+        torque: whether torque is on, as the servo reports it.
+        fresh: whether it answered in the last cycle.
+        asked: whether it was asked in the last cycle; a slow bus asks servos in turns.
     """
 
     def __init__(self, m: int) -> None:
@@ -72,21 +73,22 @@ class Measurement:
 class ServoBus(ABC):
     """One port with servos of one protocol.
 
-    `audit` and `switch_on` may take their time and raise; everything else is done within a tick and never raises for
-    what happens on the bus: servos that do not answer are not `fresh`.
+    `audit` and `switch_on` may block and raise. All other methods return within a tick and do not raise for errors on
+    the bus: servos that do not answer are not `fresh`.
 
     Class attributes:
-        protocol: of servos in the catalogue that it speaks to.
+        protocol: of its servos, as in the catalogue.
 
     Attributes:
-        name: in the robot file; `config` what the file says of it.
-        joints: indices of its joints in the robot's order, (m,); `where` the same, as a slice if it is one, which numpy
-            takes several times faster.
+        name, config: name and content of its entry in the robot file.
+        joints: indices of its joints in the robot's order, (m,).
+        where: the same, as a slice if they are consecutive, which numpy reads several times faster.
         ids: addresses of their servos.
+        torque_per_unit: torque of one unit of measured current, (m,) [N·m]; NaN where a servo measures none.
         measured: the newest values.
-        witness: keeps back goals that the servos are not to take.
-        pins: goals that servos were last pinned to, in their units, (m,); NaN once the driver has taken them.
-        imu: that answers on this bus; None where there is none.
+        guard: replaces goals outside the envelope before they are sent.
+        pins: goals that servos were last pinned to, (m,) [servo units]; NaN once the driver has taken them.
+        imu: inertial sensor on this bus; None if there is none.
     """
 
     protocol: Protocol
@@ -100,37 +102,38 @@ class ServoBus(ABC):
         self.where: slice | NDArray[np.int64] = slice(first, first + m) if consecutive else self.joints
         self.ids = [robot.joints[i].id for i in self.joints]
         self.servos = [robot.servos[i] for i in self.joints]
+        self.torque_per_unit = np.array([_torque_per_unit(servo) for servo in self.servos])
         self.measured = Measurement(len(self.joints))
         ends = np.stack([robot.to_ticks(robot.lower), robot.to_ticks(robot.upper)])[:, self.joints]
-        self.witness = GoalWitness(ends.min(axis=0), ends.max(axis=0))
+        self.guard = GoalGuard(ends.min(axis=0), ends.max(axis=0))
         self.pins = np.full(len(self.joints), np.nan)
         self.imu: Imu | None = None
 
     @classmethod
     def check(cls, robot: Robot, name: str) -> None:
-        """Raise `ConfigError` where a servo of the bus speaks another protocol, or the file asks for the impossible."""
+        """Raise `ConfigError` if a servo of the bus has another protocol, or a setting is not supported."""
         for joint, servo in zip(robot.joints, robot.servos, strict=True):
             if joint.bus == name and servo.protocol != cls.protocol:
                 raise ConfigError(
-                    f"{robot.file}: joint {joint.name!r}: servo {servo.name} on bus {name!r} speaks {servo.protocol}, "
-                    f"this driver speaks {cls.protocol}"
+                    f"{robot.file}: joint {joint.name!r}: servo {servo.name} on bus {name!r} has protocol "
+                    f"{servo.protocol}, this driver supports {cls.protocol}"
                 )
         if not any(joint.bus == name for joint in robot.joints):
-            raise ConfigError(f"{robot.file}: field buses.{name}: no joint is on it")
+            raise ConfigError(f"{robot.file}: field buses.{name}: no joint uses it")
 
     @classmethod
     @abstractmethod
     def budget(cls, robot: Robot, name: str) -> Budget:
-        """What a cycle costs on the bus `name`, everything answering as it should."""
+        """Bytes and time of a cycle on the bus `name` if every device answers."""
 
     @classmethod
     def bounds_torque(cls, robot: Robot) -> bool:
-        """Whether torque bounds reach the servos."""
+        """Whether torque bounds are sent to the servos."""
         return False
 
     @classmethod
     def carries_imu(cls, robot: Robot, name: str) -> bool:
-        """Whether the robot's IMU is one that answers on this bus."""
+        """Whether the robot's IMU is on this bus."""
         return False
 
     @abstractmethod
@@ -142,43 +145,43 @@ class ServoBus(ABC):
 
     @abstractmethod
     def request(self, now: float) -> None:
-        """Begin a read cycle at time `now` [s]."""
+        """Start a read cycle at time `now` [s]."""
 
     @abstractmethod
     def receive(self, now: float) -> bool:
-        """Take what has come, and ask on where that was all or its time is over; whether the cycle is done."""
+        """Take received bytes; start the next exchange if one is complete or timed out. True once the cycle is done."""
 
     @property
     @abstractmethod
     def patience(self) -> float:
-        """Time at which `receive` gives up on what it waits for, and asks on [s]."""
+        """Time at which `receive` gives up the pending exchange [s]."""
 
     @abstractmethod
     def finish(self) -> None:
-        """End the cycle: `measured` holds what came, `fresh` tells of what."""
+        """End the cycle and update `measured`; `fresh` marks the servos that answered."""
 
     @abstractmethod
     def send_goals(self, ticks: Float, bound: Float) -> None:
-        """Goal positions in servo units and torque bounds [N·m, NaN: none], (m,) each."""
+        """Send goal positions [servo units] and torque bounds [N·m, NaN: none], (m,) each."""
 
     @abstractmethod
     def switch_on(self) -> None:
-        """Pin every goal to its present position, check that, and switch torque on. Raises `DriverError`."""
+        """Pin every goal to the present position, verify it, and switch torque on. Raises `DriverError`."""
 
     @abstractmethod
     def repeat_on(self, off: Bool) -> None:
-        """Pin and switch on once more servos that missed it, (m,)."""
+        """Pin and switch on again the servos marked in `off`, (m,)."""
 
     @abstractmethod
     def switch_off(self) -> None:
-        """Torque off, told more than once."""
+        """Switch torque off; sent more than once."""
 
     @abstractmethod
     def damp(self) -> None:
-        """Pin the goals and give way softly, as far as the servos can."""
+        """Pin the goals and lower stiffness and torque as far as the servos can."""
 
-    def tell_changes(self, changes: Mapping[int, Sequence[str]]) -> None:
-        """Log what the audit wrote for good: one line for the bus, one for each servo to whoever wants to know.
+    def log_changes(self, changes: Mapping[int, Sequence[str]]) -> None:
+        """Log what the audit wrote to EEPROM: a warning for the bus, and one line per servo at level info.
 
         Args:
             changes: slot -> `register old -> new` of every register that was written.
@@ -188,7 +191,7 @@ class ServoBus(ABC):
             return
         registers = dict.fromkeys(change.split()[0] for names in changed.values() for change in names)
         count = f"{len(changed)} servos" if len(changed) > 1 else self.joint_name(next(iter(changed)))
-        log.warning("bus %s: set for good on %s: %s (details: -v)", self.name, count, ", ".join(registers))
+        log.warning("bus %s: written to EEPROM of %s: %s (details: -v)", self.name, count, ", ".join(registers))
         for slot, names in changed.items():
             log.info("%s on %s: %s", self.joint_name(slot), self.port.path, ", ".join(names))
 
@@ -197,5 +200,9 @@ class ServoBus(ABC):
         return f"servo of {self.robot.joint_names[self.joints[slot]]} (id {self.ids[slot]})"
 
     def close(self) -> None:
-        """Let go of the port."""
+        """Release the port."""
         self.port.close()
+
+
+def _torque_per_unit(servo: Servo) -> float:
+    return (servo.current_unit or math.nan) * (servo.torque_constant or servo.stall_torque / servo.stall_current)

@@ -1,4 +1,4 @@
-"""`SumClient`: one servo at a time, with retries, for protocols whose packets end in a sum."""
+"""`SumClient`: requests to single servos, with retries, for protocols whose packets end in a sum."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ from flexmotion.drivers.bus.packet import SumDecoder, SumFormat, SumPacket
 from flexmotion.drivers.port import SerialPort
 
 LATENCY_S = 0.02
-"""Time beyond that on the wire that an answer may take [s]."""
+"""Time that an answer may take in addition to its time on the wire [s]."""
 
 
 class SumClient:
-    """Asks and waits; not for every tick."""
+    """Sends a request and waits for the answer; not for the control cycle."""
 
     def __init__(self, port: SerialPort, form: SumFormat) -> None:
         self.port, self.form = port, form
 
     def ask(self, id_: int, code: int, params: bytes = b"", *, answer: int, once: bool = False) -> SumPacket | None:
-        """A servo's answer with `answer` params to an instruction; None where none comes, asked `once` or again."""
+        """A servo's answer, with `answer` params, to an instruction; None if none comes (`once`: one attempt)."""
         for _ in attempts(self.port, once=once):
             self.port.receive()
             self.port.send(self.form.encode(id_, code, params))

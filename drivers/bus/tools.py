@@ -1,4 +1,4 @@
-"""`BusTools`: what is done to single servos at the bench, whatever they speak."""
+"""`BusTools`: bench operations on single servos, for any protocol."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from flexmotion.drivers.port import SerialPort
 
 @dataclass(frozen=True)
 class Found:
-    """A device on a bus: baud rate, id, model as the catalogue calls it or its number, and firmware if it tells."""
+    """A device on a bus: baud rate, id, model name or number, and firmware version if known."""
 
     baud: int
     id: int
@@ -26,8 +26,8 @@ class BusTools(ABC):
     """Tools for one protocol on an open port.
 
     Class attributes:
-        protocol: in the catalogue.
-        baud_rates: that its servos may have.
+        protocol: as in the catalogue.
+        baud_rates: that its servos support.
     """
 
     protocol: ClassVar[Protocol]
@@ -37,13 +37,13 @@ class BusTools(ABC):
         self.port = port
 
     def scan(self, baud_rates: tuple[int, ...]) -> Iterator[Found]:
-        """Every device that answers, baud rate by baud rate."""
+        """Every device that answers, at each of the baud rates in turn."""
         for baud in baud_rates:
             self.port.set_baud(baud)
             yield from self.scan_here()
 
     def change_id(self, old: int, new: int) -> None:
-        """Give a servo another id. Raises `DriverError` where `old` does not answer or `new` does already."""
+        """Change the id of a servo. Raises `DriverError` if `old` does not answer or `new` is in use."""
         if not self.answers(old):
             raise DriverError(f"port {self.port.path}: id {old} does not answer at {self.port.baud} baud")
         if self.answers(new):
@@ -62,14 +62,14 @@ class BusTools(ABC):
 
     @abstractmethod
     def write_id(self, old: int, new: int) -> None:
-        """Give a servo another id."""
+        """Write the id of a servo."""
 
     def reboot(self, id_: int) -> None:
-        """Restart a servo: torque goes off, hardware errors are forgotten. Raises `DriverError`."""
-        raise DriverError(f"servos of protocol {self.protocol} know no reboot: switch their power off and on")
+        """Restart a servo: torque goes off, hardware errors are cleared. Raises `DriverError`."""
+        raise DriverError(f"servos of protocol {self.protocol} cannot reboot: switch their power off and on")
 
 
 def model_name(number: int) -> str:
-    """What the catalogue calls a model number."""
+    """Name of a model number in the catalogue."""
     names = [servo.name for servo in catalogue().values() if servo.model_number == number]
     return " or ".join(names) if names else f"model {number}"

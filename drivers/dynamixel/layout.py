@@ -1,6 +1,6 @@
-"""What a cycle reads and writes, and how indirect addresses gather it into one run of bytes a servo.
+"""Registers that a cycle reads and writes, and how indirect addresses gather them into one run of bytes per servo.
 
-Ten bytes and the torque switch are read. Of position and speed the two low bytes are enough: +-8 turns, +-7,500 rpm.
+The two low bytes of position and speed are enough: +-8 turns, +-7,500 rpm.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ READ = (
     ("realtime_tick", 1),
     ("torque_enable", 1),
 )
-"""Registers that a cycle reads, and how many of their low bytes."""
+"""Registers that a cycle reads, and the number of low bytes of each."""
 
 READ_SIZE = sum(size for _, size in READ)
 
@@ -37,13 +37,13 @@ ROW = np.dtype(
         ("torque", "u1"),
     ]
 )
-"""The same as it comes off the wire."""
+"""A servo's bytes in a status packet."""
 
 
 FAST_ROW = np.dtype(
     [("error_byte", "u1"), ("id", "u1"), *[(name, ROW[name]) for name in ROW.names or ()], ("crc", "<u2")]
 )
-"""And as it comes in a fast reply."""
+"""A servo's bytes in a fast reply."""
 
 
 _GOAL_ROW, _BOUNDED_GOAL_ROW = (
@@ -52,7 +52,7 @@ _GOAL_ROW, _BOUNDED_GOAL_ROW = (
 
 
 def goal_row(*, bounded: bool) -> np.dtype[np.void]:
-    """A servo's part of a sync write of goals."""
+    """A servo's bytes in a sync write of goals."""
     return _BOUNDED_GOAL_ROW if bounded else _GOAL_ROW
 
 
@@ -66,12 +66,12 @@ class Span:
 
 @dataclass(frozen=True)
 class Layout:
-    """Where the cycle's bytes lie in a family of servos.
+    """Addresses of the cycle's bytes in the servos with one control table.
 
     Attributes:
         read, write: spans of a cycle.
-        slots: indirect slot address -> the address that it must point at.
-        bounded: goals carry a current before the position.
+        slots: (address of an indirect address register, value that it must have).
+        bounded: whether a goal current is written before the goal position.
     """
 
     read: Span
@@ -81,7 +81,7 @@ class Layout:
 
 
 def layout_of(table: Table, *, current_bound: bool) -> Layout:
-    """The layout for a control table; the current bound only where the servo has one."""
+    """The layout for a control table; with `current_bound`, goal currents are written if the servo supports them."""
     targets = [table[name].address + byte for name, size in READ for byte in range(size)]
     bounded = current_bound and "goal_current" in table
     run = table.indirect[0]

@@ -1,4 +1,4 @@
-"""OP3's OpenCR board on the servo bus: the switch of servo power, and its inertial sensor."""
+"""`OpenCr`: the controller board of OP3 on the servo bus, with the servos' power switch and an inertial sensor."""
 
 from __future__ import annotations
 
@@ -12,20 +12,21 @@ from flexmotion.configs.robot_file import Imu as ImuConfig
 from flexmotion.drivers.dynamixel.layout import Span
 from flexmotion.drivers.dynamixel.registers import open_cr
 from flexmotion.drivers.dynamixel.sdk import Client
-from flexmotion.drivers.imu.interface import GRAVITY, Imu
+from flexmotion.drivers.imu.interface import Imu
+from flexmotion.spatial.gravity import GRAVITY
 
 START_S = 1.0
-"""Time that servos take after power was switched on (assumption) [s]."""
+"""Time that servos need after power is switched on (assumption) [s]."""
 
 log = logging.getLogger(__name__)
 
 
 class OpenCr(Imu):
-    """The board with its address; its bus asks it with the servos and hands it the answers.
+    """The board. Its bus reads it with the servos and passes it the answers.
 
     Attributes:
         id: its address.
-        span: where gyroscope and accelerometer lie.
+        span: of the gyroscope's and accelerometer's registers.
     """
 
     name = "opencr"
@@ -43,36 +44,36 @@ class OpenCr(Imu):
         self._came = False
 
     def find(self, client: Client) -> DriverError | None:
-        """None where it is there, else what to say of its absence.
+        """Look for the board; the error to report if it does not answer, else None.
 
         Raises:
-            DriverError: something else answers at its address.
+            DriverError: another device answers at its address.
         """
         where, model = f"port {client.line.path}", client.ping(self.id)
         if model is None:
             return DriverError(f"{where}: no OpenCR board answers at id {self.id}")
         if model != self._model:
-            raise DriverError(f"{where}: id {self.id} is no OpenCR board: model {model}, expected {self._model}")
+            raise DriverError(f"{where}: id {self.id} is not an OpenCR board: model {model}, expected {self._model}")
         return None
 
     def audit(self, client: Client) -> None:
-        """Switch the servos' power on. Raises `DriverError` where it does not take that."""
+        """Switch the servos' power on. Raises `DriverError` if the board refuses."""
         if client.read(self.id, self._registers["dynamixel_power"]) != 1:
             log.info("OpenCR (id %d): power of the servos switched on", self.id)
             client.write(self.id, self._registers["dynamixel_power"], 1)
             client.line.sleep(START_S)
 
     def forget(self) -> None:
-        """A tick begins: what came before is no answer in it."""
+        """Start of a tick: the last sample is no longer fresh."""
         self._came = False
 
     def take(self, data: bytes) -> None:
-        """The bytes of `span`, as they came in answer to this tick's question."""
+        """Take the bytes of `span`, received in this tick."""
         raw = np.frombuffer(data, "<i2").astype(np.float64)
         np.matmul(self._to_gyro, raw[:3], out=self.gyro)
         np.matmul(self._to_accel, raw[3:], out=self.accel)
         self._came = True
 
     def read(self, now: float) -> bool:
-        """See `Imu`; its bus has taken what came."""
+        """See `Imu`. The bus has passed the answer to `take`."""
         return self._came

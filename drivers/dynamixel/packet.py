@@ -19,15 +19,15 @@ MAX_ID = 0xFC
 OVERHEAD = 10
 """Bytes of an instruction packet without params; a status packet has one more, its error byte."""
 MAX_LENGTH = 1024
-"""Longest length field taken for real; a greater one is noise that looks like a header."""
+"""Largest length field that is accepted; a greater one is noise that looks like a header."""
 ALERT = 0x80
-"""Bit of the error byte that says: read the hardware error status."""
+"""Bit of the error byte: the hardware error status is not 0."""
 
 _MARK, _STUFFED = b"\xff\xff\xfd", b"\xff\xff\xfd\xfd"
 
 
 class Instruction(IntEnum):
-    """What a packet asks for."""
+    """Instruction codes."""
 
     PING = 0x01
     READ = 0x02
@@ -61,7 +61,7 @@ class Error(IntEnum):
 
 @dataclass(frozen=True)
 class Packet:
-    """One packet off the wire. `params` are unstuffed; where `intact` is False the CRC did not match them."""
+    """One received packet. `params` are without byte stuffing; `intact` is False if the CRC is wrong."""
 
     id: int
     instruction: int
@@ -71,12 +71,12 @@ class Packet:
 
 
 def crc16(data: bytes | bytearray | memoryview, crc: int = 0) -> int:
-    """CRC-16, polynomial 0x8005, most significant bit first (elsewhere "UMTS"); `crc` is that of what came before."""
+    """CRC-16, polynomial 0x8005, most significant bit first ("UMTS"); `crc` is that of the bytes before `data`."""
     return fastcrc.crc16.umts(data, crc)
 
 
 def encode(id_: int, instruction: int, params: bytes = b"") -> bytes:
-    """An instruction packet, stuffed and with its CRC."""
+    """The bytes of an instruction packet, with byte stuffing and CRC."""
     body = (bytes([instruction]) + params).replace(_MARK, _STUFFED)
     head = HEADER + bytes([id_]) + (len(body) + 2).to_bytes(2, "little")
     packet = head + body
@@ -84,15 +84,14 @@ def encode(id_: int, instruction: int, params: bytes = b"") -> bytes:
 
 
 def encode_status(id_: int, error: int, params: bytes = b"") -> bytes:
-    """A status packet."""
+    """The bytes of a status packet."""
     return encode(id_, Instruction.STATUS, bytes([error]) + params)
 
 
 def encode_fast_status(rows: Sequence[tuple[int, int, bytes]]) -> bytes:
-    """The one reply to a fast read: (error, id, data) of each servo, in the order asked; not stuffed.
+    """The bytes of the reply to a fast read: (error, id, data) of each servo, in the order asked; no byte stuffing.
 
-    After each servo's data comes the CRC of everything so far, without the CRCs of the servos before it being left
-    out: each servo continues what it heard on the wire.
+    The CRC after each servo's data covers all bytes before it, including the CRCs of the servos before.
     """
     length = 1 + sum(len(data) + 4 for _, _, data in rows)
     packet = bytearray(HEADER + bytes([BROADCAST]) + length.to_bytes(2, "little") + bytes([Instruction.STATUS]))
@@ -107,7 +106,7 @@ def encode_fast_status(rows: Sequence[tuple[int, int, bytes]]) -> bytes:
 
 
 def split_fast_status(reply: bytes, size: int) -> Iterator[tuple[int, int, bytes]]:
-    """(error, id, data of `size` bytes) of every servo whose CRC holds; ends at the first that does not.
+    """(error, id, data of `size` bytes) of every servo up to the first wrong CRC.
 
     `reply` starts at the header and may be cut short.
     """
@@ -123,15 +122,15 @@ def split_fast_status(reply: bytes, size: int) -> Iterator[tuple[int, int, bytes
 
 
 def sync_write_rows(packet: bytes) -> bytes:
-    """What a sync write says to the servos, id and data of each, stuffing taken out."""
+    """Id and data of each servo in the bytes of a sync write, without byte stuffing."""
     return packet[len(HEADER) + 4 : -2].replace(_STUFFED, _MARK)[4:]
 
 
 class Decoder:
-    """Cuts a stream of bytes into packets, whatever comes between them.
+    """Splits a stream of bytes into packets and skips everything else.
 
     Attributes:
-        skipped: bytes that belonged to no packet.
+        skipped: bytes that are not part of a packet.
     """
 
     def __init__(self) -> None:
@@ -139,7 +138,7 @@ class Decoder:
         self.skipped = 0
 
     def feed(self, data: bytes) -> Iterator[Packet]:
-        """Take in bytes; yields every packet that they complete, also those whose CRC is wrong."""
+        """Append bytes; yields every packet that they complete, including those with a wrong CRC."""
         buffer = self._buffer
         buffer += data
         while True:
@@ -162,18 +161,18 @@ class Decoder:
             if intact:
                 del buffer[:size]
             else:
-                # The length itself may be what is wrong: look for a header inside.
+                # The length itself may be wrong: look for a header inside.
                 self._skip(4)
             yield packet
 
     def clear(self) -> None:
-        """Forget a packet that never came to its end."""
+        """Discard an incomplete packet."""
         self.skipped += len(self._buffer)
         self._buffer.clear()
 
     @property
     def waiting(self) -> int:
-        """Bytes of a packet that is not complete."""
+        """Number of bytes of an incomplete packet."""
         return len(self._buffer)
 
     def _skip(self, count: int) -> None:
@@ -182,7 +181,7 @@ class Decoder:
 
 
 def _find_header(buffer: bytearray) -> int:
-    """Where the next header starts, or how many leading bytes cannot belong to one."""
+    """Start of the next header, or the number of leading bytes that cannot belong to one."""
     start = buffer.find(HEADER)
     if start >= 0:
         return start

@@ -2,7 +2,7 @@
 
 The SDK's own port polls without sleeping, times with the wall clock and waits for a latency timer of 16 ms whatever the
 adapter's is: `SdkPort` sleeps until bytes come, on the monotonic clock. A tick's packets are sent and taken by
-`flexmotion.drivers.dynamixel.cycle`, for the SDK drops the error byte of every servo in a fast sync read.
+`flexmotion.drivers.dynamixel.exchange`, for the SDK drops the error byte of every servo in a fast sync read.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""What moves behind emulated servos: a body with joints, torque and heat, stepped as time passes.
+"""The bodies that emulated servos move.
 
-`BenchBody` is servos on a bench, each with its own flywheel: light enough to time a bus beside it.
+`BenchBody` is servos on a bench, each with a flywheel: cheap to simulate beside a timed bus.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from flexmotion.configs.robot import Robot
 from flexmotion.drivers.plant import ServoPlant
 from flexmotion.drivers.receiver import Receiver
+from flexmotion.spatial.gravity import GRAVITY
 
 Float = NDArray[np.float64]
 Bool = NDArray[np.bool_]
@@ -23,13 +24,14 @@ class Body(ABC):
     """Joints with servos. Arrays are (n,), in robot order.
 
     Attributes:
-        robot: whose joints they are.
-        timestep: of its physics [s].
+        robot: the robot.
+        timestep: physics step [s].
+        gyro, accel: angular velocity [rad/s] and specific force [m/s²] at an IMU in the torso frame, (3,) each.
     """
 
     def __init__(self, robot: Robot, timestep: float) -> None:
         self.robot, self.timestep = robot, timestep
-        self.gyro, self.accel = np.zeros(3), np.array([0.0, 0.0, 9.81])
+        self.gyro, self.accel = np.zeros(3), np.array([0.0, 0.0, GRAVITY])
 
     @property
     @abstractmethod
@@ -53,21 +55,21 @@ class Body(ABC):
 
     @abstractmethod
     def receive(self, goal: Float, which: Bool, bound: Float) -> None:
-        """Take all goals [rad] and torque bounds [N·m, infinite: none] now; those marked in `which` are new."""
+        """Take goals [rad] and torque bounds [N·m, infinite: none] of all servos; those marked in `which` are new."""
 
     @abstractmethod
     def set_torque(self, which: Bool, on: bool) -> None:
-        """Switch some servos."""
+        """Switch the torque of the servos in `which`."""
 
     @abstractmethod
     def step(self, seconds: float) -> None:
-        """Let time pass, in whole timesteps."""
+        """Let time pass, in whole physics steps."""
 
-    def sense(self) -> None:  # noqa: B027 - what stands on a bench always sees the same
-        """Fill `gyro` [rad/s] and `accel` [m/s²] with what an IMU in the torso's frame would see."""
+    def sense(self) -> None:  # noqa: B027 - on a bench the values never change
+        """Update `gyro` and `accel`."""
 
     def report(self) -> dict[str, Any]:
-        """Figures of the body, for whoever ends the emulation."""
+        """Figures of the body at the end of the emulation."""
         return {"violations": self.receiver.violations}
 
 
@@ -75,7 +77,7 @@ class BenchBody(Body):
     """Each servo turns a flywheel; gravity is absent."""
 
     def __init__(self, robot: Robot, *, timestep: float = 0.002, inertia: float = 0.01) -> None:
-        """`inertia` of a flywheel [kg·m²], beside the servo's own."""
+        """`inertia` of a flywheel [kg·m²], in addition to the servo's own."""
         super().__init__(robot, timestep)
         self._plant, self._receiver = ServoPlant(robot), Receiver(robot)
         self._position, self._velocity = robot.stand_pose.copy(), np.zeros(robot.n)
@@ -116,7 +118,7 @@ class BenchBody(Body):
         self._plant.enabled[which] = on
 
     def step(self, seconds: float) -> None:
-        """See `Body`; semi-implicit Euler, dry friction never reverses a motion."""
+        """See `Body`. Semi-implicit Euler; dry friction never reverses a motion."""
         for _ in range(round(seconds / self.timestep)):
             torque = self._plant.step(self._position, self._velocity)
             speed = self._velocity + torque / self._inertia * self.timestep

@@ -12,7 +12,7 @@ from flexmotion.drivers.dynamixel.opencr import OpenCr as BoardDriver
 from flexmotion.drivers.dynamixel.registers import BAUD_RATES, RETURN_DELAY_US
 from flexmotion.drivers.emulator.body import Body
 from flexmotion.drivers.emulator.device import Device
-from flexmotion.drivers.emulator.dynamixel_bus import DynamixelBus
+from flexmotion.drivers.emulator.dynamixel_bus import EmulatedDynamixelBus
 from flexmotion.drivers.emulator.emulator import Emulator
 from flexmotion.drivers.emulator.faults import Damage, Fault
 from flexmotion.drivers.emulator.feetech_bus import EmulatedFeetechBus, StsServo
@@ -112,7 +112,7 @@ def make_bus(joints: Joints, name: str) -> EmulatedBus:
         return bus
     if protocol == "lx16a":
         return EmulatedLx16aBus(joints, [Lx16aServo(joints, *servo) for servo in servos])
-    return DynamixelBus(joints, _dynamixels(joints, robot, name))
+    return EmulatedDynamixelBus(joints, _dynamixels(joints, robot, name))
 
 
 def _dynamixels(joints: Joints, robot: Robot, name: str) -> list[Device]:

@@ -33,7 +33,7 @@ class Device:
         memory: the control table, byte by byte.
         id, baud: address on the bus and bit rate, as the table says.
         registered: a write that waits for an action instruction, or None.
-        dark_until: time until which it hears nothing, while it reboots [s].
+        off_until: time until which it hears nothing, while it reboots [s].
     """
 
     def __init__(self, table: Table, id_: int, model_number: int, firmware: int) -> None:
@@ -42,7 +42,7 @@ class Device:
         self.id = self.baud = 0
         self._fields = {name: (r.address, r.end, r.signed) for name, r in table.registers.items()}
         self.registered: tuple[int, bytes] | None = None
-        self.dark_until = 0.0
+        self.off_until = 0.0
         self._parts: dict[tuple[int, int], tuple[_Part, ...] | int] = {}
         self._targets: dict[tuple[int, int], list[int] | None] = {}
         self._by_address = {
@@ -126,7 +126,7 @@ class Device:
     def reboot(self, now: float, seconds: float = 0.2) -> None:
         """RAM back to its first values; dark for `seconds` (assumption)."""
         self._initialise(lambda register: register.address >= self.table.eeprom_end)
-        self.dark_until = now + seconds
+        self.off_until = now + seconds
 
     def factory_reset(self, mode: int, now: float) -> None:
         """EEPROM back to its first values: 0xFF all, 1 all but the id, 2 all but id and baud rate."""

@@ -1,4 +1,4 @@
-"""`DynamixelBus`: devices on one bus that hear instructions in bytes and answer in bytes, as Protocol 2.0 says."""
+"""`EmulatedDynamixelBus`: devices on one bus that receive and answer packets of Protocol 2.0."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _LENGTH = slice(5, 7)
 _WRITES_TO_MANY = tuple(bytes([kind]) for kind in (Instruction.SYNC_WRITE, Instruction.BULK_WRITE))
 
 
-class DynamixelBus:
+class EmulatedDynamixelBus:
     """All devices of one bus.
 
     Args:
@@ -38,7 +38,7 @@ class DynamixelBus:
 
     Attributes:
         dead: ids that hear and say nothing.
-        heard, bad: packets that came from the host, whole and broken.
+        received, bad: packets that came from the host, whole and broken.
         imu_ids: of boards with an inertial sensor.
     """
 
@@ -49,21 +49,21 @@ class DynamixelBus:
         self._board = next((device for device in self.devices if isinstance(device, OpenCr)), None)
         self._powered = self._board is None or self._board.powered
         self.dead: set[int] = set()
-        self.heard = self.bad = 0
+        self.received = self.bad = 0
         self.imu_ids = frozenset(device.id for device in self.devices if isinstance(device, OpenCr))
         self._decoder = Decoder()
         self._index()
 
-    def asks(self, data: bytes) -> bool:
+    def may_be_answered(self, data: bytes) -> bool:
         """See `EmulatedBus`; nobody answers a write to many, if that is all there is."""
         whole = _LENGTH.stop + int.from_bytes(data[_LENGTH], "little") == len(data)
         return not (whole and data[_LENGTH.stop : _LENGTH.stop + 1] in _WRITES_TO_MANY)
 
-    def hear(self, data: bytes, baud: int, now: float) -> list[tuple[int, list[Reply]]]:
+    def receive(self, data: bytes, baud: int, now: float) -> list[tuple[int, list[Reply]]]:
         """Bytes from the host at `baud`: for every packet in them, its size in bytes and the answers to it."""
         return [(packet.size, self._handle(packet, baud, now)) for packet in self._decoder.feed(data)]
 
-    def silence(self) -> None:
+    def drop_incomplete(self) -> None:
         """Nothing came for a while: what was not complete never will be."""
         self._decoder.clear()
 
@@ -85,20 +85,20 @@ class DynamixelBus:
         self._by_id = {device.id: device for device in self.devices}
 
     def _listening(self, device: Device, baud: int, now: float) -> bool:
-        if device.id in self.dead or device.baud != baud or now < device.dark_until:
+        if device.id in self.dead or device.baud != baud or now < device.off_until:
             return False
         return self._powered or not isinstance(device, XServo)
 
     def _handle(self, packet: Packet, baud: int, now: float) -> list[Reply]:
-        heard = {id_: device for id_, device in self._by_id.items() if self._listening(device, baud, now)}
-        self.heard += packet.intact
+        listening = {id_: device for id_, device in self._by_id.items() if self._listening(device, baud, now)}
+        self.received += packet.intact
         self.bad += not packet.intact
         if not packet.intact:
-            device = heard.get(packet.id)
+            device = listening.get(packet.id)
             return [] if device is None else self._status(device, packet.instruction, Error.CRC)
         if packet.instruction == Instruction.STATUS:
             return []
-        for id_, device in heard.items():
+        for id_, device in listening.items():
             if isinstance(device, XServo) and packet.id in (id_, BROADCAST):
                 device.feed(now)
         handlers = {
@@ -110,15 +110,15 @@ class DynamixelBus:
             Instruction.BULK_WRITE: self._bulk_write,
         }
         if packet.id == BROADCAST and packet.instruction in handlers:
-            replies = handlers[Instruction(packet.instruction)](packet.params, heard, now)
+            replies = handlers[Instruction(packet.instruction)](packet.params, listening, now)
         elif packet.id == BROADCAST:
             replies = []
-            for id_ in sorted(heard):
-                answer = self._single(heard[id_], packet, now)
+            for id_ in sorted(listening):
+                answer = self._single(listening[id_], packet, now)
                 if packet.instruction == Instruction.PING:
                     replies += answer
         else:
-            device = heard.get(packet.id)
+            device = listening.get(packet.id)
             replies = [] if device is None else self._single(device, packet, now)
         if self._board is not None and self._board.powered != self._powered:
             self._powered = self._board.powered
@@ -171,18 +171,18 @@ class DynamixelBus:
             error = Error.INSTRUCTION
         return self._status(device, kind, error, data)
 
-    def _sync_read(self, params: bytes, heard: dict[int, Device], now: float) -> list[Reply]:
+    def _sync_read(self, params: bytes, listening: dict[int, Device], now: float) -> list[Reply]:
         address, size = _span(params)
-        return self._read_each([(id_, address, size) for id_ in params[4:]], heard, now)
+        return self._read_each([(id_, address, size) for id_ in params[4:]], listening, now)
 
-    def _bulk_read(self, params: bytes, heard: dict[int, Device], now: float) -> list[Reply]:
-        return self._read_each(_bulk_requests(params), heard, now)
+    def _bulk_read(self, params: bytes, listening: dict[int, Device], now: float) -> list[Reply]:
+        return self._read_each(_bulk_requests(params), listening, now)
 
-    def _read_each(self, requests: list[tuple[int, int, int]], heard: dict[int, Device], now: float) -> list[Reply]:
-        self._refresh((heard[id_] for id_, _, _ in requests if id_ in heard), now)
+    def _read_each(self, requests: list[tuple[int, int, int]], listening: dict[int, Device], now: float) -> list[Reply]:
+        self._refresh((listening[id_] for id_, _, _ in requests if id_ in listening), now)
         replies, waited = [], 0.0
         for id_, address, size in requests:
-            device = heard.get(id_)
+            device = listening.get(id_)
             if device is None:
                 waited += MISSED_SLOT_S
                 continue
@@ -192,19 +192,19 @@ class DynamixelBus:
                 waited = 0.0
         return replies
 
-    def _fast_sync_read(self, params: bytes, heard: dict[int, Device], now: float) -> list[Reply]:
+    def _fast_sync_read(self, params: bytes, listening: dict[int, Device], now: float) -> list[Reply]:
         address, size = _span(params)
-        return self._fast([(id_, address, size) for id_ in params[4:]], heard, now)
+        return self._fast([(id_, address, size) for id_ in params[4:]], listening, now)
 
-    def _fast_bulk_read(self, params: bytes, heard: dict[int, Device], now: float) -> list[Reply]:
-        return self._fast(_bulk_requests(params), heard, now)
+    def _fast_bulk_read(self, params: bytes, listening: dict[int, Device], now: float) -> list[Reply]:
+        return self._fast(_bulk_requests(params), listening, now)
 
-    def _fast(self, requests: list[tuple[int, int, int]], heard: dict[int, Device], now: float) -> list[Reply]:
+    def _fast(self, requests: list[tuple[int, int, int]], listening: dict[int, Device], now: float) -> list[Reply]:
         """One reply that every servo adds its part to; it ends where one is missing or too old to know how."""
         rows, delay = [], 0.0
-        self._refresh((heard[id_] for id_, _, _ in requests if id_ in heard), now)
+        self._refresh((listening[id_] for id_, _, _ in requests if id_ in listening), now)
         for id_, address, size in requests:
-            device = heard.get(id_)
+            device = listening.get(id_)
             lowest = None if device is None else device.table.fast_sync_read_firmware
             if device is None or lowest is None or device.get("firmware_version") < lowest:
                 break
@@ -220,24 +220,24 @@ class DynamixelBus:
             whole = _announce(rows, missing)
         return [Reply(BROADCAST, delay, whole)]
 
-    def _sync_write(self, params: bytes, heard: dict[int, Device], now: float) -> list[Reply]:
+    def _sync_write(self, params: bytes, listening: dict[int, Device], now: float) -> list[Reply]:
         if len(params) < 4:
             return []
         address, size = _span(params)
         if size and (len(params) - 4) % (size + 1) == 0:
             for at in range(4, len(params), size + 1):
-                device = heard.get(params[at])
+                device = listening.get(params[at])
                 if device is not None:
                     device.write(address, params[at + 1 : at + 1 + size])
             self._index()
         return []
 
-    def _bulk_write(self, params: bytes, heard: dict[int, Device], now: float) -> list[Reply]:
+    def _bulk_write(self, params: bytes, listening: dict[int, Device], now: float) -> list[Reply]:
         at = 0
         while at + 5 <= len(params):
             address, size = _span(params[at + 1 : at + 5])
             data = params[at + 5 : at + 5 + size]
-            device = heard.get(params[at])
+            device = listening.get(params[at])
             if device is not None and len(data) == size:
                 device.write(address, data)
             at += 5 + size

@@ -109,7 +109,7 @@ class Emulator:
     def _wait(self, seconds: float) -> None:
         ports = {line.terminal.descriptor: line for line in self.lines if line.terminal.open}
         for descriptor in select.select(list(ports), (), (), max(seconds, 0.0))[0]:
-            ports[descriptor].hear(time.perf_counter())
+            ports[descriptor].receive(time.perf_counter())
 
     def _on_time(self, next_step: float, now: float) -> float:
         late = now - next_step

@@ -97,7 +97,7 @@ class StsServo(SumServo):
         self.put("torque_enable", 0)
         self._act("torque_enable")
         self._pin()
-        self.dark_until = now + 0.2
+        self.off_until = now + 0.2
 
     def _act(self, name: str) -> None:
         joints, index = self.joints, self.index

@@ -21,25 +21,25 @@ class EmulatedBus(Protocol):
 
     Attributes:
         dead: ids that hear and say nothing.
-        heard: whole packets that came from the host.
+        received: whole packets that came from the host.
         imu_ids: of the inertial sensors among them.
     """
 
     dead: set[int]
-    heard: int
+    received: int
     imu_ids: frozenset[int]
 
     @property
     def bad(self) -> int:
         """Broken packets that came from the host."""
 
-    def asks(self, data: bytes) -> bool:
+    def may_be_answered(self, data: bytes) -> bool:
         """Whether bytes from the host may ask for an answer: true unless it is sure that they do not."""
 
-    def hear(self, data: bytes, baud: int, now: float) -> list[tuple[int, list[Reply]]]:
+    def receive(self, data: bytes, baud: int, now: float) -> list[tuple[int, list[Reply]]]:
         """Bytes from the host at `baud`: for every packet in them, its size in bytes and the answers to it."""
 
-    def silence(self) -> None:
+    def drop_incomplete(self) -> None:
         """Nothing came for a while: what was not complete never will be."""
 
     def watch(self, now: float) -> None:
@@ -99,7 +99,7 @@ class Line(ABC):
         """These faults act from now on, and no others."""
 
     @abstractmethod
-    def hear(self, now: float) -> None:
+    def receive(self, now: float) -> None:
         """Take what the host sent, and prepare the answers."""
 
     def deliver(self, now: float) -> None:
@@ -145,7 +145,7 @@ class BusLine(Line):
     def __init__(self, name: str, bus: EmulatedBus, terminal: Port, wire: Wire, damage: Damage) -> None:
         super().__init__(name, terminal, wire, damage)
         self.bus = bus
-        self._last_heard = 0.0
+        self._last_received = 0.0
         self._incomplete = False
         self._arriving: deque[_Sent] = deque()
 
@@ -167,16 +167,18 @@ class BusLine(Line):
             self._arriving.clear()
             self.terminal.close()
 
-    def hear(self, now: float) -> None:
+    def receive(self, now: float) -> None:
         """See `Line`."""
         data = self.terminal.read()
-        if self._incomplete and now - self._last_heard > SILENCE_S:
-            self.bus.silence()
-        self._last_heard = now
+        if self._incomplete and now - self._last_received > SILENCE_S:
+            self.bus.drop_incomplete()
+        self._last_received = now
         if data and not self.cut:
             baud = self.terminal.baud or 1
             end = self.wire.send(len(data), baud, now)
-            self._arriving.append(_Sent(now if self.bus.asks(data) else end, end, self.damage.spoil(data)[0], baud))
+            self._arriving.append(
+                _Sent(now if self.bus.may_be_answered(data) else end, end, self.damage.spoil(data)[0], baud)
+            )
 
     def deliver(self, now: float) -> None:
         """See `Line`; and let the devices hear what has reached them by now."""
@@ -189,7 +191,7 @@ class BusLine(Line):
         self.bus.watch(now)
 
     def _take(self, sent: _Sent) -> None:
-        packets = self.bus.hear(sent.data, sent.baud, sent.end)
+        packets = self.bus.receive(sent.data, sent.baud, sent.end)
         after = sum(size for size, _ in packets)
         self._incomplete = after < len(sent.data)
         for size, replies in packets:
@@ -200,5 +202,5 @@ class BusLine(Line):
 
     def report(self, elapsed: float) -> dict[str, Any]:
         """See `Line`."""
-        counts = {"packets": self.bus.heard, "bad_packets": self.bus.bad, "collisions": self.wire.collisions}
+        counts = {"packets": self.bus.received, "bad_packets": self.bus.bad, "collisions": self.wire.collisions}
         return counts | super().report(elapsed)

@@ -93,7 +93,7 @@ class LoopbackPort(SerialPort):
         if self._there():
             self._count(data)
             self._memory.to_bus += data
-            self._line.hear(self._world.now)
+            self._line.receive(self._world.now)
 
     def receive(self) -> bytes:
         """See `SerialPort`."""

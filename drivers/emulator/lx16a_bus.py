@@ -41,7 +41,7 @@ class Lx16aServo(SumServo):
     def restart(self, now: float) -> None:
         """See `SumServo`."""
         self.load(False)
-        self.dark_until = now + 0.2
+        self.off_until = now + 0.2
 
     def load(self, on: bool) -> None:
         """Switch torque."""

@@ -11,9 +11,9 @@ from flexmotion.configs.robot_file import Quaternion
 from flexmotion.drivers.dynamixel.registers import VOLTAGE, open_cr
 from flexmotion.drivers.emulator.body import Body
 from flexmotion.drivers.emulator.device import Device
+from flexmotion.spatial.gravity import GRAVITY
 
 FIRMWARE = 5
-GRAVITY = 9.81
 
 
 class OpenCr(Device):

@@ -1,4 +1,4 @@
-"""`SimBody`: the whole robot in MuJoCo behind emulated servos, so that a real driver moves it through bytes."""
+"""`SimBody`: the whole robot in MuJoCo behind emulated servos, moved by a real driver through bytes."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ Float = NDArray[np.float64]
 Bool = NDArray[np.bool_]
 
 FALLEN_TILT = np.radians(45)
-"""Fallen: torso tilted beyond this [rad], as reports count it. (How low it came is told, but crouching is no fall.)"""
+"""Tilt of the torso that counts as fallen, as in reports [rad]. The lowest height is reported, but not a criterion."""
 
 PICKED_UP_S = 3.0
-"""A robot whose servos have all been off for this long lies on the floor; whoever stands beside it picks it up [s]."""
+"""Time with all torque off after which the robot is put back into its start pose [s]."""
 
 
 class SimBody(Body):
-    """Driver `sim`'s robot without its delays: on the bus the wire makes them.
+    """The robot of driver `sim` without its delays, which the bus adds.
 
-    Once its servos have been on and are off again, it sinks and tips over, and after a while stands as at first, held
-    by the torso until torque goes on: the next run finds what the first one did.
+    When torque goes off after it was on, the robot sinks and tips over. `PICKED_UP_S` later it is back in its start
+    pose, its torso held until torque goes on, so that the next run starts like the first.
 
     Attributes:
         driver: the simulated robot.
-        fell: whether its torso tilted too far while all servos held.
+        fell: whether the torso tilted beyond `FALLEN_TILT` while all servos held.
     """
 
     def __init__(self, robot: Robot, options: SimOptions | None = None) -> None:
@@ -73,7 +73,7 @@ class SimBody(Body):
         self.driver.receive(goal, which, bound)
 
     def set_torque(self, which: Bool, on: bool) -> None:
-        """See `Body`; once every servo holds, whoever held the robot lets go."""
+        """See `Body`. Once every servo holds, the torso is released."""
         self.plant.enabled[which] = on
         if self.plant.enabled.all():
             self.driver.release()
@@ -91,7 +91,7 @@ class SimBody(Body):
         self.fell |= tilt > FALLEN_TILT
 
     def _lie(self, seconds: float) -> None:
-        """Torque is off; an infinite time of that has been told already."""
+        """Count the time without torque, then put the robot back; `_off_s` is infinite before torque and after that."""
         if self.plant.enabled.any() or np.isinf(self._off_s):
             return
         self._off_s += seconds
@@ -102,7 +102,7 @@ class SimBody(Body):
 
     @property
     def _way(self) -> float:
-        """Straight from where it was put down [m]."""
+        """Straight distance from where it was put down [m]."""
         return float(np.hypot(*(self.driver.truth().base_position[:2] - self._origin)))
 
     def sense(self) -> None:
@@ -111,7 +111,7 @@ class SimBody(Body):
         self.gyro[:], self.accel[:] = self._state.gyro, self._state.accel
 
     def report(self) -> dict[str, Any]:
-        """See `Body`; with how the robot stood while all its servos held."""
+        """See `Body`. With height and tilt while all servos held."""
         return {
             "violations": self.receiver.violations,
             "fell": bool(self.fell),

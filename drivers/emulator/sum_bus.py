@@ -15,11 +15,11 @@ class SumServo(ABC):
     """One servo of such a bus.
 
     Attributes:
-        dark_until: time until which it hears nothing, after it lost power [s].
+        off_until: time until which it hears nothing, after it lost power [s].
     """
 
     def __init__(self) -> None:
-        self.dark_until = 0.0
+        self.off_until = 0.0
 
     @property
     @abstractmethod
@@ -55,7 +55,7 @@ class SumBus(ABC, Generic[ServoKind]):
     def __init__(self, joints: Joints, servos: Iterable[ServoKind]) -> None:
         self.joints, self.servos = joints, list(servos)
         self.dead: set[int] = set()
-        self.heard = 0
+        self.received = 0
         self.imu_ids: frozenset[int] = frozenset()
         self._decoder = SumDecoder(self.form)
 
@@ -64,29 +64,29 @@ class SumBus(ABC, Generic[ServoKind]):
         """Packets with a wrong sum."""
         return self._decoder.bad
 
-    def asks(self, data: bytes) -> bool:
+    def may_be_answered(self, data: bytes) -> bool:
         """See `EmulatedBus`."""
         return True
 
-    def hear(self, data: bytes, baud: int, now: float) -> list[tuple[int, list[Reply]]]:
+    def receive(self, data: bytes, baud: int, now: float) -> list[tuple[int, list[Reply]]]:
         """See `EmulatedBus`."""
-        heard = []
+        answers = []
         for packet in self._decoder.feed(data):
-            self.heard += 1
+            self.received += 1
             listening = {
                 servo.address: servo
                 for servo in self.servos
-                if servo.baud == baud and now >= servo.dark_until and servo.address not in self.dead
+                if servo.baud == baud and now >= servo.off_until and servo.address not in self.dead
             }
-            heard.append((packet.size, self.answer(packet, listening)))
+            answers.append((packet.size, self.answer(packet, listening)))
             self.joints.commit()
-        return heard
+        return answers
 
     @abstractmethod
     def answer(self, packet: SumPacket, listening: dict[int, ServoKind]) -> list[Reply]:
         """What those who listen, by id, answer to a packet."""
 
-    def silence(self) -> None:
+    def drop_incomplete(self) -> None:
         """See `EmulatedBus`."""
         self._decoder.clear()
 

@@ -14,7 +14,6 @@ from flexmotion.drivers.emulator.body import Body
 from flexmotion.drivers.emulator.faults import Damage, Fault, FaultKind
 from flexmotion.drivers.emulator.line import Line, Port
 from flexmotion.drivers.emulator.wire import Reply, Wire
-from flexmotion.drivers.imu.interface import GRAVITY
 from flexmotion.drivers.imu.witmotion.protocol import (
     ACCEL_FULL_G,
     FULL,
@@ -27,6 +26,7 @@ from flexmotion.drivers.imu.witmotion.protocol import (
     Register,
     frame,
 )
+from flexmotion.spatial.gravity import GRAVITY
 
 TEMPERATURE = 2500
 """What it says of its temperature [0.01 °C]."""
@@ -72,7 +72,7 @@ class WitMotionLine(Line):
         self.damage.act(faults)
         self.cut = any(fault.kind is FaultKind.IMU for fault in faults)
 
-    def hear(self, now: float) -> None:
+    def receive(self, now: float) -> None:
         """See `Line`."""
         data = self.terminal.read()
         if self.cut or self.terminal.baud != self._baud:

@@ -1,8 +1,6 @@
-"""`FeetechBus`: servos of Feetech's STS series on one port: a sync write and a sync read a tick."""
+"""`FeetechBus`: servos of Feetech's STS series on one port: one sync write and one sync read per tick."""
 
 from __future__ import annotations
-
-import math
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,8 +28,8 @@ _READ = ("present_position", "present_speed", "present_load", "present_voltage",
 class FeetechBus(ServoBus):
     """Goals by sync write, everything else by sync read.
 
-    These servos have no watchdog: after a crash they hold their last goal. Whether torque is on is not read every tick;
-    a servo that protects itself says so in its status.
+    These servos have no watchdog: after a crash they hold their last goal. The torque switch is not read every tick; a
+    servo that switches itself off reports an error in its status.
     """
 
     protocol = "feetech"
@@ -44,12 +42,6 @@ class FeetechBus(ServoBus):
         self._fields = [table[field] for field in _READ]
         self._first, self._size = _read_span()
         self._tick = np.array([servo.tick_rad for servo in self.servos])
-        self._torque_per_unit = np.array(
-            [
-                (s.current_unit or math.nan) * (s.torque_constant or s.stall_torque / s.stall_current)
-                for s in self.servos
-            ]
-        )
         self._patience = 0.0
         self._answered: set[int] = set()
         self._on = False
@@ -58,7 +50,7 @@ class FeetechBus(ServoBus):
 
     @classmethod
     def check(cls, robot: Robot, name: str) -> None:
-        """See `ServoBus`; and the baud rate must be one that these servos have."""
+        """See `ServoBus`. The baud rate must be one that these servos support."""
         super().check(robot, name)
         baud = robot.config.buses[name].baud
         if baud not in BAUD_RATES:
@@ -95,19 +87,19 @@ class FeetechBus(ServoBus):
             if kept and not self.options.configure:
                 raise DriverError(f"{where}: option configure (--configure) would write: {', '.join(changes[slot])}")
             if kept and held["torque_enable"]:
-                raise DriverError(f"{where}: torque is on, which forbids: {', '.join(changes[slot])}")
+                raise DriverError(f"{where}: torque is on, which locks: {', '.join(changes[slot])}")
             if kept:
                 self._write(slot, "lock", 0)
             for name, value in wrong.items():
                 self._write(slot, name, value)
-            told = [self._read(slot, name) for name in ("min_position_limit", "max_position_limit")]
-            if None in told:
-                raise DriverError(f"{where}: does not tell its position limits")
-            self._position_limits[:, slot] = told
-            self.witness.limit(slot, *self._position_limits[:, slot])
+            limits = [self._read(slot, name) for name in ("min_position_limit", "max_position_limit")]
+            if None in limits:
+                raise DriverError(f"{where}: does not report its position limits")
+            self._position_limits[:, slot] = limits
+            self.guard.limit(slot, *self._position_limits[:, slot])
             if kept:
                 self._write(slot, "lock", 1)
-        self.tell_changes(changes)
+        self.log_changes(changes)
 
     def request(self, now: float) -> None:
         """See `ServoBus`."""
@@ -134,12 +126,12 @@ class FeetechBus(ServoBus):
         return self._patience
 
     def finish(self) -> None:
-        """See `ServoBus`; servos that were silent are asked last from then on, for others may wait for them."""
+        """See `ServoBus`. Silent servos are asked last in the next cycle, because the others wait for them."""
         silent = [id_ for id_ in self.ids if self._slot[id_] not in self._answered]
         self._order = [id_ for id_ in self.ids if id_ not in silent] + silent
 
     def send_goals(self, ticks: Float, bound: Float) -> None:
-        """See `ServoBus`; these servos take no bound."""
+        """See `ServoBus`. These servos have no torque bound."""
         if self._on:
             self._send(ticks)
 
@@ -150,11 +142,11 @@ class FeetechBus(ServoBus):
             self._run_cycle()
             if not self.measured.fresh.all():
                 continue
-            # A servo that stands past its own limits is pinned to these.
+            # A servo outside its own limits is pinned to the nearest limit.
             pins = np.clip(self.measured.ticks, *self._position_limits)
             goals = [int(tick) for tick in pins]
             self._send(pins, standing=self.measured.ticks)
-            # One that says nothing has been asked for long enough: no more of that for the others.
+            # A silent servo has been asked several times already: `all` stops at the first.
             if all(self._read(slot, "goal_position") == goal for slot, goal in enumerate(goals)):
                 self._on = True
                 self._sync_write("torque_limit", [1000] * len(goals))
@@ -162,13 +154,13 @@ class FeetechBus(ServoBus):
                 if all(self._read(slot, "torque_enable") == 1 for slot in range(len(goals))):
                     self.measured.torque[:] = True
                     return
-            wrong = "does not take its goal"
+            wrong = "does not take its goal position"
         self._on = False
         slot = int(np.argmin(self.measured.fresh))
         raise DriverError(f"{self.joint_name(slot)} on {self.port.path}: {wrong}: torque stays off")
 
     def repeat_on(self, off: Bool) -> None:
-        """Never needed: `switch_on` reads back."""
+        """Not needed: `switch_on` verifies torque."""
 
     def switch_off(self) -> None:
         """See `ServoBus`."""
@@ -178,9 +170,9 @@ class FeetechBus(ServoBus):
         self.measured.torque[:] = False
 
     def damp(self) -> None:
-        """See `ServoBus`; the torque limit goes down to `DAMPED_SHARE`, told twice."""
+        """See `ServoBus`. The torque limit is lowered to `DAMPED_SHARE`; sent twice."""
         for _ in range(2):
-            self._send(self.witness.nearest(self.measured.ticks))
+            self._send(self.guard.nearest(self.measured.ticks))
             self._sync_write("torque_limit", [round(1000 * DAMPED_SHARE)] * len(self.ids))
 
     # ---------------------------------------------------------------- inside
@@ -205,7 +197,7 @@ class FeetechBus(ServoBus):
         )
         measured = self.measured
         measured.ticks[slot], measured.velocity[slot] = position, speed * self._tick[slot]
-        measured.effort[slot] = current * self._torque_per_unit[slot]
+        measured.effort[slot] = current * self.torque_per_unit[slot]
         measured.voltage[slot], measured.temperature[slot] = voltage * VOLTAGE, temperature
         measured.error[slot], measured.fresh[slot] = status, True
         self._answered.add(slot)
@@ -225,17 +217,17 @@ class FeetechBus(ServoBus):
         register = sts()[name]
         params = bytes([register.address]) + register.pack(value)
         if self._client.ask(self.ids[slot], Instruction.WRITE, params, answer=0) is None:
-            raise DriverError(f"{self.joint_name(slot)} on {self.port.path}: does not acknowledge {name}")
+            raise DriverError(f"{self.joint_name(slot)} on {self.port.path}: does not acknowledge a write of {name}")
 
     def _send(self, ticks: Float, standing: Float | None = None) -> None:
-        """Goals of all servos; `standing` is where those that are pinned stand, (m,)."""
+        """Send goals of all servos; `standing`: present positions of servos that are pinned, (m,)."""
         packet = self._packet("goal_position", [int(tick) for tick in ticks])
-        # Off the bytes: id and goal of each servo, behind header, id, length, instruction, address and size.
+        # From the bytes to send: id and goal of each servo, after header, id, length, instruction, address and size.
         goal, sent = sts()["goal_position"], packet[7:-1]
         step = goal.size + 1
         slots = np.array([self._slot[id_] for id_ in sent[::step]])
         goals = np.array([goal.unpack(sent[at + 1 : at + step]) for at in range(0, len(sent), step)], np.float64)
-        admitted = self.witness.admit(slots, goals, standing=None if standing is None else standing[slots])
+        admitted = self.guard.admit(slots, goals, standing=None if standing is None else standing[slots])
         if (admitted != goals).any():
             ticks = ticks.copy()
             ticks[slots] = admitted
@@ -248,7 +240,7 @@ class FeetechBus(ServoBus):
         self.port.send(self._packet(name, values))
 
     def _packet(self, name: str, values: list[int]) -> bytes:
-        """A sync write of one register of all servos."""
+        """The bytes of a sync write of one register of all servos."""
         register = sts()[name]
         rows = b"".join(bytes([id_]) + register.pack(value) for id_, value in zip(self.ids, values, strict=True))
         params = bytes([register.address, register.size]) + rows
@@ -256,7 +248,7 @@ class FeetechBus(ServoBus):
 
 
 def _read_span() -> tuple[int, int]:
-    """First address and size of what a cycle reads."""
+    """First address and number of the bytes that a cycle reads."""
     fields = [sts()[name] for name in _READ]
     first = min(field.address for field in fields)
     return first, max(field.end for field in fields) - first

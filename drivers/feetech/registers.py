@@ -1,4 +1,4 @@
-"""The control table of Feetech's STS series, read from `tables/sts.yaml` (which names its source)."""
+"""The control table of Feetech's STS series, from `tables/sts.yaml` (which names its source)."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from flexmotion.drivers.bus.packet import SumFormat, from_sign_magnitude, to_sig
 FORMAT = SumFormat(header=0xFF, counted=2)
 
 BAUD_RATES = (1_000_000, 500_000, 250_000, 128_000, 115_200, 76_800, 57_600, 38_400)
-"""Bit rate that each value of the baud rate register stands for."""
+"""Bit rate of each value of the baud rate register."""
 
 VOLTAGE = 0.1
 """One unit of voltage [V]."""
 
 
 class Instruction(IntEnum):
-    """What a packet asks for."""
+    """Instruction codes."""
 
     PING = 0x01
     READ = 0x02
@@ -32,7 +32,7 @@ class Instruction(IntEnum):
 
 
 class Register(Strict):
-    """One register; `sign_bit` where it may be negative."""
+    """One register. `sign_bit` is set if the value may be negative."""
 
     address: int = Field(ge=0)
     size: Literal[1, 2]
@@ -42,16 +42,16 @@ class Register(Strict):
 
     @property
     def end(self) -> int:
-        """Address after its last byte."""
+        """Address after the last byte."""
         return self.address + self.size
 
     def pack(self, value: int) -> bytes:
-        """The value as it stands in the table."""
+        """Encode a value."""
         raw = value if self.sign_bit is None else to_sign_magnitude(value, self.sign_bit)
         return raw.to_bytes(self.size, "little")
 
     def unpack(self, data: bytes | bytearray) -> int:
-        """The value of the register's bytes."""
+        """Decode the register's bytes."""
         raw = int.from_bytes(data, "little")
         return raw if self.sign_bit is None else from_sign_magnitude(raw, self.sign_bit)
 
@@ -68,5 +68,5 @@ class Table(Strict):
 
 @cache
 def sts() -> Table:
-    """The table. Raises `ConfigError` where its file is malformed."""
+    """The table. Raises `ConfigError` if its file is malformed."""
     return load(Table, Path(__file__).parent / "tables" / "sts.yaml")

@@ -12,7 +12,7 @@ from flexmotion.drivers.port import SerialPort
 
 
 class FeetechTools(BusTools):
-    """STS series."""
+    """Tools for the STS series."""
 
     protocol = "feetech"
     baud_rates = BAUD_RATES
@@ -22,7 +22,7 @@ class FeetechTools(BusTools):
         self._client = SumClient(port, FORMAT)
 
     def scan_here(self) -> Iterator[Found]:
-        """See `BusTools`; every id is asked once."""
+        """See `BusTools`. Every id is asked once."""
         model = sts()["model_number"]
         for id_ in range(MAX_ID + 1):
             params = bytes([model.address, model.size])

@@ -15,11 +15,9 @@ from flexmotion.configs.errors import DriverError
 from flexmotion.configs.robot_file import Imu as ImuConfig
 from flexmotion.configs.schema import Strict
 from flexmotion.drivers.port import SerialPort
+from flexmotion.spatial.gravity import GRAVITY
 
 Float = NDArray[np.float64]
-
-GRAVITY = 9.81
-"""What sensors that count in g are taken to mean [m/s²]."""
 
 OpenPort = Callable[[str, int], SerialPort]
 """Makes a serial port from path and baud rate. Raises `DriverError`."""

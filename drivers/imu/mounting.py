@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from flexmotion.configs.errors import DriverError
-from flexmotion.drivers.imu.interface import GRAVITY
+from flexmotion.spatial.gravity import GRAVITY
 
 Float = NDArray[np.float64]
 

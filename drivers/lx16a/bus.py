@@ -1,4 +1,4 @@
-"""`Lx16aBus`: LX-16A servos on one port, a packet for every servo and question."""
+"""`Lx16aBus`: LX-16A servos on one port, one packet per servo and value."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ Bool = NDArray[np.bool_]
 
 PATIENCE_S = 0.003
 READ_SHARE, WRITE_SHARE = 0.4, 0.4
-"""Shares of a tick for asking and for telling; servos that do not fit have their turn in the next one."""
+"""Shares of a tick for reading and for writing; servos that do not fit have their turn in the next tick."""
 
 log = logging.getLogger(__name__)
 
 
 class Lx16aBus(ServoBus):
-    """Positions are asked in turns, as many a tick as fit; speeds are their differences.
+    """Positions are read in turns, as many per tick as fit; speeds are their differences.
 
-    These servos measure no current, bound no torque, have no watchdog and no gain to lower: after a crash they hold
-    their last goal, and damping is torque off.
+    These servos have no current measurement, torque bound, watchdog or adjustable gain: after a crash they hold their
+    last goal, and damping switches torque off.
     """
 
     protocol = "lx16a"
@@ -42,42 +42,42 @@ class Lx16aBus(ServoBus):
         self._position_limits = np.array([[s.min_tick for s in self.servos], [s.max_tick for s in self.servos]])
         self._tick = np.array([servo.tick_rad for servo in self.servos])
         self._read_at = np.zeros(m)
-        self._told = np.full(m, np.nan)
-        self._next_ask = self._next_tell = self._next_care = 0
+        self._sent = np.full(m, np.nan)
+        self._next_read = self._next_write = self._next_status = 0
         self._queue: list[tuple[int, Command]] = []
         self._patience = 0.0
         self._on = False
 
     @classmethod
     def check(cls, robot: Robot, name: str) -> None:
-        """See `ServoBus`; the baud rate is fixed."""
+        """See `ServoBus`. The baud rate is fixed."""
         super().check(robot, name)
         if robot.config.buses[name].baud != BAUD:
             raise ConfigError(
                 f"{robot.file}: field buses.{name}.baud: {robot.config.buses[name].baud}, expected {BAUD}: "
-                "these servos have no other"
+                "it is fixed in these servos"
             )
 
     @classmethod
     def budget(cls, robot: Robot, name: str) -> Budget:
-        """See `ServoBus`; of a tick in which every servo is asked and told."""
+        """See `ServoBus`. For a tick in which every servo is read and written."""
         m = sum(joint.bus == name for joint in robot.joints)
         read = m * (2 * FORMAT.overhead + ANSWER_SIZE[Command.READ_POSITION])
         write = m * (FORMAT.overhead + 4)
         return Budget(read, write, read * BITS_A_BYTE / BAUD, write * BITS_A_BYTE / BAUD)
 
     def audit(self) -> None:
-        """See `ServoBus`; there is no model number to check."""
+        """See `ServoBus`. There is no model number to check."""
         for slot in range(len(self.ids)):
             if self._ask(slot, Command.READ_POSITION) is None:
                 reason = self.port.lost or "does not answer; is its power on?"
                 raise DriverError(f"{self.joint_name(slot)} on {self.port.path}: {reason}")
             limits = self._ask(slot, Command.READ_LIMITS)
             if limits is None:
-                raise DriverError(f"{self.joint_name(slot)} on {self.port.path}: does not tell its position limits")
+                raise DriverError(f"{self.joint_name(slot)} on {self.port.path}: does not report its position limits")
             lower, upper = (int.from_bytes(limits[at : at + 2], "little") for at in (0, 2))
             self._position_limits[:, slot] = lower, upper
-            self.witness.limit(slot, lower, upper)
+            self.guard.limit(slot, lower, upper)
             for command in (Command.READ_VOLTAGE, Command.READ_TEMPERATURE, Command.READ_LOAD):
                 self._ask(slot, command)
 
@@ -89,12 +89,12 @@ class Lx16aBus(ServoBus):
         measured.fresh[:] = measured.asked[:] = False
         each = self.port.seconds(2 * FORMAT.overhead + 2)
         many = min(m, max(1, int(READ_SHARE / self.robot.rate_hz / each) - 1))
-        turn = [(self._next_ask + k) % m for k in range(many)]
-        self._next_ask = (self._next_ask + many) % m
+        turn = [(self._next_read + k) % m for k in range(many)]
+        self._next_read = (self._next_read + many) % m
         self._queue = [(slot, Command.READ_POSITION) for slot in turn]
-        self._next_care = (self._next_care + 1) % (3 * m)
-        care = (Command.READ_VOLTAGE, Command.READ_TEMPERATURE, Command.READ_LOAD)[self._next_care % 3]
-        self._queue.append((self._next_care // 3, care))
+        self._next_status = (self._next_status + 1) % (3 * m)
+        status = (Command.READ_VOLTAGE, Command.READ_TEMPERATURE, Command.READ_LOAD)[self._next_status % 3]
+        self._queue.append((self._next_status // 3, status))
         measured.asked[turn] = True
         self._send_next()
 
@@ -118,27 +118,27 @@ class Lx16aBus(ServoBus):
         return self._patience
 
     def finish(self) -> None:
-        """See `ServoBus`; who was not asked for want of time was not asked."""
+        """See `ServoBus`. Servos that the cycle had no time for count as not asked."""
         for slot, command in self._queue:
             if command is Command.READ_POSITION:
                 self.measured.asked[slot] = False
         self._queue.clear()
 
     def send_goals(self, ticks: Float, bound: Float) -> None:
-        """See `ServoBus`; what changed, in turns, as much as fits a tick."""
+        """See `ServoBus`. Goals that changed are sent in turns, as many as fit the tick."""
         if not self._on:
             return
         m, end = len(self.ids), self.port.now() + WRITE_SHARE / self.robot.rate_hz
         for _ in range(m):
             if self.port.busy_until > end:
                 return
-            slot = self._next_tell
-            self._next_tell = (slot + 1) % m
-            if ticks[slot] != self._told[slot]:
+            slot = self._next_write
+            self._next_write = (slot + 1) % m
+            if ticks[slot] != self._sent[slot]:
                 self._move(slot, int(ticks[slot]))
 
     def switch_on(self) -> None:
-        """See `ServoBus`; a goal cannot be read back, so every servo is asked whether torque is on."""
+        """See `ServoBus`. Goals cannot be read back; every servo is asked whether torque is on."""
         for slot in range(len(self.ids)):
             if self._ask(slot, Command.READ_POSITION) is None:
                 raise DriverError(f"{self.joint_name(slot)} on {self.port.path}: does not answer: torque stays off")
@@ -150,7 +150,7 @@ class Lx16aBus(ServoBus):
         self._on = True
 
     def repeat_on(self, off: Bool) -> None:
-        """Never needed: `switch_on` reads back."""
+        """Not needed: `switch_on` verifies torque."""
 
     def switch_off(self) -> None:
         """See `ServoBus`."""
@@ -169,15 +169,15 @@ class Lx16aBus(ServoBus):
     # ---------------------------------------------------------------- inside
 
     def _move(self, slot: int, tick: int, *, pinned: bool = False) -> None:
-        # A servo that stands past its own limits is pinned to these.
+        # A servo outside its own limits is pinned to the nearest limit.
         goal = int(np.clip(tick, *self._position_limits[:, slot]))
         packet = self._packet(slot, goal)
-        # Off the bytes: header, id, length, command, goal.
+        # From the bytes to send: header, id, length, command, goal.
         slots, sent = np.array([self.ids.index(packet[2])]), float(int.from_bytes(packet[5:7], "little"))
         standing = self.measured.ticks[slots] if pinned else None
-        admitted = float(self.witness.admit(slots, np.array([sent]), standing=standing)[0])
+        admitted = float(self.guard.admit(slots, np.array([sent]), standing=standing)[0])
         self.port.send(packet if admitted == sent else self._packet(slot, int(admitted)))
-        self._told[slot] = tick
+        self._sent[slot] = tick
         if pinned:
             self.pins[slot] = admitted
 
@@ -193,7 +193,7 @@ class Lx16aBus(ServoBus):
             self._patience = self.port.busy_until + answer + PATIENCE_S
 
     def _ask(self, slot: int, command: Command) -> bytes | None:
-        """One question at once, outside a cycle."""
+        """Read one value, blocking; not during a cycle."""
         answer = self._client.ask(self.ids[slot], command, answer=ANSWER_SIZE[command])
         if answer is None:
             return None

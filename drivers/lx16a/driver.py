@@ -7,7 +7,7 @@ from flexmotion.drivers.lx16a.bus import Lx16aBus
 
 
 class Lx16aDriver(BusDriver):
-    """Hiwonder / LewanSoul LX-16A servos: slow, a packet each, no current."""
+    """Hiwonder / LewanSoul LX-16A servos: one packet per servo, no current measurement."""
 
     name = "lx16a"
     Bus = Lx16aBus

@@ -1,4 +1,4 @@
-"""Commands of the LewanSoul / Hiwonder LX-16A bus (vendor's bus communication protocol)."""
+"""Commands of the LewanSoul / Hiwonder LX-16A bus (vendor's "Bus Servo Communication Protocol")."""
 
 from __future__ import annotations
 
@@ -10,10 +10,11 @@ FORMAT = SumFormat(header=0x55, counted=3)
 BAUD = 115_200
 
 MILLIVOLT = 0.001
+"""One unit of voltage [V]."""
 
 
 class Command(IntEnum):
-    """What a packet asks for; an answer carries the same number."""
+    """Command codes; an answer has the code of its command."""
 
     MOVE = 1
     MOVE_STOP = 12
@@ -35,4 +36,4 @@ ANSWER_SIZE = {
     Command.READ_POSITION: 2,
     Command.READ_LOAD: 1,
 }
-"""Params of each answer."""
+"""Number of params in each answer."""

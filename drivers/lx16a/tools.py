@@ -12,7 +12,7 @@ from flexmotion.drivers.port import SerialPort
 
 
 class Lx16aTools(BusTools):
-    """LX-16A and servos like it; they tell no model."""
+    """Tools for LX-16A and compatible servos, which report no model."""
 
     protocol = "lx16a"
     baud_rates = (BAUD,)
@@ -22,7 +22,7 @@ class Lx16aTools(BusTools):
         self._client = SumClient(port, FORMAT)
 
     def scan_here(self) -> Iterator[Found]:
-        """See `BusTools`; every id is asked once."""
+        """See `BusTools`. Every id is asked once."""
         for id_ in range(MAX_ID + 1):
             if self._ask(id_, once=True):
                 yield Found(self.port.baud, id_, "LX-16A")

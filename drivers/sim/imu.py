@@ -11,20 +11,19 @@ from scipy.spatial.transform import Rotation
 
 from flexmotion.configs.robot_file import Imu
 from flexmotion.drivers.sim.options import SimOptions
+from flexmotion.spatial.gravity import GRAVITY
 
 Float = NDArray[np.float64]
 
-GRAVITY = 9.81
-
 SENSORS = ("gyro", "accel")
-"""Names of its sensors in the model, which follow one another in `sensordata`."""
+"""Names of its sensors in the model; they are consecutive in `sensordata`."""
 
 
 class SimImu:
     """Angular velocity and specific force in the frame of the body that carries the sensor.
 
     Attributes:
-        sample: newest noise-free but band-limited measurement in the sensor's frame: gyro, then accel, (6,).
+        sample: newest measurement in the sensor's frame, band-limited, without noise and bias: gyro, then accel, (6,).
     """
 
     def __init__(self, config: Imu, model: mujoco.MjModel, options: SimOptions, rng: np.random.Generator) -> None:
@@ -40,18 +39,18 @@ class SimImu:
         self._reading, self._raw = np.zeros(6), np.zeros(6)
 
     def reset(self, up: Float) -> None:
-        """Start at rest with world up at `up` in the carrying body's frame, (3,)."""
+        """Start at rest; `up` is the world's up in the frame of the carrying body, (3,)."""
         self.sample[:3] = 0.0
         self.sample[3:] = GRAVITY * self._mount.T @ up
 
     def step(self, data: mujoco.MjData) -> None:
-        """Take in the sensors of one physics step."""
+        """Update `sample` after a physics step."""
         np.subtract(data.sensordata[self._sensors], self.sample, out=self._raw)
         self._raw *= self._blend
         self.sample += self._raw
 
     def read(self, sample: Float, gyro: Float, accel: Float) -> None:
-        """Write what the sensor reports for a (possibly older) `sample` into `gyro` and `accel`, (3,) each."""
+        """Add noise and bias to a (possibly older) `sample`; write the result to `gyro` and `accel`, (3,) each."""
         self._rng.standard_normal(out=self._reading)
         self._reading *= self._noise
         self._reading += self._bias

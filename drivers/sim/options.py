@@ -1,4 +1,4 @@
-"""What may be set about the simulated robot: its start, its sensors, and how it differs from its model."""
+"""Options of the simulated robot: start pose, sensors, and mismatch against its model."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from flexmotion.configs.schema import Strict
 
 
 class Push(Strict):
-    """A shove at the torso's centre of mass: when [s], impulse in the world [N·s], spread over `duration` [s]."""
+    """A push at the torso's centre of mass: time [s], impulse in the world frame [N·s], spread over `duration` [s]."""
 
     at: float = Field(ge=0)
     impulse: Vector
@@ -19,7 +19,7 @@ class Push(Strict):
 
 
 class RandomPushes(Strict):
-    """Horizontal shoves in random directions: one every `every_s` [s] of `impulse` [N·s] over `duration` [s]."""
+    """Horizontal pushes in random directions: one every `every_s` [s], of `impulse` [N·s] over `duration` [s]."""
 
     every_s: float = Field(gt=0)
     impulse: float = Field(gt=0)
@@ -27,32 +27,32 @@ class RandomPushes(Strict):
 
 
 class SimOptions(Strict):
-    """Options of driver `sim`. What is not given is the robot as its file describes it.
+    """Options of driver `sim`. The defaults are the robot as its file describes it.
 
     Attributes:
-        seed: of sensor noise, biases and random pushes; equal seeds give equal runs, bit for bit.
-        timestep: of the physics [s].
+        seed: of sensor noise, biases and random pushes; runs with equal seeds are identical, bit for bit.
+        timestep: physics step [s].
         start: pose at `open`, feet on the floor.
-        suspended: hung up by the torso, feet in the air, all the time.
-        held: before torque is first switched on someone holds the torso; without it the robot collapses.
-        command_delay_s: from `write` to the servos acting, as the driver reports it; an assumption of bus time at
-            2 Mbaud and the servo's own cycle.
-        read_delay_s: age of what `read` returns; an assumption likewise.
-        imu: whether there is one (a robot file without `imu` has none in any case).
+        suspended: the torso is held all the time, feet in the air.
+        held: the torso is held until torque is first switched on; otherwise the robot collapses.
+        command_delay_s: time from `write` to the servos acting, as the driver reports it [s]; assumption: bus time at
+            2 Mbaud plus the servo's own cycle.
+        read_delay_s: age of what `read` returns [s]; assumption, as above.
+        imu: whether there is one (without `imu` in the robot file there is none).
         noise_scale: multiplies noise and bias of every sensor.
-        gyro_noise, gyro_bias: standard deviation of white noise a sample, and of the constant offset [rad/s].
-        accel_noise, accel_bias: likewise [m/s²].
-        imu_bandwidth_hz: of the sensor's own low-pass; noise and bandwidth are typical of consumer parts (assumption).
-        voltage: of the supply at no current [V]; the servos' nominal voltage where not given.
-        supply_resistance: of battery and wiring [Ohm]; sag is off by default.
+        gyro_noise, gyro_bias: standard deviation of the white noise of a sample and of the constant bias [rad/s].
+        accel_noise, accel_bias: the same of the accelerometer [m/s²].
+        imu_bandwidth_hz: of the sensor's low-pass [Hz]; noise and bandwidth are typical of consumer parts (assumption).
+        voltage: of the supply without load [V]; default: the servos' nominal voltage.
+        supply_resistance: of battery and wiring [Ohm]; 0: no voltage drop.
         mass_scale, torso_mass_scale: multiply masses and inertias.
-        total_mass: the torso is made heavier (or lighter) until the robot has it [kg].
+        total_mass: mass of the robot [kg]; the mass of the torso is changed to reach it.
         kp_scale: multiplies servo stiffness.
-        extra_latency_s: added to the command delay, and not reported.
+        extra_latency_s: added to the command delay [s], and not reported by the driver.
         friction: sliding friction of floor and soles.
         joint_friction_scale: multiplies dry friction in the joints.
         slope_deg: tilt of the floor about y (uphill is negative) and x [deg].
-        pushes, random_pushes: shoves.
+        pushes, random_pushes: pushes at the torso.
     """
 
     seed: int = Field(default=0, ge=0)
@@ -95,4 +95,4 @@ PERTURBED = SimOptions(
     slope_deg=(0.8, 0.0),
     random_pushes=RandomPushes(every_s=3.0, impulse=0.2),
 )
-"""The mismatch that robustness is tested with."""
+"""The mismatch of robustness tests."""

@@ -21,7 +21,8 @@ from flexmotion.drivers.simulated import LockstepDriver, SimulatedDriver, Truth
 
 QUANTUM_S = 0.002
 """Step of simulated time, each taken when it is due on the real clock [s]: a quarter of a servo bus's usual cycle."""
-_OPEN_PATIENCE_S, _CLOSE_PATIENCE_S = 5.0, 1.0
+_OPEN_PATIENCE_S, _CLOSE_PATIENCE_S = 30.0, 1.0
+"""Bounds against hanging [s]: a process that dies while it opens is noticed at once."""
 _PAUSE_S = 0.1
 """Longest pause of the process that does not count as silence [s]; it shares its processor with other processes."""
 _GOALS, _TORQUE_ON, _TORQUE_OFF, _DAMP, _END = range(5)
@@ -111,6 +112,11 @@ class SimProcess(SimulatedDriver):
     def pid(self) -> int | None:
         """Process id of the robot's process; None while it is not open."""
         return None if self._process is None else self._process.pid
+
+    @property
+    def published(self) -> int:
+        """States that the process has published since the driver was made."""
+        return self._states.count
 
     def open(self) -> None:
         """Start the process and wait for its first state. Raises `DriverError` if none comes."""

@@ -1,4 +1,4 @@
-"""Shoves at the torso: which force acts at which time."""
+"""`PushSchedule`: the force of pushes at the torso over time."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Float = NDArray[np.float64]
 
 
 class PushSchedule:
-    """The sum of all shoves. Each starts at the step nearest its time and delivers exactly its impulse."""
+    """The sum of all pushes. Each starts at the physics step nearest to its time and delivers exactly its impulse."""
 
     def __init__(self, options: SimOptions, rng: np.random.Generator) -> None:
         self._timestep = options.timestep
@@ -25,7 +25,7 @@ class PushSchedule:
         self._next_random = 1
 
     def force(self, step: int) -> Float | None:
-        """Force in the world during physics step number `step`, (3,) [N]; None where nobody pushes."""
+        """Force in the world frame during physics step number `step`, (3,) [N]; None: no push."""
         self._start_due(step)
         if self._active:
             self._active = [(end, force) for end, force in self._active if end > step]

@@ -1,4 +1,4 @@
-"""The simulated world: the robot's model, off by the mismatch asked for, on a floor that may slope."""
+"""The simulated world: the robot's model with the mismatch of the options, on a floor that may slope."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ HOLDER = "holder"
 def build_model(robot: Robot, options: SimOptions) -> mujoco.MjModel:
     """The robot with a floor, an IMU's sensors, and a mocap body `holder` that the torso can be welded to.
 
-    Raises `ConfigError` where `total_mass` leaves the torso without mass.
+    Raises `ConfigError` if `total_mass` leaves no mass for the torso.
     """
 
     def edit(spec: mujoco.MjSpec) -> None:
@@ -33,7 +33,7 @@ def build_model(robot: Robot, options: SimOptions) -> mujoco.MjModel:
 
     model = robot.compile(edit)
     if options.friction is not None:
-        model.geom_friction[:, 0] = options.friction  # MuJoCo takes the larger of a pair: set both
+        model.geom_friction[:, 0] = options.friction  # MuJoCo uses the larger of a pair: set both
     model.dof_frictionloss *= options.joint_friction_scale
     _scale_masses(model, robot, options)
     mujoco.mj_setConst(model, mujoco.MjData(model))
@@ -46,7 +46,7 @@ def floor_quaternion(options: SimOptions) -> NDArray[np.float64]:
 
 
 def start_qpos(robot: Robot, model: mujoco.MjModel, pose: NDArray[np.float64], options: SimOptions) -> np.ndarray:
-    """A qpos with the joints at `pose` (n,), the left sole flat on the floor, both around the origin."""
+    """A qpos with the joints at `pose` (n,), the left sole flat on the floor, both soles around the origin."""
     data = mujoco.MjData(model)
     data.qpos[:] = 0.0
     data.qpos[3] = 1.0

@@ -13,14 +13,14 @@ from scipy.interpolate import CubicSpline, PchipInterpolator
 from scipy.spatial.transform import Rotation
 
 from flexmotion.biomechanics.external_load import ExternalLoad
-from flexmotion.biomechanics.inverse_dynamics import GRAVITY
 from flexmotion.biomechanics.smoothing import BALL_JOINTS
 from flexmotion.human.angles import three_angle_rotation, three_angles
 from flexmotion.human.body import Body, Segments
 from flexmotion.human.joint_limits import joint_limits
 from flexmotion.human.motion import Motion
-from flexmotion.human.signals import continuous_quaternions
 from flexmotion.human.skeleton import JOINTS, LEG_JOINTS
+from flexmotion.spatial.gravity import GRAVITY
+from flexmotion.spatial.quaternions import continuous_quaternions
 
 Float = NDArray[np.float64]
 

@@ -11,13 +11,14 @@ from numpy.typing import NDArray
 from flexmotion.biomechanics.external_load import ExternalLoad
 from flexmotion.biomechanics.floor_drift import on_level_floor
 from flexmotion.biomechanics.ground_reaction import GROUND, GroundSettings, ground_reaction
-from flexmotion.biomechanics.inverse_dynamics import GRAVITY, effort, joint_torques
+from flexmotion.biomechanics.inverse_dynamics import effort, joint_torques
 from flexmotion.biomechanics.residual_reduction import shifted
 from flexmotion.biomechanics.segment_motion import SegmentMotion, segment_motion
 from flexmotion.biomechanics.smoothing import CUTOFF, smooth
 from flexmotion.biomechanics.sole import NEARNESS, Nearness, sole_points
 from flexmotion.human.human_model import human_model
 from flexmotion.human.motion import Motion
+from flexmotion.spatial.gravity import GRAVITY
 
 Float = NDArray[np.float64]
 

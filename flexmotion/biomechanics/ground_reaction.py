@@ -18,10 +18,11 @@ import daqp
 import numpy as np
 from numpy.typing import NDArray
 
-from flexmotion.biomechanics.inverse_dynamics import GRAVITY, Effort
+from flexmotion.biomechanics.inverse_dynamics import Effort
 from flexmotion.biomechanics.segment_motion import SegmentMotion
 from flexmotion.biomechanics.sole import POINTS, SolePoints
 from flexmotion.human.vectors import unit
+from flexmotion.spatial.gravity import GRAVITY
 
 Float = NDArray[np.float64]
 

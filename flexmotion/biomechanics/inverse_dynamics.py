@@ -20,11 +20,9 @@ from flexmotion.biomechanics.segment_motion import SegmentMotion, carried
 from flexmotion.human.body import Body
 from flexmotion.human.human_model import human_model
 from flexmotion.human.skeleton import DOF_COUNT, SIDES
+from flexmotion.spatial.gravity import GRAVITY
 
 Float = NDArray[np.float64]
-
-GRAVITY = 9.81
-"""As in the MuJoCo model [m/s²]."""
 
 
 @dataclass(frozen=True)

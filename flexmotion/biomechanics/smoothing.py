@@ -17,8 +17,8 @@ from scipy.spatial.transform import Rotation
 
 from flexmotion.human.angles import three_angle_rotation, three_angles
 from flexmotion.human.motion import Motion
-from flexmotion.human.signals import continuous_quaternions
 from flexmotion.human.skeleton import JOINTS, SIDES
+from flexmotion.spatial.quaternions import continuous_quaternions
 
 Float = NDArray[np.float64]
 

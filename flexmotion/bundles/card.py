@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from flexmotion.bundles.bundle import Manifest
+from flexmotion.bundles.manifest import Manifest
 
 CARD = "MODEL_CARD.md"
 FIGURES = "## Figures"

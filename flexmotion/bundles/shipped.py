@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from flexmotion.bundles.bundle import MANIFEST
+from flexmotion.bundles.manifest import MANIFEST
 
 FOLDER = Path(__file__).parents[1] / "data" / "bundle"
 
 
 def shipped_bundle() -> Path | None:
-    """Its folder; None where this version comes without one."""
+    """Its folder; None where this installation has none."""
     return FOLDER if (FOLDER / MANIFEST).is_file() else None

@@ -7,11 +7,12 @@ from numpy.typing import NDArray
 
 from flexmotion.biomechanics.differentiation import EDGE
 from flexmotion.biomechanics.dynamics import dynamics
-from flexmotion.biomechanics.inverse_dynamics import GRAVITY, joint_torques
+from flexmotion.biomechanics.inverse_dynamics import joint_torques
 from flexmotion.biomechanics.segment_motion import segment_motion
 from flexmotion.biomechanics.static_optimisation import infeasible, static_optimisation
 from flexmotion.human.motion import Motion
 from flexmotion.human.skeleton import JOINTS
+from flexmotion.spatial.gravity import GRAVITY
 
 Float = NDArray[np.float64]
 

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from flexmotion.features.encode import GRAVITY
 from flexmotion.features.heading_frame import turned, yaw_matrix
 from flexmotion.features.joint_groups import (
     BALL_COLUMNS,
@@ -20,9 +19,11 @@ from flexmotion.features.joint_groups import (
 )
 from flexmotion.features.layout import ACTIVATIONS, POINTS, Layout
 from flexmotion.human.body import Body
-from flexmotion.human.kinematics import continuous_heading
 from flexmotion.human.motion import Motion
 from flexmotion.human.skeleton import DOF_COUNT, JOINTS, SIDES
+from flexmotion.spatial.gravity import GRAVITY
+from flexmotion.spatial.heading import continuous_matrix_heading
+from flexmotion.spatial.quaternions import continuous_quaternions
 
 Float = NDArray[np.float64]
 
@@ -49,7 +50,7 @@ class Anchor:
         """The last frame of a motion."""
         last = motion[len(motion) - 1 :]
         rotation = Rotation.from_quat(last.root_quaternion, scalar_first=True).as_matrix()
-        return cls(last.root_position[0, :2], float(continuous_heading(rotation)[0]), last.joints[0])
+        return cls(last.root_position[0, :2], float(continuous_matrix_heading(rotation)[0]), last.joints[0])
 
     @classmethod
     def origin(cls) -> Anchor:
@@ -84,7 +85,7 @@ def decode(features: NDArray, layout: Layout, body: Body, anchor: Anchor, source
     return Motion(
         fps=layout.fps,
         root_position=position,
-        root_quaternion=_continuous(Rotation.from_matrix(turn).as_quat(scalar_first=True)),
+        root_quaternion=continuous_quaternions(Rotation.from_matrix(turn).as_quat(scalar_first=True)),
         joints=joints,
         body=body,
         torques=torques,
@@ -93,12 +94,6 @@ def decode(features: NDArray, layout: Layout, body: Body, anchor: Anchor, source
         activations=values[:, blocks[ACTIVATIONS]].clip(0.0, 1.0) if layout.muscles else None,
         source=source,
     )
-
-
-def _continuous(quaternion: Float) -> Float:
-    """Quaternions of one sign over time."""
-    flips = np.sum(quaternion[1:] * quaternion[:-1], axis=1) < 0
-    return quaternion * np.concatenate([[1.0], np.where(np.cumsum(flips) % 2, -1.0, 1.0)])[: len(quaternion), None]
 
 
 def pressure_centres(features: NDArray, layout: Layout, motion: Motion) -> Float:
@@ -112,7 +107,7 @@ def pressure_centres(features: NDArray, layout: Layout, motion: Motion) -> Float
         motion: decoded.
     """
     values = np.asarray(features, np.float64)
-    yaw = continuous_heading(Rotation.from_quat(motion.root_quaternion, scalar_first=True).as_matrix())
+    yaw = continuous_matrix_heading(Rotation.from_quat(motion.root_quaternion, scalar_first=True).as_matrix())
     leg, weight = motion.body.leg, motion.body.mass * GRAVITY
     ankles = turned(_ankles(values, layout), yaw) * leg + (motion.root_position * [1.0, 1.0, 0.0])[:, None]
     force, moment, height = _ankle_wrenches(values, layout, yaw, weight, leg)

@@ -9,13 +9,13 @@ from scipy.spatial.transform import Rotation
 from flexmotion.features.heading_frame import turned, yaw_matrix
 from flexmotion.features.joint_groups import HINGE_COLUMNS, ball_matrices, six
 from flexmotion.features.layout import ACTIVATIONS, POINTS, Layout
-from flexmotion.human.kinematics import HumanKinematics, continuous_heading, forward
+from flexmotion.human.kinematics import HumanKinematics, forward
 from flexmotion.human.motion import Motion
 from flexmotion.human.skeleton import JOINTS
+from flexmotion.spatial.gravity import GRAVITY
+from flexmotion.spatial.heading import continuous_matrix_heading
 
 Float = NDArray[np.float64]
-
-GRAVITY = 9.81
 
 LEAD = 2
 """Frames before a frame that its features depend on."""
@@ -45,7 +45,7 @@ def encode(motion: Motion, layout: Layout, centres: Float | None = None) -> NDAr
         return features
     leg, blocks = motion.body.leg, layout.blocks
     human = forward(motion)
-    yaw = continuous_heading(human.pelvis_rotation)
+    yaw = continuous_matrix_heading(human.pelvis_rotation)
     below = motion.root_position * [1.0, 1.0, 0.0]
     points = body_points(human)
     velocity = _backward(points, motion.fps)

@@ -124,20 +124,3 @@ def _collect(human: HumanModel, bodies: Float, centres: Float, rotations: Float,
         **{name: sided(bodies, body, origin) for name, origin in SIDED_BODIES.items()},
         **{name: sided(sites, site, name) for name in SIDED_SITES},
     )
-
-
-def heading(rotation: Float) -> Float:
-    """Yaw of rotation matrices [rad], (..., 3, 3) -> (...), in (-π, π].
-
-    The angle about z of the swing-twist decomposition: unlike the azimuth of the x axis it stays well defined when
-    the segment bends forward by 90° and more (it fails only upside down).
-    """
-    return np.arctan2(rotation[..., 1, 0] - rotation[..., 0, 1], rotation[..., 0, 0] + rotation[..., 1, 1])
-
-
-def continuous_heading(rotation: Float, start: float | None = None) -> Float:
-    """Yaw without jumps over time [rad], (T, ..., 3, 3) -> (T, ...); within π of `start` at first where given."""
-    yaw = np.unwrap(heading(rotation), axis=0)
-    if start is not None and len(yaw):
-        yaw = yaw - 2 * np.pi * np.round((yaw[0] - start) / (2 * np.pi))
-    return yaw

@@ -9,6 +9,8 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.signal import butter, sosfiltfilt
 from scipy.spatial.transform import Rotation
 
+from flexmotion.spatial.quaternions import continuous_quaternions
+
 Float = NDArray[np.float64]
 
 PASS_BAND = 0.4
@@ -59,13 +61,6 @@ def resample_rotations(rotations: Float, fps: float, new_fps: float) -> Float:
     return Rotation.from_quat(resample_quaternions(quaternions, fps, new_fps)).as_matrix()
 
 
-def continuous_quaternions(quaternions: Float) -> Float:
-    """The same rotations (T, ..., 4) with signs chosen so that neighbours in time are near."""
-    flips = np.sum(quaternions[1:] * quaternions[:-1], axis=-1) < 0
-    sign = np.where(np.cumsum(flips, axis=0) % 2, -1.0, 1.0)
-    return np.concatenate([quaternions[:1], quaternions[1:] * sign[..., None]])
-
-
 def same_rate(fps: float, new_fps: float) -> bool:
     """Whether two frame rates differ by rounding only."""
     return abs(fps / new_fps - 1) < SAME_RATE
@@ -83,9 +78,3 @@ def fill(values: Float, weight: Float, sigma: float) -> Float:
     mass = gaussian_filter1d(weight, sigma, mode="constant")[:, None]
     trace = 1e-3
     return (near + trace * mean) / (mass + trace)
-
-
-def smoothstep(value: Float, low: float, high: float) -> Float:
-    """0 below `low`, 1 above `high`, a smooth cubic between."""
-    share = np.clip((value - low) / (high - low), 0.0, 1.0)
-    return share * share * (3 - 2 * share)

@@ -27,11 +27,11 @@ from flexmotion.human.motion import Motion
 from flexmotion.human.motion_file import load_motion, save_motion
 from flexmotion.human.skeleton import JOINTS, SIDES
 from flexmotion.importers.limb import solve_limb
+from flexmotion.spatial.gravity import GRAVITY
 
 Float = NDArray[np.float64]
 Keyframes = list[tuple[float, float]]
 
-GRAVITY = 9.81
 DATA = "default.npz"
 
 

@@ -16,7 +16,7 @@ from flexmotion.human.angles import rotation_about, three_angles
 from flexmotion.human.body import Segments
 from flexmotion.human.kinematics import HumanKinematics, forward
 from flexmotion.human.motion import Motion
-from flexmotion.human.signals import continuous_quaternions, fill, smoothstep
+from flexmotion.human.signals import fill
 from flexmotion.human.skeleton import ARM_JOINTS, JOINTS, SIDES
 from flexmotion.human.vectors import in_frame, unit
 from flexmotion.importers.body_fit import fit_body
@@ -24,6 +24,8 @@ from flexmotion.importers.foot import FlatFoot, dorsiflexion, flat_foot, toe_out
 from flexmotion.importers.landmarks import Landmarks
 from flexmotion.importers.limb import hinge_axis, solve_limb
 from flexmotion.importers.trunk import head_rotation, neck_tilt, pelvis_rotation, torso_rotation
+from flexmotion.spatial.quaternions import continuous_quaternions
+from flexmotion.spatial.transitions import smoothstep
 
 Float = NDArray[np.float64]
 

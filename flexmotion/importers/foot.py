@@ -8,10 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexmotion.human.joint_limits import joint_limits
-from flexmotion.human.signals import fill, smoothstep
+from flexmotion.human.signals import fill
 from flexmotion.human.skeleton import JOINTS
 from flexmotion.human.vectors import in_frame, unit
 from flexmotion.importers.landmarks import Landmarks
+from flexmotion.spatial.transitions import smoothstep
 
 Float = NDArray[np.float64]
 

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexmotion.human.signals import fill, smoothstep
+from flexmotion.human.signals import fill
 from flexmotion.human.vectors import in_frame, unit
+from flexmotion.spatial.transitions import smoothstep
 
 Float = NDArray[np.float64]
 

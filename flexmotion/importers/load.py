@@ -13,11 +13,10 @@ from scipy.spatial.transform import Rotation
 
 from flexmotion.configs.errors import MotionFormatError
 from flexmotion.human.floor import clip_floor
-from flexmotion.human.kinematics import forward, heading
+from flexmotion.human.kinematics import forward
 from flexmotion.human.motion import Motion
 from flexmotion.human.motion_file import load_motion
 from flexmotion.human.resample import resample
-from flexmotion.human.signals import continuous_quaternions
 from flexmotion.importers.acclaim import read_acclaim
 from flexmotion.importers.bvh import read_bvh
 from flexmotion.importers.capture import Capture
@@ -28,6 +27,8 @@ from flexmotion.importers.packed import is_packed, read_packed
 from flexmotion.importers.refine import refine
 from flexmotion.importers.smpl import is_amass, read_amass, read_joints22
 from flexmotion.importers.trc import read_trc
+from flexmotion.spatial.heading import matrix_heading
+from flexmotion.spatial.quaternions import continuous_quaternions
 
 FPS = 30.0
 """Frame rate that clips are brought to unless asked otherwise."""
@@ -150,7 +151,7 @@ def _archive(path: Path, clip: str | None) -> dict[str, NDArray]:
 def from_origin(motion: Motion) -> Motion:
     """The same motion, started over the origin with the pelvis facing x; heights stay."""
     first = Rotation.from_quat(motion.root_quaternion[0], scalar_first=True)
-    turn = Rotation.from_euler("z", -float(heading(first.as_matrix())))
+    turn = Rotation.from_euler("z", -float(matrix_heading(first.as_matrix())))
     start = motion.root_position[0] * [1.0, 1.0, 0.0]
     turned = turn * Rotation.from_quat(motion.root_quaternion, scalar_first=True)
     quaternions = continuous_quaternions(turned.as_quat(scalar_first=True))

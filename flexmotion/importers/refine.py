@@ -21,10 +21,10 @@ from flexmotion.biomechanics.segment_motion import SegmentMotion, carried, segme
 from flexmotion.human.human_model import human_model
 from flexmotion.human.joint_limits import joint_limits
 from flexmotion.human.motion import Motion
-from flexmotion.human.signals import continuous_quaternions
 from flexmotion.human.skeleton import DOF_COUNT
 from flexmotion.human.vectors import in_frame
 from flexmotion.importers.landmarks import Landmarks
+from flexmotion.spatial.quaternions import continuous_quaternions
 
 Float = NDArray[np.float64]
 

@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 from scipy.ndimage import convolve1d, maximum_filter1d
 from scipy.signal import lfilter
 
-from flexmotion.human.kinematics import HumanKinematics, continuous_heading, forward
+from flexmotion.human.kinematics import HumanKinematics, forward
 from flexmotion.human.motion import Motion
 from flexmotion.sampling.leg_length import lowered
+from flexmotion.spatial.heading import continuous_matrix_heading
 
 Float = NDArray[np.float64]
 
@@ -73,7 +74,7 @@ def planted(motion: Motion, past: Motion) -> Motion:
     firm = may * np.exp(-speed / CHOOSING)
     stands = np.clip((SWINGING - speed) / (SWINGING - PLANTED), 0.0, 1.0)
     # Ahead a body is where its legs carry it; what it glides aside is all that it knows of stepping aside.
-    yaw = continuous_heading(human.pelvis_rotation)[:, None]
+    yaw = continuous_matrix_heading(human.pelvis_rotation)[:, None]
     facing = np.stack([np.cos(yaw), np.sin(yaw)], axis=-1)
     ahead = (slip * facing).sum(axis=-1, keepdims=True) * facing
     aside = slip - ahead

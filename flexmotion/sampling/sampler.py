@@ -1,4 +1,4 @@
-"""`Sampler`: the next second of human motion from the last moments and what is asked for; onnxruntime, no torch."""
+"""`Sampler`: the next second of human motion from the last frames and a request; onnxruntime, no torch."""
 
 from __future__ import annotations
 
@@ -26,44 +26,28 @@ from flexmotion.text.prompt_reader import Prompt, PromptReader
 
 Float32 = NDArray[np.float32]
 
-
-CALM = 0.4
-"""Noise of who is to stand still, of that of others: people who wait shift their weight from foot to foot, a robot
-should not."""
-
-
 STILL = 0.05
-"""A velocity whose parts are all slower than this, and that comes without words, means standing still [m/s, rad/s]."""
-
+"""A velocity without words whose components are all smaller than this means standing still [m/s, rad/s]."""
 
 RUN_FROM = 2.0
-"""Who goes slower walks: humans change between the two at about this speed [m/s]."""
+"""Humans change between walking and running at about this speed [m/s]."""
 
 BACK_FROM = 0.1
-"""Who is asked for less to the back goes ahead or turns: a hair of it does not turn a gait round [m/s]."""
-
-ASIDE, ASIDE_NOT_AHEAD, ASIDE_TURNING = 1.5, 1.25, 0.2
-"""Sideways velocities are asked for so much more strongly, so much of them less ahead, and with so much of a turn to
-that side (rad/s for a m/s): in the data those who go aside mostly go ahead as well, and asked as it is the model goes
-.15 aside and .17 ahead for .3 and 0."""
-
-CATCHING_UP, AT_MOST = 0.3, 0.3
-"""Of what the last frames lack of a speed that is asked for, so much is asked for on top, but no more than the second
-[m/s]: feet that are planted keep a body from gliding along as the model would have it."""
+"""The words of walking backward are used from this backward speed on; a smaller one does not change the gait [m/s]."""
 
 
 @dataclass(frozen=True)
 class Condition:
-    """What is asked for.
+    """Request for one window.
 
     Attributes:
-        text: what to do, in words; None for standing still, or for walking at a velocity where there is one. Words that
-            mean a velocity ("step to the left") are heard as that velocity where no other is asked for.
-        velocity: of the root: forward, left [m/s], turning left [rad/s], as seen from where it faces at every moment;
-            None for none. Alone, one that is next to nothing is for standing still.
-        guidance: how strictly it is followed; None for the bundle's default.
-        pace: how fast to go at most: velocities beyond it and words that mean faster ones ("run") are slowed; None for
-            no such limit.
+        text: what to do, in words; None for standing still, or for walking where there is a velocity. Words that mean a
+            velocity ("step to the left") stand for that velocity unless another is given.
+        velocity: of the root in its own heading: forward, left [m/s], turning left [rad/s]; None for none. A velocity
+            without words that is nearly zero means standing still.
+        guidance: scale of classifier-free guidance; None for the bundle's default.
+        pace: greatest velocities; velocities beyond it, and words that mean faster ones ("run"), are slowed. None for
+            no limit.
     """
 
     text: str | None = None
@@ -80,7 +64,7 @@ class Sampler:
         steps: of the diffusion; None for the bundle's default.
 
     Raises:
-        ConfigError: a network of the bundle cannot be run, or there are no such steps.
+        ConfigError: a network of the bundle cannot be run, or the number of steps is out of range.
     """
 
     def __init__(self, bundle: Bundle, steps: int | None = None) -> None:
@@ -98,8 +82,9 @@ class Sampler:
         self._walking, self._backing = self.reader.meaning(WALK), self.reader.meaning(BACK)
         self.read = lru_cache(maxsize=64)(self.reader)
         self._statistics, self._kept = bundle.statistics, bundle.kept
-        # Where the distilled network stands in for guidance there is one evaluation a step, else one that is told what
-        # is asked for and one that is not.
+        self._corrections = manifest.corrections
+        # A distilled network has guidance as an input: one evaluation a step. Else guidance takes two, one with the
+        # request and one without.
         self._rows = rows = 1 if manifest.guided else 2
         width = prompts.embeddings.shape[1]
         self._inputs: dict[str, np.ndarray] = {
@@ -120,24 +105,24 @@ class Sampler:
 
     @property
     def name(self) -> str:
-        """Of the bundle."""
+        """Name of the bundle."""
         return self.bundle.manifest.name
 
     @property
     def remembers(self) -> int:
-        """Frames of a history that tell all."""
+        """Frames of history that a sample depends on."""
         return self.history + LEAD
 
     @property
     def follows_velocity(self) -> bool:
-        """Whether a velocity can be asked for."""
+        """Whether a velocity can be requested."""
         return self.bundle.manifest.velocity
 
     def standing(self, after: Motion | None = None) -> Motion:
-        """A human who stands: a history to begin with.
+        """A standing human: a history to begin with.
 
         Args:
-            after: stands where that motion ends and faces as it does then; None: at the origin, facing x.
+            after: the human stands where this motion ends, with its last heading; None: at the origin, facing x.
         """
         anchor = Anchor.origin() if after is None else Anchor.after(after)
         return decode(self.bundle.rest, self.layout, self.body, anchor, source=self._source)
@@ -146,9 +131,9 @@ class Sampler:
         """The `future` frames after a history.
 
         Args:
-            history: the last frames, of the bundle's body, at its frame rate; at least `history + 2` of them tell all,
-                with fewer it is taken to have moved evenly before.
-            condition: what is asked for.
+            history: the last frames, of the bundle's body, at its frame rate; at least `history + 2` of them determine
+                the sample. With fewer, motion before them is taken as even.
+            condition: the request.
             seed: of the noise.
 
         Raises:
@@ -161,7 +146,7 @@ class Sampler:
         return at_rest(motion, self._rest) if self._stands(self.meant(condition)) else motion
 
     def features(self, history: Motion, condition: Condition, seed: int) -> Float32:
-        """Features of what `sample` makes, before its feet are planted, not normalised, (W, layout.size)."""
+        """Features of a sample before its feet are planted, not normalised, (W, layout.size)."""
         remembered = self._remember(history)
         latent = self._latent(remembered, condition, seed)
         inputs = {"latent": latent, "history": self._inputs["history"][:1]}
@@ -175,7 +160,7 @@ class Sampler:
         if history.body != self.body:
             raise ValueError(f"the history is of {history.body}, the bundle's human is {self.body}")
         last = history[max(0, len(history) - self.history - LEAD) :]
-        # The networks see its kinematics only.
+        # The inputs of the networks are kinematic.
         moved = replace(last, torques=None, wrenches=None, activations=None, contacts=None)
         features = encode(moved, self.layout)[-self.history :] if self.history else np.zeros((0, self.layout.size))
         if len(features) < self.history:
@@ -189,11 +174,11 @@ class Sampler:
         inputs["history"][:] = self._statistics.normalise(remembered)
         guidance = manifest.guidance if condition.guidance is None else condition.guidance
         condition = self.meant(condition)
-        self._ask(condition, remembered)
+        self._set_request(condition, remembered)
         if manifest.guided:
             inputs["guidance"][:] = guidance
         noisy = np.random.default_rng(seed).standard_normal((1, manifest.latent), np.float32)
-        noisy *= CALM if self._stands(condition) else 1.0
+        noisy *= self._corrections.standing_noise if self._stands(condition) else 1.0
         times = np.round(np.linspace(manifest.times - 1, 0, self.steps + 1)[:-1]).astype(np.int64)
         for now, earlier in zip(times, [*times[1:], -1], strict=True):
             inputs["noisy"][:] = noisy
@@ -207,21 +192,21 @@ class Sampler:
         return noisy
 
     def meant(self, condition: Condition) -> Condition:
-        """What is meant by what is said: the velocity that words stand for, none faster than its pace allows."""
+        """The condition with words replaced by the velocity that they mean, where they mean one, within its pace."""
         if not self.follows_velocity:
             return condition
         if condition.velocity is None:
             kind = self.prompt(condition.text).kind
-            meant, goes = phrases.velocity(kind), phrases.goes(kind)
+            meant, speed = phrases.velocity(kind), self._corrections.speeds.get(kind)
             if meant is not None:
                 return self._slowed(replace(condition, text=None, velocity=meant))
-            slowed = None if goes is None else self._slowed(replace(condition, velocity=goes))
-            # Words say best how fast to go where nobody has to be waited for.
-            if goes is None or slowed is None or slowed.velocity == goes:
+            slowed = None if speed is None else self._slowed(replace(condition, velocity=speed))
+            # Within its pace a motion follows its words alone.
+            if speed is None or slowed is None or slowed.velocity == speed:
                 return condition
             assert slowed.velocity is not None
-            no_longer_runs = hypot(*goes[:2]) > RUN_FROM > hypot(*slowed.velocity[:2])
-            return replace(slowed, text=None) if no_longer_runs else slowed
+            walks = hypot(*speed[:2]) > RUN_FROM > hypot(*slowed.velocity[:2])
+            return replace(slowed, text=None) if walks else slowed
         still = condition.text is None and np.abs(condition.velocity).max() < STILL
         return replace(condition, velocity=None) if still else self._slowed(condition)
 
@@ -234,18 +219,18 @@ class Sampler:
     def _stands(self, condition: Condition) -> bool:
         return condition.velocity is None and self.prompt(condition.text).kind == STAND
 
-    def _ask(self, condition: Condition, remembered: Float32) -> None:
-        """Put what is asked for into the inputs: the first row is told, the second is what guidance leads away from."""
-        inputs = self._inputs
+    def _set_request(self, condition: Condition, remembered: Float32) -> None:
+        """Write the request to the inputs: the first row has it, the second is the one without for guidance."""
+        inputs, corrections = self._inputs, self._corrections
         inputs["present"][:] = 0.0
         if condition.velocity is not None and self.bundle.manifest.velocity:
             ahead, aside, turning = condition.velocity
-            more = self._caught_up(condition.velocity, remembered)
-            ahead += more[0] - ASIDE_NOT_AHEAD * abs(aside)
-            turning += ASIDE_TURNING * aside
-            # Who is not asked aside still sways: there is nothing to be caught up with.
-            aside = ASIDE * (aside + more[1]) if aside else 0.0
-            # The model was told how far a window went as seen from its beginning: who turns goes along an arc.
+            more = self._catch_up(condition.velocity, remembered)
+            ahead += more[0] - corrections.ahead_per_aside * abs(aside)
+            turning += corrections.turning_per_aside * aside
+            # Bodies sway sideways in every gait: without a sideways velocity nothing is caught up with.
+            aside = corrections.aside * (aside + more[1]) if aside else 0.0
+            # The network was trained on the displacement of a window in its first heading, which is a chord of the arc.
             forward, left = chord(ahead, aside, turning, seconds=self.future / self.fps)
             inputs["velocity"][:] = (forward / self.body.leg, left / self.body.leg, turning)
             inputs["present"][0, 1] = 1.0
@@ -253,24 +238,25 @@ class Sampler:
         inputs["present"][0, 0] = 1.0
 
     def _words(self, condition: Condition) -> Prompt:
-        """What is said; of a velocity alone, that it is walked."""
+        """The words of the request; of a velocity without words, the words of walking."""
         if condition.velocity is None or condition.text is not None:
             return self.prompt(condition.text)
-        # Without words a model goes so fast however it likes: on its knees, or with its hands in the air.
+        # Without words the model reaches a velocity in any manner: on its knees, or with its hands in the air.
         forward, left, _ = condition.velocity
         return self._backing if forward < -max(abs(left), BACK_FROM) else self._walking
 
-    def _caught_up(self, velocity: tuple[float, float, float], remembered: Float32) -> tuple[float, float]:
-        """What to ask for on top ahead and aside, for what the history lacks [m/s]."""
+    def _catch_up(self, velocity: tuple[float, float, float], remembered: Float32) -> tuple[float, float]:
+        """Forward and left velocity added to the request for what the history lacks [m/s]."""
         if not len(remembered):
             return 0.0, 0.0
         start = self.layout.blocks["root"].start
         lacks = np.array(velocity[:2]) - self.body.leg * remembered[:, start : start + 2].mean(axis=0)
-        ahead, aside = np.clip(CATCHING_UP * lacks, -AT_MOST, AT_MOST)
+        limit = self._corrections.catch_up_limit
+        ahead, aside = np.clip(self._corrections.catch_up * lacks, -limit, limit)
         return float(ahead), float(aside)
 
     def prompt(self, text: str | None) -> Prompt:
-        """What a text means; standing still for None."""
+        """Meaning of a text; standing still for None."""
         return self.reader.idle if text is None else self.read(text)
 
     @property

@@ -1,4 +1,4 @@
-"""Wordings of what motions show: captions for clips that only have labels."""
+"""Wordings of kinds of motion: captions for clips that have only labels."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 import yaml
 
 STAND, WALK, BACK = "stand", "walk", "walk-back"
-"""Kinds of motion: what is done where nothing is asked, and where nothing but a velocity is: ahead, aside; back."""
+"""Kinds of motion: without a request; at a velocity without words, forward or sideways; at one backward."""
 
 
 @lru_cache
@@ -28,7 +28,7 @@ def kinds() -> tuple[str, ...]:
 
 @lru_cache
 def wordings(kind: str) -> tuple[str, ...]:
-    """Of a kind of motion; none for a kind that is not known."""
+    """Wordings of a kind of motion; none for an unknown kind."""
     row = _table()["kinds"].get(ALIASES.get(kind, kind))
     if row is None:
         return ()
@@ -37,27 +37,15 @@ def wordings(kind: str) -> tuple[str, ...]:
 
 
 def velocity(kind: str) -> tuple[float, float, float] | None:
-    """Forward, left [m/s] and turning left [rad/s] that wordings of a kind mean; None where they mean none."""
-    return _velocity(kind, "velocity")
-
-
-def goes(kind: str) -> tuple[float, float, float] | None:
-    """Likewise, at which the shipped model goes about, told a kind and nothing else; None where it goes nowhere.
-
-    A model that goes faster of its own accord is not slowed by it where a pace lies between the two.
-    """
-    return _velocity(kind, "goes")
-
-
-def _velocity(kind: str, key: str) -> tuple[float, float, float] | None:
+    """Forward, left [m/s] and turning left [rad/s] that wordings of a kind mean; None where they mean no velocity."""
     row = _table()["kinds"].get(kind, {})
-    return tuple(row[key]) if key in row else None
+    return tuple(row["velocity"]) if "velocity" in row else None
 
 
 def styled(wording: str, style: str) -> tuple[str, ...]:
-    """A wording in a style, in several ways; as it is where the style is not known."""
+    """A wording in each phrase of a style; unchanged for an unknown style."""
     return tuple(f"{wording} {adverb}".strip() for adverb in _table()["styles"].get(style, [""]))
 
 
 ALIASES = {"byebye": "bye"}
-"""Labels of the same motion."""
+"""Label -> the label of the same motion that has wordings."""

@@ -1,4 +1,4 @@
-"""`Autoencoder`: a window of all modalities to one latent vector and, with the history at hand, back."""
+"""`Autoencoder`: a window of all modalities to one latent vector and, given the history, back."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from flexmotion.training.principal_components import Components, kinematic_colum
 from flexmotion.training.transformer import Stack, parameter
 
 QUIET = -5.0
-"""Logarithm of the latent's variance at first."""
+"""Initial logarithm of the latent's variance."""
 
 
 class Patches(nn.Module):
-    """Frames to tokens: each modality has its own map of `patch` frames into the token, and these add up."""
+    """Frames to tokens: each modality has its own linear map of `patch` frames; a token is their sum."""
 
     def __init__(self, blocks: dict[str, slice], patch: int, width: int) -> None:
         super().__init__()
@@ -39,7 +39,7 @@ class Patches(nn.Module):
 
 
 class Frames(nn.Module):
-    """Tokens to frames: each modality is read from the token by its own map."""
+    """Tokens to frames: each modality has its own linear map from the token."""
 
     def __init__(self, blocks: dict[str, slice], patch: int, width: int) -> None:
         super().__init__()
@@ -77,7 +77,7 @@ class Autoencoder(nn.Module):
         self.summary = parameter(1, 1, width)
         self.encoder = Stack(config.encoder)
         self.distribution = nn.Linear(width, 2 * config.latent)
-        # A latent that begins as mostly noise takes long to be noticed by the decoder.
+        # The decoder takes long to use a latent that is mostly noise at first.
         nn.init.constant_(self.distribution.bias[config.latent :], QUIET)
         width = config.decoder.width
         self.recall = Patches(layout.kinematic, window.patch, width) if self.past else None
@@ -87,7 +87,7 @@ class Autoencoder(nn.Module):
         self.write = Frames(layout.blocks, window.patch, width)
         self.dynamics = DynamicsHead(width, layout)
         self.register_load_state_dict_pre_hook(_without_dynamics)
-        # A pose changes little in a second: decoding begins with the last known frame and learns the difference.
+        # A pose changes little in a second: the decoder learns the difference from the last known frame.
         self.persistence = nn.Parameter(torch.ones(layout.size)) if self.past else None
         known = torch.zeros(layout.size)
         for columns in layout.kinematic.values():
@@ -97,13 +97,13 @@ class Autoencoder(nn.Module):
         self.read_straight: nn.Linear | None = None
         self.write_straight: nn.Linear | None = None
         if config.shortcut:
-            # Not trained: a step of Adam that suits a network moves a sum over 5,000 inputs much too far.
+            # Not trained: a step of Adam that suits a network is far too large for a sum over 5,000 inputs.
             width = window.future * len(straight_columns(layout))
             self.read_straight = nn.Linear(window.future * len(self.columns), config.latent).requires_grad_(False)
             self.write_straight = nn.Linear(config.latent, width).requires_grad_(False)
 
     def begin_with(self, components: Components) -> None:
-        """Let the linear maps be the principal components, and the networks beside them add nothing at first."""
+        """Set the linear maps to the principal components, and the output of the networks beside them to zero."""
         assert self.read_straight is not None and self.write_straight is not None
         with torch.no_grad():
             self.read_straight.weight.copy_(components.read)
@@ -115,11 +115,11 @@ class Autoencoder(nn.Module):
                 value.zero_()
 
     def motion(self) -> dict[str, nn.Parameter]:
-        """What latents and decoded motion depend on, by name; the rest are torques, forces, contacts, activations."""
+        """Parameters of latents and motion, by name; the others are of torques, forces, contacts and activations."""
         return {name: value for name, value in self.named_parameters() if not self._beside_motion(name)}
 
     def hold_motion(self) -> None:
-        """Train only what is decoded beside motion from now on: what a latent means, and how it moves, stays."""
+        """Freeze the parameters of latents and decoded motion."""
         for value in self.motion().values():
             value.requires_grad_(False)
 
@@ -138,7 +138,7 @@ class Autoencoder(nn.Module):
         return mean, spread.clamp(-12.0, 4.0)
 
     def decode(self, history: Tensor, latent: Tensor) -> Tensor:
-        """The future, (N, W, F), normalised, from the history (N, H, F) and a latent (N, latent)."""
+        """Future (N, W, F), normalised, from the history (N, H, F) and a latent (N, latent)."""
         unfolded = self.unfold(latent)[:, None]
         ahead = self.decoder_place.shape[1] - 1 - self.past
         parts = [unfolded, unfolded.expand(-1, ahead, -1)]
@@ -161,13 +161,13 @@ class Autoencoder(nn.Module):
 
 
 def _in_full_precision(device: torch.device) -> AbstractContextManager[object]:
-    """Frames are differentiated twice: rounded to bfloat16 their accelerations are noise."""
+    """Context without autocast: frames are differentiated twice, and in bfloat16 their accelerations are noise."""
     mixed = torch.is_autocast_enabled(device.type)
     return torch.autocast(device.type, enabled=False) if mixed else nullcontext()
 
 
 def _without_dynamics(network: nn.Module, weights: dict[str, Tensor], prefix: str, *_: object) -> None:
-    """Let weights from before there was a head for dynamics be those of one that adds nothing."""
+    """Complete weights from before the dynamics head with those of a head that adds nothing."""
     for name, value in network.state_dict(prefix=prefix).items():
         if name.startswith(f"{prefix}dynamics."):
             weights.setdefault(name, value)

@@ -1,4 +1,4 @@
-"""The autoencoder's stages: reconstruction and physics of everything, then of torques and forces alone."""
+"""The autoencoder's stages: all modalities first, then torques, forces, contacts and activations alone."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from torch import Tensor
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.model import ModelConfig
 from flexmotion.training.autoencoder import Autoencoder
+from flexmotion.training.checkpoints import digest, is_trained, load_weights
 from flexmotion.training.draws import normal
 from flexmotion.training.feature_store import FeatureStore
 from flexmotion.training.kinematics import points, pose, segments
@@ -18,26 +19,26 @@ from flexmotion.training.muscle_torques import MuscleTorques
 from flexmotion.training.principal_components import principal_components
 from flexmotion.training.processes import Processes
 from flexmotion.training.run import Run
-from flexmotion.training.stage import digest, is_trained, load_weights
-from flexmotion.training.windows import Windows, WindowSet
+from flexmotion.training.window_set import WindowSet
+from flexmotion.training.windows import Windows
 
 VALIDATION = 256
-"""Windows that validation looks at, always the same."""
+"""Windows of the validation, always the same."""
 
 
 class AutoencoderTask:
-    """See `stage.Task`.
+    """Training of the autoencoder; see `stage.Task`.
 
     Args:
         config: of the model.
         store: features of the set.
-        seed: of the weights and of all that is drawn.
+        seed: of the weights and of all draws.
         processes: that train.
-        muscles: torques of the muscles; None for no loss of theirs.
-        trained: folder of an autoencoder that goes on with what it decodes beside motion; None for a new one.
+        muscles: muscle torques; None for no such loss.
+        trained: folder of a trained autoencoder, whose forces alone are trained further; None for a new one.
 
     Raises:
-        ConfigError: `trained` holds none.
+        ConfigError: `trained` holds no weights, or those of another network.
     """
 
     def __init__(
@@ -74,10 +75,10 @@ class AutoencoderTask:
         windows = self.training.draw((self.seed, 0, step, self.processes.rank), batch).to(self.processes.device)
         noise = normal((self.seed, 2, step, self.processes.rank), (batch, self.config.autoencoder.latent))
         noise = noise.to(self.processes.device)
-        return self._losses(windows, noise, self.config.losses.physics_share, self._begun(step))
+        return self._losses(windows, noise, self.config.losses.physics_share, self._physics_weight(step))
 
-    def _begun(self, step: int) -> float:
-        """Share of the losses of physics that counts."""
+    def _physics_weight(self, step: int) -> float:
+        """Factor of the physics losses at a step, 0 to 1."""
         begin = self.config.losses.physics_from if self._new else 0
         return min(max(step / begin - 1.0, 0.0), 1.0) if begin else 1.0
 
@@ -97,7 +98,7 @@ class AutoencoderTask:
         return weighted(terms, self.config.losses, physics), terms
 
     def validate(self) -> dict[str, float]:
-        """Losses, and the mean distance of the body's points from where they were [mm]."""
+        """Losses, and the mean distance of the body's points from the true ones [mm]."""
         windows = self._held_out
         noise = torch.zeros(len(windows.future), self.config.autoencoder.latent, device=windows.future.device)
         total, terms = self._losses(windows, noise, 1.0)
@@ -109,23 +110,23 @@ class AutoencoderTask:
             points(segments(pose(self.loss.restore(frames.float()), layout, humans), humans), humans)
             for frames in (decoded, windows.future)
         )
-        figures["points_mm"] = 1e3 * float((found - expected).norm(dim=-1)[windows.mask].mean())
+        figures["points_mm"] = 1e3 * float((found - expected).detach().norm(dim=-1)[windows.mask].mean())
         return figures
 
 
 def load_autoencoder(run: Run) -> Autoencoder:
-    """A run's best autoencoder, with the forces that were trained on after it where they were.
+    """A run's best autoencoder, with the forces of the stage `forces` where that was trained.
 
     Raises:
-        ConfigError: it has not been trained, or the forces are those of another one's motion.
+        ConfigError: it has not been trained, or the forces are of another autoencoder's motion.
     """
     network = Autoencoder(run.config.autoencoder, run.config.window, run.layout)
     load_weights(network, run.stage("autoencoder"))
     folder = run.stage("forces")
     if not is_trained(folder):
         return network
-    meant = digest(network.motion())
+    expected = digest(network.motion())
     load_weights(network, folder)
-    if digest(network.motion()) != meant:
-        raise ConfigError(f"{folder}: is of another autoencoder's motion; train it anew, in an empty folder")
+    if digest(network.motion()) != expected:
+        raise ConfigError(f"{folder}: is of another autoencoder's motion; train it again in an empty folder")
     return network

@@ -1,4 +1,4 @@
-"""What a window is told to be: sentence and velocity, from its clip's labels and from its own motion."""
+"""Conditions of a window: a sentence from its clip's labels, a velocity from its motion."""
 
 from __future__ import annotations
 
@@ -17,29 +17,29 @@ from flexmotion.training.feature_store import FeatureStore, StoredClip
 from flexmotion.training.kinematics import path
 
 STILL = 0.12
-"""A window whose points move less on average stands still, whatever its clip is called [leg/s]."""
+"""A window whose points move less on average counts as standing, whatever its clip's label [leg/s]."""
 
 STRAIGHT = 0.15
-"""A window of a turn that turns less only walks [rad/s]."""
+"""A window of a turning clip that turns less counts as walking straight [rad/s]"""
 
 WALKING = 0.3
-"""From this speed on it does [leg/s]."""
+"""Least speed of walking [leg/s]."""
 
 UNSTYLED = 0.6
-"""Share of sentences that say nothing of the style."""
+"""Share of sentences without the style."""
 
 NONE = -1
 
 
 @dataclass(frozen=True)
 class Conditions:
-    """What N windows are told.
+    """Conditions of N windows.
 
     Attributes:
-        row: of the sentence among `Sentences.texts`, (N,); `NONE` for none.
+        row: index of the sentence in `Sentences.texts`, (N,); `NONE` for none.
         sentence: embeddings, (N, D).
-        velocity: (N, 3) [leg/s, rad/s].
-        present: which of the two are told, (N, 2), 1 or 0.
+        velocity: forward, left, turning, (N, 3) [leg/s, leg/s, rad/s].
+        present: whether sentence and velocity are given, (N, 2), 1 or 0.
     """
 
     row: np.ndarray
@@ -51,21 +51,21 @@ class Conditions:
         """On another device."""
         return Conditions(self.row, self.sentence.to(device), self.velocity.to(device), self.present.to(device))
 
-    def untold(self) -> Conditions:
-        """The same with neither sentence nor velocity: what guidance leads away from."""
+    def unconditional(self) -> Conditions:
+        """The same with neither sentence nor velocity, for classifier-free guidance."""
         return replace(self, present=torch.zeros_like(self.present))
 
 
 class Sentences:
-    """Every sentence that a clip may be told with, embedded once.
+    """Every sentence that may describe a clip, embedded once.
 
     Args:
         clips: of the store.
         encode: sentence to embedding.
-        manner: what is said behind every sentence of motion that a clip shows.
+        manner: words appended to every sentence of a clip.
 
     Raises:
-        ConfigError: nothing is known of any clip, so there is nothing to learn of sentences.
+        ConfigError: no clip has a caption or a known label, so there is no sentence to learn.
     """
 
     def __init__(self, clips: Iterable[StoredClip], encode: Callable[[str], np.ndarray], manner: str = "") -> None:
@@ -78,8 +78,8 @@ class Sentences:
             kind, style, captions = clip_kind(clip), clip.labels.get("style", ""), clip_captions(clip)
             key = (kind, style, captions)
             if key not in cache:
-                plain = [f"{said} {manner}".strip() for said in (*wordings(kind), *captions)] or [manner] * bool(manner)
-                cache[key] = self._rows(plain), self._rows(said for text in plain for said in styled(text, style))
+                plain = [f"{text} {manner}".strip() for text in (*wordings(kind), *captions)] or [manner] * bool(manner)
+                cache[key] = self._rows(plain), self._rows(way for text in plain for way in styled(text, style))
             self._plain.append(cache[key][0])
             self._styled.append(cache[key][1])
             self.kinds.append(kind)
@@ -100,13 +100,13 @@ class Sentences:
         return tuple(self._number)
 
     def draw(self, rng: np.random.Generator, clips: np.ndarray, still: np.ndarray, straight: np.ndarray) -> np.ndarray:
-        """A sentence for each window, (N,); `NONE` where nothing is known.
+        """Row of a sentence for each window, (N,); `NONE` where its clip has no sentence.
 
         Args:
-            rng: source of randomness.
-            clips: of the windows, (N,).
-            still: whether they stand, (N,).
-            straight: whether they walk without turning, (N,).
+            rng: random generator.
+            clips: clips of the windows, (N,).
+            still: windows that stand, (N,).
+            straight: windows that walk without turning, (N,).
         """
         rows = np.full(len(clips), NONE, np.intp)
         for at, clip in enumerate(clips):
@@ -123,18 +123,21 @@ class Sentences:
 
 
 def clip_kind(clip: StoredClip) -> str:
-    """Label of what a clip shows; of a mirror image, of what that shows."""
+    """Label of a clip's motion; of a mirror image, with the sides exchanged."""
     label = clip.labels.get("content") or clip.labels.get("action") or ""
     return mirrored(label) if clip.variant == "mirror" else label
 
 
 def clip_captions(clip: StoredClip) -> tuple[str, ...]:
-    """Sentences that its source has about a clip."""
+    """Captions of a clip from its source; of a mirror image, with the sides exchanged."""
     return tuple(mirrored(text) for text in clip.captions) if clip.variant == "mirror" else clip.captions
 
 
 def mean_velocity(features: Tensor, layout: Layout) -> Tensor:
-    """Velocity of the root over windows that are not normalised, seen from the frame before, (N, 3) [leg/s, rad/s]."""
+    """Mean velocity of the root over windows (N, W, F), not normalised, (N, 3) [leg/s, leg/s, rad/s].
+
+    Its axes are those of the body in the frame before the window.
+    """
     place, yaw = path(features[..., layout.blocks["root"]], layout.fps)
     seconds = features.shape[1] / layout.fps
     return torch.cat([place[:, -1], yaw[:, -1:]], dim=-1) / seconds
@@ -151,12 +154,12 @@ def describe(
     """Conditions of windows.
 
     Args:
-        store: that they come from.
-        sentences: of its clips.
-        future: their features, not normalised, (N, W, F).
-        clips: of the windows, (N,).
-        seed: of what is drawn.
-        drop: share of windows without sentence, without velocity.
+        store: of the windows.
+        sentences: of the store's clips.
+        future: features, not normalised, (N, W, F).
+        clips: clips of the windows, (N,).
+        seed: of all draws.
+        drop: share of windows without sentence, share without velocity.
     """
     rng = np.random.default_rng(seed)
     velocity = mean_velocity(future, store.layout)
@@ -164,11 +167,11 @@ def describe(
     walking = velocity[:, :2].norm(dim=-1) > WALKING
     straight = (walking & (velocity[:, 2].abs() < STRAIGHT)).numpy()
     rows = sentences.draw(rng, clips, (moving < STILL).numpy(), straight)
-    said = (rows != NONE) & (rng.random(len(rows)) >= drop[0])
-    moved = rng.random(len(rows)) >= drop[1]
+    has_sentence = (rows != NONE) & (rng.random(len(rows)) >= drop[0])
+    has_velocity = rng.random(len(rows)) >= drop[1]
     return Conditions(
         row=rows,
         sentence=sentences.embeddings[torch.from_numpy(np.maximum(rows, 0))],
         velocity=velocity,
-        present=torch.from_numpy(np.stack([said, moved], axis=1).astype(np.float32)),
+        present=torch.from_numpy(np.stack([has_sentence, has_velocity], axis=1).astype(np.float32)),
     )

@@ -14,14 +14,14 @@ COMMAND = 3
 """Commanded velocity: forward, left [leg/s], turning [rad/s]."""
 
 GUIDANCE_UNIT = 100.0
-"""Guidance scales are drawn out by this before their sines and cosines are taken."""
+"""Factor of guidance scales before their sines and cosines are taken."""
 
 
 class Denoiser(nn.Module):
-    """Clean latent from a noisy one, its time, history, sentence and commanded velocity.
+    """Estimates the clean latent from a noisy one, its time, history, sentence and commanded velocity.
 
-    Tokens: latent, time, sentence, velocity, history. What is absent has a learned token of its own. A guided network
-    (the student of a distillation) is also told the guidance scale that it stands for.
+    Tokens: latent, time, sentence, velocity, history. An absent sentence or velocity has a learned token. A guided
+    network (the student of a distillation) has the guidance scale as an input.
 
     Args:
         config: of the diffusion.
@@ -44,12 +44,12 @@ class Denoiser(nn.Module):
         self.width = width
         self.register_buffer("latent_mean", torch.zeros(latent))
         self.register_buffer("latent_spread", torch.ones(latent))
-        # Embeddings of left and right differ by a few hundredths: without their own scale it takes long to be noticed.
+        # Embeddings of left and right differ by a few hundredths: without scaling they take long to be told apart.
         self.register_buffer("sentence_mean", torch.zeros(config.text))
         self.register_buffer("sentence_spread", torch.ones(config.text))
         self.enter, self.leave = nn.Linear(latent, width), nn.Linear(width, latent)
         self.time = nn.Sequential(nn.Linear(width, width), nn.SiLU(), nn.Linear(width, width))
-        self.guidance = _silent(width) if guided else None
+        self.guidance = _zero_at_first(width) if guided else None
         self.sentence, self.no_sentence = nn.Linear(config.text, width), parameter(width)
         self.velocity = nn.Sequential(nn.Linear(COMMAND, width), nn.SiLU(), nn.Linear(width, width))
         self.no_velocity = parameter(width)
@@ -72,24 +72,24 @@ class Denoiser(nn.Module):
 
         Args:
             noisy: normalised latent with noise, (N, latent).
-            time: of the schedule, (N,), 0 is clean.
+            time: of the noise schedule, (N,), 0 is nearly clean.
             history: normalised features, (N, H, F).
             sentence: embedding, (N, text).
-            velocity: commanded, (N, 3).
-            present: whether there are a sentence and a velocity, (N, 2), 1 or 0.
-            guidance: scale, (N,); only of a guided network.
+            velocity: commanded, forward, left, turning, (N, 3) [leg/s, leg/s, rad/s].
+            present: whether sentence and velocity are given, (N, 2), 1 or 0.
+            guidance: scale, (N,); guided networks only.
         """
         when = self.time(sinusoids(time, self.width))
         if self.guidance is not None and guidance is not None:
             when = when + self.guidance(sinusoids(guidance * GUIDANCE_UNIT, self.width))
-        said, moved = present[:, :1], present[:, 1:]
+        has_sentence, has_velocity = present[:, :1], present[:, 1:]
         sentence = (sentence - self.sentence_mean) / self.sentence_spread
         tokens = torch.stack(
             [
                 self.enter(noisy),
                 when,
-                said * self.sentence(sentence) + (1 - said) * self.no_sentence,
-                moved * self.velocity(velocity) + (1 - moved) * self.no_velocity,
+                has_sentence * self.sentence(sentence) + (1 - has_sentence) * self.no_sentence,
+                has_velocity * self.velocity(velocity) + (1 - has_velocity) * self.no_velocity,
             ],
             dim=1,
         )
@@ -98,8 +98,8 @@ class Denoiser(nn.Module):
         return self.leave(self.stack(tokens + self.place)[:, 0])
 
 
-def _silent(width: int) -> nn.Sequential:
-    """A map that gives zero at first: a student begins as its teacher without guidance."""
+def _zero_at_first(width: int) -> nn.Sequential:
+    """A network whose output is zero before training: a student starts as its teacher without guidance."""
     last = nn.Linear(width, width)
     nn.init.zeros_(last.weight)
     nn.init.zeros_(last.bias)

@@ -1,4 +1,4 @@
-"""Derivatives along the frames of a batch, as `biomechanics.differentiation` has them in NumPy."""
+"""Derivatives along the frames of a batch, as `biomechanics.differentiation` computes them in NumPy."""
 
 from __future__ import annotations
 

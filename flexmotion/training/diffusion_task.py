@@ -1,4 +1,4 @@
-"""The diffusion's stage: denoise latents, on true histories first and on the model's own more and more."""
+"""The diffusion's stage: denoises latents, first after histories of clips, then more and more after the model's own."""
 
 from __future__ import annotations
 
@@ -12,106 +12,55 @@ from torch import Tensor, nn
 
 from flexmotion.configs.model import ModelConfig
 from flexmotion.training.autoencoder import Autoencoder
-from flexmotion.training.conditions import Conditions, Sentences, describe
+from flexmotion.training.conditions import Conditions, Sentences
 from flexmotion.training.denoiser import Denoiser
 from flexmotion.training.draws import normal, uniform
 from flexmotion.training.feature_store import FeatureStore
-from flexmotion.training.losses import Reconstruction
+from flexmotion.training.latent_set import LatentSet
 from flexmotion.training.noise_schedule import NoiseSchedule
 from flexmotion.training.processes import Processes
-from flexmotion.training.windows import Windows, WindowSet
+from flexmotion.training.windows import Windows
 
 VALIDATION = 512
-"""Windows that validation looks at, always the same."""
+"""Windows of the validation, always the same."""
 
 MEASURED = 4096
-"""Windows over which mean and spread of the latent are taken."""
+"""Windows over which mean and standard deviation of the latent are taken."""
 
 DECODED = ("root", "rotations", "positions")
 """Blocks by which decoded motion is compared."""
 
-SENTENCES = 3.0
-"""Spread of the sentences' embeddings as the network sees them: left and right are a quarter of that apart."""
+SENTENCE_SPREAD = 3.0
+"""Standard deviation of sentence embeddings as the network gets them; left and right differ by a quarter of it."""
 
-LATE = 2 / 3
-"""Power of what is drawn evenly that a time is."""
+TIME_POWER = 2 / 3
+"""Diffusion times are uniform numbers to this power: late times more often than early ones."""
 
-WORST = 20.0
-"""Decoded error of a window from which on it teaches nothing."""
+MAX_DECODED_ERROR = 20.0
+"""A window's decoded error counts up to this; beyond it the window has no gradient."""
 
 
 @dataclass(frozen=True)
 class Latents:
-    """Windows as the diffusion sees them: normalised latent (N, latent), histories, conditions."""
+    """Windows as the diffusion gets them: normalised latents (N, latent), histories, conditions."""
 
     latent: Tensor
     windows: Windows
     conditions: Conditions
 
 
-class LatentSet:
-    """Windows of a split with their latents and conditions.
-
-    Args:
-        config: of the model.
-        store: features of the set.
-        split: `train` or `validation`.
-        autoencoder: trained.
-        sentences: of the store's clips.
-        processes: that train.
-    """
-
-    def __init__(
-        self,
-        config: ModelConfig,
-        store: FeatureStore,
-        split: str,
-        autoencoder: Autoencoder,
-        sentences: Sentences,
-        processes: Processes,
-    ) -> None:
-        self.config, self.store, self.autoencoder, self.sentences = config, store, autoencoder, sentences
-        self.device = processes.device
-        self.windows = WindowSet(store, config.window, split)
-        self._restore = Reconstruction(store.layout, store.statistics, config.losses).restore
-
-    def draw(self, seed: tuple[int, ...], size: int, *, following: bool = False) -> Windows:
-        """`size` windows."""
-        return self.windows.draw(seed, size, following=following)
-
-    def encode(self, history: Tensor, future: Tensor) -> Tensor:
-        """Mean latents, (N, latent), not normalised."""
-        with torch.no_grad():
-            mean: Tensor = self.autoencoder.encode(history, future)[0]
-        return mean
-
-    def describe(self, windows: Windows, seed: tuple[int, ...]) -> Conditions:
-        """Conditions of windows, some of them dropped."""
-        diffusion = self.config.diffusion
-        drop_velocity = diffusion.drop_velocity if diffusion.velocity else 1.0
-        found = describe(
-            self.store,
-            self.sentences,
-            self._restore(windows.future.cpu()),
-            windows.clip,
-            seed,
-            (diffusion.drop_text, drop_velocity),
-        )
-        return found.to(self.device)
-
-
 class DiffusionTask:
-    """See `stage.Task`.
+    """Training of the denoiser; see `stage.Task`.
 
     Args:
         config: of the model.
         store: features of the set.
-        autoencoder: trained; not trained further.
+        autoencoder: trained; kept as it is.
         encode: sentence to embedding.
-        seed: of the weights and of all that is drawn.
+        seed: of the weights and of all draws.
         processes: that train.
-        manner: what is said behind every sentence.
-        held_out: split that validation looks at.
+        manner: words appended to every sentence.
+        held_out: split of the validation.
     """
 
     def __init__(
@@ -133,7 +82,7 @@ class DiffusionTask:
         sentences = Sentences(store.clips, encode, manner)
         self.network.sentence_mean.copy_(sentences.embeddings.mean(dim=0))
         spread = sentences.embeddings.std(dim=0, unbiased=False).clamp(min=1e-3)
-        self.network.sentence_spread.copy_(spread / SENTENCES)
+        self.network.sentence_spread.copy_(spread / SENTENCE_SPREAD)
         self.training, self.held_out = (
             LatentSet(config, store, split, self.autoencoder, sentences, processes) for split in ("train", held_out)
         )
@@ -155,14 +104,13 @@ class DiffusionTask:
         self.network.latent_spread.copy_(latents.std(dim=0).clamp(min=1e-3))
 
     def normalised(self, latent: Tensor) -> Tensor:
-        """Latents as the denoiser sees them."""
+        """Latents as the denoiser gets them: zero mean, unit standard deviation."""
         return (latent - self.network.latent_mean) / self.network.latent_spread
 
     def decode(self, history: Tensor, normalised: Tensor) -> Tensor:
-        """Futures, normalised features, of normalised latents."""
+        """Futures (N, W, F), normalised features, of normalised latents (N, latent)."""
         latent = normalised * self.network.latent_spread + self.network.latent_mean
-        frames: Tensor = self.autoencoder.decode(history, latent)
-        return frames
+        return self.autoencoder.decode(history, latent)
 
     def losses(self, step: int) -> tuple[Tensor, dict[str, Tensor]]:
         """See `stage.Task`."""
@@ -171,8 +119,8 @@ class DiffusionTask:
         windows = self.windows(key, batch, self._roll_out_share(step))
         conditions = self.training.describe(windows, (*key, 3))
         latent = self.normalised(self.training.encode(windows.history, windows.future))
-        # More often late than early: what is asked for decides most where little is left of the latent.
-        time = (uniform((*key, 4), (batch,)) ** LATE * diffusion.steps).long().to(device)
+        # More often late than early: the condition decides most where little of the latent is left.
+        time = (uniform((*key, 4), (batch,)) ** TIME_POWER * diffusion.steps).long().to(device)
         noise = normal((*key, 5), tuple(latent.shape)).to(device)
         noisy = self.noise.add_noise(latent, noise, time)
         with self.processes.mixed_precision():
@@ -188,17 +136,17 @@ class DiffusionTask:
 
     @property
     def roll_out(self) -> float:
-        """Share of roll-outs once fully grown; 0 where there is no history, or no clip has two windows in a row."""
-        possible = bool(self.config.window.history) and self.training.windows.goes_on
+        """Final share of roll-outs; 0 without a history, or where no clip has two consecutive windows."""
+        possible = bool(self.config.window.history) and self.training.windows.has_following
         return self.config.diffusion.roll_out if possible else 0.0
 
     def windows(self, key: tuple[int, ...], size: int, roll_out: float) -> Windows:
-        """What is trained on: windows of clips, such that go over to another clip, such that follow the model's own.
+        """Training batch: windows of clips, windows that change over to another clip, windows after roll-outs.
 
         Args:
             key: seed.
-            size: how many.
-            roll_out: share of the last kind.
+            size: number of windows.
+            roll_out: share of windows after roll-outs.
         """
         diffusion = self.config.diffusion
         rolled = int(round(roll_out * size))
@@ -206,34 +154,34 @@ class DiffusionTask:
         parts = [self._drawn((*key, 0), size - rolled - switched)]
         if switched:
             others = self._drawn((*key, 2), switched)
-            parts.append(self._drawn((*key, 1), switched).going_over_to(others, diffusion.switch_frames))
+            parts.append(self._drawn((*key, 1), switched).blended_into(others, diffusion.switch_frames))
         if rolled:
             parts.append(self._rolled_out(rolled, (*key, 6)))
-        return reduce(Windows.with_others, parts)
+        return reduce(Windows.joined, parts)
 
     def denoise(self, noisy: Tensor, time: Tensor, history: Tensor, conditions: Conditions) -> Tensor:
-        """Clean latents, normalised."""
+        """Estimate of the clean latents, normalised, (N, latent)."""
         clean: Tensor = self.network(noisy, time, history, conditions.sentence, conditions.velocity, conditions.present)
         return clean
 
     def _decoded(self, windows: Windows, clean: Tensor, time: Tensor) -> Tensor:
         """Error of the decoded motion, of its change (the join with the history included) and of the root's path.
 
-        Each by as much as there is left of the latent to know it by, and none by more than `WORST`: paths that nobody
-        could foresee would drown all else.
+        Each window counts by the share of the latent that is left at its time, and up to `MAX_DECODED_ERROR`: paths
+        that cannot be predicted would outweigh all others.
         """
         blocks = self.training.store.layout.blocks
         errors = (self.decode(windows.history, clean) - windows.future) * windows.mask[..., None]
-        if self.config.window.history:  # with which the error is nothing yet
+        if self.config.window.history:  # the last frame of the history has no error
             errors = nn.functional.pad(errors, (0, 0, 1, 0))
         found = clean.new_zeros(len(clean))
         for name in DECODED:
             error = errors[..., blocks[name]]
             found = found + _mean_square(error) + 10 * _mean_square(torch.diff(error, dim=1))
-        # Small errors of the root's speeds, always to one side, carry it away.
+        # Small errors of the root's velocity that keep their sign add up to a large error of its place.
         path = errors[..., blocks["root"]][..., :3].cumsum(dim=1)
         found = found + _mean_square(path) / path.shape[1]
-        return (self.noise.kept[time] * found.clamp(max=WORST)).mean()
+        return (self.noise.kept[time] * found.clamp(max=MAX_DECODED_ERROR)).mean()
 
     def _roll_out_share(self, step: int) -> float:
         diffusion = self.config.diffusion
@@ -242,12 +190,12 @@ class DiffusionTask:
         return self.roll_out * min(max(share, 0.0), 1.0)
 
     def _drawn(self, key: tuple[int, ...], size: int, *, following: bool = False) -> Windows:
-        """Windows of clips, their histories disturbed."""
+        """Windows of clips, with noise on their histories."""
         windows = self.training.draw((*key, 0), size, following=following).to(self.processes.device)
-        return self._disturbed(windows, (*key, 1))
+        return self._with_history_noise(windows, (*key, 1))
 
-    def _disturbed(self, windows: Windows, seed: tuple[int, ...]) -> Windows:
-        """Histories with an error that is the same in all their frames, and a smaller one that is not."""
+    def _with_history_noise(self, windows: Windows, seed: tuple[int, ...]) -> Windows:
+        """Histories with one error for all their frames, and a smaller one for each frame."""
         spread = self.config.diffusion.history_noise
         if not spread or not self.config.window.history:
             return windows
@@ -257,7 +205,7 @@ class DiffusionTask:
         return windows.with_history(windows.history + spread * (constant + 0.3 * varying))
 
     def _rolled_out(self, count: int, seed: tuple[int, ...]) -> Windows:
-        """Windows whose history the model has made itself, from the true history before it."""
+        """Windows after a history that the model has sampled, itself after the clip's history before that."""
         diffusion, device = self.config.diffusion, self.processes.device
         windows = self._drawn((*seed, 0), count, following=True)
         conditions = self.training.describe(windows, (*seed, 2))
@@ -265,14 +213,14 @@ class DiffusionTask:
         times = torch.linspace(diffusion.steps - 1, 0, diffusion.roll_out_steps + 1).round().long().tolist()[:-1]
         with torch.no_grad():
             for now, earlier in zip(times, [*times[1:], -1], strict=True):
-                time, to = (torch.full((count,), at, device=device) for at in (now, earlier))
+                time, target = (torch.full((count,), at, device=device) for at in (now, earlier))
                 clean = self.denoise(noisy, time, windows.history, conditions)
-                noisy = self.noise.step(noisy, clean, time, to)
-            made = self.decode(windows.history, noisy)
-        return windows.moved_on(made[:, -self.config.window.history :])
+                noisy = self.noise.step(noisy, clean, time, target)
+            sampled = self.decode(windows.history, noisy)
+        return windows.next(sampled[:, -self.config.window.history :])
 
     def validate(self) -> dict[str, float]:
-        """Losses at all times of the schedule."""
+        """Losses over all times of the schedule."""
         found = self._held_out
         samples = len(found.latent)
         time = torch.linspace(0, self.config.diffusion.steps - 1, samples).long().to(found.latent.device)
@@ -286,5 +234,5 @@ class DiffusionTask:
 
 
 def _mean_square(error: Tensor) -> Tensor:
-    """Of each window, (N, T, F) -> (N,)."""
+    """Mean square over frames and features, (N, T, F) -> (N,)."""
     return error.square().mean(dim=(1, 2))

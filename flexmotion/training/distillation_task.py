@@ -1,7 +1,8 @@
-"""The distillation's stage: a student that is consistent along the teacher's paths needs a few steps instead of fifty.
+"""The distillation's stage: a student that is consistent along the teacher's paths samples in a few steps, not fifty.
 
 Consistency distillation (Song et al., ICML 2023) with the guidance scale as an input (Luo et al., Latent Consistency
-Models, 2023): where the teacher steps from a time to an earlier one, the student must see one clean latent at both.
+Models, 2023): where the teacher steps from a time to an earlier one, the student must estimate the same
+clean latent at both.
 """
 
 from __future__ import annotations
@@ -16,12 +17,12 @@ from flexmotion.training.draws import normal, uniform
 
 
 class DistillationTask:
-    """See `stage.Task`.
+    """Training of the student; see `stage.Task`.
 
     Args:
         config: of the model.
-        teacher: trained diffusion; not trained further.
-        seed: of all that is drawn.
+        teacher: trained diffusion; kept as it is.
+        seed: of all draws.
     """
 
     def __init__(self, config: ModelConfig, teacher: DiffusionTask, seed: int) -> None:
@@ -54,12 +55,12 @@ class DistillationTask:
         noise = normal((*key, 4), tuple(latent.shape)).to(device)
         noisy = teacher.noise.add_noise(latent, noise, time)
         with torch.no_grad():
-            told = teacher.denoise(noisy, time, windows.history, conditions)
-            untold = teacher.denoise(noisy, time, windows.history, conditions.untold())
-            clean = untold + guidance[:, None] * (told - untold)
-            moved = teacher.noise.step(noisy, clean, time, earlier)
+            conditional = teacher.denoise(noisy, time, windows.history, conditions)
+            unconditional = teacher.denoise(noisy, time, windows.history, conditions.unconditional())
+            clean = unconditional + guidance[:, None] * (conditional - unconditional)
+            stepped = teacher.noise.step(noisy, clean, time, earlier)
             inputs = (windows.history, conditions.sentence, conditions.velocity, conditions.present, guidance)
-            target = self.network(moved, earlier.clamp(min=0), *inputs)
+            target = self.network(stepped, earlier.clamp(min=0), *inputs)
             target = torch.where(earlier[:, None] < 0, clean, target)
         with teacher.processes.mixed_precision():
             found = self.network(noisy, time, *inputs)
@@ -68,6 +69,6 @@ class DistillationTask:
         return loss, {"consistency": loss}
 
     def validate(self) -> dict[str, float]:
-        """Loss on windows that are always the same."""
+        """Loss on the same windows every time."""
         loss, _ = self._losses((self.seed, 32), 512)
         return {"loss": float(loss)}

@@ -1,9 +1,9 @@
-"""`evaluate`: models against held-out clips, beside real motion, the nearest training window and a motionless pose.
+"""Metrics of models on held-out clips, beside real motion, the nearest training window and a motionless pose.
 
-All motions go the same way: features to a motion of the bundle's human and back to features, so that what the
-evaluator and the metrics see follows from the motion alone. Embeddings are compared with those of other held-out
-windows, so that real motion has a distance too. Every figure has an interval: metrics of many windows at once over
-random halves of them, metrics of single windows over the windows.
+All motions are processed alike: features to a motion of the bundle's human and back to features, so that evaluator and
+metrics depend on the motion alone. Embeddings are compared with those of other held-out windows, so that real motion
+has a distance too. Every figure has an interval: metrics of many windows over random halves of them, metrics of single
+windows over the windows.
 """
 
 from __future__ import annotations
@@ -33,31 +33,37 @@ from flexmotion.human.body import Body
 from flexmotion.human.motion import Motion
 from flexmotion.sampling.sampler import Condition, Sampler
 from flexmotion.text.sentence_encoder import SentenceEncoder
+from flexmotion.training.checkpoints import load_weights
 from flexmotion.training.conditions import NONE, Sentences, describe
 from flexmotion.training.evaluator import Evaluator
 from flexmotion.training.losses import Reconstruction
 from flexmotion.training.run import Run
-from flexmotion.training.stage import load_weights
-from flexmotion.training.windows import WindowSet
+from flexmotion.training.window_set import WindowSet
 
 Features = NDArray[np.float32]
 
 TEXTS, SAMPLES = 16, 10
-"""Sentences and samples of each, over which multimodality is taken."""
+"""Sentences, and samples of each, for multimodality."""
 
 PHYSICAL = 64
-"""Windows over which the metrics of physics are taken."""
+"""Windows for the metrics of physics."""
 
 NEIGHBOURS = 8192
-"""Training windows among which the nearest is looked for."""
+"""Training windows that are searched for the nearest."""
 
 Generator = Callable[[int, int], Features]
-"""Number of a case and a seed to the features of its future, not normalised, (W, F)."""
+"""Case and seed to the features of the case's future, not normalised, (W, F)."""
 
 
 @dataclass(frozen=True)
 class Cases:
-    """Held-out windows: histories and futures, not normalised, (N, H, F) and (N, W, F), sentences and their rows."""
+    """N held-out windows.
+
+    Attributes:
+        history, future: features, not normalised, (N, H, F) and (N, W, F).
+        texts: sentence of each.
+        sentence: embeddings of those, (N, D).
+    """
 
     history: Features
     future: Features
@@ -73,9 +79,9 @@ class Judge:
 
     Args:
         run: with a trained evaluator.
-        body: whose motion is judged.
-        count: of cases.
-        seed: of the cases and of what is drawn.
+        body: human of the bundles.
+        count: number of cases.
+        seed: of the cases and of all draws.
 
     Raises:
         ConfigError: the evaluator has not been trained.
@@ -90,24 +96,24 @@ class Judge:
         sentences = Sentences(self.store.clips, SentenceEncoder(run.stage("text")))
         self.cases, others = (self._cases(sentences, count, number) for number in range(2))
         with torch.no_grad():
-            self._said = self.network.sentence(self.cases.sentence).numpy()
-        self._reference = self._embedded(self._seen(others, list(others.future)))
+            self._texts = self.network.sentence(self.cases.sentence).numpy()
+        self._reference = self._embedded(self._from_motions(others, list(others.future)))
 
     def _cases(self, sentences: Sentences, count: int, number: int) -> Cases:
         restore = Reconstruction(self.store.layout, self.store.statistics, self.run.config.losses).restore
         windows = WindowSet(self.store, self.run.config.window, "validation").draw((self.seed, 61, number), 2 * count)
         future = restore(windows.future)
         found = describe(self.store, sentences, future, windows.clip, (self.seed, 62, number), (0.0, 1.0))
-        told = np.flatnonzero(found.row != NONE)[:count]
+        described = np.flatnonzero(found.row != NONE)[:count]
         return Cases(
-            history=restore(windows.history).numpy()[told],
-            future=future.numpy()[told],
-            texts=tuple(sentences.texts[row] for row in found.row[told]),
-            sentence=found.sentence[told],
+            history=restore(windows.history).numpy()[described],
+            future=future.numpy()[described],
+            texts=tuple(sentences.texts[row] for row in found.row[described]),
+            sentence=found.sentence[described],
         )
 
     def past(self, case: int) -> Motion:
-        """History of a case, as a motion that ends somewhere; its first frame where the model has no history."""
+        """History of a case as a motion; the first frame of its future where the model has no history."""
         return self._past(self.cases, case)
 
     def _past(self, cases: Cases, case: int) -> Motion:
@@ -115,11 +121,11 @@ class Judge:
         return decode(before, self.layout, self.body, Anchor.origin())
 
     def real(self, case: int, seed: int) -> Features:
-        """The clip itself."""
+        """Generator: the clip itself."""
         return self.cases.future[case]
 
     def motionless(self, case: int, seed: int) -> Features:
-        """The mean pose of all training frames, without speed."""
+        """Generator: the mean pose of all training frames, without speed."""
         mean = self.store.statistics.mean.copy()
         for name in ("velocities", "accelerations"):
             mean[self.layout.blocks[name]] = 0.0
@@ -127,7 +133,7 @@ class Judge:
         return np.repeat(mean[None], self.cases.future.shape[1], axis=0)
 
     def nearest(self) -> Generator:
-        """The training windows that the evaluator finds nearest to the case's sentence."""
+        """Generator: training windows nearest to the case's sentence in the evaluator's space."""
         restore = Reconstruction(self.store.layout, self.store.statistics, self.run.config.losses).restore
         windows = WindowSet(self.store, self.run.config.window, "train").draw((self.seed, 63), NEIGHBOURS)
         with torch.no_grad():
@@ -135,7 +141,7 @@ class Judge:
         future = restore(windows.future).numpy()
 
         def generate(case: int, seed: int) -> Features:
-            likeness = embedded @ self._said[case]
+            likeness = embedded @ self._texts[case]
             best = np.argsort(-likeness)[:SAMPLES]
             found: Features = future[best[seed % SAMPLES]]
             return found
@@ -143,7 +149,7 @@ class Judge:
         return generate
 
     def sampled(self, sampler: Sampler) -> Generator:
-        """What a model makes of history and sentence."""
+        """Generator: samples of a model after the case's history, with its sentence."""
 
         def generate(case: int, seed: int) -> Features:
             return sampler.features(self.past(case), Condition(self.cases.texts[case]), seed)
@@ -154,7 +160,7 @@ class Judge:
         """Every metric of a generator."""
         count = len(self.cases)
         futures = [generate(case, case) for case in range(count)]
-        embedded = self._embedded(self._seen(self.cases, futures))
+        embedded = self._embedded(self._from_motions(self.cases, futures))
 
         def half(rng: np.random.Generator) -> NDArray[np.intp]:
             return rng.permutation(count)[: count // 2]
@@ -163,11 +169,11 @@ class Judge:
             return frechet_distance(embedded[half(rng)], self._reference[half(rng)])
 
         def precision(place: int) -> Callable[[np.random.Generator], float]:
-            return lambda rng: r_precision(embedded, self._said, rng)[place]
+            return lambda rng: r_precision(embedded, self._texts, rng)[place]
 
         def matching(rng: np.random.Generator) -> float:
             rows = half(rng)
-            return matching_distance(embedded[rows], self._said[rows])
+            return matching_distance(embedded[rows], self._texts[rows])
 
         metrics = {
             "fid": distance,
@@ -182,8 +188,8 @@ class Judge:
         values = []
         for case in np.linspace(0, len(self.cases) - 1, TEXTS).astype(int):
             samples = [generate(int(case), seed) for seed in range(SAMPLES)]
-            seen = self._seen(self.cases, samples, [int(case)] * SAMPLES)
-            values.append(multimodality(self._embedded(seen)[None]))
+            features = self._from_motions(self.cases, samples, [int(case)] * SAMPLES)
+            values.append(multimodality(self._embedded(features)[None]))
         return Interval.of(values)
 
     def _of_motions(self, futures: Sequence[Features]) -> dict[str, Interval]:
@@ -197,7 +203,7 @@ class Judge:
             join = len(past)
             row["jerk"], row["jerk_peak"] = float(change.mean()), float(change.max())
             if join >= 3:
-                # Third differences that span the join.
+                # The third differences across the join.
                 row["jerk_join"] = float(change[join - 3 : join].max())
             if case < PHYSICAL:
                 row |= self._of_physics(future, motion)
@@ -207,7 +213,7 @@ class Judge:
 
     def _of_physics(self, future: Features, motion: Motion) -> dict[str, float]:
         if self.layout.muscles:
-            # As they were made: a motion's are held within [0, 1].
+            # Those of the features: a motion's are clipped to [0, 1].
             raw = np.asarray(future[:, self.layout.blocks[ACTIVATIONS]], np.float64)
             motion = replace(motion, activations=raw)
         figures = physics_metrics(motion, pressure_centres(future, self.layout, motion))
@@ -215,8 +221,10 @@ class Judge:
             figures["muscle_torque"] = beyond_muscles(motion)
         return figures
 
-    def _seen(self, cases: Cases, futures: Sequence[Features], numbers: Sequence[int] | None = None) -> torch.Tensor:
-        """Normalised features that follow from the motions alone, (N, W, F); of these cases, or of all in turn."""
+    def _from_motions(
+        self, cases: Cases, futures: Sequence[Features], numbers: Sequence[int] | None = None
+    ) -> torch.Tensor:
+        """Normalised features that depend on the motions alone, (N, W, F); of cases `numbers`, or of all in turn."""
         rows = []
         for at, future in zip(range(len(futures)) if numbers is None else numbers, futures, strict=True):
             past = self._past(cases, at)
@@ -225,9 +233,9 @@ class Judge:
             rows.append(self.store.statistics.normalise(whole[-len(motion) :]))
         return torch.from_numpy(np.stack(rows))
 
-    def _embedded(self, seen: torch.Tensor) -> NDArray[np.float64]:
+    def _embedded(self, features: torch.Tensor) -> NDArray[np.float64]:
         with torch.no_grad():
-            parts = [self.network.motion(part) for part in seen.split(256)]
+            parts = [self.network.motion(part) for part in features.split(256)]
         return torch.cat(parts).double().numpy()
 
 

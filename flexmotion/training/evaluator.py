@@ -1,4 +1,4 @@
-"""`Evaluator`: encoders of motion and of sentences into one space, by which generated motion is judged."""
+"""`Evaluator`: encoders of motion and of sentences into one space, to measure generated motion."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class Evaluator(nn.Module):
 
     Args:
         config: sizes.
-        window: frames; the future is judged, without its history.
+        window: frames; the future is embedded, without its history.
         layout: features.
         text: width of sentence embeddings.
     """

@@ -1,4 +1,4 @@
-"""The evaluator's stage: a window and its sentence near each other, others apart."""
+"""The evaluator's stage: contrastive training of windows and their sentences."""
 
 from __future__ import annotations
 
@@ -16,22 +16,23 @@ from flexmotion.training.evaluator import Evaluator
 from flexmotion.training.feature_store import FeatureStore
 from flexmotion.training.losses import Reconstruction
 from flexmotion.training.processes import Processes
-from flexmotion.training.windows import WindowSet
+from flexmotion.training.window_set import WindowSet
 
 ALIKE = 0.9
-"""Sentences with a greater cosine are not held apart: they say the same (Petrovich et al., TMR, ICCV 2023)."""
+"""Sentences with a greater cosine are no negatives of each other (Petrovich et al., TMR, ICCV 2023)."""
 
 VALIDATION = 512
+"""Windows of the validation, always the same."""
 
 
 class EvaluatorTask:
-    """See `stage.Task`.
+    """Training of the evaluator; see `stage.Task`.
 
     Args:
         config: of the model.
         store: features of the set.
         encode: sentence to embedding.
-        seed: of the weights and of all that is drawn.
+        seed: of the weights and of all draws.
         processes: that train.
     """
 
@@ -54,29 +55,29 @@ class EvaluatorTask:
     def losses(self, step: int) -> tuple[Tensor, dict[str, Tensor]]:
         """See `stage.Task`."""
         key = (self.seed, 51, step, self.processes.rank)
-        motion, said, alike = self._embedded(self._training, key, self.config.stages.evaluator.batch)
-        logits = motion @ said.T / self.config.evaluator.temperature
-        # On the diagonal every sentence is like itself.
+        motion, text, alike = self._embedded(self._training, key, self.config.stages.evaluator.batch)
+        logits = motion @ text.T / self.config.evaluator.temperature
+        # The diagonal is each window's own sentence.
         logits = logits.masked_fill(alike & ~torch.eye(len(logits), dtype=torch.bool, device=logits.device), -1e4)
         wanted = torch.arange(len(logits), device=logits.device)
         loss = 0.5 * (cross_entropy(logits, wanted) + cross_entropy(logits.T, wanted))
         return loss, {"contrast": loss}
 
     def _embedded(self, windows: WindowSet, key: tuple[int, ...], batch: int) -> tuple[Tensor, Tensor, Tensor]:
-        """Embeddings of motions and of their sentences, and which sentences say the same."""
+        """Embeddings of motions and of their sentences, and which sentences count as the same."""
         found = windows.draw((*key, 0), batch)
         conditions = describe(
             self.store, self._sentences, self._restore(found.future), found.clip, (*key, 1), (0.0, 1.0)
         )
-        told = conditions.present[:, 0] > 0
+        described = conditions.present[:, 0] > 0
         device = self.processes.device
-        future, sentence = found.future[told].to(device), conditions.sentence[told].to(device)
+        future, sentence = found.future[described].to(device), conditions.sentence[described].to(device)
         with self.processes.mixed_precision():
-            motion, said = self.network.motion(future), self.network.sentence(sentence)
-        return motion.float(), said.float(), sentence @ sentence.T > ALIKE
+            motion, text = self.network.motion(future), self.network.sentence(sentence)
+        return motion.float(), text.float(), sentence @ sentence.T > ALIKE
 
     def validate(self) -> dict[str, float]:
         """Loss and R-precision in batches of 32."""
-        motion, said, _ = self._embedded(self._held_out, (self.seed, 52), VALIDATION)
-        precision = r_precision(motion.cpu().numpy(), said.cpu().numpy(), np.random.default_rng(self.seed))
+        motion, text, _ = self._embedded(self._held_out, (self.seed, 52), VALIDATION)
+        precision = r_precision(motion.cpu().numpy(), text.cpu().numpy(), np.random.default_rng(self.seed))
         return {"loss": -precision[2], **{f"top{k + 1}": value for k, value in enumerate(precision)}}

@@ -1,4 +1,4 @@
-"""A run's best weights to a bundle."""
+"""`export`: writes a run's best weights as a bundle."""
 
 from __future__ import annotations
 
@@ -12,8 +12,9 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from flexmotion.bundles.bundle import DECODER, DENOISER, SCHEMA, BodySize, Bundle, Manifest, write_bundle
+from flexmotion.bundles.bundle import DECODER, DENOISER, Bundle, write_bundle
 from flexmotion.bundles.card import Making, write_card
+from flexmotion.bundles.manifest import SCHEMA, BodySize, Manifest
 from flexmotion.configs.errors import ConfigError
 from flexmotion.features.layout import POINTS, Layout
 from flexmotion.human.body import Body, Segments
@@ -23,27 +24,27 @@ from flexmotion.text.sayings import sayings
 from flexmotion.text.sentence_encoder import NETWORK, VOCABULARY, SentenceEncoder
 from flexmotion.training.autoencoder import Autoencoder
 from flexmotion.training.autoencoder_task import load_autoencoder
+from flexmotion.training.checkpoints import is_trained, load_weights, training_record
 from flexmotion.training.conditions import STILL
 from flexmotion.training.denoiser import Denoiser
 from flexmotion.training.export_onnx import export_network
 from flexmotion.training.feature_store import FeatureStore
 from flexmotion.training.half_weights import halve_weights
-from flexmotion.training.listening import learn_to_listen
+from flexmotion.training.listener_training import fit_listener
 from flexmotion.training.noise_schedule import NoiseSchedule
 from flexmotion.training.run import Run
-from flexmotion.training.stage import is_trained, load_weights, trained
-from flexmotion.training.windows import WindowSet
+from flexmotion.training.window_set import WindowSet
 
-LIBRARIES = ("flexmotion", "torch", "diffusers", "onnx", "scikit-learn")
+LIBRARIES = ("flexmotion", "torch", "onnx", "scikit-learn")
 
 PERSONAL_KIND = "personal"
-"""Kind of motion of the wordings that a personalised run adds."""
+"""Kind of motion of a personalised run's own wordings."""
 
 UNKNOWN_LICENCE = "as the data that it was trained on"
 
 
 class Decoder(nn.Module):
-    """Normalised latent, and history, to normalised frames."""
+    """Decodes a normalised latent, given the history, to normalised frames."""
 
     def __init__(self, autoencoder: Autoencoder, denoiser: Denoiser) -> None:
         super().__init__()
@@ -63,7 +64,7 @@ def load_networks(run: Run, *, distilled: bool) -> tuple[Autoencoder, Denoiser]:
     """The best autoencoder and denoiser of a run.
 
     Raises:
-        ConfigError: one of them has not been trained.
+        ConfigError: one of them has not been trained, or the forces are of another autoencoder's motion.
     """
     config, layout = run.config, run.layout
     autoencoder = load_autoencoder(run)
@@ -77,16 +78,16 @@ def export(run: Run, folder: Path, *, distilled: bool, body: Body | None = None,
 
     Args:
         run: trained.
-        folder: of the bundle; made anew.
-        distilled: whether the student of the distillation is exported, else the diffusion model.
-        body: size and mass of the human, whose proportions are those of the set; None for one of mean size.
-        description: for people.
+        folder: of the bundle; an existing bundle there is overwritten.
+        distilled: True exports the student of the distillation, False the diffusion model.
+        body: size and mass of the human, with the proportions of the set; None for the default.
+        description: for the manifest and the model card.
 
     Raises:
-        ConfigError: a stage has not been trained, or the folder holds other things.
+        ConfigError: a stage has not been trained, or the folder is not empty and no bundle.
     """
     if folder.exists() and any(folder.iterdir()) and not (folder / "manifest.json").is_file():
-        raise ConfigError(f"{folder}: is not empty, and no bundle")
+        raise ConfigError(f"{folder}: is not empty and not a bundle")
     folder.mkdir(parents=True, exist_ok=True)
     autoencoder, denoiser = load_networks(run, distilled=distilled)
     store, config, layout = run.store(), run.config, run.layout
@@ -126,6 +127,7 @@ def export(run: Run, folder: Path, *, distilled: bool, body: Body | None = None,
         guidance=diffusion.guidance,
         velocity=diffusion.velocity,
         body=BodySize(height=body.height, mass=body.mass, sex=body.sex, segments=asdict(body.segments)),
+        corrections=config.corrections,
         licence="; ".join(store.licences) or UNKNOWN_LICENCE,
         versions={name: version(name) for name in LIBRARIES},
     )
@@ -134,30 +136,31 @@ def export(run: Run, folder: Path, *, distilled: bool, body: Body | None = None,
     names = ["autoencoder", "diffusion", *(["distill"] if distilled else [])]
     if is_trained(run.stage("forces")):
         names.append("forces")
-    made = Making(config.name, hours, len(training), run.seed, {name: trained(run.stage(name)) for name in names})
+    records = {name: training_record(run.stage(name)) for name in names}
+    made = Making(config.name, hours, len(training), run.seed, records)
     write_card(folder, manifest, made)
     return write_bundle(folder, manifest, _arrays(run, store, layout, diffusion.steps))
 
 
 def _arrays(run: Run, store: FeatureStore, layout: Layout, steps: int) -> dict[str, np.ndarray]:
     encode = SentenceEncoder(run.stage("text"))
-    said = [(kind, wording) for kind in kinds() for wording in wordings(kind)]
+    prompts = [(kind, wording) for kind in kinds() for wording in wordings(kind)]
     personal = [(PERSONAL_KIND, wording) for wording in run.personal_wordings()]
-    said += personal
+    prompts += personal
     return {
         **asdict(store.statistics),
         "kept": NoiseSchedule(steps).kept.numpy(),
         "rest": standing_features(store, run),
-        "prompt_kinds": np.array([kind for kind, _ in said]),
-        "prompt_embeddings": np.stack([encode(wording) for _, wording in said]).astype(np.float16),
-        **learn_to_listen(encode, [*sayings(), *personal]),
+        "prompt_kinds": np.array([kind for kind, _ in prompts]),
+        "prompt_embeddings": np.stack([encode(wording) for _, wording in prompts]).astype(np.float16),
+        **fit_listener(encode, [*sayings(), *personal]),
     }
 
 
 def with_proportions(body: Body, store: FeatureStore) -> Body:
-    """A human of this size with the median proportions of those in a store, each counted by its frames.
+    """A human of this size with the median proportions of a store's humans, weighted by their frames.
 
-    Another human's angles would put its feet above or below the floor.
+    With other proportions the same joint angles would put the feet above or below the floor.
     """
     clips = [clip for clip in store.clips if clip.split == "train"]
     seconds = np.maximum(np.array([clip.frames for clip in clips]) // round(store.layout.fps), 1)
@@ -171,7 +174,7 @@ def with_proportions(body: Body, store: FeatureStore) -> Body:
 
 
 def standing_features(store: FeatureStore, run: Run) -> np.ndarray:
-    """A human who stands still, arms hanging, not normalised, (H, F): the most middling stretch of many."""
+    """Features of a human who stands still, arms hanging, not normalised, (H, F): the stretch nearest to the median."""
     window = run.config.window.model_copy(update={"history": 0, "future": max(run.config.window.history, 1)})
     windows = WindowSet(store, window, "train").draw((run.seed, 41), 4096)
     features = store.statistics.restore(windows.future.numpy())

@@ -1,4 +1,4 @@
-"""Networks to ONNX files."""
+"""Writes networks as ONNX files."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ def export_network(
     Args:
         network: in evaluation mode.
         path: of the file.
-        inputs: example for each input, in the order of the network's arguments.
+        inputs: example of each input, in the order of the network's arguments.
         outputs: names of the results.
-        dynamic: input -> axis -> name, of the axes whose length may change.
+        dynamic: input -> axis -> name of the axes of variable length.
     """
     shapes = None
     if dynamic is not None:

@@ -23,13 +23,23 @@ from flexmotion.features.statistics import Statistics
 from flexmotion.human.body import Body, Segments
 from flexmotion.human.resample import resample
 from flexmotion.human.signals import resample_signal, same_rate
+from flexmotion.training.format import FORMAT, UNVERSIONED, check_format
 
 INDEX = "index.json"
 
 
 @dataclass(frozen=True)
 class StoredClip:
-    """A clip in the store: rows, and what the set says of it."""
+    """A clip in the store: its rows, and its description in the set.
+
+    Attributes:
+        name: of the clip.
+        start, frames: first row and number of rows.
+        split: `train` or `validation`.
+        variant: `original` or `mirror`.
+        labels, captions: of its source.
+        body: size and proportions of the human.
+    """
 
     name: str
     start: int
@@ -46,11 +56,23 @@ class FeatureStore:
 
     Args:
         folder: that `build_store` wrote.
+
+    Attributes:
+        layout: of the features.
+        features: half precision, not normalised, memory-mapped, (rows, F).
+        branches: sign of the cosine of each ball joint's second angle, (rows, 6).
+        good: frames whose motion the ground reaction explains, (rows,).
+        statistics: mean and standard deviation of the training clips' features.
+
+    Raises:
+        ConfigError: its format is too old or too new.
     """
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         index = json.loads((folder / INDEX).read_text(encoding="utf-8"))
+        advice = "remove the folder and name the training set again"
+        check_format(index.get("format"), folder / INDEX, oldest=UNVERSIONED, advice=advice)
         self.layout = Layout(index["fps"], index["muscles"])
         self._clips = index["clips"]
         self.features: np.ndarray = np.load(folder / "features.npy", mmap_mode="r")
@@ -69,16 +91,20 @@ class FeatureStore:
 
     @cached_property
     def licences(self) -> tuple[str, ...]:
-        """Of the collections in it."""
+        """Licences of the collections in it."""
         return tuple(json.loads((self.folder / INDEX).read_text(encoding="utf-8"))["licences"])
 
 
 def build_store(
     source: MotionSet, layout: Layout, folder: Path, progress: Callable[[float], None] = lambda done: None
 ) -> FeatureStore:
-    """Compute the features of a set, or open them where they have been computed from the same set and layout.
+    """Compute the features of a set, or open those already computed from the same set and layout.
 
-    Statistics are those of the clips for training.
+    Args:
+        source: set of clips.
+        layout: of the features.
+        folder: of the store.
+        progress: called with the share done, 0 to 1.
 
     Raises:
         MotionFormatError: the set lacks a field, or muscles that the layout has.
@@ -119,6 +145,7 @@ def build_store(
     statistics = Statistics.of(_training_sample(features, clips), layout)
     np.savez(folder / "statistics.npz", mean=statistics.mean, spread=statistics.spread)
     content = {
+        "format": FORMAT,
         "key": key,
         "fps": layout.fps,
         "muscles": layout.muscles,
@@ -148,14 +175,14 @@ def _of_clip(source: MotionSet, clip: SetClip, layout: Layout) -> tuple[np.ndarr
 
 
 def _frames(clip: SetClip, fps: float) -> int:
-    """Frames of a clip at another rate, as `resample` makes them."""
+    """Number of frames of a clip at another rate, as `resample` gives."""
     if same_rate(clip.fps, fps):
         return clip.frames
     return len(resample_signal(np.zeros(clip.frames), clip.fps, fps))
 
 
 def _training_sample(features: np.ndarray, clips: list[dict[str, Any]]) -> np.ndarray:
-    """Every fourth frame of the clips for training."""
+    """Every fourth frame of the training clips."""
     return np.concatenate([np.asarray(part, np.float32) for part in _parts(features, clips)])
 
 

@@ -1,4 +1,4 @@
-"""Networks half as large on disk: weights in half precision, cast back when the network is opened."""
+"""Weights of ONNX networks in half precision, which halves the files."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ import onnx
 from onnx import TensorProto, helper, numpy_helper
 
 LEAST = 4096
-"""Only weights of at least so many numbers are worth it."""
+"""Least number of elements of a weight that is stored in half precision."""
 
 
 def halve_weights(path: Path) -> None:
-    """Store large weights as float16, in place; arithmetic stays float32.
+    """Store large weights as float16, in place; the arithmetic stays float32.
 
-    onnxruntime folds the casts when it opens the network, so that sampling costs the same.
+    onnxruntime folds the casts when it opens the network, so sampling costs the same.
     """
     model = onnx.load(str(path))
     graph = model.graph

@@ -1,4 +1,4 @@
-"""`HumanTensors`: the constants of many human models at once, for kinematics and dynamics in torch."""
+"""`HumanTensors`: constants of many human models, for kinematics and dynamics in torch."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ PARENTS = _tree()
 
 BALL_SEGMENTS = tuple(_moved_by(ball[0]) for ball in BALLS)
 HINGE_SEGMENTS = tuple(_moved_by(hinge) for hinge in HINGES)
-"""Segment that each ball, each hinge moves."""
+"""Segment that each ball joint moves, and each hinge."""
 
 HINGE_AXES = np.array(
     [np.abs(AXES[name[:-2]]) * sign(name) for name in HINGES],
@@ -49,7 +49,7 @@ ANKLES = tuple(SEGMENTS.index(f"talus_{side}") for side in ("l", "r"))
 
 
 def _carried() -> np.ndarray:
-    """Which segments each joint carries, (26, 21), 1 or 0."""
+    """Segments that each joint carries, (26, 21), 1 or 0."""
     carries = np.zeros((len(JOINTS), len(SEGMENTS)))
     for row, moved in enumerate(JOINT_SEGMENTS):
         for number in range(len(SEGMENTS)):
@@ -75,7 +75,7 @@ class HumanTensors:
         inertia: principal moments about it, along the segment's axes, (N, S, 3) [kg·m²].
         point: of `layout.POINTS` in their segments, (N, P, 3) [m].
         leg: (N,) [m].
-        strength: torque of the muscles over that of the muscle models', (N,).
+        strength: ratio of muscle torques to those of the muscle models, (N,).
     """
 
     offset: Tensor
@@ -89,14 +89,14 @@ class HumanTensors:
 
     @classmethod
     def of(cls, bodies: Sequence[Body], dtype: torch.dtype = torch.float32) -> HumanTensors:
-        """Of these humans."""
+        """Constants of these humans."""
         constants = {body: _constants(body) for body in dict.fromkeys(bodies)}
         rows = [constants[body] for body in bodies]
         names = [item.name for item in fields(cls)]
         return cls(**{name: torch.tensor(np.stack([row[name] for row in rows]), dtype=dtype) for name in names})
 
     def __getitem__(self, index: Tensor) -> HumanTensors:
-        """Of some of the humans, in any order."""
+        """Constants of some of the humans, in any order."""
         return HumanTensors(**{item.name: getattr(self, item.name)[index] for item in fields(self)})
 
     def to(self, device: torch.device) -> HumanTensors:
@@ -110,7 +110,7 @@ def _point_segments() -> tuple[int, ...]:
 
 
 POINT_SEGMENTS = _point_segments()
-"""Segment that each point of `layout.POINTS` is fixed to."""
+"""Segment to which each point of `layout.POINTS` is fixed."""
 
 
 def _constants(body: Body) -> dict[str, np.ndarray]:

@@ -1,4 +1,4 @@
-"""Differentiable kinematics: features to poses, poses to segments and points in the world."""
+"""Differentiable kinematics: poses from features, segments and points in the world from poses."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ class Pose:
 
     Attributes:
         place: pelvis origin in the world, (N, T, 3) [m].
-        pelvis: its rotation, (N, T, 3, 3).
-        balls: rotations of the joints of three hinges, (N, T, 6, 3, 3).
-        hinges: angles of the others, (N, T, 8) [rad].
+        pelvis: rotation of the pelvis, (N, T, 3, 3).
+        balls: rotations of the ball joints (three hinges each), (N, T, 6, 3, 3).
+        hinges: angles of the single hinges, (N, T, 8) [rad].
     """
 
     place: Tensor
@@ -46,7 +46,7 @@ class Segments:
 
 
 def matrix(columns: Tensor) -> Tensor:
-    """Rotation matrices nearest to two columns (Gram and Schmidt), (..., 6) -> (..., 3, 3)."""
+    """Rotation matrices from two columns by Gram-Schmidt, (..., 6) -> (..., 3, 3)."""
     x = torch.nn.functional.normalize(columns[..., :3], dim=-1, eps=1e-6)
     second = columns[..., 3:]
     y = torch.nn.functional.normalize(second - (x * second).sum(-1, keepdim=True) * x, dim=-1, eps=1e-6)
@@ -64,7 +64,7 @@ def about_z(yaw: Tensor) -> Tensor:
 def path(root: Tensor, fps: float) -> tuple[Tensor, Tensor]:
     """Path on the floor from the block `root`, (N, T, 4): place (N, T, 2) [leg] and yaw (N, T) [rad].
 
-    It begins at the origin, facing x, one frame before the first.
+    The path starts at the origin, facing x, one frame before the first.
     """
     yaw = torch.cumsum(root[..., 2], dim=1) / fps
     before = torch.nn.functional.pad(yaw[:, :-1], (1, 0))
@@ -88,7 +88,7 @@ def pose(features: Tensor, layout: Layout, humans: HumanTensors) -> Pose:
 
 
 def segments(pose: Pose, humans: HumanTensors) -> Segments:
-    """Where every segment is: from the pelvis outwards along the tree."""
+    """Segments in the world, from the pelvis outwards along the tree."""
     hinge = _hinge_matrices(pose.hinges)
     rotations: list[Tensor] = []
     origins: list[Tensor] = []

@@ -1,4 +1,4 @@
-"""The autoencoder's losses, each under its name, not weighted."""
+"""The autoencoder's losses by name, not weighted."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from flexmotion.training.physics import euler_residual
 from flexmotion.training.windows import Windows
 
 CHANGING = ("root", "rotations", "positions")
-"""Blocks whose change from frame to frame must be right."""
+"""Blocks whose change from frame to frame is compared too."""
 
 PHYSICS = ("euler_joints", "euler_root", "muscle_limits", "muscle_torques")
 
 WHOLE = 0.1
-"""Residuals beyond this (body weights) count linearly: jumps and falls must not rule the average."""
+"""Residuals beyond this count linearly, so that jumps and falls do not dominate the mean [body weight]."""
 
 
 @dataclass
@@ -33,8 +33,8 @@ class Reconstruction:
     Args:
         layout: of the features.
         statistics: by which they are normalised.
-        weights: which losses are wanted at all.
-        muscles: torques of the muscles; None where there is no loss of theirs.
+        weights: losses of weight 0 are not computed.
+        muscles: muscle torques; None for no such loss.
     """
 
     layout: Layout
@@ -51,7 +51,7 @@ class Reconstruction:
         return normalised * self._spread.to(normalised.device) + self._mean.to(normalised.device)
 
     def kinematic(self, decoded: Tensor, windows: Windows) -> dict[str, Tensor]:
-        """Errors of blocks, of their change, and of the root's path."""
+        """Errors of blocks (N, W, F), of their change, and of the root's path."""
         blocks, mask = self.layout.blocks, windows.mask
         losses = {}
         for name in self.weights.blocks:
@@ -67,7 +67,7 @@ class Reconstruction:
                 for frames in (decoded, windows.future)
             ]
             offset = decoded.shape[1] - steps[0].shape[1]
-            # Changes from frame to frame are small beside the features themselves.
+            # Changes from frame to frame are small compared with the features.
             losses["change"] = 10 * _mean((steps[0] - steps[1]).square().mean(dim=-1), mask[:, offset:])
         if self.weights.path:
             root = blocks["root"]
@@ -79,9 +79,14 @@ class Reconstruction:
         return losses
 
     def physical(self, decoded: Tensor, windows: Windows, humans: HumanTensors) -> dict[str, Tensor]:
-        """Points by forward kinematics and residuals of the equations of motion, of N windows with their histories.
+        """Errors of points by forward kinematics, and residuals of the equations of motion, of N windows.
 
-        The equations of motion are those of the decoded frames, but for `EDGE` at either end.
+        The residuals are of the decoded frames, without `EDGE` frames at either end.
+
+        Args:
+            decoded: futures, normalised, (N, W, F).
+            windows: the true ones.
+            humans: of the windows, N of them.
         """
         weights, losses = self.weights, {}
         true = self.restore(torch.cat([windows.history, windows.future], dim=1))
@@ -94,8 +99,8 @@ class Reconstruction:
             error = (found - expected)[:, past:] / humans.leg[:, None, None, None]
             losses["points"] = 100 * _mean(error.square().sum(dim=-1).mean(dim=-1), windows.mask)
         if weights.euler_joints or weights.euler_root:
-            # Heights in the store are rounded to half precision: differentiated twice, a history's are noise of 6 % of
-            # body weight, which nothing that is decoded can answer for.
+            # Heights in the store have half precision: differentiated twice, those of a history are noise of 6 % of
+            # body weight, so histories are left out.
             residual = euler_residual(whole[:, past:], self.layout, humans, windows.branches[:, past:])
             good = windows.good[:, past + EDGE : -EDGE or None]
             for name, value in (("euler_joints", residual.joints), ("euler_root", residual.root)):
@@ -108,7 +113,7 @@ class Reconstruction:
         return losses
 
     def muscular(self, decoded: Tensor) -> dict[str, Tensor]:
-        """By how much activations leave [0, 1]."""
+        """Mean square distance of activations from [0, 1]."""
         if not self.weights.muscle_limits or ACTIVATIONS not in self.layout.blocks:
             return {}
         activations = self.restore(decoded)[..., self.layout.blocks[ACTIVATIONS]]
@@ -117,7 +122,7 @@ class Reconstruction:
 
 
 def weighted(losses: dict[str, Tensor], weights: LossWeights, physics: float = 1.0) -> Tensor:
-    """Their weighted sum, those of physics times `physics`."""
+    """Weighted sum of losses; those of physics are multiplied by `physics`."""
     total = torch.zeros(())
     for name, value in losses.items():
         weight = weights.blocks[name] if name in weights.blocks else getattr(weights, name)
@@ -126,11 +131,15 @@ def weighted(losses: dict[str, Tensor], weights: LossWeights, physics: float = 1
 
 
 def divergence(mean: Tensor, spread: Tensor) -> Tensor:
-    """Kullback and Leibler's divergence from a standard normal, per latent number."""
+    """Kullback-Leibler divergence from a standard normal, per element of the latent.
+
+    Args:
+        mean, spread: mean and logarithm of the variance, (N, latent).
+    """
     return 0.5 * (mean.square() + spread.exp() - 1.0 - spread).mean()
 
 
 def _mean(value: Tensor, mask: Tensor) -> Tensor:
-    """Mean over the frames that count."""
+    """Mean over the frames of the mask."""
     share = mask.to(value.dtype)
     return (value * share).sum() / share.sum().clamp(min=1.0)

@@ -1,8 +1,8 @@
-"""Differentiable torques of the muscles: polynomials of joint angles and speeds, fitted to the muscle models.
+"""Differentiable muscle torques: polynomials of joint angles and speeds, fitted to the muscle models.
 
-The torque that a muscle makes at a joint is its moment arm times gain times activation, plus a passive part; arms and
-gains are smooth functions of the pose (polynomials of them: Sartori et al., J. Biomech. 45(3), 2012). The polynomials
-are of third order in the angles and second in the speeds.
+The torque of a muscle at a joint is moment arm times gain times activation, plus a passive part. Moment arms and gains
+are smooth functions of the pose, fitted by polynomials (Sartori et al., J. Biomech. 45(3), 2012) of third order in the
+angles and second order in the speeds.
 """
 
 from __future__ import annotations
@@ -19,21 +19,22 @@ from flexmotion.biomechanics.muscle_geometry import muscle_models
 from flexmotion.biomechanics.static_optimisation import muscle_moments
 from flexmotion.dataset.compact_set import MotionSet
 from flexmotion.dataset.training_set import SetClip
-from flexmotion.features.encode import GRAVITY
 from flexmotion.features.joint_groups import BALL_COLUMNS, BALL_SIGNS, HINGE_COLUMNS
 from flexmotion.features.layout import ACTIVATIONS, Layout
 from flexmotion.human.skeleton import JOINTS
+from flexmotion.spatial.gravity import GRAVITY
+from flexmotion.training.format import FORMAT, UNVERSIONED, check_format
 from flexmotion.training.human_tensors import HumanTensors
 from flexmotion.training.kinematics import pose
 
-CLIPS = 300
-FRAMES = 40
-"""Frames of each of so many clips to which the polynomials are fitted."""
+CLIPS, FRAMES = 300, 40
+"""The polynomials are fitted to the middle frames of this many clips."""
 
 RIDGE = 1e-4
+"""Penalty of the regression, per frame."""
 
 SPEED = 5.0
-"""Speeds are taken in multiples of this [rad/s], so that all terms are of one size."""
+"""Unit of the speeds, so that all terms are of similar size [rad/s]."""
 
 
 @dataclass(frozen=True)
@@ -41,9 +42,9 @@ class Limb:
     """Polynomials of one muscle model, J joints, M muscles, P terms.
 
     Attributes:
-        columns: joints in the order of `JOINTS`, (J,).
-        active: moment per activation, (P, J, M) [N·m of the model].
-        passive: (P, J).
+        columns: indices of the joints in `JOINTS`, (J,).
+        active: coefficients of the torque at full activation, (P, J, M) [N·m].
+        passive: coefficients of the passive torque, (P, J) [N·m].
     """
 
     columns: np.ndarray
@@ -58,7 +59,7 @@ class MuscleTorques:
     limbs: tuple[Limb, ...]
 
     def residual(self, features: Tensor, layout: Layout, humans: HumanTensors) -> Tensor:
-        """Torque of the muscles less that of the joints, per weight and leg, (N, T - 2, 13).
+        """Muscle torques minus joint torques, per body weight and leg length, (N, T - 2, 13).
 
         Args:
             features: not normalised, (N, T, F).
@@ -76,15 +77,15 @@ class MuscleTorques:
             terms = polynomial(angles[:, 1:-1, columns], speeds[..., columns])
             count = limb.active.shape[2]
             arms = torch.einsum("ntp,pjm->ntjm", terms, limb.active.to(terms.device))
-            made = torch.einsum("ntjm,ntm->ntj", arms, activations[..., start : start + count])
-            made = made + terms @ limb.passive.to(terms.device)
-            found.append(scale * made - torques[..., columns])
+            total = torch.einsum("ntjm,ntm->ntj", arms, activations[..., start : start + count])
+            total = total + terms @ limb.passive.to(terms.device)
+            found.append(scale * total - torques[..., columns])
             start += count
         return torch.cat(found, dim=-1)
 
 
 def joint_angles(features: Tensor, layout: Layout, humans: HumanTensors) -> Tensor:
-    """Angles in the order of `JOINTS`, (N, T, 26) [rad]; of balls those with a second angle within ±90°."""
+    """Joint angles in the order of `JOINTS`, (N, T, 26) [rad]; second angles of ball joints within ±90°."""
     found = pose(features, layout, humans)
     balls = found.balls
     angles = features.new_zeros((*features.shape[:2], len(JOINTS)))
@@ -117,20 +118,31 @@ def polynomial(angles: Tensor, speeds: Tensor) -> Tensor:
 def fit_muscle_torques(source: MotionSet, path: Path, seed: int = 0) -> None:
     """Fit the polynomials to poses of a set and write them.
 
+    Args:
+        source: set of clips.
+        path: of the file.
+        seed: of the choice of clips.
+
     Raises:
         ConfigError: `myo-sim` is not installed.
     """
     clips = list(source.select(split="train"))
     chosen = np.random.default_rng((seed, 71)).permutation(len(clips))[:CLIPS]
-    arrays: dict[str, np.ndarray] = {}
+    arrays: dict[str, np.ndarray] = {"format": np.array(FORMAT)}
     for number, (active, passive) in enumerate(_fitted(source, [clips[at] for at in sorted(chosen)])):
         arrays |= {f"active{number}": active, f"passive{number}": passive}
-    np.savez(path, **arrays)  # type: ignore[arg-type]
+    np.savez(path, allow_pickle=False, **arrays)
 
 
 def load_muscle_torques(path: Path) -> MuscleTorques:
-    """Read what `fit_muscle_torques` wrote."""
+    """Read the file of `fit_muscle_torques`.
+
+    Raises:
+        ConfigError: its format is too old or too new.
+    """
     with np.load(path) as found:
+        version = int(found["format"]) if "format" in found else None
+        check_format(version, path, oldest=UNVERSIONED, advice="remove the file and name the training set again")
         limbs = [
             Limb(
                 np.array([JOINTS.index(name) for name in names]),

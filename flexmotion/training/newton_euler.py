@@ -1,10 +1,10 @@
-"""Differentiable inverse dynamics: Newton and Euler over the tree, with ground reaction at the feet.
+"""Differentiable inverse dynamics: Newton-Euler equations over the tree, with ground reaction at the feet.
 
-For a hinge through o with axis a that carries the segments S, the ground pulling with (f, n) about p at feet F in S:
+For a hinge through o with axis a that carries the segments S, and ground reaction (f, n) about p at the feet F in S:
 
     τ = a · ( Σ_S [ (c - o) x m (c̈ - g) + L̇ ] - Σ_F [ (p - o) x f + n ] )
 
-as `biomechanics.inverse_dynamics` has it in NumPy; only the chain of rotations is sequential.
+as `biomechanics.inverse_dynamics` computes it in NumPy; only the chain of rotations is sequential.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ import torch
 from torch import Tensor
 
 from flexmotion.biomechanics.differentiation import FIRST, HALF, SECOND
-from flexmotion.features.encode import GRAVITY
 from flexmotion.features.joint_groups import BALL_COLUMNS, BALL_SIGNS, HINGE_COLUMNS
 from flexmotion.human.skeleton import JOINTS
+from flexmotion.spatial.gravity import GRAVITY
 from flexmotion.training.differentiation import of_neighbours
 from flexmotion.training.human_tensors import (
     ANKLES,
@@ -35,11 +35,11 @@ from flexmotion.training.kinematics import Segments
 
 @dataclass(frozen=True)
 class Rates:
-    """How segments move.
+    """Rates of change of the segments.
 
     Attributes:
-        acceleration: of their centres of mass, (N, T, 21, 3) [m/s²].
-        angular_momentum_rate: rate of change of their angular momenta about those, (N, T, 21, 3) [N·m].
+        acceleration: of the centres of mass, (N, T, 21, 3) [m/s²].
+        angular_momentum_rate: of the angular momenta about the centres of mass, (N, T, 21, 3) [N·m].
     """
 
     acceleration: Tensor
@@ -47,7 +47,7 @@ class Rates:
 
 
 def angular_momentum(rotation: Tensor, rotation_rate: Tensor, humans: HumanTensors) -> Tensor:
-    """Of each segment about its centre of mass, world axes, (N, T, 21, 3) [N·m·s]."""
+    """Angular momentum of each segment about its centre of mass, world axes, (N, T, 21, 3) [N·m·s]."""
     spin = rotation_rate @ rotation.mT
     omega = 0.5 * torch.stack(
         [
@@ -62,9 +62,12 @@ def angular_momentum(rotation: Tensor, rotation_rate: Tensor, humans: HumanTenso
 
 
 def rates(found: Segments, humans: HumanTensors, fps: float) -> Rates:
-    """By central differences of seven frames; the first and last `HALF` frames are lost, twice those for momenta.
+    """Rates by central differences over seven frames, at the frames `2 * HALF` to T - `2 * HALF`.
 
-    Both results have the frames `2 * HALF` to T - `2 * HALF`.
+    Args:
+        found: segments, (N, T, ...).
+        humans: N of them.
+        fps: frame rate [Hz].
     """
     turning = of_neighbours(found.rotation, FIRST.tolist()) * fps
     momentum = angular_momentum(found.rotation[:, HALF:-HALF], turning, humans)
@@ -77,19 +80,19 @@ def rates(found: Segments, humans: HumanTensors, fps: float) -> Rates:
 def generalised_forces(
     found: Segments, moving: Rates, humans: HumanTensors, wrenches: Tensor, branches: Tensor
 ) -> tuple[Tensor, Tensor]:
-    """What the root would have to be held with, and what the joints do.
+    """Residual wrench on the root, and joint torques.
 
     Args:
         found: segments, (N, T, ...).
-        moving: how they move, at the same frames.
-        humans: whose they are.
+        moving: their rates, at the same frames.
+        humans: N of them.
         wrenches: ground reaction about the ankles, world axes, (N, T, 2, 6) [N, N·m].
-        branches: sign of the cosine of each ball's second angle, (N, T, 6): which of two equal triples of angles
-            is meant.
+        branches: sign of the cosine of each ball joint's second angle, (N, T, 6); it selects one of the two triples
+            of angles of the same rotation.
 
     Returns:
-        Force [N] and moment about the pelvis' origin [N·m] on the root, world axes, (N, T, 6); joint torques in the
-        order of `JOINTS`, (N, T, 26) [N·m].
+        Force [N] and moment about the pelvis' origin [N·m] that the root needs, world axes, (N, T, 6); joint torques in
+        the order of `JOINTS`, (N, T, 26) [N·m].
     """
     gravity = found.com.new_tensor([0.0, 0.0, GRAVITY])
     force = humans.mass[:, None, :, None] * (moving.acceleration + gravity)
@@ -114,10 +117,10 @@ def generalised_forces(
 
 
 def joint_axes(found: Segments, branches: Tensor) -> Tensor:
-    """Axes of all hinges in the world, (N, T, 26, 3).
+    """Axes of all joints in the world, (N, T, 26, 3).
 
-    Of a ball's three axes the first is fixed to the segment above, the last to the one below, and the middle one is
-    square to both.
+    Of a ball joint's three axes the first is fixed to the segment above, the last to the one below, and the middle one
+    is perpendicular to both.
     """
     rotation = found.rotation
     axes = rotation.new_zeros((*rotation.shape[:2], len(JOINTS), 3))

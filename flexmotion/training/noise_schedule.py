@@ -1,38 +1,43 @@
-"""`NoiseSchedule`: how much of a latent is left at each time of the diffusion."""
+"""`NoiseSchedule`: share of a latent that is left at each time of the diffusion."""
 
 from __future__ import annotations
 
-from typing import Any
+import math
+from itertools import pairwise
 
-import numpy as np
 import torch
-from diffusers import DDPMScheduler
 from torch import Tensor
+
+OFFSET, MAX_BETA = 0.008, 0.999
+"""Of the cosine schedule: noise at time 0, and the most that one step may add."""
 
 
 class NoiseSchedule:
-    """The cosine schedule (Nichol and Dhariwal, ICML 2021); time 0 is nearly clean, the last nearly noise.
+    """The cosine schedule (Nichol and Dhariwal, ICML 2021): time 0 is nearly clean, the last nearly noise.
 
     Args:
-        steps: times there are.
+        steps: number of times.
         device: of the table.
+
+    Attributes:
+        kept: share of the latent's variance that is left at each time (ᾱ in the literature), (steps,).
     """
 
     def __init__(self, steps: int, device: torch.device | None = None) -> None:
-        scheduler: Any = DDPMScheduler(num_train_timesteps=steps, beta_schedule="squaredcos_cap_v2")
-        table = np.asarray(scheduler.alphas_cumprod, np.float32)
         self.steps = steps
-        self.kept: Tensor = torch.from_numpy(table).to(device or torch.device("cpu"))
+        left = [math.cos((at / steps + OFFSET) / (1.0 + OFFSET) * math.pi / 2) ** 2 for at in range(steps + 1)]
+        beta = torch.tensor([min(1.0 - after / before, MAX_BETA) for before, after in pairwise(left)])
+        self.kept: Tensor = torch.cumprod(1.0 - beta, dim=0).to(device or torch.device("cpu"))
 
     def add_noise(self, clean: Tensor, noise: Tensor, time: Tensor) -> Tensor:
-        """Latents with noise, (N, L), at times (N,)."""
+        """Noisy latents, (N, L), at times (N,)."""
         kept = self.kept[time][:, None]
         return kept.sqrt() * clean + (1 - kept).sqrt() * noise
 
     def step(self, noisy: Tensor, clean: Tensor, time: Tensor, earlier: Tensor) -> Tensor:
-        """One step of DDIM without fresh noise (Song et al., ICLR 2021) from `time` to `earlier`, (N,) each.
+        """One deterministic step of DDIM (Song et al., ICLR 2021) from `time` to `earlier`, (N,) each.
 
-        `clean` is what the network takes `noisy` for; an `earlier` below 0 is clean.
+        `clean` is the network's estimate from `noisy`; at an `earlier` below 0 the result is clean.
         """
         kept = self.kept[time][:, None]
         target = torch.where(earlier[:, None] < 0, torch.ones_like(kept), self.kept[earlier.clamp(min=0)][:, None])

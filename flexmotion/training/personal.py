@@ -1,8 +1,8 @@
-"""Personalisation: a trained model learns how one person moves, and keeps what it knew.
+"""Personalisation: fine-tunes a trained model on one person's clips.
 
-Half of every step's loss is of the person's clips, told with the person's name, and half of the clips that the model
-was trained on, told as before (prior preservation: Ruiz et al., DreamBooth, CVPR 2023). Autoencoder, statistics and
-sentence encoder stay as they are.
+Half of every step's loss is of the person's clips, whose sentences name the person, and half of the clips that the
+model was trained on (prior preservation: Ruiz et al., DreamBooth, CVPR 2023). Autoencoder, statistics and sentence
+encoder are not changed.
 """
 
 from __future__ import annotations
@@ -19,20 +19,20 @@ from flexmotion.configs.errors import ConfigError
 from flexmotion.dataset.compact_set import open_set
 from flexmotion.text.sentence_encoder import NETWORK, SentenceEncoder
 from flexmotion.training.autoencoder_task import load_autoencoder
+from flexmotion.training.checkpoints import BEST, is_trained, load_weights
 from flexmotion.training.diffusion_task import DiffusionTask
 from flexmotion.training.feature_store import build_store
 from flexmotion.training.processes import Processes
 from flexmotion.training.run import CONFIG, PERSONAL, Run
-from flexmotion.training.stage import BEST, is_trained, load_weights
 
 
 class PersonalTask:
-    """See `stage.Task`.
+    """Fine-tuning of the denoiser; see `stage.Task`.
 
     Args:
-        base: diffusion of the trained model, on its own set.
-        person: the same network on the person's clips.
-        prior: share of the loss that is of the model's own set.
+        base: diffusion of the trained model, on its training set.
+        person: the same on the person's clips; gets the network of `base`.
+        prior: weight of the training set's loss, 0 to 1; the rest is the person's.
     """
 
     def __init__(self, base: DiffusionTask, person: DiffusionTask, prior: float = 0.5) -> None:
@@ -51,18 +51,18 @@ class PersonalTask:
         return self._prior * kept + (1 - self._prior) * learnt, {"kept": kept, "learnt": learnt}
 
     def validate(self) -> dict[str, float]:
-        """Losses on what is to be kept and on what is to be learnt."""
+        """Losses on the training set (`kept`) and on the person's clips (`learnt`)."""
         kept, learnt = self._base.validate()["loss"], self._person.validate()["loss"]
         return {"loss": self._prior * kept + (1 - self._prior) * learnt, "kept": kept, "learnt": learnt}
 
 
 def personal_run(trained: Run, out: Path, manner: str) -> Run:
-    """A new run that begins as a trained one.
+    """Make a new run with the stages of a trained one that personalisation keeps.
 
     Args:
         trained: with autoencoder, text and diffusion.
-        out: folder of the new run.
-        manner: what is said behind every sentence, as "like Ada".
+        out: folder of the new run; an existing run there is resumed.
+        manner: words appended to every sentence, such as "like Ada".
 
     Raises:
         ConfigError: a stage of the trained run is missing.
@@ -78,7 +78,7 @@ def personal_run(trained: Run, out: Path, manner: str) -> Run:
             if is_trained(trained.stage(stage)):
                 (out / stage).mkdir()
                 copyfile(trained.stage(stage) / BEST, out / stage / BEST)
-        # As large as the set itself, and not changed: linked, not copied.
+        # As large as the set, and only read: linked, not copied.
         (out / "features").symlink_to((trained.folder / "features").resolve(), target_is_directory=True)
     (out / PERSONAL).write_text(json.dumps([manner, f"move {manner}", f"walk {manner}"]), encoding="utf-8")
     return Run(out)
@@ -91,19 +91,19 @@ def personal_task(
 
     Args:
         run: made by `personal_run`.
-        trained: what it begins from.
-        data: set of the person's clips, of `data build`.
+        trained: run whose denoiser is fine-tuned.
+        data: set of the person's clips, made by `data build`.
         manner: as in `personal_run`.
-        progress: of computing the clips' features.
+        progress: called with the share of the features computed, 0 to 1.
     """
     autoencoder = load_autoencoder(run)
     encode, processes = SentenceEncoder(run.stage("text")), Processes()
     base_store = run.store()
     store = build_store(open_set(data), run.layout, run.folder / "person", progress)
-    # The networks know features by the spread of the set that they were trained on.
+    # The networks were trained on features normalised by the statistics of their own set.
     store.statistics = base_store.statistics
     base = DiffusionTask(run.config, base_store, autoencoder, encode, run.seed, processes)
-    # A few clips are too few to hold some out.
+    # A few clips may have none in the validation split.
     held_out = "validation" if any(clip.split == "validation" for clip in store.clips) else "train"
     person = DiffusionTask(run.config, store, autoencoder, encode, run.seed, processes, manner, held_out)
     load_weights(base.network, trained.stage("diffusion"))

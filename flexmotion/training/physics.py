@@ -1,7 +1,7 @@
-"""The Euler-Lagrange loss: decoded torques and ground forces against what the decoded motion takes.
+"""The Euler-Lagrange loss: decoded torques and ground forces against those that the decoded motion needs.
 
-Its gradient goes to torques and forces alone. Through two differentiations of the motion it is far steeper: trained so,
-motion jerked by a quarter more, and the residual was larger than without the loss.
+Its gradient reaches torques and forces alone. The gradient through two differentiations of the motion is much larger:
+trained with it, motions had 25 % more jerk, and the residual was larger than without the loss.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ import torch
 from torch import Tensor
 
 from flexmotion.biomechanics.differentiation import EDGE
-from flexmotion.features.encode import GRAVITY
 from flexmotion.features.layout import Layout
+from flexmotion.spatial.gravity import GRAVITY
 from flexmotion.training.human_tensors import HumanTensors
 from flexmotion.training.kinematics import Segments, about_z, path, pose, segments
 from flexmotion.training.newton_euler import generalised_forces, rates
@@ -21,9 +21,11 @@ from flexmotion.training.newton_euler import generalised_forces, rates
 
 @dataclass(frozen=True)
 class EulerResidual:
-    """What the equations of motion leave, per body weight (and leg): root (N, T, 6), joints (N, T, 26).
+    """Residual of the equations of motion at the frames `EDGE` to T - `EDGE`.
 
-    Frames `EDGE` to the last but `EDGE`.
+    Attributes:
+        root: forces per body weight, moments per body weight and leg length, (N, T - 2 EDGE, 6).
+        joints: torques per body weight and leg length, (N, T - 2 EDGE, 26).
     """
 
     root: Tensor
@@ -31,7 +33,7 @@ class EulerResidual:
 
 
 def euler_residual(features: Tensor, layout: Layout, humans: HumanTensors, branches: Tensor) -> EulerResidual:
-    """Residual of features that are not normalised, (N, T, F); `branches` as in `newton_euler.generalised_forces`."""
+    """Residual of features (N, T, F), not normalised; `branches` as in `newton_euler.generalised_forces`."""
     weight = humans.mass.sum(dim=1) * GRAVITY
     motion = features.detach()
     here = segments(pose(motion, layout, humans), humans)
@@ -48,7 +50,15 @@ def euler_residual(features: Tensor, layout: Layout, humans: HumanTensors, branc
 
 
 def world_wrenches(features: Tensor, yaw: Tensor, layout: Layout, weight: Tensor, leg: Tensor) -> Tensor:
-    """Ground reaction about the ankles in the world, (N, T, 2, 6) [N, N·m], of bodies that face `yaw`, (N, T) [rad]."""
+    """Ground reaction about the ankles, world axes, (N, T, 2, 6) [N, N·m].
+
+    Args:
+        features: not normalised, (N, T, F); their wrenches are in the frame of the heading.
+        yaw: heading, (N, T) [rad].
+        layout: of the features.
+        weight: body weights, (N,) [N].
+        leg: leg lengths, (N,) [m].
+    """
     parts = features[..., layout.blocks["wrenches"]].unflatten(-1, (2, 2, 3))
     turned = torch.einsum("ntij,ntfkj->ntfki", about_z(yaw), parts)
     scale = torch.stack([weight, weight * leg], dim=-1)[:, None, None, :, None]

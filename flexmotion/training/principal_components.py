@@ -9,24 +9,24 @@ from torch import Tensor
 
 from flexmotion.configs.model import LossWeights
 from flexmotion.features.layout import ACTIVATIONS, KINEMATIC, Layout
-from flexmotion.training.windows import WindowSet
+from flexmotion.training.window_set import WindowSet
 
 WINDOWS, WINDOWS_EACH = 8192, 64
-"""So many windows of the training split are looked at, or so many for each component where that is less."""
+"""Windows of the training split that are decomposed; at most this many per component."""
 
 CHUNK = 512
 
 ITERATIONS = 4
-"""Of the randomised decomposition (Halko et al., SIAM Review 53(2), 2011; `torch.svd_lowrank`)."""
+"""Iterations of the randomised decomposition (Halko et al., SIAM Review 53(2), 2011; `torch.svd_lowrank`)."""
 
 
 @dataclass(frozen=True)
 class Components:
-    """Linear maps between a window's difference from the last known frame and L uncorrelated numbers of unit spread.
+    """Linear maps between a window's difference from the last known frame and L uncorrelated numbers of unit variance.
 
     Attributes:
-        read, read_bias: from the kinematic blocks, (L, W * K) and (L,).
-        write, write_bias: to all features but the muscle activations, (W * G, L) and (W * G,).
+        read, read_bias: map from the kinematic blocks, (L, W * K) and (L,).
+        write, write_bias: map to all features but the muscle activations, (W * G, L) and (W * G,).
     """
 
     read: Tensor
@@ -42,7 +42,7 @@ def kinematic_columns(layout: Layout) -> Tensor:
 
 
 def straight_columns(layout: Layout) -> Tensor:
-    """Columns that are written from a latent, (G,): all but the muscle activations, which are many and not linear."""
+    """Columns that are decoded linearly, (G,): all but the muscle activations, which are many and not linear."""
     blocks = layout.blocks
     return torch.cat([torch.arange(blocks[name].start, blocks[name].stop) for name in blocks if name != ACTIVATIONS])
 
@@ -50,17 +50,17 @@ def straight_columns(layout: Layout) -> Tensor:
 def principal_components(
     windows: WindowSet, layout: Layout, weights: LossWeights, latent: int, known: Tensor, seed: int
 ) -> Components:
-    """The components that lose least of the kinematic blocks by the weights of the loss.
+    """Principal components of the kinematic blocks, weighted as in the loss.
 
-    Torques and forces are written from them by linear regression.
+    Torques and forces are decoded from them by linear regression.
 
     Args:
         windows: of the training split.
         layout: of their features.
-        weights: of the blocks; a block counts as a whole, however many columns it has.
+        weights: of the blocks; a block's weight is shared by its columns.
         latent: L, how many components.
         known: 1 for features that are decoded as differences from the last known frame, else 0, (F,).
-        seed: of the windows that are looked at.
+        seed: of the draws.
     """
     columns, straight = kinematic_columns(layout), straight_columns(layout)
     scale = torch.cat(
@@ -79,7 +79,7 @@ def principal_components(
     seen -= mean
     torch.manual_seed(seed)
     left, spread, right = torch.svd_lowrank(seen, q=min(latent, *seen.shape), niter=ITERATIONS)
-    numbers = left * len(seen) ** 0.5  # of unit spread
+    numbers = left * len(seen) ** 0.5  # of unit variance
     weight = right / spread.clamp(min=1e-6 * float(spread[0])) * len(seen) ** 0.5
     total, product = torch.zeros(()), torch.zeros(())
     for number in chunks:

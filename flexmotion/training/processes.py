@@ -1,19 +1,24 @@
-"""`Processes`: the one process of a training, or those that `torchrun` started, one a GPU."""
+"""`Processes`: the one process of a training, or those that `torchrun` started, one per GPU."""
 
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 
 import torch
-from torch import nn
+from torch import Tensor, nn
+from torch.nn.parallel import DistributedDataParallel
+
+Losses = Callable[[int], tuple[Tensor, dict[str, Tensor]]]
+"""Step to the loss of its batch and the named parts of that loss."""
 
 
 class Processes:
-    """Device, rank and what the processes do together.
+    """Device and rank of this process, and what all processes do together.
 
     Attributes:
-        rank, count: of this process, and how many there are.
+        rank, count: rank of this process, number of processes.
         device: GPU of this process, else the CPU.
     """
 
@@ -22,6 +27,8 @@ class Processes:
         cuda = torch.cuda.is_available()
         self.device = torch.device("cuda", int(os.environ.get("LOCAL_RANK", 0))) if cuda else torch.device("cpu")
         if self.count > 1 and not torch.distributed.is_initialized():
+            if cuda:
+                torch.cuda.set_device(self.device)
             torch.distributed.init_process_group("nccl" if cuda else "gloo")
 
     @property
@@ -30,30 +37,42 @@ class Processes:
         return self.rank == 0
 
     def mixed_precision(self) -> AbstractContextManager[object]:
-        """bfloat16 where a GPU does the work."""
+        """Autocast to bfloat16 on a GPU; no change on a CPU."""
         return torch.autocast("cuda", torch.bfloat16) if self.device.type == "cuda" else nullcontext()
 
     def any(self, here: bool) -> bool:
-        """Whether something is so in any of the processes: all must stop at the same step."""
+        """Whether `here` is true in any process: all processes must stop at the same step."""
         if self.count == 1:
             return here
         flag = torch.tensor(float(here), device=self.device)
         torch.distributed.all_reduce(flag)
         return float(flag) > 0
 
-    def average_gradients(self, network: nn.Module) -> None:
-        """The mean of all processes' gradients, in place."""
+    def synchronised(self, network: nn.Module, losses: Losses) -> Losses:
+        """Losses whose backward pass leaves the mean of all processes' gradients in the network's parameters.
+
+        Args:
+            network: whose parameters are trained; gets the weights of the first process.
+            losses: of this process' batches.
+        """
         if self.count == 1:
-            return
-        gradients = [parameter.grad for parameter in network.parameters() if parameter.grad is not None]
-        # One message: on a CPU a hundred small ones take longer than what they carry.
-        together = torch.cat([gradient.flatten() for gradient in gradients])
-        torch.distributed.all_reduce(together)
-        together /= self.count
-        for gradient, mean in zip(gradients, together.split([g.numel() for g in gradients]), strict=True):
-            gradient.copy_(mean.view_as(gradient))
+            return losses
+        # Buffers are constants, so only parameters are synchronised.
+        return DistributedDataParallel(_Forward(network, losses), broadcast_buffers=False)
+
+
+class _Forward(nn.Module):
+    """Losses as a forward pass: `DistributedDataParallel` hooks into the backward pass of a module's forward."""
+
+    def __init__(self, network: nn.Module, losses: Losses) -> None:
+        super().__init__()
+        self.network = network
+        self._losses = losses
+
+    def forward(self, step: int) -> tuple[Tensor, dict[str, Tensor]]:
+        return self._losses(step)
 
 
 def use_threads(count: int) -> None:
-    """How many threads of the CPU the networks run on."""
+    """Set the number of CPU threads of the networks."""
     torch.set_num_threads(count)

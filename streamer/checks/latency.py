@@ -158,7 +158,7 @@ def measure(
         robot, driver, source, settings, stay=True, realtime=realtime, wake=wake, kept_s=longest + _MARGIN_S
     )
     switcher = _Switcher(session, intents, seconds, switches, seed, progress, request)
-    session.request = switcher.next
+    session.next_request = switcher.next
     before, witness = _stolen_ms(), Witness()
     with hogs(load), witness if realtime else contextlib.nullcontext():
         record = session.run("real")

@@ -9,19 +9,8 @@ from typing import Annotated
 import typer
 
 from flexmotion.streamer.commands.exit_codes import CHECK_FAILED, INTERRUPTED
-from flexmotion.streamer.commands.options import (
-    BundleOption,
-    ClipOption,
-    JsonOption,
-    MappingOption,
-    PromptOption,
-    RealtimeOption,
-    ReportOption,
-    RobotOption,
-    ScriptOption,
-    SeedOption,
-    SettingsOption,
-)
+from flexmotion.streamer.commands.option_groups import CheckOptions, MotionOptions, grouped
+from flexmotion.streamer.commands.options import BundleOption, MappingOption, RealtimeOption, RobotOption, SeedOption
 from flexmotion.streamer.commands.output import print_json, print_note, print_result, progress_bar
 
 check = typer.Typer(no_args_is_help=True)
@@ -33,23 +22,18 @@ def _checks() -> None:
 
 
 @check.command()
+@grouped
 def torque(
-    clip: ClipOption = None,
-    script: ScriptOption = None,
-    prompt: PromptOption = None,
-    bundle: BundleOption = None,
+    *,
     robot: RobotOption = "op3",
-    mapping: MappingOption = None,
+    motion: MotionOptions,
     seconds: Annotated[
         float | None,
         typer.Option(
             "--seconds", "-s", min=0.1, max=1e6, help="Look at no more than this many seconds.", show_default=False
         ),
     ] = None,
-    seed: SeedOption = 0,
-    settings: SettingsOption = None,
-    report: ReportOption = None,
-    as_json: JsonOption = False,
+    options: CheckOptions,
 ) -> None:
     """Check the torque that a motion asks of every servo, peak and thermal, against what the servo has.
 
@@ -67,42 +51,35 @@ def torque(
     from flexmotion.configs.robot import load_robot
     from flexmotion.configs.stream import load_stream
     from flexmotion.streamer.checks.torque_check import check_trajectory, render_check
-    from flexmotion.streamer.commands.choice import choose_source
     from flexmotion.streamer.planning.offline import retarget_offline
-    from flexmotion.streamer.plots import write_torque
 
     chosen = load_robot(robot)
-    stream_settings = load_stream(settings)
-    source = choose_source(
-        chosen,
-        clip=clip,
-        script=script,
-        prompt=prompt,
-        bundle=bundle,
-        mapping=mapping,
-        blend_frames=stream_settings.blend_frames,
-        seed=seed,
-        seconds=seconds,
-    )
+    settings = load_stream(options.settings)
+    source = motion.source(chosen, settings, seconds)
     for remark in source.remarks:
         print_note(f"note: {remark}")
     with progress_bar(f"{chosen.name} retargets {source.name}") as progress:
-        trajectory = retarget_offline(chosen, source, stream_settings, progress)
+        trajectory = retarget_offline(chosen, source, settings, progress)
     result = check_trajectory(trajectory, chosen, source.name)
-    if as_json:
+    if options.as_json:
         print_json(result.json_text())
     else:
         print_result(render_check(result))
-    if report is not None:
-        report.mkdir(parents=True, exist_ok=True)
-        (report / "torque.json").write_text(result.json_text() + "\n", encoding="utf-8")
-        print_note(f"drawn: {write_torque(report / 'torque.png', trajectory.torque, trajectory.qd, chosen)}")
+    if options.report is not None:
+        from flexmotion.streamer.plots.torque import write_torque
+
+        options.report.mkdir(parents=True, exist_ok=True)
+        (options.report / "torque.json").write_text(result.json_text() + "\n", encoding="utf-8")
+        picture = write_torque(options.report / "torque.png", trajectory.torque, trajectory.qd, chosen)
+        print_note(f"drawn: {picture}")
     if not result.ok:
         raise typer.Exit(CHECK_FAILED)
 
 
 @check.command()
+@grouped
 def latency(
+    *,
     robot: RobotOption = "op3",
     clip: Annotated[
         list[Path] | None,
@@ -117,9 +94,7 @@ def latency(
     realtime: RealtimeOption = True,
     seed: SeedOption = 0,
     mapping: MappingOption = None,
-    settings: SettingsOption = None,
-    report: ReportOption = None,
-    as_json: JsonOption = False,
+    options: CheckOptions,
 ) -> None:
     """Measure on this machine how late the loop wakes and how fast a new target becomes a command.
 
@@ -140,10 +115,9 @@ def latency(
     from flexmotion.streamer.checks.latency_text import render_latency
     from flexmotion.streamer.commands.choice import choose_switched
     from flexmotion.streamer.commands.signals import operator_signals
-    from flexmotion.streamer.plots import write_latency
 
     chosen = load_robot(robot)
-    stream_settings = load_stream(settings)
+    stream_settings = load_stream(options.settings)
     source, intents = choose_switched(chosen, clip or (), bundle, mapping, seed)
     with operator_signals() as signals, progress_bar(f"{chosen.name} answers") as progress:
         result = measure(
@@ -162,14 +136,16 @@ def latency(
             wake=signals.wake,
         )
     text = json.dumps(result.content(), indent=2)
-    if as_json:
+    if options.as_json:
         print_json(text)
     else:
         print_result(render_latency(result))
-    if report is not None:
-        report.mkdir(parents=True, exist_ok=True)
-        (report / "latency.json").write_text(text + "\n", encoding="utf-8")
-        print_note(f"drawn: {write_latency(report / 'latency.png', result)}")
+    if options.report is not None:
+        from flexmotion.streamer.plots.latency import write_latency
+
+        options.report.mkdir(parents=True, exist_ok=True)
+        (options.report / "latency.json").write_text(text + "\n", encoding="utf-8")
+        print_note(f"drawn: {write_latency(options.report / 'latency.png', result)}")
     if signals.interrupted:
         raise typer.Exit(INTERRUPTED)
     if not result.ok:

@@ -9,25 +9,22 @@ from pathlib import Path
 
 import typer
 
-from flexmotion.bundles.bundle import Bundle
 from flexmotion.bundles.shipped import shipped_bundle
 from flexmotion.configs.robot import Robot
 from flexmotion.human.motion import Motion
 from flexmotion.human.resample import resample
 from flexmotion.importers import load
 from flexmotion.sampling.sampler import Sampler
+from flexmotion.streamer import api
 from flexmotion.streamer.checks.latency import shipped_clips, switched
-from flexmotion.streamer.motion.intents import Clip, Intent, Stop, Text
-from flexmotion.streamer.motion.model_source import ModelSource
-from flexmotion.streamer.motion.robot_pace import human_pace
+from flexmotion.streamer.motion.intents import Clip, Intent, Text
 from flexmotion.streamer.motion.script import Item, load_script
-from flexmotion.streamer.motion.sequence import sequence
-from flexmotion.streamer.motion.sources import ClipSource, LiveSource, Performance
+from flexmotion.streamer.motion.sources import LiveSource, Performance
 
 DEFAULT_CLIP = "default.npz"
-"""Shipped in `flexmotion/data`: what is followed when nothing is asked for and there is no model."""
+"""Clip in `flexmotion/data`, followed when nothing is asked for and no model is there."""
 DEFAULT_SCRIPT = "default_script.yaml"
-"""The same where there is one."""
+"""Script in `flexmotion/data`, followed when nothing is asked for and a model is there."""
 SWITCHED_PROMPTS = (
     "wave with the right hand",
     "stand still",
@@ -35,10 +32,10 @@ SWITCHED_PROMPTS = (
     "wave with the left hand",
     "raise the right hand",
 )
-"""What a model is asked for in turn where only its speed matters: who is asked for another gait every half second may
+"""Prompts for a measurement of latency. None of them walks: a gait that changes every half second may make the robot
 fall, and a fall ends the measurement."""
 LAST_S = 10.0
-"""How long the last item of a script, or a prompt, is followed where nobody says how long [s]."""
+"""Length of a prompt, and of the last item of a script, without `--seconds` [s]."""
 
 
 def choose_source(
@@ -54,18 +51,18 @@ def choose_source(
     seconds: float | None = None,
     endless: bool = False,
 ) -> Performance:
-    """What a clip, a script or a prompt asks for, or what is shipped; its name is what the report calls it.
+    """The source that a clip, a script or a prompt asks for, or the shipped one; the report says its name.
 
     Args:
-        robot: that follows it; a model's human waits for it.
+        robot: that follows it; a model's motion is slowed to what the robot can follow.
         bundle: of the model that follows words and velocities; None: the one that comes with the project.
         blend_frames: frames over which a script's clip takes over from the one before.
         seed: of all that a model draws.
-        seconds: follow it so long at most [s].
-        endless: a model goes on as last asked until somebody ends it.
+        seconds: longest that the source is followed [s].
+        endless: a model goes on with its last item until the run is ended.
 
     Raises:
-        typer.BadParameter: options exclude each other, or there is no model for what they ask.
+        typer.BadParameter: options exclude each other, or the model that they need is missing.
         FlexMotionError: a motion file, a script or the bundle cannot be read.
     """
     choices = {"--clip": clip, "--script": script, "--prompt": prompt}
@@ -73,19 +70,18 @@ def choose_source(
     if len(given) > 1:
         raise typer.BadParameter(f"{' and '.join(given)} exclude each other; give one")
     if clip is not None:
-        return _at_most(ClipSource(choose_motion(clip, mapping)), seconds, bundle)
+        return _clips(robot, choose_motion(clip, mapping), clip.name, bundle, seconds)
     if script is not None:
         items, name = load_script(script), f"script:{script.name}"
         if isinstance(items[0].intent, Clip):
-            motion = replace(_clips(items, mapping, blend_frames), source=name)
-            return _at_most(ClipSource(motion), seconds, bundle)
+            return _clips(robot, items, name, bundle, seconds, mapping, blend_frames)
         return _model(robot, items, name, str(script), bundle, seed, seconds, endless)
     if prompt is not None:
         if not prompt.strip():
             raise typer.BadParameter('--prompt is empty: say in words what to do, such as "walk forward"')
         return _model(robot, [Item(0.0, Text(prompt))], f"prompt:{prompt}", "--prompt", bundle, seed, seconds, endless)
     if bundle is None and shipped_bundle() is None:
-        return _at_most(ClipSource(choose_motion()), seconds, None)
+        return _clips(robot, choose_motion(), None, None, seconds)
     with as_file(files("flexmotion") / "data" / DEFAULT_SCRIPT) as path:
         return _model(robot, load_script(path), "model:default", "the default script", bundle, seed, seconds, endless)
 
@@ -93,31 +89,32 @@ def choose_source(
 def choose_motion(clip: Path | None = None, mapping: str | None = None) -> Motion:
     """The motion of a clip, or the shipped one. Raises `FlexMotionError`."""
     if clip is not None:
-        return replace(load(clip, mapping=mapping), source=clip.name)
+        return api.load_motion(clip, mapping)
     with as_file(files("flexmotion") / "data" / DEFAULT_CLIP) as path:
-        return replace(load(path), source="default")
+        return replace(api.load_motion(path), source="default")
 
 
 def open_sampler(bundle: Path | None, asker: str) -> Sampler:
-    """The model of a bundle, or the shipped one, which `asker` needs.
+    """The model of a bundle, or the shipped one.
+
+    Args:
+        asker: option or file that needs the model, for the message.
 
     Raises:
-        typer.BadParameter: none is given and none is shipped.
-        ConfigError: the bundle is none, is damaged, or cannot be run.
+        typer.BadParameter: no bundle is given and none is shipped.
+        ConfigError: the bundle is missing or damaged, or cannot be run.
     """
-    folder = shipped_bundle() if bundle is None else bundle
-    if folder is None:
-        raise typer.BadParameter(f"{asker} needs a model bundle, and this version comes without one; give --bundle DIR")
-    return Sampler(Bundle(folder))
+    _needs_model(bundle, asker)
+    return api.open_sampler(bundle)
 
 
 def choose_switched(
     robot: Robot, clips: Sequence[Path], bundle: Path | None, mapping: str | None, seed: int
 ) -> tuple[LiveSource, tuple[Intent, ...]]:
-    """A source that follows targets, and what it may be asked for: clips, a model's prompts, parts of the shipped clip.
+    """A source that follows targets, and the targets: clips, a model's prompts, or parts of the shipped clip.
 
     Raises:
-        typer.BadParameter: one clip is given, or clips and a bundle.
+        typer.BadParameter: only one clip is given, or clips and a bundle.
         FlexMotionError: a file cannot be read.
     """
     if clips:
@@ -126,16 +123,16 @@ def choose_switched(
     if bundle is None and shipped_bundle() is None:
         return switched(shipped_clips())
     intents = tuple(Text(prompt) for prompt in SWITCHED_PROMPTS)
-    sampler = open_sampler(bundle, "--bundle")
-    pace = human_pace(robot, sampler.body)
-    return ModelSource(sampler, [Item(0.0, intents[0])], "model:prompts", seed, pace=pace), intents
+    source = api.open_source(robot, intents[0], bundle=bundle, name="model:prompts", seed=seed)
+    assert isinstance(source, LiveSource)
+    return source, intents
 
 
 def library_of(files: Sequence[Path], mapping: str | None = None) -> dict[str, Motion]:
     """Clips by file name, all at the first one's frame rate.
 
     Raises:
-        typer.BadParameter: there are fewer than two, or two have one name.
+        typer.BadParameter: there are fewer than two, or two have the same name.
         FlexMotionError: a file cannot be read.
     """
     clips = {file.name: load(file, mapping=mapping) for file in files}
@@ -145,15 +142,22 @@ def library_of(files: Sequence[Path], mapping: str | None = None) -> dict[str, M
     return {name: clip if clip.fps == fps else resample(clip, fps) for name, clip in clips.items()}
 
 
-def _clips(items: Sequence[Item], mapping: str | None, blend_frames: int) -> Motion:
-    clips = [(item.at, load(item.intent.name, mapping=mapping)) for item in items if isinstance(item.intent, Clip)]
-    end = items[-1].at if isinstance(items[-1].intent, Stop) else None
-    return sequence(clips, end, blend_frames)
-
-
-def _at_most(source: ClipSource, seconds: float | None, bundle: Path | None) -> ClipSource:
+def _clips(
+    robot: Robot,
+    followed: Motion | Sequence[Item],
+    name: str | None,
+    bundle: Path | None,
+    seconds: float | None,
+    mapping: str | None = None,
+    blend_frames: int = 8,
+) -> Performance:
     _needs_no_model(bundle)
-    return source if seconds is None or seconds >= source.seconds else source.cut(seconds)
+    return api.open_source(robot, followed, mapping=mapping, blend_frames=blend_frames, name=name, seconds=seconds)
+
+
+def _needs_model(bundle: Path | None, asker: str) -> None:
+    if bundle is None and shipped_bundle() is None:
+        raise typer.BadParameter(f"{asker} needs a model bundle, and this version comes without one; give --bundle DIR")
 
 
 def _needs_no_model(bundle: Path | None) -> None:
@@ -170,8 +174,8 @@ def _model(
     seed: int,
     seconds: float | None,
     endless: bool,
-) -> ModelSource:
+) -> Performance:
     if seconds is None and not endless:
         seconds = items[-1].at + LAST_S
-    sampler = open_sampler(bundle, asker)
-    return ModelSource(sampler, items, name, seed, seconds, human_pace(robot, sampler.body))
+    _needs_model(bundle, asker)
+    return api.open_source(robot, items, bundle=bundle, name=name, seed=seed, seconds=seconds)

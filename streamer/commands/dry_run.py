@@ -6,37 +6,15 @@ from typing import Annotated
 
 import typer
 
-from flexmotion.streamer.commands.options import (
-    BundleOption,
-    ClipOption,
-    Clock,
-    FeedbackOption,
-    JsonOption,
-    LogOption,
-    MappingOption,
-    PromptOption,
-    RealtimeOption,
-    ReplanNoiseOption,
-    ReportOption,
-    RobotOption,
-    ScriptOption,
-    SecondsOption,
-    SeedOption,
-    SettingsOption,
-    ViewOption,
-    ViewPortOption,
-)
+from flexmotion.streamer.commands.option_groups import MotionOptions, RunOptions, grouped
+from flexmotion.streamer.commands.options import Clock, ReplanNoiseOption, RobotOption
 
 
+@grouped
 def dry_run(
+    *,
     robot: RobotOption = "op3",
-    clip: ClipOption = None,
-    script: ScriptOption = None,
-    prompt: PromptOption = None,
-    bundle: BundleOption = None,
-    mapping: MappingOption = None,
-    seconds: SecondsOption = None,
-    seed: SeedOption = 0,
+    motion: MotionOptions,
     clock: Annotated[
         Clock | None,
         typer.Option(
@@ -56,20 +34,13 @@ def dry_run(
         bool, typer.Option("--perturbed", help="The standard mismatch: mass, delay, gains, friction, slope, pushes.")
     ] = False,
     replan_noise: ReplanNoiseOption = 0.0,
-    feedback: FeedbackOption = True,
-    realtime: RealtimeOption = True,
-    settings: SettingsOption = None,
-    report: ReportOption = None,
-    log: LogOption = None,
-    view: ViewOption = False,
-    view_port: ViewPortOption = 8080,
-    as_json: JsonOption = False,
+    run: RunOptions,
 ) -> None:
     """Stream a motion to the simulated robot and report how well it followed.
 
-    With no option what comes with the project: a script of words for its model, or a short clip where it has none. A
-    prompt, and the last item of a script that does not stop, is followed for 10 s where --seconds says nothing else.
-    Exit code 1 when it fell or a limit was passed.
+    With no option the robot follows what comes with the project: a script of words for its model, or a short clip where
+    it has none. A prompt, and the last item of a script that does not stop, is followed for 10 s, or for --seconds.
+    Exit code 1 where the robot fell or a limit was passed.
 
     [bold]Examples[/bold]
 
@@ -88,41 +59,23 @@ def dry_run(
     from flexmotion.streamer.commands.signals import operator_signals
 
     with operator_signals() as signals:
-        from flexmotion.configs.robot import load_robot
         from flexmotion.configs.stream import load_stream
-        from flexmotion.streamer.commands.choice import choose_source
+        from flexmotion.streamer.api import open_driver, open_robot
         from flexmotion.streamer.commands.driver_options import simulation_options
-        from flexmotion.streamer.commands.log_option import log_file
-        from flexmotion.streamer.commands.streaming import RunRequest, present, stream
+        from flexmotion.streamer.commands.streaming import present, stream
+        from flexmotion.streamer.motion.replan_noise import NoisySource
 
-        stream_settings = load_stream(settings)
-        chosen = load_robot(robot)
-        source = choose_source(
-            chosen,
-            clip=clip,
-            script=script,
-            prompt=prompt,
-            bundle=bundle,
-            mapping=mapping,
-            blend_frames=stream_settings.blend_frames,
-            seed=seed,
-            seconds=seconds,
+        settings = load_stream(run.settings)
+        chosen = open_robot(robot)
+        source = motion.source(chosen, settings, run.seconds)
+        options = simulation_options(perturbed, perturb or ())
+        session = run.session(
+            open_driver("sim", chosen, **options, seed=motion.seed),
+            NoisySource(source, replan_noise, motion.seed) if replan_noise else source,
+            settings,
+            clock=clock or ("real" if run.view else "lockstep"),
+            seed=motion.seed,
+            seconds=source.seconds,
         )
-        outcome = stream(
-            RunRequest(
-                robot=chosen,
-                driver="sim",
-                source=source,
-                settings=stream_settings,
-                seed=seed,
-                clock=clock or ("real" if view else "lockstep"),
-                feedback=feedback,
-                realtime=realtime,
-                replan_noise_m=replan_noise,
-                driver_options=simulation_options(perturbed, perturb or ()),
-                log=log_file(log, report),
-                view_port=view_port if view else None,
-            ),
-            signals,
-        )
-    present(outcome, report, as_json)
+        outcome = stream(session, signals)
+    present(outcome, run.report, run.as_json, signals.interrupted)

@@ -1,4 +1,4 @@
-"""`flexmotion evaluate`: bundles against held-out clips."""
+"""`flexmotion evaluate`: metrics of bundles on held-out clips."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ def evaluate(
     training: Annotated[
         Path, typer.Argument(metavar="TRAINING", help="Folder that `train` wrote, evaluator included.")
     ],
-    bundles: Annotated[list[Path], typer.Option("--bundle", "-b", help="Bundle to evaluate; may be given again.")],
-    windows: Annotated[int, typer.Option("--windows", min=64, help="Held-out windows.")] = 1024,
-    steps: Annotated[int | None, typer.Option("--steps", min=1, help="Of the diffusion.", show_default=False)] = None,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Of windows and samples.")] = 0,
+    bundles: Annotated[list[Path], typer.Option("--bundle", "-b", help="Bundle to evaluate; repeatable.")],
+    windows: Annotated[int, typer.Option("--windows", min=64, help="Number of held-out windows.")] = 1024,
+    steps: Annotated[int | None, typer.Option("--steps", min=1, help="Steps of a sample.", show_default=False)] = None,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of windows and samples.")] = 0,
     card: Annotated[bool, typer.Option("--card", help="Write the figures into the cards of the bundles.")] = False,
     as_json: JsonOption = False,
 ) -> None:
@@ -44,12 +44,12 @@ def evaluate(
     samplers: dict[str, Sampler] = {}
     for path in bundles:
         sampler = Sampler(Bundle(path), steps)
-        # By its folder's name: cards are read on other machines.
+        # The folder's name alone: cards are read on other machines.
         name = f"{path.resolve().name}, {sampler.steps} steps"
         samplers[name if name not in samplers else str(path)] = sampler
     bodies = {sampler.body for sampler in samplers.values()}
     if len(bodies) > 1:
-        raise typer.BadParameter("the bundles are for humans of different size; evaluate them one by one")
+        raise typer.BadParameter("the bundles are of humans of different size; evaluate them one by one")
     judge = Judge(Run(training), bodies.pop(), windows, seed)
     generators = {"real": judge.real, "motionless": judge.motionless, "nearest": judge.nearest()}
     generators |= {name: judge.sampled(sampler) for name, sampler in samplers.items()}

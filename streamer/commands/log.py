@@ -49,7 +49,7 @@ def plot(
     from flexmotion.configs.errors import ConfigError
     from flexmotion.streamer.log.judged import Subject
     from flexmotion.streamer.log.reader import read_log
-    from flexmotion.streamer.plots import write_plots
+    from flexmotion.streamer.plots.pictures import write_plots
 
     found = read_log(file)
     if not len(found.rows):

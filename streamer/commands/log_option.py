@@ -1,18 +1,11 @@
-"""Where a run is logged to, and what its log says of it."""
+"""Where a run is logged to."""
 
 from __future__ import annotations
 
 import time
 from pathlib import Path
-from typing import Any
 
 import typer
-
-from flexmotion.configs.robot import Robot, list_robots
-from flexmotion.streamer.log.header import begin_header, robot_files
-from flexmotion.streamer.log.recorder import Recorder
-from flexmotion.streamer.log.source import pack
-from flexmotion.streamer.run.session import Session
 
 LOG_NAME, SUFFIX = "run.mcap", ".mcap"
 
@@ -33,25 +26,3 @@ def log_file(log: Path | None, report: Path | None) -> Path | None:
         return None
     report.mkdir(parents=True, exist_ok=True)
     return report / LOG_NAME
-
-
-def record_to(file: Path, session: Session, robot: Robot, **about: Any) -> Recorder:
-    """Let a session be recorded; `about` are the fields of `LogHeader` that the session does not know.
-
-    Raises:
-        ConfigError: the file cannot be written.
-    """
-    parts, motions = pack(session.source)
-    header = begin_header(
-        robot.name if robot.name in list_robots() else str(robot.folder.resolve()),
-        robot,
-        source_parts=parts,
-        settings=session.settings,
-        seconds=session.seconds,
-        feedback=session.feedback,
-        **about,
-    )
-    files = motions | robot_files(robot)
-    recorder = Recorder(file, header, files, session.telemetry, session.plans, session.targets)
-    session.services += (recorder,)
-    return recorder

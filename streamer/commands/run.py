@@ -6,37 +6,17 @@ from typing import Annotated
 
 import typer
 
-from flexmotion.streamer.commands.options import (
-    BundleOption,
-    ClipOption,
-    Clock,
-    FeedbackOption,
-    JsonOption,
-    LogOption,
-    MappingOption,
-    PromptOption,
-    RealtimeOption,
-    ReportOption,
-    ScriptOption,
-    SecondsOption,
-    SeedOption,
-    SettingsOption,
-    ViewOption,
-    ViewPortOption,
-)
+from flexmotion.streamer.commands.option_groups import MotionOptions, RunOptions, grouped
+from flexmotion.streamer.commands.options import Clock
 
 
+@grouped
 def run(
+    *,
     robot: Annotated[str, typer.Option("--robot", "-r", help="A shipped robot's name or a robot folder.")],
     driver: Annotated[str, typer.Option("--driver", "-d", help="Driver to use (see `flexmotion drivers`).")],
     port: Annotated[str | None, typer.Option("--port", "-p", help="Port of the servo bus.", show_default=False)] = None,
-    clip: ClipOption = None,
-    script: ScriptOption = None,
-    prompt: PromptOption = None,
-    bundle: BundleOption = None,
-    mapping: MappingOption = None,
-    seconds: SecondsOption = None,
-    seed: SeedOption = 0,
+    motion: MotionOptions,
     clock: Annotated[
         Clock, typer.Option(help="real: on the wall clock; lockstep: for drivers that simulate in this process.")
     ] = "real",
@@ -44,16 +24,12 @@ def run(
         list[str] | None, typer.Option("--option", "-o", metavar="KEY=VALUE", help="Option of the driver (repeatable).")
     ] = None,
     once: Annotated[
-        bool, typer.Option("--once", help="End when the motion is over; --seconds does so too. Else the robot stays.")
+        bool,
+        typer.Option(
+            "--once", help="End when the motion is over, as --seconds does; without either the robot stays standing."
+        ),
     ] = False,
-    feedback: FeedbackOption = True,
-    realtime: RealtimeOption = True,
-    settings: SettingsOption = None,
-    report: ReportOption = None,
-    log: LogOption = None,
-    view: ViewOption = False,
-    view_port: ViewPortOption = 8080,
-    as_json: JsonOption = False,
+    run: RunOptions,
 ) -> None:
     """Stream a motion to a robot: stand up, follow, then stay standing until told to end.
 
@@ -73,46 +49,28 @@ def run(
     from flexmotion.streamer.commands.signals import operator_signals
 
     with operator_signals() as signals:
-        from flexmotion.configs.robot import load_robot
         from flexmotion.configs.stream import load_stream
-        from flexmotion.streamer.commands.choice import choose_source
+        from flexmotion.streamer.api import open_driver, open_robot
         from flexmotion.streamer.commands.driver_options import parse_options
-        from flexmotion.streamer.commands.log_option import log_file
-        from flexmotion.streamer.commands.streaming import RunRequest, present, stream
+        from flexmotion.streamer.commands.streaming import present, stream
 
-        stream_settings = load_stream(settings)
-        stay = clock == "real" and not once and seconds is None
-        chosen = load_robot(robot)
-        source = choose_source(
-            chosen,
-            clip=clip,
-            script=script,
-            prompt=prompt,
-            bundle=bundle,
-            mapping=mapping,
-            blend_frames=stream_settings.blend_frames,
-            seed=seed,
-            seconds=seconds,
-            endless=stay,
-        )
+        settings = load_stream(run.settings)
+        stay = clock == "real" and not once and run.seconds is None
+        chosen = open_robot(robot)
+        source = motion.source(chosen, settings, run.seconds, endless=stay)
         options = parse_options(option or ())
         if port is not None:
             options["port"] = port
-        outcome = stream(
-            RunRequest(
-                robot=chosen,
-                driver=driver,
-                source=source,
-                settings=stream_settings,
-                seed=seed,
-                clock=clock,
-                feedback=feedback,
-                stay=stay,
-                realtime=realtime,
-                driver_options=options,
-                log=log_file(log, report),
-                view_port=view_port if view else None,
-            ),
-            signals,
+        if driver == "sim":
+            options["seed"] = motion.seed
+        session = run.session(
+            open_driver(driver, chosen, **options),
+            source,
+            settings,
+            clock=clock,
+            seed=motion.seed,
+            seconds=None if stay else source.seconds,
+            stay=stay,
         )
-    present(outcome, report, as_json)
+        outcome = stream(session, signals)
+    present(outcome, run.report, run.as_json, signals.interrupted)

@@ -1,4 +1,4 @@
-"""`flexmotion train`: a training set to the networks of a model, stage by stage."""
+"""`flexmotion train`: trains the networks of a model on a training set, stage by stage."""
 
 from __future__ import annotations
 
@@ -19,44 +19,47 @@ if TYPE_CHECKING:
     from flexmotion.training.run import Run
     from flexmotion.training.stage import Task
 
-train = typer.Typer(help="Train a model, stage by stage; every stage goes on where it was stopped.")
+train = typer.Typer(help="Train a model, stage by stage; a stopped stage resumes where it was.")
 
-OutOption = Annotated[Path, typer.Option("--out", "-o", help="Folder of the training; a new one or one to go on with.")]
+OutOption = Annotated[Path, typer.Option("--out", "-o", help="Folder of the training; a new one, or one to resume.")]
 SetOption = Annotated[
-    Path | None, typer.Option("--set", help="Of `data build` or `data export`; needed once.", show_default=False)
+    Path | None,
+    typer.Option("--set", help="Training set of `data build` or `data export`; needed once.", show_default=False),
 ]
 ConfigOption = Annotated[
     str | None,
     typer.Option("--config", help="stream, paper, or a YAML file; needed once.", show_default=False),
 ]
 SeedOption = Annotated[
-    int | None, typer.Option("--seed", min=0, help="Of everything; fixed at the first start.", show_default=False)
+    int | None,
+    typer.Option("--seed", min=0, help="Seed of all random numbers; fixed at the first start.", show_default=False),
 ]
 StepsOption = Annotated[
-    int | None, typer.Option("--steps", min=1, help="Instead of the configuration's.", show_default=False)
+    int | None,
+    typer.Option("--steps", min=1, help="Steps of the optimiser, instead of the configuration's.", show_default=False),
 ]
 MinutesOption = Annotated[
-    float | None, typer.Option("--minutes", min=0.0, help="Stop after so long.", show_default=False)
+    float | None, typer.Option("--minutes", min=0.0, help="Stop after this time.", show_default=False)
 ]
-ThreadsOption = Annotated[int | None, typer.Option("--threads", min=1, help="Of the CPU.", show_default=False)]
+ThreadsOption = Annotated[int | None, typer.Option("--threads", min=1, help="Threads of the CPU.", show_default=False)]
 
 
 def needs_training() -> None:
-    """Raise `ConfigError` where the libraries of training are not installed."""
-    if any(importlib.util.find_spec(name) is None for name in ("torch", "sklearn")):
+    """Raise `ConfigError` where the libraries of the extra `train` are not installed."""
+    if any(importlib.util.find_spec(name) is None for name in ("onnx", "onnxscript", "sklearn", "torch")):
         raise ConfigError("training needs the extra 'train': in a clone, pip install '.[train]'")
 
 
 class Finish(Protocol):
-    """Trains a stage's task and tells where it is."""
+    """Trains a stage's task and prints its progress."""
 
-    def __call__(self, task: Task, *, goes_on_from: str = "") -> None:
+    def __call__(self, task: Task, *, pretrained: str = "") -> None:
         """As `train_and_report`."""
         ...
 
 
 def _stage(prepare: Callable[[Run, Finish], None]) -> Callable[[Run, Finish], None]:
-    """Make the function that prepares a stage a command of its name and docstring, for a run that is there already."""
+    """Make a function that prepares a stage's task a command of the same name and help, for an existing training."""
     name = prepare.__name__
 
     @train.command(name, help=prepare.__doc__)
@@ -69,8 +72,8 @@ def _stage(prepare: Callable[[Run, Finish], None]) -> Callable[[Run, Finish], No
     ) -> None:
         run = _run(out, None, None, threads)
 
-        def finish(task: Task, *, goes_on_from: str = "") -> None:
-            train_and_report(run, name, task, steps, minutes, as_json, goes_on_from=goes_on_from)
+        def finish(task: Task, *, pretrained: str = "") -> None:
+            train_and_report(run, name, task, steps, minutes, as_json, pretrained=pretrained)
 
         prepare(run, finish)
 
@@ -108,11 +111,11 @@ def autoencoder(
 @train.command()
 def text(
     out: OutOption,
-    steps: Annotated[int, typer.Option("--steps", min=1, help="Of the optimiser.")] = 6000,
+    steps: Annotated[int, typer.Option("--steps", min=1, help="Steps of the optimiser.")] = 6000,
     threads: ThreadsOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Train the sentence encoder: a small network that imitates a large one, for use without a network.
+    """Train the sentence encoder: a small network distilled from a large one, for use offline.
 
     [bold]Examples[/bold]
 
@@ -137,15 +140,15 @@ def text(
 
 @train.command()
 def listener(
-    bundle: Annotated[Path, typer.Argument(metavar="BUNDLE", help="Of a trained model.")],
-    out: Annotated[Path, typer.Option("--out", "-o", help="Folder of its copy that has learnt to listen.")],
+    bundle: Annotated[Path, typer.Argument(metavar="BUNDLE", help="Bundle of a trained model.")],
+    out: Annotated[Path, typer.Option("--out", "-o", help="Folder of the copy with the new listener.")],
     more: Annotated[
         Path | None,
-        typer.Option("--sayings", help="YAML file of your own: kinds of motion, each with a list of sentences."),
+        typer.Option("--sayings", help="Your YAML file: kinds of motion, each with a list of sentences."),
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    r"""Teach a finished model what is said to mean what, in seconds; how it moves stays as it is.
+    r"""Fit a finished model's listener again: which sentence asks for which motion. Its motions do not change.
 
     [bold]Examples[/bold]
 
@@ -156,13 +159,13 @@ def listener(
     needs_training()
     from flexmotion.bundles.bundle import Bundle
     from flexmotion.text.sayings import read_sayings
-    from flexmotion.training.listening import taught_anew
+    from flexmotion.training.listener_training import refit_listener
 
-    taught = taught_anew(Bundle(bundle), out, () if more is None else read_sayings(more))
+    refitted = refit_listener(Bundle(bundle), out, () if more is None else read_sayings(more))
     if as_json:
-        print_json({"bundle": str(out), "hash": taught.hash})
+        print_json({"bundle": str(out), "hash": refitted.hash})
     else:
-        print_result(f"{out}: hash {taught.hash}")
+        print_result(f"{out}: hash {refitted.hash}")
 
 
 @_stage
@@ -184,8 +187,8 @@ def distill(run: Run, finish: Finish) -> None:
 
       flexmotion train distill -o training
     """
+    from flexmotion.training.checkpoints import load_weights
     from flexmotion.training.distillation_task import DistillationTask
-    from flexmotion.training.stage import load_weights
 
     teacher = _diffusion_task(run)
     load_weights(teacher.network, run.stage("diffusion"))
@@ -194,24 +197,24 @@ def distill(run: Run, finish: Finish) -> None:
 
 @_stage
 def forces(run: Run, finish: Finish) -> None:
-    """Train on torques, forces, contacts and activations alone; the motion stays as it is. Needs autoencoder.
+    """Train torques, forces, contacts and activations further; the motion does not change. Needs autoencoder.
 
     [bold]Examples[/bold]
 
       flexmotion train forces -o training --minutes 20
     """
     from flexmotion.training.autoencoder_task import AutoencoderTask
+    from flexmotion.training.checkpoints import digest
     from flexmotion.training.processes import Processes
-    from flexmotion.training.stage import digest
 
     trained = run.stage("autoencoder")
     task = AutoencoderTask(run.config, run.store(), run.seed, Processes(), run.muscles(), trained)
-    finish(task, goes_on_from=digest(task.network.motion()))
+    finish(task, pretrained=digest(task.network.motion()))
 
 
 @_stage
 def evaluator(run: Run, finish: Finish) -> None:
-    """Train the evaluator, by which `evaluate` compares motions and sentences; needs text.
+    """Train the evaluator, with which `evaluate` compares motions and sentences; needs text.
 
     [bold]Examples[/bold]
 
@@ -228,7 +231,7 @@ def _encoder(run: Run) -> SentenceEncoder:
     from flexmotion.text.sentence_encoder import NETWORK, SentenceEncoder
 
     if not (run.stage("text") / NETWORK).is_file():
-        raise ConfigError(f"{run.stage('text')}: not there; run 'flexmotion train text' first")
+        raise ConfigError(f"{run.stage('text')}: not found; run 'flexmotion train text' first")
     return SentenceEncoder(run.stage("text"))
 
 
@@ -259,12 +262,18 @@ def train_and_report(
     minutes: float | None,
     as_json: bool,
     *,
-    goes_on_from: str = "",
+    pretrained: str = "",
 ) -> None:
-    """Train a stage of a run with a bar on stderr, and print where it is.
+    """Train a stage of a run with a progress bar on stderr, and print the result.
 
     Args:
-        goes_on_from: digest of the trained weights that the task begins with and keeps; empty for a new network.
+        run: of the stage.
+        name: of the stage.
+        task: of the stage.
+        steps: instead of the configuration's.
+        minutes: time after which training stops.
+        as_json: print JSON.
+        pretrained: digest of the trained weights that the task starts with; empty for a new network.
     """
     from flexmotion.training.processes import Processes
     from flexmotion.training.stage import Progress, train_stage
@@ -287,11 +296,11 @@ def train_and_report(
             task,
             stage,
             run.stage(name),
-            fingerprint=run.fingerprint() + goes_on_from,
+            fingerprint=run.fingerprint() + pretrained,
             seconds=None if minutes is None else 60 * minutes,
             progress=follow,
             processes=Processes(),
-            goes_on=bool(goes_on_from),
+            pretrained=bool(pretrained),
         )
     if as_json:
         print_json({"stage": name, "step": done.step, "steps": done.steps, "validation": done.figures})

@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 
 from flexmotion.configs.robot import Robot
 from flexmotion.drivers.interface import RobotState
+from flexmotion.spatial.gravity import GRAVITY
 from flexmotion.streamer.control.reference import Reference
 
 Float = NDArray[np.float64]
 
-_GRAVITY = 9.81
 _AHRS_GAIN = 0.4
 """Pull of the accelerometer on the tilt; the gyroscope's bias matters over seconds, steps shake within tenths."""
 _VELOCITY_CUTOFF_HZ = 12.0
@@ -70,7 +70,7 @@ class Estimator:
         self.has_imu = state.imu_stale == 0 or (self.has_imu and 0 < state.imu_stale <= self._patience)
         if state.imu_stale == 0:
             np.subtract(state.gyro, self.gyro_bias, out=self._gyro)
-            self.ahrs.update_no_magnetometer(np.degrees(self._gyro), state.accel / _GRAVITY)
+            self.ahrs.update_no_magnetometer(np.degrees(self._gyro), state.accel / GRAVITY)
         if self.has_imu:
             self.tilt[:] = roll_pitch(self.ahrs.get_quaternion())
             self.tilt_rate[:] = self._gyro[:2]

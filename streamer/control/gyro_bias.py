@@ -1,32 +1,34 @@
-"""The zero-rate offset of the gyro, measured while the robot stands still."""
+"""`GyroBias`: the zero-rate offset of the gyro, measured while the robot stands still."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
+from flexmotion.drivers.interface import RobotState
+
 Float = NDArray[np.float64]
 
 REST_S = 0.5
-"""How long the robot stands still for it [s]."""
+"""Length of the measurement [s]."""
 _PARTS = 4
-"""The rest is judged by the means of so many parts, in which the gyro's noise is no more than 0.002 rad/s; what a mean
-over a part hides is shaking, which the accelerometer shows."""
+"""Rest is detected from the means over this many parts of the measurement. The gyro's noise moves such a mean by no
+more than 0.002 rad/s. A mean hides shaking; the accelerometer shows it."""
 _DRIFT = 0.012
-"""Greatest difference between those means, as much as four times their noise [rad/s]."""
+"""Greatest difference between those means at rest [rad/s]: four times the noise of such a difference."""
 _ACCEL_SPREAD = 0.3
-"""Greatest standard deviation of an axis at rest [m/s²]: some times the noise of consumer parts, 0.05."""
+"""Greatest standard deviation of an accelerometer axis at rest [m/s²]: six times the noise of consumer parts, 0.05."""
 _GREATEST = 0.03
-"""Greatest offset that is taken out, 1.7°/s [rad/s]. MEMS gyros are within that; near the turning point of its speed a
-slow swing looks like a constant rate, and this bounds what could be mistaken for a bias."""
+"""Greatest bias that is subtracted [rad/s], 1.7°/s. MEMS gyros are within that. Near its turning point a slow swing
+looks like a constant rate; this bounds the error of mistaking one for a bias."""
 
 
 class GyroBias:
-    """Collects samples of a rest, then knows the bias or why there is none; allocates nothing that grows.
+    """Collects samples, then gives the bias or why it is not known; allocates nothing that grows.
 
     Attributes:
-        bias: mean of the gyro over the rest, (3,) [rad/s]; zero where it is not known.
-        done: whether the rest is over; `known` whether it was one.
+        bias: mean of the gyro over the measurement, (3,) [rad/s]; zero where it is not known.
+        done: whether the measurement is over; `known`: whether the robot was at rest in it.
         reason: why the bias is not known.
     """
 
@@ -36,8 +38,22 @@ class GyroBias:
         self.reset()
 
     def reset(self) -> None:
-        """A rest begins; what an earlier one told holds until it is over."""
+        """Begin a measurement; the bias of an earlier one holds until this one is done."""
         self._count, self.done, self.known, self.reason = 0, False, False, ""
+
+    def update(self, measured: RobotState, *, has_imu: bool, hung: bool) -> None:
+        """Take one reading of a robot that should stand still.
+
+        Args:
+            has_imu: whether the IMU answers.
+            hung: whether the feet are in the air: the robot then swings, with a period longer than the measurement.
+        """
+        if not has_imu:
+            self.give_up("no IMU")
+        elif hung:
+            self.give_up("the robot hangs")
+        elif measured.imu_stale == 0:
+            self.add(measured.gyro, measured.accel)
 
     def add(self, gyro: Float, accel: Float) -> None:
         """Take one sample of the IMU, (3,) each [rad/s, m/s²]."""
@@ -50,7 +66,7 @@ class GyroBias:
             self._judge()
 
     def give_up(self, reason: str) -> None:
-        """There is no rest: the bias is not known."""
+        """End the measurement without a result."""
         self.done, self.known, self.reason = True, False, reason
         self.bias[:] = 0.0
 

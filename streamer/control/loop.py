@@ -1,26 +1,28 @@
-"""The control loop: one `tick` reads the robot, decides, and sends goals. Lockstep and the real clock share it."""
+"""`ControlLoop`: one `tick` reads the robot, decides, and sends goals, the same in lockstep and on the real clock."""
 
 from __future__ import annotations
 
 import math
 import time
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexmotion.configs.robot import Robot
 from flexmotion.drivers.interface import Driver, JointCommand, RobotState
-from flexmotion.drivers.simulated import SimulatedDriver, simulated
 from flexmotion.retarget.plan import Plan
 from flexmotion.retarget.retargeter import Retargeter
 from flexmotion.streamer.control.estimator import Estimator
 from flexmotion.streamer.control.gyro_bias import GyroBias
+from flexmotion.streamer.control.hardware_audit import HardwareAudit
 from flexmotion.streamer.control.ladder import Inputs, Ladder, Playback, State
 from flexmotion.streamer.control.load_estimator import LoadEstimator
-from flexmotion.streamer.control.plan_buffer import Offer, PlanBuffer, Ticket
+from flexmotion.streamer.control.plan_buffer import Offer, PlanBuffer
 from flexmotion.streamer.control.posture_move import PostureMove
 from flexmotion.streamer.control.punctuality import Punctuality
 from flexmotion.streamer.control.reference import Reference
+from flexmotion.streamer.control.row_writer import RowWriter
 from flexmotion.streamer.control.servo_command import ServoCommand
 from flexmotion.streamer.control.stabiliser import Stabiliser
 from flexmotion.streamer.control.suspension import Suspension
@@ -29,30 +31,24 @@ from flexmotion.streamer.control.tick_row import REPAIRS
 
 Float = NDArray[np.float64]
 
-_MEASURED = (
-    *("position", "velocity", "effort", "voltage", "temperature", "stale", "hardware_error", "imu_stale"),
-    *("gyro", "accel"),
-)
-_COLUMNS = {"position": "q", "velocity": "qd"}
-"""What a row holds of `RobotState`, and where names differ."""
 _POSITION, _TORQUE = REPAIRS.index("position"), REPAIRS.index("torque")
 _STAND_MOVE_S = 0.5
 """Shortest move to the stand pose, also when the robot already stands there."""
 
 
 class ControlLoop:
-    """Ladder, reference, estimator, stabiliser, servo command and driver, in the order in which a tick needs them.
+    """Runs ladder, reference, estimator, stabiliser, servo command and driver, in the order that a tick needs.
 
     Args:
-        plans: where the planner puts its plans.
-        telemetry: where every tick is told.
+        plans: buffer that the planner publishes to.
+        telemetry: rings that every tick and event are published to.
         feedback: whether balance feedback acts.
 
     Attributes:
-        tick_count: ticks done; the next `tick` is that number.
+        tick_count: ticks done, which is the number of the next tick.
         inputs: requests for the next tick; cleared after it.
-        playing: the plan that plays; `waiting` the one that takes over at its start tick.
-        winding_down: from now on only a plan that stops is taken.
+        playing: the plan that plays; `waiting`: the accepted plan that takes over at its start tick.
+        winding_down: set by the lifecycle: from now on only a plan that stops is accepted.
         hardware_failed: a servo, the IMU, the supply or the bus is why the start was refused or a fault is latched.
     """
 
@@ -78,23 +74,22 @@ class ControlLoop:
         self.load = LoadEstimator(robot)
         self.suspension = Suspension(robot)
         self.punctuality = Punctuality(robot)
+        self.audit = HardwareAudit(robot, self.punctuality, partial(self._emit, "warning"))
         self.servo = ServoCommand(robot, driver.delay_s)
         self.move = PostureMove(robot, retargeter.body.dynamics)
-        self.stand_pose = retargeter.layout.get(retargeter.standing(), "q")[0].copy()
+        self.stand_pose = retargeter.layout.view(retargeter.standing()).q[0].copy()
         self.playing: Offer | None = None
         self.waiting: Offer | None = None
         self.winding_down = self.hardware_failed = False
         self.tick_count = 0
-        self._looked_at = self._ran_out = 0
-        self._described = -1
-        self._answered: Ticket | None = None
-        self._seen, self._unread = np.full(robot.n, np.nan), np.zeros(robot.n, np.int64)
-        self._imu_unread = self._low_reads = 0
+        self._writer = RowWriter(telemetry.row, robot, driver)
+        self._examined = 0  # id of the newest plan that was accepted or refused
+        self._underrun = 0  # id of the plan whose underrun was counted
+        self._last_position, self._unread = np.full(robot.n, np.nan), np.zeros(robot.n, np.int64)
+        self._imu_unread = 0
         self._lead = driver.delay_s * robot.rate_hz
-        self._warned: set[str] = set()
-        self._waited_s = 0.0
-        self._found: str | None = None  # what is wrong with the hardware, on this tick
-        self._shutdown_at = np.array([servo.temperature_limit for servo in robot.servos])
+        self._waited_s = 0.0  # time that the last tick waited for servos to be switched on
+        self._hardware_fault: str | None = None  # found on this tick
 
     @property
     def ready(self) -> bool:
@@ -103,7 +98,7 @@ class ControlLoop:
 
     @property
     def _arrived(self) -> bool:
-        """Whether a slow move is over, and the rest after that to the stand pose."""
+        """Whether the slow move of this state is done; in READY also the measurement of the gyro's bias after it."""
         return self.move.done and (self.ladder.state is not State.READY or self.gyro_bias.done)
 
     @property
@@ -118,17 +113,17 @@ class ControlLoop:
 
     @property
     def must_stop(self) -> bool:
-        """Whether only a plan that stops is taken."""
+        """Whether only a plan that stops is accepted."""
         return self.winding_down or self.ladder.stopping or self.ladder.fault is not None
 
     def touch(self) -> None:
-        """Touch the memory that ticks will need."""
+        """Read the shared memory that ticks need, so that no tick meets a page fault in it."""
         self.telemetry.ticks.touch()
         self.telemetry.events.touch()
         self.plans.touch()
 
     def tick(self, late_ns: int = 0) -> None:
-        """One period: read, decide, send, tell.
+        """One period: read, decide, send, publish the row.
 
         Args:
             late_ns: how late the loop woke for it [ns].
@@ -140,58 +135,57 @@ class ControlLoop:
         self._take_plan()
         self.estimator.update(self.state, self.now)
         before, fault = self.ladder.state, self.ladder.fault
-        self._look(before)
+        self._set_inputs(before)
         playback = self.ladder.step(self.inputs)
         if self.ladder.fault != fault:
-            self.hardware_failed = self.ladder.fault is not None and self.ladder.fault == self._found
+            self.hardware_failed = self.ladder.fault is not None and self.ladder.fault == self._hardware_fault
         if self.ladder.state is not before:
             self._enter(self.ladder.state, before)
         self._play(playback)
-        self._describe(playback)
+        self._write_row(playback)
+        self._check_underrun(playback)
         self.inputs.reset()
         self.tick_count += 1
         row = self.telemetry.row
-        row["stamp_ns"], row["lateness_s"] = begin, late_ns * 1e-9
-        row["work_s"] = (time.perf_counter_ns() - begin) * 1e-9
+        row.stamp_ns[...], row.lateness_s[...] = begin, late_ns * 1e-9
+        row.work_s[...] = (time.perf_counter_ns() - begin) * 1e-9
         self.telemetry.commit()
 
     def _read(self) -> None:
-        """Read; what is no number counts as not having answered: such a joint is taken to move as it was meant to."""
+        """Read the robot; a joint that returns no number counts as silent and is assumed to move as planned."""
         state = self.state
         self.driver.read(state)
         self.driver.take_pins(self.servo.goal)  # of servos that were switched on again
         lost = ~(np.isfinite(state.position) & np.isfinite(state.velocity))
         self._unread += 1
         self._unread[~lost] = 0
-        np.copyto(state.position, self._seen + self.now.qd / self.robot.rate_hz, where=lost)
+        np.copyto(state.position, self._last_position + self.now.qd / self.robot.rate_hz, where=lost)
         np.copyto(state.velocity, self.now.qd, where=lost)
         np.maximum(state.stale, self._unread, out=state.stale)
-        np.copyto(self._seen, state.position)
-        if not (np.isfinite(state.gyro).all() and np.isfinite(state.accel).all()):
-            if state.imu_stale < 0:
-                state.gyro.fill(0.0)
-                return
-            self._imu_unread += 1
-            state.gyro.fill(0.0)
-            state.imu_stale = max(state.imu_stale, self._imu_unread)
-        else:
+        np.copyto(self._last_position, state.position)
+        if np.isfinite(state.gyro).all() and np.isfinite(state.accel).all():
             self._imu_unread = 0
+            return
+        state.gyro.fill(0.0)
+        if state.imu_stale >= 0:
+            self._imu_unread += 1
+            state.imu_stale = max(state.imu_stale, self._imu_unread)
 
     def _take_plan(self) -> None:
-        """Let the waiting plan take over when its tick has come; a newer one that fits takes its place."""
+        """Let the waiting plan take over when its tick has come; a newer acceptable plan replaces it."""
         standing = self.ladder.state in (State.READY, State.HOLD)
         if self.waiting is not None and standing and self.must_stop and not self.waiting.ticket.stops:
-            # Accepted before the stop was asked for: a robot that stands does not start to walk after it.
+            # Accepted before the stop was requested: a robot that stands does not start to walk after it.
             self.waiting = None
             self.plans.hold(self.playing, None)
         if self.waiting is not None and self.tick_count >= self.waiting.plan.start_tick:
             self._begin_plan(self.waiting)
-        offer = self.plans.newest(self._looked_at)
+        offer = self.plans.newest(self._examined)
         if offer is None:
             return
-        # One that goes on from the plan that waits is looked at once that one plays.
+        # A plan that resumes the waiting plan is examined once that one plays.
         if self.waiting is None or offer.ticket.resumed != self.waiting.ticket.id:
-            self._looked_at = offer.ticket.id
+            self._examined = offer.ticket.id
             if self._acceptable(offer):
                 self.waiting = offer
                 if self.tick_count == offer.plan.start_tick:
@@ -201,128 +195,67 @@ class ControlLoop:
     def _begin_plan(self, offer: Offer) -> None:
         self.playing, self.waiting = offer, None
         self.plans.hold(offer, None)
-        row, ticket = self.telemetry.row, offer.ticket
-        if ticket.target > row["target"]:
-            self._answered = ticket
-        row["target"] = max(ticket.target, int(row["target"]))
+        self._writer.plan_began(offer.ticket)
 
     def _acceptable(self, offer: Offer) -> bool:
-        """Whether a plan may be played: it goes on from what plays, it is not late, and it stops where it must."""
+        """Whether a plan may be played: it resumes the plan that plays, is not late, and stops where it must."""
         if self.ladder.state not in (State.READY, State.STREAMING, State.HOLD):
             return False
         if offer.plan.start_tick < self.tick_count:
-            # Never played late. The next one joins at the next slot.
-            self.telemetry.row["late_plans"] += 1
+            # Never played late. The planner makes another, which joins later.
+            self.telemetry.row.late_plans += 1
             return False
         playing = 0 if self.playing is None else self.playing.ticket.id
         return offer.ticket.resumed == playing and (offer.ticket.stops or not self.must_stop)
 
-    def _look(self, state: State) -> None:
-        """Fill what the ladder must know from what was measured."""
-        inputs, robot, measured = self.inputs, self.robot, self.state
-        limits, self._found = robot.safety, None
+    def _set_inputs(self, state: State) -> None:
+        """Tell the ladder what was measured and which plan there is."""
+        inputs, measured = self.inputs, self.state
+        self._hardware_fault = None
         inputs.plan_ready = self.plan is not None and not self.plan_over
         inputs.plan_over = self.plan_over
         if state is State.READY and self.move.done and not self.gyro_bias.done:
-            self._rest()
+            self._measure_gyro_bias()
         inputs.move_done = self._arrived
         if state is State.OFF:
-            self._audit()
+            self._check_start()
             return
-        tilted = math.hypot(*self.estimator.tilt) > limits.fall_tilt
+        tilted = math.hypot(*self.estimator.tilt) > self.robot.safety.fall_tilt
         inputs.fallen = bool(self.estimator.has_imu and tilted)
-        if measured.stale.min() > limits.max_stale_reads:
-            reads = f"{int(measured.stale.min())} reads{self.punctuality.remark}"
-            self._found = inputs.bus_lost = f"bus lost: no joint has answered for {reads}"
+        lost = self.audit.lost_bus(measured)
+        if lost is not None:
+            self._hardware_fault = inputs.bus_lost = lost
         elif inputs.fault is None:
-            self._found = inputs.fault = self._problem()
+            self._hardware_fault = inputs.fault = self.audit.problem(measured)
         if not self.estimator.has_imu:
-            self._warn("imu", "no IMU: the robot runs open loop, falls are not detected")
+            self.audit.warn("imu", "no IMU: the robot runs open loop, falls are not detected")
 
-    def _rest(self) -> None:
-        """The robot stands and waits: what the gyro measures now is its bias."""
-        rest, measured = self.gyro_bias, self.state
-        if not self.estimator.has_imu:
-            rest.give_up("no IMU")
-        elif self.suspension.hung:
-            # It swings, slower than a rest is long.
-            rest.give_up("the robot hangs")
-        elif measured.imu_stale == 0:
-            rest.add(measured.gyro, measured.accel)
-        if not rest.done:
+    def _measure_gyro_bias(self) -> None:
+        """While the robot stands and waits, the gyro measures its bias."""
+        bias = self.gyro_bias
+        bias.update(self.state, has_imu=self.estimator.has_imu, hung=self.suspension.hung)
+        if not bias.done:
             return
-        self.estimator.gyro_bias[:] = rest.bias
-        if not rest.known and self.estimator.has_imu:
-            self._event("warning", f"{rest.reason}: the gyro's bias is not known, none is taken out")
+        self.estimator.gyro_bias[:] = bias.bias
+        if not bias.known and self.estimator.has_imu:
+            self._emit("warning", f"{bias.reason}: the gyro's bias is not known, none is subtracted")
 
-    def _audit(self) -> None:
-        """A start is refused, with its reason, while anything is wrong that could be known before torque goes on."""
+    def _check_start(self) -> None:
+        """Refuse a start, with the reason, while the hardware is not fit for it."""
         if not self.inputs.start:
             return
-        robot, position = self.robot, self.state.position
-        silent = np.flatnonzero(self._unread)
-        # Further out than its stops let it sag: it was forced, or its zero is wrong, and no goal can be pinned there.
-        margin = robot.safety.standing_margin
-        outside = np.flatnonzero((position < robot.lower - margin) | (position > robot.upper + margin))
-        imu = robot.config.imu
-        if len(silent):
-            reason: str | None = self._name("returns no position", int(silent[0]))
-        elif len(outside):
-            joint = int(outside[0])
-            reason = self._name(
-                f"stands at {position[joint]:.2f} rad, more than {margin:g} rad outside "
-                f"[{robot.lower[joint]:.2f}, {robot.upper[joint]:.2f}]: move it by hand",
-                joint,
-            )
-        elif imu is not None and imu.required and not self.estimator.has_imu:
-            reason = "the robot file requires an IMU and none answers"
-        else:
-            reason = self._problem()
+        reason = self.audit.refusal(self.state, self._unread, self.estimator.has_imu)
         if reason is not None:
             self.inputs.start, self.hardware_failed = False, True
-            self._event("fault", f"no start: {reason}")
+            self._emit("fault", f"no start: {reason}")
 
-    def _problem(self) -> str | None:
-        """What is wrong with servos, IMU or supply, if anything."""
-        measured, limits = self.state, self.robot.safety
-        if measured.stale.max() > limits.max_stale_reads:
-            return self._name(f"does not answer{self.punctuality.remark}", int(np.argmax(measured.stale)))
-        if measured.hardware_error.any():
-            worst = int(np.flatnonzero(measured.hardware_error)[0])
-            return self._name(f"reports hardware error 0x{int(measured.hardware_error[worst]):02x}", worst)
-        imu = self.robot.config.imu
-        if imu is not None and imu.required and measured.imu_stale > limits.max_stale_reads:
-            return f"IMU has not answered for {measured.imu_stale} reads{self.punctuality.remark}"
-        heat = measured.temperature - self._shutdown_at
-        if np.fmax.reduce(heat) > -2 * limits.thermal_margin:
-            hottest = int(np.nanargmax(heat))
-            now, shutdown = measured.temperature[hottest], self._shutdown_at[hottest]
-            degrees = f"is at {now:.0f} °C and shuts down at {shutdown:.0f} °C"
-            if heat[hottest] > -limits.thermal_margin:
-                return self._name(degrees, hottest)
-            self._warn(f"heat {hottest}", self._name(degrees, hottest))
-        supply = np.fmin.reduce(measured.voltage)
-        low = limits.voltage_min is not None and supply < limits.voltage_min
-        self._low_reads = self._low_reads + 1 if low else 0
-        if self._low_reads > limits.max_stale_reads:
-            return f"supply at {supply:.1f} V, below {limits.voltage_min:.1f} V"
-        return None
-
-    def _name(self, what: str, joint: int) -> str:
-        return f"servo of {self.robot.joint_names[joint]} (id {self.robot.joints[joint].id}) {what}"
-
-    def _warn(self, kind: str, message: str) -> None:
-        if kind not in self._warned:
-            self._warned.add(kind)
-            self._event("warning", message)
-
-    def _event(self, kind: str, message: str) -> None:
-        self.telemetry.tell(self.tick_count, kind, message)
+    def _emit(self, kind: str, message: str) -> None:
+        self.telemetry.emit(self.tick_count, kind, message)
 
     def _enter(self, state: State, before: State) -> None:
-        """What happens once when a state begins."""
+        """Act once on a change of state."""
         cause = f": {self.ladder.fault}" if self.ladder.fault else ""
-        self._event("fault" if state is State.FAULT else "state", f"{before.name} -> {state.name}{cause}")
+        self._emit("fault" if state is State.FAULT else "state", f"{before.name} -> {state.name}{cause}")
         robot = self.robot
         if state is State.READY:
             begin = time.perf_counter_ns()
@@ -339,7 +272,7 @@ class ControlLoop:
             self.move.begin(pinned, self.stand_pose, least_s=_STAND_MOVE_S, speed=robot.safety.soft_start_speed)
         elif state is State.PARK:
             self._forget_plans()
-            # From the goals' reference, not from the measurement: the servos hold the one, not the other.
+            # From the reference of the goals, not from the measurement: that is what the servos hold.
             self.move.begin(
                 self.now.q, robot.rest_pose, least_s=robot.safety.park_s, speed=2 * robot.safety.soft_start_speed
             )
@@ -368,19 +301,17 @@ class ControlLoop:
         else:
             self.move.step(self.now)
             self.ahead.copy(self.now)
-        torque = self._torque()
-        goal = self.servo.update(self.ahead.q, self.ahead.qd, torque, self.state)
-        self.command.position[:] = goal
-        repairs = self.telemetry.row["repairs"]
+        self.command.position[:] = self.servo.update(self.ahead.q, self.ahead.qd, self._torque(), self.state)
+        repairs = self.telemetry.row.repairs
         repairs[_POSITION] += self.servo.position_clamps
         repairs[_TORQUE] += self.servo.torque_clamps
         self.driver.write(self.command)
 
     def _torque(self) -> Float:
-        """What the servos are to make beyond following, (n,) [N·m]: carry the robot, and balance it."""
+        """Feed-forward torque that carries and balances the robot, (n,) [N·m]."""
         now, measured, suspension = self.now, self.state, self.suspension
         if suspension.update(self.command.position, measured.position, measured.velocity, now.torque):
-            self._event("note", "the feet are in the air: balance is off" if suspension.hung else "back on its feet")
+            self._emit("note", "the feet are in the air: balance is off" if suspension.hung else "back on its feet")
         if suspension.hung:
             torque = self.ahead.torque.copy()
             torque[suspension.legs] = 0.0
@@ -389,83 +320,30 @@ class ControlLoop:
         self.load.update(now.q, measured.position, now.torque)
         return self.load.factor * self.ahead.torque + self.stabiliser.torque
 
-    def _describe(self, playback: Playback) -> None:
+    def _write_row(self, playback: Playback) -> None:
         """Fill this tick's row."""
-        row, state, now = self.telemetry.row, self.state, self.now
-        row["tick"], row["state"] = self.tick_count, self.ladder.state
-        row["ready"], row["plan_over"], row["must_stop"] = self.ready, self.plan_over, self.must_stop
-        row["offer"], row["pending"] = self._looked_at, 0 if self.waiting is None else self.waiting.ticket.id
-        row["violations"] = self.driver.violations
-        for name in _MEASURED:
-            row[_COLUMNS.get(name, name)] = getattr(state, name)
-        row["tilt"], row["hung"] = self.estimator.tilt, self.suspension.hung
-        row["hardware_failed"] = self.hardware_failed
-        row["contact_ref"] = False
-        self._describe_plan()
-        robot = simulated(self.driver)
-        if robot is not None:
-            self._describe_truth(robot)
+        row, writer, now = self.telemetry.row, self._writer, self.now
+        writer.write_state(self.tick_count, self.ladder.state, self.estimator)
+        row.ready[...], row.plan_over[...], row.must_stop[...] = self.ready, self.plan_over, self.must_stop
+        row.offer[...], row.pending[...] = self._examined, 0 if self.waiting is None else self.waiting.ticket.id
+        row.hung[...], row.hardware_failed[...] = self.suspension.hung, self.hardware_failed
+        writer.write_measured(self.state)
+        writer.write_plan(self.playing)
         if playback in (Playback.NOTHING, Playback.DAMP):
             return
-        row["q_cmd"] = self.command.position
-        row["q_ref"], row["qd_ref"], row["torque_ref"] = now.q, now.qd, now.torque
-        if not now.balanced:
-            return
-        row["com_ref"], row["dcm_ref"], row["zmp_ref"] = now.com, now.dcm, now.zmp
-        row["com"], row["dcm"], row["zmp_shift"] = self.estimator.com, self.estimator.dcm, self.stabiliser.zmp_shift
-        row["foot_ref"], row["contact_ref"], row["base_ref"] = now.feet, now.contacts, now.base
-        if self.playing is not None and playback is Playback.PLAN:
-            self._describe_progress(self.playing)
+        writer.write_reference(now, self.command)
+        if now.balanced:
+            writer.write_balance(now, self.estimator, self.stabiliser)
+        if self.plan is not None and playback is Playback.PLAN:
+            writer.write_progress(self.tick_count, self.plan)
 
-    def _describe_plan(self) -> None:
-        """Which plan plays, and what it took to make."""
-        row, playing = self.telemetry.row, self.playing
-        if playing is None:
-            row["plan"] = row["plan_start"] = row["plan_end"] = row["asked_tick"] = 0
+    def _check_underrun(self, playback: Playback) -> None:
+        """Count and warn once for each plan whose stop tail plays because no other plan came."""
+        if self.playing is None or playback is not Playback.PLAN:
             return
-        ticket = playing.ticket
-        row["plan"], row["asked_tick"] = ticket.id, ticket.asked_tick
-        row["plan_start"], row["plan_end"] = playing.plan.start_tick, playing.plan.end_tick
-        row["sample_s"], row["retarget_s"] = ticket.sample_s, ticket.retarget_s
-        if self._answered is not None:
-            waited = (time.perf_counter_ns() - ticket.target_ns) * 1e-9
-            row["target_to_command_s"] = waited
-            if ticket.effect_row >= 0:
-                row["target_to_effect_s"] = waited + ticket.effect_row / self.robot.rate_hz
-            self._answered = None
-
-    def _describe_progress(self, playing: Offer) -> None:
-        """Where in its plan the robot is, and what that row cost."""
-        row, plan = self.telemetry.row, playing.plan
-        place = self.tick_count - plan.start_tick
-        if not 0 <= place < len(plan):
-            return
-        row["source_s"] = plan.source_s[place]
-        row["hand_error"] = plan.hand_error[place]
-        for index, kind in enumerate(REPAIRS):
-            row["repairs"][index] += plan.repairs[kind][place]
-        # Ticks may have been skipped since the last one.
-        since, self._described = self._described, self.tick_count
-        for step in plan.steps:
-            if since < step.lift <= self.tick_count:
-                row["steps_planned"] += 1
-                row["steps_inserted"] += int(step.inserted)
-        ticket = playing.ticket
-        if (
-            place >= plan.stop_row
-            and ticket.id != self._ran_out
-            and not (ticket.stops or ticket.source_over or self.must_stop)
-        ):
-            self._ran_out = ticket.id
-            row["underruns"] += 1
-            self._event("warning", f"no plan followed plan {ticket.id}: its own stop is played")
-
-    def _describe_truth(self, robot: SimulatedDriver) -> None:
-        row, truth = self.telemetry.row, robot.truth()
-        row["robot_lateness_s"] = robot.lateness_s
-        row["true_base"][:3], row["true_base"][3:] = truth.base_position, truth.base_quaternion
-        row["true_q"], row["true_com"] = truth.joint_position, truth.com
-        row["true_foot"], row["true_foot_velocity"] = truth.foot_position, truth.foot_velocity
-        row["true_foot_force"] = truth.foot_force
-        row["true_torque"], row["true_saturated"] = truth.torque, truth.saturated
-        row["true_self_contact"] = truth.self_contact
+        ticket, plan = self.playing.ticket, self.playing.plan
+        in_tail = plan.stop_row <= self.tick_count - plan.start_tick < len(plan)
+        if in_tail and ticket.id != self._underrun and not (ticket.stops or ticket.source_over or self.must_stop):
+            self._underrun = ticket.id
+            self.telemetry.row.underruns += 1
+            self._emit("warning", f"no plan followed plan {ticket.id}: its own stop is played")

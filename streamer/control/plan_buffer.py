@@ -9,33 +9,33 @@ import numpy as np
 
 from flexmotion.configs.errors import RetargetError
 from flexmotion.drivers.realtime.ring import fence, shared_array, touch
+from flexmotion.records import Bool, Float, Int, Record, column
 from flexmotion.retarget.plan import Plan
-from flexmotion.retarget.state import STEP_SIZE, pack_steps, unpack_step
+from flexmotion.retarget.steps import StepRecord, pack_steps
 from flexmotion.streamer.control.tick_row import REPAIRS
 
 SLOTS = 5
-"""One plays, one waits for its tick, one is looked at, one is newest, one is being written."""
+"""One plays, one waits for its tick, one is examined, one is newest, one is being written."""
 MOST_STEPS = 16
 _TAIL_S = 5.0
 """Room for what follows the horizon: steps under way, and the stop [s]."""
-_JOINTS = ("q", "qd", "qdd", "torque")
 
 
 @dataclass(frozen=True)
 class Ticket:
-    """What the loop must know about a plan beside its rows.
+    """What the loop must know about a plan beside its rows: a value, unlike `PlanHead`, which is the memory.
 
     Attributes:
         id: number of the plan, from 1.
         resumed: id of the plan whose state it resumes; 0: the stand pose.
-        asked_tick: tick at which it was asked for.
+        asked_tick: tick at which it was requested.
         target: id of the newest target that it follows; 0: none.
         target_ns: when that target arrived (`time.perf_counter_ns`).
         effect_row: first row that differs from what the plan before would have sent; -1: none does.
-        partial: it follows the source for a moment only; the whole plan comes at once.
-        stops: it comes to a stop whatever the source has.
+        partial: it follows the source only for a moment; the whole plan comes right after it.
+        stops: it comes to a stop, whatever the source has.
         source_over: the source has nothing after it.
-        sample_s, retarget_s: time it took to get the human motion, and to retarget it [s].
+        sample_s, retarget_s: time that it took to get the human motion, and to retarget it [s].
     """
 
     id: int
@@ -51,6 +51,53 @@ class Ticket:
     retarget_s: float
 
 
+_TICKET = tuple(field.name for field in fields(Ticket))
+
+
+class PlanHead(Record):
+    """A slot's head: the fields of `Ticket` and of `Plan` that a plan has once, and its steps."""
+
+    id: Int = column("i8")
+    resumed: Int = column("i8")
+    asked_tick: Int = column("i8")
+    target: Int = column("i8")
+    target_ns: Int = column("i8")
+    effect_row: Int = column("i8")
+    partial: Bool = column("?")
+    stops: Bool = column("?")
+    source_over: Bool = column("?")
+    sample_s: Float = column("f8")
+    retarget_s: Float = column("f8")
+    start_tick: Int = column("i8")
+    stop_row: Int = column("i8")
+    length: Int = column("i8")
+    """Rows used, of the plan and (`step_count`) of `steps`."""
+    step_count: Int = column("i8")
+    steps: StepRecord = column(StepRecord, MOST_STEPS)
+
+
+class PlanRows(Record):
+    """A slot's rows: the arrays of `Plan`, one row a tick."""
+
+    q: Float = column("f8", "joints")
+    qd: Float = column("f8", "joints")
+    qdd: Float = column("f8", "joints")
+    torque: Float = column("f8", "joints")
+    feet: Float = column("f8", 2, 4)
+    base: Float = column("f8", 7)
+    com: Float = column("f8", 3)
+    com_velocity: Float = column("f8", 3)
+    zmp: Float = column("f8", 2)
+    dcm: Float = column("f8", 2)
+    load_share: Float = column("f8")
+    source_s: Float = column("f8")
+    hand_error: Float = column("f8", 2)
+    states: Float = column("f8", "state")
+    repairs: Int = column("i8", len(REPAIRS))
+    """By kind, in the order of `REPAIRS`."""
+    contacts: Bool = column("?", 2)
+
+
 @dataclass(frozen=True)
 class Offer:
     """A plan in the buffer; its arrays are views that stay as they are while the loop holds the slot."""
@@ -61,56 +108,34 @@ class Offer:
 
 
 class PlanBuffer:
-    """Slots of shared memory: the planner writes to one that is not in use, the loop says which are.
+    """Slots of shared memory: the planner writes to one that is not in use, the loop marks those that are.
 
     Args:
-        joints: of the robot; state: length of the retargeter's state; horizon: rows of a plan before its stop tail.
+        joints: of the robot.
+        state: length of the retargeter's state, in numbers.
+        horizon: rows of a plan before its stop tail.
         rate_hz: rows a second.
     """
 
     def __init__(self, joints: int, state: int, horizon: int, rate_hz: float) -> None:
         self.rows = horizon + round(_TAIL_S * rate_hz)
-        row = np.dtype(
-            [
-                *((name, "f8", joints) for name in _JOINTS),
-                ("feet", "f8", (2, 4)),
-                ("base", "f8", 7),
-                ("com", "f8", 3),
-                ("com_velocity", "f8", 3),
-                ("zmp", "f8", 2),
-                ("dcm", "f8", 2),
-                ("load_share", "f8"),
-                ("source_s", "f8"),
-                ("hand_error", "f8", 2),
-                ("states", "f8", state),
-                ("repairs", "i8", len(REPAIRS)),
-                ("contacts", "?", 2),
-            ]
-        )
-        head = np.dtype(
-            [
-                *((f.name, {"int": "i8", "float": "f8", "bool": "?"}[str(f.type)]) for f in fields(Ticket)),
-                *((name, "i8") for name in ("start_tick", "stop_row", "length", "step_count")),
-                ("steps", "f8", (MOST_STEPS, STEP_SIZE)),
-            ]
-        )
-        self._row_names = [name for name in row.names or () if name != "repairs"]
-        # A column a field: contiguous, as the loop and the planner read them.
-        self._columns = [
-            {name: shared_array((self.rows, *row[name].shape), row[name].base) for name in row.names or ()}
+        row = PlanRows.dtype(joints=joints, state=state)
+        # An array a field: contiguous, as the loop and the planner read them.
+        self._rows = [
+            PlanRows({name: shared_array((self.rows, *row[name].shape), row[name].base) for name in PlanRows.names()})
             for _ in range(SLOTS)
         ]
-        self._heads = shared_array(SLOTS, head)
+        self._heads = PlanHead(shared_array(SLOTS, PlanHead.dtype()))
         self._newest = shared_array(1, np.int64)  # id of the newest plan; its slot is in `_slot`
         self._slot = shared_array(1, np.int64)
-        self._held = shared_array(3, np.int64)  # slots that the loop plays, keeps for its tick, and looks at
+        self._held = shared_array(3, np.int64)  # slots that the loop plays, keeps for its tick, and examines
         self._newest[0], self._slot[0], self._held[:] = 0, -1, -1
 
     def touch(self) -> None:
         """Read all of it once, see `flexmotion.drivers.realtime.ring.touch`."""
-        for columns in self._columns:
-            for column in columns.values():
-                touch(column)
+        for rows in self._rows:
+            for _, values in rows:
+                touch(values)
 
     @property
     def newest_id(self) -> int:
@@ -131,17 +156,17 @@ class PlanBuffer:
                 f"a slot holds {self.rows} and {MOST_STEPS}"
             )
         slot = self._free()
-        columns, head, length = self._columns[slot], self._heads[slot : slot + 1], len(plan)
-        for name in self._row_names:
-            columns[name][:length] = getattr(plan, name)
+        rows, head, length = self._rows[slot], self._heads[slot], len(plan)
+        for name, values in rows:
+            if name != "repairs":
+                values[:length] = getattr(plan, name)
         for index, kind in enumerate(REPAIRS):
-            columns["repairs"][:length, index] = plan.repairs[kind]
-        for field in fields(Ticket):
-            head[field.name] = getattr(ticket, field.name)
-        head["start_tick"], head["stop_row"], head["length"] = plan.start_tick, plan.stop_row, length
-        head["step_count"] = len(plan.steps)
-        for index, step in enumerate(plan.steps):
-            head["steps"][0, index] = pack_steps([step])[0]
+            rows.repairs[:length, index] = plan.repairs[kind]
+        for name in _TICKET:
+            setattr(head, name, getattr(ticket, name))
+        head.start_tick[...], head.stop_row[...], head.length[...] = plan.start_tick, plan.stop_row, length
+        head.step_count[...] = len(plan.steps)
+        head.steps[: len(plan.steps)] = pack_steps(plan.steps)
         fence()
         self._slot[0] = slot
         fence()
@@ -155,7 +180,7 @@ class PlanBuffer:
     # ---------------------------------------------------------------- the loop's side
 
     def newest(self, seen: int) -> Offer | None:
-        """The newest plan, if it is newer than the id `seen`; hold it or look away before the next call."""
+        """The newest plan, if it is newer than the id `seen`; call `hold` before the next call of this."""
         if self.newest_id <= seen:
             return None
         fence()
@@ -163,12 +188,12 @@ class PlanBuffer:
             slot = int(self._slot[0])
             self._held[2] = slot
             fence()
-            # Had the planner gone on meanwhile it might not have seen that this slot is in use.
+            # If the planner has published another one meanwhile, it may not have seen that this slot is held.
             if slot == int(self._slot[0]):
                 return self._offer(slot)
 
     def hold(self, playing: Offer | None, waiting: Offer | None) -> None:
-        """Say which plans the loop still reads; the others' slots may be written to."""
+        """Mark the plans that the loop still reads; the slots of all others may be written to."""
         self._held[0] = -1 if playing is None else playing.slot
         self._held[1] = -1 if waiting is None else waiting.slot
         self._held[2] = -1
@@ -176,7 +201,7 @@ class PlanBuffer:
     # ---------------------------------------------------------------- an observer's side
 
     def observe(self, seen: int) -> Offer | None:
-        """A copy of the newest plan, if it is newer than the id `seen`, for one whom neither side knows of.
+        """A copy of the newest plan, if it is newer than the id `seen`; neither planner nor loop sees this reader.
 
         None also where the slot was written to meanwhile: a newer plan is there, ask again.
         """
@@ -187,21 +212,21 @@ class PlanBuffer:
         copy = _copy(self._offer(slot))
         fence()
         # The newest slot is never written to. Had it been newest, written to and newest again, its id would differ.
-        unchanged = slot == int(self._slot[0]) and copy.ticket.id == int(self._heads[slot]["id"])
+        unchanged = slot == int(self._slot[0]) and copy.ticket.id == int(self._heads[slot].id)
         return copy if unchanged else None
 
     def _offer(self, slot: int) -> Offer:
-        columns, head = self._columns[slot], self._heads[slot]
-        length = int(head["length"])
-        rows: dict[str, Any] = {name: columns[name][:length] for name in self._row_names}
+        head = self._heads[slot]
+        rows = self._rows[slot][: int(head.length)]
+        arrays: dict[str, Any] = {name: values for name, values in rows if name != "repairs"}
         plan = Plan(
-            start_tick=int(head["start_tick"]),
-            stop_row=int(head["stop_row"]),
-            repairs={kind: columns["repairs"][:length, index] for index, kind in enumerate(REPAIRS)},
-            steps=[unpack_step(packed) for packed in head["steps"][: int(head["step_count"])]],
-            **rows,
+            start_tick=int(head.start_tick),
+            stop_row=int(head.stop_row),
+            repairs={kind: rows.repairs[:, index] for index, kind in enumerate(REPAIRS)},
+            steps=head.steps[: int(head.step_count)].steps(),
+            **arrays,
         )
-        return Offer(Ticket(**{field.name: head[field.name].item() for field in fields(Ticket)}), plan, slot)
+        return Offer(Ticket(**{name: head.array[name].item() for name in _TICKET}), plan, slot)
 
 
 def _copy(offer: Offer) -> Offer:

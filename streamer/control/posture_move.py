@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from flexmotion.configs.robot import Robot
-from flexmotion.retarget.balance import smoothstep
 from flexmotion.retarget.dynamics import RobotDynamics
+from flexmotion.spatial.transitions import minimum_jerk
 from flexmotion.streamer.control.reference import Reference
 
 Float = NDArray[np.float64]
@@ -51,7 +51,7 @@ class PostureMove:
     def step(self, reference: Reference) -> None:
         """Fill `reference` for this tick and go on one."""
         s = np.array([self.tick, self.tick + 1]) / self.ticks
-        now, after = smoothstep(s)
+        now, after = minimum_jerk(s)
         span = self.goal - self.start
         np.copyto(reference.q, self.start + now * span)
         np.copyto(reference.qd, (after - now) * self.robot.rate_hz * span)

@@ -1,4 +1,4 @@
-"""`RunTrace`: what one run did, tick by tick; collected from the loop's telemetry, read by report, plots and log."""
+"""`RunTrace`: one run, tick by tick; collected from the loop's telemetry, read by report, plots and log."""
 
 from __future__ import annotations
 
@@ -10,21 +10,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexmotion.streamer.control.telemetry import Event, Telemetry, events
-from flexmotion.streamer.control.tick_row import REPAIRS, blank, tick_dtype
+from flexmotion.streamer.control.tick_row import REPAIRS, TickRow, blank, tick_dtype
 
 Float = NDArray[np.float64]
 
 KEPT_S = 300.0
-"""A record keeps the last five minutes of a run without an end: it must not grow for as long as a robot is on [s]."""
+"""Part of a run without an end that is kept, so that memory stays bounded [s]."""
 _EVENTS_KEPT = 10_000
 _FIRST_ROWS = 4096
 
 TorqueSource = Literal["simulation", "servos"]
+"""Where torques come from: the simulation's true state, or the servos' own measurement (of current)."""
 
 
 @dataclass(frozen=True)
 class PlanEvent:
-    """One plan: when it was asked for and joined (ticks), and what it cost on the wall clock [s]."""
+    """One plan: when it was requested and joined (ticks), and what it took to make on the wall clock [s]."""
 
     asked_tick: int
     join_tick: int
@@ -33,17 +34,20 @@ class PlanEvent:
 
 
 class RunTrace:
-    """Rows of `flexmotion.streamer.control.tick_row.tick_dtype`, each column an attribute: `record.q` is (used, n).
+    """Rows of `flexmotion.streamer.control.tick_row.TickRow`; each field is an attribute too: `record.q` is (used, n).
+
+    The totals of the run (`repairs`, `steps_planned`, `missed_deadlines` …) have the names of the fields they are
+    taken from; `ticks` has the fields themselves.
 
     Args:
-        kept_s: rows older than this are forgotten [s].
+        kept_s: older rows are dropped [s].
 
     Attributes:
         rate_hz: ticks per second.
         joint_names: the robot's joints in column order.
         events: in order of tick.
         human_steps: footsteps that the human made.
-        forgotten: rows that were forgotten, or lost because nobody collected them in time.
+        forgotten: rows that were dropped, or overwritten before they were collected.
     """
 
     def __init__(self, rate_hz: float, joint_names: tuple[str, ...], *, kept_s: float = KEPT_S) -> None:
@@ -75,6 +79,11 @@ class RunTrace:
         """The rows kept, oldest first; a view."""
         return self._rows[: self._used]
 
+    @property
+    def ticks(self) -> TickRow:
+        """The same rows, with their fields as attributes."""
+        return TickRow(self.rows)
+
     def __getattr__(self, name: str) -> NDArray[Any]:
         rows = self.__dict__.get("_rows")
         if rows is None or name not in rows.dtype.names:
@@ -91,7 +100,7 @@ class RunTrace:
         self._used = end
 
     def _make_room(self, count: int) -> None:
-        """Twice the room, up to what is kept; then the older half is forgotten."""
+        """Double the capacity, up to what is kept; from then on drop the older half."""
         kept = self.rows
         if len(self._rows) >= self._most:
             kept = kept[len(kept) // 2 :]
@@ -105,37 +114,37 @@ class RunTrace:
 
     @property
     def hardware_failed(self) -> bool:
-        """Whether servos, IMU, supply or bus are why the robot did not start, or why a fault is latched."""
+        """Whether servos, IMU, supply or bus are why the start was refused or a fault is latched."""
         return bool(self._last("hardware_failed"))
 
     @property
     def torque_source(self) -> TorqueSource | None:
-        """Who tells what torque the servos made: the simulation's truth, or they themselves, by their current."""
-        if np.isfinite(self.rows["true_torque"]).any():
+        """Where `torque` comes from; None where it is unknown."""
+        if np.isfinite(self.ticks.true_torque).any():
             return "simulation"
-        return "servos" if np.isfinite(self.rows["effort"]).any() else None
+        return "servos" if np.isfinite(self.ticks.effort).any() else None
 
     @property
     def torque(self) -> Float:
-        """What the servos made, as `torque_source` tells, (used, n) [N·m]; NaN where unknown."""
+        """Torque of the servos according to `torque_source`, (used, n) [N·m]; NaN where unknown."""
         if self.torque_source == "servos":
-            return np.where(self.rows["stale"] > 0, np.nan, self.rows["effort"])
-        return self.rows["true_torque"]
+            return np.where(self.ticks.stale > 0, np.nan, self.ticks.effort)
+        return self.ticks.true_torque
 
     @property
     def plans(self) -> list[PlanEvent]:
         """The plans that were played, in order."""
-        rows = self.rows[self.rows["plan"] > 0]
-        _, first = np.unique(rows["plan"], return_index=True)
+        rows = self.ticks[self.ticks.plan > 0]
+        _, first = np.unique(rows.plan, return_index=True)
         return [
-            PlanEvent(int(r["asked_tick"]), int(r["plan_start"]), float(r["sample_s"]), float(r["retarget_s"]))
-            for r in rows[first]
+            PlanEvent(int(row.asked_tick), int(row.plan_start), float(row.sample_s), float(row.retarget_s))
+            for row in map(rows.__getitem__, first)
         ]
 
     @property
     def repairs(self) -> dict[str, int]:
         """Repairs by kind, of planner and loop together."""
-        return {kind: int(self.rows["repairs"][-1, i]) if self._used else 0 for i, kind in enumerate(REPAIRS)}
+        return {kind: int(self.ticks.repairs[-1, i]) if self._used else 0 for i, kind in enumerate(REPAIRS)}
 
     @property
     def steps_planned(self) -> int:
@@ -144,12 +153,12 @@ class RunTrace:
 
     @property
     def steps_inserted(self) -> int:
-        """Those of them that it made to set its feet right."""
+        """Those of them without a step of the human, that correct the feet."""
         return self._last("steps_inserted")
 
     @property
     def missed_deadlines(self) -> int:
-        """Ticks that were not done by the time of the next."""
+        """Ticks that were not done when the next was due."""
         return self._last("missed_deadlines")
 
     @property
@@ -159,24 +168,24 @@ class RunTrace:
 
     @property
     def underruns(self) -> int:
-        """Times that the loop had to play a plan's own stop because no other had come."""
+        """Plans whose own stop was played because no other plan came."""
         return self._last("underruns")
 
     @property
     def violations_sent(self) -> int:
-        """Goals outside a servo's envelope, counted where they arrive."""
+        """Goals outside a servo's envelope, as the driver counts them."""
         return self._last("violations")
 
 
 class Collector:
-    """Follows a loop's telemetry into a record."""
+    """Copies a loop's telemetry to a record."""
 
     def __init__(self, telemetry: Telemetry, record: RunTrace) -> None:
         self.record = record
         self._ticks, self._events = telemetry.ticks.reader(), telemetry.events.reader()
 
     def collect(self) -> list[Event]:
-        """Take over what has been told since the last call; returns the new events."""
+        """Copy what was published since the last call; returns the new events."""
         lost = self._ticks.lost
         self.record.append(self._ticks.read())
         self.record.forgotten += self._ticks.lost - lost

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexmotion.configs.robot import Robot
+from flexmotion.spatial.gravity import GRAVITY
 from flexmotion.streamer.control.estimator import Estimator
 from flexmotion.streamer.control.reference import Reference
 
@@ -21,7 +22,6 @@ DCM_GAIN = 0.4
 """Shift of the zero-moment point per error of the divergent component [m/m]. Far below the 1 that a torque-controlled
 robot would need: the servos' stiffness does the rest. Of 48 perturbed walks and turns 39 stayed up at .4, 33 at .8,
 25 at 1.3 and 17 without (at the stride of that day)."""
-_GRAVITY = 9.81
 
 
 class Stabiliser:
@@ -35,7 +35,7 @@ class Stabiliser:
     def __init__(self, robot: Robot, *, enabled: bool = True) -> None:
         self.enabled = enabled
         self._most_along, self._most_across = robot.gait.zmp_feedback
-        self.weight = robot.mass * _GRAVITY
+        self.weight = robot.mass * GRAVITY
         self.legs = [np.array(list(robot.chain(f"{side}_leg").values())) for side in ("left", "right")]
         self.torque, self.zmp_shift = np.zeros(robot.n), np.zeros(2)
         self._moment = np.zeros(2)

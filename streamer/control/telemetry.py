@@ -1,24 +1,36 @@
-"""What the loop says, tick by tick, to whoever listens: rows and events, in rings that hold the last half minute."""
+"""`Telemetry`: the loop's rows and events, published in rings that hold the last half minute."""
 
 from __future__ import annotations
 
 import time
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from flexmotion.drivers.realtime.ring import Reader, Ring
-from flexmotion.streamer.control.tick_row import blank, tick_dtype
+from flexmotion.records import Int, Record, column
+from flexmotion.streamer.control.tick_row import TickRow, blank
 
 KEPT_S = 30.0
-"""What the rings hold: long enough for a reader that was held up, and to tell what led to a fault [s]."""
+"""What the rings hold: enough for a reader that was delayed, and to record what led to a fault [s]."""
 _EVENTS = 512
-_EVENT = np.dtype([("tick", "i8"), ("stamp_ns", "i8"), ("kind", "S16"), ("message", "S488")])
+_MESSAGE_BYTES = 488
+
+
+class EventRow(Record):
+    """An event in shared memory."""
+
+    tick: Int = column("i8")
+    stamp_ns: Int = column("i8")
+    """`time.perf_counter_ns` at which it was emitted."""
+    kind: Any = column("S16")
+    message: Any = column(f"S{_MESSAGE_BYTES}")
 
 
 @dataclass(frozen=True)
 class Event:
-    """Something worth a line in the log: a change of state, a fault, a warning."""
+    """A line of the log: a change of state, a fault, a warning."""
 
     tick: int
     kind: str
@@ -26,41 +38,44 @@ class Event:
 
 
 class Telemetry:
-    """Written by the loop alone once it runs, before by who starts it; everybody else follows.
+    """One process writes it: the one that starts the run, and from the first tick on the loop. Any number read.
 
     Args:
         joints: number of joints.
         rate_hz: ticks a second.
 
     Attributes:
-        row: this tick's row, filled in place, shape ().
-        ticks, events: the rings.
+        row: this tick's row, filled in place.
+        ticks, events: the rings, of `TickRow` and `EventRow`.
     """
 
     def __init__(self, joints: int, rate_hz: float) -> None:
-        dtype = tick_dtype(joints)
-        self.row = blank(dtype)
-        self._floats = [self.row[name] for name in dtype.names or () if dtype[name].base.kind == "f"]
+        dtype = TickRow.dtype(joints=joints)
+        self._row = blank(dtype)
+        # A view of each field, made once: to look a field up in a structured row takes longer than to write it.
+        self.row = TickRow({name: self._row[name] for name in TickRow.names()})
+        self._floats = [values for _, values in self.row if values.dtype.kind == "f"]
         self.ticks = Ring(dtype, int(KEPT_S * rate_hz))
-        self.events = Ring(_EVENT, _EVENTS)
-        self._event = np.zeros((), _EVENT)
+        self.events = Ring(EventRow.dtype(), _EVENTS)
+        self._event = EventRow(np.zeros((), EventRow.dtype()))
 
     def commit(self) -> None:
         """Publish the row; the next one begins with its counts and with no measurement."""
-        self.ticks.publish(self.row)
+        self.ticks.publish(self._row)
         for values in self._floats:
             values.fill(np.nan)
 
-    def tell(self, tick: int, kind: str, message: str) -> None:
+    def emit(self, tick: int, kind: str, message: str) -> None:
         """Publish an event; a message longer than 488 bytes is cut."""
         event = self._event
-        event["tick"], event["stamp_ns"] = tick, time.perf_counter_ns()
-        event["kind"], event["message"] = kind.encode(), message.encode()[:488]
-        self.events.publish(event)
+        event.tick[...], event.stamp_ns[...] = tick, time.perf_counter_ns()
+        event.kind[...], event.message[...] = kind.encode(), message.encode()[:_MESSAGE_BYTES]
+        self.events.publish(np.asarray(event.array))
 
 
 def events(reader: Reader) -> list[Event]:
     """The events since the last call."""
     return [
-        Event(int(row["tick"]), row["kind"].decode(), row["message"].decode(errors="replace")) for row in reader.read()
+        Event(int(row.tick), row.kind.item().decode(), row.message.item().decode(errors="replace"))
+        for row in map(EventRow, reader.read())
     ]

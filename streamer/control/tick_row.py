@@ -1,4 +1,4 @@
-"""What the loop tells about one tick: a row of fixed size that the ring, the log, the viewer and the report share."""
+"""`TickRow`: what the loop records about one tick, a row of fixed size that ring, log, viewer and report share."""
 
 from __future__ import annotations
 
@@ -6,86 +6,136 @@ from typing import Any
 
 import numpy as np
 
+from flexmotion.records import Bool, Float, Int, Record, column
+
 REPAIRS = ("position", "speed", "acceleration", "torque")
 """Kinds of repair, in the order of the column `repairs`."""
 
 
-def tick_dtype(n: int) -> np.dtype[Any]:
-    """The row of a robot with `n` joints; fields in SI units, NaN where unknown or not sent.
+class TickRow(Record):
+    """One tick, or the ticks of a run; SI units, NaN where a value is unknown or was not sent.
 
-    Wide fields come first, so that the row's bytes are also what a log of plain arrays holds.
-
-    ```
-    tick, stamp_ns           number of the tick; time.perf_counter_ns at which it woke
-    state                    flexmotion.streamer.control.ladder.State
-    plan, plan_start, plan_end, offer     id of the plan that plays (0: none), its ticks, id of the newest one looked at
-    pending                  id of the plan that waits for its tick (0: none)
-    asked_tick, target       of the plan that plays: tick at which it was asked for; id of the target it first follows
-    missed_deadlines, late_plans, underruns, violations, steps_planned, steps_inserted, repairs    counts so far
-    source_s                 time of the source that the reference comes from
-    sample_s, retarget_s     what the plan that plays took to make
-    target_to_command_s, target_to_effect_s    on the tick on which a plan for a new target begins to play
-    work_s, lateness_s, robot_lateness_s       time this tick's work took; how late it woke; how late the robot was
-    q_ref, qd_ref, torque_ref, q_cmd           reference from the plan; goal that was sent
-    q, qd, effort, voltage, temperature, stale, hardware_error, imu_stale, gyro, accel      as measured
-    tilt                     roll and pitch of the torso as estimated
-    com_ref, com, dcm_ref, dcm, zmp_ref, zmp_shift        horizontal plane of the planned world; com and dcm estimated;
-                             what the feedback adds to the zero-moment point
-    foot_ref, base_ref       planned soles (x, y, z, yaw), left and right; planned torso, position and w x y z
-    hand_error               distance of each hand's reference from where the human's maps to
-    true_*                   ground truth of a simulation (flexmotion.drivers.simulated.Truth)
-    contact_ref              planned contact of left and right foot
-    ready, plan_over, must_stop           waits for its first plan; the plan is played; only a plan that stops is taken
-    hung                     the feet are in the air
-    hardware_failed          a servo, the IMU, the supply or the bus is why the start was refused or a fault is latched
-    ```
+    Wide fields come first, so that the row has no padding and its bytes are also those of a log's message. The log's
+    topic `/tick` has these fields in this order.
     """
-    whole = ("tick", "stamp_ns", "state", "plan", "plan_start", "plan_end", "offer", "pending", "asked_tick", "target")
-    counts = ("missed_deadlines", "late_plans", "underruns", "violations", "steps_planned", "steps_inserted")
-    times = ("source_s", "sample_s", "retarget_s", "target_to_command_s", "target_to_effect_s")
-    clocks = ("work_s", "lateness_s", "robot_lateness_s")
-    joints = ("q_ref", "qd_ref", "torque_ref", "q_cmd", "q", "qd", "effort", "voltage", "temperature")
-    plane = ("tilt", "com_ref", "com", "dcm_ref", "dcm", "zmp_ref", "zmp_shift", "hand_error")
-    return np.dtype(
-        [
-            *((name, "i8") for name in (*whole, *counts)),
-            ("repairs", "i8", len(REPAIRS)),
-            ("stale", "i8", n),
-            ("hardware_error", "i8", n),
-            ("imu_stale", "i8"),
-            *((name, "f8") for name in (*times, *clocks)),
-            *((name, "f8", n) for name in joints),
-            ("gyro", "f8", 3),
-            ("accel", "f8", 3),
-            *((name, "f8", 2) for name in plane),
-            ("foot_ref", "f8", (2, 4)),
-            ("base_ref", "f8", 7),
-            ("true_base", "f8", 7),
-            ("true_q", "f8", n),
-            *((name, "f8", (2, 3)) for name in ("true_foot", "true_foot_velocity", "true_foot_force")),
-            ("true_torque", "f8", n),
-            ("true_saturated", "f8", n),
-            ("true_com", "f8", 3),
-            ("true_self_contact", "?"),
-            ("contact_ref", "?", 2),
-            ("ready", "?"),
-            ("plan_over", "?"),
-            ("must_stop", "?"),
-            ("hung", "?"),
-            ("hardware_failed", "?"),
-        ]
-    )
+
+    tick: Int = column("i8")
+    """Number of the tick."""
+    stamp_ns: Int = column("i8")
+    """`time.perf_counter_ns` at which the loop woke."""
+    state: Int = column("i8")
+    """`flexmotion.streamer.control.ladder.State`."""
+    plan: Int = column("i8")
+    """Id of the plan that plays; 0: none. `plan_start` and `plan_end`: its first tick, and the first after it."""
+    plan_start: Int = column("i8")
+    plan_end: Int = column("i8")
+    offer: Int = column("i8")
+    """Id of the newest plan that the loop has examined."""
+    pending: Int = column("i8")
+    """Id of the accepted plan that waits for its start tick; 0: none."""
+    asked_tick: Int = column("i8")
+    """Tick at which the plan that plays was requested."""
+    target: Int = column("i8")
+    """Id of the newest target that the plans played so far follow; 0: none."""
+
+    missed_deadlines: Int = column("i8")
+    """This and the next six fields count since the start of the run."""
+    late_plans: Int = column("i8")
+    underruns: Int = column("i8")
+    violations: Int = column("i8")
+    steps_planned: Int = column("i8")
+    steps_inserted: Int = column("i8")
+    repairs: Int = column("i8", len(REPAIRS))
+    """By kind, in the order of `REPAIRS`."""
+    stale: Int = column("i8", "joints")
+    """Reads since each joint last answered; 0: it answered this tick."""
+    hardware_error: Int = column("i8", "joints")
+    """Error byte of each servo; 0: none."""
+    imu_stale: Int = column("i8")
+    """Reads since the IMU last answered; below 0: there is none."""
+
+    source_s: Float = column("f8")
+    """Time of the source that the reference comes from [s]."""
+    sample_s: Float = column("f8")
+    """Time that it took to get the human motion of the plan that plays, and (`retarget_s`) to retarget it [s]."""
+    retarget_s: Float = column("f8")
+    target_to_command_s: Float = column("f8")
+    """From a target's arrival to the first tick of the first plan that follows it, on that tick alone [s]."""
+    target_to_effect_s: Float = column("f8")
+    """From there to the first row that differs by two degrees, on that tick alone [s]."""
+    work_s: Float = column("f8")
+    """Time that the work of this tick took [s]."""
+    lateness_s: Float = column("f8")
+    """How late the loop woke [s]; `robot_lateness_s`: how late the simulated robot was [s]."""
+    robot_lateness_s: Float = column("f8")
+
+    q_ref: Float = column("f8", "joints")
+    """Reference of the plan: angle [rad], speed `qd_ref` [rad/s] and torque `torque_ref` [N·m]."""
+    qd_ref: Float = column("f8", "joints")
+    torque_ref: Float = column("f8", "joints")
+    q_cmd: Float = column("f8", "joints")
+    """Goals that were sent [rad]."""
+    q: Float = column("f8", "joints")
+    """Measured angle [rad], speed `qd` [rad/s], torque `effort` [N·m], supply `voltage` [V], `temperature` [°C]."""
+    qd: Float = column("f8", "joints")
+    effort: Float = column("f8", "joints")
+    voltage: Float = column("f8", "joints")
+    temperature: Float = column("f8", "joints")
+    gyro: Float = column("f8", 3)
+    """Measured angular velocity [rad/s] and specific force `accel` [m/s²] of the torso, in its frame."""
+    accel: Float = column("f8", 3)
+    tilt: Float = column("f8", 2)
+    """Estimated roll and pitch of the torso [rad]."""
+    com_ref: Float = column("f8", 2)
+    """Centre of mass, x and y in the plan's world [m]: planned, and (`com`) estimated."""
+    com: Float = column("f8", 2)
+    dcm_ref: Float = column("f8", 2)
+    """Its divergent component [m]: planned, and (`dcm`) estimated."""
+    dcm: Float = column("f8", 2)
+    zmp_ref: Float = column("f8", 2)
+    """Planned zero-moment point [m], and (`zmp_shift`) what the balance feedback adds to it [m]."""
+    zmp_shift: Float = column("f8", 2)
+    hand_error: Float = column("f8", 2)
+    """Distance of each hand's reference from where the human's hand maps to [m]; NaN out of reach."""
+    foot_ref: Float = column("f8", 2, 4)
+    """Planned soles: x, y, z [m] and yaw [rad], left then right."""
+    base_ref: Float = column("f8", 7)
+    """Planned torso: position [m] and quaternion w x y z."""
+
+    true_base: Float = column("f8", 7)
+    """This and the other `true_` fields: true state of a simulated robot, as of its driver's `truth`."""
+    true_q: Float = column("f8", "joints")
+    true_foot: Float = column("f8", 2, 3)
+    true_foot_velocity: Float = column("f8", 2, 3)
+    true_foot_force: Float = column("f8", 2, 3)
+    true_torque: Float = column("f8", "joints")
+    true_saturated: Float = column("f8", "joints")
+    true_com: Float = column("f8", 3)
+    true_self_contact: Bool = column("?")
+
+    contact_ref: Bool = column("?", 2)
+    """Planned contact of the left and the right foot."""
+    ready: Bool = column("?")
+    """The robot stands and waits for its first plan."""
+    plan_over: Bool = column("?")
+    """The plan has been played to its last row."""
+    must_stop: Bool = column("?")
+    """Only a plan that stops is accepted."""
+    hung: Bool = column("?")
+    """The feet are in the air."""
+    hardware_failed: Bool = column("?")
+    """A servo, the IMU, the supply or the bus is why the start was refused or a fault is latched."""
+
+
+def tick_dtype(n: int) -> np.dtype[Any]:
+    """The layout of `TickRow` for a robot with `n` joints."""
+    return TickRow.dtype(joints=n)
 
 
 def blank(dtype: np.dtype[Any], shape: int | tuple[int, ...] = ()) -> np.ndarray[Any, Any]:
     """Rows with every float NaN and every other field zero."""
     rows = np.zeros(shape, dtype)
-    forget(rows)
-    return rows
-
-
-def forget(rows: np.ndarray[Any, Any]) -> None:
-    """Set every float of `rows` to NaN."""
-    for name in rows.dtype.names or ():
-        if rows.dtype[name].base.kind == "f":
+    for name in dtype.names or ():
+        if dtype[name].base.kind == "f":
             rows[name] = np.nan
+    return rows

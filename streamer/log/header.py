@@ -4,18 +4,48 @@ from __future__ import annotations
 
 import json
 import time
+from collections.abc import Mapping
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Literal
 
 from pydantic import Field
 
+from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.robot import Robot
 from flexmotion.configs.schema import Strict, parse
 from flexmotion.configs.stream import StreamSettings
 
-SCHEMA = "flexmotion.log/1"
+_NAME = "flexmotion.log/"
+VERSION, OLDEST = 1, 1
+"""Version of the logs that are written, and the oldest that is read; `docs/log.md` lists what changed."""
+SCHEMA = f"{_NAME}{VERSION}"
 """Name of the metadata record that holds the header."""
+
+
+def is_header(name: str) -> bool:
+    """Whether a metadata record of that name is the header of a log, of any version."""
+    return name.startswith(_NAME)
+
+
+def require_version(name: str, metadata: Mapping[str, str], origin: Path) -> None:
+    """Check that this program reads logs whose header has that name.
+
+    Raises:
+        ConfigError: the log is too old or too new; the message says what to do.
+    """
+    number = name.removeprefix(_NAME)
+    if number.isdecimal() and OLDEST <= int(number) <= VERSION:
+        return
+    writer = (
+        f"flexmotion {metadata['software'].strip(chr(34))}" if "software" in metadata else "the version of its time"
+    )
+    if number.isdecimal() and int(number) < OLDEST:
+        advice = f"too old for this program; open it with {writer}"
+    else:
+        advice = f"too new for this program; install {writer} or later"
+    known = f"{OLDEST}" if OLDEST == VERSION else f"{OLDEST} to {VERSION}"
+    raise ConfigError(f"{origin}: log version {number}, expected {known}: {advice}")
 
 
 class LogHeader(Strict):

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.robot import Robot, load_robot
 from flexmotion.human.motion import Motion
-from flexmotion.retarget.retargeter import Retargeter
+from flexmotion.retarget.human_steps import count_steps
 from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.log.reader import Log
 from flexmotion.streamer.log.source import MODEL
 from flexmotion.streamer.report.metrics import HumanTrack, RobotFigures
 from flexmotion.streamer.report.report import Report, RunInfo, build_report
-from flexmotion.streamer.run.session import count_human_steps, human_motion
+from flexmotion.streamer.run.played_human import human_motion
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class Subject:
         robot = load_robot(log.header.robot)
         motion = _human(log)
         figures = RobotFigures.of(robot, None if motion is None else motion.body.leg)
-        steps = 0 if motion is None else count_human_steps(motion, Retargeter(robot, log.header.settings))
+        steps = 0 if motion is None else count_steps(motion)
         return cls(robot, motion, figures, steps)
 
     def report(self, log: Log, record: RunTrace) -> Report:

@@ -21,7 +21,7 @@ from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.control.telemetry import Event
 from flexmotion.streamer.control.tick_row import blank, tick_dtype
 from flexmotion.streamer.log.cdr import ENCAPSULATION, decode, parse_schema, row_dtype
-from flexmotion.streamer.log.header import SCHEMA, LogHeader, robot_files
+from flexmotion.streamer.log.header import SCHEMA, LogHeader, is_header, require_version, robot_files
 from flexmotion.streamer.log.messages import EVENT, PLAN, TARGET, TICK
 from flexmotion.streamer.log.source import unpack
 from flexmotion.streamer.motion.sources import Source
@@ -128,7 +128,8 @@ class _Content:
     def take(self, record: McapRecord) -> None:
         if isinstance(record, Message):
             self._take_message(record)
-        elif isinstance(record, Metadata) and record.name == SCHEMA:
+        elif isinstance(record, Metadata) and is_header(record.name):
+            require_version(record.name, record.metadata, self.path)
             self.header = LogHeader.from_metadata(record.metadata, self.path)
         elif isinstance(record, Attachment):
             self.files[record.name] = record.data

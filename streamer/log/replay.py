@@ -132,7 +132,7 @@ def _run(log: Log, subject: Subject, progress: Callable[[float], None] | None) -
             progress(min(tick / end, 1.0))
         return requests.pop(0)[1] if requests and requests[0][0] <= tick else None
 
-    session.request = operate
+    session.next_request = operate
     return session.run("lockstep")
 
 

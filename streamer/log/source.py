@@ -90,7 +90,7 @@ def _unpack_model(parts: Parts, origin: Path) -> ModelSource:
     if folder is None:
         raise ConfigError(f"{origin}: source {parts['name']}: sampled from a bundle that this version comes without")
     bundle = Bundle(folder)
-    if bundle.hash != parts["hash"]:
+    if parts["hash"] not in bundle.hashes:
         raise ConfigError(f"{origin}: source {parts['name']}: {folder} is not the bundle of the run (hash)")
     items = [Item(content["at"], from_content(content)) for content in parts["items"]]
     pace = _unpack_pace(parts.get("pace"), origin)  # logs of before it have none

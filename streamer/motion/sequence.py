@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from flexmotion.human.motion import Motion
-from flexmotion.streamer.report.metrics import heading
+from flexmotion.spatial.heading import heading
+from flexmotion.spatial.quaternions import continuous_quaternions
 
 Float = NDArray[np.float64]
 
@@ -59,11 +60,11 @@ def placed(motion: Motion, at: Motion, scale: float) -> Motion:
         at: one frame; its body becomes the motion's.
         scale: of the path, that other human's feet meet the floor on that body's legs.
     """
-    turn = Rotation.from_euler("z", heading(at.root_quaternion)[0] - heading(motion.root_quaternion)[0])
+    turn = Rotation.from_euler("z", heading(at.root_quaternion[0]) - heading(motion.root_quaternion[0]))
     path = scale * motion.root_position
     path = turn.apply(path - path[0] * [1.0, 1.0, 0.0]) + at.root_position[0] * [1.0, 1.0, 0.0]
     turned = (turn * Rotation.from_quat(motion.root_quaternion, scalar_first=True)).as_quat(scalar_first=True)
-    return replace(motion, root_position=path, root_quaternion=_continuous(turned), body=at.body)
+    return replace(motion, root_position=path, root_quaternion=continuous_quaternions(turned), body=at.body)
 
 
 def _blended(before: Motion, after: Motion, start: int, frames: int) -> Motion:
@@ -87,13 +88,6 @@ def _blended(before: Motion, after: Motion, start: int, frames: int) -> Motion:
             (1 - weight) * old.root_position + weight * new.root_position,
             after.root_position,
         ),
-        root_quaternion=_continuous(quaternion),
+        root_quaternion=continuous_quaternions(quaternion),
         joints=joined(before.joints, (1 - weight) * old.joints + weight * new.joints, after.joints),
     )
-
-
-def _continuous(quaternions: Float) -> Float:
-    """The same rotations without jumps of sign over time."""
-    steps = np.sum(quaternions[1:] * quaternions[:-1], axis=1)
-    sign = np.cumprod(np.concatenate([[1.0], np.where(steps < 0, -1.0, 1.0)]))
-    return quaternions * sign[:, None]

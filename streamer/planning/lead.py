@@ -1,4 +1,4 @@
-"""How far ahead of the present a plan must join, so that it is made in time."""
+"""`Lead`: how far ahead of the present a plan must join, so that it is made in time."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 
 class Kind(Enum):
-    """Plans that take different times to make."""
+    """Kinds of plans, which take different times to make."""
 
     WHOLE = "follows the source as far as plans reach"
     PARTIAL = "follows a new target for a moment"
@@ -18,13 +18,13 @@ class Kind(Enum):
 
 
 class Lead(Protocol):
-    """Says how far ahead to join, and hears what plans took."""
+    """Gives the distance to the join, from the times that plans took."""
 
     def ticks(self, kind: Kind) -> int:
         """Ticks from now to the join."""
         ...
 
-    def took(self, kind: Kind, seconds: float) -> None:
+    def record(self, kind: Kind, seconds: float) -> None:
         """A plan took this long [s]."""
         ...
 
@@ -39,22 +39,25 @@ class FixedLead:
         """See `Lead.ticks`."""
         return self._ticks
 
-    def took(self, kind: Kind, seconds: float) -> None:
-        """See `Lead.took`."""
+    def record(self, kind: Kind, seconds: float) -> None:
+        """See `Lead.record`."""
 
 
 _REMEMBERED = 32
+"""Plans of each kind whose times count."""
 _SHARE = 95
-"""Percentile of what the last plans took; the rest come late and are made again, one tick in twenty plans."""
+"""Percentile of their times that a plan has; one in twenty comes late and is made again."""
 _MARGIN = 1.15
 
 
 class MeasuredLead:
-    """What plans of a kind took lately.
+    """A percentile of the times that the last plans of each kind took.
 
     Args:
-        at_first: what one takes [s], until more is known.
-        most_s: no plan joins further ahead: the one that plays would be over. What took longer was held up [s].
+        rate_hz: ticks a second.
+        at_first: assumed time of each kind until plans were made [s].
+        most_s: longest lead: further ahead the plan that plays would be over. Longer times are taken for delays of the
+            machine and ignored [s].
     """
 
     def __init__(self, rate_hz: float, at_first: dict[Kind, float], most_s: float) -> None:
@@ -64,10 +67,10 @@ class MeasuredLead:
     def ticks(self, kind: Kind) -> int:
         """See `Lead.ticks`."""
         seconds = min(_MARGIN * float(np.percentile(self._took[kind], _SHARE)), self._most_s)
-        # Counted from the tick that comes next, which on average is half a period away: that is the margin on top.
+        # Counted from the next tick, which is half a period away on average: that adds to the margin.
         return max(int(np.ceil(seconds * self._rate)), 1)
 
-    def took(self, kind: Kind, seconds: float) -> None:
-        """See `Lead.took`."""
+    def record(self, kind: Kind, seconds: float) -> None:
+        """See `Lead.record`."""
         if seconds < self._most_s:
             self._took[kind].append(seconds)

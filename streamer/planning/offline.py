@@ -1,4 +1,4 @@
-"""A motion retargeted without robot or clock: the plans that a run would play, one after another."""
+"""`retarget_offline`: the plans that a run would play, one after another, without robot or clock."""
 
 from __future__ import annotations
 
@@ -11,26 +11,26 @@ from numpy.typing import NDArray
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.robot import Robot
 from flexmotion.configs.stream import StreamSettings
+from flexmotion.retarget.human_steps import count_steps
 from flexmotion.retarget.plan import Plan
 from flexmotion.retarget.retargeter import Retargeter
 from flexmotion.streamer.motion.sources import Performance
 from flexmotion.streamer.planning.planner import Planner
-from flexmotion.streamer.run.session import count_human_steps
 
 Float = NDArray[np.float64]
 
 LONGEST_S = 1800.0
-"""What is retargeted at once is kept at once, about 1 MB a second of it."""
+"""Longest motion that is retargeted [s]; the result takes about 1 MB of memory a second."""
 
 
 @dataclass(frozen=True)
 class Trajectory:
-    """What was planned, one row a tick of `rate_hz`; fields as in `flexmotion.retarget.plan.Plan`.
+    """The planned motion, one row a tick of `rate_hz`; fields as in `flexmotion.retarget.plan.Plan`.
 
     Attributes:
         human_steps: steps that the human makes.
-        steps, inserted, dropped: footsteps planned, those the robot added, and human steps left out.
-        repairs: by kind.
+        steps, inserted, dropped: footsteps planned, those inserted by the robot, and human steps left out.
+        repairs: counts by kind.
         retarget_s: time that each plan took [s].
     """
 
@@ -59,7 +59,7 @@ class Trajectory:
 
     @property
     def duration(self) -> float:
-        """[s]."""
+        """Length [s]."""
         return len(self) / self.rate_hz
 
 
@@ -75,11 +75,11 @@ def retarget_offline(
     """Plan all of a source at the cadence of a live run: each plan is played until the next joins, the last to its end.
 
     Args:
-        source: one that comes to an end.
+        source: has an end.
         progress: called with the share done, in [0, 1].
 
     Raises:
-        ConfigError: the source is longer than `LONGEST_S`.
+        ConfigError: the source is longer than `LONGEST_S` or has no end.
     """
     if source.seconds is None or source.seconds > LONGEST_S:
         length = "has no end" if source.seconds is None else f"is {source.seconds:g} s long"
@@ -105,7 +105,7 @@ def retarget_offline(
     return Trajectory(
         rate_hz=robot.rate_hz,
         **arrays,
-        human_steps=count_human_steps(source.human(), planner.retargeter),
+        human_steps=count_steps(source.human()),
         steps=len(made),
         inserted=sum(step.inserted for step in made),
         dropped=sum(step.dropped for step in made),

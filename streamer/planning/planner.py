@@ -1,4 +1,4 @@
-"""The planner: asks the source for the next second of human motion and turns it into the plan that plays next."""
+"""`Planner`: gets the next second of human motion from the source and retargets it to the plan that plays next."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from flexmotion.streamer.motion.sources import Source
 
 @dataclass(frozen=True)
 class Planned:
-    """A plan and what it cost.
+    """A plan and the time that it took.
 
     Attributes:
         plan: joins at `plan.start_tick`.
         sample_s, retarget_s: time to get the human motion, and to retarget it [s].
-        stops: it comes to a stop whatever the source has.
+        stops: it comes to a stop, whatever the source has.
         source_over: the source has nothing after this plan.
     """
 
@@ -36,7 +36,7 @@ class Planned:
 
 
 class Planner:
-    """Makes plans that each resume the last one's state and blend in from its human; keeps nothing between them."""
+    """Makes plans that each resume the state of the one before and blend in from its human; has no state of its own."""
 
     def __init__(self, retargeter: Retargeter, source: Source, settings: StreamSettings) -> None:
         self.retargeter, self.source, self.settings = retargeter, source, settings
@@ -57,7 +57,11 @@ class Planner:
             current: the plan that plays until then; None when the robot stands at its stand pose.
             stop: come to a balanced stop from there, whatever the source has.
             partial: follow the source only for the settings' `first_s`, which takes less time.
-            checkpoint: called every few milliseconds; what it raises ends the work.
+            checkpoint: called every few milliseconds; raises to abandon the plan.
+
+        Raises:
+            RetargetError: the plan has values that are not finite.
+            FlexMotionError, LookupError: the source or the retargeter failed.
         """
         begin = time.perf_counter()
         retargeter = self.retargeter
@@ -75,7 +79,7 @@ class Planner:
         plan = retargeter.plan(state, motion, first, join, horizon=horizon, checkpoint=checkpoint)
         if not (np.isfinite(plan.q).all() and np.isfinite(plan.qd).all() and np.isfinite(plan.torque).all()):
             raise RetargetError(f"{self.source.name}: the plan for tick {join} holds values that are no numbers")
-        # A short window is only the end where the plan has followed all of it.
+        # A short window is the source's end only if the plan has followed all of it.
         over = ended and plan.stop_row < horizon and not stop
         return Planned(plan, sampled - begin, time.perf_counter() - sampled, stop, over)
 

@@ -13,8 +13,9 @@ from flexmotion.configs.robot import Robot
 from flexmotion.human.kinematics import HumanKinematics, forward
 from flexmotion.human.motion import Motion
 from flexmotion.streamer.control.run_trace import RunTrace
+from flexmotion.streamer.plots.palette import HUMAN, LEFT, MUTED, RIGHT
 from flexmotion.streamer.plots.solid import Camera, draw_solid, shapes
-from flexmotion.streamer.plots.style import HUMAN, LEFT, MUTED, RIGHT, empty, new_figure
+from flexmotion.streamer.plots.style import empty, new_figure
 
 Float = NDArray[np.float64]
 

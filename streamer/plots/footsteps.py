@@ -11,9 +11,11 @@ from matplotlib.patches import Polygon
 from numpy.typing import NDArray
 
 from flexmotion.configs.robot import Robot
+from flexmotion.spatial.heading import continuous_heading
 from flexmotion.streamer.control.run_trace import RunTrace
-from flexmotion.streamer.plots.style import HUMAN, INK, LEFT, MIDDLE, MUTED, RIGHT, new_figure
-from flexmotion.streamer.report.metrics import HumanTrack, RobotFigures, heading
+from flexmotion.streamer.plots.palette import HUMAN, INK, LEFT, MIDDLE, MUTED, RIGHT
+from flexmotion.streamer.plots.style import new_figure
+from flexmotion.streamer.report.metrics import HumanTrack, RobotFigures
 
 Float = NDArray[np.float64]
 
@@ -52,7 +54,7 @@ def scaled_path(human: HumanTrack, source_s: Float, base: Float, ratio: float) -
         source_s: (K,) [s]; base: torso position and quaternion of the first of these ticks, (7,).
     """
     position, human_heading = human.at(source_s)
-    turn = heading(base[None, 3:])[0] - human_heading[0]
+    turn = continuous_heading(base[None, 3:])[0] - human_heading[0]
     rotation = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
     return base[:2] + ratio * (position[:, :2] - position[0, :2]) @ rotation.T
 

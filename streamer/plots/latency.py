@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 from matplotlib.figure import Figure
 
 from flexmotion.streamer.checks.latency import HISTOGRAM_US, LatencyResult
-from flexmotion.streamer.plots.style import LEFT, MUTED, RIGHT, WARN, new_figure
+from flexmotion.streamer.plots.palette import LEFT, MUTED, RIGHT, WARN
+from flexmotion.streamer.plots.style import new_figure, save, styled
 
 
 def draw_latency(result: LatencyResult) -> Figure:
@@ -41,3 +44,9 @@ def draw_latency(result: LatencyResult) -> Figure:
     right.invert_yaxis()
     right.set_xlabel("[ms]")
     return figure
+
+
+def write_latency(file: Path, result: LatencyResult) -> Path:
+    """Draw the picture of `check latency` into a PNG file; see `draw_latency`."""
+    with styled():
+        return save(draw_latency(result), file)

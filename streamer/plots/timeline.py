@@ -9,10 +9,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from flexmotion.spatial.heading import continuous_heading
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.run_trace import RunTrace
-from flexmotion.streamer.plots.style import FAINT, HUMAN, INK, LEFT, MIDDLE, MUTED, RIGHT, WARN, empty, new_figure
-from flexmotion.streamer.report.metrics import FALL_TILT_RAD, HumanTrack, RobotFigures, heading, tilt
+from flexmotion.streamer.plots.palette import FAINT, HUMAN, INK, LEFT, MIDDLE, MUTED, RIGHT, WARN
+from flexmotion.streamer.plots.style import empty, new_figure
+from flexmotion.streamer.report.metrics import FALL_TILT_RAD, HumanTrack, RobotFigures, tilt
 
 Float = NDArray[np.float64]
 
@@ -106,7 +108,7 @@ def _heading(axes: Axes, record: RunTrace, human: HumanTrack | None, t: Float) -
         return
     playing = known & np.isfinite(record.source_s[: record.used])
     robot = np.full(record.used, np.nan)
-    robot[known] = heading(base[known, 3:])
+    robot[known] = continuous_heading(base[known, 3:])
     robot -= robot[playing][0] if playing.any() else robot[known][0]
     axes.plot(t, np.degrees(robot), color=MIDDLE)
     if human is not None and playing.any():

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -9,8 +11,9 @@ from numpy.typing import NDArray
 
 from flexmotion.configs.envelope import envelope
 from flexmotion.configs.robot import Robot
+from flexmotion.streamer.plots.palette import FAINT, INK, MUTED, WARN
 from flexmotion.streamer.plots.panels import joint_columns, joint_panels
-from flexmotion.streamer.plots.style import FAINT, INK, MUTED, WARN, empty, new_figure, side_colour
+from flexmotion.streamer.plots.style import empty, new_figure, save, side_colour, styled
 
 Float = NDArray[np.float64]
 
@@ -43,6 +46,12 @@ def draw_torque(torque: Float, speed: Float, robot: Robot, *, measured: bool = F
     fastest, strongest = 1.15 * robot.no_load_speed.max(), 1.1 * robot.stall_torque.max()
     panels[0].set(xlim=(-fastest, fastest), ylim=(-strongest, strongest))
     return figure
+
+
+def write_torque(file: Path, torque: Float, speed: Float, robot: Robot) -> Path:
+    """Draw the picture of torques alone into a PNG file; see `draw_torque`."""
+    with styled():
+        return save(draw_torque(torque, speed, robot), file)
 
 
 def _bars(axes: Axes, robot: Robot, torque: Float, order: list[int]) -> None:

@@ -7,8 +7,9 @@ from matplotlib.figure import Figure
 
 from flexmotion.configs.robot import Robot
 from flexmotion.streamer.control.run_trace import RunTrace
+from flexmotion.streamer.plots.palette import INK, MUTED, WARN
 from flexmotion.streamer.plots.panels import joint_columns, joint_panels
-from flexmotion.streamer.plots.style import INK, MUTED, WARN, new_figure, side_colour
+from flexmotion.streamer.plots.style import new_figure, side_colour
 
 _LEAST_SPAN_DEG = 10.0
 """Panels show at least this much, so that noise of a still joint does not look like motion."""

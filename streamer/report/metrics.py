@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 from flexmotion.configs.robot import Robot
 from flexmotion.human.body import Body
 from flexmotion.human.motion import Motion
-from flexmotion.retarget.balance import GRAVITY
 from flexmotion.retarget.whole_body import WholeBody
+from flexmotion.spatial.gravity import GRAVITY
+from flexmotion.spatial.heading import continuous_heading
 from flexmotion.streamer.control.run_trace import RunTrace
 
 Float = NDArray[np.float64]
@@ -55,7 +56,8 @@ class HumanTrack:
     @classmethod
     def of(cls, motion: Motion) -> HumanTrack:
         """The path of a whole motion, its first frame at time 0."""
-        return cls(np.arange(len(motion)) / motion.fps, motion.root_position, heading(motion.root_quaternion))
+        yaw = continuous_heading(motion.root_quaternion)
+        return cls(np.arange(len(motion)) / motion.fps, motion.root_position, yaw)
 
     def at(self, source_s: Float) -> tuple[Float, Float]:
         """Pelvis position (K, 3) and heading (K,) at the given times (K,), held constant outside the track."""
@@ -172,14 +174,6 @@ def tilt(quaternion: Float) -> Float:
     return np.arccos(np.clip(1.0 - 2.0 * (x * x + y * y), -1.0, 1.0))
 
 
-def heading(quaternion: Float) -> Float:
-    """Yaw about the world's z, unwrapped, (T,) [rad], from finite unit quaternions w x y z (T, 4).
-
-    The twist of the swing-twist decomposition, which stays defined when a torso bows past the horizontal.
-    """
-    return np.unwrap(2.0 * np.arctan2(quaternion[:, 3], quaternion[:, 0]))
-
-
 def first_fall(base: Float, standing_height: float, should_stand: Mask) -> int | None:
     """First tick at which the torso is tilted too far or, while it should stand, too low.
 
@@ -279,12 +273,12 @@ def motion_figures(
         ticks = np.arange(record.used)
         follows = (ticks >= first) & (ticks <= last + STANDS_AGAIN_S * record.rate_hz)
         moving = known & upright & should_stand & follows
-        robot_went = Displacement.of(base[moving, :3], heading(base[moving, 3:]))
+        robot_went = Displacement.of(base[moving, :3], continuous_heading(base[moving, 3:]))
         if human is not None:
             human_position, human_heading = human.at(record.source_s[rows][compared])
             human_went = Displacement.of(human_position, human_heading, robot.leg_ratio)
             path_ratio = net_path_ratio(base[moving, :3], human_position, robot.leg_ratio)
-            heading_error = heading_rms(heading(base[compared, 3:]), human_heading)
+            heading_error = heading_rms(continuous_heading(base[compared, 3:]), human_heading)
 
     return MotionFigures(
         fell=fall is not None,

@@ -11,12 +11,12 @@ from rich.text import Text
 
 from flexmotion.configs.robot import Robot
 from flexmotion.human.motion import Motion
+from flexmotion.spatial.heading import continuous_heading
 from flexmotion.streamer.planning.offline import Trajectory
 from flexmotion.streamer.report.metrics import (
     HumanTrack,
     RobotFigures,
     hand_error_share,
-    heading,
     heading_rms,
     net_path_ratio,
 )
@@ -75,7 +75,7 @@ def quality(trajectory: Trajectory, robot: Robot, motion: Motion) -> Quality:
         duration_s=trajectory.duration,
         rate_hz=trajectory.rate_hz,
         net_path_ratio=net_path_ratio(path, human_position, figures.leg_ratio),
-        heading_rms_rad=heading_rms(heading(base[:, 3:]), human_heading),
+        heading_rms_rad=heading_rms(continuous_heading(base[:, 3:]), human_heading),
         hand_error_share=hand_error_share(trajectory.hand_error[following], figures.arm_length),
         human_steps=trajectory.human_steps,
         steps_planned=trajectory.steps,

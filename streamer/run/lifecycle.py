@@ -1,4 +1,8 @@
-"""`Lifecycle`: who runs the robot through a whole run: starts it, hears what is asked, lets it settle, parks it."""
+"""`Lifecycle`: start, stream, settle, park. It steps before each tick and sets what the loop's ladder is asked for.
+
+`flexmotion.streamer.run.session.Session` is one run (robot, source, settings), this the robot's course through it, and
+`flexmotion.streamer.run.supervisor.Supervisor` the processes of a run on the real clock.
+"""
 
 from __future__ import annotations
 
@@ -8,28 +12,28 @@ from flexmotion.streamer.control.loop import ControlLoop
 from flexmotion.streamer.run.requests import Request
 
 _SETTLE_S = 1.0
-"""How long the robot stands in HOLD after the source is over, before it parks."""
+"""How long the robot stands in HOLD after the source is over, before it parks [s]."""
 _HURRIED_SETTLE_S = 0.2
-"""The same when somebody asked for the end."""
+"""The same after a request for the end [s]."""
 _SILENCE_S = 5.0
-"""A run that should go on but has had no plan for this long is ended."""
+"""A run that should continue but has had no plan for this long is ended [s]."""
 _PARKING_S = 12.0
-"""What a run that has gone on too long is left to stop and park."""
+"""Time that a run past its limit has left to stop and park [s]."""
 MARGIN_S = 30.0
-"""Longest run beyond the source's length: standing up, stopping, parking."""
+"""Longest run beyond the source's length: standing up, stopping, parking [s]."""
 _AGAINST_A_START = (Request.STOP, Request.ESTOP, Request.KILL, Request.END)
-"""Asked for while the program still gets ready, these leave the robot as it is: torque stays off."""
+"""If one of these arrives before the start, torque stays off."""
 
 
 class Lifecycle:
-    """Acts once a tick, before it.
+    """Drives the loop's inputs through one run; `step` before each tick.
 
     Args:
-        seconds: how much of the source is streamed; None: whatever it has [s].
-        stay: after the source is over, and where plans stay away, the robot goes on standing; else the run ends.
+        seconds: how much of the source is streamed [s]; None: all of it.
+        stay: after the source is over, and while no plans come, the robot stands on; else the run ends.
 
     Attributes:
-        quit: the run ends now, whatever state the robot is in.
+        quit: the run ends now, in whatever state the robot is.
         broken: why no more plans can be made; None while they can.
     """
 
@@ -51,11 +55,11 @@ class Lifecycle:
             return True
         return self._started and loop.ladder.state in (State.OFF, State.FAULT)
 
-    def hear(self, request: Request, reason: str = "") -> None:
+    def request(self, request: Request, reason: str = "") -> None:
         """Take a request; it acts on the next tick."""
         inputs = self.loop.inputs
         if request not in (Request.LOST, Request.NOTE):
-            self.loop.telemetry.tell(self.loop.tick_count, "request", request.name)
+            self._emit("request", request.name)
         if not self._started and request in _AGAINST_A_START:
             self._withheld = request
         if request is Request.STOP:
@@ -69,31 +73,31 @@ class Lifecycle:
         elif request is Request.FAULT:
             self.broken = reason
         elif request in (Request.LOST, Request.NOTE):
-            self.loop.telemetry.tell(self.loop.tick_count, "fault" if request is Request.LOST else "note", reason)
+            self._emit("fault" if request is Request.LOST else "note", reason)
         elif request is Request.QUIT:
             self.quit = True
         elif not self._ending:
             self._ending = inputs.stop = True
 
-    def act(self) -> None:
-        """Ask the loop for what this tick needs."""
+    def step(self) -> None:
+        """Set the loop's inputs for its next tick."""
         loop, inputs, rate = self.loop, self.loop.inputs, self.loop.robot.rate_hz
         state = loop.ladder.state
         if not self._started:
             self._started = True
             inputs.start = self._withheld is None
             if self._withheld is not None:
-                loop.telemetry.tell(loop.tick_count, "note", f"no start: {self._withheld.name} was asked for before it")
+                self._emit("note", f"no start: {self._withheld.name} was requested before it")
         if self._stream_start is None and loop.playing is not None:
             self._stream_start = loop.playing.plan.start_tick
         loop.winding_down = self._ending or self._stream_over()
         if self.broken is not None:
             inputs.fault = f"planner: {self.broken}"
         if self._most_ticks is not None and loop.tick_count >= self._most_ticks - int(_PARKING_S * rate):
-            inputs.fault = "the run went on past its time"
+            inputs.fault = "the run exceeded its time limit"
         if state is State.READY and self._ending:
             inputs.park = True
-        self._watch_for_plans(state)
+        self._check_for_plans(state)
         self._hold_ticks = self._hold_ticks + 1 if state is State.HOLD else 0
         settle = _HURRIED_SETTLE_S if self._ending else _SETTLE_S
         if self._over() and self._hold_ticks >= settle * rate:
@@ -106,15 +110,18 @@ class Lifecycle:
         return not self.stay and (source_over or self._stream_over())
 
     def _stream_over(self) -> bool:
-        """Whether as much of the source has been played as was asked for; the lead-in before it does not count."""
+        """Whether the requested part of the source has been played; the lead-in before it does not count."""
         if self._stream_start is None or self.seconds is None:
             return False
         since = (self.loop.tick_count - self._stream_start) / self.loop.robot.rate_hz
         return since - self.settings.lead_in_s >= self.seconds
 
-    def _watch_for_plans(self, state: State) -> None:
-        """A robot that stands and waits for a plan that never comes is not left standing for ever."""
+    def _check_for_plans(self, state: State) -> None:
+        """Raise a fault if the robot stands and has waited too long for a plan."""
         waiting = self.loop.ready or (state is State.HOLD and not self._over())
         self._idle_ticks = self._idle_ticks + 1 if waiting and not self.loop.must_stop else 0
         if not self.stay and self._idle_ticks > _SILENCE_S * self.loop.robot.rate_hz:
             self.loop.inputs.fault = f"planner: no plan for {_SILENCE_S:.0f} s"
+
+    def _emit(self, kind: str, message: str) -> None:
+        self.loop.telemetry.emit(self.loop.tick_count, kind, message)

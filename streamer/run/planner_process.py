@@ -1,4 +1,4 @@
-"""The planner's process: watches what the loop tells and makes the plan that is due, in time for its join."""
+"""The planner's process: follows the loop's rows and makes the plan that is due, in time for its join."""
 
 from __future__ import annotations
 
@@ -9,21 +9,22 @@ import numpy as np
 from flexmotion.configs.errors import FlexMotionError
 from flexmotion.drivers.realtime import priority
 from flexmotion.drivers.realtime.ring import Ring, shared_array
+from flexmotion.streamer.control.tick_row import TickRow
 from flexmotion.streamer.planning.replanning import Replanner
 from flexmotion.streamer.run.requests import Request, RequestChannel
 
-_LOOK_S = 0.002
-"""How often it looks for something to do [s]."""
+_POLL_S = 0.002
+"""Pause between two looks at the loop's newest row [s]."""
 
 
 class Heartbeat:
-    """Says that the planner is alive, through shared memory."""
+    """Time of the planner's last sign of life, in shared memory."""
 
     def __init__(self) -> None:
         self._stamp = shared_array(1, np.int64)
 
     def beat(self) -> None:
-        """Be alive now."""
+        """Set the time to now."""
         self._stamp[0] = time.perf_counter_ns()
 
     @property
@@ -34,22 +35,29 @@ class Heartbeat:
 
 
 def serve(
-    replanner: Replanner, ticks: Ring, rate_hz: float, controls: RequestChannel, beat: Heartbeat, realtime: bool
+    replanner: Replanner, ticks: Ring, rate_hz: float, requests: RequestChannel, heartbeat: Heartbeat, realtime: bool
 ) -> None:
-    """Plan until this process is ended, or until source or retargeter fail: that is told through `controls`."""
+    """Plan until this process is ended, or until source or retargeter fail.
+
+    Args:
+        ticks: the loop's rows.
+        requests: is sent a FAULT when planning fails.
+        realtime: whether to ask for realtime scheduling.
+    """
     try:
         replanner.warm_up()
         priority.settle(collect=True)
         priority.claim(priority.PLANNER_PRIORITY, allowed=realtime)
         while True:
-            beat.beat()
-            status = ticks.latest()
-            if status is None:
-                time.sleep(_LOOK_S)
+            heartbeat.beat()
+            latest = ticks.latest()
+            if latest is None:
+                time.sleep(_POLL_S)
                 continue
+            row = TickRow(latest)
             # The tick that the loop does next: it woke for the last one at `stamp_ns`.
-            since = (time.perf_counter_ns() - int(status["stamp_ns"])) * 1e-9
-            if not replanner.step(int(status["tick"]) + 1 + int(since * rate_hz)):
-                time.sleep(_LOOK_S)
+            since = (time.perf_counter_ns() - int(row.stamp_ns)) * 1e-9
+            if not replanner.step(int(row.tick) + 1 + int(since * rate_hz)):
+                time.sleep(_POLL_S)
     except (FlexMotionError, ArithmeticError, ValueError, LookupError) as error:
-        controls.ask(Request.FAULT, f"{type(error).__name__}: {error}")
+        requests.send(Request.FAULT, f"{type(error).__name__}: {error}")

@@ -1,22 +1,24 @@
-"""`RequestChannel`: what an operator asks of a running loop, heard at its next tick."""
+"""`RequestChannel`: requests of an operator to a running loop, which takes them before its next tick."""
 
 from __future__ import annotations
 
 from enum import IntEnum
+from typing import Any
 
 import numpy as np
 
 from flexmotion.drivers.realtime.ring import Reader, Ring
+from flexmotion.records import Int, Record, column
 
-_DTYPE = np.dtype([("request", "i8"), ("reason", "S488")])
+_REASON_BYTES = 488
 
 
 class Request(IntEnum):
-    """What may be asked; see `flexmotion.streamer.control.ladder` for what each leads to.
+    """What may be requested; see `flexmotion.streamer.control.ladder` for what each leads to.
 
-    STOP, ESTOP, KILL, CLEAR: as the ladder means them. END: a balanced stop, parking, the end of the run. FAULT: an
-    orderly end because of what `reason` says. LOST: the planner is gone, what plays ends in its own stop; `reason`
-    is kept as a fault. NOTE: `reason` is kept. QUIT: the end at once, the driver closed as it closes.
+    STOP, ESTOP, KILL, CLEAR: as the ladder defines them. END: a balanced stop, parking, the end of the run. FAULT: an
+    orderly end for the cause in `reason`. LOST: there is no planner; the plan that plays ends in its own stop, and
+    `reason` is recorded as a fault. NOTE: `reason` is recorded. QUIT: the end at once; the driver is closed.
     """
 
     STOP = 1
@@ -30,29 +32,39 @@ class Request(IntEnum):
     NOTE = 9
 
 
+class RequestRow(Record):
+    """A request in shared memory."""
+
+    request: Int = column("i8")
+    reason: Any = column(f"S{_REASON_BYTES}")
+
+
 class RequestChannel:
-    """Requests of one operator; an operator has its own, so that nobody waits for another."""
+    """Requests of one sender. Each sender has a channel of its own, so that none waits for another."""
 
     def __init__(self) -> None:
-        self._ring = Ring(_DTYPE, 32)
-        self._row = np.zeros((), _DTYPE)
+        self._ring = Ring(RequestRow.dtype(), 32)
+        self._row = RequestRow(np.zeros((), RequestRow.dtype()))
 
-    def ask(self, request: Request, reason: str = "") -> None:
-        """Ask for something, from the one process that owns this end."""
-        self._row["request"], self._row["reason"] = request, reason.encode()[:488]
-        self._ring.publish(self._row)
+    def send(self, request: Request, reason: str = "") -> None:
+        """Publish a request; only one process may do so. A reason longer than 488 bytes is cut."""
+        self._row.request[...], self._row.reason[...] = request, reason.encode()[:_REASON_BYTES]
+        self._ring.publish(np.asarray(self._row.array))
 
-    def listener(self) -> Listener:
+    def reader(self) -> RequestReader:
         """The loop's end."""
-        return Listener(self._ring.reader())
+        return RequestReader(self._ring.reader())
 
 
-class Listener:
-    """Hears what was asked."""
+class RequestReader:
+    """Reads the requests of one channel."""
 
     def __init__(self, reader: Reader) -> None:
         self._reader = reader
 
-    def heard(self) -> list[tuple[Request, str]]:
-        """Requests since the last call, in order."""
-        return [(Request(int(row["request"])), row["reason"].decode(errors="replace")) for row in self._reader.read()]
+    def read(self) -> list[tuple[Request, str]]:
+        """Requests since the last call, in order, each with its reason."""
+        return [
+            (Request(int(row.request)), row.reason.item().decode(errors="replace"))
+            for row in map(RequestRow, self._reader.read())
+        ]

@@ -1,4 +1,8 @@
-"""`Supervisor`: starts the processes of a live run, passes on what the operator asks, notices who dies, cleans up."""
+"""`Supervisor`: starts, checks and ends the processes of a run on the real clock, and forwards requests to the loop.
+
+`flexmotion.streamer.run.session.Session` is the run; `flexmotion.streamer.run.lifecycle.Lifecycle`, in the loop's
+process, is the robot's course through it.
+"""
 
 from __future__ import annotations
 
@@ -21,37 +25,39 @@ from flexmotion.drivers.realtime.priority import Scheduling
 from flexmotion.streamer.control.loop import ControlLoop
 from flexmotion.streamer.control.run_trace import Collector
 from flexmotion.streamer.control.telemetry import Event
+from flexmotion.streamer.control.tick_row import TickRow
 from flexmotion.streamer.planning.replanning import Replanner
 from flexmotion.streamer.run import loop_process, planner_process
 from flexmotion.streamer.run.lifecycle import Lifecycle
 from flexmotion.streamer.run.planner_process import Heartbeat
 from flexmotion.streamer.run.requests import Request, RequestChannel
 
-_LOOK_S = 0.02
-"""How often it looks after everybody [s]."""
+_POLL_S = 0.02
+"""Pause between two checks of the processes [s]."""
 _SILENT_S = 0.6
-"""A planner that has not moved for this long is told of [s]."""
+"""A planner without a heartbeat for this long is reported [s]."""
 _STILL_S, _OPENING_S, _QUIT_S = 2.0, 30.0, 1.0
-"""A loop that has not moved for so long, has not opened its driver, or has not quit is killed [s]."""
+"""The loop's process is killed if it does not tick for this long, opens its driver for this long, or does not end this
+long after a request to quit [s]."""
 _PARKING_S = 15.0
-"""What a loop is left to bring the robot down in, when the supervisor itself has failed [s]."""
+"""Time that the loop has to park the robot when the supervisor itself has failed [s]."""
 _WARM_S = 5.0
-"""After this long a process has touched what it needs [s]."""
-_LAST_WORDS_S = 2.0
-"""What a service has to finish in, a log to be closed say [s]."""
+"""After this long a process has touched the memory that it needs [s]."""
+_CLOSING_S = 2.0
+"""Time that a service has to finish, such as to close a log [s]."""
 
 
 class Service(Protocol):
-    """Something that follows a run and may die without harm to it: a recorder, a viewer.
+    """A follower of a run whose failure does not affect the run, such as a recorder or a viewer.
 
     Attributes:
-        name: what it is called in messages.
+        name: what messages call it.
     """
 
     name: str
 
     def follow(self) -> Callable[[bool], None]:
-        """What is to be called over and over: it takes whether this is the last time. Runs in the service's process."""
+        """Function to call over and over, with whether this is the last call. Runs in the service's process."""
         ...
 
 
@@ -59,14 +65,18 @@ class Service(Protocol):
 class _Running:
     service: Service
     process: BaseProcess
-    missed: bool = False
+    reported: bool = False
 
 
 class Supervisor:
-    """Runs loop, planner and services as processes, and watches them.
+    """Runs loop, planner and services as processes, and checks that they run.
 
-    Args: as of `flexmotion.streamer.run.session.Session`; `controls` are those of this process's user and those of the
-        planner.
+    Args:
+        channels: requests of this process's user, and of the planner.
+        seconds, stay, realtime, services, wake: see `flexmotion.streamer.run.session.Session`.
+
+    Attributes:
+        memory_mb: memory of the loop's process, some seconds after its start and last [MB]; None if never measured.
     """
 
     def __init__(
@@ -74,7 +84,7 @@ class Supervisor:
         loop: ControlLoop,
         replanner: Replanner,
         settings: StreamSettings,
-        controls: tuple[RequestChannel, RequestChannel],
+        channels: tuple[RequestChannel, RequestChannel],
         *,
         seconds: float | None,
         stay: bool,
@@ -85,22 +95,25 @@ class Supervisor:
         self.loop, self.replanner, self.realtime = loop, replanner, realtime
         self.lifecycle = Lifecycle(loop, settings, seconds=seconds, stay=stay)
         self.services, self.wake = services, wake
-        self.outside_controls, self.planner_controls = controls
-        self.controls = RequestChannel()
+        self.user_requests, self.planner_requests = channels
+        self.requests = RequestChannel()
         self.heartbeat = Heartbeat()
         self._silent = False
         self._begun_ns, self._quit_ns, self._killed = time.perf_counter_ns(), 0, ""
         self.memory_mb: tuple[float, float] | None = None
-        """Memory of the loop's process, some seconds after its start and last [MB]."""
 
     def run(
         self,
         collector: Collector,
-        request: Callable[[], Request | None] | None,
+        next_request: Callable[[], Request | None] | None,
         progress: Callable[[float], None] | None,
-        tell: Callable[[Event], None],
+        on_event: Callable[[Event], None],
     ) -> Scheduling:
         """Run to the end.
+
+        Args:
+            collector: of the loop's telemetry.
+            next_request, progress, on_event: see `flexmotion.streamer.run.session.Session`.
 
         Returns:
             The scheduling that the loop was granted.
@@ -108,7 +121,7 @@ class Supervisor:
         Raises:
             DriverError: the driver failed, or the loop's process died.
         """
-        ears, mouth = Pipe(duplex=False)
+        outcome_receiver, outcome_sender = Pipe(duplex=False)
         rate = self.loop.robot.rate_hz
         planner = child.start(
             "planner",
@@ -116,7 +129,7 @@ class Supervisor:
             self.replanner,
             self.loop.telemetry.ticks,
             rate,
-            self.planner_controls,
+            self.planner_requests,
             self.heartbeat,
             self.realtime,
         )
@@ -129,35 +142,35 @@ class Supervisor:
             loop_process.serve,
             self.loop,
             self.lifecycle,
-            [self.outside_controls, self.controls, self.planner_controls],
+            [self.user_requests, self.requests, self.planner_requests],
             self.realtime,
-            mouth,
+            outcome_sender,
             orphaned=signal.SIGTERM,
         )
-        mouth.close()
+        outcome_sender.close()
         try:
             while loop.is_alive():
                 self._wait(loop)
-                asked = None if request is None else request()
-                if asked is not None:
-                    self.controls.ask(asked)
-                self._look_after_loop(loop, asked)
-                self._look_after_planner(planner)
-                self._look_after(running)
+                request = None if next_request is None else next_request()
+                if request is not None:
+                    self.requests.send(request)
+                self._check_loop(loop, request)
+                self._check_planner(planner)
+                self._check_services(running)
                 self._measure_memory(loop)
-                # Whoever reads what is said may be gone; that is no reason to stop.
+                # The reader of a pipe that events are printed to may have gone; the run continues.
                 with contextlib.suppress(OSError, ValueError):
                     for event in collector.collect():
-                        tell(event)
+                        on_event(event)
                     if progress is not None and collector.record.used:
                         progress(float(collector.record.source_s[-1]))
             with contextlib.suppress(OSError, ValueError):
                 for event in collector.collect():
-                    tell(event)
-            return self._outcome(loop, ears)
+                    on_event(event)
+            return self._outcome(loop, outcome_receiver)
         except BaseException:
-            # The robot is not to pay for it.
-            self.controls.ask(Request.END)
+            # Whatever failed here, the robot is parked.
+            self.requests.send(Request.END)
             loop.join(_PARKING_S)
             raise
         finally:
@@ -165,42 +178,44 @@ class Supervisor:
                 child.end(process, patience_s=0.0)
             for one in running:
                 one.process.terminate()
-                child.end(one.process, patience_s=_LAST_WORDS_S)
+                child.end(one.process, patience_s=_CLOSING_S)
 
     def _wait(self, loop: BaseProcess) -> None:
-        """Until something happens, or it is time to look."""
+        """Wait until the loop's process ends, `wake` is readable, or the next check is due."""
         sources: list[int] = [loop.sentinel] if self.wake is None else [loop.sentinel, self.wake]
-        ready = wait(sources, _LOOK_S)
+        ready = wait(sources, _POLL_S)
         if self.wake is not None and self.wake in ready:
             with contextlib.suppress(BlockingIOError):
                 os.read(self.wake, 4096)
 
-    def _look_after_loop(self, loop: BaseProcess, asked: Request | None) -> None:
-        """Kill a loop that does not move, and one that was told to quit and does not."""
+    def _check_loop(self, loop: BaseProcess, request: Request | None) -> None:
+        """Kill the loop's process if it does not tick, or does not end after a request to quit."""
         now = time.perf_counter_ns()
-        if asked is Request.QUIT:
+        if request is Request.QUIT:
             self._quit_ns = self._quit_ns or now
         newest = self.loop.telemetry.ticks.latest()
-        since, patience = (self._begun_ns, _OPENING_S) if newest is None else (int(newest["stamp_ns"]), _STILL_S)
+        since, patience = (self._begun_ns, _OPENING_S)
+        if newest is not None:
+            since, patience = int(TickRow(newest).stamp_ns), _STILL_S
         if now - since > patience * 1e9:
-            self._killed = f"it did not move for {patience:g} s"
+            self._killed = f"it did not tick for {patience:g} s"
         elif self._quit_ns and now - self._quit_ns > _QUIT_S * 1e9:
-            self._killed = "it did not end when told to"
+            self._killed = "it did not end when asked to"
         if self._killed:
             loop.kill()
 
-    def _look_after_planner(self, planner: BaseProcess) -> None:
-        """Tell the loop, once, of a planner that is gone or stands still: what plays ends in its own stop."""
+    def _check_planner(self, planner: BaseProcess) -> None:
+        """Report once to the loop that the planner died or stands still; the plan that plays ends in its own stop."""
         silent = not planner.is_alive() or self.heartbeat.age_s > _SILENT_S
         if silent == self._silent:
             return
         self._silent = silent
         if not silent:
-            self.controls.ask(Request.NOTE, "the planner moves again")
+            self.requests.send(Request.NOTE, "the planner runs again")
         elif planner.is_alive():
-            self.controls.ask(Request.LOST, f"the planner has not moved for {_SILENT_S:g} s")
+            self.requests.send(Request.LOST, f"the planner has not run for {_SILENT_S:g} s")
         elif planner.exitcode:
-            self.controls.ask(Request.LOST, f"the planner's process died ({_cause(planner)})")
+            self.requests.send(Request.LOST, f"the planner's process died ({_cause(planner)})")
 
     def _measure_memory(self, loop: BaseProcess) -> None:
         if self.loop.telemetry.ticks.count < _WARM_S * self.loop.robot.rate_hz or loop.pid is None:
@@ -210,28 +225,28 @@ class Supervisor:
             if now > 0.0:  # a process that has just ended has none
                 self.memory_mb = (now if self.memory_mb is None else self.memory_mb[0], now)
 
-    def _look_after(self, running: list[_Running]) -> None:
-        """Tell, once, of a service that is gone; the run goes on without it."""
+    def _check_services(self, running: list[_Running]) -> None:
+        """Report once each service that has ended; the run continues without it."""
         for one in running:
-            if not one.missed and not one.process.is_alive():
-                one.missed = True
-                self.controls.ask(Request.NOTE, f"{one.service.name} ended ({_cause(one.process)}); the run goes on")
+            if not one.reported and not one.process.is_alive():
+                one.reported = True
+                self.requests.send(Request.NOTE, f"{one.service.name} ended ({_cause(one.process)}); the run goes on")
 
-    def _outcome(self, loop: BaseProcess, ears: Connection) -> Scheduling:
-        """What the loop's process left: the scheduling it had. Raises what ended it."""
-        said: list[Any] = []
-        while ears.poll():
+    def _outcome(self, loop: BaseProcess, outcome_receiver: Connection) -> Scheduling:
+        """The scheduling that the loop's process had. Raises the error that ended it, if any."""
+        received: list[Any] = []
+        while outcome_receiver.poll():
             try:
-                said.append(ears.recv())
+                received.append(outcome_receiver.recv())
             except EOFError:
                 break
         loop.join()
         if loop.exitcode:
             reason = f"was ended: {self._killed}" if self._killed else f"died ({_cause(loop)})"
             raise DriverError(f"the control loop's process {reason}: the servos are left to their watchdog")
-        if said[-1] is not None:
-            raise said[-1]
-        return cast(Scheduling, said[0])
+        if received[-1] is not None:
+            raise received[-1]
+        return cast(Scheduling, received[0])
 
 
 def _cause(process: BaseProcess) -> str:
@@ -240,11 +255,11 @@ def _cause(process: BaseProcess) -> str:
 
 
 def _follow(service: Service) -> None:
-    """A service's process: follows until it is asked to end, and once more."""
+    """A service's process: calls its function until SIGTERM, and then once more."""
     ended: list[int] = []
     signal.signal(signal.SIGTERM, lambda number, _frame: ended.append(number))
     follow = service.follow()
     while not ended:
         follow(False)
-        time.sleep(_LOOK_S)
+        time.sleep(_POLL_S)
     follow(True)

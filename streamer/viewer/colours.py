@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from flexmotion.streamer.plots import style
+from flexmotion.streamer.plots import palette
 
 RGB = tuple[int, int, int]
 
@@ -13,11 +13,11 @@ def rgb(colour: str, *, pale: float = 0.0) -> RGB:
     return red, green, blue
 
 
-SIDES = (style.LEFT, style.RIGHT)
+SIDES = (palette.LEFT, palette.RIGHT)
 """Left and right."""
 PLAN = "#3b82c4"
 """The planned robot."""
-ZMP, DCM, COM = style.MIDDLE, style.HUMAN, style.INK
+ZMP, DCM, COM = palette.MIDDLE, palette.HUMAN, palette.INK
 FORCE = "#e69f00"
-PATH = style.MUTED
+PATH = palette.MUTED
 """Zero-moment point, divergent component of motion, centre of mass, ground forces, the way that was gone."""

@@ -11,6 +11,7 @@ import viser
 from numpy.typing import NDArray
 
 from flexmotion.configs.robot import Robot
+from flexmotion.spatial.gravity import GRAVITY
 from flexmotion.streamer.viewer.colours import COM, DCM, FORCE, PATH, SIDES, ZMP, rgb
 
 Float = NDArray[np.float64]
@@ -95,7 +96,7 @@ class BalanceMarks:
     def __init__(self, scene: viser.SceneApi, under: str, robot: Robot, standing_height: float) -> None:
         self.root = scene.add_frame(under, show_axes=False)
         radius = 0.25 * float(robot.sole_half_size.min())
-        self._newton_m = _FORCE_SCALE * standing_height / (robot.mass * 9.81)
+        self._newton_m = _FORCE_SCALE * standing_height / (robot.mass * GRAVITY)
         self.zmp_ref = _ring(scene, f"{under}/zmp_planned", 1.5 * radius, ZMP)
         self.zmp = _disc(scene, f"{under}/zmp", radius, ZMP)
         self.dcm_ref = _ring(scene, f"{under}/dcm_planned", 1.5 * radius, DCM)

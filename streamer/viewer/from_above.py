@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexmotion.configs.robot import Robot
-from flexmotion.streamer.plots.style import FAINT, MUTED
+from flexmotion.spatial.heading import heading
+from flexmotion.streamer.plots.palette import FAINT, MUTED
 from flexmotion.streamer.viewer.colours import COM, DCM, SIDES, ZMP
-from flexmotion.streamer.viewer.pose import heading
 
 Float = NDArray[np.float64]
 Row = np.ndarray[Any, Any]
@@ -32,7 +32,7 @@ def draw_from_above(row: Row, robot: Robot) -> str:
     # Widths that do not change with the step, so that the scale does not either.
     stance = 2 * float(np.abs(robot.sole_half_size).max() + robot.sole_half_size[:, 1].max())
     scale = _HEIGHT / (_SPAN_STANCES * stance / 2)
-    yaw = heading(row["base_ref"][3:])
+    yaw = float(heading(row["base_ref"][3:]))
     turn = np.array([[np.sin(yaw), -np.cos(yaw)], [-np.cos(yaw), -np.sin(yaw)]])
 
     def to_picture(points: Float) -> Float:

@@ -8,7 +8,7 @@ from html import escape
 import viser
 
 from flexmotion.streamer.control.ladder import State
-from flexmotion.streamer.plots.style import FAINT, INK, MIDDLE, MUTED, WARN
+from flexmotion.streamer.plots.palette import FAINT, INK, MIDDLE, MUTED, WARN
 from flexmotion.streamer.viewer.colours import COM, DCM, FORCE, SIDES, ZMP
 from flexmotion.streamer.viewer.from_above import draw_from_above
 from flexmotion.streamer.viewer.health import WINDOW_S, Health

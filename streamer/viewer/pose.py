@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import mujoco
@@ -10,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexmotion.configs.robot import Robot
+from flexmotion.spatial.heading import heading
 
 Float = NDArray[np.float64]
 Row = np.ndarray[Any, Any]
@@ -101,16 +101,12 @@ class PlannedPose(Pose):
         return known
 
 
-def heading(quaternion: Float) -> float:
-    """Yaw of a quaternion w x y z [rad]."""
-    w, x, y, z = quaternion
-    return math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-
-
 def _tilted(quaternion: Float, tilt: Float) -> Float:
     """The quaternion's heading with roll and pitch `tilt` (2,) [rad]."""
     tilted = np.zeros(4)
-    mujoco.mju_euler2Quat(tilted, np.array([heading(quaternion), tilt[1], tilt[0]]), "zyx")
+    mujoco.mju_euler2Quat(tilted, np.array([0.0, tilt[1], tilt[0]]), "zyx")
+    yaw = heading(quaternion) - heading(tilted)
+    mujoco.mju_euler2Quat(tilted, np.array([yaw, tilt[1], tilt[0]]), "zyx")
     return tilted
 
 

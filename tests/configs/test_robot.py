@@ -10,6 +10,7 @@ import pytest
 
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.robot import ROBOTS, Robot, list_robots, load_robot
+from flexmotion.configs.versions import FormatVersions
 
 Edit = Callable[[dict[str, Any]], Any]
 
@@ -83,6 +84,47 @@ def test_a_contradiction_is_named(spoiled: Callable[[Edit], Path], edit: Edit, s
         load_robot(spoiled(edit))
     assert "\n" not in str(error.value)
     assert "robot.yaml" in str(error.value)
+
+
+def test_a_file_without_version_is_read_as_version_1(spoiled: Callable[[Edit], Path]) -> None:
+    robot = load_robot(spoiled(lambda content: content.pop("version")))
+    assert robot.config.version == 1
+
+
+@pytest.mark.parametrize(
+    ("version", "says"),
+    [
+        (
+            2,
+            "robot file of version 2, this release reads 1: the file is too new: install the FlexMotion release",
+        ),
+        (
+            0,
+            "robot file of version 0, this release reads 1: the file is too old: change it as docs/drivers.md",
+        ),
+        ("1", r"field version: '1', expected a whole number; this release reads 1"),
+        (True, r"field version: True, expected a whole number"),
+        (None, r"field version: None, expected a whole number"),
+    ],
+)
+def test_a_version_that_is_not_read_is_refused(spoiled: Callable[[Edit], Path], version: object, says: str) -> None:
+    def edit(content: dict[str, Any]) -> None:
+        content.update(version=version, field_of_another_version=1)
+
+    folder = spoiled(edit)
+    with pytest.raises(ConfigError, match=says) as error:
+        load_robot(folder)
+    assert str(error.value).startswith(str(folder / "robot.yaml")) and "\n" not in str(error.value)
+
+
+def test_the_versions_that_are_read_are_named_with_the_migration() -> None:
+    versions = FormatVersions(kind="robot file", oldest=2, newest=4, migration="run `flexmotion migrate`")
+    for version in (2, 3, 4):
+        versions.check(version, "robot.yaml")
+    with pytest.raises(ConfigError, match="version 1, this release reads 2 to 4: the file is too old: run `flex"):
+        versions.check(1, "robot.yaml")
+    with pytest.raises(ConfigError, match="version 5, this release reads 2 to 4: the file is too new"):
+        versions.check(5, "robot.yaml")
 
 
 @pytest.mark.parametrize(

@@ -11,9 +11,10 @@ import yaml
 from flexmotion.bundles.bundle import Bundle
 from flexmotion.bundles.shipped import shipped_bundle
 from flexmotion.human.concatenate import concatenate
-from flexmotion.human.kinematics import continuous_heading, forward
+from flexmotion.human.kinematics import forward
 from flexmotion.sampling.pace import Pace
 from flexmotion.sampling.sampler import Condition, Sampler
+from flexmotion.spatial.heading import continuous_matrix_heading
 from flexmotion.text.phrases import STAND
 from flexmotion.text.sayings import NOTHING
 from flexmotion.text.sides import sides
@@ -109,7 +110,7 @@ def test_who_is_told_to_step_aside_neither_walks_ahead_nor_turns(sampler: Sample
         motion = sampler.standing()
         for window in range(5):
             motion = concatenate([motion, sampler.sample(motion, Condition(sentence), seed=10 * run + window)])
-        yaw = continuous_heading(forward(motion).pelvis_rotation)
+        yaw = continuous_matrix_heading(forward(motion).pelvis_rotation)
         went.append(motion.root_position[-1, :2] - motion.root_position[0, :2])
         turned.append(np.degrees(yaw[-1] - yaw[0]))
     ahead, left = np.mean(went, axis=0)

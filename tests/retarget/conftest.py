@@ -1,4 +1,4 @@
-"""The OP3's retargeter, and humans who stand, walk, shuffle and turn on demand."""
+"""The OP3's retargeter, and humans who stand, walk, shuffle and turn as asked."""
 
 from __future__ import annotations
 
@@ -9,20 +9,44 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from flexmotion.configs.robot import Robot, load_robot
+from flexmotion.configs.robot_file import Gait
 from flexmotion.configs.stream import StreamSettings, load_stream
 from flexmotion.human.body import Body
 from flexmotion.human.contacts import ContactDetector
 from flexmotion.human.motion import Motion
 from flexmotion.human.skeleton import JOINTS
 from flexmotion.importers.default_clip import Script, build_clip, default_clip
+from flexmotion.retarget.footholds import Scaling
 from flexmotion.retarget.human import HumanWindow
 from flexmotion.retarget.retargeter import Retargeter
+from flexmotion.retarget.steps import Step
+from flexmotion.retarget.swing import PEAK_ACCELERATION
+from flexmotion.retarget.view import HumanView
 
 FPS = 30.0
+RATE = 125
+"""Loop ticks a second of the OP3."""
+
+Windows = Callable[[Motion], HumanWindow]
+Views = Callable[..., HumanView]
+
+
+def reach(gait: Gait, step: Step) -> float:
+    """Longest distance that a foot may move in a step [m]."""
+    seconds = (step.land - step.lift) / RATE
+    farthest = min(
+        gait.swing_max_foot_speed * seconds, gait.swing_max_foot_acceleration * seconds**2 / PEAK_ACCELERATION
+    )
+    return float(farthest / (1.0 + gait.swing_turn_cost * abs(step.target[3] - step.start[3])))
+
+
+def distance(step: Step) -> float:
+    """Distance that the foot moves [m]."""
+    return float(np.hypot(*(step.target - step.start)[:2]))
 
 
 def step_script(steps: Sequence[tuple[str, float, float, float]], seconds: float, clearance: float = 0.09) -> Script:
-    """Arms hanging, knees a little bent, steps (foot, lift [s], land [s], x [m])."""
+    """A human with hanging arms and slightly bent knees; steps are (foot, lift [s], land [s], x [m])."""
     return Script(
         fps=FPS,
         seconds=seconds,
@@ -56,7 +80,7 @@ def clip() -> Motion:
 
 @pytest.fixture(scope="session")
 def walk() -> Motion:
-    """Eight steps, right foot first, half a second each, .3 m apart; stands for a second before and after."""
+    """Eight steps of .3 m, right foot first, half a second each; a second of standing before and after."""
     steps = [("rl"[k % 2], 1.06 + 0.5 * k, 1.44 + 0.5 * k, 0.15 + 0.3 * k) for k in range(7)]
     return build_clip(step_script([*steps, ("l", 4.56, 4.94, steps[-1][3])], 6.0), Body())
 
@@ -70,7 +94,7 @@ def shuffle() -> Motion:
 
 @pytest.fixture(scope="session")
 def stand() -> Callable[..., Motion]:
-    """Function (frames, joint=angles ...) -> an upright human who stands still but for these joints [rad]."""
+    """Function (frames, joint=angle, ...) -> an upright human who stands still, with these joint angles [rad]."""
 
     def make(frames: int, **joints: float) -> Motion:
         body = Body()
@@ -100,10 +124,22 @@ def spin(stand: Callable[..., Motion]) -> Motion:
 
 
 @pytest.fixture(scope="session")
-def window() -> Callable[[Motion], HumanWindow]:
-    """Function motion -> all of it as seen from its first frame."""
+def window() -> Windows:
+    """Function motion -> the window of all its frames."""
 
     def make(motion: Motion) -> HumanWindow:
         return HumanWindow(motion, 0.0, ContactDetector().initial(), None)
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def view(retargeter: Retargeter, window: Windows) -> Views:
+    """Function (motion, first tick of the plan) -> all of the motion from tick 0 on, for the OP3."""
+
+    def make(motion: Motion, now: int = 0) -> HumanView:
+        scaling = Scaling(retargeter.body.leg_length / motion.body.leg, 0.0, motion.body.segments.hip_width)
+        seen = window(motion)
+        return HumanView(seen, scaling, 0.0, RATE, now, max(int(seen.end_s * RATE) + 1 - now, 1), whole=True)
 
     return make

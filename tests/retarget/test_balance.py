@@ -1,11 +1,10 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from flexmotion.retarget.balance import absorb, centre_of_mass, divergent_component, smoothstep
+from flexmotion.retarget.balance import absorb, centre_of_mass, divergent_component
 
 OMEGA, DT = 6.5, 0.008
 GROWTH = np.exp(OMEGA * DT)
@@ -17,16 +16,6 @@ points = st.tuples(st.floats(-0.05, 0.05), st.floats(-0.05, 0.05)).map(np.array)
 def obeys(zmp: np.ndarray, dcm: np.ndarray) -> None:
     """The exact step of xi' = w (xi - p) under a constant p from each row to the next."""
     np.testing.assert_allclose(dcm[1:], zmp[:-1] + GROWTH * (dcm[:-1] - zmp[:-1]), atol=1e-9)
-
-
-def test_smoothstep_rises_from_rest_to_rest() -> None:
-    s = np.linspace(-0.5, 1.5, 2001)
-    rise = smoothstep(s)
-    assert (rise[s <= 0] == 0).all()
-    np.testing.assert_allclose(rise[s >= 1], 1.0, atol=1e-12)
-    speed = np.gradient(rise, s)
-    assert speed.min() > -1e-9
-    assert speed.max() == pytest.approx(15 / 8, rel=1e-4)
 
 
 @given(zmp=paths)

@@ -7,8 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from flexmotion.retarget.dynamics import RobotDynamics
 from flexmotion.retarget.retargeter import Retargeter
-
-GRAVITY = 9.81
+from flexmotion.spatial.gravity import GRAVITY
 
 
 @pytest.fixture
@@ -18,9 +17,8 @@ def dynamics(retargeter: Retargeter) -> RobotDynamics:
 
 def standing(retargeter: Retargeter) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Torso pose (1, 7), joints (1, n) and feet (1, 2, 4) at rest."""
-    layout, state = retargeter.layout, retargeter.standing()
-    base, q = (layout.get(state, name)[:1].copy() for name in ("base", "q"))
-    return base, q, layout.get(state, "feet")[None].copy()
+    state = retargeter.layout.view(retargeter.standing())
+    return state.base[:1].copy(), state.q[:1].copy(), state.feet[None].copy()
 
 
 def solve(

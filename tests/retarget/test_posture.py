@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flexmotion.human.motion import Motion
-from flexmotion.retarget.footsteps import Scaling
+from flexmotion.retarget.footholds import Scaling
 from flexmotion.retarget.human import HumanWindow
 from flexmotion.retarget.posture import follower, human_trunk, quiet_share, trunk_targets
 from flexmotion.retarget.retargeter import Retargeter

@@ -11,9 +11,9 @@ from scipy.spatial.transform import Rotation
 
 from flexmotion.configs.errors import RetargetError
 from flexmotion.human.motion import Motion
-from flexmotion.retarget.footsteps import NOTICE_S
 from flexmotion.retarget.plan import Plan
 from flexmotion.retarget.retargeter import Retargeter
+from flexmotion.retarget.steps import NOTICE_S
 
 RATE = 125
 FRAMES = 32
@@ -81,7 +81,7 @@ def test_without_a_source_it_stands(retargeter: Retargeter) -> None:
     plan = retargeter.plan(state, None, 0, 50)
     assert plan.start_tick == 50 and plan.stop_row == 0 and len(plan) >= 0.5 * RATE
     np.testing.assert_allclose(plan.q, np.broadcast_to(plan.q[0], plan.q.shape), atol=0.03)
-    np.testing.assert_allclose(plan.q[0], retargeter.layout.get(state, "q")[0], atol=1e-4)
+    np.testing.assert_allclose(plan.q[0], retargeter.layout.view(state).q[0], atol=1e-4)
     assert np.abs(plan.qd).max() < 0.1 and np.abs(plan.qd[-1]).max() < 0.01
     assert plan.contacts.all() and plan.steps == []
     assert np.isnan(plan.source_s).all()
@@ -229,12 +229,12 @@ def test_steps_that_are_settled_survive_every_join(walking: list[Plan], retarget
     """One slot for settled steps lost the foot in the air, which then hung 8 mm over the ground for good."""
     layout, seen = retargeter.layout, 0
     for plan in walking:
-        two = [row for row in range(plan.stop_row) if len(layout.steps(plan.states[row])) == 2]
+        two = [row for row in range(plan.stop_row) if len(layout.view(plan.states[row]).steps.steps()) == 2]
         for row in two[:1]:
             seen += 1
             for motion in (walk, walk[:0]):
                 later = resume(retargeter, motion, plan.states[row], plan.start_tick + row)
-                for step in layout.steps(plan.states[row]):
+                for step in layout.view(plan.states[row]).steps.steps():
                     landed = step.land - later.start_tick
                     np.testing.assert_allclose(later.feet[landed, step.side], step.target, atol=1e-9)
                     assert not later.contacts[landed - 1, step.side] and later.contacts[landed, step.side]

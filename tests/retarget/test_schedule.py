@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from flexmotion.retarget.footsteps import Step
 from flexmotion.retarget.schedule import SHIFT_S, Schedule
+from flexmotion.retarget.steps import Step
 
 RATE = 125.0
 CLEARANCE = 0.022

@@ -8,16 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexmotion.configs.robot import load_robot
-from flexmotion.configs.stream import load_stream
+from flexmotion.streamer.api import Outcome, open_session
+from flexmotion.streamer.api import outcome as judge
 from flexmotion.streamer.commands.choice import choose_motion
-from flexmotion.streamer.commands.streaming import Outcome, RunRequest, stream
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.control.telemetry import Event
 from flexmotion.streamer.control.tick_row import REPAIRS, blank, tick_dtype
 from flexmotion.streamer.motion.sources import ClipSource
-from flexmotion.streamer.plots import write_plots
+from flexmotion.streamer.plots.pictures import write_plots
 from flexmotion.streamer.report.metrics import HumanTrack, RobotFigures
 
 JOINTS = ("l_hip_pitch", "l_knee", "r_hip_pitch", "r_knee", "l_el", "head_pan")
@@ -139,7 +138,9 @@ def human() -> HumanTrack:
 def outcome() -> Outcome:
     """A real run of the shipped motion's first moments on the simulated OP3; treat as read-only."""
     source = ClipSource(choose_motion()).cut(1.5)
-    return stream(RunRequest(robot=load_robot("op3"), driver="sim", source=source, settings=load_stream()))
+    session = open_session("op3", source=source)
+    session.run()
+    return judge(session)
 
 
 @pytest.fixture(scope="session")

@@ -10,7 +10,7 @@ from flexmotion.human.body import Body
 from flexmotion.human.motion import Motion
 from flexmotion.human.skeleton import JOINTS
 from flexmotion.sampling.sampler import Condition
-from flexmotion.streamer.report.metrics import heading
+from flexmotion.spatial.heading import continuous_heading
 from flexmotion.text.prompt_reader import Prompt
 
 NOISE_M = 1e-3
@@ -39,7 +39,7 @@ class StubSampler:
     def standing(self, after: Motion | None = None) -> Motion:
         place, yaw = np.zeros(2), 0.0
         if after is not None:
-            place, yaw = after.root_position[-1, :2], float(heading(after.root_quaternion)[-1])
+            place, yaw = after.root_position[-1, :2], float(continuous_heading(after.root_quaternion)[-1])
         return self._motion(np.broadcast_to(place, (self.history, 2)), np.full(self.history, yaw), 0.0)
 
     def sample(self, history: Motion, condition: Condition, seed: int) -> Motion:
@@ -50,7 +50,7 @@ class StubSampler:
         else:
             speed, turning = SPEEDS.get(condition.text or "", (0.0, 0.0))
         t = np.arange(1, self.future + 1) / self.fps
-        yaw = heading(history.root_quaternion)[-1] + turning * t
+        yaw = continuous_heading(history.root_quaternion)[-1] + turning * t
         step = speed / self.fps * np.stack([np.cos(yaw), np.sin(yaw)], axis=1)
         return self._motion(history.root_position[-1, :2] + np.cumsum(step, axis=0), yaw, self._noise(seed))
 

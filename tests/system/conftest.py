@@ -123,7 +123,7 @@ def live(op3: Robot, steps: Motion) -> Callable[..., Live]:
             last = acts[-1][0] if acts else 0.0
             return Request.END if not todo and passed > last + end_s else None
 
-        session.request = operate
+        session.next_request = operate
         with virtual_time():
             return Live(session, session.run("real"), acted)
 
@@ -143,7 +143,7 @@ def _ask(request: Request) -> Act:
     """An act: a request that is to be heard on the next tick."""
 
     def act(session: Session) -> None:
-        session.controls.ask(request)
+        session.requests.send(request)
 
     return act
 

@@ -11,7 +11,7 @@ from pydantic import Field
 from flexmotion.configs.errors import DriverError
 from flexmotion.configs.robot_file import Imu as ImuConfig
 from flexmotion.configs.schema import Strict
-from flexmotion.drivers.imu.interface import GRAVITY, OpenPort, StandaloneImu
+from flexmotion.drivers.imu.interface import OpenPort, StandaloneImu
 from flexmotion.drivers.imu.witmotion.protocol import (
     ACCEL_FULL_G,
     BANDWIDTHS,
@@ -27,6 +27,7 @@ from flexmotion.drivers.imu.witmotion.protocol import (
     command,
 )
 from flexmotion.drivers.port import BITS_A_BYTE, SerialPort
+from flexmotion.spatial.gravity import GRAVITY
 
 SAMPLE_SIZE = 2 * FRAME_SIZE
 """Bytes of a sample: a frame of acceleration, then one of angular velocity."""

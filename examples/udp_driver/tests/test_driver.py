@@ -1,5 +1,8 @@
-# ruff: noqa: D101, D102 - tests say by their names what they test
-"""The conformance suite against a robot in a thread."""
+# ruff: noqa: D101, D102 - the names of tests say what they check
+"""The conformance suite against a robot in a thread.
+
+The robot lives on the real clock. Tests wait for what it does, so that they pass on a slow machine too.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +13,7 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
+from flexmotion_udp import driver as udp
 from flexmotion_udp.driver import UdpDriver, UdpOptions
 from flexmotion_udp.wire import GOALS, TORQUE, pack_state, unpack
 
@@ -19,15 +23,22 @@ from flexmotion.drivers.conformance import DriverConformance
 from flexmotion.drivers.interface import Driver, JointCommand, RobotState
 
 PERIOD = 0.002
+HANGS_S = 90.0
+"""Bound against hanging [s]."""
 
 
 class ThreadRobot(threading.Thread):
-    """Joints that close half the way to their goals every few milliseconds."""
+    """A robot whose joints halve the distance to their goals in each of its cycles.
+
+    Attributes:
+        cycles: cycles so far.
+    """
 
     def __init__(self) -> None:
         super().__init__(daemon=True)
         robot = load_robot("op3")
         self.position, self.torque, self.running = robot.stand_pose.copy(), False, True
+        self.cycles = 0
         self.goal = self.position.copy()
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self.socket.bind(("127.0.0.1", 0))
@@ -43,20 +54,27 @@ class ThreadRobot(threading.Thread):
                     datagram, client = self.socket.recvfrom(65536)
                 except TimeoutError:
                     break
-                self.hear(*unpack(datagram))
+                self.receive(*unpack(datagram))
             if self.torque:
                 self.position += 0.5 * (self.goal - self.position)
             if client is not None:
                 self.socket.sendto(pack_state(self.torque, self.position, np.zeros_like(self.position)), client)
+            self.cycles += 1
         self.socket.close()
 
-    def hear(self, kind: bytes, values: np.ndarray) -> None:
+    def receive(self, kind: bytes, values: np.ndarray) -> None:
         if kind == TORQUE:
             if values[0] == 1.0 and not self.torque:
                 self.goal[:] = self.position
             self.torque = values[0] == 1.0
         elif kind == GOALS and self.torque and np.isfinite(values).all():
             self.goal[:] = values
+
+
+@pytest.fixture(autouse=True)
+def patient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The driver gives a slow machine time."""
+    monkeypatch.setattr(udp, "PATIENCE_S", HANGS_S)
 
 
 @pytest.fixture
@@ -76,8 +94,15 @@ class TestUdpDriver(DriverConformance):
     def make_driver(self) -> Driver:
         return UdpDriver(load_robot("op3"), options=UdpOptions(udp_port=self.robot.port))
 
+    def wait(self, driver: Driver, seconds: float) -> None:
+        """Wait for as many cycles of the robot as take this time on a fast machine."""
+        end, hangs = self.robot.cycles + round(seconds / PERIOD), time.monotonic() + HANGS_S
+        while self.robot.cycles < end:
+            assert time.monotonic() < hangs, "the robot's thread stands still"
+            time.sleep(PERIOD)
 
-def test_a_robot_that_falls_silent_goes_stale(robot: ThreadRobot) -> None:
+
+def test_a_silent_robot_goes_stale(robot: ThreadRobot, monkeypatch: pytest.MonkeyPatch) -> None:
     state, command = RobotState(20), JointCommand(20)
     with UdpDriver(load_robot("op3"), options=UdpOptions(udp_port=robot.port)) as driver:
         robot.running = False
@@ -87,9 +112,11 @@ def test_a_robot_that_falls_silent_goes_stale(robot: ThreadRobot) -> None:
             driver.write(command)
             driver.read(state)
         assert state.stale.min() >= 5
+        monkeypatch.setattr(udp, "PATIENCE_S", 0.1)  # closing waits for an answer that never comes
 
 
-def test_a_robot_that_is_not_there_is_named() -> None:
+def test_a_missing_robot_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(udp, "PATIENCE_S", 0.1)
     driver = UdpDriver(load_robot("op3"), options=UdpOptions(udp_port=1))
     with pytest.raises(DriverError, match=r"robot at 127.0.0.1:1: does not answer"):
         driver.open()

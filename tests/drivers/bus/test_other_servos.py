@@ -11,7 +11,7 @@ import pytest
 from flexmotion.configs.errors import ConfigError, DriverError
 from flexmotion.configs.robot import Robot, load_robot
 from flexmotion.drivers.bus.driver import BusDriver
-from flexmotion.drivers.bus.witness import GoalWitness
+from flexmotion.drivers.bus.goal_guard import GoalGuard
 from flexmotion.drivers.emulator.faults import Fault
 from flexmotion.drivers.emulator.feetech_bus import EmulatedFeetechBus
 from flexmotion.drivers.emulator.loopback import Loopback
@@ -43,7 +43,7 @@ def lx(tmp_path: Path) -> Robot:
 def test_a_driver_refuses_servos_of_another_protocol(sts: Robot) -> None:
     with pytest.raises(ConfigError, match=r"servo STS3215-12V on bus 'main' speaks feetech, .* speaks dynamixel2"):
         create("dynamixel", sts, port="main")
-    with pytest.raises(ConfigError, match="speaks dynamixel2, this driver speaks lx16a"):
+    with pytest.raises(ConfigError, match="has protocol dynamixel2, this driver supports lx16a"):
         create("lx16a", load_robot("op3"), port="main")
 
 
@@ -77,7 +77,7 @@ def test_a_setting_that_differs_is_written_once_and_told(sts: Robot, caplog: pyt
     bus.servos[3].put("homing_offset", -80)
     with caplog.at_level(logging.INFO), driver:
         assert "homing_offset -80 -> 0" in caplog.text
-        assert "bus main: set for good on servo of l_sho_roll (id 4): homing_offset" in caplog.text
+        assert "bus main: written to EEPROM of servo of l_sho_roll (id 4): homing_offset" in caplog.text
     assert bus.servos[3].get("homing_offset") == 0 and bus.servos[3].get("lock") == 1
 
 
@@ -128,7 +128,7 @@ def test_torque_goes_on_with_goals_pinned_and_goals_past_a_limit_are_counted(nam
         ticks(driver, world, state, command, 20)
         assert driver.violations == 0
         bus = driver.buses[0]
-        bus.witness.limit(3, 0, 10)  # a servo whose limits are narrower than the file's
+        bus.guard.limit(3, 0, 10)  # a servo whose limits are narrower than the file's
         command.position[:] += 0.01
         ticks(driver, world, state, command, 20)
         assert driver.violations > 0
@@ -143,16 +143,16 @@ def test_an_lx16a_past_its_own_limits_is_pinned_to_these(lx: Robot) -> None:
         assert isinstance(bus, Lx16aBus)
         limit = int(bus.measured.ticks[3]) - 5
         bus._position_limits[1, 3] = limit
-        bus.witness.limit(3, 0, limit)
+        bus.guard.limit(3, 0, limit)
         driver.set_torque(True)
         assert bus.pins[3] == limit and driver.violations == 0
         assert world.emulator.body.plant.enabled.all()
 
 
 def test_a_first_goal_outside_goes_to_the_nearest_inside() -> None:
-    witness = GoalWitness(np.zeros(2), np.full(2, 100.0))
-    np.testing.assert_array_equal(witness.admit(np.array([0, 1]), np.array([150.0, 50.0])), [100.0, 50.0])
-    assert witness.violations == 1
+    guard = GoalGuard(np.zeros(2), np.full(2, 100.0))
+    np.testing.assert_array_equal(guard.admit(np.array([0, 1]), np.array([150.0, 50.0])), [100.0, 50.0])
+    assert guard.violations == 1
 
 
 def test_a_bus_that_falls_silent_while_goals_are_read_back_does_not_hold_the_loop_up(
@@ -189,7 +189,7 @@ def test_a_servo_past_its_own_limits_is_pinned_to_these(sts: Robot) -> None:
         assert isinstance(bus, FeetechBus)
         limit = bus.measured.ticks[3] - 5
         bus._position_limits[1, 3] = limit
-        bus.witness.limit(3, 0, limit)
+        bus.guard.limit(3, 0, limit)
         driver.set_torque(True)
         assert world.emulator.lines[0].bus.servos[3].get("goal_position") == limit
         assert driver.violations == 0

@@ -36,7 +36,7 @@ def test_servos_that_no_driver_speaks_to(servo: str, why: str) -> None:
 def test_a_can_interface_is_no_serial_port(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     (tmp_path / "can0").mkdir()
     monkeypatch.setattr("flexmotion.drivers.port.NETWORK", tmp_path)
-    with pytest.raises(DriverError, match="port can0: is a CAN or network interface, no serial port: a driver plug-in"):
+    with pytest.raises(DriverError, match="port can0: is a CAN or network interface, not a serial port"):
         SerialPort("can0", 1_000_000)
 
 

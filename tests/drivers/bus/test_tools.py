@@ -9,7 +9,7 @@ from flexmotion.configs.robot import Robot, load_robot
 from flexmotion.drivers.bus.tools import BusTools, Found
 from flexmotion.drivers.dynamixel.tools import DynamixelTools
 from flexmotion.drivers.emulator.body import BenchBody
-from flexmotion.drivers.emulator.dynamixel_bus import DynamixelBus
+from flexmotion.drivers.emulator.dynamixel_bus import EmulatedDynamixelBus
 from flexmotion.drivers.emulator.loopback import Loopback
 from flexmotion.drivers.feetech.tools import FeetechTools
 from flexmotion.drivers.lx16a.tools import Lx16aTools
@@ -54,13 +54,13 @@ def test_an_id_is_changed_and_never_doubled(tools: BusTools) -> None:
 
 def test_a_reboot_clears_a_shutdown(tools: BusTools) -> None:
     if not isinstance(tools, DynamixelTools):
-        with pytest.raises(DriverError, match="know no reboot"):
+        with pytest.raises(DriverError, match="cannot reboot"):
             tools.reboot(14)
         return
     robot = load_robot("op3")
     kind, world = bench(DynamixelTools, robot)
     bus = world.emulator.lines[0].bus
-    assert isinstance(bus, DynamixelBus)
+    assert isinstance(bus, EmulatedDynamixelBus)
     knee = next(servo for servo in bus.servos if servo.id == 14)
     knee.write(64, b"\x01")
     knee.fail(0x20)
@@ -72,7 +72,7 @@ def test_a_reboot_clears_a_shutdown(tools: BusTools) -> None:
 def test_the_id_of_a_dynamixel_is_locked_by_its_torque() -> None:
     kind, world = bench(DynamixelTools, load_robot("op3"))
     bus = world.emulator.lines[0].bus
-    assert isinstance(bus, DynamixelBus)
+    assert isinstance(bus, EmulatedDynamixelBus)
     bus.servos[0].write(64, b"\x01")
     with pytest.raises(DriverError, match="torque is on, which locks the id"):
         kind.change_id(bus.servos[0].id, 99)

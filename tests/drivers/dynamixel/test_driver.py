@@ -16,7 +16,7 @@ from flexmotion.drivers.dynamixel.driver import DynamixelDriver
 from flexmotion.drivers.dynamixel.registers import Register
 from flexmotion.drivers.dynamixel.sdk import Client
 from flexmotion.drivers.emulator.body import BenchBody
-from flexmotion.drivers.emulator.dynamixel_bus import DynamixelBus
+from flexmotion.drivers.emulator.dynamixel_bus import EmulatedDynamixelBus
 from flexmotion.drivers.emulator.emulator import Emulator
 from flexmotion.drivers.emulator.faults import Fault, FaultKind
 from flexmotion.drivers.emulator.loopback import Loopback
@@ -51,9 +51,9 @@ class Rig:
         self.command.position[:] = robot.stand_pose
 
     @property
-    def bus(self) -> DynamixelBus:
+    def bus(self) -> EmulatedDynamixelBus:
         bus = self.emulator.lines[0].bus
-        assert isinstance(bus, DynamixelBus)
+        assert isinstance(bus, EmulatedDynamixelBus)
         return bus
 
     def servo(self, id_: int) -> XServo:
@@ -114,7 +114,7 @@ def test_opening_leaves_torque_off_and_sets_only_what_differs(
     assert "l_knee (id 14)" in caplog.text and "return_delay_time 250 -> 0" in caplog.text
     # Twenty lines of it were once the first thing that a newcomer saw.
     (told,) = [record.getMessage() for record in caplog.records if record.levelno == logging.WARNING]
-    assert told.startswith("bus main: set for good on 20 servos: ")
+    assert told.startswith("bus main: written to EEPROM of 20 servos: ")
     assert "min_position_limit" in told and "return_delay_time" in told and told.endswith("(details: -v)")
     assert it.servo(KNEE).get("return_delay_time") == 0 and it.servo(KNEE).get("profile_velocity") == 0
     assert not it.emulator.body.plant.enabled.any()
@@ -123,7 +123,7 @@ def test_opening_leaves_torque_off_and_sets_only_what_differs(
     caplog.clear()
     with caplog.at_level(logging.INFO):
         it.driver.open()
-    assert "set for good" not in caplog.text
+    assert "written to EEPROM" not in caplog.text
 
 
 def test_without_configure_a_difference_is_refused(rig: Callable[..., Rig]) -> None:
@@ -289,7 +289,7 @@ def test_settings_locked_by_torque_are_named_and_the_robot_is_not_dropped(rig: C
 
 def test_a_port_that_is_not_there(op3: Robot) -> None:
     for path in ("/dev/null", str(Path(__file__)), str(Path(__file__).parent)):
-        with pytest.raises(DriverError, match=rf"^port {path}: is no serial port$"):
+        with pytest.raises(DriverError, match=rf"^port {path}: is not a serial port$"):
             SerialPort(path, 57600)
     with pytest.raises(DriverError, match=r"port /dev/nowhere: there is no such device"):
         create("dynamixel", op3, port="/dev/nowhere").open()
@@ -338,7 +338,7 @@ def test_another_device_at_the_boards_address_is_refused(
     it = rig()
     ping = Client.ping
     monkeypatch.setattr(Client, "ping", lambda self, id_, **how: 1060 if id_ == 200 else ping(self, id_, **how))
-    with pytest.raises(DriverError, match="id 200 is no OpenCR board: model 1060, expected 29696"):
+    with pytest.raises(DriverError, match="id 200 is not an OpenCR board: model 1060, expected 29696"):
         it.driver.open()
 
 
@@ -375,7 +375,7 @@ def test_old_firmware_is_read_by_sync_read(rig: Callable[..., Rig]) -> None:
     it.start()
     it.tick(5)
     assert not it.state.stale.any()
-    groups = it.driver.buses[0]._groups  # type: ignore[attr-defined]
+    groups = it.driver.buses[0].cycle.groups
     assert sorted((group.fast, len(group.ids)) for group in groups) == [(False, 1), (True, 19)]
 
 
@@ -536,14 +536,14 @@ def test_a_joint_that_sagged_past_its_limit_is_pinned_there_and_counted_if_sent_
 
 
 def test_a_servo_past_its_own_limits_is_pinned_to_these(rig: Callable[..., Rig]) -> None:
-    """The goal was clipped on its way and compared unclipped: "does not take the goal to stay where it is"."""
+    """The goal was clipped on its way and compared unclipped: "does not take a goal at its present position"."""
     it = rig()
     it.driver.open()
     it.driver.read(it.state)
     bus, knee = it.driver.buses[0], it.robot.index("l_knee")
     limit = float(bus.measured.ticks[knee]) - 5
     bus.position_limits[1, knee] = limit
-    bus.witness.limit(knee, 0, limit)
+    bus.guard.limit(knee, 0, limit)
     it.driver.set_torque(True)
     assert it.servo(KNEE).get("goal_position") == limit
     it.tick(3)

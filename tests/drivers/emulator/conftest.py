@@ -8,7 +8,7 @@ from flexmotion.configs.robot import Robot
 from flexmotion.drivers.dynamixel.packet import Decoder, Instruction, Packet, encode
 from flexmotion.drivers.emulator.body import BenchBody
 from flexmotion.drivers.emulator.build import make_bus
-from flexmotion.drivers.emulator.dynamixel_bus import DynamixelBus
+from flexmotion.drivers.emulator.dynamixel_bus import EmulatedDynamixelBus
 from flexmotion.drivers.emulator.servo import Joints, XServo
 
 
@@ -23,7 +23,7 @@ class Host:
     def __init__(self, robot: Robot) -> None:
         self.body = BenchBody(robot)
         bus = make_bus(Joints(self.body), "main")
-        assert isinstance(bus, DynamixelBus)
+        assert isinstance(bus, EmulatedDynamixelBus)
         self.bus, self.baud, self.now = bus, robot.config.buses["main"].baud, 0.0
 
     def send(self, id_: int, instruction: int, params: bytes = b"") -> list[Packet]:
@@ -37,7 +37,7 @@ class Host:
 
     def raw(self, data: bytes) -> list[bytes]:
         """Bytes of each answer to bytes."""
-        return [reply.data for _, replies in self.bus.hear(data, self.baud, self.now) for reply in replies]
+        return [reply.data for _, replies in self.bus.receive(data, self.baud, self.now) for reply in replies]
 
     def read(self, id_: int, name: str) -> int:
         """A register's value, signed as the table says."""

@@ -221,9 +221,9 @@ def test_no_bytes_break_the_bus(noise: list[bytes], id_: int, instruction: int, 
     host = Host(ROBOT)
     for data in noise:
         host.send_bytes(data)
-    host.bus.silence()
+    host.bus.drop_incomplete()
     host.send(id_, instruction, params)
-    host.bus.silence()
+    host.bus.drop_incomplete()
     host.live(0.01)
     host.now += 1.0
     found = host.send(BROADCAST, Instruction.PING)

@@ -5,7 +5,7 @@ import pytest
 from flexmotion.configs.robot import Robot
 from flexmotion.drivers.dynamixel.packet import BROADCAST, Instruction, encode
 from flexmotion.drivers.emulator.body import BenchBody
-from flexmotion.drivers.emulator.dynamixel_bus import DynamixelBus
+from flexmotion.drivers.emulator.dynamixel_bus import EmulatedDynamixelBus
 from flexmotion.drivers.emulator.line import BusLine
 from flexmotion.drivers.emulator.loopback import Loopback
 from flexmotion.drivers.emulator.wire import FRAME_S, Reply, Wire
@@ -61,7 +61,7 @@ def test_goals_act_when_their_last_byte_is_over(op3: Robot) -> None:
     """Went wrong: they acted as they were sent, and while that was worked out the next packet was late on the wire."""
     world = Loopback(BenchBody(op3))
     line = world.emulator.lines[0]
-    assert isinstance(line, BusLine) and isinstance(line.bus, DynamixelBus)
+    assert isinstance(line, BusLine) and isinstance(line.bus, EmulatedDynamixelBus)
     servo = line.bus.servos[3]
     led = encode(BROADCAST, Instruction.SYNC_WRITE, bytes([65, 0, 1, 0, servo.id, 1]))
     world.open_port(line.name, servo.baud).send(led)

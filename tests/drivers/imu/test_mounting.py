@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from flexmotion.configs.errors import DriverError
-from flexmotion.drivers.imu.interface import GRAVITY
 from flexmotion.drivers.imu.mounting import mounting
+from flexmotion.spatial.gravity import GRAVITY
 
 UP = np.array([0.0, 0.0, GRAVITY])
 angle = st.floats(-3.0, 3.0)

@@ -1,4 +1,4 @@
-"""Children end with their parent, whichever way that ends."""
+"""Child processes end with their parent, however the parent ends."""
 
 from __future__ import annotations
 
@@ -13,40 +13,40 @@ import pytest
 
 from flexmotion.drivers.realtime import child
 
+from ..waiting import HANGS_S, wait_until
+
 pytestmark = pytest.mark.wall_clock
 
 
 def _sleep() -> None:
-    time.sleep(60.0)
+    time.sleep(10 * HANGS_S)
 
 
-def _parent(say: Connection) -> None:
-    """A process that starts a child and is then killed."""
+def _parent(result: Connection) -> None:
+    """Start a child, report its process id, and wait to be killed."""
     started = child.start("sleeper", _sleep)
-    say.send(started.pid)
-    time.sleep(60.0)
+    result.send(started.pid)
+    time.sleep(10 * HANGS_S)
 
 
 def test_a_child_whose_parent_is_killed_ends() -> None:
-    hear, say = Pipe(duplex=False)
-    parent = get_context("fork").Process(target=_parent, args=(say,))
+    result, result_writer = Pipe(duplex=False)
+    parent = get_context("fork").Process(target=_parent, args=(result_writer,))
     parent.start()
-    orphan = psutil.Process(hear.recv())
-    end = time.monotonic() + 2.0
-    while orphan.name() != "fm-sleeper" and time.monotonic() < end:
-        time.sleep(0.005)  # it has not named itself yet
-    assert orphan.name() == "fm-sleeper"
+    orphan = psutil.Process(result.recv())
+    wait_until(lambda: orphan.name() == "fm-sleeper", "the child has set its name, and its signals before that")
     assert parent.pid is not None
     os.kill(parent.pid, signal.SIGKILL)
     parent.join()
-    orphan.wait(timeout=2.0)
+    orphan.wait(timeout=HANGS_S)
 
 
-def test_a_terminals_ctrl_c_does_not_reach_a_child_and_end_does() -> None:
+def test_ctrl_c_in_a_terminal_does_not_end_a_child_and_end_does() -> None:
     started = child.start("sleeper", _sleep)
     assert started.pid is not None
-    while psutil.Process(started.pid).name() != "fm-sleeper":
-        time.sleep(0.005)  # it does not ignore Ctrl-C yet
+    process = psutil.Process(started.pid)
+    wait_until(lambda: process.name() == "fm-sleeper", "the child has set its name, and its signals before that")
+    assert os.getpgid(started.pid) == started.pid != os.getpgid(0)
     os.kill(started.pid, signal.SIGINT)
     time.sleep(0.05)
     assert started.is_alive()

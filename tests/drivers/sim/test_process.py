@@ -1,13 +1,16 @@
-"""The simulated robot in a process of its own: a robot like any other, on the real clock."""
+"""The simulated robot in a process of its own, on the real clock.
+
+Tests wait for states of the robot. None depends on how much time passes meanwhile.
+"""
 
 from __future__ import annotations
 
 import os
 import signal
-import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
+import psutil
 import pytest
 
 from flexmotion.configs.errors import DriverError
@@ -15,6 +18,8 @@ from flexmotion.configs.robot import Robot, load_robot
 from flexmotion.drivers.interface import JointCommand, RobotState
 from flexmotion.drivers.sim.driver import SimDriver
 from flexmotion.drivers.sim.process import SimProcess
+
+from ..waiting import wait_until
 
 pytestmark = pytest.mark.wall_clock
 
@@ -30,92 +35,118 @@ def robot(op3: Robot) -> Iterator[SimProcess]:
         yield driver
 
 
-def wait_until(driver: SimProcess, state: RobotState, seconds: float) -> None:
-    end = time.monotonic() + seconds
-    while time.monotonic() < end:
+def reads_until(driver: SimProcess, state: RobotState, reached: Callable[[], object], what: str) -> None:
+    """Read until `reached()` is true."""
+
+    def read() -> object:
         driver.read(state)
-        time.sleep(0.004)
+        return reached()
+
+    wait_until(read, what)
 
 
-def test_it_is_no_lockstep_driver_and_tells_the_truth(robot: SimProcess) -> None:
+def stop(driver: SimProcess) -> None:
+    """Stop the robot's process, and wait until the system has stopped it."""
+    assert driver.pid is not None
+    os.kill(driver.pid, signal.SIGSTOP)
+    process = psutil.Process(driver.pid)
+    wait_until(lambda: process.status() == psutil.STATUS_STOPPED, "the robot's process is stopped")
+
+
+def test_it_is_simulated_and_not_in_lockstep(robot: SimProcess) -> None:
     assert not robot.capabilities.lockstep and robot.capabilities.truth and robot.capabilities.imu
 
 
-def test_time_passes_whether_or_not_anybody_reads(robot: SimProcess, op3: Robot) -> None:
+def test_time_passes_without_reads(robot: SimProcess, op3: Robot) -> None:
     state = RobotState(op3.n)
     robot.read(state)
-    first = state.stamp_ns
-    time.sleep(0.2)
+    first, published = state.stamp_ns, robot.published
+    wait_until(lambda: robot.published > published + 100, "the robot steps on")
     robot.read(state)
-    assert state.stamp_ns - first > 0.15e9
+    assert state.stamp_ns > first
     assert (state.stale == 0).all() and state.imu_stale == 0
 
 
 def test_goals_move_the_joints_and_torque_off_lets_go(robot: SimProcess, op3: Robot) -> None:
     state, command = RobotState(op3.n), JointCommand(op3.n)
-    wait_until(robot, state, 0.05)
+    robot.read(state)
     command.position[:] = state.position
     head = op3.joint_names.index("head_pan")
     robot.set_torque(True)
-    start = state.position[head]
-    command.position[head] = start + 0.08
+    goal = state.position[head] + 0.08
+    command.position[head] = goal
     robot.write(command)
-    wait_until(robot, state, 0.6)
-    assert abs(state.position[head] - start - 0.08) < 0.02
+    reads_until(robot, state, lambda: abs(state.position[head] - goal) < 0.02, "the head reaches its goal")
     assert robot.violations == 0
     robot.set_torque(False)
-    wait_until(robot, state, 1.5)
-    assert robot.truth().base_position[2] < -0.02 or abs(robot.truth().base_quaternion[0]) < 0.99  # it collapses
+
+    def collapsed() -> bool:
+        truth = robot.truth()
+        return bool(truth.base_position[2] < -0.02 or abs(truth.base_quaternion[0]) < 0.99)
+
+    reads_until(robot, state, collapsed, "the robot collapses without torque")
 
 
-def test_a_robot_that_was_killed_does_not_answer(robot: SimProcess, op3: Robot) -> None:
+def test_all_joints_go_stale_when_the_process_is_killed(robot: SimProcess, op3: Robot) -> None:
     state = RobotState(op3.n)
-    robot.read(state)
-    before = state.position.copy()
     assert robot.pid is not None
     os.kill(robot.pid, signal.SIGKILL)
+    process = psutil.Process(robot.pid)
+    wait_until(lambda: process.status() == psutil.STATUS_ZOMBIE, "the robot's process is dead")
+    robot.read(state)
+    before = state.position.copy()
     for _ in range(20):
-        time.sleep(0.008)
         robot.read(state)
     assert (state.stale > op3.safety.max_stale_reads).all() and state.imu_stale > op3.safety.max_stale_reads
-    np.testing.assert_allclose(state.position, before, atol=0.1)  # what it said last
+    np.testing.assert_array_equal(state.position, before)  # the last values stay
     robot.close()
     robot.close()
 
 
-def test_a_robot_whose_process_had_to_wait_is_not_taken_for_dead(robot: SimProcess, op3: Robot) -> None:
-    # A machine with other things to do kept it from running for 60 ms, and a run ended in FAULT.
+def test_a_short_pause_of_the_process_is_no_fault(robot: SimProcess, op3: Robot) -> None:
+    """Regression: on a busy machine the process did not run for 60 ms, and the run ended in FAULT."""
     state = RobotState(op3.n)
     robot.read(state)
-    assert robot.pid is not None
-    os.kill(robot.pid, signal.SIGSTOP)
+    stop(robot)
     for _ in range(8):
         robot.read(state)
+    assert robot.pid is not None
     os.kill(robot.pid, signal.SIGCONT)
     assert (state.stale <= op3.safety.max_stale_reads).all() and state.imu_stale <= op3.safety.max_stale_reads
 
 
-def test_old_values_of_a_robot_that_waits_are_told_as_old(robot: SimProcess, op3: Robot) -> None:
-    """They counted as fresh for 12 reads: full torque for where joints had been, one gyro integrated 12 times."""
+def test_values_read_during_a_pause_are_stale(robot: SimProcess, op3: Robot) -> None:
+    """Regression: they counted as fresh for 12 reads, and one gyro sample was integrated 12 times."""
     state = RobotState(op3.n)
-    assert robot.pid is not None
-    os.kill(robot.pid, signal.SIGSTOP)
-    told = []
+    stop(robot)
+    stale = []
     for _ in range(16):
         robot.read(state)
         assert state.imu_stale == state.stale[0]
-        told.append(int(state.stale[0]))
+        stale.append(int(state.stale[0]))
+    assert robot.pid is not None
     os.kill(robot.pid, signal.SIGCONT)
-    borne = op3.safety.max_stale_reads
-    first = told.index(1)
-    assert first <= 3 and told[first : first + borne] == list(range(1, borne + 1))
-    assert told[11] == borne and told[-1] > borne
+    tolerated = op3.safety.max_stale_reads
+    first = stale.index(1)
+    assert first == 2 and stale[first : first + tolerated] == list(range(1, tolerated + 1))
+    assert stale[11] == tolerated and stale[-1] > tolerated
 
 
-def test_what_keeps_it_from_opening_is_told(op3: Robot) -> None:
+def test_it_opens_again_after_a_run(robot: SimProcess, op3: Robot) -> None:
+    """Regression: the second process read the first one's command to end, and ended."""
+    state = RobotState(op3.n)
+    robot.close()
+    robot.open()
+    published = robot.published
+    wait_until(lambda: robot.published > published + 10, "the robot steps on")
+    robot.read(state)
+    assert (state.stale == 0).all()
+
+
+def test_an_error_while_opening_is_raised_by_open(op3: Robot) -> None:
     class Unplugged(SimDriver):
         def open(self) -> None:
-            raise DriverError("nobody home")
+            raise DriverError("not connected")
 
-    with pytest.raises(DriverError, match="nobody home"):
+    with pytest.raises(DriverError, match="not connected"):
         Unplugged(op3).detached(realtime=False).open()

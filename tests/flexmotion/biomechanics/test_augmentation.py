@@ -8,13 +8,13 @@ import pytest
 from flexmotion.biomechanics.augmentation import Ranges, time_warped, varied
 from flexmotion.biomechanics.dynamics import dynamics
 from flexmotion.biomechanics.external_load import ExternalLoad
-from flexmotion.biomechanics.inverse_dynamics import GRAVITY
 from flexmotion.biomechanics.mirror import mirror
 from flexmotion.human.angles import rotation_about, three_angle_rotation, three_angles
 from flexmotion.human.joint_limits import joint_limits
 from flexmotion.human.kinematics import HumanKinematics, forward
 from flexmotion.human.motion import Motion
 from flexmotion.human.skeleton import JOINTS
+from flexmotion.spatial.gravity import GRAVITY
 
 FLIP = [1.0, -1.0, 1.0]
 

@@ -11,13 +11,14 @@ import pytest
 from flexmotion.biomechanics.dynamics import dynamics
 from flexmotion.biomechanics.floor_drift import on_level_floor
 from flexmotion.biomechanics.ground_reaction import GroundReaction, ground_reaction
-from flexmotion.biomechanics.inverse_dynamics import GRAVITY, effort
+from flexmotion.biomechanics.inverse_dynamics import effort
 from flexmotion.biomechanics.segment_motion import segment_motion
 from flexmotion.biomechanics.sole import sole_points
 from flexmotion.human.body import Body
 from flexmotion.human.kinematics import forward
 from flexmotion.human.motion import Motion
 from flexmotion.importers import load
+from flexmotion.spatial.gravity import GRAVITY
 
 
 def test_standing_shares_the_weight_evenly(make_standing) -> None:

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from flexmotion.bundles.bundle import SCHEMA, BodySize, Manifest
 from flexmotion.bundles.card import CARD, Making, Trained, add_figures, write_card
+from flexmotion.bundles.manifest import SCHEMA, BodySize, Manifest
 
 
 @pytest.fixture

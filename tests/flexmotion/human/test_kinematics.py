@@ -1,14 +1,13 @@
-"""Forward kinematics and headings."""
+"""Forward kinematics."""
 
 from __future__ import annotations
 
 import mujoco
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 from flexmotion.human.human_model import human_model
-from flexmotion.human.kinematics import continuous_heading, forward, heading
+from flexmotion.human.kinematics import forward
 
 
 def test_centre_of_mass_is_mujocos(clip, clip_kinematics):
@@ -40,17 +39,3 @@ def test_bones_keep_their_length(clip, clip_kinematics):
     ):
         distance = np.linalg.norm(getattr(clip_kinematics, first) - getattr(clip_kinematics, second), axis=-1)
         assert distance == pytest.approx(np.full(distance.shape, length))
-
-
-@pytest.mark.parametrize("yaw", [-3.0, -1.0, 0.0, 2.0])
-@pytest.mark.parametrize("pitch", [0.0, 0.8, 1.7])
-def test_heading_survives_a_deep_bow(yaw, pitch):
-    rotation = Rotation.from_euler("ZY", [yaw, pitch]).as_matrix()
-    assert heading(rotation) == pytest.approx(yaw)
-
-
-def test_continuous_heading_counts_turns():
-    yaw = np.linspace(0, 5 * np.pi, 60)
-    rotation = Rotation.from_euler("z", yaw[:, None]).as_matrix()
-    np.testing.assert_allclose(continuous_heading(rotation), yaw, atol=1e-9)
-    np.testing.assert_allclose(continuous_heading(rotation, start=6.2), yaw + 2 * np.pi, atol=1e-9)

@@ -7,13 +7,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from flexmotion.human.signals import (
-    continuous_quaternions,
     fill,
     low_pass,
     resample_quaternions,
     resample_rotations,
     resample_signal,
-    smoothstep,
 )
 
 
@@ -55,13 +53,6 @@ def test_quaternions_turn_through_their_sign_change():
     assert (Rotation.from_matrix(matrices) * expected.inv()).magnitude().max() < 1e-3
 
 
-def test_continuous_quaternions_only_change_signs():
-    q = Rotation.random(20, rng=1).as_quat()
-    result = continuous_quaternions(q)
-    np.testing.assert_allclose(np.abs(result), np.abs(q))
-    assert (np.sum(result[1:] * result[:-1], axis=1) >= 0).all()
-
-
 def test_fill_carries_trusted_values_across_a_gap():
     values, weight = np.zeros((60, 1)), np.zeros(60)
     values[:20], weight[:20] = 1.0, 1.0
@@ -70,7 +61,3 @@ def test_fill_carries_trusted_values_across_a_gap():
     assert filled[5, 0] == pytest.approx(1.0, abs=0.01)
     assert filled[55, 0] == pytest.approx(3.0, abs=0.01)
     assert (np.diff(filled[:, 0]) > -1e-3).all()
-
-
-def test_smoothstep_limits():
-    np.testing.assert_array_equal(smoothstep(np.array([-1.0, 0.0, 0.5, 1.0, 2.0]), 0, 1), [0, 0, 0.5, 1, 1])

@@ -7,11 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flexmotion.human.kinematics import continuous_heading, forward
+from flexmotion.human.kinematics import forward
 from flexmotion.human.motion import Motion
 from flexmotion.human.skeleton import JOINTS
 from flexmotion.importers.default_clip import default_clip
 from flexmotion.sampling.planted import planted
+from flexmotion.spatial.heading import continuous_matrix_heading
 
 FRAMES = 32
 
@@ -75,7 +76,7 @@ def test_who_runs_is_not_held_back_by_a_foot_said_to_be_loaded(standing: Motion)
 
 def test_who_glides_on_loaded_feet_goes_no_further_than_they_step(standing: Motion) -> None:
     """Told to walk backward a model slid at 1.3 m/s on feet that it said were loaded: a robot could not follow."""
-    yaw = continuous_heading(forward(standing).pelvis_rotation)[0]
+    yaw = continuous_matrix_heading(forward(standing).pelvis_rotation)[0]
     glide = np.arange(FRAMES)[:, None] / 30.0 * [-1.3 * np.cos(yaw), -1.3 * np.sin(yaw), 0.0]
     found = planted(moved(standing[1:], glide), standing[:1])
     assert np.linalg.norm(found.root_position[-1, :2] - standing.root_position[0, :2]) < 0.06
@@ -83,7 +84,7 @@ def test_who_glides_on_loaded_feet_goes_no_further_than_they_step(standing: Moti
 
 def test_who_glides_aside_is_let_go(standing: Motion) -> None:
     """Held there too, who was told to step aside at .35 m/s went at .13: it is by gliding that a model goes aside."""
-    yaw = continuous_heading(forward(standing).pelvis_rotation)[0]
+    yaw = continuous_matrix_heading(forward(standing).pelvis_rotation)[0]
     glide = np.arange(FRAMES)[:, None] / 30.0 * [-0.8 * np.sin(yaw), 0.8 * np.cos(yaw), 0.0]
     wanted = moved(standing[1:], glide)
     found = planted(wanted, standing[:1])

@@ -1,10 +1,12 @@
-"""A small set and a model so small that every stage trains in seconds."""
+"""A small set, and a model so small that every stage trains in seconds."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from shutil import copytree
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -14,6 +16,13 @@ from flexmotion.configs.model import FOLDER
 from flexmotion.dataset.build import build
 from flexmotion.dataset.settings import BuildSettings
 from flexmotion.human.motion import Motion
+
+if TYPE_CHECKING:
+    from flexmotion.bundles.bundle import Bundle
+    from flexmotion.training.autoencoder_task import AutoencoderTask
+    from flexmotion.training.diffusion_task import DiffusionTask
+    from flexmotion.training.run import Run
+    from flexmotion.training.stage import Progress, Task
 
 SMALL = {"width": 32, "heads": 2, "layers": 1, "expansion": 2}
 
@@ -61,7 +70,7 @@ def paper_config(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @dataclass(frozen=True)
 class Teacher:
-    """A sentence encoder that any machine has: words hashed to directions."""
+    """A sentence encoder without files: the sum of a random direction for each word."""
 
     size: int = 24
 
@@ -89,3 +98,85 @@ def vocabulary() -> list[str]:
     """Whole words, letters, and letters within words."""
     letters = [chr(code) for code in range(ord("a"), ord("z") + 1)]
     return list(dict.fromkeys(["[UNK]", *WORDS.split(), *letters, *(f"##{letter}" for letter in letters)]))
+
+
+@dataclass(frozen=True)
+class Stages:
+    """Trains the stages of a run at reduced size; `text` is the folder of a trained sentence encoder."""
+
+    text: Path
+
+    def copy_text(self, run: Run) -> None:
+        """Give a run the sentence encoder."""
+        copytree(self.text, run.stage("text"))
+
+    def train(self, run: Run, name: str, task: Task, steps: int | None = None) -> Progress:
+        """Train a stage, for the configured steps or for these."""
+        from flexmotion.training.stage import train_stage
+
+        stage = getattr(run.config.stages, name)
+        stage = stage if steps is None else stage.model_copy(update={"steps": steps, "cool_down": 0.0})
+        return train_stage(task, stage, run.stage(name), fingerprint=run.fingerprint())
+
+    def autoencoder(self, run: Run) -> AutoencoderTask:
+        """A new autoencoder."""
+        from flexmotion.training.autoencoder_task import AutoencoderTask
+        from flexmotion.training.processes import Processes
+
+        return AutoencoderTask(run.config, run.store(), run.seed, Processes())
+
+    def forces(self, run: Run) -> AutoencoderTask:
+        """The forces of the run's autoencoder."""
+        from flexmotion.training.autoencoder_task import AutoencoderTask
+        from flexmotion.training.processes import Processes
+
+        return AutoencoderTask(run.config, run.store(), run.seed, Processes(), trained=run.stage("autoencoder"))
+
+    def diffusion(self, run: Run) -> DiffusionTask:
+        """A new diffusion on the run's autoencoder."""
+        from flexmotion.text.sentence_encoder import SentenceEncoder
+        from flexmotion.training.autoencoder_task import load_autoencoder
+        from flexmotion.training.diffusion_task import DiffusionTask
+        from flexmotion.training.processes import Processes
+
+        encode = SentenceEncoder(run.stage("text"))
+        return DiffusionTask(run.config, run.store(), load_autoencoder(run), encode, run.seed, Processes())
+
+
+@pytest.fixture(scope="session")
+def stages(teacher: Teacher, vocabulary: list[str], tmp_path_factory: pytest.TempPathFactory) -> Stages:
+    """The stages, with a sentence encoder trained once."""
+    from flexmotion.training.text_student import Corpus, distil
+
+    said = ("walk forward", "turn left", "turn right", "wave with the right hand", "stand still") * 4
+    words = tuple(word for word in vocabulary if len(word) > 1 and word.isalpha())
+    folder = tmp_path_factory.mktemp("text") / "text"
+    distil(teacher, vocabulary, Corpus(said, words, said), folder, steps=3, seed=0)
+    return Stages(folder)
+
+
+@pytest.fixture(scope="session")
+def trained(small_set: Path, stream_config: Path, stages: Stages, tmp_path_factory: pytest.TempPathFactory) -> Run:
+    """A run through all stages of `stream` but the evaluator."""
+    from flexmotion.training.checkpoints import load_weights
+    from flexmotion.training.distillation_task import DistillationTask
+    from flexmotion.training.run import Run
+
+    run = Run(tmp_path_factory.mktemp("run") / "stream", str(stream_config), seed=3)
+    run.store(small_set)
+    stages.copy_text(run)
+    stages.train(run, "autoencoder", stages.autoencoder(run))
+    diffusion = stages.diffusion(run)
+    stages.train(run, "diffusion", diffusion)
+    load_weights(diffusion.network, run.stage("diffusion"))
+    stages.train(run, "distill", DistillationTask(run.config, diffusion, run.seed))
+    stages.train(run, "forces", stages.forces(run))
+    return run
+
+
+@pytest.fixture(scope="session")
+def bundle(trained: Run, tmp_path_factory: pytest.TempPathFactory) -> Bundle:
+    """The distilled model, exported."""
+    from flexmotion.training.export import export
+
+    return export(trained, tmp_path_factory.mktemp("bundle") / "stream", distilled=True)

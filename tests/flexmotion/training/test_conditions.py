@@ -1,4 +1,4 @@
-"""What windows are told to be."""
+"""Conditions of windows."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ def test_labels_and_captions_become_sentences() -> None:
     assert "walk forward" in labelled.texts and "someone strolls" in captioned.texts
 
 
-def test_a_set_that_says_nothing_is_refused() -> None:
-    """A set that was built without its index trained for an hour, and its evaluator knew no sentence from another."""
+def test_a_set_without_captions_and_labels_is_refused() -> None:
+    """Regression: a set built without its index was trained on for an hour, and learnt no sentence."""
     with pytest.raises(ConfigError, match="no clip has a caption or a known label; put the collection's"):
         Sentences([clip({}), clip({"content": "unheard-of", "style": "normal"})], embedded)
     assert Sentences([clip({})], embedded, "like me").texts

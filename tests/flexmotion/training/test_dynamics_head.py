@@ -1,4 +1,4 @@
-"""Torques and forces that go with the accelerations of a decoded motion."""
+"""The dynamics head: torques and forces from the accelerations of a decoded motion."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ PULL = LAYOUT.blocks["wrenches"].start + 2
 
 
 def _swaying(count: int, frames: int) -> tuple[torch.Tensor, torch.Tensor]:
-    """Heights that rise and fall at up to 2 Hz, alone in their frames, and their accelerations [1/s²]."""
+    """Motions whose height alone varies, at up to 2 Hz, and its accelerations [1/s²]."""
     generator = torch.Generator().manual_seed(0)
     frequency, phase = torch.rand((2, count, 1), generator=generator)
     omega, time = 2 * torch.pi * (0.5 + 1.5 * frequency), torch.arange(frames) / LAYOUT.fps
@@ -33,8 +33,8 @@ def test_it_adds_nothing_before_it_is_trained(past: int, ahead: int) -> None:
     assert torch.equal(DynamicsHead(8, LAYOUT)(history, frames), frames)
 
 
-def test_even_motion_has_no_acceleration_to_its_ends() -> None:
-    """Went wrong: with no history a body that moved evenly seemed to start with a jerk."""
+def test_uniform_motion_has_no_acceleration_at_its_ends() -> None:
+    """Regression: without a history, a body of constant velocity seemed to start with a jerk."""
     head = DynamicsHead(8, LAYOUT)
     torch.nn.init.normal_(head.write.weight, generator=torch.Generator().manual_seed(0))
     motion = torch.zeros(1, 12, LAYOUT.size)
@@ -47,7 +47,7 @@ def test_even_motion_has_no_acceleration_to_its_ends() -> None:
 
 @pytest.mark.parametrize("what", ["height", "speed"])
 def test_it_learns_the_force_of_an_acceleration(what: str) -> None:
-    """Heights are of their frames, speeds since the frame before."""
+    """From heights, which are those of their frame, and from speeds, which are those since the frame before."""
     torch.manual_seed(0)
     head = DynamicsHead(16, LAYOUT)
     optimiser = torch.optim.Adam(head.parameters(), lr=1e-2)
@@ -56,7 +56,7 @@ def test_it_learns_the_force_of_an_acceleration(what: str) -> None:
         motion[:, 1:, SPEED] = torch.diff(motion[..., HEIGHT], dim=1) * LAYOUT.fps / 10
         motion[..., HEIGHT] = 0.0
     history, frames = motion[:, :8], motion[:, 8:]
-    wanted = acceleration[:, 8:-4] / 50  # the last four frames do not know what comes
+    wanted = acceleration[:, 8:-4] / 50  # the last four frames lack the frames after them
     for _ in range(300):
         optimiser.zero_grad()
         loss = (head(history, frames)[:, :-4, PULL] - wanted).square().mean()
@@ -65,8 +65,8 @@ def test_it_learns_the_force_of_an_acceleration(what: str) -> None:
     assert loss < 0.01 * wanted.square().mean()
 
 
-def test_only_torques_and_wrenches_are_touched_and_the_gradient_stops_at_the_motion() -> None:
-    """Went wrong: through two differentiations of the motion the gradient made it jerk by a quarter more."""
+def test_only_torques_and_wrenches_change_and_no_gradient_reaches_the_motion() -> None:
+    """Regression: the gradient through two differentiations of the motion gave it 25 % more jerk."""
     torch.manual_seed(0)
     head = DynamicsHead(8, LAYOUT)
     torch.nn.init.normal_(head.write.weight)

@@ -1,4 +1,4 @@
-"""Polynomials of muscle torques against the muscle models themselves."""
+"""Polynomials of muscle torques against the muscle models."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from flexmotion.training.muscle_torques import (  # noqa: E402
 )
 
 
-def test_torques_of_the_muscles_are_those_of_the_joints(clip: Motion, small_set: Path, tmp_path: Path) -> None:
+def test_muscle_torques_are_those_of_the_joints(clip: Motion, small_set: Path, tmp_path: Path) -> None:
     fit_muscle_torques(TrainingSet(small_set), tmp_path / "muscles.npz")
     muscles = load_muscle_torques(tmp_path / "muscles.npz")
     found = dynamics(clip[285:315])
@@ -44,7 +44,7 @@ def test_torques_of_the_muscles_are_those_of_the_joints(clip: Motion, small_set:
     residual = muscles.residual(features, layout, humans)[0].numpy()
     assert residual.shape == (len(motion) - 2, sum(map(len, LIMBS)))
     scale = motion.body.mass * 9.81 * motion.body.leg
-    # Where the muscles could make the torque.
+    # Where the muscles can produce the torque.
     feasible = np.abs(state.missing[1:-1]) < 0.5
     assert motion.torques is not None
     assert np.median(np.abs(residual[feasible])) < 0.05 * np.abs(motion.torques[:, 6:]).max() / scale

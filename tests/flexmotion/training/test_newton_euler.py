@@ -50,7 +50,7 @@ def _derivative(function: Callable[[torch.Tensor], torch.Tensor]) -> Callable[[t
 
 @pytest.mark.parametrize("seed", range(4))
 def test_inverse_dynamics_are_mujocos(seed: int) -> None:
-    """Any state, speed, acceleration and ground force: exact derivatives in, MuJoCo's generalised forces out."""
+    """Any state, speed, acceleration and ground force, with exact derivatives, against `mj_inverse`."""
     rng = np.random.default_rng(seed)
     start, speed, bend = (torch.tensor(rng.normal(0, scale, 32)) for scale in (0.6, 1.0, 3.0))
     humans = HumanTensors.of([BODY], torch.float64)
@@ -78,7 +78,7 @@ def test_inverse_dynamics_are_mujocos(seed: int) -> None:
     model, data = human.model, mujoco.MjData(human.model)
     pelvis_rate = _derivative(lambda time: at(time).pelvis)
     pelvis = at(now).pelvis[0, 0].numpy()
-    # Angular velocity and acceleration of the free joint are in the pelvis' own axes.
+    # Angular velocity and acceleration of the free joint are in the axes of the pelvis.
     turning, bending = pelvis_rate(now)[0, 0].numpy(), _derivative(pelvis_rate)(now)[0, 0].numpy()
     spin = pelvis.T @ turning
     spin_rate = pelvis.T @ bending - spin @ spin
@@ -106,7 +106,7 @@ def test_inverse_dynamics_are_mujocos(seed: int) -> None:
 
 
 def test_features_give_points_and_torques_of_the_clip(clip: Motion) -> None:
-    """From the features of a clip, in float32: where its points are, and the torques that biomechanics found."""
+    """Points and joint torques from the features of a clip, in float32, against `biomechanics`."""
     found = dynamics(clip[240:300])
     motion = found.motion
     layout = Layout(motion.fps)
@@ -132,8 +132,8 @@ def test_features_give_points_and_torques_of_the_clip(clip: Motion) -> None:
     assert np.sqrt(np.mean(error**2)) < 0.02 * np.abs(motion.torques[:, 6:]).max()
 
 
-def test_the_loss_moves_torques_and_forces_and_not_the_motion(clip: Motion) -> None:
-    """Its gradient through two differentiations made motion jerk by a quarter more, and its own residual larger."""
+def test_the_loss_has_gradients_for_torques_and_forces_but_not_for_the_motion(clip: Motion) -> None:
+    """Regression: the gradient through two differentiations gave motions 25 % more jerk and a larger residual."""
     found = dynamics(clip[240:300])
     layout = Layout(found.motion.fps)
     features = torch.tensor(encode(found.motion, layout, found.centres))[None].requires_grad_()
@@ -141,5 +141,5 @@ def test_the_loss_moves_torques_and_forces_and_not_the_motion(clip: Motion) -> N
     residual = euler_residual(features, layout, HumanTensors.of([found.motion.body]), branches)
     (residual.root.square().mean() + residual.joints.square().mean()).backward()
     assert features.grad is not None
-    moved = {name for name, block in layout.blocks.items() if features.grad[..., block].abs().max() > 0}
-    assert moved == {"torques", "wrenches"}
+    changed = {name for name, block in layout.blocks.items() if features.grad[..., block].abs().max() > 0}
+    assert changed == {"torques", "wrenches"}

@@ -34,7 +34,7 @@ from flexmotion.streamer.cli import execute
 from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.control.telemetry import Event
 from flexmotion.streamer.control.tick_row import tick_dtype
-from flexmotion.streamer.plots import write_latency
+from flexmotion.streamer.plots.latency import write_latency
 from flexmotion.streamer.run.requests import Request
 from flexmotion.streamer.run.session import Session
 

@@ -13,6 +13,7 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
+import typer
 
 from flexmotion.configs.errors import DriverError
 from flexmotion.configs.robot import load_robot
@@ -21,6 +22,8 @@ from flexmotion.drivers.interface import Capabilities, RobotState
 from flexmotion.drivers.sim.driver import SimDriver
 from flexmotion.streamer.cli import execute
 from flexmotion.streamer.commands.driver_options import simulation_options
+from flexmotion.streamer.commands.option_groups import CheckOptions, MotionOptions, grouped
+from flexmotion.streamer.commands.options import RobotOption
 from flexmotion.streamer.commands.signals import operator_signals
 from flexmotion.streamer.commands.streaming import emulated_port
 from flexmotion.streamer.report.report import TIMING_KEYS
@@ -50,6 +53,37 @@ def test_without_a_command_help_is_shown(capsys: pytest.CaptureFixture[str]) -> 
 def test_help_is_quick_because_nothing_heavy_is_imported() -> None:
     code = "import sys, flexmotion.streamer.cli; print(sorted({'mujoco', 'scipy', 'matplotlib'} & set(sys.modules)))"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"
+
+
+PICTURES_AND_PAGES = {"matplotlib", "jinja2", "viser", "trimesh"}
+
+
+def test_a_run_loads_no_library_for_pictures_pages_or_views() -> None:
+    """They took 2.7 s of processor time at every start."""
+    arguments = ["run", "--robot", "op3", "--driver", "sim", "--clock", "lockstep", "--seconds", "0.2", "--json"]
+    code = f"""
+import sys
+from flexmotion.streamer.cli import execute
+code = execute({arguments})
+print(code, sorted({PICTURES_AND_PAGES} & set(sys.modules)), file=sys.stderr)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert json.loads(done.stdout)["ok"] is True
+    assert done.stderr.splitlines()[-1] == "0 []"
+
+
+def test_the_options_of_a_group_are_those_of_the_command() -> None:
+    seen: list[object] = []
+
+    @grouped
+    def command(*, robot: RobotOption = "op3", motion: MotionOptions, check: CheckOptions) -> None:
+        """Do it."""
+        seen.extend([robot, motion, check])
+
+    app = typer.Typer()
+    app.command()(command)
+    app(["--prompt", "wave", "--seed", "3", "--json"], standalone_mode=False)
+    assert seen == ["op3", MotionOptions(prompt="wave", seed=3), CheckOptions(as_json=True)]
 
 
 def test_an_interrupt_before_anything_is_imported_is_quiet() -> None:

@@ -114,7 +114,7 @@ def test_a_biased_gyro_no_longer_tilts_a_robot_that_stands() -> None:
 def test_a_robot_that_is_pushed_meanwhile_is_warned_of_and_streams_without() -> None:
     loop = stood(random_pushes={"every_s": 0.3, "impulse": 0.2})
     (told,) = (e.message for e in events(loop.telemetry.events.reader()) if e.kind == "warning")
-    assert told == "the robot did not stand still: the gyro's bias is not known, none is taken out"
+    assert told == "the robot did not stand still: the gyro's bias is not known, none is subtracted"
     assert not loop.estimator.gyro_bias.any()
 
 
@@ -123,7 +123,7 @@ def test_a_robot_that_hangs_has_no_rest() -> None:
     loop = stood(suspended=True, gyro_bias=0.02)
     assert loop.suspension.hung and not loop.estimator.gyro_bias.any()
     (told,) = (e.message for e in events(loop.telemetry.events.reader()) if e.kind == "warning")
-    assert told == "the robot hangs: the gyro's bias is not known, none is taken out"
+    assert told == "the robot hangs: the gyro's bias is not known, none is subtracted"
 
 
 def test_what_is_too_much_for_a_bias_is_told() -> None:

@@ -177,7 +177,7 @@ def test_a_plan_that_does_not_fit_is_never_played(
     offer(loop, plan_at(retargeter, loop.tick_count - late), resumed=resumed)
     run(20)
     assert loop.plan is None and loop.ladder.state is State.READY, reason
-    assert loop.telemetry.row["late_plans"] == (late > 0)
+    assert loop.telemetry.row.late_plans == (late > 0)
 
 
 def test_once_it_must_stop_only_a_plan_that_stops_is_taken(
@@ -203,7 +203,7 @@ def test_a_plan_that_runs_out_is_told_of(loop: ControlLoop, run: Callable[..., N
     run(READY)
     plan = offer(loop, plan_at(retargeter, loop.tick_count))
     run(len(plan))
-    assert loop.telemetry.row["underruns"] == 1
+    assert loop.telemetry.row.underruns == 1
     told = events(loop.telemetry.events.reader())
     assert [e.message for e in told if e.kind == "warning"] == ["no plan followed plan 1: its own stop is played"]
 
@@ -237,8 +237,8 @@ def test_steps_and_runouts_are_counted_over_ticks_that_were_skipped(
     while loop.tick_count < plan.end_tick:
         loop.tick_count += 3
         run(1)
-    assert loop.telemetry.row["steps_planned"] == len(plan.steps)
-    assert loop.telemetry.row["underruns"] == 1
+    assert loop.telemetry.row.steps_planned == len(plan.steps)
+    assert loop.telemetry.row.underruns == 1
 
 
 def turn_head(loop: ControlLoop, op3: Robot, angle: float) -> int:

@@ -65,10 +65,11 @@ def test_counts_are_those_of_the_newest_row() -> None:
 def test_what_is_told_is_collected_and_counts_go_on() -> None:
     telemetry = Telemetry(2, 125.0)
     collector = Collector(telemetry, RunTrace(125.0, JOINTS))
-    telemetry.row["tick"], telemetry.row["underruns"], telemetry.row["q"] = 1, 2, 0.25
+    row = telemetry.row
+    row.tick[...], row.underruns[...], row.q[...] = 1, 2, 0.25
     telemetry.commit()
-    telemetry.tell(1, "warning", "ä" * 400)
-    telemetry.row["tick"] = 2
+    telemetry.emit(1, "warning", "ä" * 400)
+    row.tick[...] = 2
     telemetry.commit()
     (event,) = collector.collect()
     assert event == Event(1, "warning", "ä" * 244)
@@ -82,7 +83,7 @@ def test_a_collector_that_slept_too_long_says_what_it_missed() -> None:
     collector = Collector(telemetry, RunTrace(125.0, JOINTS))
     count = int(KEPT_S * 125.0) + 500
     for tick in range(count):
-        telemetry.row["tick"] = tick
+        telemetry.row.tick[...] = tick
         telemetry.commit()
     collector.collect()
     record = collector.record

@@ -13,8 +13,8 @@ from flexmotion.configs.robot import load_robot
 from flexmotion.configs.stream import load_stream
 from flexmotion.drivers.registry import create
 from flexmotion.importers.default_clip import default_clip
-from flexmotion.streamer.commands.log_option import record_to
 from flexmotion.streamer.log.recorder import Recorder
+from flexmotion.streamer.log.recording import record_to
 from flexmotion.streamer.motion.clip_library import ClipLibrary
 from flexmotion.streamer.motion.intents import Clip
 from flexmotion.streamer.motion.sources import ClipSource, Source
@@ -45,9 +45,8 @@ def logged_session() -> Callable[..., Logged]:
 
     def make(path: Path, source: Source | None = None, clock: str = "lockstep", **options: Any) -> Logged:
         source = ClipSource(default_clip()[225:290]) if source is None else source
-        session = Session(robot, create("sim", robot, seed=SEED), source, SETTINGS, **options)
-        about = {"driver": "sim", "driver_options": {}, "seed": SEED, "clock": clock, "source": source.name}
-        return Logged(session, record_to(path, session, robot, **about))
+        session = Session(robot, create("sim", robot, seed=SEED), source, SETTINGS, seed=SEED, **options)
+        return Logged(session, record_to(path, session, clock))
 
     return make
 
@@ -66,6 +65,6 @@ def logged(logged_session: Callable[..., Logged], tmp_path_factory: pytest.TempP
             session.targets.send(Clip("wave"))
         return Request.END if tick == END_TICK else None
 
-    session.request = operate
+    session.next_request = operate
     session.run()
     return made

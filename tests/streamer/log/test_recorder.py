@@ -21,13 +21,13 @@ from flexmotion.configs.stream import load_stream
 from flexmotion.drivers.registry import create
 from flexmotion.importers.default_clip import default_clip
 from flexmotion.streamer.cli import execute
-from flexmotion.streamer.commands.log_option import record_to
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.plan_buffer import Offer, PlanBuffer
 from flexmotion.streamer.control.telemetry import KEPT_S
 from flexmotion.streamer.log.log_file import LogFile
 from flexmotion.streamer.log.reader import read_log
 from flexmotion.streamer.log.recorder import Recorder
+from flexmotion.streamer.log.recording import record_to
 from flexmotion.streamer.motion.sources import ClipSource
 from flexmotion.streamer.run.requests import Request
 from flexmotion.streamer.run.session import Session
@@ -41,8 +41,7 @@ RATE = 125
 def recorded(path: Path, clock: str) -> tuple[Session, Recorder]:
     robot = load_robot("op3")
     session = Session(robot, create("sim", robot), ClipSource(default_clip()[:30]), load_stream(), 0.9, realtime=False)
-    about = {"driver": "sim", "driver_options": {}, "seed": 0, "clock": clock, "source": "default"}
-    return session, record_to(path, session, robot, **about)
+    return session, record_to(path, session, clock)
 
 
 def killing(session: Session, process: str, after: int) -> Callable[[], Request | None]:
@@ -65,7 +64,7 @@ def killing(session: Session, process: str, after: int) -> Callable[[], Request 
 
 def test_killed_it_changes_nothing_but_its_log(tmp_path: Path) -> None:
     session, recorder = recorded(tmp_path / "run.mcap", "real")
-    session.request = killing(session, "recorder", after=2 * RATE)
+    session.next_request = killing(session, "recorder", after=2 * RATE)
     with virtual_time():
         record = session.run("real")
     assert record.state[-1] == State.OFF and record.violations_sent == 0
@@ -132,7 +131,7 @@ def test_a_file_that_cannot_be_written_is_told_before_the_run(
 
 def test_a_killed_loop_is_on_record_to_its_last_tick(tmp_path: Path) -> None:
     session, recorder = recorded(tmp_path / "run.mcap", "real")
-    session.request = killing(session, "loop", after=RATE)
+    session.next_request = killing(session, "loop", after=RATE)
     with virtual_time(), pytest.raises(DriverError, match=r"the control loop's process died \(signal 9\)"):
         session.run("real")
     log = read_log(recorder.path)
@@ -179,7 +178,7 @@ def test_ticks_that_were_overwritten_are_counted_and_noted(tmp_path: Path) -> No
     follow = recorder.follow()
     ticks = int(KEPT_S * RATE)
     for tick in range(ticks + 100):
-        session.telemetry.row["tick"] = tick
+        session.telemetry.row.tick[...] = tick
         session.telemetry.commit()
     follow(True)
     log = read_log(recorder.path)
@@ -215,7 +214,7 @@ def test_an_observer_drops_a_plan_that_was_written_over_meanwhile(
     def lapped(buffer: PlanBuffer, slot: int) -> Offer:
         """The planner comes round to this slot while it is read."""
         offer = read(buffer, slot)
-        buffer._heads[slot]["id"] += 5
+        buffer._heads[slot].id += 5
         return offer
 
     monkeypatch.setattr(PlanBuffer, "_offer", lapped)

@@ -11,12 +11,12 @@ import pytest
 from flexmotion.configs.errors import ConfigError
 from flexmotion.human.motion import Motion
 from flexmotion.sampling.pace import Pace
+from flexmotion.spatial.heading import continuous_heading
 from flexmotion.streamer.motion.intents import Clip, Intent, Stop, Text, Velocity
 from flexmotion.streamer.motion.model_source import ModelSource
 from flexmotion.streamer.motion.script import Item
 from flexmotion.streamer.motion.sources import ClipSource, LiveSource, Performance
 from flexmotion.streamer.motion.targets import Target
-from flexmotion.streamer.report.metrics import heading
 
 from ..stub_sampler import StubSampler
 
@@ -34,7 +34,7 @@ def target(intent: Intent) -> Target:
 
 def speech(motion: Motion) -> np.ndarray:
     """All that the stub puts into a motion, (T, 4)."""
-    return np.column_stack([motion.root_position, heading(motion.root_quaternion)])
+    return np.column_stack([motion.root_position, continuous_heading(motion.root_quaternion)])
 
 
 def test_it_is_live_and_a_performance() -> None:
@@ -98,7 +98,7 @@ def test_a_script_is_followed_to_the_frame() -> None:
     moved = np.diff(motion.root_position[:, 0])
     np.testing.assert_allclose(moved[:74], 1.0 / 30.0)
     np.testing.assert_allclose(moved[74:], 0.0, atol=1e-12)
-    turned = np.diff(heading(motion.root_quaternion))
+    turned = np.diff(continuous_heading(motion.root_quaternion))
     np.testing.assert_allclose(turned[74:119], 1.0 / 30.0)
     np.testing.assert_allclose(turned[119:], 0.0, atol=1e-12)
     assert sampler.read == ["walk forward", "turn left", "stand still"]  # before anything moves
@@ -114,7 +114,7 @@ def test_a_velocity_is_asked_for_as_it_is() -> None:
     sampler = StubSampler()
     motion = source(Item(0.0, Velocity(0.5, 0.1, -0.5)), sampler=sampler).window(0, 31)
     assert sampler.asked[0].condition.velocity == (0.5, 0.1, -0.5) and motion is not None
-    assert heading(motion.root_quaternion)[-1] == pytest.approx(-0.5 * 31 / 30)
+    assert continuous_heading(motion.root_quaternion)[-1] == pytest.approx(-0.5 * 31 / 30)
 
 
 def test_a_target_goes_on_from_what_was_played() -> None:
@@ -129,12 +129,12 @@ def test_a_target_goes_on_from_what_was_played() -> None:
     assert after is not None
     np.testing.assert_array_equal(speech(after)[0], speech(played)[-1])
     np.testing.assert_allclose(after.root_position[:, 1], played.root_position[-1, 1])
-    np.testing.assert_allclose(np.diff(heading(after.root_quaternion)), 1.0 / 30.0)
+    np.testing.assert_allclose(np.diff(continuous_heading(after.root_quaternion)), 1.0 / 30.0)
     begin = sampler.asked[-2].begin
     np.testing.assert_array_equal(speech(begin)[-10:], speech(played)[-10:])
     # The rest of the script is over.
     later = it.window(80, 60)
-    assert later is not None and heading(later.root_quaternion)[-1] - heading(later.root_quaternion)[0] > 1.0
+    assert later is not None and np.ptp(continuous_heading(later.root_quaternion)[[0, -1]]) > 1.0
 
 
 def test_forces_come_back_after_a_target_that_went_on_from_motion_without() -> None:
@@ -170,7 +170,7 @@ def test_a_target_that_is_turned_to_again_a_little_earlier_is_followed_from_ther
     again = it.window(18, 32)
     assert again is not None
     np.testing.assert_array_equal(speech(again)[0], speech(said)[18])
-    assert np.diff(heading(again.root_quaternion))[0] == pytest.approx(1.0 / 30.0)
+    assert np.diff(continuous_heading(again.root_quaternion))[0] == pytest.approx(1.0 / 30.0)
 
 
 def test_a_stop_ends_it_and_a_target_after_it_begins_from_a_stand() -> None:

@@ -9,8 +9,8 @@ from scipy.spatial.transform import Rotation
 from flexmotion.human.body import Body
 from flexmotion.human.motion import Motion
 from flexmotion.human.skeleton import JOINTS
+from flexmotion.spatial.heading import continuous_heading
 from flexmotion.streamer.motion.sequence import sequence
-from flexmotion.streamer.report.metrics import heading
 
 FPS = 30.0
 
@@ -33,7 +33,7 @@ def test_one_clip_is_itself() -> None:
 def test_next_clip_starts_where_and_facing_as_the_last_one_is() -> None:
     whole = sequence([(0.0, walk(2, 1.0, 0)), (1.0, walk(2, 1.0, 130, start=(7, 7)))], None, 8)
     assert whole.duration == pytest.approx(3.0)
-    assert heading(whole.root_quaternion) == pytest.approx(np.zeros(len(whole)), abs=1e-9)
+    assert continuous_heading(whole.root_quaternion) == pytest.approx(np.zeros(len(whole)), abs=1e-9)
     assert whole.root_position[-1] == pytest.approx([3.0, 0.0, 0.9], abs=1e-6)
     steps = np.linalg.norm(np.diff(whole.root_position, axis=0), axis=1)
     assert steps.max() <= 1.05 / FPS

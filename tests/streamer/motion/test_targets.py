@@ -9,11 +9,11 @@ import pytest
 
 from flexmotion.configs.errors import ConfigError
 from flexmotion.importers.default_clip import default_clip
+from flexmotion.spatial.heading import heading
 from flexmotion.streamer.motion.clip_library import ClipLibrary
 from flexmotion.streamer.motion.intents import Clip, Intent, Stop, Text, Velocity
 from flexmotion.streamer.motion.sources import ClipSource, LiveSource
 from flexmotion.streamer.motion.targets import NO_TARGET, TargetMailbox, arrived
-from flexmotion.streamer.report.metrics import heading
 from flexmotion.streamer.run.requests import Request, RequestChannel
 
 
@@ -43,14 +43,14 @@ def test_a_velocity_that_is_no_number_never_gets_into_the_mailbox() -> None:
 
 
 def test_requests_are_heard_in_order_with_their_reasons() -> None:
-    controls = RequestChannel()
-    listener = controls.listener()
-    assert listener.heard() == []
-    controls.ask(Request.STOP)
-    controls.ask(Request.FAULT, "the planner: nothing to plan – ü")
-    assert listener.heard() == [(Request.STOP, ""), (Request.FAULT, "the planner: nothing to plan – ü")]
-    controls.ask(Request.NOTE, "y" * 600)
-    ((_, reason),) = listener.heard()
+    requests = RequestChannel()
+    reader = requests.reader()
+    assert reader.read() == []
+    requests.send(Request.STOP)
+    requests.send(Request.FAULT, "the planner: nothing to plan – ü")
+    assert reader.read() == [(Request.STOP, ""), (Request.FAULT, "the planner: nothing to plan – ü")]
+    requests.send(Request.NOTE, "y" * 600)
+    ((_, reason),) = reader.read()
     assert reason == "y" * 488
 
 
@@ -73,7 +73,7 @@ def test_another_clip_begins_where_the_human_is_and_faces_where_it_faces() -> No
     after = source.window(50, 200)
     assert after is not None and len(after) == 105
     np.testing.assert_allclose(after.root_position[0, :2], here.root_position[0, :2], atol=1e-12)
-    np.testing.assert_allclose(heading(after.root_quaternion)[0], heading(here.root_quaternion)[0], atol=1e-9)
+    np.testing.assert_allclose(heading(after.root_quaternion[0]), heading(here.root_quaternion[0]), atol=1e-9)
     assert source.window(154, 30) is None  # it is over
 
 

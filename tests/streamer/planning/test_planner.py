@@ -46,7 +46,7 @@ def planner(source: Witness) -> Planner:
 def test_without_a_plan_that_plays_it_starts_from_the_stand_pose(planner: Planner) -> None:
     planned = planner.plan(40, None)
     assert planned.plan.start_tick == 40 and not planned.source_over
-    np.testing.assert_allclose(planned.plan.q[0], RETARGETER.layout.get(RETARGETER.standing(), "q")[0], atol=6e-3)
+    np.testing.assert_allclose(planned.plan.q[0], RETARGETER.layout.view(RETARGETER.standing()).q[0], atol=6e-3)
     assert planned.retarget_s > 0.0 and planned.sample_s >= 0.0
 
 
@@ -98,7 +98,7 @@ def test_a_step_that_has_been_noticed_stays_as_it_is(redrawn: list[Plan]) -> Non
     for old, new in itertools.pairwise(redrawn):
         for step in old.steps:
             if new.start_tick >= step.lift - step.notice_s * RETARGETER.rate and new.start_tick < step.land:
-                (same,) = [s for s in RETARGETER.layout.steps(new.states[0]) if s.side == step.side]
+                (same,) = [s for s in RETARGETER.layout.view(new.states[0]).steps.steps() if s.side == step.side]
                 assert (same.lift, same.land) == (step.lift, step.land)
                 np.testing.assert_array_equal(same.target, step.target)
                 settled += 1

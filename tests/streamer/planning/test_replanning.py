@@ -48,10 +48,9 @@ class Bench:
         )
 
     def loop_says(self, tick: int, **fields: int) -> None:
-        row = self.telemetry.row
         usual = {"state": State.READY, "ready": True, "plan": 0, "pending": 0, "target": 0, "must_stop": False}
         for name, value in {**usual, "tick": tick, "offer": self.plans.newest_id, **fields}.items():
-            row[name] = value
+            getattr(self.telemetry.row, name)[...] = value
         self.telemetry.commit()
 
     def newest(self) -> Ticket:
@@ -206,12 +205,12 @@ def test_the_lead_follows_what_plans_take_but_not_one_slow_one() -> None:
     lead = MeasuredLead(125.0, dict.fromkeys(Kind, 0.05), 0.75)
     assert lead.ticks(Kind.WHOLE) == 8  # 1.15 * 50 ms
     for _ in range(40):
-        lead.took(Kind.WHOLE, 0.012)
+        lead.record(Kind.WHOLE, 0.012)
     assert lead.ticks(Kind.WHOLE) == 2 and lead.ticks(Kind.STOP) == 8
-    lead.took(Kind.WHOLE, 0.2)
+    lead.record(Kind.WHOLE, 0.2)
     assert lead.ticks(Kind.WHOLE) == 2
     for _ in range(5):
-        lead.took(Kind.WHOLE, 0.03)
+        lead.record(Kind.WHOLE, 0.03)
     assert lead.ticks(Kind.WHOLE) == 5
 
 
@@ -229,7 +228,7 @@ def test_however_many_plans_are_refused_the_next_is_made(bench: Bench) -> None:
 
 def test_a_target_that_cannot_be_followed_is_told_and_the_rest_goes_on(bench: Bench) -> None:
     told: list[str] = []
-    bench.planning.tell = told.append
+    bench.planning.on_note = told.append
     bench.first()
     bench.targets.send(Clip("fly"))
     assert not bench.planning.step(107)
@@ -244,8 +243,8 @@ def test_a_target_that_cannot_be_followed_is_told_and_the_rest_goes_on(bench: Be
 def test_the_lead_is_bounded_and_forgets_what_was_held_up() -> None:
     """A planner that had been stopped for seconds once asked for plans that would join seconds ahead."""
     lead = MeasuredLead(125.0, dict.fromkeys(Kind, 0.02), 0.75)
-    lead.took(Kind.STOP, 3.6)
+    lead.record(Kind.STOP, 3.6)
     assert lead.ticks(Kind.STOP) == 3
     for _ in range(40):
-        lead.took(Kind.STOP, 0.74)
+        lead.record(Kind.STOP, 0.74)
     assert lead.ticks(Kind.STOP) == 94

@@ -8,13 +8,13 @@ import mujoco
 import numpy as np
 import pytest
 
-from flexmotion.streamer.commands.streaming import Outcome
+from flexmotion.streamer.api import Outcome
 from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.control.tick_row import blank
-from flexmotion.streamer.plots import write_plots
 from flexmotion.streamer.plots.filmstrip import FRAMES, draw_filmstrip, moments
 from flexmotion.streamer.plots.footsteps import scaled_path, stances
 from flexmotion.streamer.plots.panels import joint_columns
+from flexmotion.streamer.plots.pictures import write_plots
 from flexmotion.streamer.plots.solid import Camera, shapes
 from flexmotion.streamer.plots.style import save, styled
 from flexmotion.streamer.report.metrics import HumanTrack, RobotFigures

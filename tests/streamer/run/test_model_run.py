@@ -25,8 +25,9 @@ from flexmotion.streamer.motion.robot_pace import human_pace
 from flexmotion.streamer.motion.script import Item
 from flexmotion.streamer.planning.offline import retarget_offline
 from flexmotion.streamer.report.report import TIMING_KEYS
+from flexmotion.streamer.run.played_human import human_motion
 from flexmotion.streamer.run.requests import Request
-from flexmotion.streamer.run.session import Session, human_motion
+from flexmotion.streamer.run.session import Session
 
 from ..stub_sampler import StubSampler
 
@@ -50,7 +51,7 @@ def sent(run: Session, at: dict[int, Intent], end: int) -> RunTrace:
             run.targets.send(at[tick])
         return Request.END if tick == end else None
 
-    run.request = operate
+    run.next_request = operate
     return run.run()
 
 
@@ -191,7 +192,7 @@ def test_a_damaged_bundle_is_one_line(bundle: Path, tmp_path: Path, capsys: pyte
     for command in (["dry-run", "--prompt", "wave"], ["check", "torque"], ["check", "latency"]):
         assert execute([*command, "--bundle", str(copy)]) == 2
         error = capsys.readouterr().err
-        assert "denoiser.onnx: is not what the manifest says (hash)" in error and error.count("\n") == 1
+        assert "denoiser.onnx: differs from the manifest (hash)" in error and error.count("\n") == 1
 
 
 def test_a_wording_that_is_new_is_told_as_what_it_is_heard(bundle: Path, capsys: pytest.CaptureFixture[str]) -> None:

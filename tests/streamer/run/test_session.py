@@ -15,13 +15,14 @@ from flexmotion.drivers.sim.driver import SimDriver
 from flexmotion.drivers.sim.options import SimOptions
 from flexmotion.human.motion import Motion
 from flexmotion.importers.default_clip import default_clip
+from flexmotion.retarget.human_steps import count_steps
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.loop import ControlLoop
 from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.motion.sources import ClipSource
 from flexmotion.streamer.report.metrics import tilt
 from flexmotion.streamer.run.requests import Request
-from flexmotion.streamer.run.session import Session, count_human_steps
+from flexmotion.streamer.run.session import Session
 
 RATE = 125
 MID_WALK = 3.46
@@ -107,7 +108,7 @@ def run(op3: Robot, steps: Motion) -> Callable[..., Run]:
             assert session.loop is not None
             return request if session.loop.tick_count == int(at * RATE) else None
 
-        session = Session(op3, driver, source, load_stream(), seconds, request=operate)
+        session = Session(op3, driver, source, load_stream(), seconds, next_request=operate)
         return Run(session, driver, session.run())
 
     return make
@@ -136,7 +137,7 @@ def test_the_default_clip_ends_off_parked_and_upright(whole: Run, op3: Robot) ->
 
 
 def test_it_makes_the_steps_of_the_clip(whole: Run) -> None:
-    human = count_human_steps(default_clip(), whole.session.planner.retargeter)
+    human = count_steps(default_clip())
     assert whole.record.steps_planned >= human > 3
     assert whole.record.true_base[whole.record.used - 1, 0] > 0.15
 

@@ -20,8 +20,9 @@ from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.robot import Robot, load_robot
 from flexmotion.configs.stream import load_stream
 from flexmotion.drivers.registry import create
+from flexmotion.spatial.heading import heading
+from flexmotion.streamer.api import Outcome
 from flexmotion.streamer.commands.choice import choose_motion
-from flexmotion.streamer.commands.streaming import Outcome
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.control.telemetry import Telemetry
@@ -31,7 +32,7 @@ from flexmotion.streamer.viewer.from_above import draw_from_above
 from flexmotion.streamer.viewer.geometry import geom_meshes
 from flexmotion.streamer.viewer.health import Health
 from flexmotion.streamer.viewer.panel import render
-from flexmotion.streamer.viewer.pose import MeasuredPose, PlannedPose, Pose, heading
+from flexmotion.streamer.viewer.pose import MeasuredPose, PlannedPose, Pose
 from flexmotion.streamer.viewer.service import HOST, Viewer, free_port
 from flexmotion.streamer.viewer.view_page import ViewPage
 
@@ -239,7 +240,7 @@ def test_health_of_a_run(robot: Robot, rows: Row) -> None:
 
 
 def test_messages_are_text_in_the_panel(robot: Robot, telemetry: Telemetry, page: ViewPage) -> None:
-    telemetry.tell(3, "fault", "servo <b>l_knee</b> & co")
+    telemetry.emit(3, "fault", "servo <b>l_knee</b> & co")
     page.follow(False)
     assert "servo &lt;b&gt;l_knee&lt;/b&gt; &amp; co" in render("op3", page.health)
 

@@ -1,7 +1,7 @@
-"""`GoalWitness`: keeps goals outside of their envelope from leaving for the servos, and counts them (docs/faults.md).
+"""`GoalGuard`: replaces goals outside their envelope before they are sent, and counts them (docs/faults.md).
 
-It stands at the last place where a goal is still in the program: at the bytes for the port. It shares nothing with the
-loop's command filter.
+It checks goals decoded from the bytes for the port, the last point in the program. It shares no code with the loop's
+command filter.
 """
 
 from __future__ import annotations
@@ -13,17 +13,17 @@ Float = NDArray[np.float64]
 Slots = NDArray[np.int64]
 
 PIN_TICKS = 1
-"""How far a goal that is pinned to where a joint stands may be from there [servo units]."""
+"""Allowed distance of a pinned goal from the position of its joint [servo units]."""
 
 
-class GoalWitness:
-    """What the m servos of a bus may be told, in their own units, and how often a goal was something else.
+class GoalGuard:
+    """The envelope of goals of the m servos of a bus, in servo units.
 
     Args:
         lower, upper: the joints' limits, (m,).
 
     Attributes:
-        violations: goals that were outside, one a servo and goal.
+        violations: goals outside, counted per servo and goal.
     """
 
     def __init__(self, lower: Float, upper: Float) -> None:
@@ -35,20 +35,20 @@ class GoalWitness:
         self._last = np.full(m, np.nan)
 
     def limit(self, slot: int, lower: float, upper: float, current: float = np.inf) -> None:
-        """What a servo told: least and greatest goal position, and greatest goal current, in its units."""
+        """Set a servo's own limits: least and greatest goal position, and greatest goal current [servo units]."""
         self._lower[slot], self._upper[slot], self._current[slot] = lower, upper, current
 
     def admit(
         self, slots: Slots, position: Float, current: Float | None = None, standing: Float | None = None
     ) -> Float:
-        """Goals read off the bytes on their way to `slots`, (k,) each, in the servos' units.
+        """Check goals for the servos in `slots`, decoded from the bytes to send, (k,) each [servo units].
 
-        A goal is inside the joint's limits, or no further out than the one before it; `standing` is where the joints
-        of goals that are pinned stand (NaN for the others), and these may be as far out as that. What a servo told
-        holds for every goal.
+        A goal must be within the joint's limits, or no further outside than the goal before it. A pinned goal may be as
+        far outside as its joint: `standing` is the joint's position for pinned goals, NaN for the others. Every goal
+        must be within the servo's own limits.
 
         Returns:
-            What may go, (k,): for a goal outside, the one before it; for a first one, the nearest that is inside.
+            Goals to send, (k,). A goal outside is replaced by the one before it; the first one by the nearest inside.
         """
         lower = np.fmin(self._joint_lower[slots], self._last[slots])
         upper = np.fmax(self._joint_upper[slots], self._last[slots])
@@ -65,6 +65,6 @@ class GoalWitness:
         return admitted
 
     def nearest(self, position: Float) -> Float:
-        """The goals nearest to `position` that may go, (m,) each."""
+        """The goals inside the envelope nearest to `position`, (m,)."""
         lower, upper = np.fmin(self._joint_lower, self._last), np.fmax(self._joint_upper, self._last)
         return np.clip(position, np.fmax(lower, self._lower), np.fmin(upper, self._upper))

@@ -5,7 +5,7 @@ import struct
 import numpy as np
 import pytest
 
-from flexmotion.drivers.dynamixel.cycle import ReadMany
+from flexmotion.drivers.dynamixel.exchange import ReadMany
 from flexmotion.drivers.dynamixel.layout import READ_SIZE, ROW, Span
 from flexmotion.drivers.dynamixel.packet import encode_fast_status, encode_status
 

@@ -1,4 +1,4 @@
-"""One exchange of a cycle: an instruction and the answers to it, taken byte by byte as they come."""
+"""`Exchange`: an instruction and its answers, taken byte by byte as they arrive."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from flexmotion.drivers.dynamixel.packet import (
 )
 
 STRIKES = 3
-"""Times in a row that nobody answered a fast read, but then the sync read, before sync read takes over for good."""
+"""Consecutive fast reads without an answer, each followed by an answered sync read, before fast reads are given up."""
 
 _STATUS_OVERHEAD, _FAST_OVERHEAD, _FAST_HEAD = 11, 4, 8
-"""Bytes around a servo's data in a status packet, and in a fast reply, and those before the first servo's."""
+"""Bytes around a servo's data in a status packet and in a fast reply, and bytes before the first servo's data."""
 _FAST_START = HEADER + bytes([BROADCAST])
-"""How a fast reply starts. A late answer to a sync read starts with its servo's id; where a byte is stuffed, it is
-as long as a servo's part of a fast reply, its CRC where that one's would be."""
+"""Start of a fast reply. It tells a fast reply from a late answer to a sync read, which starts with its servo's id and
+may have the same length (with a stuffed byte) and a valid CRC at the same place."""
 
 log = logging.getLogger(__name__)
 
@@ -33,7 +33,7 @@ class Exchange(ABC):
     """An instruction with answers.
 
     Attributes:
-        answers: id -> (error byte, data) of what came in this cycle.
+        answers: id -> (error byte, data), received in this cycle.
     """
 
     def __init__(self) -> None:
@@ -41,27 +41,27 @@ class Exchange(ABC):
 
     @abstractmethod
     def begin(self) -> bytes:
-        """The instruction; what came before is forgotten."""
+        """The bytes of the instruction; earlier answers are discarded."""
 
     @abstractmethod
     def take(self, data: bytes) -> bool:
-        """Bytes that came; whether all are there."""
+        """Take received bytes; True if all answers are complete."""
 
     def forget(self) -> None:
-        """What came in an earlier cycle is no answer in this one."""
+        """Discard answers of an earlier cycle."""
         self.answers.clear()
 
-    def end(self) -> None:  # noqa: B027 - most have nothing to learn from a cycle
-        """The cycle is over, whatever came."""
+    def end(self) -> None:  # noqa: B027 - optional
+        """The cycle is over; evaluate what was received."""
 
     @property
     @abstractmethod
     def sizes(self) -> tuple[int, int]:
-        """Bytes of the instruction and of all answers."""
+        """Number of bytes of the instruction and of all answers."""
 
     @property
     def delays(self) -> int:
-        """Return delays that are waited for."""
+        """Number of return delays in the answers."""
         return 1
 
 
@@ -95,17 +95,17 @@ class ReadOne(Exchange):
 
 
 class ReadMany(Exchange):
-    """A sync read of servos that keep the same things at the same place; fast where they can.
+    """A sync read of servos with the same layout; a fast one if they support it.
 
-    A servo that does not answer is asked last from then on: in a fast reply nobody speaks after it, and in a sync read
-    the others would wait for it. A fast read that nobody answers is followed by a sync read: if that is answered three
-    times running it was the fast one's fault, and sync read takes over for good; else the bus was silent.
+    A servo that does not answer is asked last from the next cycle on: in a fast reply the servos after it are silent
+    too, and in a sync read they wait for it. A fast read without any answer is followed by a sync read. If that is
+    answered, three times in a row, fast reads do not work on this bus and are given up; otherwise the bus was silent.
 
     Attributes:
         fast: whether it is a fast sync read.
         order: ids in the order asked.
-        whole: a fast reply that came whole, without its header: error, id, data and CRC of each servo in that order;
-            `answers` is empty then. None where it did not.
+        whole: a complete fast reply without its header: error, id, data and CRC of each servo in that order; `answers`
+            is empty then. None without a complete one.
     """
 
     def __init__(self, ids: Sequence[int], span: Span, *, fast: bool, where: str) -> None:
@@ -151,7 +151,7 @@ class ReadMany(Exchange):
         order = self.order
         missing = [id_ for id_ in order if id_ not in self.answers]
         if missing and self.answers:
-            # After a gap in a fast reply only the first one missing is to blame.
+            # After a gap in a fast reply only the first missing servo is known to be silent.
             last = missing[:1] if self._asks_fast else missing
             order = [id_ for id_ in order if id_ not in last] + last
         doubted = self._doubt()
@@ -168,7 +168,7 @@ class ReadMany(Exchange):
 
     @property
     def delays(self) -> int:
-        """See `Exchange`; in a sync read every servo waits."""
+        """See `Exchange`. In a sync read every servo has its own return delay."""
         return 1 if self._asks_fast else len(self.ids)
 
     @property
@@ -176,7 +176,7 @@ class ReadMany(Exchange):
         return self.fast and not self._doubted
 
     def _doubt(self) -> bool:
-        """Whether the next read is a sync read, though fast ones are meant to be answered."""
+        """Whether the next read is a sync read to test if fast reads work."""
         if not self.fast:
             return False
         if not self._doubted:
@@ -185,7 +185,7 @@ class ReadMany(Exchange):
         if self.answers:
             self._strikes += 1
             if self._strikes == STRIKES:
-                log.warning("%s: nobody answers fast sync reads: sync read from now on", self._where)
+                log.warning("%s: fast sync reads are not answered: sync reads from now on", self._where)
                 self.fast = False
         return False
 
@@ -198,13 +198,13 @@ class ReadMany(Exchange):
         self._fast_size = _FAST_HEAD + len(self.ids) * (size + _FAST_OVERHEAD)
 
     def _split(self) -> bool:
-        """Take a fast reply apart; whether it came whole."""
+        """Decode a fast reply; whether it is complete."""
         start = self._reply.find(_FAST_START)
         if start < 0:
             return False
         reply = bytes(self._reply[start : start + self._fast_size])
         if len(reply) == self._fast_size and crc16(reply[:-2]) == int.from_bytes(reply[-2:], "little"):
-            # Every CRC covers all that came before it: the last one vouches for the rest.
+            # Every CRC covers all bytes before it: if the last one is right, all are.
             rows = reply[_FAST_HEAD:]
             if rows[1 :: self.span.size + _FAST_OVERHEAD] == self._asked:
                 self.whole = rows

@@ -1,4 +1,4 @@
-"""A finished model is taught what is said to mean what."""
+"""The listener of a finished model is fitted again, with sentences of one's own."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from flexmotion.bundles.shipped import FOLDER
 from flexmotion.configs.errors import ConfigError
 from flexmotion.sampling.sampler import Sampler
 from flexmotion.streamer.cli import execute
-from flexmotion.training.listening import taught_anew
+from flexmotion.training.listener_training import refit_listener
 
 OURS = "walk: [mop the floor, mop the hall, mop the kitchen, start mopping]\n"
 
 
-def test_sayings_of_ones_own_are_understood_and_nothing_else_changes(tmp_path: Path) -> None:
+def test_own_sentences_are_understood_and_nothing_else_changes(tmp_path: Path) -> None:
     ours, out = tmp_path / "ours.yaml", tmp_path / "taught"
     ours.write_text(OURS)
     assert execute(["train", "listener", str(FOLDER), "--sayings", str(ours), "-o", str(out)]) == 0
@@ -32,11 +32,11 @@ def test_sayings_of_ones_own_are_understood_and_nothing_else_changes(tmp_path: P
     assert all(np.array_equal(before.arrays[name], after.arrays[name]) for name in others)
     assert not Sampler(before).prompt("please mop the bathroom").known
     assert Sampler(after).prompt("please mop the bathroom").kind == "walk"
-    assert "Taught again to listen, by 4 more sentences" in (out / CARD).read_text(encoding="utf-8")
+    assert "Listener fitted again with 4 more sentences" in (out / CARD).read_text(encoding="utf-8")
     assert Sampler(after).prompt("would you step over to your left").kind == "walk-left"
 
 
-def test_the_shipped_model_listens_by_the_sayings_that_ship(tmp_path: Path) -> None:
+def test_the_shipped_listener_is_that_of_the_shipped_sayings(tmp_path: Path) -> None:
     assert execute(["train", "listener", str(FOLDER), "-o", str(tmp_path / "again")]) == 0
     before, after = Bundle(FOLDER).arrays, Bundle(tmp_path / "again").arrays
     assert before["listener_kinds"].tolist() == after["listener_kinds"].tolist()
@@ -44,31 +44,32 @@ def test_the_shipped_model_listens_by_the_sayings_that_ship(tmp_path: Path) -> N
     np.testing.assert_allclose(before["listener_weights"], after["listener_weights"], atol=0.02)
 
 
-def test_a_copy_is_whole_or_not_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_copy_is_complete_or_absent(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def full(*_: object, **__: object) -> None:
         raise OSError(28, "No space left on device")
 
+    monkeypatch.setattr("flexmotion.training.listener_training.fit_listener", lambda *_: {})  # takes seconds
     monkeypatch.setattr("flexmotion.bundles.bundle.np.savez_compressed", full)
     assert execute(["train", "listener", str(FOLDER), "-o", str(tmp_path / "taught")]) == 2
     assert not list(tmp_path.iterdir())
 
 
-def test_a_personal_manner_is_not_forgotten(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A bundle keeps no sentences: taught again, "like Ada" would have meant nothing any more."""
+def test_a_bundle_with_a_personal_manner_is_refused(tmp_path: Path) -> None:
+    """A bundle has no sentences: fitted again, its listener would no longer know "like Ada"."""
     bundle = Bundle(FOLDER)
     bundle.arrays["listener_kinds"] = np.array([*bundle.listener.kinds[:-1], "personal"])
     with pytest.raises(ConfigError, match="personal"):
-        taught_anew(bundle, tmp_path / "taught")
+        refit_listener(bundle, tmp_path / "taught")
 
 
-def test_what_cannot_be_taught_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_sentences_that_cannot_be_learnt_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     ours, full = tmp_path / "ours.yaml", tmp_path / "full"
     ours.write_text("sit: [take a seat]\n")
     assert execute(["train", "listener", str(FOLDER), "--sayings", str(ours), "-o", str(tmp_path / "out")]) == 2
-    assert "'take a seat' is said of 'sit'; the model has learnt bow, " in capsys.readouterr().err
+    assert "'take a seat' is of kind 'sit'; the model knows bow, " in capsys.readouterr().err
     ours.write_text("walk: [go to the bus stop]\n")
     assert execute(["train", "listener", str(FOLDER), "--sayings", str(ours), "-o", str(tmp_path / "out")]) == 2
-    assert "says what not to do" in capsys.readouterr().err
+    assert "forbids a motion" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
     full.mkdir()
     (full / "diary.txt").write_text("mine")

@@ -1,0 +1,148 @@
+"""`Manifest`: a bundle's description of itself, and the versions of its schema."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+from flexmotion.configs.corrections import Corrections
+from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.schema import Strict, parse
+from flexmotion.human.body import Sex
+
+MANIFEST = "manifest.json"
+OLDEST, NEWEST = 3, 4
+"""Versions of the schema that are read; the newest is written."""
+SCHEMA = f"flexmotion.bundle/{NEWEST}"
+
+CORRECTIONS_OF_3 = Corrections(
+    standing_noise=0.4,
+    aside=1.5,
+    ahead_per_aside=1.25,
+    turning_per_aside=0.2,
+    catch_up=0.3,
+    catch_up_limit=0.3,
+    speeds={
+        "walk": (1.3, 0.0, 0.0),
+        "walk-back": (-0.75, 0.0, 0.0),
+        "walk-turn-left": (1.2, 0.0, 0.9),
+        "walk-turn-right": (1.2, 0.0, -0.9),
+        "run": (2.3, 0.0, 0.0),
+        "dash": (3.1, 0.0, 0.0),
+    },
+)
+"""Corrections of every bundle of schema 3: they were constants of the sampler."""
+
+
+class BodySize(Strict):
+    """Size [m], mass [kg] and proportions (`human.body.Segments`) of the generated human."""
+
+    height: float
+    mass: float
+    sex: Sex
+    segments: dict[str, float]
+
+
+class Manifest(Strict):
+    """Description of a bundle.
+
+    Attributes:
+        schema_: version of the manifest, `SCHEMA`.
+        name, description: for people.
+        layout: hash of the feature layout.
+        fps, muscles: of that layout.
+        history, future: frames of input and output.
+        latent: size of the latent vector.
+        steps: default number of sampling steps.
+        times: length of the noise schedule.
+        guided: whether the guidance scale is an input of the network (few steps); else guidance takes two evaluations.
+        guidance: default scale.
+        velocity: whether a velocity can be commanded.
+        body: the generated human.
+        corrections: fitted to this model.
+        licence: of the weights.
+        versions: of the libraries that made the bundle.
+        files: name -> sha256.
+    """
+
+    schema_: str
+    name: str
+    description: str = ""
+    layout: str
+    fps: float
+    muscles: int
+    history: int
+    future: int
+    latent: int
+    steps: int
+    times: int
+    guided: bool
+    guidance: float
+    velocity: bool
+    body: BodySize
+    corrections: Corrections = Corrections()
+    licence: str
+    versions: dict[str, str] = {}
+    files: dict[str, str] = {}
+
+
+def read_manifest(path: Path) -> Manifest:
+    """A manifest of schema `OLDEST` to `NEWEST`, as one of `NEWEST`.
+
+    Raises:
+        ConfigError: the file cannot be read, is no manifest, or has another schema.
+    """
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ConfigError(f"{path}: no bundle there ({error.strerror}); 'flexmotion export' makes one") from error
+    except ValueError as error:
+        raise ConfigError(f"{path}: damaged ({error})") from error
+    if not isinstance(content, dict):
+        raise ConfigError(f"{path}: damaged (expected an object, found {type(content).__name__})")
+    found = _version(content.get("schema_"), path)
+    if found > NEWEST:
+        raise ConfigError(
+            f"{path}: bundle schema {found} is too new, this version of FlexMotion reads {OLDEST} to {NEWEST}: "
+            "update FlexMotion"
+        )
+    if found < OLDEST:
+        raise ConfigError(
+            f"{path}: bundle schema {found} is too old, this version of FlexMotion reads {OLDEST} to {NEWEST}: "
+            "export the bundle anew from its training folder ('flexmotion export')"
+        )
+    if found == 3:
+        content = content | {"schema_": SCHEMA, "corrections": CORRECTIONS_OF_3.model_dump()}
+    return parse(Manifest, content, path)
+
+
+def write_manifest(manifest: Manifest, path: Path) -> None:
+    """Write the JSON file."""
+    path.write_text(_text(manifest.model_dump()), encoding="utf-8")
+
+
+def equivalent_hashes(manifest: Manifest) -> tuple[str, ...]:
+    """sha256 of the manifest's text in each schema that can express it, newest first.
+
+    Motion sampled from a bundle is the same before and after its manifest is brought to the newest schema, so a log
+    that names one of these hashes was recorded with the same model.
+    """
+    texts = [_text(manifest.model_dump())]
+    if manifest.corrections == CORRECTIONS_OF_3:
+        content = manifest.model_dump(exclude={"corrections"}) | {"schema_": "flexmotion.bundle/3"}
+        texts.append(_text(content))
+    return tuple(hashlib.sha256(text.encode()).hexdigest() for text in texts)
+
+
+def _text(content: dict[str, Any]) -> str:
+    return json.dumps(content, indent=1, sort_keys=True, ensure_ascii=False) + "\n"
+
+
+def _version(schema: object, path: Path) -> int:
+    found = re.fullmatch(r"flexmotion\.bundle/(\d+)", schema) if isinstance(schema, str) else None
+    if found is None:
+        raise ConfigError(f"{path}: no bundle: schema is {schema!r}, expected {SCHEMA!r}")
+    return int(found[1])

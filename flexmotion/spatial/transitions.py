@@ -1,0 +1,20 @@
+"""Smooth transitions from 0 to 1."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Float = NDArray[np.float64]
+
+
+def smoothstep(value: Float, low: float = 0.0, high: float = 1.0) -> Float:
+    """0 below `low`, 1 above `high`, the cubic 3 s² - 2 s³ between: zero slope at both ends, (...)."""
+    s = np.clip((value - low) / (high - low), 0.0, 1.0)
+    return s * s * (3 - 2 * s)
+
+
+def minimum_jerk(s: Float) -> Float:
+    """The quintic 10 s³ - 15 s⁴ + 6 s⁵ for s clipped to [0, 1], (...): zero slope and curvature at both ends."""
+    s = np.clip(s, 0.0, 1.0)
+    return s**3 * (10.0 + s * (6.0 * s - 15.0))

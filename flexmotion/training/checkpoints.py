@@ -1,0 +1,88 @@
+"""Checkpoints of a stage: `last.pt`, from which training resumes, and `best.pt`, the weights that are used."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import pickle
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import nn
+
+from flexmotion.bundles.card import Trained
+from flexmotion.configs.errors import ConfigError
+from flexmotion.training.format import FORMAT, UNVERSIONED, check_format
+
+LAST, BEST = "last.pt", "best.pt"
+
+
+def write_checkpoint(content: dict[str, Any], path: Path) -> None:
+    """Write a checkpoint in one step: a training killed meanwhile resumes from the previous one."""
+    temporary = path.with_suffix(".tmp")
+    torch.save(content | {"format": FORMAT}, temporary)
+    os.replace(temporary, path)
+
+
+def read_checkpoint(path: Path, *, oldest: int = UNVERSIONED, device: torch.device | None = None) -> dict[str, Any]:
+    """Read a checkpoint.
+
+    Args:
+        path: of the file.
+        oldest: format that can still be read.
+        device: of the tensors; None for the CPU.
+
+    Raises:
+        ConfigError: the file is damaged, too old or too new.
+    """
+    try:
+        content: dict[str, Any] = torch.load(path, map_location=device or torch.device("cpu"), weights_only=True)
+    except (pickle.UnpicklingError, RuntimeError, EOFError) as error:
+        problem = str(error).partition("\n")[0] or "ends too early"
+        raise ConfigError(f"{path}: damaged ({problem})") from error
+    advice = "finish the stage with the version that began it, or train in an empty folder"
+    check_format(content.get("format"), path, oldest=oldest, advice=advice)
+    return content
+
+
+def is_trained(folder: Path) -> bool:
+    """Whether a stage has weights."""
+    return (folder / BEST).is_file()
+
+
+def load_weights(network: nn.Module, folder: Path) -> int:
+    """Load the best weights of a stage into a network; returns their step.
+
+    Raises:
+        ConfigError: the stage has not been trained, or has weights of another network.
+    """
+    path = folder / BEST
+    if not is_trained(folder):
+        raise ConfigError(f"{path}: not found; run 'flexmotion train {folder.name}' first")
+    state = read_checkpoint(path)
+    try:
+        network.load_state_dict(state["network"])
+    except RuntimeError as error:
+        raise ConfigError(f"{path}: weights of another network ({str(error).splitlines()[0]})") from error
+    return int(state["step"])
+
+
+def training_record(folder: Path) -> Trained:
+    """How a stage was trained, and its validation figures.
+
+    Raises:
+        ConfigError: the checkpoint does not contain this; an older version wrote it.
+    """
+    best = read_checkpoint(folder / BEST)
+    if "processes" not in best:
+        raise ConfigError(f"{folder / BEST}: of an older version; run 'flexmotion train {folder.name}' again")
+    return Trained(best["steps"], best["processes"], best["batch"], best["step"], best["figures"])
+
+
+def digest(weights: dict[str, nn.Parameter]) -> str:
+    """SHA-256 of weights, to tell them apart."""
+    content = hashlib.sha256()
+    for name in sorted(weights):
+        content.update(name.encode() + weights[name].detach().cpu().numpy().tobytes())
+    return content.hexdigest()

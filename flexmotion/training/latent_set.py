@@ -1,0 +1,65 @@
+"""`LatentSet`: windows of a split with their latents and conditions, as the diffusion is trained on them."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from flexmotion.configs.model import ModelConfig
+from flexmotion.training.autoencoder import Autoencoder
+from flexmotion.training.conditions import Conditions, Sentences, describe
+from flexmotion.training.feature_store import FeatureStore
+from flexmotion.training.losses import Reconstruction
+from flexmotion.training.processes import Processes
+from flexmotion.training.window_set import WindowSet
+from flexmotion.training.windows import Windows
+
+
+class LatentSet:
+    """Windows of a split with their latents and conditions.
+
+    Args:
+        config: of the model.
+        store: features of the set.
+        split: `train` or `validation`.
+        autoencoder: trained.
+        sentences: of the store's clips.
+        processes: that train.
+    """
+
+    def __init__(
+        self,
+        config: ModelConfig,
+        store: FeatureStore,
+        split: str,
+        autoencoder: Autoencoder,
+        sentences: Sentences,
+        processes: Processes,
+    ) -> None:
+        self.config, self.store, self.autoencoder, self.sentences = config, store, autoencoder, sentences
+        self.device = processes.device
+        self.windows = WindowSet(store, config.window, split)
+        self._restore = Reconstruction(store.layout, store.statistics, config.losses).restore
+
+    def draw(self, seed: tuple[int, ...], size: int, *, following: bool = False) -> Windows:
+        """Draw `size` windows, on the CPU; see `WindowSet.draw`."""
+        return self.windows.draw(seed, size, following=following)
+
+    def encode(self, history: Tensor, future: Tensor) -> Tensor:
+        """Mean latents, (N, latent), not normalised."""
+        with torch.no_grad():
+            return self.autoencoder.encode(history, future)[0]
+
+    def describe(self, windows: Windows, seed: tuple[int, ...]) -> Conditions:
+        """Conditions of windows; a share of sentences and velocities is dropped at random."""
+        diffusion = self.config.diffusion
+        drop_velocity = diffusion.drop_velocity if diffusion.velocity else 1.0
+        found = describe(
+            self.store,
+            self.sentences,
+            self._restore(windows.future.cpu()),
+            windows.clip,
+            seed,
+            (diffusion.drop_text, drop_velocity),
+        )
+        return found.to(self.device)

@@ -1,0 +1,136 @@
+"""`WindowSet`: the windows of one split, drawn by seed and step, so that a resumed training draws the same ones."""
+
+from __future__ import annotations
+
+from collections import Counter
+from functools import cached_property
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from flexmotion.configs.errors import MotionFormatError
+from flexmotion.configs.model import Window
+from flexmotion.training.feature_store import FeatureStore, StoredClip
+from flexmotion.training.human_tensors import HumanTensors
+from flexmotion.training.windows import Windows
+
+EVENNESS = 0.75
+"""0: kinds of motion are drawn as often as they occur, 1: all equally often."""
+
+CLIP = 15.0
+"""Normalised features are clipped to this many standard deviations."""
+
+
+class WindowSet:
+    """All windows of one split.
+
+    The probability of a clip is its number of windows over a power of its kind's share: rare kinds are drawn more often
+    than they occur, but less often than common ones.
+
+    Args:
+        store: features of a set.
+        window: sizes.
+        split: `train` or `validation`.
+
+    Raises:
+        MotionFormatError: no clip of the split is long enough.
+    """
+
+    def __init__(self, store: FeatureStore, window: Window, split: str) -> None:
+        self.store, self.window, self.split = store, window, split
+        length = window.history + window.future
+        chosen = [
+            number
+            for number, clip in enumerate(store.clips)
+            if clip.split == split and (window.padded or clip.frames >= length)
+        ]
+        if not chosen:
+            raise MotionFormatError(f"{store.folder}: no clip of split {split!r} has the {length} frames of a window")
+        self.clips = np.array(chosen)
+        clips = [store.clips[number] for number in chosen]
+        self._start = np.array([clip.start for clip in clips])
+        self._frames = np.array([clip.frames for clip in clips])
+        self._count = np.maximum(self._frames - length + 1, 1)
+        kinds = [kind(clip) for clip in clips]
+        share: Counter[str] = Counter()
+        for name, count in zip(kinds, self._count, strict=True):
+            share[name] += int(count)
+        self._rarity = np.array([share[name] for name in kinds], np.float64) ** -EVENNESS
+
+    @property
+    def has_following(self) -> bool:
+        """Whether any clip has two consecutive windows."""
+        return bool((self._count > self.window.future).any())
+
+    @cached_property
+    def humans(self) -> HumanTensors:
+        """Human models of all clips of the store."""
+        return HumanTensors.of([clip.body for clip in self.store.clips])
+
+    def draw(self, seed: tuple[int, ...], size: int, *, following: bool = False) -> Windows:
+        """Draw windows at random.
+
+        Args:
+            seed: the same seed draws the same windows.
+            size: number of windows.
+            following: whether to draw the windows that follow too, from clips that are long enough.
+
+        Raises:
+            MotionFormatError: no clip has two consecutive windows.
+        """
+        count = np.maximum(self._count - self.window.future, 0) if following else self._count
+        weights = count * self._rarity
+        if not weights.any():
+            raise MotionFormatError(f"{self.store.folder}: no clip of split {self.split!r} has two windows in a row")
+        rng = np.random.default_rng(seed)
+        chosen = rng.choice(len(self.clips), size, p=weights / weights.sum())
+        offset = rng.integers(0, count[chosen])
+        return self.at(chosen, offset, following=following)
+
+    def at(self, chosen: np.ndarray, offset: np.ndarray, *, following: bool = False) -> Windows:
+        """Windows at given places.
+
+        Args:
+            chosen: clips, as numbers within the split, (N,).
+            offset: frames of those clips at which the histories begin, (N,).
+            following: whether to take the windows that follow too.
+        """
+        window = self.window
+        length = window.history + window.future
+        span = length + (window.future if following else 0)
+        frame = offset[:, None] + np.arange(span)
+        last = self._frames[chosen][:, None] - 1
+        rows = self._start[chosen][:, None] + np.minimum(frame, last)
+        statistics = self.store.statistics
+        values = torch.from_numpy(statistics.normalise(self.store.features[rows].astype(np.float32)))
+        # A mistracked marker must not weigh as much as a thousand frames.
+        values = values.clamp(-CLIP, CLIP)
+        inside = torch.from_numpy(frame <= last)
+        if not bool(inside.all()):
+            values = self._held(values, inside)
+        return Windows(
+            history=values[:, : window.history],
+            future=values[:, window.history : length],
+            following=values[:, length:] if following else None,
+            mask=inside[:, window.history : length],
+            clip=self.clips[chosen],
+            first=offset + window.history,
+            branches=torch.from_numpy(self.store.branches[rows[:, :length]].astype(np.float32)),
+            good=torch.from_numpy(self.store.good[rows[:, :length]]) & inside[:, :length],
+        )
+
+    def _held(self, values: Tensor, inside: Tensor) -> Tensor:
+        """Set speeds and accelerations to zero beyond a clip's end, where its last pose is repeated."""
+        layout, statistics = self.store.layout, self.store.statistics
+        still = torch.from_numpy(statistics.normalise(np.zeros(layout.size, np.float32)))
+        moving = torch.zeros(layout.size, dtype=torch.bool)
+        moving[layout.blocks["root"]] = torch.tensor([True, True, True, False])
+        for name in ("velocities", "accelerations"):
+            moving[layout.blocks[name]] = True
+        return torch.where(~inside[..., None] & moving, still, values)
+
+
+def kind(clip: StoredClip) -> str:
+    """Kind of motion of a clip, by its labels."""
+    return clip.labels.get("content") or clip.labels.get("action") or "unlabelled"

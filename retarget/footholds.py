@@ -1,0 +1,193 @@
+"""Where a step may land: the human's foothold scaled to the robot, within its stride, its stance and its swing speed.
+
+A foothold is relative to where the human's other foot stood when the robot's other foot was put down for it. So the
+next step makes up for a human foot that slides while it stands.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexmotion.configs.robot_file import Gait
+from flexmotion.retarget.human import HumanWindow
+from flexmotion.retarget.swing import PEAK_ACCELERATION
+
+Float = NDArray[np.float64]
+
+_MAX_CARRY = 0.3
+"""Most of a sideways step beyond the robot's stance width that is left to the other foot's step [m of the human]."""
+_TURN_SHARES = (1.0, 0.75, 0.5, 0.25, 0.0)
+"""Shares of a foot's turn: the first that leaves the foot within a stride and within reach is taken, else the last."""
+_STRIDE_TOLERANCE = 1e-3
+"""By how much a foot may be further ahead than the longest stride [m]."""
+
+
+@dataclass(frozen=True)
+class Scaling:
+    """How human lengths and headings become the robot's.
+
+    Attributes:
+        ratio: robot leg length over human leg length.
+        heading: robot yaw minus human yaw [rad].
+        human_width: distance between the human's feet in quiet stance [m].
+    """
+
+    ratio: float
+    heading: float
+    human_width: float
+
+
+@dataclass(frozen=True, eq=False)
+class Foothold:
+    """Target of a step.
+
+    Attributes:
+        pose: x, y, z, yaw of the sole centre, (4,) [m, m, m, rad].
+        human: position on the human's ground that it represents, (2,) [m]: the human's foot, moved sideways by what is
+            out of the robot's reach.
+    """
+
+    pose: Float
+    human: Float
+
+
+class Footholds:
+    """Footholds of one robot.
+
+    Args:
+        gait: the robot's gait limits.
+        stand_width: distance between the robot's sole centres at its stand pose [m].
+        sole_half_length: from a sole's centre to its toe edge [m].
+    """
+
+    def __init__(self, gait: Gait, stand_width: float, sole_half_length: float) -> None:
+        self.gait = gait
+        self.stand_width, self.sole_half_length = stand_width, sole_half_length
+
+    def of_swing(
+        self,
+        window: HumanWindow,
+        scaling: Scaling,
+        side: int,
+        human_s: tuple[float, float],
+        feet: Float,
+        human_feet: Float,
+        seconds: float,
+    ) -> Foothold:
+        """Foothold of a step of foot `side`, as near to the human's as the foot can get in time.
+
+        A foot that turns reaches less far. Where it falls behind, it may end more than a stride from the other foot in
+        the frame that has turned, further with each step. Then it turns less.
+
+        Args:
+            human_s: source times at which the human's foot lifts and lands [s].
+            feet: poses of both feet before the step, (2, 4) [m, m, m, rad].
+            human_feet: positions of the human's feet that these represent, (2, 2) [m].
+            seconds: duration of the swing [s].
+        """
+        start, stance, longest = feet[side], feet[1 - side], self.gait.max_stride + _STRIDE_TOLERANCE
+        for share in _TURN_SHARES:
+            turn = (float(start[3]), share)
+            wanted = self.target(window, scaling, side, *human_s, stance, human_feet[1 - side], turn)
+            found = Foothold(self.within_reach(start, wanted.pose, stance, seconds), wanted.human)
+            in_time = self.shortest_swing_s(start, found.pose) <= seconds + 1e-6
+            if in_time and _ahead(stance, found.pose) <= longest:
+                break
+        return found
+
+    def target(
+        self,
+        window: HumanWindow,
+        scaling: Scaling,
+        side: int,
+        lift_s: float,
+        land_s: float,
+        stance: Float,
+        human_stance: Float,
+        turn: tuple[float, float] = (0.0, 1.0),
+    ) -> Foothold:
+        """Foothold of foot `side` relative to the robot's other foot, within the stance limits of the gait.
+
+        Args:
+            lift_s, land_s: source time of the human's swing [s]. The mean yaw of the pelvis between them is the
+                heading, since the pelvis oscillates once a stride.
+            stance: pose of the other foot, (4,) [m, m, m, rad].
+            human_stance: position of the human's other foot when the robot's was put down for it, (2,) [m]: a foot that
+                slides while it stands moves the human, so it must move the robot. NaN: its position at `land_s`.
+            turn: yaw of the foot before the swing [rad], and the share of the turn from there that this step makes.
+        """
+        gait = self.gait
+        human = window.foot(side, land_s)
+        if np.isnan(human_stance).any():
+            human_stance = window.foot(1 - side, land_s)
+        human_yaw = window.mean_heading(lift_s, land_s)
+        inward = -1.0 if side == 0 else 1.0
+        askew = np.clip(human_yaw + scaling.heading - stance[3], -gait.max_foot_yaw, gait.max_foot_yaw)
+        # Toes that turn in meet the other foot sooner than toes that turn out.
+        askew = max(askew, -gait.max_toe_in) if inward < 0 else min(askew, gait.max_toe_in)
+        start_yaw, share = turn
+        askew = share * askew + (1.0 - share) * (start_yaw - stance[3])
+        yaw = stance[3] + askew
+        cos, sin = np.cos(human_yaw), np.sin(human_yaw)
+        dx, dy = human[:2] - human_stance[:2]
+        forward, sideways = cos * dx + sin * dy, cos * dy - sin * dx
+        forward = np.clip(gait.stride_factor * scaling.ratio * forward, -gait.max_stride, gait.max_stride)
+        wanted = self.stand_width + scaling.ratio * (-inward * sideways - scaling.human_width)
+        # A turned foot needs room for its corners.
+        narrowest = gait.lateral[0] + self.sole_half_length * abs(np.sin(askew))
+        widest = max(narrowest, gait.lateral[1])
+        apart = np.clip(wanted, narrowest, widest)
+        # Far ahead and far to the side at once is out of the leg's reach: an ellipse bounds both.
+        aside = (apart - narrowest) / max(widest - narrowest, 1e-6)
+        stretch = max(float(np.hypot(forward / gait.max_stride, aside)), 1.0)
+        forward, apart = forward / stretch, narrowest + (apart - narrowest) / stretch
+        # In sidesteps the feet soon meet each other: the rest of the way is left to the next step of the other foot.
+        carry = np.clip(-inward * (apart - wanted) / scaling.ratio, -_MAX_CARRY, _MAX_CARRY)
+        human = human[:2] + carry * np.array([-sin, cos])
+        frame = stance[3] + 0.5 * askew
+        cos, sin = np.cos(frame), np.sin(frame)
+        sideways = -inward * apart
+        x, y = stance[0] + cos * forward - sin * sideways, stance[1] + sin * forward + cos * sideways
+        return Foothold(np.array([x, y, 0.0, yaw]), human)
+
+    def within_reach(self, start: Float, target: Float, stance: Float, seconds: float) -> Float:
+        """The target, shortened along the stride, not across it, to what the foot can reach in time, (4,).
+
+        Args:
+            start, target: poses of the swing foot, (4,) [m, m, m, rad]; stance: pose of the other foot, (4,).
+            seconds: duration of the swing [s].
+        """
+        gait = self.gait
+        farthest = min(
+            gait.swing_max_foot_speed * seconds, gait.swing_max_foot_acceleration * seconds**2 / PEAK_ACCELERATION
+        )
+        reach = farthest / self._turn_cost(start, target)
+        travel = target[:2] - start[:2]
+        if np.hypot(*travel) <= reach:
+            return target
+        yaw = 0.5 * (stance[3] + target[3])
+        along = np.array([np.cos(yaw), np.sin(yaw)])
+        across = travel - (travel @ along) * along
+        left = np.sqrt(max(reach**2 - across @ across, 0.0))
+        bounded = target.copy()
+        bounded[:2] = start[:2] + across + np.clip(travel @ along, -left, left) * along
+        return bounded
+
+    def shortest_swing_s(self, start: Float, target: Float) -> float:
+        """Duration of the shortest swing that reaches a target [s]; poses of the foot, (4,) [m, m, m, rad]."""
+        gait, away = self.gait, float(np.hypot(*(target - start)[:2])) * self._turn_cost(start, target)
+        by_acceleration = np.sqrt(away * PEAK_ACCELERATION / gait.swing_max_foot_acceleration)
+        return float(max(away / gait.swing_max_foot_speed, by_acceleration))
+
+    def _turn_cost(self, start: Float, target: Float) -> float:
+        """Factor by which the turn of a foot shortens its reach."""
+        return 1.0 + self.gait.swing_turn_cost * float(abs(target[3] - start[3]))
+
+
+def _ahead(stance: Float, pose: Float) -> float:
+    """Distance of a foot before or behind the other foot, in the frame midway between both [m]."""
+    yaw = 0.5 * (stance[3] + pose[3])
+    return float(abs(np.cos(yaw) * (pose[0] - stance[0]) + np.sin(yaw) * (pose[1] - stance[1])))

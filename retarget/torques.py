@@ -1,0 +1,79 @@
+"""Joint speed, acceleration and torque of a planned motion."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import make_interp_spline
+from scipy.signal import butter, sosfilt, sosfilt_zi
+from scipy.spatial.transform import Rotation
+
+from flexmotion.retarget.dynamics import RobotDynamics
+from flexmotion.retarget.schedule import Schedule
+from flexmotion.retarget.state import RetargetState
+
+Float = NDArray[np.float64]
+
+_STRIDE = 2
+"""Torques are computed at every second row and interpolated: the accelerations are low-passed below."""
+_ACCELERATION_CUTOFF_HZ = 20.0
+"""Low-pass of the acceleration: keeps the noise of the differences out of the torques."""
+
+
+class JointTorques:
+    """Derivatives and inverse dynamics of plans of one robot.
+
+    Args:
+        rate_hz: rows a second.
+    """
+
+    def __init__(self, dynamics: RobotDynamics, rate_hz: float) -> None:
+        self.dynamics, self.dt = dynamics, 1.0 / rate_hz
+        self._low_pass = butter(2, _ACCELERATION_CUTOFF_HZ, fs=rate_hz, output="sos")
+        self._settled = sosfilt_zi(self._low_pass)[:, :, None]
+
+    def of(self, state: RetargetState, schedule: Schedule, base: Float, q: Float) -> tuple[Float, Float, Float]:
+        """Joint speed, acceleration and torque of each row.
+
+        Args:
+            state: holds the two rows before the first.
+            schedule: feet and load over the rows.
+            base: torso poses, (T, 7); q: (T, n) [rad].
+
+        Returns:
+            qd [rad/s], qdd [rad/s²] and torque [N·m], (T, n) each.
+        """
+        joints, torso = np.concatenate([state.q[::-1], q]), np.concatenate([state.base[::-1], base])
+        moves = np.hstack([np.diff(joints, axis=0), np.diff(torso[:, :3], axis=0), _turns(torso[:, 3:])])
+        speed, acceleration = self._rates(moves / self.dt)
+        n = joints.shape[1]
+        qd, qdd = speed[:, :n], acceleration[:, :n]
+        rows = np.unique(np.append(np.arange(0, len(q), _STRIDE), len(q) - 1))
+        torque, _ = self.dynamics.inverse(
+            base[rows],
+            speed[rows, n:],
+            acceleration[rows, n:],
+            q[rows],
+            qd[rows],
+            qdd[rows],
+            schedule.feet[rows],
+            schedule.share[rows],
+        )
+        return qd, qdd, make_interp_spline(rows, torque, k=1)(np.arange(len(q)))
+
+    def _rates(self, between: Float) -> tuple[Float, Float]:
+        """Speed and low-passed acceleration at rows, (T, C), from the mean speeds between them, (T + 1, C).
+
+        Central differences; the last row keeps the speed before it.
+        """
+        after = np.concatenate([between[2:], between[-1:]])
+        change = np.diff(between, axis=0) / self.dt
+        acceleration = np.concatenate([change[1:], np.zeros((1, between.shape[1]))])
+        smooth, _ = sosfilt(self._low_pass, acceleration, axis=0, zi=self._settled * change[0])
+        return 0.5 * (between[1:] + after), smooth
+
+
+def _turns(quaternions: Float) -> Float:
+    """Rotation vectors from row to row in the body's frame, (T + 1, 3), from (T + 2, 4) quaternions w x y z."""
+    rotation = Rotation.from_quat(quaternions, scalar_first=True)
+    return (rotation[:-1].inv() * rotation[1:]).as_rotvec()

@@ -1,0 +1,305 @@
+"""What a program builds on, and the command line with it: open a robot, a driver, a model, a session.
+
+`import flexmotion as fm` offers all of it by name (`flexmotion/__init__.py`). SI units, radians; arrays over joints are
+(n,), in the order of the robot file; quaternions w x y z.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from flexmotion.bundles.bundle import Bundle
+from flexmotion.bundles.shipped import shipped_bundle
+from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.robot import Robot, load_robot
+from flexmotion.configs.stream import StreamSettings, load_stream
+from flexmotion.drivers.interface import Driver
+from flexmotion.drivers.registry import create
+from flexmotion.human.motion import Motion
+from flexmotion.importers import load
+from flexmotion.retarget.human_steps import count_steps
+from flexmotion.sampling.sampler import Sampler
+from flexmotion.streamer.control.run_trace import RunTrace
+from flexmotion.streamer.log.recorder import Recorder
+from flexmotion.streamer.log.recording import driver_options, record_to
+from flexmotion.streamer.motion.intents import Clip, Intent, Stop, Text
+from flexmotion.streamer.motion.model_source import ModelSource
+from flexmotion.streamer.motion.replan_noise import NoisySource
+from flexmotion.streamer.motion.robot_pace import human_pace
+from flexmotion.streamer.motion.script import Item
+from flexmotion.streamer.motion.sequence import sequence
+from flexmotion.streamer.motion.sources import ClipSource, Performance, Source
+from flexmotion.streamer.planning.offline import Trajectory, retarget_offline
+from flexmotion.streamer.report.metrics import HumanTrack, RobotFigures
+from flexmotion.streamer.report.report import Report, RunInfo, build_report
+from flexmotion.streamer.run.played_human import human_motion
+from flexmotion.streamer.run.session import Clock, Session
+from flexmotion.streamer.viewer.service import Viewer
+
+Followed = Motion | Intent | Sequence[Item]
+"""What a robot can be asked to follow: a motion, one intent, or a script of intents."""
+
+STANDING = Text("stand still")
+"""What a model does until it is sent a target."""
+
+
+def open_robot(name_or_folder: str | Path = "op3") -> Robot:
+    """A robot that comes with the project, by name, or one of your own, by folder. Raises `ConfigError`."""
+    return load_robot(name_or_folder)
+
+
+def open_driver(name: str, robot: Robot, **options: Any) -> Driver:
+    """A driver for a robot, not yet connected.
+
+    Args:
+        name: "sim", or another of `flexmotion drivers`.
+        options: fields of the driver's `Options`, such as `seed=1` or `port="/dev/ttyUSB0"`.
+
+    Raises:
+        ConfigError: the driver is unknown or does not import, or an option is wrong.
+    """
+    return create(name, robot, **options)
+
+
+def open_bundle(folder: str | Path | None = None) -> Bundle:
+    """A motion model's bundle; None: the one that comes with the project.
+
+    Raises:
+        ConfigError: it is damaged or of another version, or the project comes without one.
+    """
+    found = shipped_bundle() if folder is None else Path(folder)
+    if found is None:
+        raise ConfigError("this version of FlexMotion comes without a model bundle; give the folder of one")
+    return Bundle(found)
+
+
+def open_sampler(folder: str | Path | None = None, steps: int | None = None) -> Sampler:
+    """The model of a bundle, ready to sample human motion; see `open_bundle`.
+
+    Args:
+        steps: of the diffusion; None: the bundle's default.
+    """
+    return Sampler(open_bundle(folder), steps)
+
+
+def load_motion(path: str | Path, mapping: str | Path | None = None) -> Motion:
+    """Human motion from a file: BVH, AMC, TRC, AMASS, or the project's own .npz.
+
+    Args:
+        mapping: skeleton mapping, a shipped name or a YAML file; None: guessed from the joints' names.
+
+    Raises:
+        MotionFormatError: the file cannot be read as motion of a human.
+        ConfigError: no mapping fits.
+    """
+    return replace(load(path, mapping=mapping), source=Path(path).name)
+
+
+def open_source(
+    robot: Robot,
+    followed: Followed,
+    *,
+    bundle: str | Path | None = None,
+    mapping: str | None = None,
+    blend_frames: int = 8,
+    name: str | None = None,
+    seed: int = 0,
+    seconds: float | None = None,
+) -> Performance:
+    """A source of human motion for a robot.
+
+    A motion, a `Clip` or a script of clips is played once. Words and velocities are sampled from a model, whose human
+    goes no faster than the robot can follow; such a source also follows targets (`Session.send`).
+
+    Args:
+        followed: what to do; a `Clip` names a file.
+        bundle: of the model; None: the one that comes with the project.
+        mapping: skeleton mapping of the files of clips; see `load_motion`.
+        blend_frames: frames over which a script's clip takes over from the one before.
+        name: what report and log call the source.
+        seed: of all that the model draws.
+        seconds: the source ends after this time; None: a clip with its last frame, a model with a `Stop` [s].
+
+    Raises:
+        ConfigError: the model cannot follow an intent, or a bundle is given for clips.
+        MotionFormatError: a clip cannot be read.
+    """
+    if isinstance(followed, Clip):
+        followed = load_motion(followed.name, mapping)
+    if isinstance(followed, Motion):
+        motion = followed
+    else:
+        items = [Item(0.0, followed)] if isinstance(followed, Intent) else followed
+        if not isinstance(items[0].intent, Clip):
+            sampler = open_sampler(bundle)
+            return ModelSource(sampler, items, name or "model", seed, seconds, human_pace(robot, sampler.body))
+        motion = _sequence(items, mapping, blend_frames)
+    if bundle is not None:
+        raise ConfigError("a bundle is given, but clips need no model")
+    source = ClipSource(motion if name is None else replace(motion, source=name))
+    return source if seconds is None or seconds >= source.seconds else source.cut(seconds)
+
+
+def _sequence(items: Sequence[Item], mapping: str | None, blend_frames: int) -> Motion:
+    """The clips of a script, one after another."""
+    clips = [(item.at, load(item.intent.name, mapping=mapping)) for item in items if isinstance(item.intent, Clip)]
+    end = items[-1].at if isinstance(items[-1].intent, Stop) else None
+    return sequence(clips, end, blend_frames)
+
+
+def open_session(
+    robot: Robot | str | Path,
+    driver: Driver | str = "sim",
+    source: Source | Followed = STANDING,
+    *,
+    clock: Clock = "lockstep",
+    settings: StreamSettings | None = None,
+    seed: int = 0,
+    seconds: float | None = None,
+    feedback: bool = True,
+    stay: bool = False,
+    realtime: bool = True,
+    log: Path | None = None,
+    view_port: int | None = None,
+) -> Session:
+    """A robot, a driver and a source, ready to run.
+
+    In lockstep a program steps the run itself, as fast as it computes:
+
+        with fm.open_session("op3") as session:
+            session.send(fm.Velocity(0.2, 0.0, 0.0))
+            session.advance(5.0)
+            print(session.state.torso)
+            session.finish()
+
+    On either clock `session.run()` runs to the end; `session.next_request`, if set, is called meanwhile (each tick, on
+    the real clock every 20 ms) and may read `session.state`, send targets and return a `Request`.
+
+    Args:
+        robot: from `open_robot`, or its name or folder.
+        driver: from `open_driver`, or the name of one that needs no options.
+        source: from `open_source`, or what that takes.
+        clock: "lockstep" or "real"; what `run` runs on, and what the log says.
+        settings: stream settings; None: the shipped ones.
+        seed: of a simulation and a source that are given by name; told by log and report.
+        seconds: longest that the source is streamed; None: to its end [s].
+        feedback: whether balance feedback acts.
+        stay: on the real clock the robot goes on standing when the source is over, until the end is asked for.
+        realtime: on the real clock, ask the system for realtime scheduling.
+        log: file (.mcap) to record to; None: none.
+        view_port: first port to try for the page that shows the run; None: no page.
+
+    Raises:
+        ConfigError: robot, driver, option, source or bundle are not what they should be, or the log cannot be written.
+        MotionFormatError: a clip cannot be read.
+    """
+    robot = robot if isinstance(robot, Robot) else open_robot(robot)
+    settings = load_stream() if settings is None else settings
+    if isinstance(driver, str):
+        driver = open_driver(driver, robot, **({"seed": seed} if driver == "sim" else {}))
+    if isinstance(source, Motion | Intent | Sequence):
+        source = open_source(robot, source, blend_frames=settings.blend_frames, seed=seed)
+    session = Session(
+        robot,
+        driver,
+        source,
+        settings,
+        seconds,
+        feedback=feedback,
+        stay=stay,
+        realtime=realtime,
+        seed=seed,
+        clock=clock,
+    )
+    if view_port is not None:
+        session.services += (Viewer(robot, session.telemetry, port=view_port),)
+    if isinstance(source, Performance):
+        # Only before the run: a ring has one writer, from the start on the loop.
+        for remark in source.remarks:
+            session.telemetry.emit(0, "note", remark)
+    if log is not None:
+        record_to(log, session, clock)
+    return session
+
+
+def retarget_motion(
+    motion: Motion,
+    robot: Robot,
+    settings: StreamSettings | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Trajectory:
+    """A motion as the robot would play it, without running it: balanced and inside the joints' limits.
+
+    Args:
+        progress: called with the share done, in [0, 1].
+
+    Returns:
+        One row a tick of the robot: joint angles `q` (T, n) [rad], torso `base` (T, 7), planned `contacts` (T, 2), …
+
+    Raises:
+        ConfigError: the motion is longer than half an hour.
+        MotionFormatError: it has fewer than two frames.
+    """
+    return retarget_offline(robot, ClipSource(motion), load_stream() if settings is None else settings, progress)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """A finished run and its judgement.
+
+    Attributes:
+        motion: what the human did; None where it is not known, after targets say.
+        figures: the robot's sizes that the report measures by.
+        record: every tick of the run, or the last of a long one.
+        simulated: the robot was a simulated one; its failures are no hardware's.
+    """
+
+    robot: Robot
+    motion: Motion | None
+    figures: RobotFigures
+    record: RunTrace
+    report: Report
+    simulated: bool
+
+    def write(self, folder: Path) -> Path:
+        """Write `report.json`, the pictures and `index.html` with all of it into `folder`; returns the page."""
+        # matplotlib and jinja2 take a second to load: only where a report is asked for.
+        from flexmotion.streamer.plots.pictures import write_plots
+        from flexmotion.streamer.report.report_page import write_report_page
+
+        self.report.write(folder)
+        pictures = write_plots(folder, self.record, self.robot, self.figures, self.motion)
+        return write_report_page(folder / "index.html", self.report, pictures)
+
+
+def outcome(session: Session) -> Outcome:
+    """How a session that has run went."""
+    robot, source, record = session.robot, session.source, session.record
+    noise_m = source.size_m if isinstance(source, NoisySource) else 0.0
+    performed = source.source if isinstance(source, NoisySource) else source
+    motion = human_motion(source, record)
+    if motion is not None:
+        record.human_steps = count_steps(motion)
+    figures = RobotFigures.of(robot, performed.body.leg if isinstance(performed, Performance) else None)
+    options = driver_options(session.driver)
+    options |= {} if session.feedback else {"feedback": False}
+    options |= {"replan_noise_m": noise_m} if noise_m else {}
+    budgets = session.settings.budgets
+    info = RunInfo(
+        robot=robot.name,
+        driver=session.driver.name,
+        source=source.name,
+        seed=session.seed,
+        clock=session.clock,
+        options=options,
+        elapsed_s=session.elapsed_s,
+        realtime=session.scheduling,
+        missed_allowed=budgets.missed_deadlines,
+        underruns_allowed=budgets.underruns,
+        log=next((service.result() for service in session.services if isinstance(service, Recorder)), None),
+    )
+    report = build_report(record, info, figures, human=None if motion is None else HumanTrack.of(motion))
+    return Outcome(robot, motion, figures, record, report, simulated=session.driver.capabilities.truth)

@@ -1,0 +1,148 @@
+"""Options that come together: each group is a dataclass, and `grouped` makes its fields options of a command."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import MISSING, dataclass, fields, is_dataclass
+from inspect import Parameter, Signature, signature
+from typing import TYPE_CHECKING, Any, get_type_hints
+
+from flexmotion.streamer.commands.options import (
+    BundleOption,
+    ClipOption,
+    FeedbackOption,
+    JsonOption,
+    LogOption,
+    MappingOption,
+    PromptOption,
+    RealtimeOption,
+    ReportOption,
+    ScriptOption,
+    SecondsOption,
+    SeedOption,
+    SettingsOption,
+    ViewOption,
+    ViewPortOption,
+)
+
+if TYPE_CHECKING:
+    from flexmotion.configs.robot import Robot
+    from flexmotion.configs.stream import StreamSettings
+    from flexmotion.drivers.interface import Driver
+    from flexmotion.streamer.motion.sources import Performance, Source
+    from flexmotion.streamer.run.session import Clock, Session
+
+
+@dataclass(frozen=True)
+class MotionOptions:
+    """Which motion a robot follows."""
+
+    clip: ClipOption = None
+    script: ScriptOption = None
+    prompt: PromptOption = None
+    bundle: BundleOption = None
+    mapping: MappingOption = None
+    seed: SeedOption = 0
+
+    def source(
+        self, robot: Robot, settings: StreamSettings, seconds: float | None, *, endless: bool = False
+    ) -> Performance:
+        """The source of that motion; see `flexmotion.streamer.commands.choice.choose_source`."""
+        from flexmotion.streamer.commands.choice import choose_source
+
+        return choose_source(
+            robot,
+            clip=self.clip,
+            script=self.script,
+            prompt=self.prompt,
+            bundle=self.bundle,
+            mapping=self.mapping,
+            blend_frames=settings.blend_frames,
+            seed=self.seed,
+            seconds=seconds,
+            endless=endless,
+        )
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    """How a run goes and what it leaves behind."""
+
+    seconds: SecondsOption = None
+    feedback: FeedbackOption = True
+    realtime: RealtimeOption = True
+    settings: SettingsOption = None
+    report: ReportOption = None
+    log: LogOption = None
+    view: ViewOption = False
+    view_port: ViewPortOption = 8080
+    as_json: JsonOption = False
+
+    def session(
+        self,
+        driver: Driver,
+        source: Source,
+        settings: StreamSettings,
+        *,
+        clock: Clock,
+        seed: int,
+        seconds: float | None,
+        stay: bool = False,
+    ) -> Session:
+        """The session that `flexmotion.streamer.api.open_session` opens with these options."""
+        from flexmotion.streamer.api import open_session
+        from flexmotion.streamer.commands.log_option import log_file
+
+        return open_session(
+            driver.robot,
+            driver,
+            source,
+            clock=clock,
+            settings=settings,
+            seed=seed,
+            seconds=seconds,
+            feedback=self.feedback,
+            stay=stay,
+            realtime=self.realtime,
+            log=log_file(self.log, self.report),
+            view_port=self.view_port if self.view else None,
+        )
+
+
+@dataclass(frozen=True)
+class CheckOptions:
+    """How a check is set and where its result goes."""
+
+    settings: SettingsOption = None
+    report: ReportOption = None
+    as_json: JsonOption = False
+
+
+def grouped(command: Callable[..., None]) -> Callable[..., None]:
+    """Make every field of a parameter that is annotated with a dataclass an option of its own.
+
+    Typer has no such feature; it reads the options of a command from its signature.
+    """
+    parameters = signature(command, eval_str=True).parameters
+    groups: dict[str, Any] = {name: one.annotation for name, one in parameters.items() if is_dataclass(one.annotation)}
+
+    def expanded(**values: Any) -> None:
+        built = {
+            name: group(**{field.name: values.pop(field.name) for field in fields(group)})
+            for name, group in groups.items()
+        }
+        command(**values, **built)
+
+    flat: list[Parameter] = []
+    for name, one in parameters.items():
+        if name not in groups:
+            flat.append(one.replace(kind=Parameter.KEYWORD_ONLY))
+            continue
+        types = get_type_hints(groups[name], include_extras=True)
+        for field in fields(groups[name]):
+            default = Parameter.empty if field.default is MISSING else field.default
+            flat.append(Parameter(field.name, Parameter.KEYWORD_ONLY, default=default, annotation=types[field.name]))
+    expanded.__name__, expanded.__doc__ = command.__name__, command.__doc__
+    expanded.__annotations__ = {one.name: one.annotation for one in flat}
+    expanded.__signature__ = Signature(flat)  # type: ignore[attr-defined]
+    return expanded

@@ -1,0 +1,106 @@
+"""Manifests: versions of the schema, corrections, and which bundles are the same model."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from shutil import copytree
+from typing import Any
+
+import numpy as np
+import pytest
+
+from flexmotion.bundles.bundle import Bundle
+from flexmotion.bundles.manifest import CORRECTIONS_OF_3, MANIFEST, SCHEMA, read_manifest
+from flexmotion.bundles.shipped import FOLDER
+from flexmotion.configs.corrections import Corrections
+from flexmotion.configs.errors import ConfigError
+from flexmotion.sampling.pace import Pace
+from flexmotion.sampling.sampler import Condition, Sampler
+from flexmotion.streamer.log.source import pack, unpack
+from flexmotion.streamer.motion.intents import Text
+from flexmotion.streamer.motion.model_source import ModelSource
+from flexmotion.streamer.motion.script import Item
+
+SHIPPED_IN_SCHEMA_3 = "363bd437c93721c6"
+"""Hash of the shipped bundle as logs of version 0.1.0 name it."""
+
+
+def changed(folder: Path, **fields: Any) -> Bundle:
+    """A copy of the shipped bundle with other fields in its manifest; a field that is None is left out."""
+    copytree(FOLDER, folder)
+    content = json.loads((folder / MANIFEST).read_text(encoding="utf-8")) | fields
+    content = {name: value for name, value in content.items() if value is not None}
+    text = json.dumps(content, indent=1, sort_keys=True, ensure_ascii=False) + "\n"
+    (folder / MANIFEST).write_text(text, encoding="utf-8")
+    return Bundle(folder)
+
+
+def test_the_shipped_bundle_is_the_one_of_schema_3(tmp_path: Path) -> None:
+    shipped, former = Bundle(FOLDER), changed(tmp_path / "3", schema_="flexmotion.bundle/3", corrections=None)
+    assert former.hash == SHIPPED_IN_SCHEMA_3
+    assert former.manifest == shipped.manifest and former.manifest.corrections == CORRECTIONS_OF_3
+    assert set(former.hashes) == set(shipped.hashes) == {shipped.hash, SHIPPED_IN_SCHEMA_3}
+
+
+def test_another_correction_is_another_bundle(tmp_path: Path) -> None:
+    other = changed(tmp_path / "other", corrections=CORRECTIONS_OF_3.model_dump() | {"aside": 1.4})
+    assert not set(other.hashes) & set(Bundle(FOLDER).hashes)
+
+
+def test_a_log_opens_with_the_bundle_that_it_was_recorded_with_and_no_other(tmp_path: Path) -> None:
+    former = changed(tmp_path / "3", schema_="flexmotion.bundle/3", corrections=None)
+    parts, _ = pack(ModelSource(Sampler(former), [Item(0.0, Text("walk"))], "walk"))
+    assert parts["hash"] == SHIPPED_IN_SCHEMA_3
+    reopened = unpack(parts | {"bundle": None}, {}, Path("run.mcap"))
+    assert isinstance(reopened, ModelSource) and reopened.sampler.bundle.folder == FOLDER
+    changed(tmp_path / "other", corrections=None)
+    with pytest.raises(ConfigError, match="not the bundle of the run"):
+        unpack(parts | {"bundle": str(tmp_path / "other")}, {}, Path("run.mcap"))
+
+
+@pytest.mark.parametrize(
+    ("schema", "message"),
+    [
+        ("flexmotion.bundle/2", "bundle schema 2 is too old, .* reads 3 to 4: export the bundle anew"),
+        ("flexmotion.bundle/5", "bundle schema 5 is too new, .* reads 3 to 4: update FlexMotion"),
+        ("flexmotion.motion/1", "no bundle: schema is 'flexmotion.motion/1', expected 'flexmotion.bundle/4'"),
+        (7, "no bundle: schema is 7"),
+    ],
+)
+def test_other_schemas_are_refused_with_what_to_do(tmp_path: Path, schema: object, message: str) -> None:
+    path = tmp_path / MANIFEST
+    path.write_text(json.dumps({"schema_": schema}), encoding="utf-8")
+    with pytest.raises(ConfigError, match=message):
+        read_manifest(path)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("{", "damaged"),
+        ("[]", "damaged .expected an object, found list"),
+        (json.dumps({"schema_": SCHEMA, "corrections": {"aside": -1}}), "field"),
+    ],
+)
+def test_damaged_manifests_are_refused(tmp_path: Path, text: str, message: str) -> None:
+    path = tmp_path / MANIFEST
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(ConfigError, match=message):
+        read_manifest(path)
+
+
+def test_a_bundle_without_corrections_is_sampled_without_them(tmp_path: Path) -> None:
+    plain, shipped = Sampler(changed(tmp_path / "plain", corrections=None)), Sampler(Bundle(FOLDER))
+    assert plain.bundle.manifest.corrections == Corrections()
+    history, slow = plain.standing(), Pace(ahead=0.5, back=0.4, aside=0.2, turning=1.0)
+    # Words are not slowed where their speed is unknown; velocities are.
+    assert plain.meant(Condition("walk forward", pace=slow)).velocity is None
+    assert shipped.meant(Condition("walk forward", pace=slow)).velocity == (0.5, 0.0, 0.0)
+    assert plain.meant(Condition(velocity=(1.0, 0.0, 0.0), pace=slow)).velocity == (0.5, 0.0, 0.0)
+    # What no correction concerns is the same motion, the rest is another.
+    for condition, same in ((Condition("bow"), True), (Condition(), False), (Condition(velocity=(0, 0.2, 0)), False)):
+        one, other = (sampler.sample(history, condition, seed=1) for sampler in (plain, shipped))
+        assert np.array_equal(one.joints, other.joints) == same
+    velocity = plain._inputs["velocity"][0] * [plain.body.leg, plain.body.leg, 1.0]
+    np.testing.assert_allclose(velocity, [0.0, 0.2, 0.0], atol=1e-6)

@@ -1,0 +1,91 @@
+"""Exported networks compute what torch computes, and the sampler takes the bundle."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import onnxruntime
+import pytest
+
+torch = pytest.importorskip("torch", reason="training needs the extra 'train'")
+
+from flexmotion.bundles.bundle import DECODER, DENOISER, Bundle  # noqa: E402
+from flexmotion.configs.errors import ConfigError  # noqa: E402
+from flexmotion.human.kinematics import forward  # noqa: E402
+from flexmotion.sampling.sampler import Condition, Sampler  # noqa: E402
+from flexmotion.training.export import Decoder, load_networks  # noqa: E402
+from flexmotion.training.run import Run  # noqa: E402
+
+
+def test_exported_networks_compute_what_torch_computes(trained: Run, bundle: Bundle) -> None:
+    autoencoder, denoiser = load_networks(trained, distilled=True)
+    rng = np.random.default_rng(0)
+
+    def draw(*shape: int) -> np.ndarray:
+        return rng.standard_normal(shape, np.float32)
+
+    window, latent = trained.config.window, autoencoder.latent
+    inputs = {
+        "noisy": draw(1, latent),
+        "time": np.array([700]),
+        "history": draw(1, window.history, trained.layout.size),
+        "sentence": draw(1, trained.config.diffusion.text),
+        "velocity": draw(1, 3),
+        "present": np.ones((1, 2), np.float32),
+        "guidance": np.array([2.0], np.float32),
+    }
+    with torch.no_grad():
+        clean = denoiser(*map(torch.from_numpy, inputs.values())).numpy()
+        frames = Decoder(autoencoder, denoiser)(torch.from_numpy(clean), torch.from_numpy(inputs["history"])).numpy()
+    (found,) = onnxruntime.InferenceSession(str(bundle.folder / DENOISER)).run(None, inputs)
+    assert found == pytest.approx(clean, abs=1e-3)
+    decoding = {"latent": clean, "history": inputs["history"]}
+    (found,) = onnxruntime.InferenceSession(str(bundle.folder / DECODER)).run(None, decoding)
+    assert found == pytest.approx(frames, abs=1e-3)
+
+
+def test_the_sampler_takes_the_bundle(bundle: Bundle) -> None:
+    sampler = Sampler(bundle)
+    history = sampler.standing()
+    first = sampler.sample(history, Condition("walk forward"), seed=1)
+    assert len(first) == sampler.future and first.fps == sampler.fps and first.body == sampler.body
+    again = sampler.sample(history, Condition("walk forward"), seed=1)
+    np.testing.assert_array_equal(first.joints, again.joints)
+    other = sampler.sample(history, Condition("walk forward"), seed=2)
+    assert np.abs(other.joints - first.joints).max() > 1e-6
+    assert first.torques is not None and first.wrenches is not None and first.contacts is not None
+    # The second motion continues the first.
+    second = sampler.sample(first, Condition(velocity=(0.5, 0.0, 0.2)), seed=1)
+    assert np.abs(second.joints[0] - first.joints[-1]).max() < np.pi
+    assert forward(second).com.shape == (sampler.future, 3)
+
+
+def test_the_sampler_refuses_unusable_histories(bundle: Bundle, make_standing) -> None:
+    sampler = Sampler(bundle)
+    with pytest.raises(ValueError, match="no frames"):
+        sampler.sample(sampler.standing()[:0], Condition(), 0)
+    with pytest.raises(ValueError, match="fps"):
+        sampler.sample(make_standing(8, sampler.body, fps=25.0), Condition(), 0)
+    with pytest.raises(ConfigError, match="steps is 0"):
+        Sampler(bundle, steps=0)
+
+
+def test_a_bundle_that_does_not_match_is_refused(bundle: Bundle, tmp_path: Path) -> None:
+    from shutil import copytree
+
+    copy = copytree(bundle.folder, tmp_path / "copy")
+    with (copy / DENOISER).open("ab") as file:
+        file.write(b"x")
+    with pytest.raises(ConfigError, match="differs from the manifest"):
+        Bundle(copy)
+    manifest = json.loads((bundle.folder / "manifest.json").read_text())
+    (copy / "manifest.json").write_text(json.dumps(manifest | {"layout": "0" * 16}))
+    with pytest.raises(ConfigError, match="made for layout"):
+        Bundle(copy)
+    (copy / "manifest.json").write_text(json.dumps(manifest | {"schema_": "flexmotion.bundle/0"}))
+    with pytest.raises(ConfigError, match="schema"):
+        Bundle(copy)
+    with pytest.raises(ConfigError, match="no bundle there"):
+        Bundle(tmp_path / "none")

@@ -1,0 +1,33 @@
+"""Personalisation: the denoiser is trained further, its normalisation stays, and the bundle knows the manner."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+torch = pytest.importorskip("torch", reason="training needs the extra 'train'")
+
+from flexmotion.configs.errors import ConfigError  # noqa: E402
+from flexmotion.sampling.sampler import Sampler  # noqa: E402
+from flexmotion.training.export import export  # noqa: E402
+from flexmotion.training.personal import personal_run, personal_task  # noqa: E402
+from flexmotion.training.run import Run  # noqa: E402
+
+
+def test_personalisation(trained: Run, small_set: Path, stages, tmp_path: Path) -> None:
+    run = personal_run(trained, tmp_path / "ada", "like Ada")
+    task = personal_task(run, trained, small_set, "like Ada")
+    before = {name: value.clone() for name, value in task.network.state_dict().items()}
+    done = stages.train(run, "diffusion", task, 2)
+    assert set(done.parts) == {"kept", "learnt"}
+    after = task.network.state_dict()
+    assert any(not torch.equal(before[name], after[name]) for name in before)
+    assert torch.equal(before["latent_mean"], after["latent_mean"])
+    sampler = Sampler(export(run, tmp_path / "bundle", distilled=False), steps=2)
+    assert sampler.prompt("walk like Ada").kind == "personal"
+
+
+def test_an_untrained_run_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="not trained"):
+        personal_run(Run(tmp_path / "empty", "stream"), tmp_path / "none", "like Ada")

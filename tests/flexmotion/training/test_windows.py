@@ -1,0 +1,58 @@
+"""Windows of a set, and the batches that are made of them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch", reason="training needs the extra 'train'")
+
+from flexmotion.configs.errors import MotionFormatError  # noqa: E402
+from flexmotion.training.run import Run  # noqa: E402
+from flexmotion.training.window_set import WindowSet  # noqa: E402
+
+
+def test_windows_are_the_clips_frames(trained: Run) -> None:
+    store = trained.store()
+    windows = WindowSet(store, trained.config.window, "train").draw((0,), 5, following=True)
+    assert windows.following is not None
+    for row in range(5):
+        clip = store.clips[windows.clip[row]]
+        assert clip.split == "train"
+        start = clip.start + windows.first[row]
+        expected = store.statistics.normalise(store.features[start : start + trained.config.window.future])
+        np.testing.assert_allclose(windows.future[row], expected, atol=1e-3)
+
+
+def test_the_same_seed_draws_the_same_windows(trained: Run) -> None:
+    windows = WindowSet(trained.store(), trained.config.window, "train")
+    first, second, other = (windows.draw((seed, 1), 16).future for seed in (5, 5, 6))
+    assert torch.equal(first, second) and not torch.equal(first, other)
+
+
+def test_windows_change_over_to_another_clip(trained: Run) -> None:
+    windows = WindowSet(trained.store(), trained.config.window, "train")
+    before, after = windows.draw((1,), 6), windows.draw((2,), 6)
+    both = before.blended_into(after, 8)
+    torch.testing.assert_close(both.future[:, 8:], after.future[:, 8:])
+    assert (both.future[:, 0] - before.future[:, 0]).norm() < 0.1 * (after.future[:, 0] - before.future[:, 0]).norm()
+    assert torch.equal(both.history, before.history) and np.array_equal(both.clip, after.clip)
+
+
+def test_windows_with_those_that_follow_lie_within_their_clips(trained: Run) -> None:
+    """Regression: the last window of a clip was followed by its last pose, and the model learnt to freeze."""
+    windows = WindowSet(trained.store(), trained.config.window, "train")
+    drawn = windows.draw((4,), 64, following=True)
+    for row in range(64):
+        clip = trained.store().clips[drawn.clip[row]]
+        assert drawn.first[row] + 2 * trained.config.window.future <= clip.frames
+    following = drawn.next(drawn.history)
+    assert drawn.following is not None and torch.equal(following.future, drawn.following)
+    with pytest.raises(ValueError, match="windows that follow"):
+        following.next(drawn.history)
+
+
+def test_too_short_clips_are_reported(trained: Run) -> None:
+    window = trained.config.window.model_copy(update={"future": 4000})
+    with pytest.raises(MotionFormatError, match="no clip of split 'train'"):
+        WindowSet(trained.store(), window, "train")
