@@ -1,130 +1,154 @@
-"""Ground forces and joint moments from kinematics alone, against force plates and a reference tool.
+"""How well do ground forces and joint moments from kinematics alone agree with force plates and a reference tool?
 
-    python benchmarks/biomech_gait.py [TRIAL.npz] [--fps 30] [--belt SPEED] [--plots FOLDER]
-
-Prints root mean square errors per foot; exits with 1 where a target is missed.
+Prints root mean square errors per foot over the valid window of a trial. Fails where one is over its target.
 """
 
 from __future__ import annotations
 
-import argparse
-import sys
 import time
 from pathlib import Path
+from typing import Annotated
 
-import matplotlib
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
 import numpy as np
-from gait_trial import MOMENTS, GaitTrial, default_path, load_trial
+import typer
+from matplotlib.axes import Axes
+from rich.console import Console
+from rich.table import Table
 
+from benchmarks.biomechanics.gait_trial import MOMENTS, Float, GaitTrial, default_path, load_trial
+from benchmarks.shared.options import PlotsOption
+from benchmarks.shared.outcome import Outcome, Verdict
 from flexmotion.biomechanics.dynamics import Dynamics, dynamics
-from flexmotion.human.skeleton import DOF_COUNT, JOINTS
+from flexmotion.human.skeleton import DOF_COUNT, JOINTS, SIDES
 from flexmotion.spatial.gravity import GRAVITY
 
 FORCES = {"vertical": (2, 4.5), "fore-aft": (0, 2.5), "side": (1, 2.5)}
-# Adduction and rotation of the hip are held to the limit of the hip.
+"""Axis of a force and the limit of its error [% of body weight]."""
 LIMITS = {"hip": 0.15, "knee": 0.15, "ankle": 0.18}
+"""Limit of the error of a joint's moments [N·m/kg]; the hip's holds for flexion, adduction and rotation."""
 FEET = ("left", "right")
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("trial", nargs="?", type=Path, default=default_path())
-    parser.add_argument("--fps", type=float, default=30.0)
-    parser.add_argument("--belt", type=float, help="treadmill speed [m/s]; estimated from the feet where left out")
-    parser.add_argument("--plots", type=Path, help="folder for plots of measured against computed")
-    options = parser.parse_args()
-
-    trial = load_trial(options.trial, options.fps, options.belt)
-    start = time.perf_counter()
-    found = dynamics(trial.motion)
-    seconds = time.perf_counter() - start
-    body = trial.motion.body
-    print(f"{options.trial.name}: {len(trial.motion)} frames at {options.fps:g} Hz, {body.mass:.1f} kg, fitted height")
-    print(f"{body.height:.2f} m, belt {-trial.belt[0]:.2f} m/s; dynamics in {1e3 * seconds:.0f} ms\n")
-    passed = report_forces(trial, found) & report_moments(trial, found)
-    residual = np.median(found.residual, axis=0)
-    print(f"\nroot residual, median: {100 * residual[0]:.2f} % of body weight, {residual[1]:.4f} body weights x m")
-    if options.plots:
-        options.plots.mkdir(parents=True, exist_ok=True)
-        plot_forces(trial, found, options.plots / "ground_forces.png")
-        plot_moments(trial, found, options.plots / "joint_moments.png")
-        print(f"plots: {options.plots}/ground_forces.png, joint_moments.png")
-    return 0 if passed else 1
-
-
-def force_error(trial: GaitTrial, found: Dynamics) -> np.ndarray:
-    """RMSE per foot and axis, (2, 3) [% of body weight]."""
+def force_errors(trial: GaitTrial, found: Dynamics) -> dict[str, Float]:
+    """RMSE of the ground force by direction, of the left and right foot, (2,) [% of body weight]."""
     assert found.motion.wrenches is not None
     error = (found.motion.wrenches[..., :3] - trial.forces)[trial.valid]
-    return 100 * np.sqrt(np.mean(error**2, axis=0)) / (trial.motion.body.mass * GRAVITY)
+    rms = 100 * np.sqrt(np.mean(error**2, axis=0)) / (trial.motion.body.mass * GRAVITY)
+    return {name: rms[:, axis] for name, (axis, _) in FORCES.items()}
 
 
-def moment_of(found: Dynamics, joint: str) -> np.ndarray:
+def moment_of(found: Dynamics, joint: str) -> Float:
     """Computed moment per body mass, (T,) [N·m/kg]."""
     assert found.motion.torques is not None
     column = DOF_COUNT - len(JOINTS) + JOINTS.index(joint)
     return found.motion.torques[:, column] / found.motion.body.mass
 
 
-def report_forces(trial: GaitTrial, found: Dynamics) -> bool:
-    error, passed = force_error(trial, found), True
-    print("ground force, RMSE [% of body weight]   left   right   target")
-    for name, (axis, limit) in FORCES.items():
-        left, right = error[:, axis]
-        passed &= max(left, right) <= limit
-        print(f"  {name:36s} {left:6.2f}  {right:6.2f}   {limit:6.2f}")
-    return passed
+def moment_errors(trial: GaitTrial, found: Dynamics) -> dict[str, Float]:
+    """RMSE of the moment by joint, of the left and right leg, (2,) [N·m/kg]."""
+
+    def error(name: str) -> float:
+        reference = trial.moments[name] / trial.motion.body.mass
+        return float(np.sqrt(np.mean((moment_of(found, name) - reference)[trial.valid] ** 2)))
+
+    return {joint: np.array([error(f"{joint}_{side}") for side in SIDES]) for joint in MOMENTS}
 
 
-def report_moments(trial: GaitTrial, found: Dynamics) -> bool:
-    passed = True
-    print("joint moment, RMSE [N·m/kg]             left   right   target")
-    for joint in MOMENTS:
-        errors = []
-        for side in "lr":
-            reference = trial.moments[f"{joint}_{side}"] / trial.motion.body.mass
-            errors.append(np.sqrt(np.mean((moment_of(found, f"{joint}_{side}") - reference)[trial.valid] ** 2)))
-        limit = LIMITS[joint.partition("_")[0]]
-        passed &= max(errors) <= limit
-        print(f"  {joint:36s} {errors[0]:6.3f}  {errors[1]:6.3f}   {limit:6.2f}")
-    return passed
+def moment_limit(joint: str) -> float:
+    """Limit of the error of a joint's moment [N·m/kg]."""
+    return LIMITS[joint.partition("_")[0]]
+
+
+def verdicts(forces: dict[str, Float], moments: dict[str, Float]) -> list[Verdict]:
+    """The criteria, over both sides."""
+    found = []
+    for name, (_, limit) in FORCES.items():
+        worst = float(forces[name].max())
+        found.append(Verdict(f"{name} force: {worst:.2f} % of body weight (<= {limit})", worst <= limit))
+    for joint, errors in moments.items():
+        worst, limit = float(errors.max()), moment_limit(joint)
+        found.append(Verdict(f"{joint} moment: {worst:.3f} N·m/kg (<= {limit})", worst <= limit))
+    return found
+
+
+def table(forces: dict[str, Float], moments: dict[str, Float]) -> Table:
+    """Errors of both sides beside their limits."""
+    out = Table("RMSE", *FEET, "limit", title="Ground forces [% of body weight], joint moments [N·m/kg]")
+    for name, (_, limit) in FORCES.items():
+        out.add_row(f"force, {name}", *(f"{value:.2f}" for value in forces[name]), f"{limit:.2f}")
+    for joint, errors in moments.items():
+        out.add_row(f"moment, {joint}", *(f"{value:.3f}" for value in errors), f"{moment_limit(joint):.2f}")
+    return out
+
+
+def main(
+    trial_file: Annotated[
+        Path | None, typer.Argument(metavar="TRIAL", help="`.npz` of a trial; default: that of the motion data.")
+    ] = None,
+    fps: Annotated[float, typer.Option(min=1.0, help="Frame rate to work at.")] = 30.0,
+    belt: Annotated[float | None, typer.Option(help="Treadmill speed [m/s]; default: estimated from the feet.")] = None,
+    plots: PlotsOption = None,
+) -> Outcome:
+    """Compute the dynamics of a trial and compare."""
+    file = trial_file or default_path()
+    trial = load_trial(file, fps, belt)
+    begin = time.perf_counter()
+    found = dynamics(trial.motion)
+    seconds = time.perf_counter() - begin
+    body, console = trial.motion.body, Console(width=120)
+    console.print(f"{file.name}: {len(trial.motion)} frames at {fps:g} Hz; {body.mass:.1f} kg, fitted height")
+    console.print(f"{body.height:.2f} m; belt {-trial.belt[0]:.2f} m/s; dynamics in {1e3 * seconds:.0f} ms")
+    forces, moments = force_errors(trial, found), moment_errors(trial, found)
+    console.print(table(forces, moments))
+    force, moment = np.median(found.residual, axis=0)
+    console.print(f"root residual, median: {100 * force:.2f} % of body weight, {moment:.4f} body weights x m")
+    if plots is not None:
+        plots.mkdir(parents=True, exist_ok=True)
+        plot_forces(trial, found, plots / "ground_forces.png")
+        plot_moments(trial, found, plots / "joint_moments.png")
+    figures = {
+        "force_percent": {name: float(errors.max()) for name, errors in forces.items()},
+        "moment_nm_kg": {name: float(errors.max()) for name, errors in moments.items()},
+        "residual_percent": 100 * float(force),
+        "residual_bw_m": float(moment),
+    }
+    return Outcome(verdicts(forces, moments), figures)
 
 
 def plot_forces(trial: GaitTrial, found: Dynamics, path: Path) -> None:
+    """Measured and computed ground forces over time."""
+    from flexmotion.streamer.plots.style import new_figure, save, styled
+
     weight = trial.motion.body.mass * GRAVITY
     assert found.motion.wrenches is not None
-    figure, axes = plt.subplots(2, 3, figsize=(12, 6), sharex=True, layout="constrained")
-    for side, row in enumerate(axes):
-        for axes_of, (name, (axis, _)) in zip(row, FORCES.items(), strict=True):
-            axes_of.plot(trial.times, 100 * trial.forces[:, side, axis] / weight, "k", label="measured")
-            axes_of.plot(trial.times, 100 * found.motion.wrenches[:, side, axis] / weight, "C0", label="computed")
-            axes_of.set_title(f"{FEET[side]}, {name}")
-            axes_of.grid(alpha=0.3)
-        row[0].set_ylabel("force [% of body weight]")
-    axes[0, 0].legend()
-    figure.supxlabel("time [s]")
-    figure.savefig(path, dpi=120)
-    plt.close(figure)
+    with styled():
+        figure = new_figure(12, 6, "Ground forces", "measured black, computed blue [% of body weight]")
+        for side, row in enumerate(figure.subplots(2, 3, sharex=True)):
+            for axes, (name, (axis, _)) in zip(row, FORCES.items(), strict=True):
+                measured, computed = trial.forces[:, side, axis], found.motion.wrenches[:, side, axis]
+                _compare(axes, trial.times, 100 * measured / weight, 100 * computed / weight)
+                axes.set_title(f"{FEET[side]}, {name}")
+        save(figure, path)
 
 
 def plot_moments(trial: GaitTrial, found: Dynamics, path: Path) -> None:
-    figure, axes = plt.subplots(2, len(MOMENTS), figsize=(16, 6), sharex=True, layout="constrained")
-    for side, row in zip("lr", axes, strict=True):
-        for axes_of, joint in zip(row, MOMENTS, strict=True):
-            name = f"{joint}_{side}"
-            axes_of.plot(trial.times, trial.moments[name] / trial.motion.body.mass, "k", label="reference")
-            axes_of.plot(trial.times, moment_of(found, name), "C0", label="computed")
-            axes_of.set_title(name)
-            axes_of.grid(alpha=0.3)
-        row[0].set_ylabel("moment [N·m/kg]")
-    axes[0, 0].legend()
-    figure.supxlabel("time [s]")
-    figure.savefig(path, dpi=120)
-    plt.close(figure)
+    """Moments of the reference and computed ones over time."""
+    from flexmotion.streamer.plots.style import new_figure, save, styled
+
+    with styled():
+        figure = new_figure(16, 6, "Joint moments", "reference black, computed blue [N·m/kg]")
+        for side, row in zip(SIDES, figure.subplots(2, len(MOMENTS), sharex=True), strict=True):
+            for axes, joint in zip(row, MOMENTS, strict=True):
+                name = f"{joint}_{side}"
+                reference = trial.moments[name] / trial.motion.body.mass
+                _compare(axes, trial.times, reference, moment_of(found, name))
+                axes.set_title(name)
+        save(figure, path)
 
 
-if __name__ == "__main__":
-    sys.exit(main())
+def _compare(axes: Axes, times: Float, reference: Float, computed: Float) -> None:
+    from flexmotion.streamer.plots.palette import INK, LEFT
+
+    axes.plot(times, reference, color=INK)
+    axes.plot(times, computed, color=LEFT)
+    axes.set_xlabel("time [s]")

@@ -1,14 +1,14 @@
-"""A trial of gait with force plates: joint centres in, measured forces and reference moments to compare with."""
+"""A gait trial with force plates: joint centres, measured forces and reference moments."""
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.shared.clips import data_folder
 from flexmotion.human.motion import Motion
 from flexmotion.importers.fit import fit
 from flexmotion.importers.landmarks import Landmarks
@@ -17,7 +17,7 @@ from flexmotion.importers.treadmill import belt_velocity, without_belt
 
 Float = NDArray[np.float64]
 
-# x forward, y up, z right becomes x forward, y left, z up.
+# From x forward, y up, z right to x forward, y left, z up.
 TURN = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 
 POINTS = {"hip": "femur", "knee": "tibia", "ankle": "talus", "toe": "toes", "shoulder": "humerus"}
@@ -37,12 +37,12 @@ class GaitTrial:
     """One trial.
 
     Attributes:
-        motion: fitted to nothing but joint centres; the body has the measured mass.
+        motion: fitted to the joint centres alone; the body has the measured mass.
         times: of its frames [s].
         valid: frames in which the reference holds, (T,) bool.
         forces: measured on the left and right foot, (T, 2, 3) [N].
         moments: our joint name -> the reference's moment, (T,) [N·m].
-        belt: velocity of the floor that was taken out, (2,) [m/s].
+        belt: velocity of the treadmill's belt that was removed, (2,) [m/s].
     """
 
     motion: Motion
@@ -54,10 +54,12 @@ class GaitTrial:
 
 
 def default_path() -> Path:
-    """The example trial among the shared data."""
-    root = os.environ.get("FLEXMOTION_SHARED")
-    folder = Path(root) if root else Path(__file__).parents[1] / ".." / "shared"
-    return folder / "data" / "gait2354_walk.npz"
+    """The example trial among the motion data.
+
+    Raises:
+        ConfigError: there are no motion data.
+    """
+    return data_folder() / "gait2354_walk.npz"
 
 
 def load_trial(path: Path, fps: float, belt: float | None = None) -> GaitTrial:
@@ -67,7 +69,7 @@ def load_trial(path: Path, fps: float, belt: float | None = None) -> GaitTrial:
         path: `.npz` with `time_s`, `joint_names`, `joint_centres_m` (y up), `grf_left`, `grf_right`, `mass_kg`,
             `inverse_dynamics` and their names, `valid_window_s`.
         fps: frame rate to work at.
-        belt: speed of a treadmill's belt, backwards [m/s]; None estimates it from the feet.
+        belt: speed of a treadmill's belt, backwards [m/s]; None: estimated from the feet.
     """
     content = np.load(path)
     times, names = content["time_s"], list(content["joint_names"])

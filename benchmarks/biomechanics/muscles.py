@@ -1,32 +1,33 @@
-"""Muscles of walking clips put back into MuJoCo's own actuators, and what presses in the joints.
+"""Do the estimated muscle activations of walking clips give the joint torques in MuJoCo's own actuators?
 
-    python benchmarks/biomech_muscles.py [FOLDER] [--clips 10]
-
-FOLDER holds motion data; so many walking clips are taken evenly from each collection. A forward pass of MuJoCo with a
-frame's activations has to make the frame's torques within 2 %. Exits with 1 below 90 % of all frames, or where an
-activation leaves [0, 1] or changes faster than activation dynamics allow.
+Walking clips are taken evenly from each collection of a folder of motion data. A forward pass of MuJoCo with a frame's
+activations must give the frame's torques within 2 %. Fails below 90 % of all frames, or where an activation leaves
+[0, 1] or changes faster than activation dynamics allow. Prints the joint contact forces too.
 """
 
 from __future__ import annotations
 
-import argparse
-import sys
 import tempfile
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated, Any
 
 import mujoco
 import numpy as np
-from gait_trial import default_path
+import typer
 from numpy.typing import NDArray
 
+from benchmarks.shared.clips import data_folder
+from benchmarks.shared.outcome import Outcome, Verdict
 from flexmotion.biomechanics.activation import activation_limits
 from flexmotion.biomechanics.differentiation import derivative
 from flexmotion.biomechanics.dynamics import dynamics
 from flexmotion.biomechanics.joint_contact import joint_contact_forces
 from flexmotion.biomechanics.muscle_geometry import muscle_models
 from flexmotion.biomechanics.static_optimisation import MuscleState, infeasible, static_optimisation, strength
+from flexmotion.configs.errors import ConfigError
 from flexmotion.dataset.clips import Clip, find_clips
 from flexmotion.human.motion import Motion
 from flexmotion.human.skeleton import DOF_COUNT, JOINTS
@@ -41,12 +42,12 @@ TARGET = 0.9
 
 @dataclass(frozen=True)
 class Result:
-    """Of one clip.
+    """Figures of one clip.
 
     Attributes:
         whole: error of a frame's torques as a share of them, all joints that muscles move together, (T,).
         each: greatest error of a joint as a share of that joint's largest torque in the clip, (T,).
-        missing: frames that muscles cannot make, by joint, (T, 13).
+        missing: frames whose torque the muscles cannot give, by joint, (T, 13).
         outside: activations beyond [0, 1] or faster than allowed.
         peaks: greatest compression along the segment at each crossing, (7,) [body weights].
         residual: median force and moment of the root, (2,) [body weights, body weights x m].
@@ -60,46 +61,8 @@ class Result:
     residual: Float
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("folder", nargs="?", type=Path, default=default_path().parent)
-    parser.add_argument("--clips", type=int, default=10)
-    options = parser.parse_args()
-    warnings.simplefilter("ignore")
-    muscles = muscle_models()
-    joints = [joint for model in muscles for joint in model.joints]
-    crossings = [crossing for model in muscles for crossing in model.crossings]
-    close: list[NDArray[np.bool_]] = []
-    outside_all = 0
-    with tempfile.TemporaryDirectory() as work:
-        for collection, clips in walking(find_clips([options.folder], Path(work)), options.clips).items():
-            results = [examined(clip) for clip in clips]
-            whole, each = (np.concatenate([getattr(item, name) for item in results]) for name in ("whole", "each"))
-            missing = np.concatenate([item.missing for item in results])
-            outside = sum(item.outside for item in results)
-            close.append(whole <= CLOSE)
-            outside_all += outside
-            print(f"{collection}: {len(clips)} clips, {len(whole)} frames")
-            print(f"  torques made within 2 %: {100 * np.mean(close[-1]):.1f} % of the frames", end="; ")
-            print(f"every joint within 2 % of its largest: {100 * np.mean(each <= CLOSE):.1f} %")
-            counts = ", ".join(f"{joint} {count}" for joint, count in zip(joints, missing.sum(axis=0), strict=True))
-            print(f"  infeasible frames: {100 * missing.any(axis=1).mean():.1f} %; by joint: {counts}")
-            print(f"  activations outside [0, 1] or too fast: {outside}")
-            force, moment = np.median([item.residual for item in results], axis=0)
-            print(f"  root residual, median of medians: {100 * force:.2f} % of body weight, {moment:.4f} BW·m")
-            peaks = np.median([item.peaks for item in results], axis=0)
-            text = ", ".join(f"{name} {peak:.1f}" for name, peak in zip(crossings, peaks, strict=True))
-            print(f"  largest compression of a joint, median over clips [body weights]: {text}")
-    if not close:
-        print(f"no walking clips in {options.folder}")
-        return 1
-    share = float(np.mean(np.concatenate(close)))
-    print(f"all: torques made within 2 % on {100 * share:.1f} % of the frames, target {100 * TARGET:.0f} %")
-    return 0 if share >= TARGET and not outside_all else 1
-
-
 def walking(clips: list[Clip], count: int) -> dict[str, list[Clip]]:
-    """Walking clips of every collection, so many each, spread over all."""
+    """At most `count` walking clips of every collection, spread over all."""
     found: dict[str, list[Clip]] = {}
     for clip in clips:
         if "walk" in (clip.labels.get("content"), clip.labels.get("action")):
@@ -111,6 +74,7 @@ def walking(clips: list[Clip], count: int) -> dict[str, list[Clip]]:
 
 
 def examined(clip: Clip) -> Result:
+    """Dynamics and muscles of a clip, and its figures."""
     found = dynamics(load(clip.path, clip=clip.member or None))
     motion = found.motion
     state = static_optimisation(motion)
@@ -118,7 +82,7 @@ def examined(clip: Clip) -> Result:
     columns = [DOF_COUNT - len(JOINTS) + JOINTS.index(joint) for joint in state.joints]
     wanted, made = motion.torques[:, columns], forward_torques(motion, state)
     error = made - wanted
-    # The torso stands on the lumbar joint, the other segments hang from theirs.
+    # The lumbar joint carries the segment above it, every other joint the segment below.
     up = np.array([1.0 if name == "lumbar" else -1.0 for name in state.crossings])
     compression = up * joint_contact_forces(found, state)[..., 2]
     return Result(
@@ -150,7 +114,7 @@ def forward_torques(motion: Motion, state: MuscleState) -> Float:
 
 
 def outside_dynamics(motion: Motion, state: MuscleState) -> int:
-    """How many activations are beyond [0, 1], or further from the frame before than excitations of 0 and 1 get them."""
+    """Number of activations outside [0, 1], or out of reach from the frame before with excitations of 0 to 1."""
     count, column = 0, 0
     for muscles in muscle_models():
         rise, fall = muscles.model.actuator_dynprm[0, :2]
@@ -163,5 +127,70 @@ def outside_dynamics(motion: Motion, state: MuscleState) -> int:
     return count
 
 
-if __name__ == "__main__":
-    sys.exit(main())
+def figures_of(results: Sequence[Result]) -> dict[str, Any]:
+    """Figures of a collection."""
+    muscles = muscle_models()
+    joints = [joint for model in muscles for joint in model.joints]
+    crossings = [crossing for model in muscles for crossing in model.crossings]
+    whole, each = (np.concatenate([getattr(item, name) for item in results]) for name in ("whole", "each"))
+    missing = np.concatenate([item.missing for item in results])
+    force, moment = np.median([item.residual for item in results], axis=0)
+    peaks = np.median([item.peaks for item in results], axis=0)
+    return {
+        "clips": len(results),
+        "frames": len(whole),
+        "close": float(np.mean(whole <= CLOSE)),
+        "each_joint_close": float(np.mean(each <= CLOSE)),
+        "infeasible": float(missing.any(axis=1).mean()),
+        "infeasible_by_joint": dict(zip(joints, map(int, missing.sum(axis=0)), strict=True)),
+        "outside": sum(item.outside for item in results),
+        "residual_percent": 100 * float(force),
+        "residual_bw_m": float(moment),
+        "compression_bw": dict(zip(crossings, map(float, peaks), strict=True)),
+    }
+
+
+def summary(name: str, found: dict[str, Any]) -> str:
+    """Figures of a collection in words."""
+    counts = ", ".join(f"{joint} {count}" for joint, count in found["infeasible_by_joint"].items())
+    peaks = ", ".join(f"{crossing} {peak:.1f}" for crossing, peak in found["compression_bw"].items())
+    return "\n".join(
+        [
+            f"{name}: {found['clips']} clips, {found['frames']} frames",
+            f"  torque within 2 %: {100 * found['close']:.1f} % of the frames; every joint within 2 % of its largest:"
+            f" {100 * found['each_joint_close']:.1f} %",
+            f"  infeasible frames: {100 * found['infeasible']:.1f} %; by joint: {counts}",
+            f"  activations outside [0, 1] or too fast: {found['outside']}",
+            f"  root residual, median of medians: {found['residual_percent']:.2f} % of body weight,"
+            f" {found['residual_bw_m']:.4f} BW·m",
+            f"  largest compression of a joint, median over clips [body weights]: {peaks}",
+        ]
+    )
+
+
+def main(
+    folder: Annotated[Path | None, typer.Argument(help="Motion data; default: those beside the project.")] = None,
+    clips: Annotated[int, typer.Option(min=1, help="Walking clips of each collection.")] = 10,
+) -> Outcome:
+    """Estimate the muscles of each collection's clips and put them back."""
+    # Importers warn of every clip with guessed joints.
+    warnings.simplefilter("ignore")
+    place = folder or data_folder()
+    with tempfile.TemporaryDirectory() as work:
+        collections = walking(find_clips([place], Path(work)), clips)
+        figures = {}
+        for name, own in collections.items():
+            figures[name] = figures_of([examined(clip) for clip in own])
+            print(summary(name, figures[name]), flush=True)
+    if not figures:
+        raise ConfigError(f"{place}: no walking clips")
+    frames = sum(found["frames"] for found in figures.values())
+    close = sum(found["close"] * found["frames"] for found in figures.values()) / frames
+    outside = sum(found["outside"] for found in figures.values())
+    verdicts = [
+        Verdict(
+            f"torque within 2 %: {100 * close:.1f} % of {frames} frames (>= {100 * TARGET:.0f} %)", close >= TARGET
+        ),
+        Verdict(f"activations outside [0, 1] or too fast: {outside} (0)", outside == 0),
+    ]
+    return Outcome(verdicts, {"close": close, "frames": frames, "outside": outside, "collections": figures})

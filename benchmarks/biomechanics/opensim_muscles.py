@@ -1,10 +1,10 @@
 """Static optimisation of the 80 leg muscles by OpenSim, for `opensim_reference.py`.
 
-The paths of the muscles go over as lengths and moment arms: polynomials of the joint angles, fitted to what MuJoCo
-finds round the poses of the trial (apart, since paths end at the ranges of their model's joints). Both sides then solve
-the same problem: activation times greatest force, without the force curves (OpenSim's option `use_muscle_physiology`
-off), the same price on torque that muscles do not make, the same ground forces. The trunk, the arms and the root are
-held by ideal actuators.
+Muscle paths are exported as lengths and moment arms: polynomials of the joint angles, fitted to MuJoCo's values around
+the poses of the trial (not beyond, since paths are valid within their model's joint ranges). Both sides then solve the
+same problem: activation times greatest force, without the force curves (OpenSim's option `use_muscle_physiology` off),
+the same cost of torque that muscles do not give, the same ground forces. Ideal actuators hold the trunk, the arms and
+the root.
 """
 
 from __future__ import annotations
@@ -31,18 +31,18 @@ Float = NDArray[np.float64]
 ORDER = 4
 SAMPLES = 400
 MARGIN = 0.1
-"""Poses for the fit reach beyond those of the trial by this [rad]."""
+"""Poses for the fit extend those of the trial by this [rad]."""
 
 WEIGHT = 1.0
-"""Price of torque that muscles do not make, on both sides (see `box_least_norm`)."""
+"""Cost of torque that muscles do not give, on both sides (see `box_least_norm`)."""
 
 HELD = 1000.0
-"""Strength of ideal actuators, so great that they cost next to nothing [N, N·m]."""
+"""Strength of ideal actuators, so large that their cost is negligible [N, N·m]."""
 
 
 @dataclass(frozen=True)
 class Muscles:
-    """Of one leg: its muscle model, their greatest forces [N] and moment arms over the trial, (T, J, M) [m]."""
+    """Muscles of one leg: its model, their greatest forces [N] and moment arms over the trial, (T, J, M) [m]."""
 
     model: MuscleModel
     force: Float
@@ -111,11 +111,11 @@ def add_actuators(model: opensim.Model, motion: Motion, legs: tuple[Muscles, ...
         lengths, arms = (np.stack(items) for items in zip(*sampled, strict=True))
         terms: dict[tuple[int, ...], Float] = {}
         for number, name in enumerate(leg.model.muscles):
-            crossed = tuple(np.flatnonzero(np.abs(arms[:, number]).max(axis=0) > 1e-4))
+            crossed = tuple(map(int, np.flatnonzero(np.abs(arms[:, number]).max(axis=0) > 1e-4)))
             if crossed not in terms:
                 terms[crossed] = _terms(poses[:, crossed])
             # OpenSim's moment arms are positive where a pull turns the joint on.
-            wanted = np.column_stack([lengths[:, number], -arms[:, number, crossed]])
+            wanted: Float = np.column_stack([lengths[:, number], -arms[:, number, crossed]])
             coefficients, *_ = np.linalg.lstsq(terms[crossed], wanted, rcond=None)
             errors.append((terms[crossed] @ coefficients - wanted)[:, 1:].ravel())
             length, *turns = (

@@ -1,26 +1,26 @@
-"""Our inverse dynamics and static optimisation against OpenSim's, same skeleton and motion (extra `opensim`).
+"""Do inverse dynamics and static optimisation agree with OpenSim's on the same skeleton and motion?
 
-    python benchmarks/opensim_reference.py [TRIAL.npz] [--osim human.osim]
-
-Exports the human model as `.osim` (segments, inertia, joints, leg muscles). Inverse dynamics: both get the smoothed
-motion and the time derivatives of its coordinates, without ground forces. Static optimisation: see `opensim_muscles`.
-Prints the agreement of both and the ratios of the times.
+Exports the human model as `.osim` (segments, inertia, joints, leg muscles). Inverse dynamics: both sides get the
+smoothed motion and the time derivatives of its coordinates, without ground forces. Static optimisation: see
+`opensim_muscles.py`. Prints the agreement of both and the ratios of the times.
 """
 
 from __future__ import annotations
 
-import argparse
-import sys
 import tempfile
 import time
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 import opensim
-from gait_trial import default_path, load_trial
-from opensim_muscles import add_actuators, leg_muscles, opensim_activations, own_activations
+import typer
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from benchmarks.biomechanics.gait_trial import default_path, load_trial
+from benchmarks.biomechanics.opensim_muscles import add_actuators, leg_muscles, opensim_activations, own_activations
+from benchmarks.shared.outcome import Outcome, Verdict
 from flexmotion.biomechanics.differentiation import derivative, second_derivative
 from flexmotion.biomechanics.dynamics import Dynamics, dynamics
 from flexmotion.biomechanics.inverse_dynamics import joint_torques
@@ -30,24 +30,28 @@ from flexmotion.human.motion import Motion
 from flexmotion.human.skeleton import DOF_COUNT, JOINTS
 from flexmotion.spatial.gravity import GRAVITY
 
+Float = NDArray[np.float64]
+
 ROOT = ("pelvis_rz", "pelvis_ry", "pelvis_rx", "pelvis_tx", "pelvis_ty", "pelvis_tz")
 AGREE = 0.01
 """Largest difference, as a share of each joint's largest torque plus 1 N·m."""
 
 ACTIVE = 0.02
-"""A muscle that never gets beyond is not active."""
+"""A muscle whose activation never exceeds this is not active."""
 
 AGREE_ACTIVATION = 0.02
 """Largest root mean square difference of activations."""
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("trial", nargs="?", type=Path, default=default_path())
-    parser.add_argument("--osim", type=Path, help="write the exported skeleton here")
-    options = parser.parse_args()
+def main(
+    trial: Annotated[
+        Path | None, typer.Argument(metavar="TRIAL", help="`.npz` of a trial; default: that of the motion data.")
+    ] = None,
+    osim: Annotated[Path | None, typer.Option(help="Write the exported model to this file.")] = None,
+) -> Outcome:
+    """Compute the dynamics of a trial with both tools and compare."""
     opensim.Logger.setLevelString("Error")
-    found = dynamics(load_trial(options.trial, 60.0).motion)
+    found = dynamics(load_trial(trial or default_path(), 60.0).motion)
     motion = found.motion
     model = export(motion)
     start = time.perf_counter()
@@ -66,13 +70,15 @@ def main() -> int:
         print(f"  {name:24s} RMS difference {difference:8.4f} N·m, peak {peak:8.2f} N·m")
     print(f"{len(motion)} frames: ours {1e3 * own_time:.1f} ms, OpenSim {1e3 * their_time:.1f} ms,")
     print(f"ratio {their_time / own_time:.1f} (OpenSim through its Python binding, model already built)")
-    passed = bool((error <= AGREE * (largest + 1.0)).all())
-    passed &= compare_muscles(model, found, options.osim)
-    return 0 if passed else 1
+    worst = float((error / (largest + 1.0)).max())
+    muscles, figures = compare_muscles(model, found, osim)
+    torques = Verdict(f"torques: difference {worst:.4f} of the largest (<= {AGREE})", worst <= AGREE)
+    inverse = {"rms_nm_most": float(error.max()), "time_ratio": their_time / own_time}
+    return Outcome([torques, muscles], {"inverse_dynamics": inverse, "static_optimisation": figures})
 
 
-def compare_muscles(model: opensim.Model, found: Dynamics, osim: Path | None) -> bool:
-    """Print how far both static optimisations agree, and the times they take."""
+def compare_muscles(model: opensim.Model, found: Dynamics, osim: Path | None) -> tuple[Verdict, dict[str, float]]:
+    """Print the agreement of both static optimisations and their times; return verdict and figures."""
     motion = found.motion
     legs = leg_muscles(motion)
     fit_error = add_actuators(model, motion, legs)
@@ -94,11 +100,14 @@ def compare_muscles(model: opensim.Model, found: Dynamics, osim: Path | None) ->
     )
     print(f"{1e3 * fit_error:.2f} mm); {len(motion)} frames: ours {1e3 * own_time:.0f} ms, OpenSim", end=" ")
     print(f"{their_time:.1f} s, ratio {their_time / own_time:.0f}")
-    return error <= AGREE_ACTIVATION
+    figures = {"rms": error, "correlation": float(np.median(likeness)), "time_ratio": their_time / own_time}
+    return Verdict(
+        f"activations: RMS difference {error:.4f} (<= {AGREE_ACTIVATION})", error <= AGREE_ACTIVATION
+    ), figures
 
 
 def export(motion: Motion) -> opensim.Model:
-    """Our segments, inertia and joints as an OpenSim model; z up, so gravity is along -z."""
+    """Segments, inertia and joints of the human model as an OpenSim model; z up, so gravity is along -z."""
     human = human_model(motion.body).model
     model = opensim.Model()
     model.setName("flexmotion_human")
@@ -142,7 +151,7 @@ def export(motion: Motion) -> opensim.Model:
     return model
 
 
-def _drive(spatial: opensim.SpatialTransform, axis: int, name: str, direction: np.ndarray) -> None:
+def _drive(spatial: opensim.SpatialTransform, axis: int, name: str, direction: Float) -> None:
     names = opensim.ArrayStr()
     names.append(name)
     transform = spatial.updTransformAxis(axis)
@@ -151,23 +160,23 @@ def _drive(spatial: opensim.SpatialTransform, axis: int, name: str, direction: n
     transform.set_function(opensim.LinearFunction(1.0, 0.0))
 
 
-def _vector(values: np.ndarray) -> opensim.Vec3:
+def _vector(values: Float) -> opensim.Vec3:
     return opensim.Vec3(*(float(value) for value in values))
 
 
-def coordinate_values(motion: Motion) -> np.ndarray:
+def coordinate_values(motion: Motion) -> Float:
     """Values of the coordinates `ROOT`, then `JOINTS`, (T, 32)."""
     euler = Rotation.from_quat(motion.root_quaternion, scalar_first=True).as_euler("ZYX")
     return np.concatenate([np.unwrap(euler, axis=0), motion.root_position, motion.joints], axis=1)
 
 
-def opensim_torques(model: opensim.Model, motion: Motion) -> np.ndarray:
+def opensim_torques(model: opensim.Model, motion: Motion) -> Float:
     """Generalised forces of the joints in our order, (T, 26)."""
     state = model.initSystem()
     values = coordinate_values(motion)
     rates, accelerations = derivative(values, motion.fps), second_derivative(values, motion.fps)
     coordinates = [model.getCoordinateSet().get(name) for name in (*ROOT, *JOINTS)]
-    # The place of a coordinate among the system's speeds: where the state changes when it alone is set.
+    # Index of a coordinate among the system's speeds: where the state changes when it alone is set.
     place = []
     for coordinate in coordinates:
         before = state.getU().to_numpy().copy()
@@ -186,7 +195,3 @@ def opensim_torques(model: opensim.Model, motion: Motion) -> np.ndarray:
         found = solver.solve(state, acceleration).to_numpy()
         torques[frame] = found[place[len(ROOT) :]]
     return torques
-
-
-if __name__ == "__main__":
-    sys.exit(main())

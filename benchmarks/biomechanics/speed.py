@@ -1,90 +1,88 @@
-"""Frames per second of the whole pipeline (import, fit, ground forces, torques, 290 muscles), and its memory.
+"""How many frames per second does the whole pipeline process, and with how much memory?
 
-    python benchmarks/biomech_speed.py [FOLDER] [--clips 60] [--workers 1 2]
-
-FOLDER holds motion data; clips are taken evenly from all of it. Exits with 1 below 350 frames/s on two workers.
+Import, fit, ground forces, torques and 290 muscles of clips taken evenly from a folder of motion data. Fails below 350
+frames/s on two workers. Other work on the machine slows it down.
 """
 
 from __future__ import annotations
 
-import argparse
 import os
-
-# Before NumPy is imported, which reads them once.
-# ruff: noqa: E402
-for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
-    os.environ[_name] = "1"
-
 import resource
-import sys
 import tempfile
 import time
 import warnings
 from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 from pathlib import Path
+from typing import Annotated
 
-from gait_trial import default_path
+import typer
 
+from benchmarks.shared.clips import data_folder
+from benchmarks.shared.outcome import Outcome, Verdict
+from benchmarks.shared.processes import ONE_THREAD
 from flexmotion.biomechanics.muscle_geometry import muscle_models
 from flexmotion.dataset.clips import Clip, find_clips
 from flexmotion.dataset.enrich import enrich
 from flexmotion.dataset.settings import BuildSettings
 
-TARGET = 350.0
-MEMORY_GB = 4.0
+TARGET, JUDGED_WORKERS = 350.0, 2
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("folder", nargs="?", type=Path, default=default_path().parent)
-    parser.add_argument("--clips", type=int, default=60)
-    parser.add_argument("--workers", type=int, nargs="+", default=[1, 2])
-    options = parser.parse_args()
+def main(
+    folder: Annotated[Path | None, typer.Argument(help="Motion data; default: those beside the project.")] = None,
+    clips: Annotated[int, typer.Option(min=1, help="Number of clips.")] = 60,
+    workers: Annotated[list[int] | None, typer.Option(min=1, help="Processes; may be given again [1 and 2].")] = None,
+) -> Outcome:
+    """Process the clips with each number of workers."""
     with tempfile.TemporaryDirectory() as work:
-        found = find_clips([options.folder], Path(work))
-        clips = [found[number * len(found) // options.clips] for number in range(options.clips)]
-        rates = {workers: measure(clips, workers) for workers in options.workers}
-    load = os.getloadavg()[0]
-    print(f"load of the machine at the end: {load:.1f} (other work on it slows these figures)")
-    return 0 if rates.get(2, TARGET) >= TARGET else 1
+        found = find_clips([folder or data_folder()], Path(work))
+        chosen = [found[number * len(found) // clips] for number in range(clips)]
+        figures = {str(count): measure(chosen, count) for count in workers or (1, 2)}
+    verdicts = []
+    if str(JUDGED_WORKERS) in figures:
+        rate = figures[str(JUDGED_WORKERS)]["frames_per_s"]
+        verdicts.append(Verdict(f"{JUDGED_WORKERS} workers: {rate:.0f} frames/s (>= {TARGET:.0f})", rate >= TARGET))
+    return Outcome(verdicts, {"workers": figures})
 
 
-def measure(clips: list[Clip], workers: int) -> float:
-    """Frames per second, start of the processes left out."""
-    with ProcessPoolExecutor(workers, initializer=warm_up) as pool:
+def measure(clips: list[Clip], workers: int) -> dict[str, float]:
+    """Frames per second, without the start of the processes; memory of all of them [GB]."""
+    # Spawned children read the environment before they import NumPy.
+    os.environ |= ONE_THREAD
+    with ProcessPoolExecutor(workers, get_context("spawn"), initializer=warm_up) as pool:
         list(pool.map(wait, [0.2] * 4 * workers))
         start = time.perf_counter()
-        results = list(pool.map(one, clips, chunksize=2))
+        results = list(pool.map(process, clips, chunksize=2))
         seconds = time.perf_counter() - start
         memory = sum(pool.map(peak_mb, range(workers))) / 1000
-    frames = sum(frames for frames, _ in results)
-    cpu = sum(cpu for _, cpu in results)
+    frames, cpu = sum(frames for frames, _ in results), sum(cpu for _, cpu in results)
     print(
         f"{workers} worker(s): {frames} frames in {seconds:.1f} s: {frames / seconds:.0f} frames/s"
-        f" ({frames / cpu:.0f} per second of a core's work); memory about {memory:.2f} of {MEMORY_GB:g} GB"
+        f" ({frames / cpu:.0f} per second of a core's work); memory about {memory:.2f} GB"
     )
-    return frames / seconds
+    return {"frames_per_s": frames / seconds, "frames_per_core_s": frames / cpu, "memory_gb": memory}
 
 
 def warm_up() -> None:
+    """Compile the muscle models in a worker."""
     warnings.simplefilter("ignore")
     muscle_models()
 
 
 def wait(seconds: float) -> None:
+    """Keep a worker busy until the others have started."""
     time.sleep(seconds)
 
 
-def one(clip: Clip) -> tuple[int, float]:
+def process(clip: Clip) -> tuple[int, float]:
+    """Frames of a clip and the processor time that they took [s]."""
     start = time.process_time()
     entries = enrich(clip, BuildSettings())
     return sum(len(entry.arrays.get("joints", ())) for entry in entries), time.process_time() - start
 
 
 def peak_mb(_: int) -> float:
+    """Peak memory of a worker [MB]; it pauses so that each worker answers once."""
     time.sleep(0.1)
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1000
-
-
-if __name__ == "__main__":
-    sys.exit(main())

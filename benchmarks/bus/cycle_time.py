@@ -1,14 +1,11 @@
-"""Cycle time of the Dynamixel driver over calculated wire time, beside the bare SDK and rustypot on the same bus.
+"""How long does a bus cycle take with the Dynamixel driver, the bare SDK and rustypot, over the time on the wire?
 
-A cycle writes goals to all servos of OP3 (without its IMU) and reads all of them, on an emulated bus that takes its
-time at the baud rate. Emulator and client get a processor each, with realtime scheduling where the system grants it.
-
-    python benchmarks/bus.py --cycles 500
+A cycle writes goals to all servos of OP3 (without its IMU) and reads all of them, on an emulated bus with the timing of
+its baud rate. Emulator and client get a processor each, with realtime scheduling where the system grants it.
 """
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import shutil
@@ -19,13 +16,21 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from typing import Annotated, Any
 
 import numpy as np
 import rustypot
+import typer
 import yaml
 from dynamixel_sdk import GroupSyncRead, GroupSyncWrite, PacketHandler, PortHandler
+from numpy.typing import NDArray
+from rich.console import Console
+from rich.table import Table
 
+from benchmarks.shared.outcome import Outcome
 from flexmotion.configs.robot import ROBOTS, Robot, load_robot
 from flexmotion.drivers.dynamixel.bus import DynamixelBus
 from flexmotion.drivers.interface import JointCommand, RobotState
@@ -34,10 +39,38 @@ from flexmotion.drivers.registry import create
 GOAL, PRESENT, READ_SIZE = 116, 126, 10
 BITS_A_BYTE = 10
 WRITE_OVERHEAD, READ_REQUEST, FAST_ROW, STATUS = 14, 14, 4, 11
+"""Bytes of a sync write and of a read request without their rows, of a row of a fast reply, of a status packet."""
+BAUDS = (1_000_000, 4_000_000)
+START_S, SETTLE_S, STOP_S = 30.0, 1.0, 20.0
+"""Longest time for the emulator's start, time after it, longest time for its end [s]."""
+PAUSE_S = 0.002
+"""Between two cycles [s]."""
+
+
+@dataclass(frozen=True)
+class Cycles:
+    """Cycles of one client: their durations, (N,) [s], how many failed, and the time on the wire [s]."""
+
+    took: NDArray[np.float64]
+    failed: int
+    wire_s: float
+
+    def figures(self, client: str, baud: int) -> dict[str, Any]:
+        """Figures of them."""
+        median, p99 = np.percentile(self.took, [50, 99])
+        return {
+            "client": client,
+            "baud": baud,
+            "wire_ms": 1e3 * self.wire_s,
+            "median_ms": 1e3 * float(median),
+            "p99_ms": 1e3 * float(p99),
+            "median_over_wire": float(median) / self.wire_s,
+            "failed": self.failed,
+        }
 
 
 def robot_at(baud: int, folder: Path) -> Robot:
-    """OP3 without IMU, its bus at a baud rate, with time for what a slow one takes."""
+    """OP3 without IMU, its bus at a baud rate, with a loop rate that a slow bus keeps up with."""
     place = folder / f"op3_{baud}"
     shutil.copytree(ROBOTS / "op3", place)
     file = place / "op3.yaml"
@@ -51,7 +84,11 @@ def robot_at(baud: int, folder: Path) -> Robot:
 
 @contextmanager
 def emulated(robot: Robot, link: Path) -> Iterator[dict[str, float]]:
-    """The robot's bus on a bench behind `link`; yields a dictionary that has the emulator's figures in the end."""
+    """The robot's bus on a bench behind `link`; yields a dictionary that holds the emulator's figures after the end.
+
+    Raises:
+        TimeoutError: the emulator did not start.
+    """
     command = [sys.executable, "-m", "flexmotion.streamer", "emulate", "--bench", "--json"]
     process = subprocess.Popen(
         [*command, "--robot", str(robot.folder), "--port-link", str(link)],
@@ -59,22 +96,23 @@ def emulated(robot: Robot, link: Path) -> Iterator[dict[str, float]]:
         stderr=subprocess.DEVNULL,
     )
     figures: dict[str, float] = {}
+    deadline = time.monotonic() + START_S
     try:
-        for _ in range(300):
-            if link.exists():
-                break
+        while not link.exists():
+            if time.monotonic() > deadline:
+                raise TimeoutError(f"the emulator did not start within {START_S:g} s")
             time.sleep(0.1)
-        time.sleep(1.0)
+        time.sleep(SETTLE_S)
         yield figures
     finally:
         process.send_signal(signal.SIGTERM)
-        output, _ = process.communicate(timeout=20)
-        figures.update(json.loads(output))
+        output, _ = process.communicate(timeout=STOP_S)
+    figures.update(json.loads(output))
 
 
 @contextmanager
 def own_processor() -> Iterator[None]:
-    """Within, this process runs under SCHED_FIFO on the first processor, where that is granted."""
+    """Run this process under SCHED_FIFO on the first processor within the context, where the system grants it."""
     everywhere = os.sched_getaffinity(0)
     with suppress(PermissionError):
         os.sched_setaffinity(0, {min(everywhere)})
@@ -87,20 +125,20 @@ def own_processor() -> Iterator[None]:
             os.sched_setaffinity(0, everywhere)
 
 
-def timed(cycle: Callable[[], bool], cycles: int) -> tuple[np.ndarray, int]:
-    """Seconds that every good cycle took, and how many went wrong."""
-    took, bad = [], 0
+def timed(cycle: Callable[[], bool], cycles: int, wire_s: float) -> Cycles:
+    """Run a cycle, which returns whether it succeeded, many times."""
+    took, failed = [], 0
     for _ in range(cycles):
         begin = time.perf_counter()
         good = cycle()
         took.append(time.perf_counter() - begin)
-        bad += not good
-        time.sleep(0.002)
-    return np.array(took), bad
+        failed += not good
+        time.sleep(PAUSE_S)
+    return Cycles(np.array(took), failed, wire_s)
 
 
-def driver_cycles(robot: Robot, port: str, cycles: int) -> tuple[np.ndarray, int, float]:
-    """Our driver."""
+def driver_cycles(robot: Robot, port: str, cycles: int) -> Cycles:
+    """Cycles of the project's driver."""
     state, command = RobotState(robot.n), JointCommand(robot.n)
     with create("dynamixel", robot, port=port) as driver:
         driver.read(state)
@@ -112,12 +150,11 @@ def driver_cycles(robot: Robot, port: str, cycles: int) -> tuple[np.ndarray, int
             driver.read(state)
             return not state.stale.any()
 
-        took, bad = timed(cycle, cycles)
-    return took, bad, DynamixelBus.budget(robot, "main").cycle_s
+        return timed(cycle, cycles, DynamixelBus.budget(robot, "main").cycle_s)
 
 
-def sdk_cycles(robot: Robot, port: str, cycles: int, *, fast: bool) -> tuple[np.ndarray, int, float]:
-    """The SDK's own group calls on its own port."""
+def sdk_cycles(robot: Robot, port: str, cycles: int, *, fast: bool) -> Cycles:
+    """Cycles of the SDK's own group calls on its own port."""
     baud, ids = robot.config.buses["main"].baud, [joint.id for joint in robot.joints]
     handler, line = PacketHandler(2.0), PortHandler(port)
     line.setBaudRate(baud)
@@ -128,15 +165,15 @@ def sdk_cycles(robot: Robot, port: str, cycles: int, *, fast: bool) -> tuple[np.
 
     def cycle() -> bool:
         write.txPacket()
-        return (read.fastSyncRead() if fast else read.txRxPacket()) == 0
+        return bool((read.fastSyncRead() if fast else read.txRxPacket()) == 0)
 
-    took, bad = timed(cycle, cycles)
+    found = timed(cycle, cycles, wire_s(len(ids), baud, fast=fast))
     line.closePort()
-    return took, bad, wire_s(len(ids), baud, fast=fast)
+    return found
 
 
-def rustypot_cycles(robot: Robot, port: str, cycles: int, *, fast: bool) -> tuple[np.ndarray, int, float]:
-    """The controller of rustypot."""
+def rustypot_cycles(robot: Robot, port: str, cycles: int, *, fast: bool) -> Cycles:
+    """Cycles of rustypot's controller."""
     baud, ids = robot.config.buses["main"].baud, [joint.id for joint in robot.joints]
     client = rustypot.Xl430PyController(port, baud, 0.02)
     client.set_fast_sync_read(fast)
@@ -150,47 +187,47 @@ def rustypot_cycles(robot: Robot, port: str, cycles: int, *, fast: bool) -> tupl
             return False
         return True
 
-    took, bad = timed(cycle, cycles)
+    found = timed(cycle, cycles, wire_s(len(ids), baud, fast=fast))
     client.close()
-    return took, bad, wire_s(len(ids), baud, fast=fast)
+    return found
 
 
 def wire_s(servos: int, baud: int, *, fast: bool) -> float:
-    """Wire time of a sync write of 4 bytes and a read of 10."""
+    """Time on the wire of a sync write of 4 bytes and a read of 10 [s]."""
     write = WRITE_OVERHEAD + servos * 5
     request = READ_REQUEST + servos
     reply = 8 + servos * (READ_SIZE + FAST_ROW) if fast else servos * (READ_SIZE + STATUS)
     return (write + request + reply) * BITS_A_BYTE / baud
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--cycles", type=int, default=500)
-    parser.add_argument("--baud", type=int, action="append", help="repeatable; 1 M and 4 M if not given")
-    arguments = parser.parse_args()
-    print(f"{'client':24} {'baud':>8} {'wire ms':>8} {'median ms':>9} {'p99 ms':>8} {'median/wire':>11} {'bad':>4}")
+CLIENTS: dict[str, Callable[[Robot, str, int], Cycles]] = {
+    "dynamixel driver": driver_cycles,
+    "sdk, fast sync read": partial(sdk_cycles, fast=True),
+    "sdk, sync read": partial(sdk_cycles, fast=False),
+    "rustypot, fast sync read": partial(rustypot_cycles, fast=True),
+    "rustypot, sync read": partial(rustypot_cycles, fast=False),
+}
+
+
+def main(
+    cycles: Annotated[int, typer.Option(min=10, help="Of each client.")] = 500,
+    baud: Annotated[list[int] | None, typer.Option(help="Baud rate; may be given again [1 M and 4 M].")] = None,
+) -> Outcome:
+    """Time every client at every baud rate."""
+    figures: dict[str, Any] = {}
+    table = Table(title="Bus cycles: write to and read from all servos")
+    for name in ("client", "baud", "wire ms", "median ms", "p99 ms", "median / wire", "failed"):
+        table.add_column(name, justify="left" if name == "client" else "right")
     with tempfile.TemporaryDirectory() as folder:
-        for baud in arguments.baud or (1_000_000, 4_000_000):
-            robot = robot_at(baud, Path(folder))
-            link = Path(folder) / f"bus{baud}"
-            # In this order: the emulator must not inherit it.
-            with emulated(robot, link) as figures, own_processor():
-                for name, run in (
-                    ("dynamixel driver", driver_cycles),
-                    ("sdk, fast sync read", lambda *a: sdk_cycles(*a, fast=True)),
-                    ("sdk, sync read", lambda *a: sdk_cycles(*a, fast=False)),
-                    ("rustypot, fast sync read", lambda *a: rustypot_cycles(*a, fast=True)),
-                    ("rustypot, sync read", lambda *a: rustypot_cycles(*a, fast=False)),
-                ):
-                    took, bad, wire = run(robot, str(link), arguments.cycles)
-                    median, p99 = np.percentile(took, [50, 99])
-                    print(
-                        f"{name:24} {baud:8} {wire * 1e3:8.3f} {median * 1e3:9.3f} {p99 * 1e3:8.3f} "
-                        f"{median / wire:11.3f} {bad:4}",
-                        flush=True,
-                    )
-            print(f"emulator: {100 * figures['processor_share']:.0f} % of a processor", flush=True)
-
-
-if __name__ == "__main__":
-    main()
+        for rate in baud or BAUDS:
+            robot, link = robot_at(rate, Path(folder)), Path(folder) / f"bus{rate}"
+            # In this order: the emulator must not inherit the scheduling.
+            with emulated(robot, link) as emulator, own_processor():
+                for client, run in CLIENTS.items():
+                    own = run(robot, str(link), cycles).figures(client, rate)
+                    figures[f"{client}, {rate}"] = own
+                    times = (f"{own[name]:.3f}" for name in ("wire_ms", "median_ms", "p99_ms", "median_over_wire"))
+                    table.add_row(client, str(rate), *times, str(own["failed"]))
+            figures[f"processor_share_{rate}"] = emulator["processor_share"]
+    Console(width=120).print(table)
+    return Outcome(figures=figures)

@@ -1,12 +1,10 @@
-"""Does a plan that is made again agree with the last one, where nothing new is asked for?
+"""Does a redrawn plan agree with the last one while the target stays the same?
 
-    python benchmarks/agreement.py BUNDLE [--samples 10] [--again 0.25] [--csv FILE] [--plots DIR]
-
-From moments of roll-outs, a window is sampled, its first quarter of a second is played, and the next window is made
-from there in three ways: with fresh noise, with the same noise, and as the live system does, which keeps what it has
-said and adds to it (`flexmotion.streamer.motion.model_source`). Compared at 1 s of the old window: root, farther foot,
-heading; "later" at 1 s of the new window, against the old one and the one that would have followed it. Exits with 1
-where at 1 s, as the live system does it, the 90th percentile is more than 5 cm or 3 degrees.
+At moments of roll-outs a window is sampled, its first quarter of a second is played, and the next window is made from
+there in three ways: with fresh noise, with the same noise, and as in the live system, which keeps the frames it has
+given and appends to them (`streamer/motion/model_source.py`). Compared at 1 s of the old window: root, farther foot,
+heading; "later" at 1 s of the new window, against the old one and the one that would have followed it. Fails where at
+1 s, in the live system, the 90th percentile is more than 5 cm or 3 degrees.
 """
 
 from __future__ import annotations
@@ -15,18 +13,19 @@ from collections import defaultdict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import typer
-from model_rollout import always, roll_out
 from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import track
 from rich.table import Table
-from verdicts import Verdict, benchmark, write_csv
 
-from flexmotion.bundles.bundle import Bundle
+from benchmarks.model.roll_out import always, roll_out
+from benchmarks.shared.model import open_sampler
+from benchmarks.shared.options import BundleArgument, CsvOption, PlotsOption, StepsOption
+from benchmarks.shared.outcome import Outcome, Verdict, write_csv
 from flexmotion.human.concatenate import concatenate
 from flexmotion.human.kinematics import forward
 from flexmotion.human.motion import Motion
@@ -47,17 +46,17 @@ PROMPTS = {
 LIMIT_M, LIMIT_DEG = 0.05, 3.0
 LOOKAHEAD_S = 1.0
 SETTLE_S, APART_S, MOMENTS = 1.0, 1.3, 3
-"""A roll-out is looked at after so long, and then so often, at these intervals."""
+"""The first moment of a roll-out [s], the time between two moments [s], their number."""
 
 WAYS = ("fresh noise", "same noise", "live system")
 
 
 @dataclass(frozen=True)
 class Trial:
-    """How far two plans are from one another.
+    """Distance of two plans.
 
     Attributes:
-        kind, way: what was asked for, and how it was planned again.
+        kind, way: of prompt, and how the plan was redrawn.
         root, foot: [m]; heading: [degrees]; at 1 s of the old plan.
         later: likewise, (3,), at 1 s of the new one.
     """
@@ -85,7 +84,7 @@ def apart(first: Motion, second: Motion, frame: int, other: int) -> Float:
 
 
 def redrawn(sampler: Sampler, prompt: str, seed: int, again: int, same: bool) -> list[tuple[Float, Float]]:
-    """Planned again by sampling; at 1 s of the old plan, and of the new one."""
+    """Redrawn by sampling: distances at 1 s of the old plan, and of the new one, of each moment."""
     fps, condition = sampler.fps, Condition(prompt)
     ahead = round(LOOKAHEAD_S * fps)
     made = roll_out(sampler, always(prompt), SETTLE_S + MOMENTS * APART_S, seed).motion
@@ -101,7 +100,7 @@ def redrawn(sampler: Sampler, prompt: str, seed: int, again: int, same: bool) ->
 
 
 def kept(sampler: Sampler, prompt: str, seed: int, again: int) -> list[tuple[Float, Float]]:
-    """Planned again as the live system does."""
+    """Redrawn as in the live system: likewise."""
     fps = sampler.fps
     ahead = round(LOOKAHEAD_S * fps)
     source = ModelSource(sampler, [Item(0.0, Text(prompt))], prompt, seed)
@@ -118,7 +117,7 @@ def kept(sampler: Sampler, prompt: str, seed: int, again: int) -> list[tuple[Flo
 
 def trials(sampler: Sampler, samples: int, again: int) -> list[Trial]:
     """Every prompt, seed and way."""
-    done = []
+    done: list[Trial] = []
     named = [(kind, prompt, seed) for kind, own in PROMPTS.items() for prompt in own for seed in range(samples)]
     for kind, prompt, seed in track(named, "plans", console=Console(stderr=True)):
         ways: dict[str, Callable[[], list[tuple[Float, Float]]]] = {
@@ -127,7 +126,8 @@ def trials(sampler: Sampler, samples: int, again: int) -> list[Trial]:
             "live system": lambda p=prompt, s=seed: kept(sampler, p, s, again),  # type: ignore[misc]
         }
         for way, plan in ways.items():
-            done += [Trial(kind, way, *map(float, at_old), later) for at_old, later in plan()]
+            for (root, foot, turn), later in plan():
+                done.append(Trial(kind, way, float(root), float(foot), float(turn), later))
     return done
 
 
@@ -140,7 +140,7 @@ def grouped(done: Sequence[Trial]) -> dict[tuple[str, str], list[Trial]]:
     return dict(sorted(groups.items(), key=lambda item: (WAYS.index(item[0][0]), [*PROMPTS, "all"].index(item[0][1]))))
 
 
-def share_90(values: Sequence[float]) -> float:
+def percentile_90(values: Sequence[float]) -> float:
     """The 90th percentile."""
     return float(np.quantile(values, 0.9))
 
@@ -153,13 +153,20 @@ def table(done: Sequence[Trial]) -> Table:
     for (way, kind), group in grouped(done).items():
         columns = ([1e2 * t.root for t in group], [1e2 * t.foot for t in group], [t.heading for t in group])
         later = np.quantile([t.later for t in group], 0.9, axis=0) * (1e2, 1e2, 1.0)
-        cells = [f"{share_90(column):.1f} ({np.median(column):.1f})" for column in columns]
+        cells = [f"{percentile_90(column):.1f} ({np.median(column):.1f})" for column in columns]
         out.add_row(way, kind, str(len(group)), *cells, ", ".join(f"{value:.1f}" for value in later))
     return out
 
 
+def figures_of(group: Sequence[Trial]) -> dict[str, Any]:
+    """90th percentiles of a way and kind."""
+    scales = {"root": ("root_cm", 1e2), "foot": ("foot_cm", 1e2), "heading": ("heading_deg", 1.0)}
+    found = {label: scale * percentile_90([getattr(t, name) for t in group]) for name, (label, scale) in scales.items()}
+    return {"plans": len(group)} | found
+
+
 def draw(done: Sequence[Trial], path: Path) -> None:
-    """How the three ways spread."""
+    """Distributions of the distances, for each of the three ways."""
     from flexmotion.streamer.plots.palette import LEFT, MIDDLE, MUTED, RIGHT
     from flexmotion.streamer.plots.style import new_figure, save, styled
 
@@ -182,20 +189,20 @@ def draw(done: Sequence[Trial], path: Path) -> None:
 
 
 def main(
-    folder: Annotated[Path, typer.Argument(metavar="BUNDLE", help="Bundle to judge.")],
+    bundle: BundleArgument = None,
     samples: Annotated[int, typer.Option(min=1, help="Of each prompt.")] = 10,
-    again: Annotated[float, typer.Option(min=0.04, max=0.9, help="Planned again after so long [s].")] = 0.25,
-    steps: Annotated[int | None, typer.Option(help="Of the diffusion; the bundle's own by default.")] = None,
-    csv_out: Annotated[Path | None, typer.Option("--csv", help="Write one row a plan here.")] = None,
-    plots: Annotated[Path | None, typer.Option(help="Folder for pictures.")] = None,
-) -> list[Verdict]:
-    """Plan again, and compare with the plan before."""
-    sampler = Sampler(Bundle(folder), steps)
+    again: Annotated[float, typer.Option(min=0.04, max=0.9, help="Time after which a plan is redrawn [s].")] = 0.25,
+    steps: StepsOption = None,
+    csv_out: CsvOption = None,
+    plots: PlotsOption = None,
+) -> Outcome:
+    """Redraw plans, and compare each with the plan before."""
+    sampler = open_sampler(bundle, steps)
     frames = round(again * sampler.fps)
     done = trials(sampler, samples, frames)
     console = Console(width=160)
     console.print(table(done))
-    console.print(f"planned again after {frames} frames at {sampler.fps:g} fps")
+    console.print(f"redrawn after {frames} frames at {sampler.fps:g} fps")
     if csv_out is not None:
         names = ("kind", "way", "root", "foot", "heading")
         write_csv(csv_out, [{name: getattr(trial, name) for name in names} for trial in done])
@@ -203,13 +210,10 @@ def main(
         plots.mkdir(parents=True, exist_ok=True)
         draw(done, plots / "agreement.png")
     live = [trial for trial in done if trial.way == "live system"]
-    figures = [share_90([getattr(trial, name) for trial in live]) for name in ("root", "foot", "heading")]
-    return [
-        Verdict(f"root at 1 s, live: {100 * figures[0]:.1f} cm (<= 5)", figures[0] <= LIMIT_M),
-        Verdict(f"feet at 1 s, live: {100 * figures[1]:.1f} cm (<= 5)", figures[1] <= LIMIT_M),
-        Verdict(f"heading at 1 s, live: {figures[2]:.1f}° (<= 3)", figures[2] <= LIMIT_DEG),
+    root, foot, turn = (percentile_90([getattr(t, name) for t in live]) for name in ("root", "foot", "heading"))
+    verdicts = [
+        Verdict(f"root at 1 s, live: {100 * root:.1f} cm (<= 5)", root <= LIMIT_M),
+        Verdict(f"feet at 1 s, live: {100 * foot:.1f} cm (<= 5)", foot <= LIMIT_M),
+        Verdict(f"heading at 1 s, live: {turn:.1f}° (<= 3)", turn <= LIMIT_DEG),
     ]
-
-
-if __name__ == "__main__":
-    benchmark(main)
+    return Outcome(verdicts, {f"{way}, {kind}": figures_of(group) for (way, kind), group in grouped(done).items()})

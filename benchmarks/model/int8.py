@@ -1,12 +1,10 @@
-"""Does it pay to run the networks in eight bits? Dynamic quantisation against single precision, and against torch.
+"""Are networks in eight bits faster than in single precision, and how far is their motion off?
 
-    python benchmarks/int8.py BUNDLE [--training TRAINING] [--repeats 300] [--csv FILE]
-
-Samples of one window on one thread, each on from the last: milliseconds on the wall clock and of the processor, size of
-the networks on disk, and how far the motion of the same noise is from that in single precision. With TRAINING, of which
-the bundle was exported, the same networks in torch too. Peak memory is that of a process of its own that samples, and
-of one that runs the live system in lockstep. Exits with 1 where the bundle's default takes more than 12 ms (median) or
-20 ms (99th percentile) of the processor, or a process more than 400 MB.
+Samples of one window on one thread, each from the last one: milliseconds on the wall clock and of the processor, size
+of the networks on disk, and the distance of the motion from that in single precision with the same noise. --training is
+the training run that the bundle was exported from; with it the same networks are timed in torch. Peak memory is that of
+a process of its own that samples, and of one that runs the live system in lockstep. Fails where the bundle takes more
+than 12 ms (median) or 20 ms (99th percentile) of the processor, or a process more than 400 MB.
 """
 
 from __future__ import annotations
@@ -28,14 +26,16 @@ import typer
 from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
-from sampler_speed import PROMPTS, measure
-from verdicts import Verdict, benchmark, write_csv
 
+from benchmarks.model.sampler_speed import condition_of, measure
+from benchmarks.shared.model import open_bundle
+from benchmarks.shared.options import BundleArgument, CsvOption, StepsOption
+from benchmarks.shared.outcome import Outcome, Verdict, write_csv
 from flexmotion.bundles.bundle import ARRAYS, DECODER, DENOISER, Bundle, write_bundle
 from flexmotion.configs.errors import ConfigError
 from flexmotion.features.encode import body_points
 from flexmotion.human.kinematics import forward
-from flexmotion.sampling.sampler import Condition, Sampler
+from flexmotion.sampling.sampler import Sampler
 
 Float = NDArray[np.float64]
 
@@ -50,7 +50,7 @@ WAYS: dict[str, tuple[str, ...]] = {
 
 MEDIAN_MS, WORST_MS, MEMORY_MB = 12.0, 20.0, 400.0
 COMPARED = 40
-"""Windows whose motion is compared."""
+"""Windows whose motion is compared with that in single precision."""
 
 _SAMPLE = """
 import sys
@@ -102,7 +102,7 @@ def quantised(bundle: Bundle, names: Sequence[str], folder: Path) -> Bundle:
         from onnxruntime.quantization import QuantType, quantize_dynamic
     except ImportError as error:
         raise ConfigError("quantisation needs the extra 'train': in a clone, pip install '.[train]'") from error
-    # It warns that networks had better be prepared: `_folded` does.
+    # It warns that networks should be prepared: `_folded` does that.
     logging.getLogger().setLevel(logging.ERROR)
     shutil.copytree(bundle.folder, folder)
     for name in names:
@@ -112,7 +112,7 @@ def quantised(bundle: Bundle, names: Sequence[str], folder: Path) -> Bundle:
 
 
 def _folded(source: Path) -> Any:
-    """The same network with single-precision weights where they lie in half precision and are cast."""
+    """The same network with weights in single precision instead of half precision and a cast."""
     import onnx
 
     options = onnxruntime.SessionOptions()
@@ -123,7 +123,7 @@ def _folded(source: Path) -> Any:
         options.optimized_model_filepath = str(target)
         onnxruntime.InferenceSession(str(source), options, providers=["CPUExecutionProvider"])
         model = onnx.load(target)
-    # What lies between has other shapes than were noted when the network was exported.
+    # Shapes of intermediate values differ from those that were recorded at the export.
     model.graph.ClearField("value_info")
     return model
 
@@ -136,11 +136,10 @@ def row(name: str, bundle: Bundle, reference: Sampler, steps: int | None, repeat
 
 
 def distances(sampler: Sampler, reference: Sampler) -> Float:
-    """How far the body's points are from a reference's after the same history and noise, by window [mm]."""
+    """Mean distance of the body's points from a reference's after the same history and noise, by window, (N,) [mm]."""
     history, found = reference.standing(), []
     for number in range(COMPARED):
-        condition = Condition(PROMPTS[number // 10 % len(PROMPTS)])
-        one, two = (way.sample(history, condition, number) for way in (sampler, reference))
+        one, two = (way.sample(history, condition_of(number), number) for way in (sampler, reference))
         apart = body_points(forward(one)) - body_points(forward(two))
         found.append(1e3 * np.linalg.norm(apart, axis=-1).mean())
         history = two
@@ -148,7 +147,7 @@ def distances(sampler: Sampler, reference: Sampler) -> Float:
 
 
 def torch_times(bundle: Bundle, training: Path, steps: int, repeats: int) -> dict[str, Float]:
-    """Milliseconds of denoising and decoding alone, in torch and in onnxruntime in turn, (N,) each."""
+    """Milliseconds of denoising and decoding alone, in torch and in onnxruntime by turns, (N,) each."""
     import torch
 
     from flexmotion.onnx_session import open_session
@@ -213,7 +212,7 @@ def peak_mb(program: str, bundle: Path) -> float:
 
 
 def table(rows: Sequence[Row]) -> Table:
-    """Every way."""
+    """One row a way."""
     out = Table(title="One window, one thread")
     for name in ("networks", "p50 ms", "p99 ms", "cpu p50", "cpu p99", "MB", "mm from single precision, median (p95)"):
         out.add_column(name, justify="left" if name == "networks" else "right")
@@ -225,27 +224,24 @@ def table(rows: Sequence[Row]) -> Table:
 
 
 def main(
-    folder: Annotated[Path, typer.Argument(metavar="BUNDLE", help="Bundle to judge.")],
-    training: Annotated[
-        Path | None, typer.Option(help="Run that the bundle was exported of, to compare torch.")
-    ] = None,
+    bundle: BundleArgument = None,
+    training: Annotated[Path | None, typer.Option(help="Training run of the bundle, to time torch.")] = None,
     repeats: Annotated[int, typer.Option(min=20, help="Samples of each way.")] = 300,
-    steps: Annotated[int | None, typer.Option(help="Of the diffusion; the bundle's own by default.")] = None,
-    csv_out: Annotated[Path | None, typer.Option("--csv", help="Write one row a way here.")] = None,
-) -> list[Verdict]:
+    steps: StepsOption = None,
+    csv_out: CsvOption = None,
+) -> Outcome:
     """Measure single precision, eight bits and torch."""
-    # Before this process grows: the peaks are of processes of their own.
-    peaks = {"sampler": peak_mb(_SAMPLE, folder), "live system in lockstep": peak_mb(_LIVE, folder)}
-    bundle, console = Bundle(folder), Console(width=160)
-    reference = Sampler(bundle, steps)
+    opened, console = open_bundle(bundle), Console(width=160)
+    peaks = {"sampler": peak_mb(_SAMPLE, opened.folder), "live system in lockstep": peak_mb(_LIVE, opened.folder)}
+    reference = Sampler(opened, steps)
     with tempfile.TemporaryDirectory() as work:
         rows = []
         for place, (name, networks) in enumerate(WAYS.items()):
-            copy = quantised(bundle, networks, Path(work) / str(place)) if networks else bundle
+            copy = quantised(opened, networks, Path(work) / str(place)) if networks else opened
             rows.append(row(name, copy, reference, steps, repeats))
     console.print(table(rows))
     if training is not None:
-        took = torch_times(bundle, training, reference.steps, repeats)
+        took = torch_times(opened, training, reference.steps, repeats)
         medians = {name: float(np.median(values)) for name, values in took.items()}
         ratio = medians["torch"] / medians["onnxruntime"]
         figures = ", ".join(f"{name} {value:.2f} ms" for name, value in medians.items())
@@ -254,7 +250,7 @@ def main(
         names = ("p50_ms", "p99_ms", "cpu_p50_ms", "cpu_p99_ms")
         write_csv(csv_out, [{"networks": own.name, **dict(zip(names, own.quantiles, strict=True))} for own in rows])
     _, _, median, worst = rows[0].quantiles
-    return [
+    verdicts = [
         Verdict(f"processor time of a sample, median: {median:.1f} ms (<= {MEDIAN_MS:g})", median <= MEDIAN_MS),
         Verdict(f"processor time of a sample, 99th percentile: {worst:.1f} ms (<= {WORST_MS:g})", worst <= WORST_MS),
         *(
@@ -262,7 +258,11 @@ def main(
             for name, value in peaks.items()
         ),
     ]
+    return Outcome(verdicts, {own.name: figures_of(own) for own in rows} | {"peak_mb": peaks})
 
 
-if __name__ == "__main__":
-    benchmark(main)
+def figures_of(own: Row) -> dict[str, float]:
+    """Figures of a way."""
+    names = ("p50_ms", "p99_ms", "cpu_p50_ms", "cpu_p99_ms")
+    error = float(np.median(own.error_mm))
+    return dict(zip(names, own.quantiles, strict=True)) | {"size_mb": own.size_mb, "error_mm": error}

@@ -1,11 +1,9 @@
-"""Does generated motion hold together for minutes, with a new prompt every few seconds?
+"""Does generated motion stay plausible for minutes, with a new prompt every few seconds?
 
-    python benchmarks/roll_outs.py BUNDLE --set SET [--runs 20] [--seconds 120] [--every 4] [--csv FILE] [--plots DIR]
-
-Prints figures of the roll-outs beside those of held-out clips of the same kinds. Heights are of heels and toes, jerk is
-of the points of the body. Exits with 1 where a roll-out is not finite, a body freezes that was told to move, a foot in
-contact is farther than 3 cm from the floor (in more than 2 % of its frames), or the jerk at joins is more than 1.5
-times that within windows.
+Prints figures of roll-outs beside those of held-out clips of the same kinds. Heights are of heels and toes, jerk is of
+the body's points. Fails where a roll-out is not finite, a body freezes after a prompt to move, a foot in contact is
+farther than 3 cm from the floor (in more than 2 % of its frames), or the jerk at joins is more than 1.5 times the jerk
+within windows.
 """
 
 from __future__ import annotations
@@ -17,15 +15,16 @@ from typing import Annotated
 
 import numpy as np
 import typer
-from model_rollout import Cue, RollOut, roll_out
 from numpy.typing import NDArray
-from real_clips import real_clips
 from rich.console import Console
 from rich.progress import track
 from rich.table import Table
-from verdicts import Verdict, benchmark, write_csv
 
-from flexmotion.bundles.bundle import Bundle
+from benchmarks.model.real_clips import real_clips
+from benchmarks.model.roll_out import Cue, RollOut, roll_out
+from benchmarks.shared.model import open_sampler
+from benchmarks.shared.options import BundleArgument, CsvOption, PlotsOption, SetOption, StepsOption
+from benchmarks.shared.outcome import Outcome, Verdict, write_csv
 from flexmotion.dataset.compact_set import open_set
 from flexmotion.evaluation.interval import Interval
 from flexmotion.evaluation.motions import foot_metrics, jerk
@@ -50,20 +49,20 @@ PROMPTS: dict[str, bool] = {
     "bow": False,
     "stand still": False,
 }
-"""What is asked for, and whether a body that does it moves all the time."""
+"""Prompts, and whether a body that follows them moves all the time."""
 
 NOTICE_S = 1.0
-"""Time in which a prompt is taken up."""
+"""Time until the motion follows a new prompt [s]."""
 
 FROZEN = 0.1
-"""A body whose fastest point is slower than this is frozen [m/s]: standing people sway at some .03."""
+"""A body whose fastest point is slower than this is frozen [m/s]; standing people sway at about .03."""
 
 NEAR_FLOOR, NEAR_SHARE = 0.03, 0.98
-"""Feet in contact are nearer to the floor than this [m] in such a share of their frames; of held-out clips in 99 %."""
+"""Feet in contact are nearer to the floor than this [m] in this share of their frames; of held-out clips in 99 %."""
 
 JOIN_JERK = 1.5
 THIRD = 3
-"""Frames on from a frame that its third difference reaches."""
+"""Frames that a third difference reaches beyond its first one."""
 
 MEAN_S = 10.0
 AROUND = 12
@@ -85,14 +84,14 @@ class Figures:
 
 @dataclass(frozen=True)
 class Run:
-    """One roll-out: what it was told, and what came of it."""
+    """One roll-out and its prompts, in order."""
 
     texts: tuple[str, ...]
     made: RollOut
 
 
 def prompts(seed: int, seconds: float, every: float) -> tuple[str, ...]:
-    """What is asked for in one roll-out, never the same twice in a row."""
+    """Prompts of one roll-out, never the same twice in a row."""
     rng, chosen = np.random.default_rng(seed), [""]
     while len(chosen) <= int(np.ceil(seconds / every)):
         chosen.append(str(rng.choice([text for text in PROMPTS if text != chosen[-1]])))
@@ -100,7 +99,7 @@ def prompts(seed: int, seconds: float, every: float) -> tuple[str, ...]:
 
 
 def common_figures(motion: Motion) -> Figures:
-    """What can be said of roll-outs and of real clips."""
+    """Figures that roll-outs and real clips have in common."""
     human = forward(motion)
     height = np.minimum(human.heel[..., 2], human.toe[..., 2])
     contacts = motion.contacts if motion.contacts is not None else np.zeros_like(height, np.bool_)
@@ -109,7 +108,7 @@ def common_figures(motion: Motion) -> Figures:
 
 
 def figures(run: Run, every: float) -> Figures:
-    """Of a roll-out."""
+    """Figures of a roll-out."""
     motion, joins = run.made.motion, run.made.joins
     found = common_figures(motion)
     change = jerk(motion)
@@ -133,7 +132,7 @@ def spanning(frames: int, joins: NDArray[np.intp]) -> NDArray[np.bool_]:
 
 
 def frozen_share(run: Run, every: float) -> float:
-    """Share of the prompts to move during which no point of the body moves."""
+    """Share of the prompts to move during which no point of the body does."""
     motion = run.made.motion
     speed = np.linalg.norm(np.diff(body_points(forward(motion)), axis=0), axis=-1) * motion.fps
     frozen = []
@@ -145,8 +144,8 @@ def frozen_share(run: Run, every: float) -> float:
     return float(np.mean(frozen)) if frozen else 0.0
 
 
-def made(sampler: Sampler, runs: int, seconds: float, every: float) -> tuple[list[Run], int]:
-    """Roll-outs, and how many more were not finite."""
+def rolled_out(sampler: Sampler, runs: int, seconds: float, every: float) -> tuple[list[Run], int]:
+    """Finite roll-outs, and the number of those that were not."""
     found, failed = [], 0
     for seed in track(range(runs), "roll-outs", console=Console(stderr=True)):
         texts = prompts(seed, seconds, every)
@@ -167,8 +166,8 @@ def table(model: Sequence[Figures], real: Sequence[Figures]) -> Table:
         out.add_row(name, *("-" if np.isnan(cell.mean) else str(cell) for cell in cells))
     for share in (0.5, 0.95, 0.99):
         heights = (np.abs(np.concatenate([row.heights for row in rows])) for rows in (model, real))
-        cells = [f"{1e3 * np.quantile(own, share):.1f}" if len(own) else "-" for own in heights]
-        out.add_row(f"height in contact, {100 * share:.0f} % below, mm", *cells)
+        quantiles = [f"{1e3 * np.quantile(own, share):.1f}" if len(own) else "-" for own in heights]
+        out.add_row(f"height in contact, {100 * share:.0f} % below, mm", *quantiles)
     out.add_row("in contact within 3 cm of the floor", *(f"{100 * near_share(rows):.2f} %" for rows in (model, real)))
     return out
 
@@ -194,7 +193,7 @@ def verdicts(model: Sequence[Figures], failed: int) -> list[Verdict]:
 
 
 def draw(runs: Sequence[Run], path: Path) -> None:
-    """Jerk around the joins, speed over the minutes, and where the first roll-outs went."""
+    """Jerk around the joins, speed over the minutes, and the paths of the first roll-outs."""
     from flexmotion.streamer.plots.palette import LEFT, MIDDLE, RIGHT
     from flexmotion.streamer.plots.style import new_figure, save, styled
 
@@ -229,20 +228,20 @@ def around(made: RollOut, cued: bool) -> Float:
 
 
 def main(
-    folder: Annotated[Path, typer.Argument(metavar="BUNDLE", help="Bundle to judge.")],
-    data: Annotated[Path, typer.Option("--set", help="Training set with held-out clips.")],
-    runs: Annotated[int, typer.Option(min=1, help="How many roll-outs.")] = 20,
-    seconds: Annotated[float, typer.Option(min=1.0, help="Of each.")] = 120.0,
+    data: SetOption,
+    bundle: BundleArgument = None,
+    runs: Annotated[int, typer.Option(min=1, help="Number of roll-outs.")] = 20,
+    seconds: Annotated[float, typer.Option(min=1.0, help="Length of a roll-out [s].")] = 120.0,
     every: Annotated[float, typer.Option(min=0.1, help="Time between prompts [s].")] = 4.0,
-    steps: Annotated[int | None, typer.Option(help="Of the diffusion; the bundle's own by default.")] = None,
-    csv_out: Annotated[Path | None, typer.Option("--csv", help="Write one row a roll-out here.")] = None,
-    plots: Annotated[Path | None, typer.Option(help="Folder for pictures.")] = None,
-) -> list[Verdict]:
-    """Roll out for minutes with changing prompts, and judge what comes of it."""
-    sampler = Sampler(Bundle(folder), steps)
-    found, failed = made(sampler, runs, seconds, every)
+    steps: StepsOption = None,
+    csv_out: CsvOption = None,
+    plots: PlotsOption = None,
+) -> Outcome:
+    """Roll out for minutes with changing prompts, and judge the motion."""
+    sampler = open_sampler(bundle, steps)
+    found, failed = rolled_out(sampler, runs, seconds, every)
     if not found:
-        return [Verdict(f"roll-outs that are not finite: all {failed} (0)", False)]
+        return Outcome([Verdict(f"roll-outs that are not finite: all {failed} (0)", False)])
     kinds = {sampler.prompt(text).kind for text in PROMPTS}
     clips = real_clips(open_set(data), "validation", sampler.fps, kinds=kinds)
     real = [common_figures(motion) for _, motion in clips]
@@ -252,9 +251,6 @@ def main(
         write_csv(csv_out, [row.values for row in model])
     if plots is not None:
         plots.mkdir(parents=True, exist_ok=True)
-        draw(found, plots / "roll_outs.png")
-    return verdicts(model, failed)
-
-
-if __name__ == "__main__":
-    benchmark(main)
+        draw(found, plots / "long_horizon.png")
+    means = {name: float(np.mean([row.values[name] for row in model])) for name in model[0].values}
+    return Outcome(verdicts(model, failed), means | {"near_floor": near_share(model), "not_finite": failed})

@@ -1,13 +1,11 @@
-"""Does the model make motion, or play back its training clips?
+"""Does the model generate motion, or replay its training clips?
 
-    python benchmarks/jukebox.py BUNDLE --set SET [--samples 20] [--seconds 4] [--csv FILE] [--plots DIR]
-
-Kind by kind of motion that held-out clips show: samples of one prompt from standing, cut into windows as the model
-makes them. Distance of windows is the root mean square over the points of the body and the frames, in leg lengths,
-all on the bundle's human, travel and turning included. "nearest" is the mean distance to the nearest training window of
-any kind, of samples and of held-out clips; "apart" the mean distance between windows, of samples at the same moment and
-of training clips. Exits with 1 where samples are less than .5 as far from the training windows as held-out clips are,
-or less than .3 as far apart as training clips.
+For each kind of motion among the held-out clips: samples of one prompt from standing, cut into the model's windows.
+The distance of two windows is the root mean square over the body's points and the frames, in leg lengths, all on the
+bundle's human, displacement and turning included. "nearest" is the mean distance to the nearest training window of any
+kind, of samples and of held-out clips; "apart" is the mean distance between windows, of samples at the same moment and
+of training clips. Fails where samples are less than .5 as far from the training windows as held-out clips are, or less
+than .3 as far apart as training clips.
 """
 
 from __future__ import annotations
@@ -20,15 +18,16 @@ from typing import Annotated
 
 import numpy as np
 import typer
-from model_rollout import always, roll_out
-from real_clips import kind_of, real_clips
 from rich.console import Console
 from rich.progress import track
 from rich.table import Table
-from verdicts import Verdict, benchmark, write_csv
-from window_distance import Float32, mean_distance, nearest_distance, windows_of
 
-from flexmotion.bundles.bundle import Bundle
+from benchmarks.model.real_clips import kind_of, real_clips
+from benchmarks.model.roll_out import always, roll_out
+from benchmarks.model.window_distance import Float32, mean_distance, nearest_distance, windows_of
+from benchmarks.shared.model import open_sampler
+from benchmarks.shared.options import BundleArgument, CsvOption, PlotsOption, SetOption, StepsOption
+from benchmarks.shared.outcome import Outcome, Verdict, write_csv
 from flexmotion.configs.errors import ConfigError
 from flexmotion.dataset.compact_set import MotionSet, open_set
 from flexmotion.evaluation.interval import Interval
@@ -37,10 +36,10 @@ from flexmotion.text.phrases import wordings
 
 NEAREST, APART = 0.5, 0.3
 FEWEST = 20
-"""Held-out windows from which on a kind is judged."""
+"""Held-out windows that a kind must have to be judged."""
 
 PAIRED = 200
-"""Training windows of a kind whose distances are taken."""
+"""Training windows of a kind whose distances are measured."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +47,7 @@ class Row:
     """One kind of motion; distances in leg lengths.
 
     Attributes:
-        kind, prompt: what was asked for, and how.
+        kind, prompt: of motion, and the wording that asked for it.
         sampled, held_out: distances to the nearest training window.
         samples_apart, clips_apart: mean distance between samples, between training windows of the kind.
     """
@@ -74,7 +73,7 @@ class Row:
 def windows_by_kind(
     sampler: Sampler, found: MotionSet, split: str, stride: int, variant: str | None
 ) -> dict[str, Float32]:
-    """Windows of a split's clips by what they show, of the bundle's human."""
+    """Windows of a split's clips by kind of motion, of the bundle's human."""
     parts: dict[str, list[Float32]] = defaultdict(list)
     clips = list(found.select(split, variant))
     clips_of = real_clips(found, split, sampler.fps, variant=variant)
@@ -117,7 +116,7 @@ def judge_kind(
 
 def table(rows: Sequence[Row]) -> Table:
     """Kinds and their distances."""
-    out = Table(title="Jukebox: distances in leg lengths")
+    out = Table(title="Distances in leg lengths")
     columns = "samples nearest", "held-out nearest", "ratio", "samples apart", "clips apart", "ratio"
     for name in ("kind", "prompt", *columns):
         out.add_column(name, justify="left" if name in ("kind", "prompt") else "right")
@@ -141,7 +140,9 @@ def draw(rows: Sequence[Row], path: Path) -> None:
     from flexmotion.streamer.plots.style import new_figure, save, styled
 
     with styled():
-        figure = new_figure(11, 4.0, "Jukebox", "distance to the nearest training window: samples blue, held-out grey")
+        figure = new_figure(
+            11, 4.0, "Memorisation", "distance to the nearest training window: samples blue, held-out grey"
+        )
         axes = figure.subplots()
         for place, row in enumerate(rows):
             for offset, values, colour in ((-0.18, row.held_out, MUTED), (0.18, row.sampled, LEFT)):
@@ -155,17 +156,17 @@ def draw(rows: Sequence[Row], path: Path) -> None:
 
 
 def main(
-    folder: Annotated[Path, typer.Argument(metavar="BUNDLE", help="Bundle to judge.")],
-    data: Annotated[Path, typer.Option("--set", help="Training set with held-out clips.")],
+    data: SetOption,
+    bundle: BundleArgument = None,
     samples: Annotated[int, typer.Option(min=2, help="Of each prompt.")] = 20,
-    seconds: Annotated[float, typer.Option(min=2.5, help="Of each sample.")] = 4.0,
+    seconds: Annotated[float, typer.Option(min=2.5, help="Length of a sample [s].")] = 4.0,
     stride: Annotated[int, typer.Option(min=1, help="Frames from one training window to the next.")] = 4,
-    steps: Annotated[int | None, typer.Option(help="Of the diffusion; the bundle's own by default.")] = None,
-    csv_out: Annotated[Path | None, typer.Option("--csv", help="Write one row a kind here.")] = None,
-    plots: Annotated[Path | None, typer.Option(help="Folder for pictures.")] = None,
-) -> list[Verdict]:
-    """Compare samples with the training windows that they are nearest to, and with one another."""
-    sampler, found = Sampler(Bundle(folder), steps), open_set(data)
+    steps: StepsOption = None,
+    csv_out: CsvOption = None,
+    plots: PlotsOption = None,
+) -> Outcome:
+    """Compare samples with the nearest training windows, and with one another."""
+    sampler, found = open_sampler(bundle, steps), open_set(data)
     length = sampler.future
     training = windows_by_kind(sampler, found, "train", stride, None)
     among = np.concatenate(list(training.values()))
@@ -184,14 +185,15 @@ def main(
         write_csv(csv_out, [csv_row(row) for row in rows])
     if plots is not None:
         plots.mkdir(parents=True, exist_ok=True)
-        draw(rows, plots / "jukebox.png")
-    # Kinds count alike, however many windows they have.
+        draw(rows, plots / "memorisation.png")
+    # Each kind has the same weight, however many windows it has.
     near = float(np.mean([row.sampled.mean() for row in rows]) / np.mean([row.held_out.mean() for row in rows]))
     apart = float(np.mean([row.samples_apart for row in rows]) / np.mean([row.clips_apart for row in rows]))
-    return [
+    verdicts = [
         Verdict(f"distance to training windows, of samples over held-out: {near:.2f} (>= {NEAREST})", near >= NEAREST),
         Verdict(f"diversity, of samples over training clips: {apart:.2f} (>= {APART})", apart >= APART),
     ]
+    return Outcome(verdicts, {"nearest": near, "apart": apart} | {row.kind: csv_row(row) for row in rows})
 
 
 def csv_row(row: Row) -> dict[str, str | float]:
@@ -204,7 +206,3 @@ def csv_row(row: Row) -> dict[str, str | float]:
         "samples_apart": row.samples_apart,
         "clips_apart": row.clips_apart,
     }
-
-
-if __name__ == "__main__":
-    benchmark(main)

@@ -1,9 +1,8 @@
-"""Real, augmented and generated motion side by side, as strips of figures with the forces of the ground.
+"""How does generated motion look beside real and augmented motion?
 
-    python benchmarks/motion_pictures.py BUNDLE --set SET --plots DIR [--kind walk ...] [--seed 0]
-
-Writes one PNG a kind. Real is a held-out clip, augmented a variant of a training clip (its mirror image where the set
-has no others), generated is sampled from standing. Arrows are ground reaction forces, a body weight as long as a leg.
+Draws strips of figures, one PNG a kind of motion. Real is a held-out clip, augmented a variant of a training clip (its
+mirror image where the set has no others), generated is sampled from standing. Arrows are ground reaction forces; a body
+weight is as long as a leg.
 """
 
 from __future__ import annotations
@@ -17,11 +16,12 @@ import typer
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
-from model_rollout import always, roll_out
-from real_clips import real_clips
-from verdicts import Verdict, benchmark
 
-from flexmotion.bundles.bundle import Bundle
+from benchmarks.model.real_clips import real_clips
+from benchmarks.model.roll_out import always, roll_out
+from benchmarks.shared.model import open_sampler
+from benchmarks.shared.options import BundleArgument, SetOption, StepsOption
+from benchmarks.shared.outcome import Outcome
 from flexmotion.configs.errors import ConfigError
 from flexmotion.dataset.compact_set import MotionSet, open_set
 from flexmotion.human.kinematics import forward
@@ -38,17 +38,17 @@ KINDS = ("walk", "walk-turn-left", "run", "wave-right-hand", "raise-up-both-hand
 FIGURES = 9
 SECONDS = 3.0
 SPACING = 0.72
-"""Between neighbouring figures, in heights of the human."""
+"""Distance between neighbouring figures, in heights of the human."""
 
 LEAST_FORCE = 0.05
-"""Drawn from here on [body weights]."""
+"""Smallest force that is drawn [body weights]."""
 
 AZIMUTH_DEG, ELEVATION_DEG = -55.0, 12.0
 
 
 @dataclass(frozen=True)
 class Strip:
-    """A motion and what to call it."""
+    """A motion and its title."""
 
     title: str
     motion: Motion
@@ -62,13 +62,13 @@ def middle(motion: Motion) -> Motion:
 
 
 def example(found: MotionSet, kind: str, split: str, variant: str, fps: float, seed: int) -> Motion | None:
-    """One of the clips that show a kind, its middle; None where there are none."""
+    """The middle of one clip of a kind; None where there is no such clip."""
     clips = [motion for _, motion in real_clips(found, split, fps, variant=variant, kinds=(kind,))]
     return middle(clips[np.random.default_rng(seed).integers(len(clips))]) if clips else None
 
 
 def strips(sampler: Sampler, found: MotionSet, kind: str, seed: int) -> list[Strip]:
-    """Of one kind of motion, as far as the set has it."""
+    """Strips of one kind of motion, as far as the set has it."""
     prompt, frames = wordings(kind)[0], round(SECONDS * sampler.fps)
     generated = roll_out(sampler, always(prompt), SECONDS + 1.0, seed).motion[-frames:]
     augmented = "varied" if any(True for _ in found.select("train", "varied")) else "mirror"
@@ -86,7 +86,7 @@ def draw(kind: str, rows: list[Strip]) -> Figure:
         11,
         0.6 + 1.95 * len(rows),
         f"{kind}: real, augmented, generated",
-        "left is blue, right orange; each figure centred on itself; red: force of the ground",
+        "left is blue, right orange; each figure centred on itself; red: ground reaction force",
     )
     for axes, row in zip(np.atleast_1d(figure.subplots(len(rows), 1)), rows, strict=True):
         _strip(axes, row)
@@ -119,23 +119,19 @@ def _strip(axes: Axes, row: Strip) -> None:
 
 
 def main(
-    folder: Annotated[Path, typer.Argument(metavar="BUNDLE", help="Bundle to show.")],
-    data: Annotated[Path, typer.Option("--set", help="Training set.")],
+    data: SetOption,
     plots: Annotated[Path, typer.Option(help="Folder for the pictures.")],
-    kind: Annotated[list[str] | None, typer.Option(help="Label of what to show; may be given again.")] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Of what is chosen and sampled.")] = 0,
-    steps: Annotated[int | None, typer.Option(help="Of the diffusion; the bundle's own by default.")] = None,
-) -> list[Verdict]:
+    bundle: BundleArgument = None,
+    kind: Annotated[list[str] | None, typer.Option(help="Kind of motion; may be given again.")] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Of the choice of clips and of the samples.")] = 0,
+    steps: StepsOption = None,
+) -> Outcome:
     """Draw real, augmented and generated motion side by side."""
-    sampler, found = Sampler(Bundle(folder), steps), open_set(data)
+    sampler, found = open_sampler(bundle, steps), open_set(data)
     plots.mkdir(parents=True, exist_ok=True)
     for name in kind or KINDS:
         if not wordings(name):
             raise ConfigError(f"kind {name!r} has no wordings; see flexmotion/data/phrases.yaml")
         with styled():
             print(save(draw(name, strips(sampler, found, name, seed)), plots / f"motion_{name}.png"))
-    return []
-
-
-if __name__ == "__main__":
-    benchmark(main)
+    return Outcome()

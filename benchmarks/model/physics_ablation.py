@@ -1,18 +1,16 @@
-"""What do the losses of physics do? A reduced model with all of them, and without each, several seeds each.
+"""What do the physics losses contribute to a reduced model?
 
-    python benchmarks/physics_ablation.py TRAINING OUT [--seeds 3] [--steps 3000] [--diffusion-steps N] [--csv FILE]
-
-TRAINING is a run of `flexmotion train` with features (muscles included), text and evaluator; from it come data,
-configuration and judge. The networks are reduced (`--width`, `--layers`), everything else is as configured. Judged is
-what the autoencoder makes of held-out windows; with `--diffusion-steps` what a diffusion on top of it samples. Stopped
-and started again it goes on where it was. Exits with 1 where a loss does not improve its own metrics by 20 %, or where
-the Fréchet distance with all of them is more than 1.1 times that without one.
+Trains it with all of them, and without each, with several seeds. TRAINING is a run of `flexmotion train` with features
+(muscles included), text and evaluator; data, configuration and judge come from it. The networks are reduced
+(`--width`, `--layers`), everything else is as configured. Judged are reconstructions of held-out windows by the
+autoencoder; with `--diffusion-steps`, samples of a diffusion on top of it. A run that was stopped continues when it is
+started again. Fails where a loss does not improve its own metrics by 20 %, or where the Fréchet distance with all of
+them is more than 1.1 times that without one.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from shutil import copyfile
@@ -23,8 +21,9 @@ import typer
 import yaml
 from rich.console import Console
 from rich.table import Table
-from verdicts import Verdict, benchmark, write_csv
 
+from benchmarks.shared.options import CsvOption
+from benchmarks.shared.outcome import Outcome, Verdict, write_csv
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.model import ModelConfig, Transformer
 from flexmotion.evaluation.interval import Interval
@@ -42,7 +41,7 @@ from flexmotion.training.stage import Task, train_stage
 
 ALL = "all"
 WITHOUT = {"euler": ("euler_joints", "euler_root"), "muscles": ("muscle_limits", "muscle_torques")}
-"""Losses that are left out together."""
+"""Losses that a variant leaves out together."""
 
 OWN = {"euler": ("euler_force", "euler_moment", "actuation"), "muscles": ("muscle_limit",)}
 """Metrics that a loss must improve."""
@@ -54,7 +53,7 @@ FIGURES = "figures.json"
 
 @dataclass(frozen=True)
 class Reduction:
-    """How small, and for how long."""
+    """Size of the networks, and steps of training."""
 
     width: int
     layers: int
@@ -62,7 +61,7 @@ class Reduction:
     diffusion_steps: int
 
     def of(self, config: ModelConfig, variant: str) -> ModelConfig:
-        """A configuration, reduced, without the losses of a variant."""
+        """The reduced configuration of a variant."""
         small = Transformer(width=self.width, heads=4, layers=self.layers)
         stages = {
             name: getattr(config.stages, name).model_copy(update={"steps": steps})
@@ -80,7 +79,7 @@ class Reduction:
 
 
 def variant_run(training: Run, out: Path, variant: str, seed: int, reduction: Reduction) -> Run:
-    """The run of one variant and seed: a new one, or one that goes on."""
+    """The run of one variant and seed: a new one, or one that continues."""
     folder = out / f"{'without-' * (variant in WITHOUT)}{variant}-{seed}"
     folder.mkdir(parents=True, exist_ok=True)
     wanted = folder / "wanted.yaml"
@@ -96,7 +95,7 @@ def variant_run(training: Run, out: Path, variant: str, seed: int, reduction: Re
 
 
 def trained(run: Run, reduction: Reduction) -> None:
-    """Train what a run lacks."""
+    """Train the stages of a run that are not finished."""
     task = AutoencoderTask(run.config, run.store(), run.seed, Processes(), run.muscles())
     _stage(run, "autoencoder", task)
     if reduction.diffusion_steps:
@@ -115,7 +114,7 @@ def _autoencoder(run: Run) -> Autoencoder:
 
 
 def reconstructed(judge: Judge, network: Autoencoder) -> Generator:
-    """What an autoencoder makes of the cases."""
+    """Generator of an autoencoder's reconstructions of the cases."""
     statistics = judge.store.statistics
 
     def generate(case: int, seed: int) -> Features:
@@ -137,8 +136,8 @@ def measured(judge: Judge, run: Run, reduction: Reduction, sampling_steps: int) 
 
 
 def table(figures: dict[str, list[dict[str, float]]]) -> Table:
-    """Metrics with all losses and without each, intervals over the seeds, and what leaving one out costs."""
-    out = Table("metric", ALL, title="Losses of physics")
+    """Metrics with all losses and without each, with intervals over the seeds, and their ratios."""
+    out = Table("metric", ALL, title="Physics losses")
     for variant in WITHOUT:
         out.add_column(f"without {variant}", justify="right")
         out.add_column("all / without", justify="right")
@@ -154,7 +153,7 @@ def table(figures: dict[str, list[dict[str, float]]]) -> Table:
 
 
 def ratio(figures: dict[str, list[dict[str, float]]], variant: str, name: str) -> float:
-    """A metric with all losses over the same without some; 1 where both are 0."""
+    """A metric with all losses over the same metric without some; 1 where both are 0."""
     both, without = (sum(row[name] for row in figures[key]) / len(figures[key]) for key in (ALL, variant))
     return both / without if without else (1.0 if not both else float("inf"))
 
@@ -172,23 +171,23 @@ def verdicts(figures: dict[str, list[dict[str, float]]]) -> list[Verdict]:
 
 
 def main(
-    training: Annotated[Path, typer.Argument(metavar="TRAINING", help="Run that data and judge come from.")],
-    out: Annotated[Path, typer.Argument(metavar="OUT", help="Folder for the runs; a new one, or one to go on with.")],
+    training: Annotated[Path, typer.Argument(metavar="TRAINING", help="Training run with the data and the judge.")],
+    out: Annotated[Path, typer.Argument(metavar="OUT", help="Folder for the runs; an unfinished one continues.")],
     seeds: Annotated[int, typer.Option(min=1, help="Of each variant.")] = 3,
     steps: Annotated[int, typer.Option(min=1, help="Of each autoencoder.")] = 3000,
-    diffusion_steps: Annotated[int, typer.Option(min=0, help="Of each diffusion; 0 for none.")] = 0,
+    diffusion_steps: Annotated[int, typer.Option(min=0, help="Of each diffusion; 0: no diffusion.")] = 0,
     width: Annotated[int, typer.Option(min=4, help="Of the networks.")] = 96,
     layers: Annotated[int, typer.Option(min=1, help="Of each network.")] = 2,
     windows: Annotated[int, typer.Option(min=64, help="Held-out windows.")] = 512,
     sampling_steps: Annotated[int, typer.Option(min=1, help="Of a sample.")] = 10,
     threads: Annotated[int, typer.Option(min=1, help="Of the CPU.")] = 1,
-    csv_out: Annotated[Path | None, typer.Option("--csv", help="Write one row a variant and seed here.")] = None,
-) -> Sequence[Verdict]:
-    """Train with and without the losses of physics, and measure what comes of it."""
+    csv_out: CsvOption = None,
+) -> Outcome:
+    """Train with and without the physics losses, and measure the models."""
     use_threads(threads)
     source, console = Run(training), Console(width=160)
     if not source.layout.muscles:
-        raise ConfigError(f"{training}: has no muscles, so nothing can be said of their losses")
+        raise ConfigError(f"{training}: has no muscles, so their losses cannot be measured")
     reduction = Reduction(width, layers, steps, diffusion_steps)
     judge = Judge(source, with_proportions(Body(), source.store()), windows)
     figures: dict[str, list[dict[str, float]]] = {variant: [] for variant in (ALL, *WITHOUT)}
@@ -199,7 +198,7 @@ def main(
             path = run.folder / FIGURES
             done = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
             if done.get("settings") != settings:
-                console.print(f"trains {run.folder}")
+                console.print(f"training {run.folder}")
                 trained(run, reduction)
                 found = {name: value.mean for name, value in measured(judge, run, reduction, sampling_steps).items()}
                 done = {"settings": settings, "figures": found}
@@ -209,8 +208,8 @@ def main(
     console.print(f"autoencoders of {layers} + {layers} layers x {width}, {steps} steps; {seeds} seeds")
     if csv_out is not None:
         write_csv(csv_out, [{"variant": variant, **row} for variant, rows in figures.items() for row in rows])
-    return verdicts(figures)
-
-
-if __name__ == "__main__":
-    benchmark(main)
+    means = {
+        variant: {name: sum(row[name] for row in rows) / len(rows) for name in rows[0]}
+        for variant, rows in figures.items()
+    }
+    return Outcome(verdicts(figures), means)

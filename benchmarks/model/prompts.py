@@ -1,86 +1,77 @@
-"""Does the model do what it is told? Prompts in unseen wordings, judged by geometry; a table by kind.
+"""Does the model do what a prompt asks, in wordings that it was not trained on?
 
-    python benchmarks/prompts.py BUNDLE [--samples 20] [--seconds 4] [--steps N] [--csv FILE]
-
-Exits with 1 below 90 % overall or 70 % of a kind.
+Samples every wording of `prompts.yaml` from standing; geometric checks judge the motion, kind by kind. Fails below 90 %
+overall or 70 % of a kind.
 """
 
 from __future__ import annotations
 
-import argparse
-import csv
-import sys
 from collections.abc import Callable
-from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
-import yaml
-from model_rollout import always, roll_out
-from reversals import reversals
+import typer
+from rich.console import Console
+from rich.table import Table
 
-from flexmotion.bundles.bundle import Bundle
+from benchmarks.model.roll_out import always, roll_out
+from benchmarks.shared.cells import share
+from benchmarks.shared.judges import SIDES, at_least, frame_velocities, waves
+from benchmarks.shared.model import open_sampler
+from benchmarks.shared.options import BundleArgument, CsvOption, StepsOption
+from benchmarks.shared.outcome import Outcome, Verdict, write_csv
+from benchmarks.shared.prompts import PromptKind, prompt_kinds
 from flexmotion.human.kinematics import HumanKinematics, forward
 from flexmotion.human.motion import Motion
 from flexmotion.sampling.sampler import Sampler
 from flexmotion.spatial.heading import continuous_matrix_heading
 
 OVERALL, EACH = 0.9, 0.7
-SIDES = {"left": (0,), "right": (1,), "both": (0, 1)}
-
-SWINGS = 2
-"""Turns of a waving hand that make it a wave."""
-
 REACH = 0.05
-"""A hand swings if it moves by at least so much between its turns [m]."""
-
-
-def speed(motion: Motion, human: HumanKinematics) -> tuple[float, float]:
-    """Mean speed along and across the heading [m/s]."""
-    yaw = continuous_matrix_heading(human.pelvis_rotation)[:-1]
-    step = np.diff(motion.root_position[:, :2], axis=0) * motion.fps
-    along = np.cos(yaw) * step[:, 0] + np.sin(yaw) * step[:, 1]
-    across = np.cos(yaw) * step[:, 1] - np.sin(yaw) * step[:, 0]
-    return float(along.mean()), float(across.mean())
-
-
-def at_least(value: float, wanted: float) -> bool:
-    """Whether a value reaches one, in its direction."""
-    return value >= wanted if wanted >= 0 else value <= wanted
+"""A waving hand moves by at least so much between two reversals [m]."""
+NEAR = 0.1
+"""A hand is up from so far below its shoulder [m]."""
+FEWEST = 5
+"""A hand that is up for fewer frames does not wave."""
 
 
 def walks(motion: Motion, human: HumanKinematics, wanted: float) -> bool:
-    return at_least(speed(motion, human)[0], wanted)
+    """Whether the mean speed along the heading reaches a limit [m/s]."""
+    return at_least(float(frame_velocities(motion)[:, 0].mean()), wanted)
 
 
 def sideways(motion: Motion, human: HumanKinematics, wanted: float) -> bool:
-    return at_least(speed(motion, human)[1], wanted)
+    """Whether the mean speed across the heading reaches a limit [m/s], positive to the left."""
+    return at_least(float(frame_velocities(motion)[:, 1].mean()), wanted)
 
 
 def turns(motion: Motion, human: HumanKinematics, wanted: float) -> bool:
+    """Whether the heading changes by a limit [degrees], positive to the left."""
     yaw = continuous_matrix_heading(human.pelvis_rotation)
     return at_least(float(np.degrees(yaw[-1] - yaw[0])), wanted)
 
 
 def stays(motion: Motion, human: HumanKinematics, wanted: float) -> bool:
+    """Whether the body ends within a distance of where it began [m]."""
     return bool(np.linalg.norm(motion.root_position[-1, :2] - motion.root_position[0, :2]) <= wanted)
 
 
 def leans(motion: Motion, human: HumanKinematics, wanted: float) -> bool:
+    """Whether the torso leans by an angle at some time [degrees]."""
     return bool(np.degrees(np.arccos(np.clip(human.torso_rotation[:, 2, 2], -1, 1))).max() >= wanted)
 
 
 def rises(motion: Motion, human: HumanKinematics, wanted: str) -> bool:
+    """Whether each wanted wrist is above its shoulder at some time."""
     return all((human.wrist[:, side, 2] > human.shoulder[:, side, 2]).any() for side in SIDES[wanted])
 
 
 def swings(motion: Motion, human: HumanKinematics, wanted: str) -> bool:
-    """Whether hands turn to and fro, seen from the torso, while they are up."""
+    """Whether each wanted hand waves."""
     for side in SIDES[wanted]:
-        up = human.wrist[:, side, 2] > human.shoulder[:, side, 2] - 0.1
-        offset = human.hand[:, side] - human.shoulder[:, side]
-        local = np.einsum("tji,tj->ti", human.torso_rotation, offset)[up]
-        if len(local) < 5 or max(reversals(axis, REACH) for axis in local.T) < SWINGS:
+        raised = human.wrist[:, side, 2] > human.shoulder[:, side, 2] - NEAR
+        hand = np.einsum("tji,tj->ti", human.torso_rotation, human.hand[:, side] - human.shoulder[:, side])
+        if not waves(hand, raised, REACH, FEWEST):
             return False
     return True
 
@@ -94,37 +85,40 @@ CHECKS: dict[str, Callable[[Motion, HumanKinematics, Any], bool]] = {
     "rises": rises,
     "swings": swings,
 }
+"""By the names that `prompts.yaml` uses."""
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("bundle", type=Path)
-    parser.add_argument("--samples", type=int, default=20)
-    parser.add_argument("--seconds", type=float, default=4.0)
-    parser.add_argument("--steps", type=int)
-    parser.add_argument("--csv", type=Path)
-    arguments = parser.parse_args()
-    sampler = Sampler(Bundle(arguments.bundle), arguments.steps)
-    table = yaml.safe_load(Path(__file__).with_suffix(".yaml").read_text(encoding="utf-8"))
-    rows = []
-    print(f"{'kind':16} {'share':>6}   heard as")
-    for entry in table:
-        passed, heard = [], []
-        for wording in entry["wordings"]:
-            heard.append(sampler.prompt(wording).kind)
-            for seed in range(arguments.samples):
-                motion = roll_out(sampler, always(wording), arguments.seconds, seed).motion
-                human = forward(motion)
-                passed.append(all(CHECKS[name](motion, human, wanted) for name, wanted in entry["check"].items()))
-        rows.append((entry["kind"], float(np.mean(passed))))
-        print(f"{entry['kind']:16} {100 * rows[-1][1]:5.0f} %   {', '.join(heard)}", flush=True)
-    overall = float(np.mean([share for _, share in rows]))
-    print(f"{'overall':16} {100 * overall:5.0f} %")
-    if arguments.csv:
-        with arguments.csv.open("w", newline="", encoding="utf-8") as file:
-            csv.writer(file).writerows([("kind", "share"), *rows, ("overall", overall)])
-    return 0 if overall >= OVERALL and min(share for _, share in rows) >= EACH else 1
+def passed(sampler: Sampler, entry: PromptKind, wording: str, samples: int, seconds: float) -> list[bool]:
+    """Whether each sample of a wording does what its kind asks."""
+    found = []
+    for seed in range(samples):
+        motion = roll_out(sampler, always(wording), seconds, seed).motion
+        human = forward(motion)
+        found.append(all(CHECKS[name](motion, human, wanted) for name, wanted in entry.check.items()))
+    return found
 
 
-if __name__ == "__main__":
-    sys.exit(main())
+def main(
+    bundle: BundleArgument = None,
+    samples: Annotated[int, typer.Option(min=1, help="Of each wording.")] = 20,
+    seconds: Annotated[float, typer.Option(min=1.0, help="Length of a sample [s].")] = 4.0,
+    steps: StepsOption = None,
+    csv_out: CsvOption = None,
+) -> Outcome:
+    """Sample all prompts and judge."""
+    sampler, shares = open_sampler(bundle, steps), {}
+    table = Table("kind", "done", "understood as", title="Prompts")
+    for entry in prompt_kinds():
+        done = [passed(sampler, entry, wording, samples, seconds) for wording in entry.wordings]
+        shares[entry.kind] = share([own for each in done for own in each])
+        kinds = ", ".join(sampler.prompt(wording).kind for wording in entry.wordings)
+        table.add_row(entry.kind, f"{100 * shares[entry.kind]:.0f} %", kinds)
+    Console(width=140).print(table)
+    overall, worst = float(np.mean(list(shares.values()))), min(shares, key=lambda kind: shares[kind])
+    if csv_out is not None:
+        write_csv(csv_out, [{"kind": kind, "share": own} for kind, own in [*shares.items(), ("overall", overall)]])
+    verdicts = [
+        Verdict(f"done: {100 * overall:.1f} % (>= {100 * OVERALL:.0f} %)", overall >= OVERALL),
+        Verdict(f"worst kind: {worst}, {100 * shares[worst]:.0f} % (>= {100 * EACH:.0f} %)", shares[worst] >= EACH),
+    ]
+    return Outcome(verdicts, {"samples": samples, "overall": overall, "by_kind": shares})

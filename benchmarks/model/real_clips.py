@@ -1,4 +1,4 @@
-"""Clips of a training set, beside which the motion of a model is measured."""
+"""Clips of a training set, for comparison with generated motion."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from flexmotion.text.sides import mirrored
 
 
 def kind_of(clip: SetClip) -> str:
-    """What a clip shows, by its labels; of a mirror image, what that shows."""
+    """Kind of motion of a clip, by its labels; of a mirror image, the mirrored kind."""
     labels = clip.info["labels"]
     label: str = labels.get("content") or labels.get("action") or ""
     return mirrored(label) if clip.variant == "mirror" else label
@@ -29,7 +29,7 @@ def real_clips(
         split: `train` or `validation`.
         fps: frames per second.
         variant: `original`, `mirror`, `varied`; None for all.
-        kinds: labels of what they show; None for whatever.
+        kinds: of motion; None for all.
     """
     for clip in found.select(split, variant):
         if kinds is None or kind_of(clip) in kinds:

@@ -1,4 +1,4 @@
-"""Motion made by a bundle window after window, each on from the last, with conditions that change on the way."""
+"""Motion sampled window after window, each from the last one, with conditions that change on the way."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from flexmotion.human.concatenate import concatenate
 from flexmotion.human.motion import Motion
 from flexmotion.sampling.sampler import Condition
 
-ROOMY = 1000
-"""Seeds between two roll-outs: more than a roll-out has windows."""
+SEEDS = 1000
+"""Seeds of a roll-out: more than it has windows."""
 
 
-class MakesMotion(Protocol):
-    """What a roll-out needs of `flexmotion.sampling.sampler.Sampler`."""
+class MotionSampler(Protocol):
+    """The part of `flexmotion.sampling.sampler.Sampler` that a roll-out needs."""
 
     @property
     def fps(self) -> float:
@@ -27,21 +27,21 @@ class MakesMotion(Protocol):
 
     @property
     def remembers(self) -> int:
-        """Frames of a history that tell all."""
+        """Frames of a history that the next window depends on."""
         ...
 
     def standing(self) -> Motion:
-        """To begin with."""
+        """A standing history."""
         ...
 
     def sample(self, history: Motion, condition: Condition, seed: int) -> Motion:
-        """The frames after a history."""
+        """The window after a history."""
         ...
 
 
 @dataclass(frozen=True)
 class Cue:
-    """From a moment on [s], what is asked for."""
+    """A condition from a moment on [s]."""
 
     at_s: float
     condition: Condition
@@ -49,12 +49,12 @@ class Cue:
 
 @dataclass(frozen=True)
 class RollOut:
-    """Motion on from standing.
+    """Motion that begins from standing.
 
     Attributes:
-        motion: without the standing that it began from.
+        motion: without the standing history.
         joins: first frames of its windows but the first, (K,).
-        cued: whether something else is asked for from that window on, (K,).
+        cued: whether the condition changes at that join, (K,).
     """
 
     motion: Motion
@@ -63,21 +63,21 @@ class RollOut:
 
 
 def always(text: str | None = None, velocity: tuple[float, float, float] | None = None) -> list[Cue]:
-    """One thing asked for from beginning to end."""
+    """One condition from beginning to end."""
     return [Cue(0.0, Condition(text, velocity))]
 
 
-def roll_out(sampler: MakesMotion, cues: Sequence[Cue], seconds: float, seed: int) -> RollOut:
-    """Motion from standing; a window that reaches past a cue is cut there, as the live system does.
+def roll_out(sampler: MotionSampler, cues: Sequence[Cue], seconds: float, seed: int) -> RollOut:
+    """Motion from standing; a window that reaches past a cue is cut there, as in the live system.
 
     Args:
-        sampler: of a bundle.
-        cues: in the order of their time, the first at 0.
-        seconds: how long.
+        sampler: of windows.
+        cues: in the order of their times, the first at 0.
+        seconds: length of the motion [s].
         seed: of all noise.
 
     Raises:
-        ValueError: what the model made is not finite, or cues are out of order.
+        ValueError: sampled motion is not finite, or cues are out of order.
     """
     starts = [round(cue.at_s * sampler.fps) for cue in cues]
     if not starts or starts[0] != 0 or starts != sorted(set(starts)):
@@ -88,7 +88,7 @@ def roll_out(sampler: MakesMotion, cues: Sequence[Cue], seconds: float, seed: in
     while done < total:
         cue = int(np.searchsorted(starts, done, side="right")) - 1
         end = min([total, *starts[cue + 1 : cue + 2]])
-        found = sampler.sample(past, cues[cue].condition, seed * ROOMY + number)[: end - done]
+        found = sampler.sample(past, cues[cue].condition, seed * SEEDS + number)[: end - done]
         if number:
             joins.append(done)
             cued.append(done == starts[cue])

@@ -1,63 +1,81 @@
-"""What a sample costs: one window from history and text on one thread, few steps against fifty.
+"""How long does a sample of one window take on one thread?
 
-    python benchmarks/sampler_speed.py BUNDLE [--diffusion BUNDLE] [--repeats 200]
-
-Prints milliseconds per sample, on the wall clock and of the processor alone (which a busy machine does not change
-much), against the first bundle's own number of steps, and this process's peak memory.
+Prints milliseconds per sample, on the wall clock and of the processor alone (which other processes hardly change), for
+several numbers of diffusion steps, over the processor time with the first bundle's own number; and the peak memory of
+this process. --diffusion adds a bundle that is not distilled.
 """
 
 from __future__ import annotations
 
-import argparse
 import resource
 import time
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+import typer
+from numpy.typing import NDArray
+from rich.console import Console
+from rich.table import Table
 from threadpoolctl import threadpool_limits
 
-from flexmotion.bundles.bundle import Bundle
+from benchmarks.shared.model import open_bundle
+from benchmarks.shared.options import BundleArgument
+from benchmarks.shared.outcome import Outcome
 from flexmotion.sampling.sampler import Condition, Sampler
 
+Float = NDArray[np.float64]
+
 PROMPTS = ("walk forward", "wave with the right hand", "turn left", "stand still")
+WARM_UP = 5
+"""Samples that do not count."""
+STEPS = (1, 2, 4)
 
 
-def measure(sampler: Sampler, repeats: int) -> np.ndarray:
-    """Milliseconds of every sample, each on from the last: wall clock, processor, (N, 2).
+def condition_of(number: int) -> Condition:
+    """Condition of the sample of a number: each prompt for ten samples in turn."""
+    return Condition(PROMPTS[number // 10 % len(PROMPTS)])
 
-    On one thread, linear algebra outside the networks too, as in the planner (`drivers/realtime/priority.py`): a second
-    thread of BLAS spins while it waits, and counts as processor time.
+
+def measure(sampler: Sampler, repeats: int) -> Float:
+    """Milliseconds of every sample, each from the last one: wall clock, processor, (N, 2).
+
+    One thread for linear algebra outside the networks too, as in the planner (`drivers/realtime/priority.py`): a second
+    BLAS thread spins while it waits, and counts as processor time.
     """
     history = sampler.standing()
     took = []
     with threadpool_limits(limits=1, user_api="blas"):
-        for number in range(repeats + 5):
-            condition = Condition(PROMPTS[number // 10 % len(PROMPTS)])
+        for number in range(repeats + WARM_UP):
             begin = time.perf_counter(), time.process_time()
-            history = sampler.sample(history, condition, number)
+            history = sampler.sample(history, condition_of(number), number)
             took.append((time.perf_counter() - begin[0], time.process_time() - begin[1]))
-    return 1e3 * np.array(took[5:])
+    return 1e3 * np.array(took[WARM_UP:])
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("bundle", type=Path)
-    parser.add_argument("--diffusion", type=Path)
-    parser.add_argument("--repeats", type=int, default=200)
-    arguments = parser.parse_args()
-    print(f"{'bundle':24} {'steps':>5} {'p50 ms':>8} {'p99 ms':>8} {'cpu p50':>8} {'cpu p99':>8} {'ratio':>6}")
-    own = 0.0
-    for path in filter(None, (arguments.bundle, arguments.diffusion)):
-        bundle = Bundle(path)
-        # The bundle's own number first: all else is compared with it.
-        for steps in dict.fromkeys((bundle.manifest.steps, 1, 2, 4)):
-            took = measure(Sampler(bundle, steps), max(20, arguments.repeats // (1 + steps // 10)))
-            figures = [np.quantile(column, share) for column in took.T for share in (0.5, 0.99)]
-            own = own or figures[2]
-            times = " ".join(f"{value:8.2f}" for value in figures)
-            print(f"{path.name:24} {steps:5d} {times} {figures[2] / own:6.2f}", flush=True)
-    print(f"peak memory {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.0f} MB")
-
-
-if __name__ == "__main__":
-    main()
+def main(
+    bundle: BundleArgument = None,
+    diffusion: Annotated[Path | None, typer.Option(help="Bundle of the model before distillation.")] = None,
+    repeats: Annotated[int, typer.Option(min=20, help="Samples of each number of steps, fewer of many.")] = 200,
+) -> Outcome:
+    """Measure each bundle with several numbers of steps."""
+    table = Table(title="One window, one thread")
+    for name in ("bundle", "steps", "p50 ms", "p99 ms", "cpu p50", "cpu p99", "ratio"):
+        table.add_column(name, justify="left" if name == "bundle" else "right")
+    own, figures = 0.0, {}
+    first, *others = [open_bundle(bundle), *([] if diffusion is None else [open_bundle(diffusion)])]
+    for opened in (first, *others):
+        # The bundle's own number first: all others are compared with it.
+        for steps in dict.fromkeys((opened.manifest.steps, *STEPS)):
+            took = measure(Sampler(opened, steps), max(20, repeats // (1 + steps // 10)))
+            wall, processor = (np.quantile(column, (0.5, 0.99)) for column in took.T)
+            own = own or float(processor[0])
+            cells = [f"{value:.2f}" for value in (*wall, *processor, processor[0] / own)]
+            table.add_row(opened.folder.name, str(steps), *cells)
+            names = ("p50_ms", "p99_ms", "cpu_p50_ms", "cpu_p99_ms")
+            label = f"{opened.folder.name}, {steps} {'step' if steps == 1 else 'steps'}"
+            figures[label] = dict(zip(names, map(float, (*wall, *processor)), strict=True))
+    Console(width=120).print(table)
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    print(f"peak memory {peak:.0f} MB")
+    return Outcome(figures=figures | {"peak_mb": peak})

@@ -1,11 +1,9 @@
-"""Does the model go as fast as it is told, where the data have such motion?
+"""Does the model follow a commanded velocity where the training data have such motion?
 
-    python benchmarks/velocity.py BUNDLE --set SET [--samples 8] [--seconds 4] [--guidance G] [--csv FILE] [--plots DIR]
-
-Every combination of forward, sideways and turning speeds, from standing. A velocity is the mean along and across where
-the pelvis faces, and of its turning. Judged are the seconds after the first, in which a body gets going, over commands
-that the training windows have: at least as many of them as `--enough` within .15 m/s and .2 rad/s of it. Exits with 1
-where the mean error is more than .15 m/s or .2 rad/s.
+Every combination of forward, sideways and turning speeds, from standing. A velocity is the mean along and across the
+heading of the pelvis, and of its turning. Judged are the seconds after the first one, in which the body speeds up, over
+commands near the training windows: `--enough` of them within .15 m/s and .2 rad/s. Fails where the mean error is more
+than .15 m/s or .2 rad/s.
 """
 
 from __future__ import annotations
@@ -18,42 +16,41 @@ from typing import Annotated
 
 import numpy as np
 import typer
-from model_rollout import Cue, roll_out
 from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import track
 from rich.table import Table
-from scipy.spatial.transform import Rotation
-from verdicts import Verdict, benchmark, write_csv
 
-from flexmotion.bundles.bundle import Bundle
+from benchmarks.model.roll_out import Cue, roll_out
+from benchmarks.shared.judges import frame_velocities
+from benchmarks.shared.model import open_sampler
+from benchmarks.shared.options import BundleArgument, CsvOption, PlotsOption, SetOption, StepsOption
+from benchmarks.shared.outcome import Outcome, Verdict, write_csv
 from flexmotion.configs.errors import ConfigError
 from flexmotion.dataset.compact_set import MotionSet, open_set
 from flexmotion.evaluation.interval import Interval
-from flexmotion.human.motion import Motion
 from flexmotion.sampling.sampler import Condition, Sampler
-from flexmotion.spatial.heading import continuous_matrix_heading
 
 Float = NDArray[np.float64]
 
 FORWARD, SIDEWAYS, TURNING = (0.0, 0.25, 0.5, 0.75, 1.0), (-0.3, 0.0, 0.3), (-1.0, -0.5, 0.0, 0.5, 1.0)
 NEAR = np.array([0.15, 0.15, 0.2])
-"""Windows within this of a command are such motion [m/s, m/s, rad/s]."""
+"""Windows within this of a command count as such motion [m/s, m/s, rad/s]."""
 
 LIMITS = 0.15, 0.2
 SETTLE_S = 1.0
-"""Time in which a body gets going."""
+"""Time in which a body speeds up [s]."""
 
 
 @dataclass(frozen=True)
 class Row:
-    """One command and what came of it.
+    """One command and the motion that followed it.
 
     Attributes:
         command: forward, left [m/s], turning left [rad/s].
         windows: training windows near it.
-        settled: mean velocities of the samples once they go, (N, 3).
-        from_rest: likewise, from the first frame on.
+        settled: mean velocities of the samples after the first seconds, (N, 3).
+        from_rest: likewise, from the first frame on, (N, 3).
     """
 
     command: tuple[float, float, float]
@@ -67,18 +64,8 @@ class Row:
         return np.linalg.norm(apart[:, :2], axis=1), np.abs(apart[:, 2])
 
 
-def frame_velocities(motion: Motion) -> Float:
-    """Velocity along and across the heading, and of turning, from frame to frame, (T - 1, 3)."""
-    yaw = continuous_matrix_heading(Rotation.from_quat(motion.root_quaternion, scalar_first=True).as_matrix())
-    step, turn = np.diff(motion.root_position[:, :2], axis=0) * motion.fps, np.diff(yaw) * motion.fps
-    middle = 0.5 * (yaw[1:] + yaw[:-1])
-    along = np.cos(middle) * step[:, 0] + np.sin(middle) * step[:, 1]
-    across = np.cos(middle) * step[:, 1] - np.sin(middle) * step[:, 0]
-    return np.stack([along, across, turn], axis=1)
-
-
 def window_velocities(found: MotionSet, seconds: float) -> Float:
-    """Mean velocities of windows of the training clips that follow each other, (N, 3)."""
+    """Mean velocities of consecutive windows of the training clips, (N, 3)."""
     rows = [np.zeros((0, 3))]
     for clip in found.select("train"):
         length = round(seconds * clip.fps)
@@ -103,7 +90,7 @@ def run(sampler: Sampler, condition: Condition, samples: int, seconds: float, ne
 
 
 def table(rows: Sequence[Row]) -> Table:
-    """Commands and what came of them."""
+    """Commands and the velocities that were found."""
     out = Table(title="Commanded velocity: forward, left (m/s), turning left (rad/s)")
     for name in ("command", "windows", "found", "speed error", "turning error", "errors from rest on"):
         out.add_column(name, justify="right")
@@ -122,7 +109,7 @@ def table(rows: Sequence[Row]) -> Table:
 
 
 def draw(rows: Sequence[Row], enough: int, path: Path) -> None:
-    """What was found over what was asked for, one panel a component."""
+    """Found velocities over commanded ones, one panel a component."""
     from flexmotion.streamer.plots.palette import LEFT, MUTED
     from flexmotion.streamer.plots.style import new_figure, save, styled
 
@@ -142,20 +129,20 @@ def draw(rows: Sequence[Row], enough: int, path: Path) -> None:
 
 
 def main(
-    folder: Annotated[Path, typer.Argument(metavar="BUNDLE", help="Bundle to judge.")],
-    data: Annotated[Path, typer.Option("--set", help="Training set.")],
+    data: SetOption,
+    bundle: BundleArgument = None,
     samples: Annotated[int, typer.Option(min=1, help="Of each command.")] = 8,
-    seconds: Annotated[float, typer.Option(min=0.5, help="That are judged.")] = 4.0,
-    guidance: Annotated[float | None, typer.Option(help="How strictly it is followed; as live by default.")] = None,
-    enough: Annotated[int, typer.Option(min=0, help="Windows from which on the data have a motion.")] = 20,
-    steps: Annotated[int | None, typer.Option(help="Of the diffusion; the bundle's own by default.")] = None,
-    csv_out: Annotated[Path | None, typer.Option("--csv", help="Write one row a command here.")] = None,
-    plots: Annotated[Path | None, typer.Option(help="Folder for pictures.")] = None,
-) -> list[Verdict]:
-    """Command velocities and measure what comes of them."""
-    sampler = Sampler(Bundle(folder), steps)
+    seconds: Annotated[float, typer.Option(min=0.5, help="Length of the judged motion [s].")] = 4.0,
+    guidance: Annotated[float | None, typer.Option(help="Guidance scale; default: that of the live system.")] = None,
+    enough: Annotated[int, typer.Option(min=0, help="Training windows near a command that is judged.")] = 20,
+    steps: StepsOption = None,
+    csv_out: CsvOption = None,
+    plots: PlotsOption = None,
+) -> Outcome:
+    """Command velocities and measure the motion."""
+    sampler = open_sampler(bundle, steps)
     if not sampler.bundle.manifest.velocity:
-        raise ConfigError(f"{folder}: this bundle cannot be told a velocity")
+        raise ConfigError(f"{sampler.bundle.folder}: this bundle does not follow velocities")
     windows = window_velocities(open_set(data), sampler.future / sampler.fps)
     rows = []
     for command in track(list(product(FORWARD, SIDEWAYS, TURNING)), "commands", console=Console(stderr=True)):
@@ -164,21 +151,22 @@ def main(
     known = [row for row in rows if row.windows >= enough]
     console = Console(width=160)
     console.print(table(known))
-    console.print(f"{len(rows) - len(known)} more commands are not in the data")
+    console.print(f"{len(rows) - len(known)} more commands are not near the data")
     if csv_out is not None:
         write_csv(csv_out, [csv_row(row) for row in rows])
     if plots is not None:
         plots.mkdir(parents=True, exist_ok=True)
         draw(rows, enough, plots / "velocity.png")
     if not known:
-        return [Verdict(f"commands that the data have: none of {len(rows)}", False)]
-    found = []
+        return Outcome([Verdict(f"commands near the data: none of {len(rows)}", False)])
+    verdicts, figures = [], {"commands": float(len(known)), "of": float(len(rows))}
     for place, (name, unit) in enumerate((("speed", "m/s"), ("turning", "rad/s"))):
         error = Interval.of(np.concatenate([row.errors(row.settled)[place] for row in known]))
         limit = LIMITS[place]
         sentence = f"mean error of {name} over {len(known)} of {len(rows)} commands: {error} {unit} (<= {limit})"
-        found.append(Verdict(sentence, error.mean <= limit))
-    return found
+        verdicts.append(Verdict(sentence, error.mean <= limit))
+        figures[f"{name}_error"] = error.mean
+    return Outcome(verdicts, figures)
 
 
 def csv_row(row: Row) -> dict[str, float]:
@@ -192,7 +180,3 @@ def csv_row(row: Row) -> dict[str, float]:
         "speed_error": float(speed.mean()),
         "turning_error": float(turning.mean()),
     }
-
-
-if __name__ == "__main__":
-    benchmark(main)

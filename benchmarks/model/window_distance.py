@@ -1,4 +1,4 @@
-"""Windows of motion as points, so that their distance says how differently two bodies move."""
+"""Windows of motion as points, whose distance measures how differently two bodies move."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ from flexmotion.spatial.heading import continuous_matrix_heading
 Float32 = NDArray[np.float32]
 
 EVERY = 4
-"""Frames of a window of which one counts: what lies between follows from them."""
+"""Every so many frames of a window one is compared; those between follow from them."""
 
 CHUNK = 20_000
-"""Windows that are compared at a time."""
+"""Windows compared at a time."""
 
 
 def windows_of(motion: Motion, body: Body, length: int, stride: int) -> Float32:
-    """Windows of a motion, (N, D): places of the points of the body, seen from below the pelvis of the first frame.
+    """Windows of a motion, (N, D): positions of the body's points, seen from below the pelvis of the first frame.
 
     Euclidean distance is the root mean square over points and frames, in leg lengths. Travel and turning count.
 
     Args:
         motion: of T frames.
-        body: that is to move so: with a body of its own each, the same angles would be apart.
+        body: that all motions are mapped to, so that equal joint angles have distance 0.
         length: of a window [frames].
         stride: from one window to the next [frames].
     """

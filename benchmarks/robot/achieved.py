@@ -1,4 +1,4 @@
-"""What the robot itself did in a run of the simulation: its hands, its way, its turn."""
+"""What the simulated robot did in a run, by its true motion: hands, displacement, turn."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
-from reversals import reversals
 
+from benchmarks.shared.judges import waves
 from flexmotion.configs.robot import Robot
 from flexmotion.spatial.heading import continuous_heading
 from flexmotion.streamer.control.run_trace import RunTrace
@@ -16,25 +16,25 @@ from flexmotion.streamer.report.metrics import Displacement
 
 Float = NDArray[np.float64]
 
-LOOK_HZ = 25.0
-"""How often hands are looked at."""
-SWINGS = 2
-"""Turns of a waving hand that make it a wave."""
+SAMPLED_HZ = 25.0
+"""Rate at which hands are sampled."""
 REACH = 0.09
-"""A hand swings if it moves by at least this share of the arm's length between its turns: 5 cm of a human's."""
+"""Share of the arm's length that a hand must move between two reversals: 5 cm of a human's."""
 NEAR = 0.18
-"""A hand waves from this share of the arm's length below its shoulder upwards: 10 cm of a human's."""
+"""A hand is up from this share of the arm's length below its shoulder: 10 cm of a human's."""
+FEWEST_S = 0.24
+"""A hand that is up for less does not wave [s]."""
 
 
 @dataclass(frozen=True)
-class Deeds:
+class Achieved:
     """What the robot did while its source played.
 
     Attributes:
         raised: whether the left and the right hand were above their shoulders, (2,).
-        waved: whether each swung to and fro up there, (2,).
-        forward, left: straight displacement as seen from where it faced at first [m].
-        turned: by how much its heading changed, positive left [degrees].
+        waved: whether each moved to and fro up there, (2,).
+        forward, left: straight displacement, seen from the initial heading [m].
+        turned: change of the heading, positive to the left [degrees].
     """
 
     raised: tuple[bool, bool]
@@ -44,20 +44,21 @@ class Deeds:
     turned: float
 
 
-def deeds(robot: Robot, record: RunTrace) -> Deeds:
-    """Read from the ground truth of a run."""
+def achieved(robot: Robot, record: RunTrace) -> Achieved:
+    """Measured on the true motion of a simulated run."""
     rows = np.flatnonzero(np.isfinite(record.source_s) & np.isfinite(record.true_base).all(axis=1))
     base = record.true_base[rows]
-    yaw = continuous_heading(base[:, 3:])
-    went = Displacement.of(base[:, :3], yaw)
-    looked = rows[:: max(round(record.rate_hz / LOOK_HZ), 1)]
-    hand, shoulder, torso = _arms(robot, record.true_base[looked], record.true_q[looked])
+    went = Displacement.of(base[:, :3], continuous_heading(base[:, 3:]))
+    sampled = rows[:: max(round(record.rate_hz / SAMPLED_HZ), 1)]
+    hand, shoulder, torso = _arms(robot, record.true_base[sampled], record.true_q[sampled])
     arm = float(np.linalg.norm(hand - shoulder, axis=-1).max())
     local = np.einsum("tji,tsj->tsi", torso, hand - shoulder)
     above = hand[:, :, 2] - shoulder[:, :, 2]
-    return Deeds(
+    fewest = round(FEWEST_S * SAMPLED_HZ)
+    left, right = (waves(local[:, side], above[:, side] > -NEAR * arm, REACH * arm, fewest) for side in (0, 1))
+    return Achieved(
         raised=(bool((above[:, 0] > 0).any()), bool((above[:, 1] > 0).any())),
-        waved=(_waves(local[:, 0], above[:, 0], arm), _waves(local[:, 1], above[:, 1], arm)),
+        waved=(left, right),
         forward=went.ahead_m,
         left=went.left_m,
         turned=float(np.degrees(went.turned_rad)),
@@ -82,9 +83,3 @@ def _arms(robot: Robot, base: Float, q: Float) -> tuple[Float, Float, Float]:
             body = robot.model.body(own.body).id
             hand[row, side] = data.xpos[body] + data.xmat[body].reshape(3, 3) @ np.asarray(own.point)
     return hand, shoulder, torso
-
-
-def _waves(local: Float, above: Float, arm: float) -> bool:
-    """Whether a hand, seen from the torso (K, 3), turns to and fro while it is up."""
-    up = local[above > -NEAR * arm]
-    return len(up) > LOOK_HZ / 5 and max(reversals(axis, REACH * arm) for axis in up.T) >= SWINGS

@@ -1,45 +1,38 @@
-"""What becomes of a walk when the planner goes silent, or an operator stops it, at a random moment?
+"""Does a walking robot stay up when the planner fails, or an operator stops it, at a random moment?
 
-    python benchmarks/faults.py [--moments 50] [--clips FILE] [--jobs 2] [--seed 0]
-
-Walking clips of `spine.py`, each moment drawn anew while the robot streams; in lockstep, with the nominal robot and
-with the perturbed one of `spine.py`. The mechanics in real processes (signals, scheduling) are tests: `tests/system`.
+The walking clips of `clips.yaml`, in lockstep, nominal and perturbed; the moment is drawn anew for each run.
 
 - silent: no plan is made from that moment on, as when the planner's process is killed or stopped: HOLD, standing;
 - STOP: a balanced stop: HOLD, standing 3 s later;
 - E-STOP: goals freeze at the next tick, then the robot parks: upright 3 s later.
 
-Exits 1 where fewer than 90 % (silent) or 95 % (stops) of the nominal runs stay up.
+Judged are the nominal runs. What processes and signals do is tested in `tests/system`.
 """
 
 from __future__ import annotations
 
-import os
-import sys
-import tempfile
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
-# Before NumPy is loaded: a run is one thread, --jobs says how many there are.
-os.environ.setdefault("OMP_NUM_THREADS", "1")
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-
 import numpy as np
 import typer
-import yaml
 from rich.console import Console
-from rich.progress import Progress
 from rich.table import Table
-from spine import ARCHIVES, CLIPS, extract
 
+from benchmarks.robot.clips import CLIPS
+from benchmarks.robot.simulation import simulator
+from benchmarks.shared.cells import share
+from benchmarks.shared.clips import ClipList, extracted
+from benchmarks.shared.options import CsvOption, JobsOption
+from benchmarks.shared.outcome import Outcome, Verdict, write_csv
+from benchmarks.shared.processes import in_order
 from flexmotion.configs.robot import load_robot
 from flexmotion.configs.stream import load_stream
-from flexmotion.drivers.registry import create
 from flexmotion.importers import load
 from flexmotion.retarget.plan import Plan
-from flexmotion.streamer.commands.driver_options import simulation_options
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.motion.sources import ClipSource
 from flexmotion.streamer.planning.planner import Planned, Planner
@@ -48,12 +41,18 @@ from flexmotion.streamer.run.requests import Request
 from flexmotion.streamer.run.session import Session
 
 KINDS = {"silent": (None, 0.90), "STOP": (Request.STOP, 0.95), "E-STOP": (Request.ESTOP, 0.95)}
+"""What is requested, and the share of nominal runs that must end as they should."""
 AFTER_S = 3.0
-TILTED = np.cos(np.radians(45.0))
+"""Time after the moment in which the robot must stay upright [s]."""
+UPRIGHT = np.cos(np.radians(45.0))
+STARTED_S = 0.6
+"""The robot stands after this [s]."""
+FREEZE_TICKS = 2
+"""Ticks within which an E-STOP must have frozen the goals."""
 
 
-class FallsSilent(Planner):
-    """A planner that makes no more plans that would join after a given tick."""
+class SilentPlanner(Planner):
+    """A planner that makes no plan that would join after a given tick."""
 
     last_tick = 0
 
@@ -65,8 +64,26 @@ class FallsSilent(Planner):
 
 
 @dataclass(frozen=True)
+class Task:
+    """One run; `share` in [0, 1] says where in the clip the moment is."""
+
+    kind: str
+    clip: str
+    perturbed: bool
+    share: float
+    seed: int
+
+
+@dataclass(frozen=True)
 class Trial:
-    """One run: what happened when, and how it ended."""
+    """One run and how it ended.
+
+    Attributes:
+        moment_s: of the run [s].
+        upright: the torso stayed upright until `AFTER_S` after the moment.
+        held: the ladder reached HOLD.
+        frozen_ticks: ticks after an E-STOP until the goals moved no more; 0 of other kinds.
+    """
 
     kind: str
     clip: str
@@ -76,88 +93,106 @@ class Trial:
     held: bool
     frozen_ticks: int
 
+    @property
+    def ended_well(self) -> bool:
+        """Whether it ended as it should."""
+        return self.upright and self.held and self.frozen_ticks <= FREEZE_TICKS
 
-def trial(kind: str, file: Path, perturbed: bool, share: float, seed: int) -> Trial:
-    """Disturb one walk; `share` in [0, 1] says where in the clip."""
-    request, _ = KINDS[kind]
-    robot = load_robot("op3")
-    options = simulation_options(perturbed, ["total_mass=3.5"] if perturbed else [])
-    source, settings = ClipSource(load(file)), load_stream()
-    session = Session(robot, create("sim", robot, **options, seed=seed), source, settings, source.seconds)
-    begin = 0.6 + settings.lead_in_s  # the robot is up, and what precedes the clip is over
-    tick = round((begin + share * source.seconds) * robot.rate_hz)
+
+def trial(task: Task, folder: Path) -> Trial:
+    """Disturb one walk; the folder holds the clips."""
+    request, _ = KINDS[task.kind]
+    robot, settings = load_robot("op3"), load_stream()
+    source = ClipSource(load(folder / f"{task.clip}.bvh"))
+    driver = simulator(robot, task.perturbed, task.seed)
+    session = Session(robot, driver, source, settings, source.seconds)
+    begin = STARTED_S + settings.lead_in_s
+    tick = round((begin + task.share * source.seconds) * robot.rate_hz)
     if request is None:
-        silent = FallsSilent(session.planner.retargeter, source, settings)
+        silent = SilentPlanner(session.planner.retargeter, source, settings)
         silent.last_tick = tick
         session.planner = silent
     else:
         session.next_request = lambda: request if session.loop is not None and session.loop.tick_count == tick else None
     record = session.run("lockstep")
-    w, x, y, z = record.true_base[:, 3:].T
-    up = 1 - 2 * (x * x + y * y) > TILTED
-    until = tick + round(AFTER_S * robot.rate_hz)
+    _, x, y, _ = record.true_base[:, 3:].T
+    up = 1 - 2 * (x * x + y * y) > UPRIGHT
     goals = record.q_cmd[tick - 1 : tick + 40]
     moved = np.flatnonzero(np.abs(np.diff(goals, axis=0)).max(axis=1) > 0)
     return Trial(
-        kind,
-        file.stem,
-        perturbed,
+        task.kind,
+        task.clip,
+        task.perturbed,
         tick / robot.rate_hz,
-        upright=bool(up[:until].all()),
+        upright=bool(up[: tick + round(AFTER_S * robot.rate_hz)].all()),
         held=bool((record.state[tick:] == State.HOLD).any()),
         frozen_ticks=int(moved[-1]) + 1 if request is Request.ESTOP and len(moved) else 0,
     )
 
 
-def main(
-    moments: Annotated[int, typer.Option(help="Random moments of each kind, nominal and perturbed.")] = 50,
-    clips: Annotated[Path, typer.Option(help="List of clips.")] = CLIPS,
-    jobs: Annotated[int, typer.Option(help="Runs at a time.")] = 2,
-    seed: Annotated[int, typer.Option(help="Of moments and robots.")] = 0,
-) -> None:
-    """Run every trial and print the shares that stayed up."""
-    console, rng = Console(), np.random.default_rng(seed)
-    walking = yaml.safe_load(clips.read_text(encoding="utf-8"))["walking"]
-    done: list[Trial] = []
-    with (
-        tempfile.TemporaryDirectory() as name,
-        Progress(console=Console(stderr=True)) as progress,
-        ProcessPoolExecutor(jobs) as pool,
-    ):
-        folder = Path(name)
-        for collection in ARCHIVES:
-            extract(collection, walking.get(collection, []), folder)
-        names = [clip for own in walking.values() for clip in own]
-        futures = [
-            pool.submit(trial, kind, folder / f"{names[k % len(names)]}.bvh", perturbed, rng.uniform(), seed + k)
-            for kind in KINDS
-            for perturbed in (False, True)
-            for k in range(moments)
-        ]
-        bar = progress.add_task("moments", total=len(futures))
-        for future in as_completed(futures):
-            done.append(future.result())
-            progress.advance(bar)
-    table = Table("what", "robot", "runs", "upright 3 s later", "reached HOLD", "goals moved for [ticks]")
-    failed = False
+def table(groups: dict[tuple[str, bool], list[Trial]]) -> Table:
+    """One row a kind and robot."""
+    out = Table("what", "robot", "runs", "upright 3 s later", "reached HOLD", "goals moved for [ticks]")
+    for (kind, perturbed), group in groups.items():
+        out.add_row(
+            kind,
+            "perturbed" if perturbed else "nominal",
+            str(len(group)),
+            f"{share([t.upright for t in group]):.0%}",
+            f"{share([t.held for t in group]):.0%}",
+            f"max {max(t.frozen_ticks for t in group)}" if kind == "E-STOP" else "",
+        )
+    return out
+
+
+def verdicts(groups: dict[tuple[str, bool], list[Trial]]) -> list[Verdict]:
+    """Of the nominal runs."""
+    found = []
     for kind, (_, wanted) in KINDS.items():
-        for perturbed in (False, True):
-            group = [t for t in done if t.kind == kind and t.perturbed == perturbed]
-            up = sum(t.upright for t in group) / len(group)
-            held = sum(t.held for t in group) / len(group)
-            moved = f"max {max(t.frozen_ticks for t in group)}" if kind == "E-STOP" else ""
-            table.add_row(
-                kind, "perturbed" if perturbed else "nominal", str(len(group)), f"{up:.0%}", f"{held:.0%}", moved
-            )
-            ends_right = sum(t.upright and t.held and t.frozen_ticks <= 2 for t in group) / len(group)
-            failed |= not perturbed and ends_right < wanted
-    console.print(table)
+        well = share([t.ended_well for t in groups[kind, False]])
+        found.append(Verdict(f"{kind}: upright and held {well:.0%} (>= {wanted:.0%})", well >= wanted))
+    return found
+
+
+def figures_of(group: Sequence[Trial]) -> dict[str, float]:
+    """Figures of a kind and robot."""
+    return {
+        "runs": len(group),
+        "upright": share([t.upright for t in group]),
+        "held": share([t.held for t in group]),
+        "frozen_ticks_most": max(t.frozen_ticks for t in group),
+    }
+
+
+def main(
+    moments: Annotated[int, typer.Option(min=1, help="Random moments of each kind, nominal and perturbed each.")] = 50,
+    clips: Annotated[Path, typer.Option(help="YAML list of clips by kind and collection.")] = CLIPS,
+    jobs: JobsOption = 2,
+    seed: Annotated[int, typer.Option(help="Of moments and robots.")] = 0,
+    csv_out: CsvOption = None,
+) -> Outcome:
+    """Run every trial and count those that ended as they should."""
+    rng, listed = np.random.default_rng(seed), ClipList(clips, ["walking"])
+    names = [clip.name for clip in listed.clips]
+    tasks = [
+        Task(kind, names[k % len(names)], perturbed, rng.uniform(), seed + k)
+        for kind in KINDS
+        for perturbed in (False, True)
+        for k in range(moments)
+    ]
+    with extracted(listed.by_collection) as folder:
+        done = in_order(partial(trial, folder=folder), tasks, jobs)
+    groups = {
+        (kind, perturbed): [t for t in done if (t.kind, t.perturbed) == (kind, perturbed)]
+        for kind in KINDS
+        for perturbed in (False, True)
+    }
+    console = Console()
+    console.print(table(groups))
     for t in done:
         if not t.upright:
             console.print(f"fell: {t.kind} {t.clip} at {t.moment_s:.2f} s{' perturbed' if t.perturbed else ''}")
-    if failed:
-        sys.exit(1)
-
-
-if __name__ == "__main__":
-    typer.run(main)
+    if csv_out is not None:
+        write_csv(csv_out, [asdict(t) for t in done])
+    figures = {f"{kind}, {'perturbed' if hard else 'nominal'}": figures_of(own) for (kind, hard), own in groups.items()}
+    return Outcome(verdicts(groups), figures)

@@ -1,0 +1,124 @@
+"""`CATALOGUE`: every benchmark, with what it needs, how long it takes and where it fails; no benchmark is imported."""
+
+from __future__ import annotations
+
+import ast
+from dataclasses import dataclass
+from enum import Enum
+from importlib.util import find_spec
+from pathlib import Path
+
+from flexmotion.configs.errors import ConfigError
+
+FOLDER = Path(__file__).resolve().parent
+
+
+class Need(Enum):
+    """What a benchmark needs beyond the installed project; the value is what the list says."""
+
+    CLIPS = "motion data"
+    SET = "training set"
+    TRAINING = "training run"
+    DEV = "extra dev"
+    BIOMECH = "extra biomech"
+    TRAIN = "extra train"
+    OPENSIM = "extra opensim"
+
+
+MODULES = {
+    Need.DEV: "rustypot",
+    Need.BIOMECH: "myo_sim",
+    Need.TRAIN: "torch",
+    Need.OPENSIM: "opensim",
+}
+"""A module that an extra installs."""
+
+
+@dataclass(frozen=True)
+class Benchmark:
+    """A benchmark: `benchmarks/NAME.py`.
+
+    Attributes:
+        name: topic and module, such as `model/hearing`.
+        takes: about how long on one core, with its default options.
+        needs: what must be there besides the installed project.
+        fails: where it exits with 1; empty where it only measures.
+    """
+
+    name: str
+    takes: str
+    needs: tuple[Need, ...] = ()
+    fails: str = ""
+
+    @property
+    def module(self) -> str:
+        """Its module, for an import."""
+        return f"benchmarks.{self.name.replace('/', '.')}"
+
+    @property
+    def asks(self) -> str:
+        """The question that it answers: the first line of its module."""
+        text = ast.get_docstring(ast.parse((FOLDER / f"{self.name}.py").read_text(encoding="utf-8"))) or ""
+        return text.splitlines()[0]
+
+    def check_extras(self) -> None:
+        """Check that the extras that it needs are installed.
+
+        Raises:
+            ConfigError: one is missing.
+        """
+        for need in self.needs:
+            if need in MODULES and find_spec(MODULES[need]) is None:
+                extra = need.value.partition(" ")[2]
+                raise ConfigError(f"{self.name} needs the extra {extra!r}: in a clone, pip install '.[{extra}]'")
+
+
+CATALOGUE = (
+    Benchmark("robot/clips", "8 min", (Need.CLIPS,), "a standing clip falls; walked below 90 %; pace below 5x"),
+    Benchmark("robot/prompts", "3 h", (), "upright, or done, below 90 % (gestures), 80 % (locomotion)"),
+    Benchmark("robot/pace", "20 min", (), "at `gait.pace` below .4 of the way, .7 of its best speed, 90 % upright"),
+    Benchmark("robot/replan_noise", "1 h", (Need.CLIPS,), "at 5 cm upright below 90 %, a join above 3 mm a tick"),
+    Benchmark("robot/switching", "5 min", (Need.CLIPS,), "more than 1 fall in 200 changes"),
+    Benchmark("robot/faults", "20 min", (Need.CLIPS,), "upright below 90 % (silent planner), 95 % (stops)"),
+    Benchmark("model/hearing", "10 s", (), "below 95 %, a kind below 85 %, left taken for right"),
+    Benchmark("model/prompts", "4 min", (), "below 90 %, a kind below 70 %"),
+    Benchmark("model/long_horizon", "10 min", (Need.SET,), "feet 3 cm off in 2 % of frames, jerk at joins 1.5 x"),
+    Benchmark("model/velocity", "5 min", (Need.SET,), "mean error above .15 m/s, .2 rad/s"),
+    Benchmark("model/memorisation", "10 min", (Need.SET,), "half as far from training windows; .3 of the diversity"),
+    Benchmark("model/agreement", "2 min", (), "90th percentile at 1 s above 5 cm, 3°"),
+    Benchmark("model/sampler_speed", "10 s"),
+    Benchmark("model/int8", "2 min", (Need.TRAIN,), "above 12 ms (99 %: 20 ms) of the processor, 400 MB"),
+    Benchmark(
+        "model/physics_ablation",
+        "5 h",
+        (Need.TRAIN, Need.TRAINING),
+        "own metrics less than 20 % better, Fréchet distance above 1.1 x",
+    ),
+    Benchmark("model/motion_pictures", "1 min", (Need.SET,)),
+    Benchmark("biomechanics/gait", "5 s", (Need.CLIPS,), "a force or moment over its target"),
+    Benchmark("biomechanics/muscles", "5 min", (Need.CLIPS, Need.BIOMECH), "torque within 2 % in below 90 % of frames"),
+    Benchmark("biomechanics/speed", "5 min", (Need.CLIPS, Need.BIOMECH), "below 350 frames/s on two workers"),
+    Benchmark(
+        "biomechanics/opensim_reference",
+        "5 min",
+        (Need.CLIPS, Need.BIOMECH, Need.OPENSIM),
+        "torque 1 % off its largest, activation .02",
+    ),
+    Benchmark("bus/cycle_time", "1 min", (Need.DEV,)),
+    Benchmark("bus/faults", "10 min", (), "bad packets end a run or cost 10 % of the tracking"),
+)
+"""By topic; in the order of the list."""
+
+
+def find(name: str) -> Benchmark:
+    """The benchmark of a name.
+
+    Raises:
+        ConfigError: there is none.
+    """
+    for benchmark in CATALOGUE:
+        if benchmark.name == name:
+            return benchmark
+    near = [own.name for own in CATALOGUE if name in own.name]
+    expected = ", ".join(near or [own.name for own in CATALOGUE])
+    raise ConfigError(f"no benchmark {name!r}, expected {'one of ' if len(near) != 1 else ''}{expected}")

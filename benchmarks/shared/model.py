@@ -1,0 +1,31 @@
+"""The model that a benchmark measures."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from flexmotion.bundles.bundle import Bundle
+from flexmotion.bundles.shipped import shipped_bundle
+from flexmotion.configs.errors import ConfigError
+from flexmotion.sampling.sampler import Sampler
+
+
+def open_bundle(folder: Path | None) -> Bundle:
+    """The bundle of a folder, or the shipped one.
+
+    Raises:
+        ConfigError: the bundle is damaged, or none is given and none is shipped.
+    """
+    found = shipped_bundle() if folder is None else folder
+    if found is None:
+        raise ConfigError("this version comes without a model bundle; name one")
+    return Bundle(found)
+
+
+def open_sampler(folder: Path | None, steps: int | None = None) -> Sampler:
+    """A sampler of the bundle of a folder, or of the shipped one; `steps` of the diffusion, by default the bundle's.
+
+    Raises:
+        ConfigError: as `open_bundle`.
+    """
+    return Sampler(open_bundle(folder), steps)

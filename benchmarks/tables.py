@@ -1,0 +1,189 @@
+"""Tables of the documents, made from kept results.
+
+A document has `<!-- figures: NAME -->`, the table, and `<!-- end -->`; NAME is one of `TABLES`.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from benchmarks.catalogue import CATALOGUE
+from benchmarks.results import FOLDER, ROOT, Result, kept
+from flexmotion.configs.errors import ConfigError
+
+DOCUMENTS = ("README.md", "docs/*.md", "benchmarks/README.md")
+"""Where tables may be (globs in the project)."""
+
+BEGIN = re.compile(r"^<!-- figures: (?P<name>[\w-]+) -->\n", re.MULTILINE)
+END = "<!-- end -->"
+NOT_KEPT = "-"
+"""Cell of a benchmark without a kept result."""
+
+Results = Callable[[str], Result | None]
+"""The kept result of a benchmark by name."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """A row of figures.
+
+    Attributes:
+        what: was measured.
+        benchmark: that measured it.
+        found: its figures, as a format string over the result's figures, such as `{force[left]:.1f} N`.
+        target: what is wanted; empty where nothing is.
+    """
+
+    what: str
+    benchmark: str
+    found: str
+    target: str = ""
+
+
+BIOMECHANICS = (
+    Row(
+        "ground force per foot, vertical / fore-aft / side, RMSE",
+        "biomechanics/gait",
+        "{force_percent[vertical]:.1f} / {force_percent[fore-aft]:.1f} / {force_percent[side]:.1f} % of body weight",
+        "4.5 / 2.5 / 2.5",
+    ),
+    Row(
+        "hip / knee / ankle moment, RMSE",
+        "biomechanics/gait",
+        "{moment_nm_kg[hip_flexion]:.3f} / {moment_nm_kg[knee_flexion]:.3f} / {moment_nm_kg[ankle_dorsiflexion]:.3f}"
+        " N·m/kg",
+        ".15 / .15 / .18",
+    ),
+)
+
+
+def of_topic(topic: str, results: Results) -> str:
+    """The benchmarks of a topic: what they ask, where they fail, their last result."""
+    rows = []
+    for benchmark in CATALOGUE:
+        if benchmark.name.startswith(f"{topic}/"):
+            rows.append([f"`{benchmark.name}`", benchmark.asks, benchmark.fails, _last(results(benchmark.name))])
+    return markdown(("benchmark", "asks", "fails", "last result"), rows)
+
+
+def of_figures(rows: Sequence[Row], results: Results) -> str:
+    """Figures of several benchmarks, one row each."""
+    cells = []
+    for row in rows:
+        result = results(row.benchmark)
+        found = NOT_KEPT if result is None else row.found.format_map(result.figures)
+        cells.append([row.what, f"`{row.benchmark}`", found, row.target, "" if result is None else _when(result)])
+    return markdown(("what", "benchmark", "found", "target", "measured"), cells)
+
+
+def of_groups(name: str, columns: Mapping[str, str], results: Results) -> str:
+    """Figures of one benchmark that has several groups of them, one row a group.
+
+    Args:
+        name: of the benchmark; its figures are groups by name.
+        columns: heading -> a format string over the figures of a group; the group's name is `{name}`.
+        results: kept ones.
+    """
+    result = results(name)
+    if result is None:
+        return f"`{name}`: no result is kept."
+    groups = [{"name": group} | figures for group, figures in result.figures.items() if isinstance(figures, dict)]
+    rows = [[form.format_map(group) for form in columns.values()] for group in groups]
+    return f"{markdown(tuple(columns), rows)}\n\n`{name}`: {_when(result)}; {_where(result)}."
+
+
+def markdown(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """A table."""
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join(f"| {' | '.join(cell.replace('|', '/') for cell in line)} |" for line in lines)
+
+
+def _last(result: Result | None) -> str:
+    if result is None:
+        return NOT_KEPT
+    verdicts = "; ".join(f"{'' if own.holds else 'FAIL: '}{own.sentence}" for own in result.verdicts)
+    return f"{verdicts or 'measured'} ({_when(result)})"
+
+
+def _when(result: Result) -> str:
+    return f"{result.date}, {result.commit[:7]}"
+
+
+def _where(result: Result) -> str:
+    return f"{result.machine.cores} cores {result.machine.processor}, load {result.machine.load:g}"
+
+
+TABLES: dict[str, Callable[[Results], str]] = {
+    "model": partial(of_topic, "model"),
+    "robot": partial(of_topic, "robot"),
+    "biomechanics": partial(of_figures, BIOMECHANICS),
+    "bus-cycle-time": partial(
+        of_groups,
+        "bus/cycle_time",
+        {
+            "client": "{client}",
+            "baud": "{baud}",
+            "on the wire [ms]": "{wire_ms:.2f}",
+            "median [ms]": "{median_ms:.2f}",
+            "p99 [ms]": "{p99_ms:.2f}",
+            "median / wire": "{median_over_wire:.2f}",
+            "failed cycles": "{failed}",
+        },
+    ),
+    "bus-faults": partial(
+        of_groups,
+        "bus/faults",
+        {"`--fault`": "`{fault}`", "events, seconds after the fault": "{events}", "violations": "{violations}"},
+    ),
+}
+
+
+def updated(text: str, document: str, results: Results = kept) -> str:
+    """A document with its tables made anew.
+
+    Raises:
+        ConfigError: a table has no end, or is unknown.
+    """
+    parts, place = [], 0
+    while (begin := BEGIN.search(text, place)) is not None:
+        name, end = begin["name"], text.find(END, begin.end())
+        if end < 0:
+            raise ConfigError(f"{document}: the table {name!r} has no {END}")
+        if name not in TABLES:
+            raise ConfigError(f"{document}: no table {name!r}, expected one of {', '.join(TABLES)}")
+        # A formatter of Markdown wants a line between a comment and a table.
+        parts += [text[place : begin.end()], f"\n{TABLES[name](results)}\n\n"]
+        place = end
+    return "".join([*parts, text[place:]])
+
+
+def documents(root: Path = ROOT) -> list[Path]:
+    """Documents that have tables."""
+    found = [path for pattern in DOCUMENTS for path in sorted(root.glob(pattern))]
+    return [path for path in found if BEGIN.search(path.read_text(encoding="utf-8"))]
+
+
+def main(options: Sequence[str], root: Path = ROOT, folder: Path = FOLDER) -> int:
+    """Write the tables, or with `--check` compare them; returns 1 where a document differs."""
+    if set(options) - {"--check"}:
+        raise ConfigError(f"tables: unknown option {' '.join(options)!r}, expected --check or nothing")
+    stale = []
+    for path in documents(root):
+        before = path.read_text(encoding="utf-8")
+        name = path.relative_to(root).as_posix()
+        after = updated(before, name, partial(kept, folder=folder))
+        if after == before:
+            continue
+        stale.append(name)
+        if not options:
+            path.write_text(after, encoding="utf-8")
+            print(f"{name}: written")
+    if options and stale:
+        print(f"not as the kept results: {', '.join(stale)}; run: python -m benchmarks tables", file=sys.stderr)
+        return 1
+    return 0
