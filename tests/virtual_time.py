@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import select
 import signal
@@ -39,9 +40,13 @@ class VirtualTime:
     Time stands still while any of them computes. When all of them sleep it jumps to the moment at which the first one
     is to wake. A process that was killed or stopped is not waited for. Signals, shared memory and the order of events
     are those of a run on the real clock; work takes no time.
+
+    Args:
+        fastest: seconds that may pass in a second of the real clock, as far as the machine can.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, fastest: float = math.inf) -> None:
+        self._fastest, self._begun_ns = fastest, time.perf_counter_ns()
         self._now = shared_array(1, np.int64)
         self._wake = shared_array(_PROCESSES, np.int64)
         """When each process wakes [ns]; it runs where that has passed."""
@@ -53,7 +58,7 @@ class VirtualTime:
         for ends in (*self._pipes, self._asleep):
             for end in ends:
                 os.set_blocking(end, False)
-        self._now[0] = time.perf_counter_ns()
+        self._now[0] = self._begun_ns
         self._number = self._add()
         self._pid[self._number] = os.getpid()
 
@@ -122,6 +127,8 @@ class VirtualTime:
         if not asleep.any() or any(_runs(int(pid)) for pid in self._pid[:known][~asleep]):
             return
         now = self._wake[:known][asleep].min()
+        if now - self._begun_ns > self._fastest * (time.perf_counter_ns() - self._begun_ns):
+            return
         self._now[0] = now
         for number in np.flatnonzero(asleep & (self._wake[:known] == now)):
             _write(self._pipes[number][1])
@@ -156,9 +163,9 @@ _start = child.start
 
 
 @contextmanager
-def virtual_time() -> Iterator[VirtualTime]:
+def virtual_time(fastest: float = math.inf) -> Iterator[VirtualTime]:
     """Virtual time in this process and in those that it starts, as long as it is open."""
-    clock = VirtualTime()
+    clock = VirtualTime(fastest)
     # Time passes as well for processes that outlive this one.
     arbiter = _start("time", clock.arbitrate, orphaned=signal.SIGCONT)
     with pytest.MonkeyPatch.context() as patch:

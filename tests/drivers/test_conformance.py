@@ -17,8 +17,8 @@ from flexmotion.drivers.registry import create
 from flexmotion.drivers.sim.driver import SimDriver
 from flexmotion.drivers.sim.options import SimOptions
 
+from ..waiting import wait_until
 from .bus.robots import looped, op3_with
-from .waiting import wait_until
 
 
 class TestSim(DriverConformance):

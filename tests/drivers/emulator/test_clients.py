@@ -15,7 +15,7 @@ from dynamixel_sdk import COMM_SUCCESS, GroupSyncRead, GroupSyncWrite, PacketHan
 from flexmotion.configs.robot import Robot
 from flexmotion.drivers.emulator.emulator import Emulator
 
-from ..waiting import wait_until
+from ...waiting import wait_until
 
 pytestmark = pytest.mark.wall_clock
 

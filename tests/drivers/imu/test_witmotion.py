@@ -35,7 +35,7 @@ from flexmotion.drivers.interface import JointCommand, RobotState
 from flexmotion.drivers.port import SerialPort
 from flexmotion.drivers.registry import create
 
-from ..waiting import wait_until
+from ...waiting import wait_until
 from .robots import looped, op3_with_imu
 
 TICK = 0.008

@@ -13,20 +13,20 @@ import pytest
 
 from flexmotion.drivers.realtime import child
 
-from ..waiting import HANGS_S, wait_until
+from ...waiting import HANGING_S, wait_until
 
 pytestmark = pytest.mark.wall_clock
 
 
 def _sleep() -> None:
-    time.sleep(10 * HANGS_S)
+    time.sleep(10 * HANGING_S)
 
 
 def _parent(result: Connection) -> None:
     """Start a child, report its process id, and wait to be killed."""
     started = child.start("sleeper", _sleep)
     result.send(started.pid)
-    time.sleep(10 * HANGS_S)
+    time.sleep(10 * HANGING_S)
 
 
 def test_a_child_whose_parent_is_killed_ends() -> None:
@@ -38,7 +38,7 @@ def test_a_child_whose_parent_is_killed_ends() -> None:
     assert parent.pid is not None
     os.kill(parent.pid, signal.SIGKILL)
     parent.join()
-    orphan.wait(timeout=HANGS_S)
+    orphan.wait(timeout=HANGING_S)
 
 
 def test_ctrl_c_in_a_terminal_does_not_end_a_child_and_end_does() -> None:

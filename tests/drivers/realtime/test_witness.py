@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from flexmotion.drivers.realtime.priority import WITNESS_PRIORITY
 from flexmotion.drivers.realtime.witness import Witness, overlapping
 
-from ..waiting import wait_until
+from ...waiting import wait_until
 
 pytestmark = pytest.mark.wall_clock
 

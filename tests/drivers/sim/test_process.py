@@ -19,7 +19,7 @@ from flexmotion.drivers.interface import JointCommand, RobotState
 from flexmotion.drivers.sim.driver import SimDriver
 from flexmotion.drivers.sim.process import SimProcess
 
-from ..waiting import wait_until
+from ...waiting import wait_until
 
 pytestmark = pytest.mark.wall_clock
 
