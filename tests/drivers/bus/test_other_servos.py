@@ -41,7 +41,7 @@ def lx(tmp_path: Path) -> Robot:
 
 
 def test_a_driver_refuses_servos_of_another_protocol(sts: Robot) -> None:
-    with pytest.raises(ConfigError, match=r"servo STS3215-12V on bus 'main' speaks feetech, .* speaks dynamixel2"):
+    with pytest.raises(ConfigError, match=r"servo STS3215-12V on bus 'main' has protocol feetech.* dynamixel2"):
         create("dynamixel", sts, port="main")
     with pytest.raises(ConfigError, match="has protocol dynamixel2, this driver supports lx16a"):
         create("lx16a", load_robot("op3"), port="main")
