@@ -389,7 +389,7 @@ def test_fast_reads_that_nobody_answers_are_given_up_for_good(
         servo.table = servo.table.model_copy(update={"fast_sync_read_firmware": 99})
     it.tick(6)
     assert not it.state.stale.any()
-    assert "sync read from now on" in caplog.text
+    assert "sync reads from now on" in caplog.text
 
 
 def test_a_dead_servo_is_the_only_one_that_goes_stale(rig: Callable[..., Rig]) -> None:
