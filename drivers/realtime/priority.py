@@ -15,7 +15,7 @@ from threadpoolctl import threadpool_limits
 Scheduling = Literal["fifo", "other"]
 
 WITNESS_PRIORITY, LOOP_PRIORITY, ROBOT_PRIORITY, PLANNER_PRIORITY = 80, 60, 40, 20
-"""SCHED_FIFO priorities of the standstill timers, the control loop, a simulated robot or emulated bus, and the planner."""
+"""SCHED_FIFO priorities: standstill timers, control loop, simulated robot or emulated bus, planner."""
 
 WAKE_LATENCY = Path("/dev/cpu_dma_latency")
 """The kernel's PM QoS interface: limits the wake-up time of processors [µs] while the file is open."""
