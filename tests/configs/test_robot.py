@@ -185,7 +185,7 @@ def test_compile_takes_an_edit_and_leaves_the_robot_alone(op3: Robot) -> None:
     assert op3.compile().ngeom == op3.model.ngeom
 
 
-def test_lookups_name_what_there_is(op3: Robot) -> None:
+def test_lookups_name_the_known_ones(op3: Robot) -> None:
     assert op3.servo("l_knee").name == "XM430-W350"
     assert [op3.joint_names[i] for i in op3.chain("head").values()] == ["head_pan", "head_tilt"]
     with pytest.raises(ConfigError, match="unknown joint 'knee'"):

@@ -1,4 +1,4 @@
-"""What is not driven is refused before anything moves, in a line that says why."""
+"""Unsupported hardware is refused before anything moves, with the reason in one line."""
 
 from __future__ import annotations
 
@@ -33,15 +33,15 @@ def test_servos_without_a_driver(servo: str, why: str) -> None:
         find_servo(servo)
 
 
-def test_a_can_interface_is_no_serial_port(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_a_can_interface_is_refused(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     (tmp_path / "can0").mkdir()
     monkeypatch.setattr("flexmotion.drivers.port.NETWORK", tmp_path)
     with pytest.raises(DriverError, match="port can0: is a CAN or network interface, not a serial port"):
         SerialPort("can0", 1_000_000)
 
 
-def test_a_servo_that_answers_protocol_1_is_told_so(tmp_path: Path) -> None:
-    """Feetech's packets are Protocol 1's."""
+def test_a_servo_with_protocol_1_is_named(tmp_path: Path) -> None:
+    """Feetech's packets have the format of Protocol 1."""
     world = Loopback(BenchBody(op3_with(tmp_path, servo="STS3215-12V", baud=1_000_000)))
     driver = create("dynamixel", op3_with(tmp_path, servo="XM430-W350", baud=1_000_000), port="main")
     driver.open_port = world.open_port  # type: ignore[attr-defined]
