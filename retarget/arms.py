@@ -71,7 +71,7 @@ class UpperBody:
         arms = [list(robot.chain(f"{side}_arm").values()) for side in SIDE_NAMES]
         hands = robot.config.hands
         if hands is None or len(arms[0]) != len(arms[1]):
-            raise RetargetError(f"{robot.file}: needs field hands, and two arms of as many joints each")
+            raise RetargetError(f"{robot.file}: field hands is required, and two arms with the same number of joints")
         self.arms = np.array(arms)
         """Columns of the arm joints in the robot's order, (2, m)."""
         self.head = robot.chain("head")
@@ -176,7 +176,7 @@ class UpperBody:
         return out, targets
 
     def _descend(self, q: Float, hand: Float, elbow: Float, iterations: int) -> Float:
-        """Move the arms of `q` towards hands and elbows (2, 3), in place; returns the error before the last iteration."""
+        """Move the arms of `q` towards hands and elbows (2, 3), in place; returns the last error but one."""
         error = np.zeros(2)
         for _ in range(iterations):
             self._place(q)
