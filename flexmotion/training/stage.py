@@ -88,6 +88,9 @@ def train_stage(
         processes: that train; None for those of the environment.
         pretrained: the task starts with trained weights, which are kept unless better ones are found.
 
+    Returns:
+        State at the end; after no step at all the folder has no `best.pt`.
+
     Raises:
         ConfigError: the folder holds a training with another configuration or format.
     """
@@ -165,7 +168,7 @@ def train_stage(
     if step and not is_trained(folder):
         validate()
     save()
-    if group.first:  # the stage may have ended early, or long after its best weights
+    if group.first and is_trained(folder):  # the stage may have ended early, or long after its best weights
         write_checkpoint(read_checkpoint(folder / BEST) | {"steps": step}, folder / BEST)
     if board is not None:
         board.close()
