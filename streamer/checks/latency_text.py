@@ -6,7 +6,7 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from flexmotion.streamer.checks.latency import HISTOGRAM_US, LatencyResult
+from flexmotion.streamer.checks.latency_result import HISTOGRAM_US, LatencyResult
 
 _BAR = 40
 _EIGHTHS = " ▏▎▍▌▋▊▉█"

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from flexmotion.streamer.checks.latency import HISTOGRAM_US, LatencyResult
+from flexmotion.streamer.checks.latency_result import HISTOGRAM_US, LatencyResult
 from flexmotion.streamer.plots.palette import LEFT, MUTED, RIGHT, WARN
 from flexmotion.streamer.plots.style import new_figure, save, styled
 
