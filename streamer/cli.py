@@ -30,6 +30,7 @@ from flexmotion.streamer.commands.retarget import retarget
 from flexmotion.streamer.commands.robots import robots
 from flexmotion.streamer.commands.run import run
 from flexmotion.streamer.commands.servo import servo
+from flexmotion.streamer.commands.servo_calibration import calibrate, calibrate_imu
 from flexmotion.streamer.commands.train import train
 
 ParserError: type[Exception] = typer.BadParameter.__mro__[2]
@@ -47,6 +48,8 @@ app.command("retarget")(retarget)
 check.command("bus")(bus)
 app.add_typer(check, name="check")
 app.add_typer(data, name="data")
+servo.command("calibrate")(calibrate)
+servo.command("calibrate-imu")(calibrate_imu)
 app.add_typer(servo, name="servo")
 app.command("emulate")(emulate)
 app.add_typer(log, name="log")

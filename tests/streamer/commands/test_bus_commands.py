@@ -77,7 +77,7 @@ def test_servos_are_audited_found_renamed_and_watched(port: Path, capsys: pytest
     assert [each["id"] for each in json.loads(capsys.readouterr().out)] == [*range(1, 21), 200]
     # Went wrong: a scan that found nobody exited with 0.
     assert execute(["servo", "scan", "--port", str(port), "--baud", "57600"]) == 1
-    assert "nobody answers" in capsys.readouterr().err
+    assert "no servo answers" in capsys.readouterr().err
     assert execute(["servo", "set-id", "14", "77", *bus]) == 0
     assert execute(["servo", "watch", "--port", str(port), "--seconds", "0.2", "--json"]) == 3  # id 14 is missing
     assert execute(["servo", "set-id", "77", "14", *bus]) == 0
