@@ -1,4 +1,4 @@
-"""`flexmotion check bus`: does the loop's rate fit the servo bus, and are all servos what the robot file says."""
+"""`flexmotion check bus`: whether the loop's rate fits the servo bus, and all servos match the robot file."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def bus(
     ] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Check whether the loop's rate fits the servo bus: bytes, baud rate and delays make the highest rate.
+    """Check whether the loop's rate fits the servo bus: bytes, baud rate and delays give the highest rate.
 
     With a port it also audits every servo as before a run; torque stays as it is. Exit code 1 where the rate does not
     fit, 3 where the port fails or a servo is not as the robot file says.
@@ -88,7 +88,7 @@ def bus(
 
 
 def _audit(robot: Robot, port: str, configure: bool) -> list[dict[str, Any]]:
-    """Every servo as it is now. Raises `DriverError` where one is missing or not what the robot file says."""
+    """Every servo as it is now. Raises `DriverError` where one is missing or does not match the robot file."""
     from flexmotion.drivers.interface import RobotState
 
     state = RobotState(robot.n)

@@ -30,8 +30,8 @@ def test_it_is_said_in_words() -> None:
     assert describe(figures(), 8.0).splitlines() == [
         "robot: did not fall, tilted by 5.7° at most, at its lowest 81 % of its height; 0.35 m from where it began; "
         "goals outside the envelope that arrived: 0",
-        "main: 900 packets heard, 2 of them broken, 0 collisions, wire busy 31 % of the time; "
-        "spoilt as asked: 3 lost, 1 late",
+        "main: 900 packets received, 2 of them broken, 0 collisions, wire busy 31 % of the time; "
+        "injected faults: 3 lost, 1 late",
         "imu: wire busy 40 % of the time",
         "emulator: 12.0 s, 20 % of a processor; 1.5 ms late at worst while torque was on",
     ]
