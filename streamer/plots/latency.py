@@ -1,4 +1,4 @@
-"""`latency.png`: how late the loop woke, and how long targets took, as distributions."""
+"""`latency.png`: distributions of the loop's lateness and of the stages' times."""
 
 from __future__ import annotations
 

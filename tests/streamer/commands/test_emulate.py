@@ -41,7 +41,7 @@ def test_an_emulator_that_was_late_says_what_that_means() -> None:
     told = describe(figures(lateness_ms=47.0, lost_ms=120.0), 8.0)
     assert "47.0 ms late at worst while torque was on, 120 ms of physics given up" in told
     assert told.splitlines()[-1].startswith(
-        "It was later than a tick, 8 ms: if the driver says that servos do not answer"
+        "It was later than a tick, 8 ms: if the driver reports that servos do not answer"
     )
 
 
