@@ -1,4 +1,4 @@
-"""`flexmotion evaluate`: bundles compared with held-out clips."""
+"""`flexmotion evaluate`: bundles against held-out clips."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ def evaluate(
     training: Annotated[
         Path, typer.Argument(metavar="TRAINING", help="Folder that `train` wrote, evaluator included.")
     ],
-    bundles: Annotated[list[Path], typer.Option("--bundle", "-b", help="Bundle to evaluate (repeatable).")],
+    bundles: Annotated[list[Path], typer.Option("--bundle", "-b", help="Bundle to evaluate; may be given again.")],
     windows: Annotated[int, typer.Option("--windows", min=64, help="Held-out windows.")] = 1024,
-    steps: Annotated[int | None, typer.Option("--steps", min=1, help="Diffusion steps.", show_default=False)] = None,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of windows and samples.")] = 0,
-    card: Annotated[bool, typer.Option("--card", help="Write the figures into the bundles' cards.")] = False,
+    steps: Annotated[int | None, typer.Option("--steps", min=1, help="Of the diffusion.", show_default=False)] = None,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Of windows and samples.")] = 0,
+    card: Annotated[bool, typer.Option("--card", help="Write the figures into the cards of the bundles.")] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Compare models with real motion, the nearest training window and a motionless pose, by every metric.

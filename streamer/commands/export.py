@@ -1,4 +1,4 @@
-"""`flexmotion export`: a training to a bundle from which the live system samples."""
+"""`flexmotion export`: a training to a bundle that the live system samples."""
 
 from __future__ import annotations
 
@@ -16,14 +16,11 @@ def export(
     training: Annotated[Path, typer.Argument(metavar="TRAINING", help="Folder that `train` wrote.")],
     out: Annotated[Path, typer.Option("--out", "-o", help="Folder of the bundle.")],
     distilled: Annotated[
-        bool,
-        typer.Option(
-            "--distilled/--diffusion", help="The distilled model of few steps, or the one it was distilled from."
-        ),
+        bool, typer.Option("--distilled/--diffusion", help="The model of few steps, or the one it was distilled from.")
     ] = True,
-    height: Annotated[float, typer.Option(min=0.5, help="Height of the human \\[m].")] = 1.75,
-    mass: Annotated[float, typer.Option(min=5.0, help="Mass of the human \\[kg].")] = 70.0,
-    description: Annotated[str, typer.Option(help="Description for the card.")] = "",
+    height: Annotated[float, typer.Option(min=0.5, help="Of the human that it moves \\[m].")] = 1.75,
+    mass: Annotated[float, typer.Option(min=5.0, help="Of that human \\[kg].")] = 70.0,
+    description: Annotated[str, typer.Option(help="For people.")] = "",
     as_json: JsonOption = False,
 ) -> None:
     """Write a bundle: exported networks, statistics, known wordings, licence, all under a hash.

@@ -1,4 +1,4 @@
-"""`flexmotion personalize`: fine-tune a trained model on the motion of one person."""
+"""`flexmotion personalize`: a trained model learns how one person moves."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from flexmotion.streamer.commands.train import MinutesOption, ThreadsOption, nee
 
 def personalize(
     training: Annotated[Path, typer.Argument(metavar="TRAINING", help="Folder that `train` wrote.")],
-    data: Annotated[Path, typer.Option("--set", help="Set of the person's clips, from `data build`.")],
-    manner: Annotated[str, typer.Option(help='Words that ask for this manner in a prompt, such as "like Ada".')],
+    data: Annotated[Path, typer.Option("--set", help="Set of the person's clips, that `data build` wrote.")],
+    manner: Annotated[str, typer.Option(help='How prompts will ask for it, such as "like Ada".')],
     out: Annotated[Path, typer.Option("--out", "-o", help="Folder of the new training.")],
-    steps: Annotated[int, typer.Option("--steps", min=1, help="Optimiser steps.")] = 1000,
+    steps: Annotated[int, typer.Option("--steps", min=1, help="Of the optimiser.")] = 1000,
     minutes: MinutesOption = None,
     threads: ThreadsOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Fine-tune a model on a few clips of one person or style, together with the data that it was trained on.
+    """Fine-tune a model on a few clips of one person or style; what it knew is trained on along with them.
 
-    The new folder is a training like any other: `train distill` and `export` make a bundle of it.
+    The new folder is a training as others are: `train distill` and `export` make a bundle of it.
 
     [bold]Examples[/bold]
 

@@ -1,4 +1,4 @@
-"""`flexmotion train`: train the networks of a model on a training set, stage by stage."""
+"""`flexmotion train`: a training set to the networks of a model, stage by stage."""
 
 from __future__ import annotations
 
@@ -19,47 +19,44 @@ if TYPE_CHECKING:
     from flexmotion.training.run import Run
     from flexmotion.training.stage import Task
 
-train = typer.Typer(help="Train a model, stage by stage; an interrupted stage resumes when started again.")
+train = typer.Typer(help="Train a model, stage by stage; every stage goes on where it was stopped.")
 
-OutOption = Annotated[Path, typer.Option("--out", "-o", help="Folder of the training, new or to resume.")]
+OutOption = Annotated[Path, typer.Option("--out", "-o", help="Folder of the training; a new one or one to go on with.")]
 SetOption = Annotated[
-    Path | None,
-    typer.Option("--set", help="Training set of `data build` or `data export`; needed once.", show_default=False),
+    Path | None, typer.Option("--set", help="Of `data build` or `data export`; needed once.", show_default=False)
 ]
 ConfigOption = Annotated[
     str | None,
     typer.Option("--config", help="stream, paper, or a YAML file; needed once.", show_default=False),
 ]
 SeedOption = Annotated[
-    int | None,
-    typer.Option("--seed", min=0, help="Seed of all random numbers; fixed at the first start.", show_default=False),
+    int | None, typer.Option("--seed", min=0, help="Of everything; fixed at the first start.", show_default=False)
 ]
 StepsOption = Annotated[
-    int | None,
-    typer.Option("--steps", min=1, help="Optimiser steps instead of the configuration's.", show_default=False),
+    int | None, typer.Option("--steps", min=1, help="Instead of the configuration's.", show_default=False)
 ]
 MinutesOption = Annotated[
-    float | None, typer.Option("--minutes", min=0.0, help="Stop after this time.", show_default=False)
+    float | None, typer.Option("--minutes", min=0.0, help="Stop after so long.", show_default=False)
 ]
-ThreadsOption = Annotated[int | None, typer.Option("--threads", min=1, help="Threads of the CPU.", show_default=False)]
+ThreadsOption = Annotated[int | None, typer.Option("--threads", min=1, help="Of the CPU.", show_default=False)]
 
 
 def needs_training() -> None:
-    """Raise `ConfigError` if the libraries for training are not installed."""
+    """Raise `ConfigError` where the libraries of training are not installed."""
     if any(importlib.util.find_spec(name) is None for name in ("torch", "sklearn")):
         raise ConfigError("training needs the extra 'train': in a clone, pip install '.[train]'")
 
 
 class Finish(Protocol):
-    """Trains the task of a stage and prints where the result is."""
+    """Trains a stage's task and tells where it is."""
 
     def __call__(self, task: Task, *, goes_on_from: str = "") -> None:
-        """See `train_and_report`."""
+        """As `train_and_report`."""
         ...
 
 
 def _stage(prepare: Callable[[Run, Finish], None]) -> Callable[[Run, Finish], None]:
-    """Make a function that prepares a stage a command, with its name and docstring, for an existing run."""
+    """Make the function that prepares a stage a command of its name and docstring, for a run that is there already."""
     name = prepare.__name__
 
     @train.command(name, help=prepare.__doc__)
@@ -111,11 +108,11 @@ def autoencoder(
 @train.command()
 def text(
     out: OutOption,
-    steps: Annotated[int, typer.Option("--steps", min=1, help="Optimiser steps.")] = 6000,
+    steps: Annotated[int, typer.Option("--steps", min=1, help="Of the optimiser.")] = 6000,
     threads: ThreadsOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Train the sentence encoder: a small network that imitates a large one and runs offline.
+    """Train the sentence encoder: a small network that imitates a large one, for use without a network.
 
     [bold]Examples[/bold]
 
@@ -140,15 +137,15 @@ def text(
 
 @train.command()
 def listener(
-    bundle: Annotated[Path, typer.Argument(metavar="BUNDLE", help="Bundle of a trained model.")],
-    out: Annotated[Path, typer.Option("--out", "-o", help="Folder of the copy with the new listener.")],
+    bundle: Annotated[Path, typer.Argument(metavar="BUNDLE", help="Of a trained model.")],
+    out: Annotated[Path, typer.Option("--out", "-o", help="Folder of its copy that has learnt to listen.")],
     more: Annotated[
         Path | None,
-        typer.Option("--sayings", help="YAML file with more sentences: kinds of motion, each with a list."),
+        typer.Option("--sayings", help="YAML file of your own: kinds of motion, each with a list of sentences."),
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    r"""Train which sentences mean which kind of motion, in seconds; the motion itself does not change.
+    r"""Teach a finished model what is said to mean what, in seconds; how it moves stays as it is.
 
     [bold]Examples[/bold]
 
@@ -197,7 +194,7 @@ def distill(run: Run, finish: Finish) -> None:
 
 @_stage
 def forces(run: Run, finish: Finish) -> None:
-    """Train only torques, forces, contacts and activations; the motion does not change. Needs autoencoder.
+    """Train on torques, forces, contacts and activations alone; the motion stays as it is. Needs autoencoder.
 
     [bold]Examples[/bold]
 
@@ -214,7 +211,7 @@ def forces(run: Run, finish: Finish) -> None:
 
 @_stage
 def evaluator(run: Run, finish: Finish) -> None:
-    """Train the evaluator, with which `evaluate` compares motions and sentences; needs text.
+    """Train the evaluator, by which `evaluate` compares motions and sentences; needs text.
 
     [bold]Examples[/bold]
 
@@ -227,11 +224,11 @@ def evaluator(run: Run, finish: Finish) -> None:
 
 
 def _encoder(run: Run) -> SentenceEncoder:
-    """The sentence encoder of the run."""
+    """The run's own sentence encoder."""
     from flexmotion.text.sentence_encoder import NETWORK, SentenceEncoder
 
     if not (run.stage("text") / NETWORK).is_file():
-        raise ConfigError(f"{run.stage('text')}: missing; run 'flexmotion train text' first")
+        raise ConfigError(f"{run.stage('text')}: not there; run 'flexmotion train text' first")
     return SentenceEncoder(run.stage("text"))
 
 
@@ -264,10 +261,10 @@ def train_and_report(
     *,
     goes_on_from: str = "",
 ) -> None:
-    """Train a stage of a run with a progress bar on stderr, and print where the result is.
+    """Train a stage of a run with a bar on stderr, and print where it is.
 
     Args:
-        goes_on_from: digest of the trained weights that the task starts from; empty for a new network.
+        goes_on_from: digest of the trained weights that the task begins with and keeps; empty for a new network.
     """
     from flexmotion.training.processes import Processes
     from flexmotion.training.stage import Progress, train_stage

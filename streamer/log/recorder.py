@@ -25,11 +25,11 @@ from flexmotion.streamer.motion.targets import TargetMailbox, arrived
 NICENESS = 10
 """Niceness of the recorder's process, which shares two cores with the run."""
 _MOST_ROWS = 250
-"""Ticks read at a time; the ring holds many more."""
+"""Ticks written at a time; the ring holds many more."""
 _REPARENTED_S = 0.1
-"""Time after which an orphaned process has a new parent [s]."""
+"""After this an orphan knows that it is one [s]."""
 _LINGER_S = 0.5
-"""A loop without a tick for this long has ended [s]."""
+"""A loop that has not ticked for this long has ended [s]."""
 
 log = logging.getLogger(__name__)
 
@@ -82,12 +82,12 @@ class Recorder:
         return step
 
     def _orphaned(self) -> bool:
-        # While a program with several threads ends, its children keep it as their parent for a moment.
+        # While a program with several threads dies, its children still see it as their parent for a moment.
         time.sleep(_REPARENTED_S)
         return os.getppid() != self._parent
 
     def result(self) -> str:
-        """Path of the log, with what is missing from it in brackets; call it after the run."""
+        """Path of the log, and what is missing from it if anything is; after the run."""
         self._file.close()
         missing = self._status.missing(self.telemetry.ticks.count)
         return f"{self.path} ({missing})" if missing else str(self.path)

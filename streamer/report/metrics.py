@@ -174,7 +174,7 @@ def tilt(quaternion: Float) -> Float:
 def heading(quaternion: Float) -> Float:
     """Yaw about the world's z, unwrapped, (T,) [rad], from finite unit quaternions w x y z (T, 4).
 
-    It is the twist of the swing-twist decomposition, which stays defined when the torso bows past the horizontal.
+    The twist of the swing-twist decomposition, which stays defined when a torso bows past the horizontal.
     """
     return np.unwrap(2.0 * np.arctan2(quaternion[:, 3], quaternion[:, 0]))
 
