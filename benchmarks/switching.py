@@ -38,7 +38,7 @@ from flexmotion.drivers.registry import create
 from flexmotion.human.motion import Motion
 from flexmotion.importers import load
 from flexmotion.sampling.sampler import Sampler
-from flexmotion.streamer.checks.switching import RandomTargets, switched
+from flexmotion.streamer.checks.latency import RandomTargets, switched
 from flexmotion.streamer.commands.choice import open_sampler
 from flexmotion.streamer.commands.driver_options import simulation_options
 from flexmotion.streamer.motion.intents import Intent, Text

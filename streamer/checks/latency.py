@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
+import psutil
 from numpy.typing import NDArray
 
 from flexmotion.configs.robot import Robot
@@ -16,7 +17,7 @@ from flexmotion.drivers.interface import Driver
 from flexmotion.drivers.realtime import child
 from flexmotion.drivers.realtime.witness import Witness
 from flexmotion.streamer.checks.latency_result import HISTOGRAM_US, LatencyResult, Stage
-from flexmotion.streamer.checks.standstills import StandstillTimes, stolen_ms
+from flexmotion.streamer.checks.standstills import StandstillTimes
 from flexmotion.streamer.checks.switching import BETWEEN_S, RandomTargets
 from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.control.telemetry import Event
@@ -67,11 +68,11 @@ def measure(
     )
     switcher = _Switcher(session, intents, seconds, switches, seed, progress, request)
     session.request = switcher.next
-    before, witness = stolen_ms(), Witness()
+    before, witness = _stolen_ms(), Witness()
     with hogs(load), witness if realtime else contextlib.nullcontext():
         record = session.run("real")
     found = witness.standstills() if session.scheduling == "fifo" else None
-    moments = None if found is None else StandstillTimes(record, found, stolen_ms() - before)
+    moments = None if found is None else StandstillTimes(record, found, _stolen_ms() - before)
     return _result(record, session, settings.budgets, load, switcher, moments)
 
 
@@ -124,6 +125,11 @@ class _Switcher:
             return Request.END
         self._targets.at(passed)
         return None
+
+
+def _stolen_ms() -> float:
+    """Time since the machine started in which it was ready to run but its host ran something else [ms]."""
+    return 1e3 * float(psutil.cpu_times().steal)
 
 
 def _result(

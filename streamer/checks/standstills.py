@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import psutil
 from numpy.typing import NDArray
 
 from flexmotion.drivers.realtime.witness import overlapping
@@ -13,11 +12,6 @@ from flexmotion.streamer.report.report import Latency
 
 _SOON_S, _LONG_S = 2.0, 0.02
 """A standstill that ended at most so long before a fault, and lasted so long, may be its cause [s]."""
-
-
-def stolen_ms() -> float:
-    """Time since the machine started in which it was ready to run but its host ran something else [ms]."""
-    return 1e3 * float(psutil.cpu_times().steal)
 
 
 class StandstillTimes:
