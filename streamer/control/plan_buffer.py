@@ -164,7 +164,7 @@ class PlanBuffer:
         for index, kind in enumerate(REPAIRS):
             rows.repairs[:length, index] = plan.repairs[kind]
         for name in _TICKET:
-            head.array[name] = getattr(ticket, name)
+            getattr(head, name)[...] = getattr(ticket, name)
         head.start_tick[...], head.stop_row[...], head.length[...] = plan.start_tick, plan.stop_row, length
         head.step_count[...] = len(plan.steps)
         for index, step in enumerate(plan.steps):
@@ -228,7 +228,7 @@ class PlanBuffer:
             steps=[unpack_step(packed) for packed in head.steps[: int(head.step_count)]],
             **arrays,
         )
-        return Offer(Ticket(**{name: head.array[name].item() for name in _TICKET}), plan, slot)
+        return Offer(Ticket(**{name: getattr(head, name).item() for name in _TICKET}), plan, slot)
 
 
 def _copy(offer: Offer) -> Offer:
