@@ -15,7 +15,7 @@ from flexmotion.configs.stream import load_stream
 from flexmotion.importers.default_clip import default_clip
 from flexmotion.retarget.plan import Plan
 from flexmotion.retarget.retargeter import Retargeter
-from flexmotion.streamer.control.plan_buffer import SLOTS, Offer, PlanBuffer, Ticket
+from flexmotion.streamer.control.plan_buffer import SLOTS, Offer, PlanBuffer, PlanHead, PlanRows, Ticket
 
 TICKET = Ticket(
     id=1,
@@ -71,6 +71,19 @@ def test_a_plan_is_read_as_it_was_written(buffer: PlanBuffer, plan: Plan) -> Non
     same(offer.plan, plan)
     assert offer.plan.human is None  # frames of the source are not in shared memory
     assert buffer.newest(1) is None
+
+
+def test_a_head_has_every_field_of_a_ticket() -> None:
+    kinds = {"int": "i", "float": "f", "bool": "b"}
+    head = PlanHead.dtype()
+    assert {field.name: kinds[str(field.type)] for field in fields(Ticket)} == {
+        field.name: head[field.name].kind for field in fields(Ticket)
+    }
+
+
+def test_rows_have_every_array_of_a_plan(plan: Plan) -> None:
+    arrays = {field.name for field in fields(Plan) if isinstance(getattr(plan, field.name), np.ndarray)}
+    assert arrays | {"repairs"} == set(PlanRows.names())
 
 
 def test_a_plan_too_long_for_a_slot_is_refused_with_a_reason(buffer: PlanBuffer, plan: Plan) -> None:
