@@ -123,10 +123,10 @@ class ModelSource:
     def remark(self, intent: Intent) -> str | None:
         """Message about an intent: the prompt that words are taken for, a slower velocity; None: there is none."""
         asked = self.condition(intent)
-        said, found = f"velocity {list(asked.velocity or ())}", []
+        request, found = f"velocity {list(asked.velocity or ())}", []
         if isinstance(intent, Text):
             # A sentence is taken for one kind of motion, which may not be the one that was meant.
-            said, prompt = repr(intent.text), self.sampler.prompt(intent.text)
+            request, prompt = repr(intent.text), self.sampler.prompt(intent.text)
             if prompt.warning is not None:
                 return prompt.warning
             if prompt.likeness < SAME and intent.text != prompt.kind:
@@ -134,7 +134,7 @@ class ModelSource:
         slowed, meant = self.sampler.meant(asked).velocity, self.sampler.meant(replace(asked, pace=None)).velocity
         if slowed is not None and (meant is None or not np.allclose(slowed, meant)):
             found.append(f"slowed to a human's {_velocity_text(slowed)}, so that the robot can follow")
-        return f"{said} is {' and '.join(found)}" if found else None
+        return f"{request} is {' and '.join(found)}" if found else None
 
     @property
     def _sampled(self) -> Motion:

@@ -140,9 +140,9 @@ def test_a_target_continues_the_motion_that_was_played() -> None:
 def test_forces_return_after_a_target_that_continued_motion_without_them() -> None:
     """One piece without forces removed them from all windows after it."""
     it = source()
-    said = it.window(0, 32)
-    assert said is not None
-    it.turn_to(target(TURN), 20, replace(said[:21], wrenches=None))
+    sampled = it.window(0, 32)
+    assert sampled is not None
+    it.turn_to(target(TURN), 20, replace(sampled[:21], wrenches=None))
     joint, after = it.window(20, 32), it.window(21, 32)
     assert joint is not None and joint.wrenches is None
     assert after is not None and after.wrenches is not None and len(after.wrenches) == 32
@@ -152,46 +152,46 @@ def test_forces_return_after_a_target_that_continued_motion_without_them() -> No
 def test_a_short_played_motion_is_completed_from_the_sampled_one() -> None:
     sampler = StubSampler()
     it = source(sampler=sampler)
-    said = it.window(0, 32)
-    assert said is not None
-    it.turn_to(target(TURN), 20, said[19:21])
+    sampled = it.window(0, 32)
+    assert sampled is not None
+    it.turn_to(target(TURN), 20, sampled[19:21])
     assert it.window(20, 10) is not None
-    np.testing.assert_array_equal(pose(sampler.asked[-1].begin), pose(said)[11:21])
+    np.testing.assert_array_equal(pose(sampler.asked[-1].begin), pose(sampled)[11:21])
 
 
 def test_a_target_may_be_applied_again_at_an_earlier_frame() -> None:
     """A plan for a target may be abandoned and made again with an earlier join."""
     it = source()
-    said = it.window(0, 40)
-    assert said is not None
-    it.turn_to(target(TURN), 20, said[:21])
+    sampled = it.window(0, 40)
+    assert sampled is not None
+    it.turn_to(target(TURN), 20, sampled[:21])
     assert it.window(20, 32) is not None
-    it.turn_to(target(TURN), 18, said[:19])
+    it.turn_to(target(TURN), 18, sampled[:19])
     again = it.window(18, 32)
     assert again is not None
-    np.testing.assert_array_equal(pose(again)[0], pose(said)[18])
+    np.testing.assert_array_equal(pose(again)[0], pose(sampled)[18])
     assert np.diff(heading(again.root_quaternion))[0] == pytest.approx(1.0 / 30.0)
 
 
 def test_a_stop_ends_it_and_a_target_after_it_begins_from_a_stand() -> None:
     it = source(Item(0.0, WALK))
-    said = it.window(0, 40)
-    assert said is not None
-    it.turn_to(target(Stop()), 20, said[:21])
+    sampled = it.window(0, 40)
+    assert sampled is not None
+    it.turn_to(target(Stop()), 20, sampled[:21])
     assert it.window(20, 32) is None and it.window(5000, 32) is None
     it.turn_to(target(WALK), 9000, None)
     after = it.window(9000, 32)
     assert after is not None
-    np.testing.assert_allclose(after.root_position[0, :2], said.root_position[20, :2])
+    np.testing.assert_allclose(after.root_position[0, :2], sampled.root_position[20, :2])
     np.testing.assert_allclose(np.diff(after.root_position[:, 0]), 1.0 / 30.0)
 
 
 def test_after_a_long_gap_the_human_has_stopped() -> None:
     sampler = StubSampler()
     it = source(Item(0.0, WALK), sampler=sampler)
-    said = it.window(0, 40)
+    sampled = it.window(0, 40)
     after = it.window(90_000, 10)
-    assert said is not None and after is not None and len(sampler.asked) == 3
+    assert sampled is not None and after is not None and len(sampler.asked) == 3
     assert after.root_position[0, 0] == pytest.approx(64 / 30 + 1 / 30)
 
 
