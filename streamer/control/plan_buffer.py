@@ -164,7 +164,7 @@ class PlanBuffer:
         for index, kind in enumerate(REPAIRS):
             rows.repairs[:length, index] = plan.repairs[kind]
         for name in _TICKET:
-            getattr(head, name)[...] = getattr(ticket, name)
+            setattr(head, name, getattr(ticket, name))
         head.start_tick[...], head.stop_row[...], head.length[...] = plan.start_tick, plan.stop_row, length
         head.step_count[...] = len(plan.steps)
         for index, step in enumerate(plan.steps):
