@@ -51,7 +51,7 @@ class Making:
         """What makes it again from the set."""
         found: list[str] = []
         for name, stage in self.stages.items():
-            several = f"torchrun --nproc-per-node {stage.processes} -m streamer"
+            several = f"torchrun --nproc-per-node {stage.processes} -m flexmotion.streamer"
             begin = several if stage.processes > 1 else "flexmotion"
             begun = "" if found else f"--set SET --config {self.config} --seed {self.seed} "
             if begun and stage.processes > 1:  # features are computed once, by one process

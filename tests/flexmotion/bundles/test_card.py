@@ -44,8 +44,8 @@ def test_the_card_has_the_commands_that_make_the_bundle_again(card: Path) -> Non
     assert text.split("```")[1].strip().splitlines() == [
         "flexmotion train autoencoder --set SET --config stream --seed 3 --steps 2100 -o TRAINING",
         "flexmotion train text -o TRAINING",
-        "torchrun --nproc-per-node 2 -m streamer train diffusion --steps 9000 -o TRAINING",
-        "torchrun --nproc-per-node 2 -m streamer train distill --steps 1500 -o TRAINING",
+        "torchrun --nproc-per-node 2 -m flexmotion.streamer train diffusion --steps 9000 -o TRAINING",
+        "torchrun --nproc-per-node 2 -m flexmotion.streamer train distill --steps 1500 -o TRAINING",
         "flexmotion train forces --steps 7000 -o TRAINING",
         "flexmotion export TRAINING -o BUNDLE",
     ]
