@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from flexmotion.bundles.card import CARD, Making, Trained, add_figures, write_card
-from flexmotion.bundles.manifest import SCHEMA, BodySize, Manifest
+from flexmotion.bundles.manifest import MANIFEST, SCHEMA, BodySize, Manifest, read_manifest
+from flexmotion.bundles.shipped import FOLDER
 
 
 @pytest.fixture
@@ -60,3 +61,11 @@ def test_figures_take_the_place_of_earlier_ones(card: Path) -> None:
     assert text.startswith(before.rstrip())
     assert text.count("| metric | real | bundle |") == 1
     assert "| fid | 0.1 | 0.3 |" in text and "| jerk | - | 9 |" in text
+
+
+def test_corrections_are_listed_where_there_are_any(card: Path) -> None:
+    assert "## Corrections" not in card.read_text(encoding="utf-8")
+    manifest = read_manifest(FOLDER / MANIFEST)
+    write_card(card.parent, manifest, Making("stream", 6.6, 4992, 3, {}))
+    text = card.read_text(encoding="utf-8")
+    assert "- `aside`: 1.5\n" in text and "'walk': (1.3, 0.0, 0.0)" in text

@@ -81,7 +81,7 @@ def test_units_and_axis_can_be_told(clip, write_bvh, tmp_path):
 
 
 def test_sizes_no_human_has(clip, write_bvh, tmp_path):
-    with pytest.raises(MotionFormatError, match=r"a leg of .* is no human's in any of m, cm, mm, inch"):
+    with pytest.raises(MotionFormatError, match=r"a leg of .* is not a human's in any of m, cm, mm, inch"):
         load(write_bvh(tmp_path / "clip.bvh", clip[:5], scale=4.0))
 
 

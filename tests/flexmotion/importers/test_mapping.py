@@ -57,7 +57,7 @@ def test_shipped_ones_are_found_by_their_joints():
 
 
 def test_a_mapping_that_does_not_fit():
-    with pytest.raises(MotionFormatError, match="mapping 'cmu' needs joints that are not there: abdomen, chest"):
+    with pytest.raises(MotionFormatError, match="mapping 'cmu' needs joints that the file lacks: abdomen, chest"):
         find_mapping(tuple(MIXAMO.split()), "clip.bvh", "cmu")
 
 

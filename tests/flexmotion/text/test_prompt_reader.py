@@ -78,7 +78,7 @@ def test_what_means_nothing_or_this_or_that_means_standing_and_is_told(heard: He
     prompt = heard([0.3, 1.0, 0.3], **shares)
     assert (prompt.kind, prompt.known) == ("stand", False)
     np.testing.assert_allclose(prompt.embedding, [0.0, 0.0, 1.0], atol=1e-6)
-    assert "means nothing to this model" in str(prompt.warning)
+    assert "not understood by this model" in str(prompt.warning)
 
 
 @pytest.mark.parametrize("sentence", ["", "?!", "вперёд", "zz qq"])
@@ -91,7 +91,7 @@ def test_words_that_nobody_knows_mean_nothing(heard: Heard, sentence: str) -> No
 def test_who_is_told_what_not_to_do_does_not_do_it(heard: Heard, sentence: str) -> None:
     # "do not walk" made it walk.
     prompt = heard([-1.0, 0.35, 0.0], sentence, walk=0.9)
-    assert prompt.kind == "stand" and "what not to do" in str(prompt.warning)
+    assert prompt.kind == "stand" and "prohibition" in str(prompt.warning)
 
 
 @pytest.mark.parametrize(

@@ -223,4 +223,4 @@ def test_words_that_mean_nothing_are_warned_of_before_anything_moves(
     dry_run("--script", str(script), "--bundle", str(bundle), "--json")
     out, err = capsys.readouterr()
     assert json.loads(out)["source"] == "script:talk.yaml"
-    assert "note: 'xyzzy plugh qwrtzp' means nothing to this model: it stands still; it has learnt: " in err
+    assert "note: 'xyzzy plugh qwrtzp' is not understood by this model, it stands still; it knows: " in err
