@@ -97,7 +97,11 @@ def test_windows_line_ends_tabs_and_namespaces(tmp_path):
         ("OFFSET 1 0 0", "OFFSET nan 0 0", "line 8: .*expected 3 finite numbers"),
         ("Yrotation\n  JOINT", "Wrotation\n  JOINT", "line 5: unknown channel 'Wrotation'; valid: Xposition"),
         ("CHANNELS 6", "CHANNELS 5", "line 5: CHANNELS: expected their number"),
-        ("CHANNELS 3 Zrotation Xrotation Yrotation", "CHANNELS 1 Zrotation", "line 9: expected three rotation channels of a joint, or none"),
+        (
+            "CHANNELS 3 Zrotation Xrotation Yrotation",
+            "CHANNELS 1 Zrotation",
+            "line 9: expected three rotation channels of a joint, or none",
+        ),
         ("JOINT lower", "JOINT upper", "line 10: a second joint named 'upper'"),
         ("JOINT lower", "ROOT other", "line 10: a second ROOT"),
         ("JOINT lower", "JOINT", "line 10: JOINT has no name"),

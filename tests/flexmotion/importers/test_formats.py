@@ -248,9 +248,9 @@ def test_trc_markers_become_joints(tmp_path: Path, positions: np.ndarray, clip_k
     ("old", "new", "message"),
     [
         ("PathFileType", "Path", "does not begin with PathFileType"),
-        ("\tmm\t", "\tparsec\t", "missing or not understood"),
+        ("\tmm\t", "\tparsec\t", "missing or invalid"),
         ("pelvis", "head", "different markers"),
-        ("NumFrames", "Frames", "missing or not understood"),
+        ("NumFrames", "Frames", "missing or invalid"),
     ],
 )
 def test_bad_trc(tmp_path: Path, positions: np.ndarray, old: str, new: str, message: str) -> None:

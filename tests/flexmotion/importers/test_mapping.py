@@ -86,7 +86,7 @@ def test_a_mapping_of_ones_own(tmp_path):
         ({"joints": {"hip_l": "a"}}, "field joints: missing neck, hip_l|missing neck"),
         ({"joints": {"tail": "a"}}, "unknown point 'tail', expected one of neck"),
         ({"orientations": {"tail": {"joint": "a", "forward": "+x", "up": "+y"}}}, "unknown segment 'tail'"),
-        ({"orientations": {"chest": {"joint": "a", "forward": "x", "up": "+y"}}}, "'x' is no axis"),
+        ({"orientations": {"chest": {"joint": "a", "forward": "x", "up": "+y"}}}, "'x' is not an axis"),
         ({"units": "miles"}, "units"),
         ({"colour": "red"}, "unknown field"),
     ],

@@ -125,8 +125,8 @@ def test_what_is_asked_in_benchmarks_is_not_taught(name: str) -> None:
         ("walk: ['']", "walk: expected a list of sentences"),
         ("walk: []", "walk: expected a list of sentences"),
         ("walk: [{a: b}]", "walk: expected a list of sentences"),
-        ("walk: " + 5000 * "[", "no YAML"),
-        ("walk: [", "no YAML"),
+        ("walk: " + 5000 * "[", "not valid YAML"),
+        ("walk: [", "not valid YAML"),
     ],
 )
 def test_sayings_of_ones_own_that_are_none_are_refused(tmp_path: Path, content: str, said: str) -> None:

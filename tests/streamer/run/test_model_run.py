@@ -191,7 +191,7 @@ def test_a_damaged_bundle_is_one_line(bundle: Path, tmp_path: Path, capsys: pyte
     for command in (["dry-run", "--prompt", "wave"], ["check", "torque"], ["check", "latency"]):
         assert execute([*command, "--bundle", str(copy)]) == 2
         error = capsys.readouterr().err
-        assert "denoiser.onnx: is not what the manifest says (hash)" in error and error.count("\n") == 1
+        assert "denoiser.onnx: differs from the manifest (hash)" in error and error.count("\n") == 1
 
 
 def test_a_wording_that_is_new_is_told_as_what_it_is_heard(bundle: Path, capsys: pytest.CaptureFixture[str]) -> None:
