@@ -52,7 +52,7 @@ def test_spline_keeps_parabolas_and_halves_the_cutoff() -> None:
 
 
 def test_rotations_are_smoothed_as_rotations(make_standing) -> None:
-    # An arm that swings through the gimbal lock of its three angles, at one hertz: nothing to be filtered away.
+    # An arm that swings through gimbal lock at 1 Hz, well below the cut-off frequency.
     motion = make_standing(frames=90)
     swing = np.sin(2 * np.pi * np.arange(90) / 30.0)
     joints = motion.joints.copy()

@@ -1,4 +1,4 @@
-"""The model card says how a bundle was made and how good it is."""
+"""Content of model cards."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def card(tmp_path: Path) -> Path:
     return tmp_path / CARD
 
 
-def test_the_card_has_the_commands_that_make_the_bundle_again(card: Path) -> None:
+def test_the_card_has_the_commands_that_reproduce_the_bundle(card: Path) -> None:
     text = card.read_text(encoding="utf-8")
     assert text.split("```")[1].strip().splitlines() == [
         "flexmotion train autoencoder --set SET --config stream --seed 3 --steps 2100 -o TRAINING",
@@ -53,7 +53,7 @@ def test_the_card_has_the_commands_that_make_the_bundle_again(card: Path) -> Non
     assert "CC BY-NC 4.0" in text and "| diffusion | 9000 | 2 x 64 | 9000 | loss 0.25 |" in text
 
 
-def test_figures_take_the_place_of_earlier_ones(card: Path) -> None:
+def test_figures_replace_earlier_ones(card: Path) -> None:
     before = card.read_text(encoding="utf-8")
     for distance in (0.5, 0.3):
         add_figures(card.parent, {"real": {"fid": 0.1}, "bundle": {"fid": distance, "jerk": 9}})

@@ -48,13 +48,13 @@ def test_positions_and_rotations(tmp_path):
     assert capture.names == ("base", "upper", "lower", "lower/end")
     assert capture.parents == (-1, 0, 1, 2)
     np.testing.assert_allclose(capture.positions[0], [[0, 0, 0], [1, 0, 0], [3, 0, 0], [6, 0, 0]])
-    # The base turns x to y; then the upper bone rolls about its own axis; then the lower one turns about its own z,
-    # which the roll has brought from the world's z to its x.
+    # The base rotates x to y, the upper bone rolls about its own axis, and the lower one rotates about its own z, which
+    # the roll has moved from the world's z to its x.
     np.testing.assert_allclose(capture.positions[1], [[5, 6, 7], [5, 7, 7], [5, 9, 7], [5, 9, 10]], atol=1e-12)
     np.testing.assert_allclose(capture.zero_positions[:, 0], [0, 1, 3, 6])
 
 
-def test_order_of_rotation_channels_counts(tmp_path):
+def test_rotations_follow_the_order_of_channels(tmp_path):
     turned = read_bvh(write(tmp_path, ARM.replace("5 6 7  90 0 0", "0 0 0  90 90 0")))
     swapped = ARM.replace("Zrotation Xrotation Yrotation\n  JOINT", "Xrotation Zrotation Yrotation\n  JOINT")
     other = read_bvh(write(tmp_path, swapped.replace("5 6 7  90 0 0", "0 0 0  90 90 0")))

@@ -37,7 +37,7 @@ def test_guess(names, expected):
     assert set(REQUIRED_POINTS) <= set(mapping.joints)
 
 
-def test_a_skeleton_without_legs_is_named_so():
+def test_missing_legs_are_reported():
     names = tuple(name for name in MIXAMO.split() if "Leg" not in name and "Foot" not in name and "Toe" not in name)
     with pytest.raises(MotionFormatError, match=r"clip\.bvh: no legs found: .*hip_l, knee_l.*joints are Hips, Spine"):
         guess_mapping(names, "clip.bvh")
@@ -66,7 +66,7 @@ def test_unknown_mapping():
         find_mapping(tuple(MIXAMO.split()), "clip.bvh", "vicon")
 
 
-def test_a_mapping_of_ones_own(tmp_path):
+def test_a_mapping_of_a_user(tmp_path):
     mapping = guess_mapping(tuple(MIXAMO.split()), "clip.bvh")
     path = tmp_path / "mine.yaml"
     content = {
