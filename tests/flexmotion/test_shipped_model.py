@@ -163,7 +163,7 @@ def test_running_continues_at_a_sufficient_pace(sampler: Sampler) -> None:
 
 
 def test_backward_velocities_walk_backward_and_tiny_ones_do_not_change_a_turn(sampler: Sampler) -> None:
-    """Regression: with words of walking forward -.3 m/s gave -.05; with a tiny backward velocity turns went backward."""
+    """Regression: with words of walking forward -.3 m/s gave -.05; a tiny backward velocity made turns go backward."""
     assert _speed(sampler, Condition(velocity=(-0.3, 0.0, 0.0))) < -0.2
     for turning in (-0.7, 0.7):
         asked = (Condition(velocity=(forward, 0.0, turning)) for forward in (-0.01, 0.0))
