@@ -30,8 +30,8 @@ def test_standing_shares_the_weight_evenly(make_standing) -> None:
     assert found.motion.contacts.all()
 
 
-def unaided(motion: Motion) -> GroundReaction:
-    """Ground forces of a motion as it is, not brought to the floor first."""
+def without_levelling(motion: Motion) -> GroundReaction:
+    """Ground forces of a motion that is not moved to the floor first."""
     segments = segment_motion(motion)
     left = np.tile([0.0, 1.0, 0.0], (len(motion), 1))
     return ground_reaction(
@@ -39,22 +39,22 @@ def unaided(motion: Motion) -> GroundReaction:
     )
 
 
-def test_flight_needs_no_ground(make_standing) -> None:
+def test_flight_has_no_ground_force(make_standing) -> None:
     motion = make_standing(frames=12)
     times = np.arange(12) / 30
     path = motion.root_position.copy()
     path[:, 2] += 0.3 + 2.0 * times - 0.5 * GRAVITY * times**2
-    # Without the step that brings the clip's lowest stance to the floor there is no floor to push from.
+    # The lowest stance of the clip is not moved to the floor here, so there is no floor within reach.
     flying = replace(motion, root_position=path)
-    ground = unaided(flying)
+    ground = without_levelling(flying)
     assert np.abs(ground.wrenches).max() == 0.0
     assert np.abs(ground.residual).max() < 1.0
 
 
-def test_hovering_is_reported_not_hidden(make_standing) -> None:
+def test_hovering_is_reported_as_residual(make_standing) -> None:
     motion = make_standing(frames=12)
     hovering = replace(motion, root_position=motion.root_position + [0.0, 0.0, 0.3])
-    ground = unaided(hovering)
+    ground = without_levelling(hovering)
     weight = motion.body.mass * GRAVITY
     assert ground.residual[:, 2] == pytest.approx(np.full(12, weight), rel=1e-6)
 
@@ -66,7 +66,7 @@ def test_friction_and_floor_bound_every_force(clip: Motion) -> None:
     assert (np.abs(force[..., :2]).sum(axis=-1) <= 0.8 * force[..., 2] + 1e-6).all()
     assert found.motion.torques is not None
     weight = clip.body.mass * GRAVITY
-    # The root's rows are the residual that is reported.
+    # The reported residual is that of the root.
     root = np.linalg.norm(found.motion.torques[:, :3], axis=-1) / weight
     assert root == pytest.approx(found.residual[:, 0], abs=1e-9)
 
@@ -91,7 +91,7 @@ def test_body_of_another_sex_has_other_inertia(clip: Motion) -> None:
     assert not np.allclose(man.motion.torques, woman.motion.torques)
 
 
-def test_recorded_walk_closes(shared_clips) -> None:
+def test_recorded_walks_have_small_residuals(shared_clips) -> None:
     (path,) = shared_clips("bandai", "dataset-1_walk_active_001")
     found = dynamics(load(path))
     assert np.median(found.residual[:, 0]) < 0.02

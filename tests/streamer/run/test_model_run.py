@@ -274,4 +274,4 @@ def test_words_without_meaning_are_reported_before_the_robot_moves(
     dry_run("--script", str(script), "--bundle", str(bundle), "--json")
     out, err = capsys.readouterr()
     assert json.loads(out)["source"] == "script:talk.yaml"
-    assert "note: 'xyzzy plugh qwrtzp' means nothing to this model: it stands still; it has learnt: " in err
+    assert "note: 'xyzzy plugh qwrtzp' is not understood by this model, it stands still; it knows: " in err
