@@ -157,7 +157,7 @@ class Mapping(Strict):
 
 
 class GaitPace(Strict):
-    """How fast a human may go so that this robot comes enough of the way, as measured (`benchmarks/robot_pace.py`).
+    """How fast a human may go so that this robot comes enough of the way, as measured (`benchmarks/robot/pace.py`).
 
     Attributes:
         ahead, back, aside: in the scale of the robot's legs [m/s].

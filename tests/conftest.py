@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 import tarfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -11,6 +12,9 @@ from pathlib import Path
 import pytest
 
 from flexmotion.bundles.shipped import shipped_bundle
+
+# The package `benchmarks` is not installed; at the end, so that an installed `flexmotion` is the one that is tested.
+sys.path.append(str(Path(__file__).parents[1]))
 
 SHARED, BUNDLE = "FLEXMOTION_SHARED", "FLEXMOTION_BUNDLE"
 ARCHIVES = {"cmu": "cmu_raw.tar.xz", "bandai": "bandai.tar.xz"}
@@ -23,7 +27,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Run tests of the program, or its processes, on the wall clock again where they fail.
 
     What the machine itself interrupts tells nothing of the program; pytest counts it. How often the program fails is
-    measured by benchmarks/faults.py, which repeats nothing. One in lockstep that fails now and then has found a fault.
+    measured by benchmarks/robot/faults.py, without repeats. One in lockstep that fails now and then has found a fault.
     """
     for item in items:
         if item.get_closest_marker("wall_clock") is not None:
