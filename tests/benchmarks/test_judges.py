@@ -19,7 +19,7 @@ def test_velocity_is_along_and_across_the_heading(circling) -> None:
 
 
 def test_reversals_are_counted_beyond_a_reach() -> None:
-    """Of a signal whose steps are shorter than the reach none were counted: slow waves were no waves."""
+    """Went wrong: no reversal was counted in a signal with steps shorter than the reach, so slow waves were missed."""
     swing = 0.1 * np.sin(np.linspace(0.0, 4 * np.pi, 200))
     assert reversals(swing, 0.05) == 4
     assert reversals(swing, 0.25) == 0
