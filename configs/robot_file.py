@@ -166,7 +166,7 @@ class Mapping(Strict):
 
 
 class GaitPace(Strict):
-    """Greatest speeds of the human motion that this robot still follows, as measured (`benchmarks/robot_pace.py`).
+    """Greatest speeds of the human motion that this robot still follows, as measured (`benchmarks/robot/pace.py`).
 
     Attributes:
         ahead, back, aside: scaled to the robot's legs [m/s].

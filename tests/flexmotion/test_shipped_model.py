@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
-import yaml
 
+from benchmarks.model.hearing import OVERALL, read_all, untaught_sentences
+from benchmarks.shared.judges import confuses_sides
 from flexmotion.bundles.bundle import Bundle
 from flexmotion.bundles.shipped import shipped_bundle
 from flexmotion.human.concatenate import concatenate
@@ -16,11 +15,8 @@ from flexmotion.sampling.pace import Pace
 from flexmotion.sampling.sampler import Condition, Sampler
 from flexmotion.spatial.heading import continuous_matrix_heading
 from flexmotion.text.phrases import STAND
-from flexmotion.text.sayings import NOTHING
-from flexmotion.text.sides import sides
 
 COUNTERCLOCKWISE = ("counterclockwise", "counter-clockwise", "counter clockwise", "anticlockwise", "anti–clockwise")
-BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 
 
 @pytest.fixture(scope="module")
@@ -32,11 +28,9 @@ def sampler() -> Sampler:
 
 def test_unseen_sentences_are_understood_and_never_to_the_wrong_side(sampler: Sampler) -> None:
     """Regression: 82 % of such sentences were understood; "side-shuffle to the right" was a step to the left."""
-    asked = yaml.safe_load((BENCHMARKS / "hearing.yaml").read_text(encoding="utf-8"))
-    heard = [(kind, sampler.prompt(said).kind) for kind, each in asked.items() for said in each]
-    right = [kind == found or {kind, found} in ({NOTHING, STAND}, {"run", "dash"}) for kind, found in heard]
-    assert len(heard) > 350 and np.mean(right) >= 0.95
-    assert not [pair for pair in heard if len(sides(pair[0]) | sides(pair[1])) == 2]
+    rows = read_all(sampler, untaught_sentences())
+    assert len(rows) > 350 and np.mean([row["right"] for row in rows]) >= OVERALL >= 0.95
+    assert not [row for row in rows if confuses_sides(row["kind"], row["heard"])]
 
 
 @pytest.mark.parametrize(
