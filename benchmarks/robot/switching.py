@@ -26,7 +26,7 @@ from flexmotion.configs.robot import load_robot
 from flexmotion.configs.stream import load_stream
 from flexmotion.human.motion import Motion
 from flexmotion.importers import load
-from flexmotion.streamer.checks.latency import RandomTargets, switched
+from flexmotion.streamer.checks.switching import RandomTargets, switched
 from flexmotion.streamer.motion.intents import Intent, Text
 from flexmotion.streamer.motion.model_source import ModelSource
 from flexmotion.streamer.motion.robot_pace import human_pace
