@@ -23,8 +23,8 @@ STRIKES = 3
 _STATUS_OVERHEAD, _FAST_OVERHEAD, _FAST_HEAD = 11, 4, 8
 """Bytes around a servo's data in a status packet and in a fast reply, and bytes before the first servo's data."""
 _FAST_START = HEADER + bytes([BROADCAST])
-"""Start of a fast reply. It distinguishes it from a late answer to a sync read, which starts with its servo's id and
-may have the same length (with a stuffed byte) and a valid CRC at the same place."""
+"""Start of a fast reply. A late answer to a sync read may have the same length (with a stuffed byte) and a valid CRC at
+the same place, but starts with its servo's id."""
 
 log = logging.getLogger(__name__)
 

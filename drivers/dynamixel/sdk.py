@@ -10,10 +10,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from dynamixel_sdk import COMM_SUCCESS, PacketHandler, PortHandler
+from dynamixel_sdk import COMM_RX_CORRUPT, COMM_SUCCESS, PacketHandler, PortHandler
 
 from flexmotion.configs.errors import DriverError
-from flexmotion.drivers.bus.attempts import attempts
+from flexmotion.drivers.bus.attempts import PATIENCE_S, attempts
 from flexmotion.drivers.dynamixel.packet import ALERT, Error
 from flexmotion.drivers.dynamixel.registers import Register
 from flexmotion.drivers.port import SerialPort
@@ -78,9 +78,10 @@ class Client:
 
     def ping(self, id_: int, *, once: bool = False) -> int | None:
         """Model number of a device; None if it does not answer (`once`: one attempt)."""
-        for _ in attempts(self.line, once=once):
+        for tried, _ in enumerate(attempts(self.line, once=once)):
             model, result, _ = self._handler.ping(self._port, id_)
             if result == COMM_SUCCESS:
+                self._drain(tried)
                 return int(model)
         return None
 
@@ -91,9 +92,14 @@ class Client:
 
     def read_block(self, id_: int, address: int, size: int) -> bytes:
         """Read `size` bytes from `address` on."""
-        return bytes(
-            self._try(id_, f"read of {address}", lambda: self._handler.readTxRx(self._port, id_, address, size))
-        )
+
+        def attempt() -> tuple[bytes, int, int]:
+            data, result, error = self._handler.readTxRx(self._port, id_, address, size)
+            # The SDK takes every status packet of the servo for the answer.
+            short = result == COMM_SUCCESS and not error & ~ALERT and len(data) != size
+            return bytes(data), COMM_RX_CORRUPT if short else result, error
+
+        return bytes(self._try(id_, f"read of {address}", attempt))
 
     def read(self, id_: int, register: Register) -> int:
         """Read a register."""
@@ -122,10 +128,11 @@ class Client:
         self._try(id_, "reboot", attempt)
 
     def _try(self, id_: int, what: str, attempt: Callable[[], tuple[Any, int, int]]) -> Any:
-        for _ in attempts(self.line):
+        for tried, _ in enumerate(attempts(self.line)):
             answer, result, error = attempt()
             # A servo reports a CRC error if it received a broken packet: try again.
             if result == COMM_SUCCESS and error & ~ALERT != Error.CRC:
+                self._drain(tried)
                 break
         else:
             reason = self.line.lost or self._handler.getTxRxResult(result).removeprefix("[TxRxResult] ")
@@ -135,3 +142,9 @@ class Client:
             name = Error(code).name.lower() if code in set(Error) else f"0x{code:02x}"
             raise DriverError(f"port {self.line.path}: id {id_}: {what} refused: {name} error")
         return answer
+
+    def _drain(self, tried: int) -> None:
+        """After repeated attempts, discard late answers: the next request must not take them for its own."""
+        end = self.line.now() + PATIENCE_S
+        while tried and self.line.lost is None and (left := end - self.line.now()) > 0:
+            self.line.wait(left)

@@ -41,7 +41,7 @@ def test_an_installed_copy_of_a_built_in_driver_is_no_conflict(
     [
         ("no_such_package.driver:Robot", "does not load: ModuleNotFoundError"),
         ("flexmotion.drivers.sim.driver:NoSuchDriver", "does not load: AttributeError"),
-        ("flexmotion.drivers.delay:DelayLine", "is no subclass of flexmotion.drivers.interface.Driver"),
+        ("flexmotion.drivers.delay:DelayLine", "is not a subclass of flexmotion.drivers.interface.Driver"),
     ],
 )
 def test_a_broken_plug_in_warns_and_the_rest_work(
