@@ -56,7 +56,10 @@ class _Column:
         return values if isinstance(self.kind, str) else self.kind(values)
 
     def __set__(self, record: Record, value: ArrayLike | Record) -> None:
-        record.array[self.name][...] = value.array if isinstance(value, Record) else value
+        if isinstance(value, Record):
+            getattr(record, self.name)[...] = value
+        else:
+            record.array[self.name][...] = value
 
 
 class Record:
@@ -72,10 +75,13 @@ class Record:
 
     _columns: ClassVar[dict[str, _Column]] = {}
     _dtypes: ClassVar[dict[tuple[tuple[str, int], ...], np.dtype[np.void]]] = {}
+    _floats: ClassVar[bool] = True
 
     def __init_subclass__(cls) -> None:
         own = {name: value for name, value in vars(cls).items() if isinstance(value, _Column)}
         cls._columns, cls._dtypes = cls._columns | own, {}
+        kinds = (one.kind for one in cls._columns.values())
+        cls._floats = all(kind == "f8" if isinstance(kind, str) else kind._floats for kind in kinds)
 
     def __init__(self, array: NDArray[Any] | Mapping[str, NDArray[Any]]) -> None:
         self.array = array
@@ -111,17 +117,11 @@ class Record:
             ValueError: the layout holds other types, or another count of numbers.
         """
         dtype = cls.dtype(**sizes)
-        if not cls._floats():
+        if not cls._floats:
             raise ValueError(f"{cls.__name__} holds other types than float64")
         if numbers.dtype != np.float64 or numbers.shape[-1] * 8 != dtype.itemsize:
             raise ValueError(f"{cls.__name__} takes {dtype.itemsize // 8} float64, got {numbers.shape[-1]}")
         return cls(numbers.view(dtype)[..., 0])
-
-    @classmethod
-    def _floats(cls) -> bool:
-        """Whether the layout holds "f8" alone, the records within it included."""
-        kinds = (one.kind for one in cls._columns.values())
-        return all(kind == "f8" if isinstance(kind, str) else kind._floats() for kind in kinds)
 
     def __iter__(self) -> Iterator[tuple[str, NDArray[Any]]]:
         return ((name, self.array[name]) for name in self._columns)
@@ -133,12 +133,20 @@ class Record:
         return type(self)({name: np.asarray(value[index]) for name, value in self.array.items()})
 
     def __setitem__(self, index: Any, value: Self) -> None:
-        """Write the rows that an index selects; the value is broadcast to them."""
-        if isinstance(self.array, np.ndarray):
-            self.array[index] = value.array
+        """Write the rows that an index selects; the value is broadcast to them.
+
+        Raises:
+            ValueError: the value has another layout.
+        """
+        if isinstance(self.array, np.ndarray) and isinstance(value.array, np.ndarray):
+            if self.array.dtype != value.array.dtype:
+                raise ValueError(f"{type(self).__name__}: the rows have another layout")
+            # As bytes: numpy copies structs element by element, ten times as slowly.
+            row = np.dtype((np.void, self.array.dtype.itemsize))
+            self.array.view(row)[index] = value.array.view(row)
         else:
-            for name, rows in self.array.items():
-                rows[index] = value.array[name]
+            for name in self._columns:
+                self.array[name][index] = value.array[name]
 
     def copy(self) -> Self:
         """The same rows in memory of their own."""

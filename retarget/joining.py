@@ -63,7 +63,7 @@ class JoinAbsorber:
         error = now - dcm[0]
         cos, sin = np.cos(yaw), np.sin(yaw)
         local = np.array([cos * error[0] + sin * error[1], cos * error[1] - sin * error[0]])
-        asked = float(np.max(np.abs(local) / self.room))
-        seconds, peak = next(((t, p) for t, p in self._times if p * asked <= 1.0), self._times[-1])
+        jump = float(np.max(np.abs(local) / self.room))
+        seconds, peak = next(((t, p) for t, p in self._times if p * jump <= 1.0), self._times[-1])
         zmp, dcm = absorb(zmp, dcm, error, self.omega, self.dt, seconds)
-        return Absorbed(zmp, dcm, peak * asked)
+        return Absorbed(zmp, dcm, peak * jump)

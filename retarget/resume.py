@@ -72,7 +72,7 @@ def _two_rows_before(first: Float, values: Float) -> Float:
 
 
 def _write_steps(states: RetargetState, before: RetargetState, walk: Walk, rate_hz: float) -> None:
-    """Write what each row knows of the steps: those settled and not landed, and what those before them left."""
+    """Write to each row the steps that are settled and not landed, and the effects of those before."""
     ticks = walk.ticks
     consumed, human_feet = before.consumed.copy(), before.human_feet.copy()
     settled = settled_from(walk.steps, rate_hz)

@@ -27,7 +27,7 @@ class Schedule:
         feet: sole centres and yaw, (T, 2, 4) [m, m, m, rad].
         contacts: which feet carry load, (T, 2) bool.
         share: load share of the right foot, (T,) in [0, 1].
-        walking: whether the hips are at walking height, (T,) bool.
+        walking: where the hips lower to walking height, (T,) bool.
     """
 
     feet: Float

@@ -103,6 +103,5 @@ def pack_steps(steps: Sequence[Step], rows: int | None = None) -> StepRecord:
         raise ValueError(f"{len(steps)} steps, expected at most {count}")
     packed = StepRecord.over(np.full((count, StepRecord.dtype().itemsize // 8), -1.0))
     for row, step in enumerate(steps):
-        for name, value in packed[row]:
-            value[...] = getattr(step, name)
+        packed.array[row] = tuple(getattr(step, name) for name in StepRecord.names())
     return packed

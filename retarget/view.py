@@ -74,7 +74,7 @@ def view_human(
     """Read the frames that a plan is given.
 
     Args:
-        state: where the plan resumes. It is updated: the first frames that it sees set its clock and heading, and feet
+        state: where the plan resumes. It is updated: the first frames set its clock and heading, and feet
             that represent none of the human's represent this human's from here on.
         motion: frames from source frame `first_frame` on.
         tick: first tick of the plan.

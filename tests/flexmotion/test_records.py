@@ -105,6 +105,8 @@ def test_rows_that_an_index_selects_are_written() -> None:
     apart[1:] = Numbers.over(other)
     assert apart.com.tolist() == [[0.0, 0.0], [0.0, 1.0], [0.0, 1.0]]
     assert apart.landed.tolist() == [0.0, 2.0, 2.0]
+    with pytest.raises(ValueError, match="Sample: the rows have another layout"):
+        Sample(np.zeros(2, Sample.dtype(joints=2)))[:1] = Sample(np.zeros(1, Sample.dtype(joints=3)))
 
 
 def test_numbers_within_numbers_must_be_numbers_too() -> None:
