@@ -14,7 +14,7 @@ FOLDER = Path(__file__).resolve().parent
 
 
 class Need(Enum):
-    """What a benchmark needs beyond the installed project; the value is what the list says."""
+    """What a benchmark needs beyond the installed project; the value is the text of the list."""
 
     CLIPS = "motion data"
     SET = "training set"
@@ -104,6 +104,8 @@ CATALOGUE = (
         (Need.CLIPS, Need.BIOMECH, Need.OPENSIM),
         "torque 1 % off its largest, activation .02",
     ),
+    Benchmark("realtime/latency", "1 min", (), "a budget of the stream settings is passed"),
+    Benchmark("realtime/stop", "4 min", (), "parked after more than 5.5 s, a fall"),
     Benchmark("bus/cycle_time", "1 min", (Need.DEV,)),
     Benchmark("bus/faults", "10 min", (), "bad packets end a run or cost 10 % of the tracking"),
 )

@@ -1,4 +1,7 @@
-"""A robot's calibration: where its servos' zeros are and how its IMU sits. It lies beside the robot file and wins."""
+"""A robot's calibration: zeros of its servos and mounting of its IMU, in a file beside the robot file.
+
+The calibration takes precedence over the robot file.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +18,7 @@ FILE = "calibration.yaml"
 
 
 class CalibratedJoint(Strict):
-    """One joint: servo angle = direction * joint angle + zero [rad], for the servo that was there."""
+    """One joint: servo angle = direction * joint angle + zero [rad], valid for this servo and id."""
 
     zero: float
     servo: str
@@ -23,14 +26,14 @@ class CalibratedJoint(Strict):
 
 
 class CalibratedImu(Strict):
-    """The IMU's frame in the body that carries it, w x y z, for the driver that read it."""
+    """The IMU's frame in the body that carries it, w x y z, valid for this driver."""
 
     quaternion: Quaternion
     driver: str
 
 
 class Calibration(Strict):
-    """What was measured, and when it was last (ISO 8601)."""
+    """Measured values, and the date of the last change (ISO 8601)."""
 
     date: str
     joints: dict[str, CalibratedJoint]
@@ -38,13 +41,13 @@ class Calibration(Strict):
 
 
 def read_calibration(folder: Path) -> Calibration | None:
-    """The calibration beside a robot file; None where there is none. Raises `ConfigError` where it is malformed."""
+    """The calibration beside a robot file; None if there is none. Raises `ConfigError` if it is malformed."""
     file = folder / FILE
     return load(Calibration, file) if file.is_file() else None
 
 
 def write_calibration(folder: Path, calibration: Calibration) -> Path:
-    """Put it beside the robot file, whole or not at all. Raises `ConfigError` where that cannot be written."""
+    """Write it beside the robot file, completely or not at all. Raises `ConfigError` if the file cannot be written."""
     file = folder / FILE
     unfinished = file.with_suffix(".unfinished")
     try:
@@ -62,7 +65,7 @@ def write_calibration(folder: Path, calibration: Calibration) -> Path:
 def calibrated(joints: list[JointConfig], folder: Path) -> tuple[JointConfig, ...]:
     """Joints of a robot file with their calibrated zeros.
 
-    Raises `ConfigError` where the calibration names a joint that is not there, or was made with another servo or id.
+    Raises `ConfigError` if the calibration names an unknown joint, or was made with another servo or id.
     """
     calibration = read_calibration(folder)
     if calibration is None:
@@ -82,7 +85,7 @@ def calibrated(joints: list[JointConfig], folder: Path) -> tuple[JointConfig, ..
 
 
 def calibrated_imu(imu: Imu | None, folder: Path) -> Imu | None:
-    """A robot file's IMU, mounted as calibrated. Raises `ConfigError` where another one was calibrated."""
+    """A robot file's IMU with its calibrated mounting. Raises `ConfigError` if another one was calibrated."""
     calibration = read_calibration(folder)
     if calibration is None or calibration.imu is None:
         return imu
@@ -90,6 +93,6 @@ def calibrated_imu(imu: Imu | None, folder: Path) -> Imu | None:
         found = "none" if imu is None else repr(imu.driver)
         raise ConfigError(
             f"{folder / FILE}: field imu: was calibrated with driver {calibration.imu.driver!r}, the robot file has "
-            f"{found}: calibrate again, or take it out"
+            f"{found}: calibrate again, or remove the field"
         )
     return imu.model_copy(update={"quaternion": calibration.imu.quaternion})

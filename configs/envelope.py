@@ -1,4 +1,4 @@
-"""What a servo can do at a speed, and for how long."""
+"""Torque limits of servos at a speed, and their heating over time."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ AMBIENT = 25.0
 
 
 def torque_limit(robot: Robot, torque: Float, speed: Float) -> Float:
-    """Greatest torque each servo has at that speed and in that direction, (..., n) [N·m].
+    """Greatest torque of each servo at `speed`, in the direction of `torque`, (..., n) [N·m].
 
-    Braking (torque against speed) stall torque; motoring the usable torque or, if less, what back-EMF leaves of stall
-    at nominal voltage: stall - b·|speed|, at least 0.
+    Braking (torque against speed): stall torque. Driving: the smaller of usable torque and stall - b·|speed|, the
+    torque that back-EMF leaves at nominal voltage, at least 0.
     """
     motoring = np.minimum(robot.usable_torque, robot.stall_torque - robot.back_emf * np.abs(speed))
     return np.where(torque * speed > 0, np.maximum(motoring, 0.0), robot.stall_torque)
@@ -37,11 +37,11 @@ def envelope(robot: Robot, joint: int) -> tuple[Float, Float]:
 
 @dataclass(frozen=True)
 class Endurance:
-    """How long a joint may go on working at an RMS torque.
+    """Heating of a servo at an RMS torque.
 
     Attributes:
-        temperature: where its windings settle [°C].
-        seconds: time until the servo's temperature limit; None where it is never reached.
+        temperature: final temperature of the windings [°C].
+        seconds: time until the servo's temperature limit [s]; None: never reached.
     """
 
     temperature: float

@@ -1,15 +1,15 @@
-"""The exception tree that every room shares.
+"""The exceptions of all packages.
 
-An error names what is wrong (file, field, joint, servo) and what would be valid, in one line: the command line
-prints that line and exits with the class's `exit_code` (see `docs/architecture.md`, "Exit codes").
+A message names in one line what is wrong (file, field, joint, servo) and what would be valid. The command line prints
+it and exits with the class's `exit_code` (see `docs/architecture.md`, "Exit codes").
 """
 
 
 class FlexMotionError(Exception):
-    """Base of every error this project raises on purpose.
+    """Base of all errors that this project raises on purpose.
 
     Attributes:
-        exit_code: what the command line exits with when the error reaches it.
+        exit_code: exit code of the command line for this error.
     """
 
     exit_code = 2
@@ -20,14 +20,14 @@ class ConfigError(FlexMotionError):
 
 
 class MotionFormatError(FlexMotionError):
-    """A motion file cannot be read as motion of a human."""
+    """A motion file does not contain readable human motion."""
 
 
 class RetargetError(FlexMotionError):
-    """A motion cannot be mapped onto the robot at all (not: it is hard to follow)."""
+    """A motion cannot be mapped onto the robot at all."""
 
 
 class DriverError(FlexMotionError):
-    """The hardware, its bus or its driver failed."""
+    """The hardware, a bus or a driver failed."""
 
     exit_code = 3

@@ -1,4 +1,4 @@
-"""Model settings: windows, networks, losses and training stages; `paper` and `stream` come with the project."""
+"""Model settings: windows, networks, losses and training stages. `paper` and `stream` are shipped."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ FOLDER = Path(__file__).parent / "model"
 
 
 class Window(Strict):
-    """What one sample covers. Frames are counted at `fps`.
+    """The frames of one sample, at `fps`.
 
     Attributes:
         fps: frames per second.
-        history: frames that are known; 0 for whole clips.
+        history: known frames; 0 for whole clips.
         future: frames that are generated.
-        patch: frames of one token.
+        patch: frames per token.
         muscles: whether muscle activations are part of a frame.
-        padded: whether clips shorter than a window are held at their end (whole clips); else they are left out.
+        padded: whether clips shorter than a window are extended by their last frame (whole clips); else left out.
     """
 
     fps: float = Field(gt=0)
@@ -41,7 +41,7 @@ class Window(Strict):
 
 
 class Transformer(Strict):
-    """A stack of Transformer layers; the feed-forward part is `expansion` x `width` wide."""
+    """A stack of Transformer layers; the feed-forward part has width `expansion` x `width`."""
 
     width: int = Field(gt=0)
     heads: int = Field(gt=0)
@@ -59,8 +59,8 @@ class AutoencoderConfig(Strict):
     """Encoder and decoder around a latent vector of `latent` numbers.
 
     Attributes:
-        shortcut: the principal components of windows beside each network, which learns what they leave. For short
-            windows; their size is that of a window times that of the latent.
+        shortcut: whether principal components of windows are added to each network, which learns the residual. For
+            short windows; the size of the components is that of a window times that of the latent.
     """
 
     latent: int = Field(gt=0)
@@ -70,20 +70,20 @@ class AutoencoderConfig(Strict):
 
 
 class LossWeights(Strict):
-    """Weights of the autoencoder's losses; 0 leaves one out.
+    """Weights of the autoencoder's losses; 0: not used.
 
     Attributes:
-        blocks: of each block of features: mean square of the normalised error, of wrenches mean absolute error.
-        path: of the root's path over the window, from the first frame on.
-        points: of the points of the body as forward kinematics puts them.
-        change: of the change from frame to frame, the join with the history included.
-        divergence: of the latent from a standard normal (Kullback and Leibler).
+        blocks: each block of features: mean square of the normalised error; wrenches: mean absolute error.
+        path: path of the root over the window, from the first frame on.
+        points: points of the body from forward kinematics.
+        change: change from frame to frame, including the join with the history.
+        divergence: Kullback-Leibler divergence of the latent from a standard normal.
         euler_joints, euler_root: residual of the equations of motion, per body weight and leg.
         muscle_limits: activations outside [0, 1].
-        muscle_torques: torque of the muscles against that of the joints.
-        physics_share: part of every batch on which points and physics are computed (they cost most).
-        physics_from: step at which the losses of physics begin, to be full after as many steps more: before poses are
-            nearly right, residuals of second derivatives are noise that drowns all else.
+        muscle_torques: difference between muscle torques and joint torques.
+        physics_share: share of every batch on which points and physics are computed (the most expensive losses).
+        physics_from: step at which the physics losses begin; they reach full weight after as many steps again. Before
+            poses are nearly right, residuals of second derivatives are noise that dominates the other losses.
     """
 
     blocks: dict[str, float]
@@ -105,17 +105,17 @@ class DiffusionConfig(Strict):
     Attributes:
         denoiser: the network.
         steps: of the noise schedule (cosine).
-        text: width of sentence embeddings.
+        text: width of the sentence embeddings.
         velocity: whether a velocity of the root can be commanded.
-        drop_text, drop_velocity, drop_history: share of samples that do without, for guidance and where there is none.
-        history_noise: spread of the noise on the history, of normalised features.
-        decoded: weight of the error of the decoded motion beside that of the latent.
-        decoded_every: every how manieth sample of a batch is decoded (that costs as much as the denoising).
-        roll_out: share of samples whose history is the model's own sample of the window before, once fully grown.
+        drop_text, drop_velocity, drop_history: share of samples without this condition, as guidance needs.
+        history_noise: standard deviation of the noise on the history, of normalised features.
+        decoded: weight of the error of the decoded motion; that of the latent has weight 1.
+        decoded_every: one of this many samples of a batch is decoded (decoding costs as much as denoising).
+        roll_out: final share of samples whose history is the model's own sample of the window before.
         roll_out_steps: DDIM steps of that sample.
-        switched: share of samples that go over from the motion of one clip to that of another, as after a new target.
-        switch_frames: frames that this takes.
-        roll_out_from, roll_out_grown: steps of training at which roll-outs begin and are fully grown.
+        switched: share of samples that change from one clip's motion to another's, as after a new target.
+        switch_frames: frames of this change.
+        roll_out_from, roll_out_grown: training steps at which roll-outs begin and reach their final share.
         guidance: default scale of classifier-free guidance.
         sampling_steps: default number of DDIM steps.
     """
@@ -150,10 +150,10 @@ class DistillationConfig(Strict):
     """Consistency distillation to a few steps.
 
     Attributes:
-        grid: points of the noise schedule that the student is consistent over.
+        grid: points of the noise schedule on which the student is trained.
         skip: points that the teacher's DDIM step spans.
-        guidance_low, guidance_high: the guidance scale is drawn from between these, and given to the student.
-        huber: where the loss turns from square to linear.
+        guidance_low, guidance_high: range of the random guidance scale, an input of the student.
+        huber: error at which the loss changes from quadratic to linear.
         sampling_steps: default number of steps of the student.
     """
 
@@ -166,7 +166,7 @@ class DistillationConfig(Strict):
 
 
 class EvaluatorConfig(Strict):
-    """Encoders of motion and text into one space of `width` numbers, trained contrastively."""
+    """Encoders of motion and text into a common space of `width` numbers, trained contrastively."""
 
     motion: Transformer
     width: int = Field(default=128, gt=0)
@@ -174,15 +174,15 @@ class EvaluatorConfig(Strict):
 
 
 class Stage(Strict):
-    """How one network is trained.
+    """Training of one network.
 
     Attributes:
         steps: of the optimiser.
-        batch: windows a step.
+        batch: windows per step.
         learning_rate: after `warm_up` steps; constant until the last `cool_down` share of the steps, then linear to 0.
-        decay: of the weights (AdamW).
-        average: of the running average of the weights, which is what is kept and used.
-        validate_every: steps between validations; the best of them is kept apart.
+        decay: weight decay (AdamW).
+        average: decay of the moving average of the weights, which are the result of the training.
+        validate_every: steps between validations; the best weights are kept too.
     """
 
     steps: int = Field(gt=0)
@@ -196,7 +196,7 @@ class Stage(Strict):
 
 
 class Stages(Strict):
-    """The networks in the order of their training."""
+    """The stages in the order of training."""
 
     autoencoder: Stage
     diffusion: Stage
@@ -206,7 +206,7 @@ class Stages(Strict):
 
 
 class ModelConfig(Strict):
-    """Everything that a model depends on but its data.
+    """All settings of a model and its training; the data are separate.
 
     `corrections` are written into exported bundles as they are; training does not depend on them.
     """
@@ -223,7 +223,7 @@ class ModelConfig(Strict):
 
 
 def shipped_models() -> list[str]:
-    """Names of the configurations that come with the project."""
+    """Names of the shipped configurations."""
     return sorted(path.stem for path in FOLDER.glob("*.yaml"))
 
 

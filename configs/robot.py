@@ -23,14 +23,14 @@ ROBOTS = Path(__file__).parent / "robots"
 
 
 def list_robots() -> tuple[str, ...]:
-    """Names of the robots that come with the project."""
+    """Names of the shipped robots."""
     return tuple(sorted(folder.name for folder in ROBOTS.iterdir() if (folder / f"{folder.name}.yaml").is_file()))
 
 
 def load_robot(name_or_folder: str | Path) -> Robot:
-    """A robot that comes with the project, by name, or a user's own, by folder.
+    """Load a shipped robot by name, or any robot by folder.
 
-    A folder holds `robot.yaml` or `FOLDERNAME.yaml` and the MJCF that it names. Raises `ConfigError`.
+    A folder contains `robot.yaml` or `FOLDERNAME.yaml` and the MJCF that it names. Raises `ConfigError`.
     """
     shipped = ROBOTS / str(name_or_folder)
     if isinstance(name_or_folder, str) and name_or_folder in list_robots():
@@ -55,20 +55,20 @@ class Robot:
     """A robot, read-only. Arrays over joints are (n,), in the order of the robot file.
 
     Attributes:
-        file, folder: the YAML file and where it lies.
-        config: the file's content, its IMU mounted as calibrated.
+        file, folder: the YAML file and its folder.
+        config: the file's content, with the calibrated mounting of the IMU.
         name, rate_hz, gait, mapping, safety: parts of it.
-        joints: joint configurations, calibrated; `joint_names` their names; `servos` their servos; `n` how many.
+        joints, joint_names, servos: joint configurations (calibrated), names and servos; n: number of joints.
         lower, upper: limits [rad].
         kp: stiffness of the position loop at nominal voltage and the joint's gain [N·m/rad].
-        back_emf: b, torque lost per speed [N·m·s/rad].
+        back_emf: torque lost per speed [N·m·s/rad].
         stall_torque, usable_torque: at nominal voltage [N·m].
         no_load_speed: [rad/s].
         nominal_voltage: [V].
         tick_rad: position unit [rad].
         direction, zero: servo angle = direction * joint angle + zero [rad].
         stand_pose, rest_pose: [rad].
-        model: the compiled MJCF, without floor; treat as read-only (`compile` makes one to edit).
+        model: the compiled MJCF, without floor; read-only (`compile` makes an editable one).
         qpos_address, dof_address: index of each joint in MuJoCo's qpos and qvel.
         torso_id: id of the torso's body.
         foot_ids: ids of the left and right foot's body.
@@ -77,7 +77,7 @@ class Robot:
     """
 
     def __init__(self, file: Path) -> None:
-        """Load and check `file`. Raises `ConfigError` naming file, field and what would be valid."""
+        """Load and check `file`. Raises `ConfigError`, which names file, field and valid values."""
         self.file, self.folder = file, file.parent
         content = read_yaml(file)
         # Before the fields: a file of another version may have others.
@@ -141,24 +141,24 @@ class Robot:
         return float(self.model.body_mass.sum())
 
     def index(self, joint: str) -> int:
-        """Position of a joint in every (n,) array. Raises `ConfigError` naming the closest joints."""
+        """Index of a joint in every (n,) array. Raises `ConfigError` with the closest names."""
         if joint not in self.joint_names:
             raise ConfigError(f"{self.file}: unknown joint {joint!r}, {self._alternatives(joint, self.joint_names)}")
         return self.joint_names.index(joint)
 
     def servo(self, joint: str) -> Servo:
-        """The servo that drives a joint. Raises `ConfigError` where there is no such joint."""
+        """The servo of a joint. Raises `ConfigError` if there is no such joint."""
         return self.servos[self.index(joint)]
 
     def chain(self, name: str) -> dict[str, int]:
-        """Part -> joint index of a chain of the mapping (`left_leg`, …, `head`). Raises `ConfigError`."""
+        """Part -> joint index, of a chain of the mapping (`left_leg`, …, `head`). Raises `ConfigError`."""
         chains = self.mapping.chains()
         if name not in chains:
             raise ConfigError(f"{self.file}: mapping has no {name!r}, it has: {', '.join(chains)}")
         return {part: self.index(joint) for part, joint in chains[name]}
 
     def spec(self) -> mujoco.MjSpec:
-        """A fresh MjSpec of the MJCF, to add to. Raises `ConfigError` where MuJoCo cannot read it."""
+        """A new MjSpec of the MJCF, for edits. Raises `ConfigError` if MuJoCo cannot read it."""
         file = self.folder / self.config.mjcf
         if not file.is_file():
             raise ConfigError(f"{self.file}: field mjcf: no such file: {file}")
@@ -168,7 +168,7 @@ class Robot:
             raise ConfigError(f"{file}: not a valid MJCF: {' '.join(str(error).split())}") from error
 
     def compile(self, edit: Callable[[mujoco.MjSpec], None] | None = None) -> mujoco.MjModel:
-        """A new MjModel, after `edit` changed the MjSpec (a floor, another mass). Raises `ConfigError`."""
+        """A new MjModel; `edit` may change the MjSpec first (a floor, another mass). Raises `ConfigError`."""
         spec = self.spec()
         if edit is not None:
             edit(spec)
@@ -230,12 +230,12 @@ class Robot:
             ends = sorted((angle - joint.zero) * joint.direction for angle in servo.range)
             if joint.limits[0] < ends[0] - 1e-9 or joint.limits[1] > ends[1] + 1e-9:
                 raise ConfigError(
-                    f"{self.file}: joint {joint.name!r}: limits {list(joint.limits)} leave what {servo.name} reaches, "
+                    f"{self.file}: joint {joint.name!r}: limits {list(joint.limits)} exceed the range of {servo.name}, "
                     f"[{ends[0]:.3f}, {ends[1]:.3f}] rad"
                 )
 
     def _pose(self, field: str, pose: dict[str, float]) -> Float:
-        """(n,) array of a pose given by joint name; joints not named are at 0."""
+        """A pose given by joint name as an array, (n,) [rad]; joints not named are at 0."""
         values = np.zeros(self.n)
         for joint, value in pose.items():
             if joint not in self.joint_names:
@@ -254,14 +254,14 @@ class Robot:
         return _frozen(values)
 
     def _check_joints(self) -> None:
-        """Every joint of the file is a hinge of the MJCF, and every hinge is in the file."""
+        """Check that every joint of the file is a hinge of the MJCF, and every joint of the MJCF is in the file."""
         model, mjcf = self.model, self.config.mjcf
         kinds = {model.joint(i).name: model.jnt_type[i] for i in range(model.njnt)}
         hinges = [name for name, kind in kinds.items() if kind == mujoco.mjtJoint.mjJNT_HINGE]
         for name in self.joint_names:
             if name not in hinges:
                 raise ConfigError(
-                    f"{self.file}: joint {name!r} is no hinge of {mjcf}, {self._alternatives(name, hinges)}"
+                    f"{self.file}: joint {name!r} is not a hinge of {mjcf}, {self._alternatives(name, hinges)}"
                 )
         for name, kind in kinds.items():
             if kind == mujoco.mjtJoint.mjJNT_FREE:

@@ -1,4 +1,4 @@
-"""The robot file as written: the pydantic models of `NAME.yaml`; `flexmotion.configs.robot` loads it with its MJCF."""
+"""The pydantic models of a robot file, `NAME.yaml`; `flexmotion.configs.robot` loads it with its MJCF."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ class JointConfig(Strict):
 
     Attributes:
         name: of the joint in the MJCF.
-        servo: model in the catalogue.
+        servo: model name in the catalogue.
         id, bus: address on the bus of that name.
         direction, zero: servo angle = direction * joint angle + zero [rad].
-        limits: lowest and highest angle ever commanded [rad].
-        p_gain: register value of the position gain; the catalogue's where not given.
+        limits: lowest and highest angle that is commanded [rad].
+        p_gain: register value of the position gain; default: the catalogue's.
     """
 
     name: Name
@@ -54,9 +54,10 @@ class Bus(Strict):
 
     Attributes:
         baud: bit rate [bit/s].
-        return_delay_us: what every servo waits before it answers [us].
-        watchdog_ms: servos that hear nothing for this long stop where they are [ms]; protocols without it ignore it.
-        current_bound: goals carry a bound of the motor current (Dynamixel: current-based position mode).
+        return_delay_us: time that a servo waits before it answers [us].
+        watchdog_ms: servos that receive nothing for this time stop where they are [ms]; not all protocols have it.
+        current_bound: whether a bound of the motor current is sent with every goal (Dynamixel: current-based position
+            mode).
     """
 
     baud: int = Field(default=1_000_000, gt=0)
@@ -66,7 +67,7 @@ class Bus(Strict):
 
 
 class Foot(Strict):
-    """A foot: its body, the centre of the sole in the body frame [m] and the sole's usable half extents x, y [m]."""
+    """A foot: body, centre of the sole in the body frame [m], and usable half extents of the sole in x, y [m]."""
 
     body: Name
     sole: Vector
@@ -81,7 +82,7 @@ class Feet(Strict):
 
 
 class Hand(Strict):
-    """The point of an arm that hand targets mean: its body and the point in the body frame [m]."""
+    """A hand: body, and the point in the body frame that hand targets refer to [m]."""
 
     body: Name
     point: Vector
@@ -101,10 +102,10 @@ class Imu(Strict):
         body: body that carries it.
         position: in the body frame [m].
         quaternion: its frame in the body frame, w x y z.
-        driver: who reads it on a real robot (docs/drivers.md); none there where not given.
-        id, bus: address on a servo bus where it sits on one.
-        options: of its driver, such as the port where it has one of its own.
-        required: without it the robot must not stream (else it runs open loop with a warning).
+        driver: that reads it on a real robot (docs/drivers.md); None: the real robot has no IMU.
+        id, bus: address, if it is on a servo bus.
+        options: of its driver, such as the port if it has one of its own.
+        required: whether the robot must not stream without it (otherwise it runs open loop with a warning).
     """
 
     body: Name
@@ -151,7 +152,7 @@ class Head(Strict):
 
 
 class Mapping(Strict):
-    """Which joint plays which part; `None` where the robot lacks it."""
+    """The joints of each chain; `None`: the robot lacks the chain."""
 
     left_leg: Leg
     right_leg: Leg
@@ -165,10 +166,10 @@ class Mapping(Strict):
 
 
 class GaitPace(Strict):
-    """How fast a human may go so that this robot comes enough of the way, as measured (`benchmarks/robot_pace.py`).
+    """Greatest speeds of the human motion that this robot still follows, as measured (`benchmarks/robot/pace.py`).
 
     Attributes:
-        ahead, back, aside: in the scale of the robot's legs [m/s].
+        ahead, back, aside: scaled to the robot's legs [m/s].
         turning: [rad/s].
     """
 
@@ -179,22 +180,23 @@ class GaitPace(Strict):
 
 
 class Gait(Strict):
-    """What walking may ask of this robot.
+    """Limits of walking.
 
     Attributes:
         stand_hip_height, walk_hip_height: hip pitch axis above ankle pitch axis, standing and around steps [m].
-        min_hip_height: lowest that a human's squat may bring the hips [m].
-        stride_factor: share of the leg-scaled human step that is asked for.
+        min_hip_height: lowest hip height in squats [m].
+        stride_factor: step length relative to the leg-scaled human step.
         max_stride: longest |dx| from stance foot to foothold [m].
-        lateral: least and greatest distance between the soles' centres across [m].
-        max_foot_yaw, max_toe_in: greatest turn of a foot against the stance foot, outward and inward [rad].
+        lateral: least and greatest lateral distance between the centres of the soles [m].
+        max_foot_yaw, max_toe_in: greatest yaw of a foot relative to the stance foot, outward and inward [rad].
         swing_min_s, double_support_min_s: shortest swing and double support [s].
-        swing_max_foot_speed: foothold travel over swing time [m/s].
-        swing_turn_cost: a swing reaches 1 / (1 + this times its foot's turn) as far [1/rad].
-        swing_max_foot_acceleration: peak along the swing; what it asks of the knee's rotor is torque [m/s²].
+        swing_max_foot_speed: greatest mean speed of the swing foot [m/s].
+        swing_turn_cost: a turn of the foot divides the reach of its swing by 1 + this times the turn [1/rad].
+        swing_max_foot_acceleration: greatest acceleration of the swing foot [m/s²]; the knee's rotor inertia turns it
+            into torque.
         clearance: height of the swing foot in mid-swing [m].
-        zmp_feedback: how far balance feedback may move the ZMP, along and across the feet [m].
-        pace: how fast a human it follows well; a model is asked for none who is faster. None: not known, nobody waits.
+        zmp_feedback: greatest shift of the ZMP by balance feedback, along and across the feet [m].
+        pace: human speeds that generated motion is limited to; None: not known, no limit.
     """
 
     stand_hip_height: float = Field(gt=0)
@@ -224,17 +226,17 @@ class Gait(Strict):
 
 
 class SafetyLimits(Strict):
-    """When the ladder acts.
+    """Thresholds at which the ladder acts.
 
     Attributes:
-        max_stale_reads: reads in a row that one servo may miss before FAULT.
+        max_stale_reads: consecutive reads that a servo may miss before FAULT.
         fall_tilt: torso tilt that counts as a fall [rad].
-        voltage_min: supply below which it parks [V].
-        thermal_margin: a servo this near its own shutdown makes it park, at twice that it warns [°C].
-        park_s: time to lower itself to the rest pose [s].
-        soft_start_speed: greatest joint speed of the way to the stand pose [rad/s].
-        standing_margin: how far outside its limits a joint may stand when torque goes on [rad]: a limp robot sags onto
-            its stops. The servos' own limits lie as far out, so that goals can be pinned there; none leads there.
+        voltage_min: supply below which the robot parks [V].
+        thermal_margin: a servo this close to its own shutdown parks the robot; at twice this margin it warns [°C].
+        park_s: duration of the motion to the rest pose [s].
+        soft_start_speed: greatest joint speed on the way to the stand pose [rad/s].
+        standing_margin: how far outside its limits a joint may be when torque goes on [rad]: a limp robot sags onto its
+            stops. The servos' own limits are set this much wider, so that goals can be pinned there.
     """
 
     max_stale_reads: int = Field(default=5, ge=1)
@@ -247,7 +249,7 @@ class SafetyLimits(Strict):
 
 
 class RobotFile(Strict):
-    """The whole robot file (see each part).
+    """The whole robot file.
 
     Attributes:
         version: of the file format; a file without this field has version 1.

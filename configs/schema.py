@@ -1,4 +1,4 @@
-"""What every configuration file shares: a strict pydantic base and one way to read YAML into it."""
+"""`Strict`, the base of all configuration models, and functions to read YAML into them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from flexmotion.configs.errors import ConfigError
 
 
 class Strict(BaseModel):
-    """Refuses unknown fields, NaN and infinity; read-only once loaded."""
+    """Rejects unknown fields, NaN and infinity. Read-only."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
@@ -21,7 +21,7 @@ Model = TypeVar("Model", bound=Strict)
 
 
 def read_yaml(file: Path) -> dict[str, Any]:
-    """The mapping in a YAML file. Raises `ConfigError` where it is missing, not YAML, or not a mapping."""
+    """The mapping in a YAML file. Raises `ConfigError` if it is missing, not YAML, or not a mapping."""
     try:
         content = yaml.safe_load(file.read_text(encoding="utf-8"))
     except OSError as error:
@@ -34,14 +34,14 @@ def read_yaml(file: Path) -> dict[str, Any]:
 
 
 def not_yaml(file: Path, error: yaml.YAMLError | UnicodeDecodeError) -> ConfigError:
-    """What to raise for a file that YAML does not read: with the line, where that is known."""
+    """The error for a file that is not valid YAML, with the line if known."""
     if isinstance(error, yaml.MarkedYAMLError) and error.problem_mark is not None:
         return ConfigError(f"{file}, line {error.problem_mark.line + 1}: not valid YAML: {error.problem}")
     return ConfigError(f"{file}: not valid YAML: {' '.join(str(error).split())}")
 
 
 def parse(model: type[Model], content: dict[str, Any], origin: Path | str) -> Model:
-    """`content` of `origin` as a `model`. Raises `ConfigError` with the first wrong field and what it may be."""
+    """`content` of `origin` as a `model`. Raises `ConfigError` with the first wrong field and its valid values."""
     try:
         return model.model_validate(content)
     except ValidationError as error:
@@ -55,7 +55,7 @@ def load(model: type[Model], file: Path) -> Model:
 
 def _one_line(model: type[Strict], error: ValidationError) -> str:
     problems = error.errors()
-    # A name that nobody knows comes first: often it is why another is missing.
+    # Unknown fields first: a misspelt name is often the reason for a missing field.
     first = next((problem for problem in problems if problem["type"] == "extra_forbidden"), problems[0])
     field = ".".join(str(part) for part in first["loc"]) or "(file)"
     message = first["msg"].removeprefix("Value error, ")

@@ -1,7 +1,7 @@
-"""The servo catalogue: what each servo model can do, every figure with its source or marked an assumption.
+"""The servo catalogue: figures of each servo model, each with its source or marked as an assumption.
 
-A file of `configs/servos/` holds one family: `defaults` that its servos share, the servos themselves, and
-`provenance`, which names for every figure an entry of `sources`.
+A file of `configs/servos/` contains one family: `defaults` shared by its servos, the servos, and `provenance`, which
+names an entry of `sources` for every figure.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ Protocol = Literal["dynamixel2", "feetech", "lx16a"]
 
 
 class Source(Strict):
-    """Where a figure comes from; `assumption` marks one that no published source backs."""
+    """Source of a figure; `assumption` marks figures without a published source."""
 
     text: str
     assumption: bool = False
@@ -33,26 +33,26 @@ class Source(Strict):
 class Servo(Strict):
     """One servo model.
 
-    Torque and speed are of the output shaft at `nominal_voltage`; both scale with the supply. Angles are counted from
-    `centre_tick`, positive with rising ticks.
+    Torque and speed are those of the output shaft at `nominal_voltage`; both scale with the supply. Angles are measured
+    from `centre_tick`, positive with increasing ticks.
 
     Attributes:
         name, family, protocol: model name, catalogue file, wire protocol.
-        model_number: what the servo answers to a ping; None where not known.
+        model_number: answer to a ping; None: not known.
         nominal_voltage, min_voltage, max_voltage: supply [V].
-        stall_torque: torque at standstill, for moments [N·m].
-        usable_torque: torque it may make while it drives the load, torque and speed of the same sign [N·m].
+        stall_torque: torque at standstill, for short times [N·m].
+        usable_torque: greatest torque while it drives the load, torque and speed of the same sign [N·m].
         no_load_speed: [rad/s].
         stall_current: [A].
-        gain_register, kp: register value of the position gain and the stiffness it gives [N·m/rad]; proportional.
+        gain_register, kp: a register value of the position gain and its stiffness [N·m/rad]; both are proportional.
         ticks_per_turn, centre_tick, min_tick, max_tick: position units.
-        armature: inertia of rotor and gears as felt at the output [kg·m²].
+        armature: inertia of rotor and gears, reflected to the output [kg·m²].
         frictionloss: dry friction at the output [N·m].
-        current_unit: one unit of the current registers [A]; None where it measures no current.
+        current_unit: one unit of the current registers [A]; None: no current measurement.
         torque_constant: output torque per motor current [N·m/A].
         temperature_limit: the servo shuts down above it [°C].
-        stall_temperature_rise, thermal_time_constant: first-order heating, final rise at stall [K] and time [s].
-        provenance: for every figure, where it comes from.
+        stall_temperature_rise, thermal_time_constant: of first-order heating, final rise at stall [K] and time [s].
+        provenance: source of every figure.
     """
 
     name: str
@@ -95,12 +95,12 @@ class Servo(Strict):
         return self
 
     def figures(self) -> dict[str, float]:
-        """The numbers by name, without those that are not known."""
+        """The known numbers, by name."""
         return {name: value for name, value in self if isinstance(value, (int, float))}
 
     @property
     def back_emf(self) -> float:
-        """Stall torque / no-load speed [N·m·s/rad]: at full supply and speed qd, back_emf * qd of the stall is lost."""
+        """Stall torque / no-load speed [N·m·s/rad]: at speed qd, back-EMF reduces the stall torque by back_emf * qd."""
         return self.stall_torque / self.no_load_speed
 
     @property
@@ -110,7 +110,7 @@ class Servo(Strict):
 
     @property
     def range(self) -> tuple[float, float]:
-        """Lowest and highest angle that a goal can ask for [rad]."""
+        """Lowest and highest angle of a goal [rad]."""
         return (
             (self.min_tick - self.centre_tick) * self.tick_rad,
             (self.max_tick - self.centre_tick) * self.tick_rad,
@@ -118,7 +118,7 @@ class Servo(Strict):
 
 
 class Family(Strict):
-    """One catalogue file as written; `Servo`s are made from it."""
+    """One catalogue file as written."""
 
     protocol: Protocol
     sources: dict[str, Source]
@@ -127,7 +127,7 @@ class Family(Strict):
     servos: dict[str, dict[str, Any]]
 
     def servo(self, name: str, file: Path) -> Servo:
-        """The servo `name`, defaults filled in and sources resolved. Raises `ConfigError`."""
+        """The servo `name`, with defaults and resolved sources. Raises `ConfigError`."""
         own = dict(self.servos[name])
         keys = self.provenance | own.pop("provenance", {})
         unknown = sorted(set(keys.values()) - set(self.sources))
@@ -145,7 +145,7 @@ class Family(Strict):
 
 @cache
 def catalogue() -> dict[str, Servo]:
-    """All servos by name. Raises `ConfigError` where a file is malformed."""
+    """All servos by name. Raises `ConfigError` if a file is malformed."""
     servos: dict[str, Servo] = {}
     for file in sorted(FOLDER.glob("*.yaml")):
         family = parse(Family, read_yaml(file), file)
@@ -154,12 +154,12 @@ def catalogue() -> dict[str, Servo]:
 
 
 def find_servo(name: str) -> Servo:
-    """The servo `name`. Raises `ConfigError` saying why it is not driven, or naming the closest models."""
+    """The servo `name`. Raises `ConfigError` with the reason if it is not supported, or with the closest models."""
     servos = catalogue()
     if name not in servos:
         for start, reason in read_yaml(NOT_DRIVEN).items():
             if name.upper().startswith(start):
-                raise ConfigError(f"servo {name!r} {reason}: a driver plug-in would have to drive it (docs/drivers.md)")
+                raise ConfigError(f"servo {name!r} {reason}: it needs a driver plug-in (docs/drivers.md)")
         close = get_close_matches(name.upper(), servos, n=3, cutoff=0.4) or sorted(servos)
         raise ConfigError(f"unknown servo {name!r}, did you mean: {', '.join(close)}")
     return servos[name]

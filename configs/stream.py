@@ -1,4 +1,4 @@
-"""Stream settings: how plans are made, joined and timed, and the budgets that `check latency` holds them to."""
+"""Stream settings: how plans are made, joined and timed, and the budgets of `check latency`."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ class Budgets(Strict):
     """Upper bounds on timing.
 
     Attributes:
-        target_to_command_ms: from a target's arrival to the first command computed from it, 99th percentile.
+        target_to_command_ms: time from the arrival of a target to the first command computed from it, 99th percentile.
         loop_work_p99_ms: work of one loop tick, 99th percentile.
-        wake_lateness_p99_ms: how late the loop wakes, 99th percentile.
-        missed_deadlines: ticks that may overrun in a run.
-        underruns: times that the loop may run out of plan.
+        wake_lateness_p99_ms: lateness of the loop's wake-up, 99th percentile.
+        missed_deadlines: ticks of a run that may overrun.
+        underruns: times in a run that the loop may reach the end of its plan.
     """
 
     target_to_command_ms: float = Field(default=60.0, gt=0)
@@ -34,15 +34,15 @@ class StreamSettings(Strict):
 
     Attributes:
         horizon_s: length of a plan.
-        first_s: how far the first plan for a new target follows it: it is made sooner, and the whole one at once after.
-        replan_s: time between plans where no new target asks for one.
-        commit_s: first part of a running plan that no redraw may change; a new target or a stop may.
-        min_unplayed_s: plan that must always be left to play.
-        lead_in_s: time from the first plan to the source's first frame, in which the robot gets ready for it.
-        dcm_absorb_s: over which a new plan absorbs the jump of the divergent component of motion.
+        first_s: length of the first plan for a new target: a short plan is made sooner, the whole one right after it.
+        replan_s: time between plans without a new target.
+        commit_s: first part of a running plan that a periodic replan must not change; a new target or a stop may.
+        min_unplayed_s: least part of a plan that must be left to play.
+        lead_in_s: time from the first plan to the source's first frame, in which the robot moves to its pose.
+        dcm_absorb_s: time over which a new plan absorbs the jump of the divergent component of motion.
         blend_frames: frames of human motion over which a new plan is blended in.
-        wake_latency_us: on the real clock processors may not sleep so deeply that they need longer to wake [µs], where
-            the system lets us say so; 0: not at all, null: as deeply as they like, which draws less power.
+        wake_latency_us: longest wake-up time that processors may have on the real clock [µs], if the system permits the
+            setting; 0: they do not sleep; null: no limit, which draws less power.
         budgets: timing bounds.
     """
 
@@ -75,5 +75,5 @@ class StreamSettings(Strict):
 
 
 def load_stream(file: str | Path | None = None) -> StreamSettings:
-    """Stream settings from a YAML file, or the ones that come with the project. Raises `ConfigError`."""
+    """Stream settings from a YAML file; default: the shipped ones. Raises `ConfigError`."""
     return load(StreamSettings, FOLDER / "default.yaml" if file is None else Path(file))

@@ -47,7 +47,7 @@ class Receiver:
         self._ticks, self._slack = np.zeros(robot.n), np.zeros(robot.n)
         self._last = np.clip(self.goal, robot.lower, robot.upper)
         self._lowest, self._highest = np.zeros(robot.n), np.zeros(robot.n)
-        self._told = np.zeros(robot.n, np.bool_)
+        self._addressed = np.zeros(robot.n, np.bool_)
         self._first = np.ones(robot.n, np.bool_)  # the next goal is the first since torque was off
 
     @property
@@ -76,8 +76,8 @@ class Receiver:
             enabled: servos whose torque is on.
             which: servos that get a new goal; for the others `goal` holds a copy of the last one. None: all.
         """
-        robot, bad, told = self._robot, self._bad, self._told
-        told.fill(True) if which is None else np.copyto(told, which)
+        robot, bad, addressed = self._robot, self._bad, self._addressed
+        addressed.fill(True) if which is None else np.copyto(addressed, which)
         self._first |= ~enabled
         np.isfinite(goal, out=self._finite)
         np.copyto(self._ticks, self.goal)
@@ -90,9 +90,9 @@ class Receiver:
         bad |= goal > self._highest
         bad |= ~self._finite
         np.copyto(self._last, self.goal, where=~(bad & enabled))
-        told &= enabled
-        bad &= told
-        self._first &= ~told
+        addressed &= enabled
+        bad &= addressed
+        self._first &= ~addressed
         self.position_violations += int(np.count_nonzero(bad))
 
         # Everything over V/Vn: kp (goal - q) - b qd Vn/V against the stall torque.
@@ -105,7 +105,7 @@ class Receiver:
         np.abs(self._torque, out=self._torque)
         self._torque -= self._tolerance
         np.greater(self._torque, robot.stall_torque, out=bad)
-        bad &= told
+        bad &= addressed
         self.torque_violations += int(np.count_nonzero(bad))
 
     def _widen(self, position: Float, velocity: Float) -> None:

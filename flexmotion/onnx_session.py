@@ -1,4 +1,4 @@
-"""Exported networks as the live system runs them: one thread, no spinning."""
+"""Exported networks in onnxruntime: one thread, no spinning."""
 
 from __future__ import annotations
 
@@ -13,26 +13,26 @@ from flexmotion.configs.errors import ConfigError
 
 
 def open_session(path: Path) -> onnxruntime.InferenceSession:
-    """An exported network, ready to run on one thread of the CPU.
+    """A session of an exported network on one thread of the CPU.
 
     Raises:
-        ConfigError: the file is missing or no network.
+        ConfigError: the file is missing or not a network.
     """
     if not path.is_file():
         raise ConfigError(f"{path}: not there")
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = options.inter_op_num_threads = 1
     options.log_severity_level = 3
-    # Other processes share the cores: a waiting thread must sleep.
+    # A waiting thread must sleep, since other processes share the cores.
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     try:
         return onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
-    except Exception as error:  # onnxruntime raises several types that share no base but this one
+    except Exception as error:  # onnxruntime raises several types without a common base
         raise _cannot_run(path, error) from error
 
 
 def run(session: onnxruntime.InferenceSession, path: Path, inputs: Mapping[str, NDArray]) -> NDArray[np.float32]:
-    """The one output of a network that was opened from `path`.
+    """The single output of a network opened from `path`.
 
     Raises:
         ConfigError: the network fails on these inputs.

@@ -1,8 +1,8 @@
-"""Arms and head: the human's hands, elbows and gaze carried over to whatever joints the robot has there.
+"""Arms and head: the human's hands, elbows and gaze mapped to the robot's joints.
 
-Each arm is solved by damped least squares on the position of its hand and, more weakly, of its elbow, in the torso
-frame, from where it was a frame before; so it does not flip and needs no particular joint order. Where that ends in a
-corner of the joint limits far from the target, the nearest of a set of poses sampled beforehand is the new start.
+Each arm is solved by damped least squares on the position of its hand and, with less weight, of its elbow, in the torso
+frame, starting from the frame before. So it does not flip and needs no particular joint order. Where the solution is
+stuck at joint limits far from the target, the nearest of a set of sampled poses is the new start.
 """
 
 from __future__ import annotations
@@ -25,27 +25,27 @@ from flexmotion.retarget.legs import SIDE_NAMES
 Float = NDArray[np.float64]
 
 _FIRST_ITERATIONS, _ITERATIONS = 10, 1
-"""Most steps for the frame where the motion joins, and for those after it, which start from their neighbour."""
+"""Most iterations for the first frame, and for each further frame, which starts from the one before."""
 _ARRIVED = 0.005
-"""Where no joint moves further than this there are no more steps [rad]."""
+"""The iterations end when no joint moves further than this [rad]."""
 _DAMPING = 0.12
-"""Damping over arm length; keeps joint steps bounded where the arm is stretched."""
+"""Damping over arm length; keeps joint steps bounded where the arm is straight."""
 _ELBOW_WEIGHT = 0.25
 _LARGEST_STEP = 0.35
 """Longest step of a joint [rad]."""
 _SAMPLES = 4096
-"""Poses of an arm tried as a start where the last one leads nowhere."""
+"""Number of sampled poses of an arm, as starts where the last pose does not lead to the target."""
 _NEIGHBOURS = 16
-"""Of those, how many of the nearest to the target are weighed by how far the arm would have to travel."""
-_LOST, _LOOKED_FOR = 0.12, 4
-"""Error over arm length from which another start is looked for, every so many frames; it must then halve the error."""
+"""Number of samples nearest to the target that are compared by the distance that the joints must move."""
+_RESTART_ERROR, _RESTART_FRAMES = 0.12, 4
+"""Error over arm length above which another start is searched, every so many frames; it must halve the error."""
 _TRAVEL_WEIGHT = 0.02
-"""Squared error over arm length that a radian of travel to a new start is worth."""
+"""Cost of a squared radian of joint movement to a new start, in squared error over squared arm length."""
 
 
 @dataclass(frozen=True)
 class ArmTargets:
-    """Where the robot's hands and elbows belong, in its torso frame, and which of them it can reach.
+    """Targets of the robot's hands and elbows in its torso frame, and which of them it can reach.
 
     Attributes:
         hand, elbow: (F, 2, 3) [m], left then right.
@@ -58,7 +58,11 @@ class ArmTargets:
 
 
 class UpperBody:
-    """Solves arms and head for one robot; holds its own MuJoCo data with the torso at the origin."""
+    """Solves arms and head of one robot; has MuJoCo data of its own, with the torso at the origin.
+
+    Raises:
+        RetargetError: the robot file has no hands, or arms of different numbers of joints.
+    """
 
     def __init__(self, robot: Robot) -> None:
         self.robot, self.model = robot, robot.model
@@ -67,7 +71,7 @@ class UpperBody:
         arms = [list(robot.chain(f"{side}_arm").values()) for side in SIDE_NAMES]
         hands = robot.config.hands
         if hands is None or len(arms[0]) != len(arms[1]):
-            raise RetargetError(f"{robot.file}: needs field hands, and two arms of as many joints each")
+            raise RetargetError(f"{robot.file}: field hands is required, and two arms with the same number of joints")
         self.arms = np.array(arms)
         """Columns of the arm joints in the robot's order, (2, m)."""
         self.head = robot.chain("head")
@@ -101,7 +105,7 @@ class UpperBody:
         return np.linalg.norm(segments, axis=2)
 
     def _sample(self) -> tuple[list[Float], list[KDTree]]:
-        """Poses of each arm spread over its limits, (_SAMPLES, m) [rad], and where they bring hand and elbow."""
+        """Poses of each arm spread over its limits, (_SAMPLES, m) [rad], and trees of hand and elbow positions."""
         q = np.zeros(self.robot.n)
         spread = qmc.Halton(self.arms.shape[1], scramble=False).random(_SAMPLES)
         poses = [lower + spread * (upper - lower) for lower, upper in zip(self._lower, self._upper, strict=True)]
@@ -146,8 +150,9 @@ class UpperBody:
         """Joint angles frame by frame, each from the one before.
 
         Args:
-            start: all joints where the motion joins, (n,) [rad]; its legs are kept.
-            first: number of the first frame in its source, so that redraws of a motion look for a start alike.
+            start: all joints before the first frame, (n,) [rad]; the legs do not matter.
+            first: index of the first frame in its source, so that windows that overlap search for a start at the same
+                frames.
             checkpoint: called before each frame; what it raises ends the work.
 
         Returns:
@@ -163,15 +168,15 @@ class UpperBody:
                 checkpoint()
             hand, elbow = targets.hand[frame], targets.elbow[frame]
             error = self._descend(q, hand, elbow, _ITERATIONS if frame else _FIRST_ITERATIONS)
-            if (first + frame) % _LOOKED_FOR == 0 and (error > _LOST**2).any():
-                self._escape(q, hand, elbow, error)
+            if (first + frame) % _RESTART_FRAMES == 0 and (error > _RESTART_ERROR**2).any():
+                self._restart(q, hand, elbow, error)
             for role, index in self.head.items():
                 q[index] = min(max(gaze[role][frame], robot.lower[index]), robot.upper[index])
             out[frame] = q[self.joints]
         return out, targets
 
     def _descend(self, q: Float, hand: Float, elbow: Float, iterations: int) -> Float:
-        """Move the arms of `q` in place towards hands and elbows (2, 3); returns `_error` of the last pose but one."""
+        """Move the arms of `q` towards hands and elbows (2, 3), in place; returns the last error but one."""
         error = np.zeros(2)
         for _ in range(iterations):
             self._place(q)
@@ -182,9 +187,9 @@ class UpperBody:
                 break
         return error
 
-    def _escape(self, q: Float, hand: Float, elbow: Float, error: Float) -> None:
-        """Start the arms that are lost anew from a sampled pose, where one is much nearer to the target."""
-        for side in np.flatnonzero(error > _LOST**2):
+    def _restart(self, q: Float, hand: Float, elbow: Float, error: Float) -> None:
+        """Restart arms with a large error (2,) from a sampled pose, where one is much nearer to the target."""
+        for side in np.flatnonzero(error > _RESTART_ERROR**2):
             wanted = np.concatenate([hand[side], _ELBOW_WEIGHT * elbow[side]]) / self.lengths[side].sum()
             nearest, found = self._trees[side].query(wanted, k=_NEIGHBOURS)
             distances = np.asarray(nearest)
@@ -228,5 +233,5 @@ _NEXT, _LAST = [1, 2, 0], [2, 0, 1]
 
 
 def _cross(a: Float, b: Float) -> Float:
-    """Cross product over the last axis; `np.cross` spends ten times as long on so few rows."""
+    """Cross product over the last axis; `np.cross` takes ten times as long for so few rows."""
     return a[..., _NEXT] * b[..., _LAST] - a[..., _LAST] * b[..., _NEXT]

@@ -1,8 +1,8 @@
 """Zero-moment point, divergent component of motion, and the centre of mass that follows from them.
 
 The linear inverted pendulum with natural frequency w = sqrt(g / h): the divergent component xi = c + c'/w obeys
-xi' = w (xi - p) and so is fixed by the *future* of the zero-moment point p, and c' = w (xi - c) brings the centre of
-mass after it (Englsberger et al. 2015, IEEE T-RO 31(2), eqs. 6, 7 and 15).
+xi' = w (xi - p), so it is determined by the *future* of the zero-moment point p, and by c' = w (xi - c) the centre of
+mass follows it (Englsberger et al. 2015, IEEE T-RO 31(2), eqs. 6, 7 and 15).
 """
 
 from __future__ import annotations
@@ -31,7 +31,12 @@ def divergent_component(zmp: Float, omega: float, dt: float) -> Float:
 
 
 def absorb_offset(seconds: float, omega: float, dt: float, rows: int | None = None) -> Float:
-    """How far `absorb` moves the zero-moment point, per metre of jump, (rows,); by default as long as it moves it."""
+    """Displacement of the zero-moment point by `absorb`, per metre of jump, (rows,).
+
+    Args:
+        seconds: how long the jump takes to decay [s]; omega: [1/s]; dt: time a row [s].
+        rows: number of rows; those until the jump has decayed where not given.
+    """
     count = int(np.ceil(seconds / dt)) + 1 if rows is None else rows
     t: Float = np.arange(count, dtype=np.float64) * dt
     # The derivative over the row that follows, so that the discrete recursion holds too.
@@ -42,18 +47,18 @@ def absorb_offset(seconds: float, omega: float, dt: float, rows: int | None = No
 
 
 def _remaining(t: Float, seconds: float) -> Float:
-    """Share of a jump that is left after a time."""
+    """Share of a jump that remains after a time [s]."""
     return 1.0 - minimum_jerk(t / seconds)
 
 
 def absorb(zmp: Float, dcm: Float, error: Float, omega: float, dt: float, seconds: float) -> tuple[Float, Float]:
-    """Let a jump of the divergent component at row 0 die away instead of happening.
+    """Replace a jump of the divergent component at row 0 by a smooth decay.
 
-    The error e(t) = e0 s(t) falls smoothly to zero, which asks for a zero-moment point offset e - e'/omega.
+    The error e(t) = e0 s(t) decays smoothly to zero, which needs a zero-moment point offset of e - e'/omega.
 
     Args:
         zmp, dcm: the plan, (T, 2) [m]; error: DCM now minus DCM of row 0, (2,) [m].
-        seconds: how long the error may live [s].
+        seconds: how long the error takes to decay [s].
 
     Returns:
         zmp and dcm, (T, 2) [m].
@@ -65,7 +70,7 @@ def absorb(zmp: Float, dcm: Float, error: Float, omega: float, dt: float, second
 
 
 def centre_of_mass(dcm: Float, start: Float, omega: float, dt: float) -> tuple[Float, Float]:
-    """Centre of mass that follows the divergent component from `start`.
+    """Centre of mass that follows the divergent component.
 
     Args:
         dcm: (T, 2) [m]; start: centre of mass at row 0, (2,) [m].

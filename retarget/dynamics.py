@@ -1,7 +1,7 @@
 """Joint torques of a planned motion under its planned ground forces.
 
-Inverse dynamics gives the wrench that the ground must supply in all; it is shared between the feet by load, each
-foot's part acting as near the middle of its sole as the whole allows; what the feet supply is taken off the legs:
+Inverse dynamics gives the total wrench of the ground. It is divided between the feet by load, with each centre of
+pressure as near to the middle of its sole as the total allows, and the legs' torques are reduced by it:
 tau = (M q'' + h)_joints - sum_feet J^T w  (Featherstone 2008, *Rigid Body Dynamics Algorithms*, eq. 5.22).
 """
 
@@ -19,11 +19,11 @@ Float = NDArray[np.float64]
 
 
 class RobotDynamics:
-    """Kinematics and inverse dynamics of the robot over the rows of a plan; holds its own MuJoCo data."""
+    """Kinematics and inverse dynamics of the robot over the rows of a plan; has MuJoCo data of its own."""
 
     def __init__(self, robot: Robot, legs: tuple[Leg, Leg]) -> None:
         self.robot = robot
-        # A copy without contacts, limits and dry friction: the ground is ours to plan.
+        # A copy without contacts, limits and dry friction: the ground forces are planned.
         self.model = robot.compile()
         disable = mujoco.mjtDisableBit
         self.model.opt.disableflags |= int(disable.mjDSBL_CONSTRAINT)
@@ -62,7 +62,7 @@ class RobotDynamics:
         feet: Float,
         share: Float,
     ) -> tuple[Float, Float]:
-        """Joint torques and the zero-moment point that the whole body really asks for.
+        """Joint torques, and the zero-moment point of the whole body's dynamics.
 
         Args:
             base: torso poses (T, 7); base_velocity, base_acceleration: (T, 6), linear in the world, angular in the
@@ -71,7 +71,7 @@ class RobotDynamics:
             feet: sole centres and yaw, (T, 2, 4); share: load on the right foot, (T,) in [0, 1].
 
         Returns:
-            torque (T, n) [N·m] and zmp (T, 2) [m] before it is held inside the soles.
+            torque (T, n) [N·m], and zmp (T, 2) [m] before it is bounded to the soles.
         """
         data, model, robot = self.data, self.model, self.robot
         rows = len(q)
@@ -108,7 +108,12 @@ class RobotDynamics:
 
     @staticmethod
     def _inside_sole(moment: Float, load: Float, yaw: Float, half: Float) -> Float:
-        """Bound a foot's horizontal moment so that its centre of pressure stays on the sole."""
+        """A foot's moment, bounded so that its centre of pressure is on the sole, (T, 3) [N·m].
+
+        Args:
+            moment: about the sole's centre, in the world, (T, 3) [N·m]; load: vertical force, (T,) [N].
+            yaw: of the foot, (T,) [rad]; half: half the sole's length and width, (2,) [m].
+        """
         cos, sin = np.cos(yaw), np.sin(yaw)
         about_x = cos * moment[:, 0] + sin * moment[:, 1]
         about_y = cos * moment[:, 1] - sin * moment[:, 0]

@@ -1,4 +1,4 @@
-"""`HumanWindow`: what the retargeter sees of the human, from now to as far ahead as it was given."""
+"""`HumanWindow`: features of the human motion that a plan is given."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ Float = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Swing:
-    """A stretch in which a human foot carries no load.
+    """A period in which a human foot carries no load.
 
     Attributes:
         side: 0 left, 1 right.
-        lift_s, land_s: source time [s]; the window's edge where the event lies outside it.
-        landed: whether the landing lies inside the window.
+        lift_s, land_s: source time of lift-off and touch-down [s]; the window's edge where the event is outside it.
+        landed: whether the touch-down is inside the window.
     """
 
     side: int
@@ -35,21 +35,21 @@ class Swing:
 
 
 class HumanWindow:
-    """Features of a stretch of human motion over source time.
+    """Features of human motion over source time: kinematics, contacts, swings, yaws.
 
     Args:
         motion: the frames.
         start_s: source time of the first frame [s].
         detector_state: contact detector's state before the first frame.
         yaws: yaw of left foot, right foot and pelvis before the first frame, (3,) [rad]: angles are unwrapped
-            to follow on from these, so that turns add up over windows. None starts anew.
+            from these on, so that they are continuous over windows. None: from the first frame.
     """
 
     def __init__(self, motion: Motion, start_s: float, detector_state: Float, yaws: Float | None) -> None:
         self.motion = motion
         self.times = start_s + np.arange(len(motion)) / motion.fps
         self.kinematics: HumanKinematics = forward(motion)
-        # Forces that come with a motion tell better than heights and speeds which foot it stands on, where plausible.
+        # Plausible ground forces show which foot is loaded better than heights and speeds of the feet.
         force = None if motion.wrenches is None else motion.wrenches[:, :, 2] / (motion.body.mass * GRAVITY)
         self.contacts, self.detector_states = ContactDetector().detect(
             self.kinematics, motion.fps, detector_state, force
@@ -92,7 +92,7 @@ class HumanWindow:
         return np.clip(np.searchsorted(self.times, seconds + 1e-9, side="right") - 1, 0, len(self.times) - 1)
 
     def at(self, values: Float, seconds: Float) -> Float:
-        """Linear interpolation of per-frame `values` (F, ...) at source times (T,); the ends are held."""
+        """Linear interpolation of per-frame `values` (F, ...) at source times (T,) [s], constant beyond the ends."""
         place = np.clip((seconds - self.times[0]) * self.motion.fps, 0.0, len(self.times) - 1)
         low = np.minimum(place.astype(int), max(len(self.times) - 2, 0))
         share = (place - low).reshape(-1, *[1] * (values.ndim - 1))
@@ -110,7 +110,7 @@ class HumanWindow:
         return float(self.yaws[rows, 2].mean())
 
     def foot_height(self, side: int, start_s: float, end_s: float) -> float:
-        """How high the foot is lifted between two times over where it stood at the first [m]."""
+        """Greatest height of the foot between two source times, over its height at the first [m]."""
         rows = (self.times >= start_s - 1e-9) & (self.times <= end_s + 1e-9)
         if not rows.any():
             return 0.0
@@ -121,7 +121,7 @@ class HumanWindow:
     def tilt(self) -> Float:
         """Roll (to the right positive) and pitch (forward positive) of the torso, (F, 2) [rad].
 
-        As seen from where it faces, over Euler's angles, which turn round where somebody bows by more than 90 degrees.
+        Measured in the frame of the torso's heading: Euler angles flip where a human bows by more than 90 degrees.
         """
         torso = self.kinematics.torso_rotation
         yaw, up = matrix_heading(torso), torso[:, :, 2]

@@ -1,8 +1,9 @@
-"""How a new plan takes over from the one that plays: the jump of the divergent component dies away, and how fast.
+"""Joins of plans: how fast the jump of the divergent component from the current plan to the new one decays.
 
-The jump e0 is let down to zero over a time T. That moves the zero-moment point by up to `absorb_peak(T)` times e0, more
-the shorter T is. The zero-moment point of a plan lies between the soles' centres, so a move that stays within part of
-one sole stays within the support polygon, on one foot as on two.
+The jump e0 decays to zero over a time T. That displaces the zero-moment point by up to the maximum of
+`balance.absorb_offset(T)` times e0, which is larger for a shorter T. The zero-moment point of a plan is between the
+centres of the soles, so a displacement within part of one sole stays within the support polygon, in single and double
+support.
 """
 
 from __future__ import annotations
@@ -17,9 +18,9 @@ from flexmotion.retarget.balance import absorb, absorb_offset
 Float = NDArray[np.float64]
 
 _LONGER = (1.0, 1.5, 2.0, 3.0)
-"""Times tried, over the shortest: beyond three of them little is won, since a jump of e0 asks for e0 at the least."""
+"""Decay times, over the shortest. Longer ones gain little: the displacement is never smaller than the jump."""
 _ROOM_SHARE = 0.5
-"""Of half a sole: the rest is for balance feedback."""
+"""Share of half a sole that a join may use; the rest is for balance feedback."""
 
 
 @dataclass(frozen=True)
@@ -28,7 +29,7 @@ class Absorbed:
 
     Attributes:
         zmp, dcm: (T, 2) [m].
-        excess: the farthest that the zero-moment point is moved, over the room for it; more than 1 does not fit.
+        excess: largest displacement of the zero-moment point over the room for it; more than 1 does not fit.
     """
 
     zmp: Float
@@ -37,12 +38,12 @@ class Absorbed:
 
 
 class JoinAbsorber:
-    """Absorbs jumps of the divergent component within the room that the soles leave.
+    """Absorbs jumps of the divergent component within the room on the soles.
 
     Args:
         sole_half_size: half the length and width of a sole, (2,) [m].
-        omega: of the pendulum [1/s]; dt: time a row [s].
-        shortest_s: time over which a jump is absorbed where there is room for it.
+        omega: natural frequency of the pendulum [1/s]; dt: time a row [s].
+        shortest_s: decay time of a jump where there is room for it [s].
     """
 
     def __init__(self, sole_half_size: Float, omega: float, dt: float, shortest_s: float) -> None:
@@ -54,10 +55,10 @@ class JoinAbsorber:
         ]
 
     def absorb(self, zmp: Float, dcm: Float, now: Float, yaw: float) -> Absorbed:
-        """Bend a plan so that it starts at the divergent component `now`.
+        """Change a plan so that it starts at the divergent component `now`.
 
         Args:
-            zmp, dcm: the plan, (T, 2) [m]; now: (2,) [m]; yaw: where the feet face [rad].
+            zmp, dcm: the plan, (T, 2) [m]; now: (2,) [m]; yaw: mean heading of the feet [rad].
         """
         error = now - dcm[0]
         cos, sin = np.cos(yaw), np.sin(yaw)

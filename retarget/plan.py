@@ -1,4 +1,4 @@
-"""`Plan`: this robot's next second or so of motion, one row a control tick, ending in a balanced stop."""
+"""`Plan`: about a second of this robot's motion, one row a control tick, ending in a balanced stop."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ Float = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Plan:
-    """What the retargeter hands to the control loop: references, never servo goals.
+    """References for the control loop, never servo goals.
 
-    World frame of the robot's plan (x forward and y left of where it started), n joints in the robot's order,
-    feet left then right.
+    In the world frame of the robot's plans (origin and x axis: where it started and faced), n joints in the robot's
+    order, feet left then right.
 
     Attributes:
         start_tick: loop tick of row 0.
         stop_row: first row of the stop tail; rows before it follow the human.
-        source_s: time of the source that each row follows, (T,) [s]; negative in the lead-in before it, NaN in the
-            stop tail.
+        source_s: source time of each row, (T,) [s]; negative in the lead-in before the source starts, NaN in the stop
+            tail.
         q, qd, qdd: joint reference, (T, n) [rad, rad/s, rad/s²].
         torque: joint torque of the reference under its planned ground forces, (T, n) [N·m].
         contacts: which feet carry load, (T, 2) bool.
@@ -34,11 +34,11 @@ class Plan:
         zmp, dcm: planned zero-moment point and divergent component of motion, (T, 2) [m].
         load_share: share of the weight on the right foot, (T,) in [0, 1].
         states: the retargeter's state at each row, (T, S); a new plan resumes from one of them.
-        hand_error: distance of each hand from where the human's hand maps to, (T, 2) [m]; NaN out of reach.
-        repairs: how often a reference had to be bent to the robot's limits, by kind.
-        steps: footsteps that lift within the plan, each with the human steps left out before it.
-        human: the human frames that the plan was made from, on the source's clock from frame `human_first_frame` on, so
-            that its successor can blend in from them; None for a stop, and where a plan was handed on without them.
+        hand_error: distance of each hand from its target, (T, 2) [m]; NaN out of reach and between source frames.
+        repairs: number of references that were bounded to the robot's limits, by kind, (T,) each.
+        steps: footsteps that lift within the plan, each with the number of human steps left out before it.
+        human: the human frames that the plan was made from, from source frame `human_first_frame` on, so that the next
+            plan can blend from them; None for a stop, and for a plan from shared memory.
     """
 
     start_tick: int
@@ -68,5 +68,5 @@ class Plan:
 
     @property
     def end_tick(self) -> int:
-        """First tick that the plan no longer covers."""
+        """First tick after the plan."""
         return self.start_tick + len(self)

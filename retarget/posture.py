@@ -1,4 +1,4 @@
-"""What the human's trunk, arms and head ask of the robot's, before anything is smoothed."""
+"""Targets of the robot's trunk, and the filter through which trunk, arms and head follow their targets."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ _SPEED = np.array([0.25, 1.5, 1.5, 2.0])
 _ACCELERATION = np.array([3.0, 20.0, 20.0, 20.0])
 """Trunk channels: natural frequency [1/s] and bounds [m/s, rad/s and per second]."""
 _UPPER_OMEGA, _UPPER_ACCELERATION, _UPPER_SPEED_SHARE = 22.0, 45.0, 0.6
-"""Arms and head: natural frequency [1/s], bound [rad/s²], and share of the servo's no-load speed: what a servo still
-has the torque for, whose rotor and gears weigh more than the arm (OP3: .045 kg·m² times 45 rad/s² is 2 N·m)."""
+"""Arms and head: natural frequency [1/s], bound [rad/s²], and share of the servo's no-load speed. The bound is set by
+the servo's torque: its rotor and gears have more inertia than the arm (OP3: .045 kg·m² times 45 rad/s² is 2 N·m)."""
 _TILT_LIMITS = np.array([[-0.20, 0.20], [-0.20, 0.60]])
-"""Torso roll and pitch that the robot may take over [rad]."""
+"""Bounds of the torso's roll and pitch [rad]."""
 _WALKING_TILT = 0.35
-"""Share of the human's trunk tilt that the robot takes over around steps."""
+"""Share of the human's trunk tilt that the robot follows near steps."""
 _TWIST = 0.35
-"""Torso yaw against the feet [rad]."""
+"""Bound of the torso's yaw relative to the feet [rad]."""
 _STANDING_SHARE = (0.3, 0.7)
-"""Bounds of the load share that follows the human's sway on two feet."""
+"""Bounds of the load share that follows the human's sway in double support."""
 
 
 def follower(robot: Robot, body: WholeBody) -> Follower:
-    """The smoother of trunk and upper body for one robot."""
+    """The filter of trunk and upper body of one robot."""
     upper = body.upper.joints
     count = len(upper)
     return Follower(
@@ -45,10 +45,11 @@ def follower(robot: Robot, body: WholeBody) -> Follower:
 
 
 def quiet_share(window: HumanWindow, seconds: Float, rows: int, fade_rows: float) -> Float:
-    """Load on the right foot while both feet stand: the human's, fading to the middle once nothing is known.
+    """Load share of the right foot in double support, (rows,): the human's, fading to one half in the stop tail.
 
     Args:
-        seconds: source time of the rows that follow the human, (F,); rows: rows in all.
+        seconds: source time of the rows that follow the human, (F,) [s]; rows: number of rows in all.
+        fade_rows: rows in which it fades.
     """
     left, right = window.feet[:, 0, :2], window.feet[:, 1, :2]
     across = right - left
@@ -59,7 +60,7 @@ def quiet_share(window: HumanWindow, seconds: Float, rows: int, fade_rows: float
 
 
 def trunk_targets(gait: Gait, schedule: Schedule) -> Float:
-    """Upright over the feet, at the height that standing or walking needs, (T, 4)."""
+    """Targets of the trunk without a human, (T, 4): upright over the feet, at standing or walking height."""
     targets = np.zeros((len(schedule.share), len(POSTURE)))
     targets[:, 0] = np.where(schedule.walking, gait.walk_hip_height, gait.stand_hip_height)
     targets[:, 3] = schedule.feet[:, :, 3].mean(axis=1)
@@ -69,11 +70,11 @@ def trunk_targets(gait: Gait, schedule: Schedule) -> Float:
 def human_trunk(
     gait: Gait, schedule: Schedule, window: HumanWindow, scaling: Scaling, seconds: Float, omega: Float
 ) -> Float:
-    """The human's trunk within what the robot can carry, seen ahead by each channel's lag, (T, 4).
+    """Targets of the trunk from the human's, (T, 4), bounded for the robot and ahead by the lag of each filter.
 
     Args:
-        seconds: source time of each row, held at the last that is known, (T,).
-        omega: natural frequency a channel of the follower to come, (>= 4,).
+        seconds: source time of each row, constant after the last frame, (T,) [s].
+        omega: natural frequency of each channel of the follower, (>= 4,) [1/s].
     """
     targets = trunk_targets(gait, schedule)
     lead = 2.0 / omega

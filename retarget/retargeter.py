@@ -60,7 +60,7 @@ class Retargeter:
         if settings.horizon_s < self.footsteps.sight_s:
             raise RetargetError(
                 f"stream settings: horizon_s is {settings.horizon_s:g}, expected at least {self.footsteps.sight_s:g}: "
-                f"{robot.name} cannot insert a step for a human whose motion it knows no further ahead"
+                f"{robot.name} cannot insert steps in shorter plans"
             )
         walking = self._upright(self.gait.walk_hip_height)
         base, q, _, _ = self.body.solve(self.body.home_feet[None], np.zeros((1, 2)), walking[None], np.zeros(2), 4)

@@ -1,4 +1,4 @@
-"""When each foot is where: foot paths, contacts and load share over the rows of a plan, from its footsteps."""
+"""Foot paths, contacts and load share over the rows of a plan, from its footsteps."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from flexmotion.spatial.transitions import minimum_jerk
 Float = NDArray[np.float64]
 
 SHIFT_S = 0.25
-"""Time in which the weight moves on or off a foot when nothing hurries it."""
+"""Time in which the weight moves onto or off a foot where the steps allow it."""
 _CROUCH_BEFORE_S, _CROUCH_AFTER_S = 0.7, 0.6
-"""The hips come down to walking height this long before a step, and rise again this long after."""
+"""The hips lower to walking height this long before a step, and rise this long after it."""
 
 
 @dataclass(frozen=True)
@@ -26,8 +26,8 @@ class Schedule:
     Attributes:
         feet: sole centres and yaw, (T, 2, 4) [m, m, m, rad].
         contacts: which feet carry load, (T, 2) bool.
-        share: load on the right foot, (T,) in [0, 1].
-        walking: whether a step is near, (T,) bool.
+        share: load share of the right foot, (T,) in [0, 1].
+        walking: whether the hips are at walking height, (T,) bool.
     """
 
     feet: Float
@@ -50,10 +50,11 @@ class Schedule:
         """Lay out `steps`.
 
         Args:
-            feet: where the soles are at the first row, (2, 4).
+            feet: poses of the soles at the first row, (2, 4) [m, m, m, rad].
             landed, last_stance: tick of the last touch-down before the first row, and its stance foot.
             ticks: loop tick of each row, (T,).
-            quiet: load share wanted while both feet stand, (T,).
+            quiet: load share of the right foot while the weight does not move for a step, (T,).
+            rate: rows a second.
             clearance: height of a swing [m].
         """
         paths = np.broadcast_to(feet, (len(ticks), 2, 4)).copy()
@@ -82,7 +83,7 @@ def _load_share(
         else:
             leaving = 1.0 - minimum_jerk((t - landed) / shift)
             coming = minimum_jerk((t - step.lift + shift) / shift)
-            # In a gap shorter than two shifts the weight never comes to rest between the feet.
+            # In a gap shorter than two shifts the weight is never at rest between the feet.
             total = np.maximum(leaving + coming, 1.0)
             leaving, coming = leaving / total, coming / total
             share[gap] = leaving * last_stance + coming * step.stance + (1.0 - leaving - coming) * quiet[gap]

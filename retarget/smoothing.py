@@ -1,4 +1,4 @@
-"""Smooth following of a target that may jump, within limits on speed and acceleration."""
+"""Filter that follows a target with jumps, within bounds on speed and acceleration."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ Float = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Follower:
-    """A critically damped second-order filter a channel, with bounded speed and acceleration.
+    """A critically damped second-order filter for each channel, with bounded speed and acceleration.
 
-    It lags a moving target by 2 / omega seconds; who knows the target ahead of time shows it that much earlier.
+    It lags a moving target by 2 / omega seconds; a target that is known ahead of time is given that much earlier.
 
     Attributes:
-        omega: natural frequency a channel, (C,) [1/s].
-        speed, acceleration: bounds a channel, (C,) [unit/s, unit/s²].
+        omega: natural frequency of each channel, (C,) [1/s].
+        speed, acceleration: bounds of each channel, (C,) [unit/s, unit/s²].
         dt: time a tick [s].
     """
 
@@ -31,8 +31,8 @@ class Follower:
         """Run over the rows of `targets` (T, C) from a position and velocity (C,).
 
         Returns:
-            Positions and velocities (T, C) after each row, and whether the speed and the acceleration bound held
-            the channel back, each (T, C) bool.
+            Positions and velocities after each row, (T, C) each, and whether the speed and the acceleration bound were
+            active, (T, C) bool each.
         """
         rows = targets.shape
         positions, velocities, wishes, bounds = (np.empty(rows) for _ in range(4))

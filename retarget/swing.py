@@ -1,4 +1,4 @@
-"""The path of a foot through the air."""
+"""The path of a foot during a step."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from flexmotion.spatial.transitions import minimum_jerk, smoothstep
 Float = NDArray[np.float64]
 
 _CUBIC_SHARE = 0.7
-"""A cubic keeps the top speed low, a minimum-jerk profile lands softly; this mix saturated the knees least."""
+"""Share of a cubic, which keeps the top speed low; the rest is minimum jerk, which lands softly. This mix saturated the
+knee servos least."""
 PEAK_ACCELERATION = _CUBIC_SHARE * 6.0 + (1.0 - _CUBIC_SHARE) * 10.0 / np.sqrt(3.0)
 """Greatest acceleration along the path, times duration squared over distance (upper bound of the mix)."""
 
@@ -21,7 +22,7 @@ def swing_path(phase: Float, start: Float, target: Float, clearance: float) -> F
     Args:
         phase: 0 at lift-off, 1 at touch-down, (T,).
         start, target: x, y, z, yaw, (4,) [m, m, m, rad].
-        clearance: height of the path's top over the straight line [m].
+        clearance: greatest height of the path over the straight line [m].
 
     Returns:
         (T, 4) [m, m, m, rad].

@@ -1,4 +1,4 @@
-"""Whole-body inverse kinematics: feet where they stand, the centre of mass where it balances, torso as asked."""
+"""Whole-body inverse kinematics for given poses of the feet, horizontal centre of mass and posture of the trunk."""
 
 from __future__ import annotations
 
@@ -18,15 +18,19 @@ POSTURE = ("height", "roll", "pitch", "yaw")
 """Channels of the trunk: hips above ankles [m], torso roll, pitch and yaw [rad]."""
 
 BENT_KNEE = 0.92
-"""Share of the leg's length that a posture may use: a straight knee needs unbounded speed to move the foot at all."""
+"""Share of the leg's length that a posture may use: near a straight knee, moving the foot needs unbounded speed."""
 
 
 _STRIDE = 4
-"""The torso's shift changes slowly: it is found at every fourth row and follows a cubic spline between (to .02 mm)."""
+"""The torso's shift changes slowly: it is solved at every fourth row, with a cubic spline between (to .02 mm)."""
 
 
 class WholeBody:
-    """One robot's legs, upper body and dynamics, solved together over many rows."""
+    """Legs, upper body and dynamics of one robot, solved together over many rows.
+
+    Raises:
+        RetargetError: the robot's legs or arms are of a kind that cannot be solved.
+    """
 
     def __init__(self, robot: Robot) -> None:
         self.robot = robot
@@ -38,14 +42,14 @@ class WholeBody:
         self.ankle_height = -float(left.sole[2])
         self.hip_middle = 0.5 * (left.hip + right.hip)
         self.home_feet = np.zeros((2, 4))
-        """Soles under straight legs, torso frame's yaw, the middle between them at the origin, (2, 4)."""
+        """Poses of the soles under straight legs, facing +x, with their middle at the origin, (2, 4) [m, m, m, rad]."""
         self.home_feet[:, :2] = (np.stack([left.hip + left.sole, right.hip + right.sole]))[:, :2]
         self.home_feet[:, :2] -= self.home_feet[:, :2].mean(axis=0)
         self._slope = 0.0
         self._slope = self._shift_slope()
 
     def _shift_slope(self) -> float:
-        """How much of a change of the shift comes back as change of the shift, at the stand pose."""
+        """Derivative of the solved shift of the torso by the guessed shift, at the stand pose."""
         channels = np.concatenate([[0.9 * self.leg_length, 0, 0, 0], self.robot.stand_pose[self.upper.joints]])
         shifts = []
         for guess in (-0.01, 0.01):
@@ -59,9 +63,9 @@ class WholeBody:
         return float(self.home_feet[0, 1] - self.home_feet[1, 1])
 
     def reachable_height(self, feet: Float, com: Float, offset: Float) -> Float:
-        """Highest hips over the ankles at which both legs still reach their feet with bent knees, (T,) [m].
+        """Greatest height of the hips over the ankles at which both legs reach their feet with bent knees, (T,) [m].
 
-        Args: as of `solve`; the torso is taken upright and to face as the feet do on average.
+        Arguments as in `solve`; the torso is assumed upright, at the mean yaw of the feet.
         """
         yaw = yaw_rotation(feet[:, :, 3].mean(axis=1))
         height = np.full(len(feet), np.inf)
@@ -76,19 +80,20 @@ class WholeBody:
     def solve(
         self, feet: Float, com: Float, channels: Float, offset: Float, passes: int = 2
     ) -> tuple[Float, Float, Float, Float]:
-        """Torso poses and joints that bring the true centre of mass over `com`.
+        """Torso poses and joints that place the true centre of mass over `com`.
 
-        The torso's shift against the centre of mass depends on the joints, which depend on the shift. The legs'
-        mass follows the torso by about the same share everywhere, so that two Newton steps with a constant slope
-        close the loop to a tenth of a millimetre.
+        The shift between torso and centre of mass depends on the joints, which depend on the shift. Its derivative is
+        about the same everywhere, so that two Newton steps with a constant slope converge to a tenth of a millimetre.
 
         Args:
-            feet: sole centres and yaw, (T, 2, 4); com: (T, 2) [m].
-            channels: posture, then upper-body joints, (T, 4 + U); smooth over the rows, as followers are.
-            offset: first guess of the centre of mass minus the torso, (2,) or (T, 2) [m].
+            feet: sole centres and yaw, (T, 2, 4) [m, m, m, rad]; com: (T, 2) [m].
+            channels: posture, then upper-body joints, (T, 4 + U) [m, rad]; smooth over the rows.
+            offset: first guess of centre of mass minus torso, (2,) or (T, 2) [m].
+            passes: number of Newton steps.
 
         Returns:
-            base (T, 7) position and w x y z, q (T, n), offset (T, 2) [m], missing leg length (T,) [m].
+            Torso position and quaternion w x y z, (T, 7), joint angles (T, n) [rad], centre of mass minus torso
+            (T, 2) [m], and missing length of the legs, (T,) [m].
         """
         height, roll, pitch, yaw = channels[:, : len(POSTURE)].T
         rotation = Rotation.from_euler("ZYX", np.column_stack([yaw, pitch, roll])).as_matrix()
@@ -100,7 +105,7 @@ class WholeBody:
         base = np.column_stack([torso, Rotation.from_matrix(rotation).as_quat(scalar_first=True)])
 
         def place(rows: NDArray[np.int64], offset: Float) -> Float:
-            """Shift the torso and solve the legs at some rows; returns how much leg is missing there."""
+            """Shift the torso and solve the legs at some rows; returns the missing length of the legs there [m]."""
             base[rows, :2] = com[rows] - offset
             short = np.zeros(len(base[rows]))
             for side, leg in enumerate(self.legs):

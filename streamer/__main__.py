@@ -1,4 +1,4 @@
-"""Where the program begins: the script `flexmotion`, and `python -m streamer`."""
+"""Entry point of the script `flexmotion` and of `python -m flexmotion.streamer`."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from flexmotion.streamer.commands.exit_codes import INTERRUPTED
 
 def main() -> NoReturn:
     """Run the command line and exit with its code."""
-    # An exception in the middle of an import is somebody else's to print; there is nothing to clean up yet.
+    # An interrupt during the imports ends the program without a traceback; there is nothing to clean up yet.
     before = signal.getsignal(signal.SIGINT)
-    if before is not signal.SIG_IGN:  # nohup, or & in a script: it is to go on
+    if before is not signal.SIG_IGN:  # under nohup, or & in a script, SIGINT stays ignored
         signal.signal(signal.SIGINT, _leave)
     from flexmotion.streamer.cli import execute
 

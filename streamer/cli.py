@@ -1,4 +1,4 @@
-"""The command line `flexmotion`: its commands, and the one place where an error becomes a line and an exit code.
+"""The command line `flexmotion`: its commands, and the place where an error becomes a message and an exit code.
 
 Exit codes: 0 fine; 1 it ran and the check failed; 2 bad usage, file or configuration; 3 hardware or driver failed;
 130 interrupted. Results go to stdout, everything else to stderr.
@@ -30,10 +30,11 @@ from flexmotion.streamer.commands.retarget import retarget
 from flexmotion.streamer.commands.robots import robots
 from flexmotion.streamer.commands.run import run
 from flexmotion.streamer.commands.servo import servo
+from flexmotion.streamer.commands.servo_calibration import calibrate, calibrate_imu
 from flexmotion.streamer.commands.train import train
 
 ParserError: type[Exception] = typer.BadParameter.__mro__[2]
-"""What the parser raises for any bad usage (click's `ClickException`, of which Typer exports only this subclass)."""
+"""Base class of the parser's errors (click's `ClickException`, of which Typer exports only a subclass)."""
 
 app = typer.Typer(
     help="Human motion to a humanoid's servos, live: retargeted, balanced, inside every servo's limits.",
@@ -47,6 +48,8 @@ app.command("retarget")(retarget)
 check.command("bus")(bus)
 app.add_typer(check, name="check")
 app.add_typer(data, name="data")
+servo.command("calibrate")(calibrate)
+servo.command("calibrate-imu")(calibrate_imu)
 app.add_typer(servo, name="servo")
 app.command("emulate")(emulate)
 app.add_typer(log, name="log")
@@ -83,7 +86,7 @@ def _global(
 
 
 def execute(arguments: Sequence[str] | None = None) -> int:
-    """Run one command line (`sys.argv` where None) and return its exit code; never raises but for bugs."""
+    """Run one command line (`sys.argv` if None) and return its exit code; only bugs raise."""
     try:
         code = app(args=arguments, standalone_mode=False, prog_name="flexmotion")
     except FlexMotionError as error:
@@ -99,7 +102,7 @@ def execute(arguments: Sequence[str] | None = None) -> int:
 
 
 def _fail(message: str, code: int) -> int:
-    # A group called without a command has shown its help and has nothing to add.
+    # A group called without a command has shown its help; its error has no message.
     if line := " ".join(message.split()):
         print(f"flexmotion: {line}", file=sys.stderr)
     return code

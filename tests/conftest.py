@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 import tarfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -12,6 +13,9 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from flexmotion.bundles.shipped import shipped_bundle
+
+# The package `benchmarks` is not installed; at the end, so that an installed `flexmotion` is the one that is tested.
+sys.path.append(str(Path(__file__).parents[1]))
 
 SHARED, BUNDLE = "FLEXMOTION_SHARED", "FLEXMOTION_BUNDLE"
 ARCHIVES = {"cmu": "cmu_raw.tar.xz", "bandai": "bandai.tar.xz"}

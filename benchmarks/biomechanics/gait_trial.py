@@ -22,7 +22,7 @@ TURN = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 
 POINTS = {"hip": "femur", "knee": "tibia", "ankle": "talus", "toe": "toes", "shoulder": "humerus"}
 
-# Our joint -> the reference tool's, and the sign between them.
+# Joint of the project -> the reference tool's, and the sign between them.
 MOMENTS = {
     "hip_flexion": ("hip_flexion", 1.0),
     "hip_adduction": ("hip_adduction", 1.0),
@@ -41,7 +41,7 @@ class GaitTrial:
         times: of its frames [s].
         valid: frames in which the reference holds, (T,) bool.
         forces: measured on the left and right foot, (T, 2, 3) [N].
-        moments: our joint name -> the reference's moment, (T,) [N·m].
+        moments: joint name of the project -> the reference's moment, (T,) [N·m].
         belt: velocity of the treadmill's belt that was removed, (2,) [m/s].
     """
 

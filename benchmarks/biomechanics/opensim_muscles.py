@@ -61,7 +61,7 @@ def leg_muscles(motion: Motion) -> tuple[Muscles, ...]:
 
 
 def _lengths_and_arms(muscles: MuscleModel, angles: Float) -> tuple[Float, Float]:
-    """Lengths of muscles (M,) [m] and their derivatives by our joints (M, J)."""
+    """Lengths of muscles (M,) [m] and their derivatives by the joint angles (M, J)."""
     model = muscles.model
     data = mujoco.MjData(model)
     data.qpos[:], slopes = muscles.pose(angles)
@@ -74,7 +74,7 @@ def _lengths_and_arms(muscles: MuscleModel, angles: Float) -> tuple[Float, Float
 
 
 def own_activations(motion: Motion, legs: tuple[Muscles, ...]) -> Float:
-    """Activations by our solver, (T, 80)."""
+    """Activations by the project's solver, (T, 80)."""
     assert motion.torques is not None
     found = []
     for leg in legs:
@@ -161,7 +161,7 @@ def opensim_activations(
         model: with actuators.
         coordinates: value of every coordinate over time, (T,) each [m, rad].
         found: ground forces.
-        legs: whose muscles.
+        legs: with the muscles.
         folder: for the files that OpenSim's tool works with.
     """
     motion = found.motion

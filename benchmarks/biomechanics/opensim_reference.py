@@ -55,25 +55,25 @@ def main(
     motion = found.motion
     model = export(motion)
     start = time.perf_counter()
-    ours = joint_torques(
+    own = joint_torques(
         motion.body, segment_motion(motion), np.zeros((len(motion), 2, 6)), np.zeros((len(motion), 2, 3))
     )[:, DOF_COUNT - len(JOINTS) :]
     own_time = time.perf_counter() - start
     start = time.perf_counter()
-    theirs = opensim_torques(model, motion)
-    their_time = time.perf_counter() - start
+    reference = opensim_torques(model, motion)
+    reference_time = time.perf_counter() - start
 
     inner = slice(4, -4)
-    error = np.sqrt(np.mean((ours - theirs)[inner] ** 2, axis=0))
-    largest = np.abs(theirs[inner]).max(axis=0)
+    error = np.sqrt(np.mean((own - reference)[inner] ** 2, axis=0))
+    largest = np.abs(reference[inner]).max(axis=0)
     for name, difference, peak in zip(JOINTS, error, largest, strict=True):
         print(f"  {name:24s} RMS difference {difference:8.4f} N·m, peak {peak:8.2f} N·m")
-    print(f"{len(motion)} frames: ours {1e3 * own_time:.1f} ms, OpenSim {1e3 * their_time:.1f} ms,")
-    print(f"ratio {their_time / own_time:.1f} (OpenSim through its Python binding, model already built)")
+    print(f"{len(motion)} frames: own {1e3 * own_time:.1f} ms, OpenSim {1e3 * reference_time:.1f} ms,")
+    print(f"ratio {reference_time / own_time:.1f} (OpenSim through its Python binding, model already built)")
     worst = float((error / (largest + 1.0)).max())
     muscles, figures = compare_muscles(model, found, osim)
     torques = Verdict(f"torques: difference {worst:.4f} of the largest (<= {AGREE})", worst <= AGREE)
-    inverse = {"rms_nm_most": float(error.max()), "time_ratio": their_time / own_time}
+    inverse = {"rms_nm_most": float(error.max()), "time_ratio": reference_time / own_time}
     return Outcome([torques, muscles], {"inverse_dynamics": inverse, "static_optimisation": figures})
 
 
@@ -85,22 +85,22 @@ def compare_muscles(model: opensim.Model, found: Dynamics, osim: Path | None) ->
     if osim:
         model.printToXML(str(osim))
     start = time.perf_counter()
-    ours = own_activations(motion, legs)
+    own = own_activations(motion, legs)
     own_time = time.perf_counter() - start
     with tempfile.TemporaryDirectory() as folder:
         values = dict(zip((*ROOT, *JOINTS), coordinate_values(motion).T, strict=True))
-        theirs, their_time = opensim_activations(model, values, found, legs, Path(folder))
+        reference, reference_time = opensim_activations(model, values, found, legs, Path(folder))
     inner = slice(4, -4)
-    error = float(np.sqrt(np.mean((ours - theirs)[inner] ** 2)))
-    active = theirs[inner].max(axis=0) > ACTIVE
-    likeness = [np.corrcoef(ours[inner, i], theirs[inner, i])[0, 1] for i in np.flatnonzero(active)]
-    print(f"static optimisation, {ours.shape[1]} leg muscles: RMS difference of activation {error:.4f},")
+    error = float(np.sqrt(np.mean((own - reference)[inner] ** 2)))
+    active = reference[inner].max(axis=0) > ACTIVE
+    likeness = [np.corrcoef(own[inner, i], reference[inner, i])[0, 1] for i in np.flatnonzero(active)]
+    print(f"static optimisation, {own.shape[1]} leg muscles: RMS difference of activation {error:.4f},")
     print(
         f"median correlation {np.median(likeness):.4f} over {active.sum()} active ones (moment arms fitted to", end=" "
     )
-    print(f"{1e3 * fit_error:.2f} mm); {len(motion)} frames: ours {1e3 * own_time:.0f} ms, OpenSim", end=" ")
-    print(f"{their_time:.1f} s, ratio {their_time / own_time:.0f}")
-    figures = {"rms": error, "correlation": float(np.median(likeness)), "time_ratio": their_time / own_time}
+    print(f"{1e3 * fit_error:.2f} mm); {len(motion)} frames: own {1e3 * own_time:.0f} ms, OpenSim", end=" ")
+    print(f"{reference_time:.1f} s, ratio {reference_time / own_time:.0f}")
+    figures = {"rms": error, "correlation": float(np.median(likeness)), "time_ratio": reference_time / own_time}
     return Verdict(
         f"activations: RMS difference {error:.4f} (<= {AGREE_ACTIVATION})", error <= AGREE_ACTIVATION
     ), figures
@@ -171,7 +171,7 @@ def coordinate_values(motion: Motion) -> Float:
 
 
 def opensim_torques(model: opensim.Model, motion: Motion) -> Float:
-    """Generalised forces of the joints in our order, (T, 26)."""
+    """Generalised forces of the joints in the order of `JOINTS`, (T, 26)."""
     state = model.initSystem()
     values = coordinate_values(motion)
     rates, accelerations = derivative(values, motion.fps), second_derivative(values, motion.fps)

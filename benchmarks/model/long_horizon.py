@@ -200,7 +200,7 @@ def draw(runs: Sequence[Run], path: Path) -> None:
     with styled():
         figure = new_figure(11, 3.8, "Roll-outs", "jerk around joins; speed of the body over time; paths from above")
         joins, speeds, paths = figure.subplots(1, 3)
-        for cued, colour, name in ((False, LEFT, "prompt goes on"), (True, RIGHT, "new prompt")):
+        for cued, colour, name in ((False, LEFT, "same prompt"), (True, RIGHT, "new prompt")):
             rows = [around(run.made, cued) for run in runs]
             joins.plot(np.arange(-AROUND, AROUND), np.concatenate(rows).mean(axis=0), color=colour, label=name)
         joins.axvspan(-THIRD, -1, color=MIDDLE, alpha=0.15, linewidth=0)

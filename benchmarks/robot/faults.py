@@ -65,7 +65,7 @@ class SilentPlanner(Planner):
 
 @dataclass(frozen=True)
 class Task:
-    """One run; `share` in [0, 1] says where in the clip the moment is."""
+    """One run; `share` in [0, 1] is the place of the moment in the clip."""
 
     kind: str
     clip: str

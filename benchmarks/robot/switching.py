@@ -38,7 +38,7 @@ CLIPS = tuple(f"dataset-1_{name}_normal_001" for name in ("walk", "bow", "guide"
 MOST = 1 / 200
 """Falls a change that are allowed."""
 SPARE_S = 10.0
-"""The model goes on for so long after the run's end [s]."""
+"""Motion of the model beyond the run's end [s]."""
 
 
 @dataclass(frozen=True)

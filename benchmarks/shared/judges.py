@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import find_peaks
 from scipy.spatial.transform import Rotation
 
 from flexmotion.human.motion import Motion
@@ -25,16 +26,8 @@ SAME_MOTION = {"dash": "run", NOTHING: STAND}
 
 
 def reversals(signal: Float, reach: float) -> int:
-    """Number of times that a signal, (T,), turns back by more than `reach`."""
-    count, direction, extreme = 0, 0, signal[0]
-    for value in signal[1:]:
-        if direction >= 0 and value < extreme - reach:
-            count, direction, extreme = count + (direction > 0), -1, value
-        elif direction <= 0 and value > extreme + reach:
-            count, direction, extreme = count + (direction < 0), 1, value
-        elif (direction >= 0 and value > extreme) or (direction <= 0 and value < extreme):
-            extreme = value
-    return count
+    """Number of times that a signal, (T,), turns back by at least `reach`, after it moved as far towards there."""
+    return sum(len(find_peaks(sign * signal, prominence=reach)[0]) for sign in (1, -1))
 
 
 def waves(hand: Float, raised: NDArray[np.bool_], reach: float, fewest: int) -> bool:

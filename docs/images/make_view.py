@@ -1,9 +1,9 @@
-"""Makes `view.png`: the page of `--view` with the robot in mid-step, as a headless Chromium shows it.
+"""Makes `view.png`: the page of `--view` with the robot in mid-step, rendered by a headless Chromium.
 
     python docs/images/make_view.py [--out docs/images/view.png] [--after 9.2]
 
-It runs in lockstep, so that the run waits for the picture. Needs playwright (`pip install -e .[dev]`) and a Chromium
-on the path; it draws without a graphics card.
+The run is in lockstep, so that it waits for the picture. Needs playwright (`pip install -e .[dev]`) and a Chromium on
+the path; no graphics card.
 """
 
 from __future__ import annotations
@@ -29,13 +29,14 @@ from flexmotion.streamer.viewer.service import Viewer
 
 SIZE = {"width": 1400, "height": 720}
 SHOWN = {"x": 260, "y": 0, "width": 1140, "height": 720}
-"""The robot is in the middle of the page, the panel at its right: the left is empty."""
+"""Part of the page: the robot is in its middle, the panel at the right, the left is empty."""
 FLAGS = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist")
-LIFTED_M = 0.8
-"""Share of a swing's usual height from which a foot is in mid-step."""
+LIFTED = 0.8
+"""A foot is in mid-step above this share of `SWING_M`."""
 SWING_M = 0.02
+"""Usual height of a swing [m]."""
 _DRAWN_S, _SETTLED_S = 0.06, 2.5
-"""Longer than between two pictures of the page; time for the browser to load and to draw [s]."""
+"""Longer than the time between two frames of the page; time for the browser to load and to draw [s]."""
 
 
 PICTURE = Path(__file__).with_name("view.png")
@@ -44,7 +45,7 @@ PICTURE = Path(__file__).with_name("view.png")
 def main(
     out: Annotated[Path, typer.Option(help="Picture to write.")] = PICTURE,
     after: Annotated[float, typer.Option(help="Take the first step after this time of the motion [s].")] = 9.2,
-    clip: Annotated[Path | None, typer.Option(help="Motion file; else the one that comes with the project.")] = None,
+    clip: Annotated[Path | None, typer.Option(help="Motion file; default: the shipped one.")] = None,
 ) -> None:
     """Run, wait for a step, take the picture."""
     robot, settings = load_robot("op3"), load_stream()
@@ -63,14 +64,14 @@ def main(
                 return
             if page.url != f"{viewer.url}/":
                 page.goto(viewer.url)
-                # viser warns of drawing without a graphics card, which is so on purpose.
+                # viser warns of rendering without a graphics card, which is intended here.
                 page.get_by_role("alert").get_by_role("button").click()
             time.sleep(_DRAWN_S)
             lifted = np.nanmax(row["foot_ref"][:, 2])
-            if source_s > after and lifted > LIFTED_M * SWING_M and not row["contact_ref"].all():
+            if source_s > after and lifted > LIFTED * SWING_M and not row["contact_ref"].all():
                 time.sleep(_SETTLED_S)
                 picture = Image.open(io.BytesIO(page.screenshot(clip=SHOWN)))
-                # Shades that nobody can tell apart are most of the file.
+                # Fewer shades than the eye can tell apart: most of the file's size.
                 picture.convert("RGB").point(lambda value: min(4 * round(value / 4), 255)).save(out, optimize=True)
                 taken = True
 

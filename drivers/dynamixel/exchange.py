@@ -23,7 +23,7 @@ STRIKES = 3
 _STATUS_OVERHEAD, _FAST_OVERHEAD, _FAST_HEAD = 11, 4, 8
 """Bytes around a servo's data in a status packet and in a fast reply, and bytes before the first servo's data."""
 _FAST_START = HEADER + bytes([BROADCAST])
-"""Start of a fast reply. It tells a fast reply from a late answer to a sync read, which starts with its servo's id and
+"""Start of a fast reply. It distinguishes it from a late answer to a sync read, which starts with its servo's id and
 may have the same length (with a stuffed byte) and a valid CRC at the same place."""
 
 log = logging.getLogger(__name__)

@@ -1,4 +1,4 @@
-"""Control tables: which register lies where, read from `tables/*.yaml` (which name their sources)."""
+"""Control tables of Dynamixel devices, from `tables/*.yaml` (which name their sources)."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from flexmotion.configs.schema import Strict, parse, read_yaml
 FOLDER = Path(__file__).parent / "tables"
 
 BAUD_RATES = (9600, 57600, 115200, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 4_500_000)
-"""Bit rate that each value of the baud rate register stands for (e-Manual)."""
+"""Bit rate of each value of the baud rate register (e-Manual)."""
 
 RETURN_DELAY_US = 2.0
 VELOCITY_RPM = 0.229
@@ -25,7 +25,7 @@ PWM_FULL = 885
 
 
 class Register(Strict):
-    """One register. `initial` is its value after a factory reset; `range` what may be written."""
+    """One register. `initial` is its value after a factory reset, `range` the values that may be written."""
 
     address: int = Field(ge=0)
     size: Literal[1, 2, 4]
@@ -36,20 +36,20 @@ class Register(Strict):
 
     @property
     def end(self) -> int:
-        """Address after its last byte."""
+        """Address after the last byte."""
         return self.address + self.size
 
     def pack(self, value: int) -> bytes:
-        """The value as it stands in the table."""
+        """Encode a value."""
         return value.to_bytes(self.size, "little", signed=self.signed)
 
     def unpack(self, data: bytes | bytearray) -> int:
-        """The value of the register's bytes."""
+        """Decode the register's bytes."""
         return int.from_bytes(data, "little", signed=self.signed)
 
 
 class Indirect(Strict):
-    """A run of indirect slots: where their addresses (2 bytes each) and their data (1 byte each) lie."""
+    """`count` indirect registers: first of their addresses (2 bytes each) and first of their data (1 byte each)."""
 
     address: int
     data: int
@@ -61,9 +61,9 @@ class Table(Strict):
 
     Attributes:
         registers: by name.
-        eeprom_end: registers below are kept without power and locked while torque is on.
-        indirect: runs of indirect slots.
-        fast_sync_read_firmware: lowest firmware that answers a fast sync read; None where none does.
+        eeprom_end: registers below this address are in EEPROM, which is locked while torque is on.
+        indirect: groups of indirect registers.
+        fast_sync_read_firmware: lowest firmware version that supports fast sync reads; None: not supported.
     """
 
     registers: dict[str, Register]
@@ -79,7 +79,7 @@ class Table(Strict):
 
     @property
     def size(self) -> int:
-        """Bytes from address 0 to the last register."""
+        """Number of bytes from address 0 to the end of the last register."""
         ends = [register.end for register in self.registers.values()]
         ends += [max(run.address + 2 * run.count, run.data + run.count) for run in self.indirect]
         return max(ends)
@@ -108,7 +108,7 @@ class OpenCrUnits(Strict):
 
 
 class OpenCrFile(Strict):
-    """OP3's controller board: its control table and what its numbers mean."""
+    """OP3's controller board: control table and units."""
 
     eeprom_end: int
     model_number: int
@@ -143,7 +143,7 @@ def _tables() -> dict[str, Table]:
 
 
 def table_of(servo: str) -> Table:
-    """The control table of a servo model of the catalogue. Raises `ConfigError` where there is none."""
+    """The control table of a servo model of the catalogue. Raises `ConfigError` if there is none."""
     tables = _tables()
     if servo not in tables:
         raise ConfigError(f"{FOLDER / 'x.yaml'}: no control table for servo {servo!r}, there are: {', '.join(tables)}")
@@ -152,6 +152,6 @@ def table_of(servo: str) -> Table:
 
 @cache
 def open_cr() -> OpenCrFile:
-    """OP3's controller board. Raises `ConfigError` where its file is malformed."""
+    """OP3's controller board. Raises `ConfigError` if its file is malformed."""
     file = FOLDER / "opencr.yaml"
     return parse(OpenCrFile, read_yaml(file), file)

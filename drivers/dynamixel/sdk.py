@@ -1,8 +1,8 @@
-"""The DYNAMIXEL SDK over a `SerialPort`: everything that is not done every tick.
+"""The DYNAMIXEL SDK over a `SerialPort`, for everything outside the control cycle.
 
-The SDK's own port polls without sleeping, times with the wall clock and waits for a latency timer of 16 ms whatever the
-adapter's is: `SdkPort` sleeps until bytes come, on the monotonic clock. A tick's packets are sent and taken by
-`flexmotion.drivers.dynamixel.exchange`, for the SDK drops the error byte of every servo in a fast sync read.
+The SDK's own port polls without sleeping, measures with the wall clock and assumes a latency timer of 16 ms for every
+adapter: `SdkPort` sleeps until bytes arrive, on the monotonic clock. The packets of the control cycle are handled by
+`flexmotion.drivers.dynamixel.exchange`, because the SDK drops the error byte of every servo in a fast sync read.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from flexmotion.drivers.dynamixel.registers import Register
 from flexmotion.drivers.port import SerialPort
 
 LATENCY_S = 0.025
-"""Time beyond that on the wire that an answer may take [s]."""
+"""Time that an answer may take in addition to its time on the wire [s]."""
 
 
 class SdkPort(PortHandler):
-    """The SDK's view of an open `SerialPort`."""
+    """An open `SerialPort` with the interface of the SDK's ports."""
 
     def __init__(self, line: SerialPort) -> None:
         super().__init__(line.path)
@@ -37,39 +37,39 @@ class SdkPort(PortHandler):
         return self.line.baud
 
     def clearPort(self) -> None:  # noqa: N802
-        """Forget what came and was not asked for."""
+        """Discard received bytes."""
         self.line.receive()
         self._unread = b""
 
     def writePort(self, packet: Any) -> int:  # noqa: N802
-        """Send a packet; how many bytes of it went out."""
+        """Send a packet; the number of bytes sent."""
         self.line.send(bytes(packet))
         return 0 if self.line.lost else len(packet)
 
     def readPort(self, length: int) -> bytes:  # noqa: N802
-        """At most `length` bytes; sleeps until some come or the packet's time is over."""
+        """At most `length` bytes; sleeps until some arrive or the packet times out."""
         if not self._unread:
             self._unread = self.line.wait(self._deadline - self.line.now())
         taken, self._unread = self._unread[:length], self._unread[length:]
         return taken
 
     def setPacketTimeout(self, packet_length: int) -> None:  # noqa: N802
-        """A packet of so many bytes is to come."""
+        """Start the timeout of a packet of this many bytes."""
         self._deadline = self.line.now() + self.line.seconds(packet_length) + LATENCY_S
 
     def setPacketTimeoutMillis(self, msec: float) -> None:  # noqa: N802
-        """All of it is to come in this time [ms]."""
+        """Start a timeout [ms]."""
         self._deadline = self.line.now() + msec * 1e-3
 
     def isPacketTimeout(self) -> bool:  # noqa: N802
-        """Whether it should have come by now."""
+        """Whether the packet has timed out."""
         return self.line.lost is not None or (not self._unread and self.line.now() > self._deadline)
 
 
 class Client:
-    """Single servos, one at a time, with retries: to find them, audit them and set them up.
+    """Requests to single servos, with retries: finds, checks and configures them.
 
-    Every method raises `DriverError` naming id and port where a servo does not answer or refuses.
+    Methods raise `DriverError`, which names id and port, if a servo does not answer or refuses.
     """
 
     def __init__(self, line: SerialPort) -> None:
@@ -77,7 +77,7 @@ class Client:
         self._port, self._handler = SdkPort(line), PacketHandler(2.0)
 
     def ping(self, id_: int, *, once: bool = False) -> int | None:
-        """Model number of a device; None where it does not answer, asked `once` or again."""
+        """Model number of a device; None if it does not answer (`once`: one attempt)."""
         for _ in attempts(self.line, once=once):
             model, result, _ = self._handler.ping(self._port, id_)
             if result == COMM_SUCCESS:
@@ -85,26 +85,26 @@ class Client:
         return None
 
     def find(self) -> dict[int, tuple[int, int]]:
-        """Model number and firmware of every device that hears a broadcast ping at this baud rate, by id."""
+        """Model number and firmware version of every device that answers a broadcast ping at this baud rate, by id."""
         found, result = self._handler.broadcastPing(self._port)
         return {id_: (model, firmware) for id_, (model, firmware) in found.items()} if result == COMM_SUCCESS else {}
 
     def read_block(self, id_: int, address: int, size: int) -> bytes:
-        """`size` bytes from `address` on."""
+        """Read `size` bytes from `address` on."""
         return bytes(
             self._try(id_, f"read of {address}", lambda: self._handler.readTxRx(self._port, id_, address, size))
         )
 
     def read(self, id_: int, register: Register) -> int:
-        """A register's value."""
+        """Read a register."""
         return register.unpack(self.read_block(id_, register.address, register.size))
 
     def write(self, id_: int, register: Register, value: int) -> None:
-        """Set a register."""
+        """Write a register."""
         self.write_block(id_, register.address, register.pack(value))
 
     def write_block(self, id_: int, address: int, data: bytes) -> None:
-        """Set bytes from `address` on."""
+        """Write bytes from `address` on."""
 
         def attempt() -> tuple[None, int, int]:
             result, error = self._handler.writeTxRx(self._port, id_, address, len(data), list(data))
@@ -113,7 +113,7 @@ class Client:
         self._try(id_, f"write to {address}", attempt)
 
     def reboot(self, id_: int) -> None:
-        """Restart a servo: torque goes off, hardware errors are forgotten."""
+        """Restart a servo: torque goes off, hardware errors are cleared."""
 
         def attempt() -> tuple[None, int, int]:
             result, error = self._handler.reboot(self._port, id_)
@@ -124,7 +124,7 @@ class Client:
     def _try(self, id_: int, what: str, attempt: Callable[[], tuple[Any, int, int]]) -> Any:
         for _ in attempts(self.line):
             answer, result, error = attempt()
-            # A CRC error is told by a servo that heard a broken packet: another try.
+            # A servo reports a CRC error if it received a broken packet: try again.
             if result == COMM_SUCCESS and error & ~ALERT != Error.CRC:
                 break
         else:

@@ -12,16 +12,16 @@ from flexmotion.drivers.dynamixel.sdk import Client
 from flexmotion.drivers.port import SerialPort
 
 _REBOOT_S = 3.0
-"""What a servo may take to start again [s]; it takes some tenths."""
+"""Longest restart of a servo [s]; some tenths are usual."""
 _ANY = table_of("XM430-W350")
-"""Id, torque and firmware lie at the same place in every table of the X series."""
+"""Id, torque and firmware version have the same address in every table of the X series."""
 
 
 class DynamixelTools(BusTools):
-    """Protocol 2.0."""
+    """Tools for Protocol 2.0."""
 
     protocol = "dynamixel2"
-    baud_rates = BAUD_RATES[:-1]  # the SDK and most adapters refuse 4.5 M
+    baud_rates = BAUD_RATES[:-1]  # the SDK and most adapters do not support 4.5 M
 
     def __init__(self, port: SerialPort) -> None:
         super().__init__(port)
@@ -44,7 +44,7 @@ class DynamixelTools(BusTools):
         self._client.write(old, _ANY["id"], new)
 
     def reboot(self, id_: int) -> None:
-        """See `BusTools`; returns once the servo answers again."""
+        """See `BusTools`. Returns once the servo answers again."""
         self._client.reboot(id_)
         end = time.monotonic() + _REBOOT_S
         while self._client.ping(id_, once=True) is None:

@@ -1,4 +1,4 @@
-"""Makes the emulated buses of a robot file."""
+"""Builds the emulated buses of a robot."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from flexmotion.drivers.feetech.registers import BAUD_RATES as STS_BAUD_RATES
 from flexmotion.drivers.imu.witmotion.sensor import WitMotion, WitOptions
 
 IMU_PORT = "imu"
-"""What the port of an IMU goes by."""
+"""Name of an IMU's port."""
 
 
 def build_emulator(
@@ -39,14 +39,14 @@ def build_emulator(
     bad_packets: float = 0.0,
     seed: int = 0,
 ) -> Emulator:
-    """One pseudo-terminal for every bus of the body's robot, and one for its IMU where that has a port of its own.
+    """Build one pseudo-terminal for every bus of the body's robot, and one for its IMU if that has a port of its own.
 
     Args:
-        link: symbolic link to the port; with several buses `.NAME` of each is added, `.imu` for the IMU.
-        timed: bytes take their time on the wire at the baud rate.
+        link: symbolic link to the port; `.NAME` is appended if there are several buses, `.imu` for the IMU.
+        timed: whether bytes take time on the wire, at the baud rate.
         faults, bad_packets, seed: see `flexmotion.drivers.emulator.faults`.
 
-    Raises `ConfigError` where a bus mixes protocols, a link exists, or a fault names a servo that is not there.
+    Raises `ConfigError` if a bus mixes protocols, a link exists, or a fault names an unknown servo.
     """
     buses = body.robot.config.buses
     ports: dict[str, Terminal] = {}
@@ -70,7 +70,7 @@ def assemble(
     bad_packets: float = 0.0,
     seed: int = 0,
 ) -> Emulator:
-    """The same on ports that are there already, by the names that `port_names` gives."""
+    """Build the same on existing ports, by the names of `port_names`."""
     joints = Joints(body)
     lines: list[Line] = []
     for number, (name, port) in enumerate(ports.items()):
@@ -83,17 +83,17 @@ def assemble(
 
 
 def port_names(robot: Robot) -> list[str]:
-    """What a robot's ports go by: its buses, and `imu` where that has one of its own. Raises `ConfigError`."""
+    """Names of a robot's ports: its buses, and `imu` if the IMU has a port of its own. Raises `ConfigError`."""
     imu, names = robot.config.imu, list(robot.config.buses)
     if imu is not None and imu.driver == WitMotion.name:
         if IMU_PORT in names:
-            raise ConfigError(f"{robot.file}: field buses.{IMU_PORT}: that is what the IMU's port is called here")
+            raise ConfigError(f"{robot.file}: field buses.{IMU_PORT}: the name is reserved for the port of the IMU")
         names.append(IMU_PORT)
     return names
 
 
 def make_bus(joints: Joints, name: str) -> EmulatedBus:
-    """The devices of one bus, set up as the robot file says. Raises `ConfigError` where it mixes protocols."""
+    """The devices of one bus, set up as in the robot file. Raises `ConfigError` if it mixes protocols."""
     robot = joints.body.robot
     protocols = {servo.protocol for joint, servo in zip(robot.joints, robot.servos, strict=True) if joint.bus == name}
     if len(protocols) != 1:

@@ -1,4 +1,4 @@
-"""`Device`: anything with a control table on a Protocol 2.0 bus, its memory and the rules of reading and writing it."""
+"""`Device`: a device with a control table on a Protocol 2.0 bus, and the rules for reads and writes of the table."""
 
 from __future__ import annotations
 
@@ -10,10 +10,13 @@ from flexmotion.drivers.dynamixel.registers import BAUD_RATES, RETURN_DELAY_US, 
 
 @dataclass(frozen=True)
 class _Part:
-    """A register that a write covers, and where in the data its bytes come; `run` where they come in a row.
+    """A register that a write covers.
 
     Attributes:
-        kept: lies in EEPROM; `steers`: changes who the device is or what addresses mean.
+        sources: indices of its bytes in the data of the write.
+        run: the same as a slice, if they are consecutive.
+        kept: whether it is in EEPROM.
+        steers: whether it changes the device's id or baud rate, or indirect addresses.
     """
 
     name: str
@@ -25,15 +28,15 @@ class _Part:
 
 
 class Device:
-    """A device that keeps what it is told and answers for it.
+    """A device with a control table.
 
-    Subclasses fill in measurements (`refresh`) and act on what is written (`written`).
+    Subclasses update measurements (`refresh`) and act on writes (`written`).
 
     Attributes:
         memory: the control table, byte by byte.
-        id, baud: address on the bus and bit rate, as the table says.
+        id, baud: address on the bus and bit rate, from the table.
         registered: a write that waits for an action instruction, or None.
-        off_until: time until which it hears nothing, while it reboots [s].
+        off_until: time until which it receives nothing, while it reboots [s].
     """
 
     def __init__(self, table: Table, id_: int, model_number: int, firmware: int) -> None:
@@ -57,7 +60,7 @@ class Device:
 
     @property
     def return_delay(self) -> float:
-        """Time from the end of an instruction to its answer [s]."""
+        """Time from the end of an instruction to the answer [s]."""
         return self.get("return_delay_time") * RETURN_DELAY_US * 1e-6
 
     @property
@@ -76,20 +79,20 @@ class Device:
         return int.from_bytes(self.memory[first:end], "little", signed=signed)
 
     def put(self, name: str, value: int) -> None:
-        """Set a register from inside, whatever the rules for writing it."""
+        """Set a register, without the rules for writes."""
         register = self.table[name]
         self.memory[register.address : register.end] = register.pack(value)
         self._identify(name)
 
     def refresh(self, now: float) -> None:
-        """Bring the measurements in the table up to `now` [s]."""
+        """Update the measurements in the table to time `now` [s]."""
 
     def written(self, name: str, value: int) -> int:
-        """Check and act on a register that is about to hold `value`; an error means that it is not taken."""
+        """Check and act on a write of `value` to a register; after an error the register keeps its value."""
         return Error.NONE
 
     def read(self, address: int, size: int) -> tuple[int, bytes]:
-        """(error, data) from `address` on; indirect data come from where they point."""
+        """(error, data) from `address` on; indirect data are read from their addresses."""
         key = (address, size)
         if key not in self._targets:
             self._targets[key] = self._resolve(address, size)
@@ -101,7 +104,7 @@ class Device:
         return Error.NONE, bytes([self.memory[target] for target in targets])
 
     def write(self, address: int, data: bytes) -> int:
-        """Take data from `address` on; the error of the first register that refuses, else 0."""
+        """Write data from `address` on; the error of the first register that refuses, else 0."""
         parts = self._plan(address, len(data))
         if isinstance(parts, int):
             return parts
@@ -124,12 +127,12 @@ class Device:
         return Error.NONE
 
     def reboot(self, now: float, seconds: float = 0.2) -> None:
-        """RAM back to its first values; dark for `seconds` (assumption)."""
+        """Reset RAM to its initial values; the device is off for `seconds` (assumption)."""
         self._initialise(lambda register: register.address >= self.table.eeprom_end)
         self.off_until = now + seconds
 
     def factory_reset(self, mode: int, now: float) -> None:
-        """EEPROM back to its first values: 0xFF all, 1 all but the id, 2 all but id and baud rate."""
+        """Reset EEPROM to its initial values; mode 0xFF: all, 1: all but the id, 2: all but id and baud rate."""
         kept = {"model_number", "model_information", "firmware_version"}
         kept |= {0xFF: set(), 1: {"id"}, 2: {"id", "baud_rate"}}[mode]
         values = {name: self.get(name) for name in kept if name in self.table}
@@ -165,7 +168,7 @@ class Device:
         first = 0
         for run in self.table.indirect:
             for slot in range(run.count):
-                # Every slot points at the first one's default target on; what matters is that it is in the table.
+                # Initial indirect addresses are consecutive; it only matters that they are in the table.
                 target = self.table.indirect[0].data + first + slot
                 at = run.address + 2 * slot
                 self.memory[at : at + 2] = min(target, len(self.memory) - 1).to_bytes(2, "little")
@@ -174,7 +177,7 @@ class Device:
         self._targets.clear()
 
     def _resolve(self, address: int, size: int) -> list[int] | None:
-        """Addresses that `size` bytes from `address` on mean; None where they mean themselves."""
+        """Addresses that `size` bytes from `address` on refer to; None if to themselves."""
         targets = [self._target(at) for at in range(address, address + size)]
         return None if targets == list(range(address, address + size)) else targets
 

@@ -22,10 +22,10 @@ from flexmotion.drivers.emulator.wire import Reply
 CLEAR_KEY = b"\x44\x58\x4c\x22"
 
 MISSED_SLOT_S = 0.0002
-"""How long servos after a missing one in a sync read wait for it before they go on (assumption)."""
+"""Time that servos wait for a missing one before them in a sync read (assumption) [s]."""
 
 _LENGTH = slice(5, 7)
-"""Place in a packet of the number of bytes after it, the first of which is the instruction."""
+"""Position of the length field in a packet; the instruction follows it."""
 _WRITES_TO_MANY = tuple(bytes([kind]) for kind in (Instruction.SYNC_WRITE, Instruction.BULK_WRITE))
 
 
@@ -33,13 +33,13 @@ class EmulatedDynamixelBus:
     """All devices of one bus.
 
     Args:
-        joints: what its servos move.
+        joints: of its servos.
         devices: servos and boards.
 
     Attributes:
-        dead: ids that hear and say nothing.
-        received, bad: packets that came from the host, whole and broken.
-        imu_ids: of boards with an inertial sensor.
+        dead: ids of devices that neither receive nor answer.
+        received, bad: number of intact and of broken packets from the host.
+        imu_ids: ids of boards with an inertial sensor.
     """
 
     def __init__(self, joints: Joints, devices: Iterable[Device]) -> None:
@@ -55,26 +55,26 @@ class EmulatedDynamixelBus:
         self._index()
 
     def may_be_answered(self, data: bytes) -> bool:
-        """See `EmulatedBus`; nobody answers a write to many, if that is all there is."""
+        """See `EmulatedBus`. A single sync or bulk write is not answered."""
         whole = _LENGTH.stop + int.from_bytes(data[_LENGTH], "little") == len(data)
         return not (whole and data[_LENGTH.stop : _LENGTH.stop + 1] in _WRITES_TO_MANY)
 
     def receive(self, data: bytes, baud: int, now: float) -> list[tuple[int, list[Reply]]]:
-        """Bytes from the host at `baud`: for every packet in them, its size in bytes and the answers to it."""
+        """See `EmulatedBus`."""
         return [(packet.size, self._handle(packet, baud, now)) for packet in self._decoder.feed(data)]
 
     def drop_incomplete(self) -> None:
-        """Nothing came for a while: what was not complete never will be."""
+        """See `EmulatedBus`."""
         self._decoder.clear()
 
     def watch(self, now: float) -> None:
-        """Let hardware errors and watchdogs act; called as physics steps."""
+        """See `EmulatedBus`."""
         for servo in self.servos:
             servo.watch(now)
         self.joints.commit()
 
     def reset(self, id_: int, now: float) -> None:
-        """A servo loses power for a moment."""
+        """See `EmulatedBus`."""
         device = self._by_id.get(id_)
         if device is not None:
             device.reboot(now)
@@ -141,7 +141,7 @@ class EmulatedDynamixelBus:
             if len(params) < 3:
                 return self._status(device, kind, Error.LENGTH)
             address, content = int.from_bytes(params[:2], "little"), params[2:]
-            # The answer comes from the id and with the delay of before the write.
+            # The answer has the id and the return delay from before the write.
             reply = self._status(device, kind, Error.NONE)
             if kind == Instruction.REG_WRITE:
                 device.registered = (address, content)
@@ -200,7 +200,7 @@ class EmulatedDynamixelBus:
         return self._fast(_bulk_requests(params), listening, now)
 
     def _fast(self, requests: list[tuple[int, int, int]], listening: dict[int, Device], now: float) -> list[Reply]:
-        """One reply that every servo adds its part to; it ends where one is missing or too old to know how."""
+        """The common reply of all servos; it ends at the first that is missing or has too old firmware."""
         rows, delay = [], 0.0
         self._refresh((listening[id_] for id_, _, _ in requests if id_ in listening), now)
         for id_, address, size in requests:
@@ -215,7 +215,7 @@ class EmulatedDynamixelBus:
             return []
         whole = encode_fast_status(rows)
         if len(rows) < len(requests):
-            # The first servo announces the length of a reply of all: it is cut short.
+            # The header, from the first servo, has the length of a complete reply.
             missing = sum(size + 4 for _, _, size in requests[len(rows) :])
             whole = _announce(rows, missing)
         return [Reply(BROADCAST, delay, whole)]
@@ -266,6 +266,6 @@ def _bulk_requests(params: bytes) -> list[tuple[int, int, int]]:
 
 
 def _announce(rows: list[tuple[int, int, bytes]], missing: int) -> bytes:
-    """The start of a fast reply whose header promises `missing` bytes more than come."""
+    """The first part of a fast reply; its header counts `missing` bytes more."""
     filler = (0, 0, bytes(missing - 4))
     return encode_fast_status([*rows, filler])[:-missing]

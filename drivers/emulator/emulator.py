@@ -1,4 +1,4 @@
-"""`Emulator`: a robot's servo buses on pseudo-terminals, living on the real clock."""
+"""`Emulator`: the servo buses of a robot on pseudo-terminals, on the real clock."""
 
 from __future__ import annotations
 
@@ -14,27 +14,27 @@ from flexmotion.drivers.emulator.faults import Fault, FaultKind
 from flexmotion.drivers.emulator.line import BusLine, Line
 
 WATCH_S = 0.01
-"""Time between looks at watchdogs and hardware errors [s]."""
+"""Period of updates of watchdogs and hardware errors [s]."""
 
 SPARE_S = 0.0004
-"""A physics step waits while bytes are due within this time, unless it is late itself [s]."""
+"""A physics step is delayed if bytes are due within this time, unless the step is late itself [s]."""
 
 LOST_S = 0.1
-"""Physics that is further behind than this lets go of the lost time instead of hurrying after it [s]."""
+"""Lateness of physics above which the lost time is skipped, not made up for [s]."""
 
 
 class Emulator:
     """Runs in the caller's thread; sleeps whenever nothing is due.
 
     Args:
-        body: what moves.
-        lines: its buses, and what else has a port.
-        faults: what is to go wrong.
+        body: the body that servos move.
+        lines: its buses, and other devices with a port.
+        faults: faults to inject.
 
     Attributes:
-        powered_at: time at which torque first went on at a servo; NaN before [s].
-        lateness_s: how late physics was at worst while torque was on [s].
-        lost_s: time that physics gave up, for it could not follow [s].
+        powered_at: time at which torque of a servo first went on [s]; NaN before.
+        lateness_s: greatest lateness of physics since torque first went on [s].
+        lost_s: time that physics skipped [s].
     """
 
     def __init__(self, body: Body, lines: Sequence[Line], faults: Sequence[Fault] = ()) -> None:
@@ -59,16 +59,16 @@ class Emulator:
         self.close()
 
     def close(self) -> None:
-        """The ports are gone. May be called twice."""
+        """Close the ports. May be called twice."""
         for line in self.lines:
             line.terminal.close()
 
     def stop(self) -> None:
-        """Ask `run` to end; may be called from a signal handler or another thread."""
+        """Make `run` return; may be called from a signal handler or another thread."""
         self._stopping = True
 
     def run(self, seconds: float = math.inf) -> None:
-        """Live on the real clock until `stop`, or for `seconds`."""
+        """Run on the real clock until `stop`, or for `seconds`."""
         begin = time.perf_counter()
         processor = time.process_time()
         while not self._stopping and (now := time.perf_counter()) < begin + seconds:
@@ -77,7 +77,7 @@ class Emulator:
         self._processor = time.process_time() - processor
 
     def poll(self, now: float) -> float:
-        """Do what is due at time `now` [s], at most one step of physics; when to call again at the latest."""
+        """Do what is due at time `now` [s], at most one physics step; returns the time of the next call [s]."""
         for line in self.lines:
             line.deliver(now)
         due = min((line.due for line in self.lines), default=math.inf)
@@ -91,11 +91,11 @@ class Emulator:
             if now >= self._next_watch:
                 self._watch(now)
                 self._next_watch = now + WATCH_S
-        # A step that waits for bytes to go out is due right after them.
+        # A delayed step is due right after the bytes.
         return min(due, self._next_step if self._next_step > now or free else due)
 
     def report(self) -> dict[str, Any]:
-        """Figures of what happened, once `run` has ended."""
+        """Figures of the run, once `run` has returned."""
         return self.body.report() | {
             "buses": {line.name: line.report(self._elapsed) for line in self.lines},
             "elapsed_s": round(self._elapsed, 3),

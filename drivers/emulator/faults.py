@@ -1,4 +1,4 @@
-"""Faults on demand: what an emulated bus does wrong, and when."""
+"""Fault injection for emulated buses."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from flexmotion.configs.errors import ConfigError
 
 
 class FaultKind(StrEnum):
-    """Every fault; those with an argument are written `kind:argument`."""
+    """The kinds of faults."""
 
     LOST = "lost"
     CORRUPT = "corrupt"
@@ -42,16 +42,16 @@ PACKET_FAULTS = (
 MEANING = {
     FaultKind.LOST: "every packet is lost",
     FaultKind.CORRUPT: "every packet has one bit wrong",
-    FaultKind.LATE: "every reply comes late by the argument [s], 0.02 if not given",
-    FaultKind.DUPLICATED: "every packet comes twice",
+    FaultKind.LATE: "every reply is late by ARGUMENT [s], default 0.02",
+    FaultKind.DUPLICATED: "every packet is sent twice",
     FaultKind.TRUNCATED: "every packet is cut short",
-    FaultKind.DEAD: "the device with id ARGUMENT says nothing",
+    FaultKind.DEAD: "the device with id ARGUMENT does not answer",
     FaultKind.OVERHEAT: "the servo with id ARGUMENT is too hot",
     FaultKind.VOLTAGE: "the supply is at ARGUMENT [V]",
     FaultKind.RESET: "the servo with id ARGUMENT loses power for a moment",
-    FaultKind.CABLE: "the cable to the servos is pulled: nothing gets through",
+    FaultKind.CABLE: "the cable to the servos is pulled: no byte passes",
     FaultKind.PORT: "the adapter is unplugged: the port is gone",
-    FaultKind.IMU: "the inertial sensor says nothing",
+    FaultKind.IMU: "the inertial sensor is silent",
 }
 
 _WITH_ARGUMENT = {FaultKind.DEAD, FaultKind.OVERHEAT, FaultKind.VOLTAGE, FaultKind.RESET}
@@ -63,10 +63,10 @@ class Fault:
     """One fault.
 
     Attributes:
-        kind: which.
-        argument: an id, volts or seconds, as the kind demands; NaN where there is none.
-        at: when it begins, from the moment that torque first goes on [s]; negative: from the start.
-        seconds: how long it lasts [s].
+        kind: of the fault.
+        argument: id, voltage [V] or time [s], depending on the kind; NaN: none.
+        at: start, counted from the time that torque first goes on [s]; negative: from the start of the emulation.
+        seconds: duration [s].
     """
 
     kind: FaultKind
@@ -93,19 +93,19 @@ class Fault:
         return cls(kind, argument, at, seconds)
 
     def active(self, since_torque: float) -> bool:
-        """Whether it acts now; `since_torque` is the time since torque first went on, negative before that [s]."""
+        """Whether it is active; `since_torque` is the time since torque first went on [s], negative before."""
         return self.at <= since_torque < self.at + self.seconds or (self.at < 0 and math.isinf(self.seconds))
 
 
 class Damage:
-    """What happens to packets on one bus: faults that act now, and a share of random ones.
+    """Damages packets on one bus: active faults, and a share of random ones.
 
     Args:
         bad_packets: share of packets that are lost, corrupted, late, duplicated or cut short at random.
-        seed: of those.
+        seed: of the random damage.
 
     Attributes:
-        spoilt: packets damaged so far, by kind.
+        spoilt: number of damaged packets so far, by kind.
     """
 
     def __init__(self, bad_packets: float = 0.0, seed: int = 0) -> None:
@@ -115,11 +115,11 @@ class Damage:
         self._acting: Sequence[Fault] = ()
 
     def act(self, faults: Iterable[Fault]) -> None:
-        """From now on these faults act on every packet, beside the random ones."""
+        """Set the active faults; they apply to every packet, in addition to random damage."""
         self._acting = [fault for fault in faults if fault.kind in PACKET_FAULTS]
 
     def spoil(self, packet: bytes) -> tuple[bytes, float]:
-        """What is left of a packet, and how much later it comes [s]."""
+        """The damaged packet, and its extra delay [s]."""
         delay = 0.0
         for fault in self._acting:
             packet, later = self._apply(fault.kind, packet, fault.argument)

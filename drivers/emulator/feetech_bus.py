@@ -1,4 +1,4 @@
-"""`EmulatedFeetechBus`: servos of Feetech's STS series that hear instructions in bytes and answer in bytes."""
+"""`EmulatedFeetechBus`: servos of Feetech's STS series that receive and answer packets."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ INPUT_VOLTAGE, OVERHEATING = 0x01, 0x04
 
 
 class StsServo(SumServo):
-    """One servo and its memory; torque limit, lock and limits act, profiles do not.
+    """One servo. Torque limit, lock and position limits are emulated, profiles are not.
 
     Attributes:
         memory: the control table, byte by byte.
@@ -50,12 +50,12 @@ class StsServo(SumServo):
         return register.unpack(self.memory[register.address : register.end])
 
     def put(self, name: str, value: int) -> None:
-        """Set a register, whatever the rules for writing it."""
+        """Set a register, without the rules for writes."""
         register = sts()[name]
         self.memory[register.address : register.end] = register.pack(value)
 
     def refresh(self) -> None:
-        """Write what is measured now into the table."""
+        """Update the measurements in the table."""
         plant, index, robot = self.joints.body.plant, self.index, self.joints.body.robot
         direction = robot.direction[index]
         torque = direction * plant.torque[index]
@@ -68,7 +68,7 @@ class StsServo(SumServo):
         self.put("present_current", round(torque / constant / (self.servo.current_unit or math.inf)))
 
     def write(self, address: int, data: bytes) -> None:
-        """Take data; read-only registers and a locked EEPROM stay as they are."""
+        """Write data; read-only registers and locked EEPROM keep their values."""
         table = sts()
         for name, register in table.registers.items():
             if not address <= register.address or register.end > address + len(data) or register.access == "r":

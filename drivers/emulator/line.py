@@ -1,4 +1,4 @@
-"""`Line`: what hangs behind one emulated port: bytes in, wire time, faults, bytes out. `BusLine`: a servo bus."""
+"""`Line`: the devices on one emulated port, with wire time and faults. `BusLine`: a servo bus."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from flexmotion.drivers.emulator.faults import Damage, Fault, FaultKind
 from flexmotion.drivers.emulator.wire import Reply, Wire
 
 SILENCE_S = 0.02
-"""Bytes of a packet that is not complete are forgotten after this time without more [s]."""
+"""Time without bytes after which an incomplete packet is discarded [s]."""
 
 
 class EmulatedBus(Protocol):
     """Devices of one protocol that share a wire.
 
     Attributes:
-        dead: ids that hear and say nothing.
-        received: whole packets that came from the host.
-        imu_ids: of the inertial sensors among them.
+        dead: ids of devices that neither receive nor answer.
+        received: number of intact packets from the host.
+        imu_ids: ids of inertial sensors.
     """
 
     dead: set[int]
@@ -31,31 +31,31 @@ class EmulatedBus(Protocol):
 
     @property
     def bad(self) -> int:
-        """Broken packets that came from the host."""
+        """Number of broken packets from the host."""
 
     def may_be_answered(self, data: bytes) -> bool:
-        """Whether bytes from the host may ask for an answer: true unless it is sure that they do not."""
+        """Whether bytes from the host may need an answer; False only if they certainly do not."""
 
     def receive(self, data: bytes, baud: int, now: float) -> list[tuple[int, list[Reply]]]:
-        """Bytes from the host at `baud`: for every packet in them, its size in bytes and the answers to it."""
+        """Take bytes from the host at `baud`; for every packet in them, its size in bytes and the answers to it."""
 
     def drop_incomplete(self) -> None:
-        """Nothing came for a while: what was not complete never will be."""
+        """Discard an incomplete packet."""
 
     def watch(self, now: float) -> None:
-        """Let hardware errors and watchdogs act; called as time passes."""
+        """Update hardware errors and watchdogs; called every `WATCH_S`."""
 
     def reset(self, id_: int, now: float) -> None:
-        """A servo loses power for a moment."""
+        """Interrupt the power of a servo."""
 
 
 class Port(Protocol):
     """The emulator's end of a serial port.
 
     Attributes:
-        path: what the client opens.
-        open: whether the port is still there.
-        descriptor: for `select`; -1 where there is none.
+        path: that the client opens.
+        open: whether the port still exists.
+        descriptor: file descriptor for `select`; -1: none.
     """
 
     path: str
@@ -64,25 +64,25 @@ class Port(Protocol):
 
     @property
     def baud(self) -> int:
-        """Bit rate that the client has set."""
+        """Bit rate set by the client."""
 
     def read(self) -> bytes:
-        """What the client wrote since the last call."""
+        """Bytes written by the client since the last call."""
 
     def write(self, data: bytes) -> None:
-        """Give bytes to the client."""
+        """Send bytes to the client."""
 
     def close(self) -> None:
-        """The port is gone, for its client too."""
+        """Remove the port, also for its client."""
 
 
 class Line(ABC):
-    """What hangs behind one emulated port.
+    """The devices on one emulated port.
 
     Attributes:
-        name: it goes by.
-        terminal, damage: its port, and what happens to the bytes on their way.
-        cut: whether its cable is pulled.
+        name: of the port.
+        terminal, wire, damage: the port, its wire time, and damage of packets.
+        cut: whether the cable is pulled.
     """
 
     def __init__(self, name: str, terminal: Port, wire: Wire, damage: Damage) -> None:
@@ -91,39 +91,41 @@ class Line(ABC):
 
     @property
     def due(self) -> float:
-        """Time at which `deliver` has something to do [s]; infinite where nothing is on its way."""
+        """Time of the next `deliver` [s]; infinite: no bytes are on the wire."""
         return math.inf if self.wire.due is None else self.wire.due
 
     @abstractmethod
     def act(self, faults: Sequence[Fault]) -> None:
-        """These faults act from now on, and no others."""
+        """Set the active faults."""
 
     @abstractmethod
     def receive(self, now: float) -> None:
-        """Take what the host sent, and prepare the answers."""
+        """Take the bytes that the host has sent, and prepare the answers."""
 
     def deliver(self, now: float) -> None:
-        """Give the host what has come over the wire by now."""
+        """Send the host the bytes that have left the wire by `now` [s]."""
         data = self.wire.take(now)
         if data and not self.cut:
             self.terminal.write(data)
 
-    def watch(self, now: float) -> None:  # noqa: B027 - not everything watches over itself
-        """Let what happens by itself happen; called as time passes."""
+    def watch(self, now: float) -> None:  # noqa: B027 - optional
+        """Update devices; called every `WATCH_S`."""
 
     def report(self, elapsed: float) -> dict[str, Any]:
-        """Figures of what happened in `elapsed` [s]."""
+        """Figures of a run of `elapsed` [s]."""
         spoilt = {str(kind): count for kind, count in self.damage.spoilt.items() if count}
         return {"wire_busy_share": round(self.wire.busy_s / elapsed, 4), "spoilt": spoilt}
 
 
 @dataclass(frozen=True)
 class _Sent:
-    """What the host sent at once.
+    """Bytes that the host sent at once.
 
     Attributes:
-        ready: time at which the devices are to work on it; `end` when its last byte is over [s].
-        data: what is left of it; `baud` its bit rate.
+        ready: time at which the devices handle it [s].
+        end: time at which its last byte has left the wire [s].
+        data: after damage.
+        baud: bit rate.
     """
 
     ready: float
@@ -133,10 +135,10 @@ class _Sent:
 
 
 class BusLine(Line):
-    """A bus of servos on its wire, half duplex.
+    """A half-duplex servo bus.
 
-    Goals for many act when their last byte is over. What may be answered is worked out at once, while it is on the
-    wire: a computer takes longer for it than servos do.
+    Sync and bulk writes act when their last byte has left the wire. Requests that may be answered are handled at once,
+    while they are on the wire: the emulation of an answer takes longer than a servo does.
 
     Attributes:
         bus: its devices.
@@ -181,7 +183,7 @@ class BusLine(Line):
             )
 
     def deliver(self, now: float) -> None:
-        """See `Line`; and let the devices hear what has reached them by now."""
+        """See `Line`. Requests that are ready by `now` are handled."""
         while self._arriving and self._arriving[0].ready <= now:
             self._take(self._arriving.popleft())
         super().deliver(now)

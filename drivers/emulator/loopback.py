@@ -1,7 +1,7 @@
-"""`Loopback`: emulated buses in this process, on a clock that moves only while somebody waits.
+"""`Loopback`: emulated buses in this process, on a simulated clock.
 
-A driver talks to them in bytes as over a real port, with the same wire time, but a run neither depends on how busy the
-machine is nor takes as long as it pretends to.
+A driver exchanges bytes with them as over a real port, with the same wire time. The clock advances only while a port
+waits, so that a run does not depend on the speed of the machine.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from flexmotion.drivers.emulator.line import Line
 from flexmotion.drivers.port import SerialPort
 
 _GRAIN_S = 1e-9
-"""Who waits until a time wakes past it, whatever adding and subtracting rounds off [s]."""
+"""Added to the end of a wait, so that rounding does not end it early [s]."""
 
 
 class _Memory:
-    """The emulator's end of a port that is no port."""
+    """The emulator's end of a port in memory."""
 
     descriptor = -1
 
@@ -45,12 +45,12 @@ class Loopback:
     """Emulated buses of a body.
 
     Args:
-        body: what moves.
+        body: the body that servos move.
         arguments: of `flexmotion.drivers.emulator.build.assemble`.
 
     Attributes:
-        emulator: with the buses.
-        now: the time [s].
+        emulator: of the buses.
+        now: simulated time [s].
     """
 
     def __init__(self, body: Body, **arguments: Any) -> None:
@@ -59,14 +59,14 @@ class Loopback:
         self.emulator: Emulator = assemble(body, self._ports, **arguments)
 
     def open_port(self, name: str, baud: int) -> LoopbackPort:
-        """The port of that name, for `BusDriver.open_port`. Raises `DriverError` where there is none."""
+        """The port of that name, for `BusDriver.open_port`. Raises `DriverError` if there is none."""
         for line in self.emulator.lines:
             if line.name == name:
                 return LoopbackPort(self, line, self._ports[name], baud)
         raise DriverError(f"port {name}: there is no such port, expected one of: {', '.join(self._ports)}")
 
     def advance(self, seconds: float, *, until: Sequence[_Memory] = ()) -> None:
-        """Let time pass; it stops where one of the ports in `until` has bytes for the host."""
+        """Let time pass, at most until one of the ports in `until` has bytes for the host."""
         end = self.now + max(seconds, 0.0) + _GRAIN_S
         while not any(port.to_host for port in until):
             wake = self.emulator.poll(self.now)
@@ -125,7 +125,7 @@ class LoopbackPort(SerialPort):
 
     @property
     def descriptor(self) -> int:
-        """None: `wait_any` needs none."""
+        """-1: `wait_any` does not use it."""
         return -1
 
     def _there(self) -> bool:

@@ -1,4 +1,4 @@
-"""`EmulatedLx16aBus`: LX-16A servos that hear commands in bytes and answer in bytes."""
+"""`EmulatedLx16aBus`: LX-16A servos that receive and answer packets."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from flexmotion.drivers.lx16a.protocol import BAUD, FORMAT, MILLIVOLT, Command
 
 
 class Lx16aServo(SumServo):
-    """One servo; the time of a move is not followed, a goal acts at once.
+    """One servo. The duration of a move is ignored: a goal acts at once.
 
     Attributes:
         id: its address.
@@ -35,7 +35,7 @@ class Lx16aServo(SumServo):
 
     @property
     def baud(self) -> int:
-        """See `SumServo`; they have no other."""
+        """See `SumServo`. It is fixed."""
         return BAUD
 
     def restart(self, now: float) -> None:
@@ -44,7 +44,7 @@ class Lx16aServo(SumServo):
         self.off_until = now + 0.2
 
     def load(self, on: bool) -> None:
-        """Switch torque."""
+        """Switch the torque."""
         self.loaded = on
         body = self.joints.body
         body.set_torque(np.arange(body.robot.n) == self.index, on)
@@ -59,12 +59,12 @@ class Lx16aServo(SumServo):
         joints.touch()
 
     def watch(self) -> None:
-        """See `SumServo`; heat switches torque off."""
+        """See `SumServo`. Overheating switches torque off."""
         if self.loaded and self.joints.body.plant.temperature[self.index] > self.servo.temperature_limit:
             self.load(False)
 
     def answer(self, command: int) -> bytes | None:
-        """What it answers to a question; None where it was none."""
+        """Params of the answer to a command; None: no answer."""
         plant = self.joints.body.plant
         if command == Command.READ_POSITION:
             self.joints.refresh()

@@ -1,4 +1,4 @@
-"""`OpenCr`: OP3's controller board on the emulated bus, with its inertial sensor and the switch of servo power."""
+"""`OpenCr`: the controller board of OP3 on an emulated bus, with its inertial sensor and the servos' power switch."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ FIRMWARE = 5
 
 
 class OpenCr(Device):
-    """The board; while its power switch is off the servos are dark.
+    """The board. While its power switch is off, the servos are off.
 
     Args:
-        body: what it sits in, sensor aligned with the torso but for `mount`.
-        mount: the robot file's orientation of the sensor in the body, w x y z.
-        powered: where the power switch stands at first.
+        body: that carries it.
+        mount: orientation of the sensor in the body, as in the robot file, w x y z.
+        powered: initial state of the power switch.
     """
 
     def __init__(self, body: Body, id_: int, mount: Quaternion = (1.0, 0.0, 0.0, 0.0), *, powered: bool = True) -> None:
@@ -44,7 +44,7 @@ class OpenCr(Device):
         return self.get("dynamixel_power") == 1
 
     def refresh(self, now: float) -> None:
-        """Write what the sensor sees now into the table, cut off at what 16 bits hold."""
+        """Update the measurements in the table, clipped to 16 bits."""
         body, raw = self.body, self._raw
         body.sense()
         np.multiply(self._unmount @ body.gyro, self._gyro_scale, out=raw[:3])

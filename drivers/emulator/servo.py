@@ -1,8 +1,8 @@
 """`XServo`: one emulated Dynamixel of the X series. Its registers act on one joint of a `Body`.
 
-Done: operating modes 3 and 5 (position, current-based position), PWM and current limits, position gain, position
-limits, EEPROM lock, shutdown on hardware errors, bus watchdog, indirect registers. Not done, and refused or without
-effect: other operating modes (range error), profiles, integral, derivative and feed-forward gains.
+Emulated: operating modes 3 and 5 (position, current-based position), PWM and current limits, position gain, position
+limits, EEPROM lock, shutdown on hardware errors, bus watchdog, indirect registers. Not emulated, and refused or
+without effect: other operating modes (range error), profiles, integral, derivative and feed-forward gains.
 """
 
 from __future__ import annotations
@@ -26,25 +26,25 @@ INPUT_VOLTAGE, OVERHEATING, OVERLOAD = 0x01, 0x04, 0x20
 """Bits of the hardware error status."""
 
 TRIPPED = -1
-"""What the bus watchdog reads once it has tripped."""
+"""Value of the bus watchdog register after it has tripped."""
 
 FIRMWARE = 46
 
 TICK_WRAP = 32768
-"""Realtime tick counts milliseconds up to this."""
+"""The realtime tick counts milliseconds modulo this."""
 
 _RAD_S = VELOCITY_RPM * 2 * math.pi / 60
 
 
 class Joints:
-    """What all servos of a bus share: the body, and goals on their way to it.
+    """State shared by all servos of a bus: the body, and goals that are not yet passed to it.
 
     Attributes:
-        goal, bound: goals [rad] and torque bounds [N·m] as the servos hold them, (n,).
-        fresh: servos that took a goal since the last `commit`, (n,) bool.
-        ticks: present positions in servo units as of the last `refresh`, (n,).
-        present: of every joint as of the last `measure`: position [ticks], velocity [register units], torque in the
-            servo's direction [N·m], temperature [°C]. Plain numbers: a register table is filled with them one by one.
+        goal, bound: goals [rad] and torque bounds [N·m] in the servos' registers, (n,).
+        fresh: servos with a new goal since the last `commit`, (n,) bool.
+        ticks: positions at the last `refresh`, (n,) [servo units].
+        present: of every joint at the last `measure`: position [ticks], velocity [register units], torque in the
+            servo's direction [N·m], temperature [°C]. Plain numbers, because they are written to registers one by one.
     """
 
     def __init__(self, body: Body) -> None:
@@ -59,22 +59,22 @@ class Joints:
         self.present: list[tuple[int, int, float, int]] = []
 
     def touch(self) -> None:
-        """A goal or a bound changed."""
+        """Mark that a goal or a bound has changed."""
         self._changed = True
 
     def commit(self) -> None:
-        """Hand what changed to the body; done once an instruction, so that a sync write acts at once."""
+        """Pass changes to the body; called once per instruction, so that a sync write acts on all servos at once."""
         if self._changed:
             self.body.receive(self.goal, self.fresh, self.bound)
             self.fresh[:] = False
             self._changed = False
 
     def refresh(self) -> None:
-        """Bring `ticks`, the present positions in servo units, up to now, (n,)."""
+        """Update `ticks`."""
         self.body.robot.to_ticks(self.body.position, out=self.ticks)
 
     def measure(self) -> None:
-        """Bring `present` up to now."""
+        """Update `present`."""
         self.refresh()
         body, plant = self.body, self.body.plant
         direction = body.robot.direction
@@ -87,7 +87,7 @@ class XServo(Device):
     """The servo of joint `index`.
 
     Attributes:
-        fed: time of the last instruction that the bus watchdog saw [s].
+        fed: time of the last instruction, for the bus watchdog [s].
     """
 
     def __init__(self, joints: Joints, index: int, id_: int, servo: Servo, *, firmware: int = FIRMWARE) -> None:
@@ -102,7 +102,7 @@ class XServo(Device):
         self._errors, self._watchdog = self.table["hardware_error_status"].address, self.table["bus_watchdog"].address
         self._torque_enable = self.table["torque_enable"].address
         self._newton_metre = servo.torque_constant or servo.stall_torque / servo.stall_current
-        # Present load is a current where the servo measures it, else a share of 1000 of the stall torque.
+        # Present load is a current if the servo measures it, else per mille of the stall torque.
         amperes = self._current
         self._load_per_torque = 1000 / servo.stall_torque if amperes is None else 1 / (self._newton_metre * amperes)
         self._pwm_per_torque = PWM_FULL / servo.stall_torque
@@ -124,21 +124,21 @@ class XServo(Device):
 
     @property
     def _tripped(self) -> bool:
-        """Whether the bus watchdog has, and goals are refused until it is cleared."""
+        """Whether the bus watchdog has tripped; goals are refused until it is cleared."""
         return self.memory[self._watchdog] == TRIPPED & 0xFF
 
     @property
     def locked(self) -> bool:
-        """The EEPROM is locked while torque is on."""
+        """See `Device`. The EEPROM is locked while torque is on."""
         return self.torque
 
     @property
     def alert(self) -> bool:
-        """Whether the hardware error status is not clear."""
+        """See `Device`. Set while the hardware error status is not 0."""
         return self.memory[self._errors] != 0
 
     def feed(self, now: float) -> None:
-        """An instruction reached this servo."""
+        """Reset the bus watchdog: an instruction was received."""
         self.fed = now
 
     def refresh(self, now: float) -> None:
@@ -156,7 +156,7 @@ class XServo(Device):
         return handler(value) if handler is not None else Error.NONE
 
     def watch(self, now: float) -> None:
-        """Let hardware errors and the bus watchdog act."""
+        """Update hardware errors and the bus watchdog."""
         plant, index = self.joints.body.plant, self.index
         known = self.get("hardware_error_status")
         error = known & ~INPUT_VOLTAGE
@@ -173,14 +173,14 @@ class XServo(Device):
             self._stop_here()
 
     def fail(self, error: int) -> None:
-        """Report a hardware error; one that the shutdown register names turns torque off until a reboot."""
+        """Set the hardware error status; errors in the shutdown register switch torque off until a reboot."""
         self.put("hardware_error_status", error)
         if error & self.get("shutdown") and self.torque:
             self._set_torque(False)
             self.put("torque_enable", 0)
 
     def reboot(self, now: float, seconds: float = 0.2) -> None:
-        """See `Device`; torque goes off and hardware errors are forgotten."""
+        """See `Device`. Torque goes off and hardware errors are cleared."""
         self._set_torque(False)
         super().reboot(now, seconds)
         self.put("hardware_error_status", 0)
@@ -248,7 +248,7 @@ class XServo(Device):
         self.joints.body.set_torque(which, on)
 
     def _bound(self, units: int) -> None:
-        """Bound the torque by a goal current, where the mode obeys it."""
+        """Set the torque bound from a goal current, if the operating mode uses it."""
         if self._current is None or self.get("operating_mode") != CURRENT_POSITION:
             bound = math.inf
         else:
@@ -262,12 +262,12 @@ class XServo(Device):
         self.joints.body.plant.set_drive_share(self.joints.drive_share)
 
     def _stop_here(self) -> None:
-        """Hold where it is: what a position servo does when its bus watchdog trips."""
+        """Hold the present position, as after the bus watchdog has tripped."""
         self._pin()
         self.joints.touch()
 
     def _pin(self) -> None:
-        """The present position becomes the goal, as after power-up."""
+        """Set the goal to the present position, as after power-up."""
         joints, index = self.joints, self.index
         joints.goal[index] = joints.body.position[index]
         joints.refresh()

@@ -1,4 +1,4 @@
-"""`SumBus`: what emulated buses share whose packets end in a sum."""
+"""`SumBus`: base of emulated buses whose packets end in a sum."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class SumServo(ABC):
     """One servo of such a bus.
 
     Attributes:
-        off_until: time until which it hears nothing, after it lost power [s].
+        off_until: time until which it receives nothing, after a loss of power [s].
     """
 
     def __init__(self) -> None:
@@ -29,15 +29,15 @@ class SumServo(ABC):
     @property
     @abstractmethod
     def baud(self) -> int:
-        """Bit rate at which it listens."""
+        """Its bit rate."""
 
     @abstractmethod
     def watch(self) -> None:
-        """Let heat and voltage act."""
+        """Update errors from temperature and voltage."""
 
     @abstractmethod
     def restart(self, now: float) -> None:
-        """Lose power for a moment."""
+        """Interrupt the power."""
 
 
 ServoKind = TypeVar("ServoKind", bound=SumServo)
@@ -47,7 +47,7 @@ class SumBus(ABC, Generic[ServoKind]):
     """See `flexmotion.drivers.emulator.line.EmulatedBus`.
 
     Class attributes:
-        form: of its packets.
+        form: format of its packets.
     """
 
     form: ClassVar[SumFormat]
@@ -61,7 +61,7 @@ class SumBus(ABC, Generic[ServoKind]):
 
     @property
     def bad(self) -> int:
-        """Packets with a wrong sum."""
+        """See `EmulatedBus`."""
         return self._decoder.bad
 
     def may_be_answered(self, data: bytes) -> bool:
@@ -84,7 +84,7 @@ class SumBus(ABC, Generic[ServoKind]):
 
     @abstractmethod
     def answer(self, packet: SumPacket, listening: dict[int, ServoKind]) -> list[Reply]:
-        """What those who listen, by id, answer to a packet."""
+        """Answers to a packet of the servos that receive it; `listening`: by id."""
 
     def drop_incomplete(self) -> None:
         """See `EmulatedBus`."""

@@ -1,4 +1,4 @@
-"""`Terminal`: a pseudo-terminal that looks like a serial port to whoever opens its other end."""
+"""`Terminal`: a pseudo-terminal that a client opens like a serial port."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from flexmotion.configs.errors import ConfigError
 
 _TCGETS2 = 0x802C542A
 _TERMIOS2 = struct.Struct("4I20B2I")
-"""Linux `struct termios2`: flags, line discipline and control characters, input and output speed."""
+"""Linux `struct termios2`: flags, line discipline, control characters, input and output speed."""
 
 _CHUNK = 4096
 
 
 class Terminal:
-    """A raw pseudo-terminal; it stays open while clients come and go.
+    """A raw pseudo-terminal; it stays open when a client closes it.
 
     Args:
-        link: where a symbolic link to the client's end is made; it disappears on `close`.
+        link: path of a symbolic link to the client's end, removed by `close`.
 
     Attributes:
-        path: what the client opens: the link where there is one, else the device.
-        descriptor: our end, non-blocking.
+        path: that the client opens: the link if there is one, else the device.
+        descriptor: the emulator's end, non-blocking.
     """
 
     def __init__(self, link: Path | None = None) -> None:
-        """Raises `ConfigError` where `link` exists and leads anywhere, or cannot be made."""
+        """Raises `ConfigError` if `link` exists and has a target, or cannot be created."""
         if link is not None and link.exists():
             raise ConfigError(f"port link {link}: exists already, expected a path that does not")
         self.descriptor, self._client = os.openpty()
@@ -42,27 +42,27 @@ class Terminal:
         self.open = True
         if link is not None:
             try:
-                link.unlink(missing_ok=True)  # what is left of an emulator that was killed
+                link.unlink(missing_ok=True)  # left by an emulator that was killed
                 link.symlink_to(self._device)
             except OSError as error:
                 self.close()
-                raise ConfigError(f"port link {link}: cannot be made ({error.strerror})") from error
+                raise ConfigError(f"port link {link}: cannot be created ({error.strerror})") from error
 
     @property
     def baud(self) -> int:
-        """Bit rate that the client has set."""
+        """Bit rate set by the client."""
         answer = fcntl.ioctl(self.descriptor, _TCGETS2, bytes(_TERMIOS2.size))
         return int(_TERMIOS2.unpack(answer)[-1])
 
     def read(self) -> bytes:
-        """What the client wrote since the last call."""
+        """Bytes written by the client since the last call."""
         try:
             return os.read(self.descriptor, _CHUNK)
         except BlockingIOError:
             return b""
 
     def write(self, data: bytes) -> None:
-        """Give bytes to the client; what it leaves unread for too long is lost, as in an adapter's buffer."""
+        """Send bytes to the client; bytes that do not fit the buffer are lost, as in an adapter."""
         try:
             os.write(self.descriptor, data)
         except OSError as error:
@@ -70,7 +70,7 @@ class Terminal:
                 raise
 
     def close(self) -> None:
-        """The port is gone, for its client too. May be called twice."""
+        """Remove the port, also for its client. May be called twice."""
         if not self.open:
             return
         self.open = False

@@ -1,4 +1,4 @@
-"""`Wire`: when the bytes of a half-duplex bus come and go at its baud rate."""
+"""`Wire`: timing of bytes on a half-duplex bus."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from dataclasses import dataclass
 from flexmotion.drivers.port import BITS_A_BYTE
 
 FRAME_S = 0.0005
-"""Replies that end within this time of the first are handed over together, as a USB adapter does [s]."""
+"""Replies that end within this time of the first are delivered together, as by a USB adapter [s]."""
 
 
 @dataclass(frozen=True)
 class Reply:
-    """Bytes that a device puts on the wire `delay` [s] after what came before; `id` is for faults on demand."""
+    """Bytes that a device sends `delay` [s] after the bytes before; `id` is the device's."""
 
     id: int
     delay: float
@@ -21,10 +21,10 @@ class Reply:
 
 
 class Wire:
-    """One bus at a baud rate, or at once where `timed` is False.
+    """The wire of one bus; without `timed`, bytes take no time.
 
     Attributes:
-        collisions: times that the host sent while a reply was still on its way.
+        collisions: number of times that the host sent during a reply, or a device during a request.
         busy_s: time that the wire carried bytes [s].
     """
 
@@ -35,10 +35,10 @@ class Wire:
         self._host_free = self._reply_end = 0.0
         self._last = 0.0
         self._outgoing: deque[tuple[float, bytes]] = deque()  # on the wire
-        self._held: deque[tuple[float, bytes]] = deque()  # past the wire, held back by a fault
+        self._held: deque[tuple[float, bytes]] = deque()  # delayed by a fault
 
     def send(self, size: int, baud: int, now: float) -> float:
-        """The host sends `size` bytes; when the last one is over. What is left of a reply it destroys."""
+        """The host sends `size` bytes; the time at which the last one leaves the wire [s]. A pending reply is lost."""
         start = max(now, self._host_free)
         if self._outgoing and start < self._reply_end:
             self.collisions += 1
@@ -52,9 +52,14 @@ class Wire:
         return size * BITS_A_BYTE / baud if self.timed else 0.0
 
     def answer(self, replies: list[tuple[Reply, bytes, float]], baud: int, after: float) -> None:
-        """Devices answer an instruction that ended at `after`: reply, what is left of it, and extra delay [s].
+        """Devices answer a request that ended at `after` [s].
 
-        Where the host is still sending by then, both speak at once and no reply is left.
+        If the host is still sending, the answers are lost in the collision.
+
+        Args:
+            replies: each reply, its bytes after damage, and its extra delay [s].
+            baud: bit rate.
+            after: end of the request [s].
         """
         if self._host_free > after:
             self.collisions += 1
@@ -81,12 +86,12 @@ class Wire:
 
     @property
     def due(self) -> float | None:
-        """When the next bytes reach the host; None where none are on their way."""
+        """Time at which the next bytes reach the host [s]; None: no bytes are on the wire."""
         dues = [queue[0][0] for queue in (self._outgoing, self._held) if queue]
         return min(dues) if dues else None
 
     def take(self, now: float) -> bytes:
-        """Bytes that have reached the host by `now`."""
+        """Bytes that have reached the host by `now` [s]."""
         data = b""
         for queue in (self._held, self._outgoing):
             while queue and queue[0][0] <= now:
@@ -94,6 +99,6 @@ class Wire:
         return data
 
     def clear(self) -> None:
-        """Nothing more comes."""
+        """Discard all bytes on the wire."""
         self._outgoing.clear()
         self._held.clear()

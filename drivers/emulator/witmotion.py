@@ -1,4 +1,4 @@
-"""`WitMotionLine`: an emulated inertial sensor that speaks the WIT standard protocol on a port of its own."""
+"""`WitMotionLine`: an emulated inertial sensor with the WIT standard protocol on a port of its own."""
 
 from __future__ import annotations
 
@@ -29,25 +29,25 @@ from flexmotion.drivers.imu.witmotion.protocol import (
 from flexmotion.spatial.gravity import GRAVITY
 
 TEMPERATURE = 2500
-"""What it says of its temperature [0.01 °C]."""
+"""Its temperature [0.01 °C]."""
 
 UNLOCKED_S = 10.0
-"""How long its registers may be written after the key came [s]."""
+"""Time after the key in which registers can be written [s]."""
 
 FACTORY_RATE_HZ = 10
-"""Samples a second of one that was just switched on."""
+"""Rate after power-up [samples/s]."""
 
 
 class WitMotionLine(Line):
-    """A sensor that sends samples unasked; output, rate and lock act, its low-pass is not emulated.
+    """A sensor that sends samples unasked. Output, rate and lock are emulated, the low-pass is not.
 
     Args:
-        body: what it sits in.
-        mount: the robot file's orientation of the sensor in the body, w x y z.
-        baud: bit rate that it is set to; at another nobody understands the other.
+        body: that carries it.
+        mount: orientation of the sensor in the body, as in the robot file, w x y z.
+        baud: its bit rate; at another one neither side can decode the other's bytes.
 
     Attributes:
-        samples: sent so far.
+        samples: number of samples sent so far.
     """
 
     def __init__(
@@ -68,7 +68,7 @@ class WitMotionLine(Line):
         return min(super().due, self._next if self._output else math.inf)
 
     def act(self, faults: Sequence[Fault]) -> None:
-        """See `Line`; its cable is not the servos'."""
+        """See `Line`. Its cable is separate from the servos'."""
         self.damage.act(faults)
         self.cut = any(fault.kind is FaultKind.IMU for fault in faults)
 
@@ -90,11 +90,11 @@ class WitMotionLine(Line):
                 self._next = now + self._period
 
     def deliver(self, now: float) -> None:
-        """See `Line`; and put the next sample on the wire."""
+        """See `Line`. A sample that is due is put on the wire."""
         if math.isnan(self._next):
             self._next = now
         if now >= self._next and self._output:
-            # One that is kept from it does not hurry after it.
+            # A late sensor skips samples: it does not make up for them.
             self._next = max(self._next + self._period, now - self._period)
             self._send(now)
         super().deliver(now)
@@ -118,6 +118,6 @@ class WitMotionLine(Line):
             self.wire.answer([(Reply(0, 0.0, each), *self.damage.spoil(each)) for each in frames], self._baud, now)
 
     def _numbers(self, vector: np.ndarray, full: float) -> tuple[int, int, int, int]:
-        """In the sensor's frame, cut off at what it can tell."""
+        """The numbers of a frame, in the sensor's frame, clipped to the range."""
         raw = np.clip(np.rint(self._unmount @ vector * (FULL / full)), -FULL, FULL - 1)
         return int(raw[0]), int(raw[1]), int(raw[2]), TEMPERATURE

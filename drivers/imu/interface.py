@@ -1,4 +1,4 @@
-"""`Imu`: an inertial sensor behind one interface, whether it answers on the servo bus or on a port of its own."""
+"""`Imu`: the interface of inertial sensors, on a servo bus or on a port of their own."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ class Imu(ABC):
     """An inertial sensor with its newest sample, in the frame of the body that carries it.
 
     Class attributes:
-        name: what a robot file calls it.
+        name: `imu.driver` in a robot file.
 
     Attributes:
-        config: what the robot file says of it; its quaternion is how the sensor is mounted.
-        mount: rotation from its own frame to the body's, (3, 3).
-        gyro, accel: angular velocity [rad/s] and specific force [m/s², at rest 9.81 up], (3,); filled in place.
+        config: `imu` of the robot file.
+        mount: rotation from the sensor's frame to the body's, (3, 3).
+        gyro, accel: angular velocity [rad/s] and specific force [m/s²] (at rest +9.81 up), (3,) each; filled in place.
     """
 
     name: ClassVar[str]
@@ -46,17 +46,17 @@ class Imu(ABC):
 
     @abstractmethod
     def read(self, now: float) -> bool:
-        """Take in what has come by `now` [s]; whether the newest sample is of now, not one that has grown old.
+        """Take samples received by `now` [s]; whether the newest one is fresh.
 
-        Never waits, and never raises for what happens on the wire.
+        Does not wait, and does not raise for errors on the wire.
         """
 
 
 class StandaloneImu(Imu):
-    """A sensor that is no part of a servo bus; what a plug-in in group `flexmotion.imus` names a subclass of.
+    """A sensor that is not on a servo bus. Plug-ins in group `flexmotion.imus` are subclasses.
 
     Class attributes:
-        Options: what a robot file may set about it (`imu.options`).
+        Options: fields of `imu.options` in a robot file.
     """
 
     Options: ClassVar[type[Strict]] = Strict
@@ -67,18 +67,18 @@ class StandaloneImu(Imu):
 
     @abstractmethod
     def open(self, open_port: OpenPort, rate_hz: float) -> None:
-        """Find it and set it up, so that each read at `rate_hz` finds a new sample. Raises `DriverError`.
+        """Connect and set it up, so that each read at `rate_hz` finds a new sample. Raises `DriverError`.
 
-        One with a serial port takes it from `open_port`, which tests replace.
+        A sensor on a serial port opens it with `open_port`, which tests replace.
         """
 
     @abstractmethod
     def close(self) -> None:
-        """Let go of it. May be called twice."""
+        """Release it. May be called twice."""
 
 
 def do_without(config: ImuConfig, error: DriverError) -> None:
-    """An IMU was not found: a warning, and the loop is open; raises `DriverError` where the robot file requires it."""
+    """Warn that there is no IMU (the robot runs open loop). Raises `DriverError` if the robot file requires one."""
     if config.required:
         raise DriverError(f"{error}: no IMU, which the robot file requires") from error
     log.warning("%s: no IMU", error)

@@ -1,4 +1,4 @@
-"""How an inertial sensor sits in the torso, from two directions of gravity that a person shows it."""
+"""Mounting of an inertial sensor in the torso, from gravity measured in two attitudes of the torso."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ from flexmotion.spatial.gravity import GRAVITY
 Float = NDArray[np.float64]
 
 LEAST_LEAN = math.radians(15)
-"""A torso leaned less than this tells too little of where forward is [rad]."""
+"""Smallest lean of the torso that determines the forward direction well enough [rad]."""
 
 GRAVITY_SHARE = 0.1
-"""How far the length of a direction shown may differ from gravity's: more, and it was moved or its scale is wrong."""
+"""Largest relative difference between a measured force and gravity; more: the robot moved, or the scale is wrong."""
 
 
 def mounting(before: Rotation, upright: Float, leaning: Float) -> Rotation:
     """Rotation from the sensor's frame to the torso's.
 
-    Upright, gravity's reaction points along the torso's z. Leaned forward by a turn about the torso's y, it points
-    backward too: -x. The two directions are the whole rotation.
+    Upright, the specific force points along the torso's z. Leaned forward about the torso's y, it has a component
+    along -x. The two directions determine the rotation.
 
     Args:
-        before: the rotation with which the two were measured.
+        before: the mounting with which both were measured.
         upright, leaning: specific force while the torso stood upright, and leaned forward, (3,) [m/s²].
 
-    Raises `DriverError` where they cannot be what they are said to be.
+    Raises `DriverError` if a force differs from gravity, or the lean is too small.
     """
     for name, force in (("upright", upright), ("leaning", leaning)):
         length = float(np.linalg.norm(force))

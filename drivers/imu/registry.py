@@ -1,4 +1,4 @@
-"""Finds inertial sensors that are no part of a servo bus: built in, or plug-ins in group `flexmotion.imus`."""
+"""Finds inertial sensors that are not on a servo bus: built-in ones, and plug-ins in group `flexmotion.imus`."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ _IMUS: PlugIns[StandaloneImu] = PlugIns(GROUP, "IMU", StandaloneImu, BUILT_IN)  
 
 
 def available() -> dict[str, type[StandaloneImu]]:
-    """Every sensor that imports, by name; the others are logged as warnings."""
+    """Every sensor that can be imported, by name; a warning is logged for each of the others."""
     return _IMUS.available()
 
 
 def names() -> tuple[str, ...]:
-    """Names of all registered sensors, whether or not they import."""
+    """Names of all registered sensors, whether or not they can be imported."""
     return _IMUS.names()
 
 
 def create(robot: Robot, port: str | None = None) -> StandaloneImu:
-    """The sensor that a robot file names, not yet open; `port` wins over the file's.
+    """Create the sensor that a robot file names, not yet open; `port` takes precedence over the file's.
 
-    Raises `ConfigError` where there is no such sensor, it does not import, or an option of it is wrong.
+    Raises `ConfigError` if there is no such sensor, it cannot be imported, or an option is wrong.
     """
     config = robot.config.imu
     if config is None or config.driver is None:

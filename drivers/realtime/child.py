@@ -1,4 +1,4 @@
-"""Processes that end with the one that started them, whichever way that ends."""
+"""Child processes that end with their parent, however the parent ends."""
 
 from __future__ import annotations
 
@@ -12,17 +12,16 @@ from typing import Any
 
 _PR_SET_PDEATHSIG, _PR_SET_NAME = 1, 15
 _FORK = multiprocessing.get_context("fork")
-"""Forked, so that a child has robot, source and shared memory without a name or a copy, within milliseconds."""
+"""Forked, so that a child shares robot, source and memory without names or copies, and starts within milliseconds."""
 
 
 def start(name: str, target: Callable[..., None], *args: Any, orphaned: signal.Signals = signal.SIGKILL) -> BaseProcess:
     """Start `target(*args)` in a child process that `ps` calls `fm-NAME`.
 
-    A terminal's signals reach every process of a group; a child has a group of its own, so that only the process that
-    the user started listens, and what it was to hear is forgotten.
+    A child has a process group of its own, so that signals of a terminal reach only the process that the user started.
 
     Args:
-        orphaned: signal that the child gets when this process ends before it.
+        orphaned: signal that the child receives if this process ends before it.
     """
     child = _FORK.Process(target=_run, args=(name, os.getpid(), orphaned, target, args), name=f"flexmotion-{name}")
     child.start()
@@ -38,13 +37,13 @@ def _run(name: str, parent: int, orphaned: signal.Signals, target: Callable[...,
     libc = ctypes.CDLL(None)
     libc.prctl(_PR_SET_NAME, f"fm-{name}".encode()[:15], 0, 0, 0)
     libc.prctl(_PR_SET_PDEATHSIG, int(orphaned), 0, 0, 0)
-    if os.getppid() != parent:  # it ended before it could be followed
+    if os.getppid() != parent:  # the parent ended before prctl
         os.kill(os.getpid(), orphaned)
     target(*args)
 
 
 def end(child: BaseProcess, *, patience_s: float) -> None:
-    """Wait for a child to end, and end it after `patience_s`."""
+    """Wait for a child to end; kill it after `patience_s`."""
     child.join(patience_s)
     if child.is_alive():
         child.kill()

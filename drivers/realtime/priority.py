@@ -1,4 +1,4 @@
-"""What the system grants a process in time: realtime scheduling, processors of its own and awake, memory that stays."""
+"""Realtime settings of a process: scheduling, processors and their sleep states, locked memory."""
 
 from __future__ import annotations
 
@@ -15,25 +15,23 @@ from threadpoolctl import threadpool_limits
 Scheduling = Literal["fifo", "other"]
 
 WITNESS_PRIORITY, LOOP_PRIORITY, ROBOT_PRIORITY, PLANNER_PRIORITY = 80, 60, 40, 20
-"""Of a timer that watches the machine, of the control loop, of a simulated robot or an emulated bus, and of the planner
-(SCHED_FIFO)."""
+"""SCHED_FIFO priorities: standstill timers, control loop, simulated robot or emulated bus, planner."""
 
 WAKE_LATENCY = Path("/dev/cpu_dma_latency")
-"""Takes the longest time [µs] that a processor may need to wake, for as long as the file is open (the kernel's PM QoS
-interface)."""
+"""The kernel's PM QoS interface: limits the wake-up time of processors [µs] while the file is open."""
 
 _MCL_CURRENT, _MCL_FUTURE, _MCL_ONFAULT = 1, 2, 4
 _PR_SET_TIMERSLACK = 29
 
 
 def claim(priority: int, *, allowed: bool = True) -> Scheduling:
-    """Run this process under SCHED_FIFO on a processor of the motion's, its timers exact, as far as that is granted.
+    """Run this process under SCHED_FIFO on one processor, with exact timers, as far as the system permits.
 
-    Loop and robot have the last processor, ordered by priority; the planner has the one before, whose other work waits
-    while a plan is made (sharing the first one it took 1.8 times as long).
+    Loop and robot share the last processor, ordered by priority. The planner has the one before, where other work waits
+    while a plan is made: on the loop's processor, plans took 1.8 times as long.
 
     Returns:
-        "fifo", or "other" where the system refuses or it is not `allowed`.
+        "fifo", or "other" if the system refuses or `allowed` is False.
     """
     _libc().prctl(_PR_SET_TIMERSLACK, 1, 0, 0, 0)
     if not allowed:
@@ -49,20 +47,20 @@ def claim(priority: int, *, allowed: bool = True) -> Scheduling:
 
 @contextmanager
 def awake(latency_us: int | None) -> Iterator[bool]:
-    """Within, no processor sleeps so deeply that it needs longer to wake; it draws more power.
+    """Context manager that limits the sleep states of all processors; it draws more power.
 
-    One that slept wakes late, and later still where the host of a virtual machine runs others on it meanwhile.
+    A sleeping processor wakes late, later still if the host of a virtual machine runs other machines on it meanwhile.
 
     Args:
-        latency_us: longest time to wake [µs]; 0 keeps them from sleeping at all, None asks for nothing.
+        latency_us: longest wake-up time [µs]; 0: processors do not sleep, None: no limit.
 
     Yields:
-        Whether that is granted. It ends with the process, however that ends.
+        Whether the system permits it. The limit ends with the process, however that ends.
     """
     try:
         held = None if latency_us is None else os.open(WAKE_LATENCY, os.O_WRONLY | os.O_CLOEXEC)
     except OSError:
-        held = None  # not there, or not ours: it is a help, not a need
+        held = None  # missing or not permitted: the limit is optional
     if held is None or latency_us is None:
         yield False
         return
@@ -74,18 +72,18 @@ def awake(latency_us: int | None) -> Iterator[bool]:
 
 
 def motion_processors() -> list[int]:
-    """Processors that the motion runs on, of those this process may use: the planner's, then loop's and robot's."""
+    """Processors of the motion, of those that this process may use: the planner's, then that of loop and robot."""
     return sorted(os.sched_getaffinity(0))[-2:]
 
 
 def settle(*, collect: bool) -> None:
-    """Keep this process's memory in place, its garbage out of the collector's sight, its linear algebra in one thread.
+    """Lock this process's memory, freeze garbage collection of existing objects, limit linear algebra to one thread.
 
-    A thread of the linear algebra library would share the one processor that `claim` gives with the one that waits for
-    it, at a priority that lets it wait for good.
+    `claim` leaves the process one processor: a thread of the linear algebra library would share it with the realtime
+    thread that busily waits for it, and would never run.
 
     Args:
-        collect: whether the collector goes on with what is allocated from now on.
+        collect: whether garbage collection continues for objects allocated from now on.
     """
     threadpool_limits(limits=1, user_api="blas")
     gc.collect()

@@ -1,4 +1,4 @@
-"""`Ticker`: absolute deadlines on the monotonic clock, which no change of the wall clock moves."""
+"""`Ticker`: periodic absolute deadlines on the monotonic clock."""
 
 from __future__ import annotations
 
@@ -6,16 +6,16 @@ import time
 
 
 class Ticker:
-    """Wakes once a period; the deadlines do not drift, whatever a period's work takes.
+    """Wakes once per period; the deadlines do not drift.
 
     Args:
-        period_s: [s].
+        period_s: period [s].
 
     Attributes:
-        deadline_ns: of the period that was last waited for (`time.perf_counter_ns`).
-        late_ns: how late the last wait woke [ns].
-        missed: deadlines that had come before they were waited for, in the last wait.
-        skipped: those of them that lie a period or more back: no wait will wake for them.
+        deadline_ns: deadline of the last wait (`time.perf_counter_ns`).
+        late_ns: lateness of the last wake-up [ns].
+        missed: number of deadlines that had passed before the last wait.
+        skipped: number of those that had passed by a period or more; no wait wakes for them.
     """
 
     def __init__(self, period_s: float) -> None:
@@ -24,7 +24,7 @@ class Ticker:
         self.late_ns = self.missed = self.skipped = 0
 
     def wait(self) -> None:
-        """Sleep until the next deadline; one that came less than a period ago is taken at once."""
+        """Sleep until the next deadline; return at once if it passed less than a period ago."""
         now = time.perf_counter_ns()
         self.deadline_ns += self.period_ns
         behind = now - self.deadline_ns

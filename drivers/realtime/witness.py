@@ -1,7 +1,7 @@
-"""`Witness`: a timer above every other process tells when the machine itself ran nothing.
+"""`Witness`: timers with the highest priority detect standstills of the machine itself.
 
-What a host takes from a virtual machine, or firmware from any, comes in stalls that no priority prevents. A figure of
-realtime tells of the program only where this timer woke in time.
+A host stalls a virtual machine, and firmware any machine, whatever the priority of a process is. Realtime figures say
+something about the program only for times in which these timers woke in time.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from flexmotion.drivers.realtime.ticker import Ticker
 
 _PERIOD_S = 0.002
 _WORTH_NS = 500_000
-"""Later than this the timer did not merely wake slowly: its processor stood still."""
+"""Lateness of a timer above which its processor stood still [ns]."""
 _KEPT = 16_384
 _ROW = np.dtype([("begin_ns", "i8"), ("end_ns", "i8")])
 
@@ -28,9 +28,9 @@ Int = NDArray[np.int64]
 
 
 class Witness:
-    """Within a `with`, a process on each processor that the motion runs on sleeps and wakes.
+    """Context manager: a timer process on each processor that the motion runs on.
 
-    Without realtime scheduling it would tell of other programs: then it says nothing.
+    Without realtime scheduling the timers would report other programs; then there is no result.
     """
 
     def __init__(self) -> None:
@@ -53,9 +53,9 @@ class Witness:
         self._children.clear()
 
     def standstills(self) -> Int | None:
-        """Begin and end of every moment at which a processor stood still, (k, 2), by begin [`perf_counter_ns`].
+        """Begin and end of every standstill of a processor, (k, 2), sorted by begin [`perf_counter_ns`].
 
-        None where the system did not grant every one of them its priority.
+        None if the system did not grant the priority to every timer.
         """
         if not self._watched.all():
             return None
@@ -65,10 +65,10 @@ class Witness:
 
 
 def overlapping(begins: Int, ends: Int, moments: Int) -> NDArray[np.bool_]:
-    """Which of the intervals, (n,) and (n,), share time with one of `moments`, (k, 2)."""
+    """Which of the intervals, (n,) and (n,), overlap with one of `moments`, (k, 2)."""
     if not len(moments):
         return np.zeros(len(begins), np.bool_)
-    # Those of two processors may overlap one another: the latest end of all that have begun counts.
+    # Standstills of two processors may overlap: the latest end of all that have begun counts.
     latest_end = np.maximum.accumulate(moments[:, 1])
     begun = np.searchsorted(moments[:, 0], ends, side="right") - 1
     return (begun >= 0) & (latest_end[np.maximum(begun, 0)] > begins)
@@ -83,7 +83,7 @@ def _watch(processor: int, ring: Ring, watched: NDArray[np.bool_]) -> None:
     ticker, row, end = Ticker(_PERIOD_S), np.zeros((), _ROW), 0
     while True:
         ticker.wait()
-        # From the first deadline that passed, those skipped included; what was told already is not told again.
+        # From the first deadline that passed, including skipped ones, but not before the end of the last standstill.
         begin = max(ticker.deadline_ns - ticker.skipped * ticker.period_ns, end)
         end = ticker.deadline_ns + ticker.late_ns
         if end - begin > _WORTH_NS:

@@ -1,9 +1,9 @@
-"""First-order activation dynamics: how far muscle activation can get from one frame to the next.
+"""First-order activation dynamics: bounds on muscle activation from one frame to the next.
 
     da/dt = (u - a) / τ,   τ = τ_rise (0.5 + 1.5 a) while u > a,   τ_fall / (0.5 + 1.5 a) else,   0 <= u <= 1
 
-(Thelen, J. Biomech. Eng. 125, 2003; Millard et al., J. Biomech. Eng. 135, 2013), as in MuJoCo's muscles. The excitation
-1 throughout rises as fast as can be, 0 falls so.
+(Thelen, J. Biomech. Eng. 125, 2003; Millard et al., J. Biomech. Eng. 135, 2013), as in MuJoCo's muscles. Activation
+rises fastest at excitation 1 and falls fastest at 0.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ GRID = np.linspace(0.0, 1.0, SAMPLES)
 
 @dataclass(frozen=True)
 class ActivationLimits:
-    """Least and greatest activation a frame later, as tables over the activation now."""
+    """Least and greatest activation in the next frame, tabulated over the present activation."""
 
     rise: Float
     fall: Float

@@ -1,6 +1,6 @@
-"""Variety: the same motion by other bodies, at other speeds, from other poses, under loads.
+"""Augmentation: the same motion with other bodies, at other speeds, from other poses, under loads.
 
-Every function is a pure function of its generator's state, so a seed tells all. Dynamics are to be computed anew.
+Results depend on arguments and the state of the random generator only. Dynamics must be computed anew.
 """
 
 from __future__ import annotations
@@ -27,16 +27,16 @@ Float = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Ranges:
-    """How much variety.
+    """Ranges of the augmentation.
 
     Attributes:
-        tempo: locally slower or faster by up to this share.
-        height: taller or shorter by up to this share.
-        body_mass_index: from and to [kg/m²]; 18.5 to 25 is normal, to 30 overweight (WHO).
-        angle: standard deviation of a joint's first angle [rad]; legs keep theirs, they stand on the floor.
-        settle: time constant with which that difference fades [s].
-        push: largest force on the trunk, in body weights: a brush in a crowd.
-        carried: largest mass in both hands [kg].
+        tempo: greatest local change of speed, relative.
+        height: greatest change of stature, relative.
+        body_mass_index: lower and upper limit [kg/m²]; 18.5 to 25 is normal, to 30 overweight (WHO).
+        angle: standard deviation of a joint's initial angle [rad]; legs are unchanged, they stand on the floor.
+        settle: time constant with which that difference decays [s].
+        push: greatest force on the trunk, as of a brush in a crowd [body weights].
+        carried: greatest mass in both hands [kg].
     """
 
     tempo: float = 0.15
@@ -52,14 +52,14 @@ RANGES = Ranges()
 
 
 def time_warped(motion: Motion, generator: np.random.Generator, ranges: Ranges = RANGES) -> Motion:
-    """A motion whose tempo wanders, with a knot every second or so; kinematics only."""
+    """The motion at a varying tempo, with a knot about every second; kinematics only."""
     frames = len(motion)
     if frames < 4:
         return motion
     knots = max(2, round(motion.duration) + 1)
     speed = 1 + ranges.tempo * generator.uniform(-1, 1, knots)
     places = np.linspace(0, frames - 1, knots)
-    # Time that a frame of the original takes, summed up: when each is reached.
+    # Cumulative duration of the original frames: the time at which each is reached.
     reached = np.concatenate([[0.0], np.cumsum(1 / PchipInterpolator(places, speed)(np.arange(frames - 1) + 0.5))])
     at = PchipInterpolator(reached, np.arange(frames))(np.arange(int(reached[-1]) + 1)).clip(0, frames - 1)
 
@@ -73,7 +73,7 @@ def time_warped(motion: Motion, generator: np.random.Generator, ranges: Ranges =
         return normal
 
     joints = sampled(motion.joints)
-    # Between two frames near a gimbal lock the angles do not tell the pose: rotations are sampled, not angles.
+    # Rotations are interpolated, since angles do not define the pose between frames near gimbal lock.
     for names, side in BALL_JOINTS:
         columns = [JOINTS.index(f"{name}_{side}" if side else name) for name in names]
         quaternions = three_angle_rotation(motion.joints[:, columns], names, side).as_quat()
@@ -91,7 +91,7 @@ def time_warped(motion: Motion, generator: np.random.Generator, ranges: Ranges =
 
 
 def other_body(motion: Motion, generator: np.random.Generator, ranges: Ranges = RANGES) -> Motion:
-    """The same angles on a body of another size, sex and mass; the path grows with the legs."""
+    """The same angles on a body of another size, sex and mass; the path scales with the legs."""
     scale = 1 + ranges.height * generator.uniform(-1, 1)
     height = scale * motion.body.height
     fitted = None
@@ -108,7 +108,7 @@ def other_body(motion: Motion, generator: np.random.Generator, ranges: Ranges = 
 
 
 def other_start(motion: Motion, generator: np.random.Generator, ranges: Ranges = RANGES) -> Motion:
-    """Trunk, neck and arms begin at other angles and come back to the motion, inside the joints' limits."""
+    """The motion with other initial angles of trunk, neck and arms, which decay to it; within joint limits."""
     fade = np.exp(-np.arange(len(motion)) / (ranges.settle * motion.fps))
     legs = np.array([name.removesuffix("_l").removesuffix("_r") in LEG_JOINTS for name in JOINTS])
     difference = np.where(legs, 0.0, ranges.angle * generator.standard_normal(len(JOINTS)))
@@ -119,7 +119,7 @@ def other_start(motion: Motion, generator: np.random.Generator, ranges: Ranges =
 
 
 def loads(motion: Motion, generator: np.random.Generator, ranges: Ranges = RANGES) -> tuple[ExternalLoad, ...]:
-    """A push on the trunk that comes and goes, and something carried in the hands."""
+    """A transient push on the trunk, and a mass carried in the hands."""
     frames, weight = len(motion), motion.body.mass * GRAVITY
     middle, width = generator.uniform(0, frames), generator.uniform(0.2, 0.6) * motion.fps
     course = np.exp(-(((np.arange(frames) - middle) / width) ** 2))
@@ -132,7 +132,7 @@ def loads(motion: Motion, generator: np.random.Generator, ranges: Ranges = RANGE
 
 
 def varied(motion: Motion, seed: int, ranges: Ranges = RANGES) -> tuple[Motion, tuple[ExternalLoad, ...]]:
-    """A motion with all of this, and the loads on it, by one seed."""
+    """The motion with all augmentations, and its loads, from one seed."""
     generator = np.random.default_rng(seed)
     changed = other_start(other_body(time_warped(motion, generator, ranges), generator, ranges), generator, ranges)
     return changed, loads(changed, generator, ranges)

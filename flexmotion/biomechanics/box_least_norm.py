@@ -1,10 +1,10 @@
-"""Least-norm solution of a few linear equations in many bounded unknowns, by its dual.
+"""Least-norm solution of a few linear equations in many bounded unknowns, by the dual problem.
 
     min  ½ |x|² + ½ weight |b - A x|²     lower <= x <= upper
 
-The minimiser is x = clip(Aᵀ p, lower, upper) with p = weight (b - A x): as many equations as there are rows of A,
-piecewise linear and monotone in p, which a safeguarded Newton iteration solves. With 5 x 40 or 3 x 210 this takes a
-tenth of the time of a general solver, which factors a matrix as large as x.
+The minimiser is x = clip(Aᵀ p, lower, upper) with p = weight (b - A x). These equations, one per row of A, are
+piecewise linear and monotone in p; a safeguarded Newton iteration solves them. For A of 5 x 40 or 3 x 210 this takes a
+tenth of the time of a general solver, which factors a matrix of the size of x.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ ITERATIONS = 60
 def box_least_norm(
     matrix: Float, target: Float, lower: Float, upper: Float, start: Float, weight: float = 10.0
 ) -> tuple[Float, Float]:
-    """The solution x (N,) and its prices p (M,), where the next, similar problem may start.
+    """The solution x (N,) and the multipliers p (M,), a start for the next, similar problem.
 
     Args:
-        matrix: A, (M, N), of few rows.
+        matrix: A, (M, N), with few rows.
         target: b, (M,).
         lower, upper: bounds, (N,).
-        start: prices to start at, (M,).
-        weight: of the equations' error against the norm.
+        start: initial multipliers, (M,).
+        weight: of the error of the equations, relative to the norm.
     """
     prices = start
     free, solution, slope = _evaluate(matrix, target, lower, upper, prices, weight)
@@ -40,7 +40,7 @@ def box_least_norm(
         step = np.linalg.solve(hessian, slope)
         value = _dual(target, solution, prices, matrix, weight)
         length = 1.0
-        # The dual function is concave; a step that does not climb is halved (Armijo).
+        # The dual function is concave; a step without sufficient increase is halved (Armijo).
         while True:
             trial = prices + length * step
             free, solution, slope = _evaluate(matrix, target, lower, upper, trial, weight)
@@ -54,7 +54,7 @@ def box_least_norm(
 def _evaluate(
     matrix: Float, target: Float, lower: Float, upper: Float, prices: Float, weight: float
 ) -> tuple[NDArray[np.bool_], Float, Float]:
-    """Which unknowns are inside their bounds, the unknowns, and the slope of the dual function."""
+    """Flags of unknowns inside their bounds, the unknowns, and the gradient of the dual function."""
     unbounded = prices @ matrix
     solution = np.minimum(np.maximum(unbounded, lower), upper)
     slope = target - matrix @ solution - prices / weight

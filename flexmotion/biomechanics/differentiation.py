@@ -8,16 +8,17 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import correlate1d
+from scipy.signal import savgol_coeffs
 
 Float = NDArray[np.float64]
 
-FIRST = np.array([-1.0, 9.0, -45.0, 0.0, 45.0, -9.0, 1.0]) / 60.0
-SECOND = np.array([2.0, -27.0, 270.0, -490.0, 270.0, -27.0, 2.0]) / 180.0
-"""Weights of seven samples around the middle one, for a step of 1 (Fornberg, Math. Comp. 51(184), 1988)."""
+FIRST, SECOND = (savgol_coeffs(7, polyorder=6, deriv=order, use="dot") for order in (1, 2))
+"""Weights of seven samples around the middle one, for a step of 1: the polynomial through all seven."""
 
 HALF = len(FIRST) // 2
 EDGE = 2 * HALF
-"""Frames at each end of a motion whose rates of momentum would need frames beyond it."""
+"""Frames at each end of a motion whose rate of change of momentum depends on frames beyond it."""
 
 
 def derivative(signal: Float, fps: float) -> Float:
@@ -31,20 +32,17 @@ def second_derivative(signal: Float, fps: float) -> Float:
 
 
 def _apply(weights: Float, signal: Float) -> Float:
-    """Weighted sum of seven neighbours; beyond its ends the signal goes on with constant acceleration."""
+    """Weighted sum of seven neighbours; the signal is continued beyond its ends with constant acceleration."""
     frames = len(signal)
     if frames < 3:
         signal = np.concatenate([signal, np.repeat(signal[-1:], 3 - frames, axis=0)])
-    padded = np.concatenate([_onwards(signal[:3][::-1])[::-1], signal, _onwards(signal[-3:])])
-    total = np.zeros_like(signal[:frames])
-    for offset, weight in enumerate(weights):
-        if weight:
-            total += weight * padded[offset : offset + frames]
-    return total
+    padded = np.concatenate([_continued(signal[:3][::-1])[::-1], signal, _continued(signal[-3:])])
+    found: Float = correlate1d(padded, weights, axis=0, mode="nearest")[HALF : HALF + frames]
+    return found
 
 
-def _onwards(last: Float) -> Float:
-    """The next samples of the parabola through three, (3, ...) -> (HALF, ...)."""
+def _continued(last: Float) -> Float:
+    """The samples that follow on the parabola through three, (3, ...) -> (HALF, ...)."""
     steps = np.arange(1, HALF + 1).reshape(-1, *[1] * (last.ndim - 1))
     velocity, bend = last[2] - last[1], last[2] - 2 * last[1] + last[0]
     return last[2] + steps * velocity + steps * (steps + 1) / 2 * bend

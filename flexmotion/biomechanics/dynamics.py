@@ -1,4 +1,4 @@
-"""`dynamics`: kinematics in; ground forces, joint torques and how well the equations of motion close out."""
+"""`dynamics`: ground forces, joint torques and residuals of the equations of motion, from kinematics."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from flexmotion.spatial.gravity import GRAVITY
 Float = NDArray[np.float64]
 
 LOADED = 0.05
-"""A foot carries load from this share of body weight on."""
+"""Least share of body weight on a loaded foot."""
 
 
 @dataclass(frozen=True)
@@ -32,12 +32,12 @@ class Dynamics:
 
     Attributes:
         motion: smoothed, over a level floor, with `torques`, `wrenches` (moments about `centres`) and `contacts`.
-        segments: how its masses move.
+        segments: motion of the masses.
         centres: centres of pressure of left and right foot on the floor, (T, 2, 3) [m].
-        point_forces: of the ground at the points of the soles (see `sole.sole_grid`), (T, 2, 12, 3) [N].
-        loads: forces from outside other than the ground's.
-        residual: force [body weights] and moment about the centre of mass [body weights x m] that no ground force
-            could explain, (T, 2): what stairs, chairs, a helper's hand or a bad recording leave.
+        point_forces: ground forces at the points of the soles (see `sole.sole_grid`), (T, 2, 12, 3) [N].
+        loads: external forces other than the ground's.
+        residual: force [body weights] and moment about the centre of mass [body weights x m] that ground forces cannot
+            explain, (T, 2): from stairs, chairs, contact with others, or a bad recording.
     """
 
     motion: Motion
@@ -61,9 +61,9 @@ def dynamics(
     Args:
         motion: kinematics, and a body with the human's mass.
         cutoff: of the low-pass filter [Hz].
-        settings, nearness: of the ground's programme.
-        loads: forces from outside other than the ground's.
-        reductions: how often the path gives way to the residual force.
+        settings, nearness: of the quadratic programme for the ground forces.
+        loads: external forces other than the ground's.
+        reductions: number of residual reductions of the path.
     """
     level = on_level_floor(smooth(motion, cutoff))
     pelvis = human_model(level.body).body_index["pelvis"]

@@ -1,4 +1,4 @@
-"""`ExternalLoad`: a force from outside that is not the ground's: a push, a bag."""
+"""`ExternalLoad`: an external force other than the ground's, such as a push or a bag."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ Float = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class ExternalLoad:
-    """Force on a segment, at its centre of mass.
+    """Force on a segment at its centre of mass.
 
     Attributes:
-        segment: name of the body of the model.
+        segment: name of the model's body.
         force: in the world, (T, 3) [N].
     """
 

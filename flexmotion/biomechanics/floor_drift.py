@@ -1,4 +1,4 @@
-"""A recorded floor that is not level: its slow drift under the feet, taken out of the motion."""
+"""Removal of the slow drift of a recorded floor under the feet."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from flexmotion.human.signals import fill
 Float = NDArray[np.float64]
 
 STILL = 0.25
-"""A point of the sole slower than this stands [m/s]."""
+"""Greatest speed of a standing point of the sole [m/s]."""
 
 DRIFT = 0.04
-"""Further from the clip's floor than this a standing foot stands on something: a stair, a chair [m]."""
+"""Greatest distance of a standing foot from the clip's floor [m]; farther, it stands on a stair or a chair."""
 
 WIDTH_S = 1.0
-"""Width of the Gaussian average over time [s]."""
+"""Standard deviation of the Gaussian average over time [s]."""
 
 
 def on_level_floor(motion: Motion) -> Motion:
-    """The same motion with its floor at z = 0 wherever it stands on it."""
+    """The motion with its floor at z = 0 wherever it stands on it."""
     human = forward(motion)
     floor = clip_floor(human, motion.fps)
     points = np.concatenate([human.heel, human.toe], axis=1)

@@ -1,13 +1,13 @@
-"""Ground reaction forces from kinematics: the force that the motion needs, shared out over the points of the soles.
+"""Ground reaction forces from kinematics: the required force, distributed over the points of the soles.
 
-For every frame a quadratic programme over the edges of friction pyramids, λ >= 0, in units of body weight and metres:
+A quadratic programme per frame over the edges of friction pyramids, λ >= 0, in units of body weight and metres:
 
     min  |G λ - w|²  +  ridge Σ λ² / nearness  +  pivot Σ_feet (sagittal moment of the foot's force about the pivot)²
 
-The first term asks that the forces make the motion's wrench w about the centre of mass. The second prefers points
-that lie low and still. The third settles what kinematics cannot: in double support any pair of opposed forces could
-be added. In walking each foot pushes along a line that, seen from the side, passes not far above the centre of mass
-(the virtual pivot point: Maus et al., Nature Communications 1:70, 2010), so the feet's forces are drawn to one.
+The first term fits the forces to the motion's wrench w about the centre of mass. The second prefers points that are low
+and still. The third determines what kinematics do not: in double support any pair of opposed forces could be added. In
+walking the force on each foot passes, in the sagittal plane, near a point above the centre of mass (the virtual pivot
+point: Maus et al., Nature Communications 1:70, 2010), so the forces are drawn to such a point.
 """
 
 from __future__ import annotations
@@ -35,14 +35,14 @@ NEAR = 1e-3
 
 @dataclass(frozen=True)
 class GroundSettings:
-    """Weights of the ground force's programme; lengths in metres, forces in body weights.
+    """Weights of the quadratic programme; lengths in metres, forces in body weights.
 
     Attributes:
-        friction: coefficient of shoe on floor.
+        friction: coefficient of friction of shoe on floor.
         pivot_height: of the virtual pivot point above the centre of mass [m].
-        pivot: weight of the feet's moments about it, around the body's left axis.
-        ridge: weight of the forces' squares.
-        moment: weight of the whole moment against the whole force.
+        pivot: weight of the moments of the feet's forces about it, around the body's left axis.
+        ridge: weight of the squared forces.
+        moment: weight of the total moment relative to the total force.
     """
 
     friction: float = 0.8
@@ -57,11 +57,11 @@ GROUND = GroundSettings()
 
 @dataclass(frozen=True)
 class GroundReaction:
-    """What the ground does to left and right foot.
+    """Forces of the ground on left and right foot.
 
     Attributes:
         wrenches: force, and moment about `centres`, (T, 2, 6) [N, N·m].
-        centres: of pressure, on the floor; under the middle of the sole while a foot is in the air, (T, 2, 3) [m].
+        centres: of pressure, on the floor; below the middle of the sole of a foot in the air, (T, 2, 3) [m].
         point_forces: at every point of the soles, (T, 2, 12, 3) [N].
         residual: force and moment about the centre of mass that the ground did not provide, (T, 6) [N, N·m].
     """
@@ -79,13 +79,13 @@ def ground_reaction(
     left: Float,
     settings: GroundSettings = GROUND,
 ) -> GroundReaction:
-    """Forces of the ground on both feet that come nearest to what the motion needs.
+    """Ground forces on both feet that fit best the wrench of the motion.
 
     Args:
-        segments: how the masses move.
-        needed: what moves them.
-        sole: where the ground may push.
-        left: the body's left axis, of which the horizontal part counts, (T, 3).
+        segments: motion of the masses.
+        needed: forces and moments that move them.
+        sole: points at which the ground may act.
+        left: the body's left axis, of which the horizontal part is used, (T, 3).
         settings: weights.
     """
     frames = len(segments)
@@ -116,7 +116,7 @@ def ground_reaction(
 
 
 def _edge_wrenches(arms: Float, pyramid: Float) -> Float:
-    """Force and moment about the centre of mass of every edge of every point's pyramid, (T, 24, 4, 6)."""
+    """Force and moment about the centre of mass of every edge of every pyramid, (T, 24, 4, 6)."""
     frames = len(arms)
     moments = np.cross(arms.reshape(frames, -1, 1, 3), pyramid)
     return np.concatenate([np.broadcast_to(pyramid, moments.shape), moments], axis=-1)
@@ -143,7 +143,7 @@ def _share(
         hessian, linear, np.empty((0, size)), np.full(size, 1e30), np.zeros(size), np.zeros(size, np.int32)
     )
     if status < 1:
-        raise ArithmeticError(f"ground force: daqp gave up with status {status}")
+        raise ArithmeticError(f"ground force: daqp failed with status {status}")
     shares: Float = solution.reshape(count, edges)
     return shares
 

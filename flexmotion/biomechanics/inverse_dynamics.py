@@ -1,10 +1,10 @@
-"""Inverse dynamics by Newton and Euler's laws over the parts of the body that a joint carries, for a whole clip.
+"""Inverse dynamics by the Newton-Euler equations of the segments that a joint carries, for a whole clip.
 
-For a hinge through o with axis a that carries the segments S, and with the ground pulling at the feet F in S:
+For a hinge through o with axis a that carries the segments S, with ground forces on the feet F in S:
 
     τ = a · ( Σ_S [ (c - o) x m (c̈ - g) + L̇ ] - Σ_F [ (p - o) x f + n ] )
 
-The same sum over the whole body, about the pelvis' origin, is what the root would have to be held with: the residual.
+The same sum over the whole body about the pelvis origin is the generalised force of the root: the residual.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ Float = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Effort:
-    """What it takes to move the masses, before anybody asks where from: forces and moments about the world's origin.
+    """Forces and moments that move the masses, whatever their origin.
 
     Attributes:
         force: m (c̈ - g) of each segment, (T, B, 3) [N].
@@ -38,13 +38,13 @@ class Effort:
     moment: Float
 
     def about(self, point: Float) -> Float:
-        """Force and moment about a point of each frame for the whole body, (T, 3) -> (T, 6)."""
+        """Total force, and moment about a point per frame, (T, 3) -> (T, 6) [N, N·m]."""
         force, moment = self.force.sum(axis=1), self.moment.sum(axis=1)
         return np.concatenate([force, moment - np.cross(point, force)], axis=-1)
 
 
 def effort(segments: SegmentMotion, body: Body, loads: Sequence[ExternalLoad] = ()) -> Effort:
-    """Forces and moments that move every segment as it moves, beyond what loads from outside do."""
+    """Forces and moments of the motion of every segment, less those of external loads."""
     force = segments.mass[:, None] * (segments.acceleration + [0.0, 0.0, GRAVITY])
     for load in loads:
         force[:, human_model(body).body_index[load.segment]] -= load.force
@@ -56,14 +56,14 @@ def joint_torques(
 ) -> Float:
     """Generalised forces of root and joints, (T, 32) [N, N·m], in the order of `Motion.torques`.
 
-    The root's are forces in the world and moments about the axes of the pelvis, as MuJoCo's free joint has them.
+    Those of the root are forces in the world and moments about the axes of the pelvis, as of MuJoCo's free joint.
 
     Args:
         body: the human.
-        segments: how its masses move.
+        segments: motion of the masses.
         wrenches: ground reaction on left and right foot, (T, 2, 6): force, and moment about `points` [N, N·m].
-        points: what those moments are about, (T, 2, 3) [m].
-        loads: from outside.
+        points: reference points of those moments, (T, 2, 3) [m].
+        loads: external forces.
     """
     needed = effort(segments, body, loads)
     force, moment = needed.force.copy(), needed.moment.copy()

@@ -1,6 +1,7 @@
-"""Joint contact forces: what bones press on each other with, once muscles pull across the joint.
+"""Joint contact forces between bones, from inverse dynamics and muscle forces.
 
-The segments beyond a joint need a force; muscles that cross it, and the ground, give a part; the joint gives the rest.
+The contact force is the force that the segments beyond a joint need, less those of the ground and of the muscles that
+cross the joint.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ BEYOND = {
     "ankle": ("talus", "ankle_dorsiflexion"),
     "lumbar": ("torso", "lumbar_extension"),
 }
-"""Joint -> segment beyond it, and a coordinate of ours that turns it."""
+"""Joint -> segment beyond it, and one of its joint coordinates."""
 
 # The muscle models' segments have x forward, y up, z right.
 FROM_Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
@@ -32,8 +33,8 @@ FROM_Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 def joint_contact_forces(found: Dynamics, muscles: MuscleState) -> Float:
     """Force on the segment beyond each of `muscles.crossings`, in that segment's axes, (T, 7, 3) [N].
 
-    z points along the segment to the joint: a compressed hip or knee has a negative z, a compressed lumbar joint, whose
-    torso stands on it, a positive one. The knee's axes are turned by up to 7° (its model's glide).
+    z points along the segment to the joint: compression is negative z at hip and knee, and positive z at the lumbar
+    joint, which carries the torso. The axes of the knee are rotated by up to 7° (glide of its model).
     """
     body, segments = found.motion.body, found.segments
     assert found.motion.wrenches is not None

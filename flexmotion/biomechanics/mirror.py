@@ -1,4 +1,4 @@
-"""The mirror image of a motion: left becomes right."""
+"""The mirror image of a motion, with left and right swapped."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from flexmotion.human.skeleton import JOINTS
 Float = NDArray[np.float64]
 
 ODD = frozenset({"lumbar_bending", "lumbar_rotation", "neck_bending", "neck_rotation"})
-"""Joints of the middle that turn the other way in the mirror; sided ones are defined alike on both sides."""
+"""Joints of the trunk whose sign changes in the mirror image; those of both sides have the same sign convention."""
 
 
 def _partner(joint: str) -> str:
@@ -24,10 +24,10 @@ ORDER = np.array([JOINTS.index(_partner(joint)) for joint in JOINTS])
 SIGN = np.array([-1.0 if joint in ODD else 1.0 for joint in JOINTS])
 
 POLAR = np.array([1.0, -1.0, 1.0])
-"""Of positions and forces, mirrored in the sagittal plane y = 0."""
+"""Signs of positions and forces mirrored in the sagittal plane y = 0."""
 
 AXIAL = -POLAR
-"""Of moments and rotation vectors."""
+"""Signs of moments and rotation vectors."""
 
 
 def mirror(motion: Motion) -> Motion:

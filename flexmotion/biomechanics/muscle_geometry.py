@@ -1,9 +1,9 @@
 """Muscle geometry and strength of legs and trunk, from the models of `myo-sim` (extra `biomech`).
 
-MyoLegs (80 muscles) and MyoTorso (210) come from MIT-licensed sources; only their muscles' paths and force curves are
-used, never their dynamics. Their coordinates are ours up to a share: a lumbar angle is the sum of five vertebral
-angles. Coordinates that follow another one (kneecap, vertebrae) are moved by the models' own equality constraints, and
-moment arms are projected through the slopes of those. The coordinates that we have not (subtalar, toes) stay at zero.
+MyoLegs (80 muscles) and MyoTorso (210) are from MIT-licensed sources; only muscle paths and force curves are used, not
+the dynamics. Their coordinates are proportional to those of `JOINTS`: a lumbar angle is the sum of five vertebral
+angles. Dependent coordinates (kneecap, vertebrae) follow the equality constraints of the models, and moment arms are
+projected through the slopes of these. Coordinates that `JOINTS` lacks (subtalar, toes) are zero.
 """
 
 from __future__ import annotations
@@ -32,29 +32,29 @@ TRUNK_COORDINATES = {
     "lumbar_bending": "lat_bending",
     "lumbar_rotation": "axial_rotation",
 }
-"""Our joint -> the models' coordinate of the same sign."""
+"""Joint -> coordinate of the models of the same sign."""
 
 VERTEBRAE = {"flex_extension": "_FE", "lat_bending": "_LB", "axial_rotation": "_AR"}
-"""Coordinates of the single vertebrae whose sum a lumbar angle is."""
+"""Coordinates of the vertebrae; their sum is a lumbar angle."""
 
 CROSSED = {"hip": "femur", "knee": "tibia", "ankle": "talus"}
-"""Joints whose contact force is wanted, and the segment below."""
+"""Joints whose contact force is computed, and the segment below."""
 
 MODEL_MASS, MODEL_HEIGHT = 75.0, 1.70
-"""Of the adult whose muscles the models have [kg, m] (Rajagopal et al., IEEE Trans. Biomed. Eng. 63(10), 2016)."""
+"""Mass and height of the adult of the models [kg, m] (Rajagopal et al., IEEE Trans. Biomed. Eng. 63(10), 2016)."""
 
 
 @dataclass(frozen=True, eq=False)
 class MuscleModel:
-    """A compiled muscle model and where our joints are in it.
+    """A compiled muscle model and the indices of joints in it.
 
     Attributes:
-        model: with three slides added at every joint whose contact force is wanted.
-        joints: ours, that its muscles move, J of them.
+        model: with three slides added at every joint whose contact force is computed.
+        joints: the J joints that its muscles move.
         masters: the model's coordinates for them, (J,).
-        share: of our angle that such a coordinate is, (J,).
-        slides: three slides at each crossing, square to each other, (C, 3).
-        crossings: names of the joints whose contact force is wanted, C of them.
+        share: such a coordinate as a share of the joint angle, (J,).
+        slides: three perpendicular slides at each crossing, (C, 3).
+        crossings: names of the C joints whose contact force is computed.
     """
 
     model: mujoco.MjModel
@@ -71,12 +71,12 @@ class MuscleModel:
 
     @cached_property
     def columns(self) -> NDArray[np.intp]:
-        """Where its joints are in `JOINTS`, (J,)."""
+        """Indices of its joints in `JOINTS`, (J,)."""
         return np.array([JOINTS.index(name) for name in self.joints], dtype=np.intp)
 
     @cached_property
     def followers(self) -> tuple[NDArray[np.intp], NDArray[np.intp], Float]:
-        """Coordinates that follow another: their index, the place of their master among `masters`, coefficients."""
+        """Dependent coordinates: index, position of their master in `masters`, and polynomial coefficients."""
         model, rows = self.model, []
         for constraint in range(model.neq):
             if model.eq_type[constraint] != mujoco.mjtEq.mjEQ_JOINT:
@@ -89,9 +89,9 @@ class MuscleModel:
         return np.array(index, np.intp), np.array(place, np.intp), np.array(coefficients)
 
     def pose(self, angles: Float) -> tuple[Float, Float]:
-        """Model coordinates (nq,) for our joint angles (J,), and their slopes by them (nq, J).
+        """Model coordinates (nq,) at joint angles (J,), and their derivatives (nq, J).
 
-        Angles beyond the model's range are held at its ends, where its muscle paths still make sense.
+        Angles are clipped to the range of the model, in which its muscle paths are valid.
         """
         limits = self.model.jnt_range[self.masters]
         values = np.clip(angles * self.share, limits[:, 0], limits[:, 1])
@@ -161,7 +161,7 @@ def _compiled(spec: mujoco.MjSpec, joints: dict[str, str], crossed: dict[str, st
 
 
 def _slides(segment: mujoco.MjsBody, joint: str) -> list[str]:
-    """Three slides of a segment, those that it has (a knee glides) and new ones square to them."""
+    """Three slides of a segment: existing ones (a knee glides), and new ones perpendicular to them."""
     slide = mujoco.mjtJoint.mjJNT_SLIDE
     present = [item for item in segment.joints if item.type == slide]
     axes = [np.array(item.axis) / np.linalg.norm(item.axis) for item in present]
@@ -174,7 +174,7 @@ def _slides(segment: mujoco.MjsBody, joint: str) -> list[str]:
 
 
 def _share(model: mujoco.MjModel, coordinate: str) -> float:
-    """What part of our angle a coordinate is: the others that follow it add to the same angle."""
+    """A coordinate as a share of the joint angle, to which its dependent coordinates add."""
     suffix = VERTEBRAE.get(coordinate)
     if suffix is None:
         return 1.0

@@ -1,4 +1,4 @@
-"""What a human's joints can do: angles, speeds and torques beyond it come from a bad recording or a bad fit."""
+"""Limits of human joints: angles, speeds and torques beyond them are errors of the recording or the fit."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ HINGES = [column for column in range(len(JOINTS)) if not any(column in ball for 
 
 @dataclass(frozen=True)
 class JointReach:
-    """What a frame may have at most.
+    """Greatest values in a plausible frame.
 
     Attributes:
-        beyond: angle past a joint's limit; limits are means of adults and the fit is a few degrees off [rad].
-        speed: of a joint, after the low-pass filter; the hardest kicks, throws and sprints stay below it [rad/s].
-        torque: of a joint per body mass; a sprinter's knee comes near it [N·m/kg].
+        beyond: angle past a joint limit; limits are means of adults, and fits have errors of a few degrees [rad].
+        speed: of a joint, after the low-pass filter; the fastest kicks, throws and sprints are below it [rad/s].
+        torque: of a joint per body mass; a sprinter's knee is near it [N·m/kg].
     """
 
     beyond: float = float(np.radians(15))
@@ -38,10 +38,10 @@ REACH = JointReach()
 
 
 def within_turn(joints: Float) -> Float:
-    """Equal poses with every angle within half a turn of the middle of its joint's range, (T, 26) [rad].
+    """Angles of the same poses within half a turn of the middle of each joint's range, (T, 26) [rad].
 
-    Three hinges in a row wind up where an arm circles round the axis of the first: the pose comes back, two of the
-    angles a whole turn further. Angles may jump by a turn here; poses do not.
+    Where an arm circles about the axis of its first hinge, two of its angles return a whole turn later. Angles of the
+    result may jump by a turn, poses do not.
     """
     middle = joint_limits().mean(axis=1)
     turned: Float = joints - 2 * np.pi * np.round((joints - middle) / (2 * np.pi))
@@ -49,11 +49,11 @@ def within_turn(joints: Float) -> Float:
 
 
 def plausible(motion: Motion, reach: JointReach = REACH) -> NDArray[np.bool_]:
-    """Whether a frame is within a human's reach, (T,).
+    """Whether a frame is plausible, (T,).
 
     Args:
         motion: with torques.
-        reach: the limits.
+        reach: greatest values.
     """
     assert motion.torques is not None
     lower, upper = joint_limits().T
@@ -66,9 +66,9 @@ def plausible(motion: Motion, reach: JointReach = REACH) -> NDArray[np.bool_]:
 
 
 def _speeds(motion: Motion) -> Float:
-    """Speed of every joint to the frame before and the frame after, the greater of both, (T, 14) [rad/s].
+    """Speed of every joint, the greater of those from the frame before and to the frame after, (T, 14) [rad/s].
 
-    Of ball joints that of the whole rotation: near a gimbal lock angles race while the limb is at rest.
+    Of ball joints the speed of the rotation: near gimbal lock angles are fast while the limb is at rest.
     """
     turns = [np.abs(np.diff(motion.joints[:, HINGES], axis=0))]
     for columns, (names, side) in zip(BALLS, BALL_JOINTS, strict=True):

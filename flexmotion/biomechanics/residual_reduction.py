@@ -1,12 +1,12 @@
-"""Residual reduction: the pelvis shifted by millimetres so that the ground can explain how the body moves.
+"""Residual reduction: shift of the pelvis by millimetres so that ground forces explain the motion.
 
-A centimetre's error of the pelvis at 2 Hz is an acceleration of 1.6 m/s², a sixth of body weight. As in OpenSim's
-residual reduction (Thelen & Anderson, J. Biomechanics 39(6), 2006) the trajectory gives way where it is known least;
-here it is the whole body's path x that moves by δ(t):
+An error of the pelvis of 1 cm at 2 Hz is an acceleration of 1.6 m/s², a sixth of body weight. As in OpenSim's residual
+reduction (Thelen & Anderson, J. Biomechanics 39(6), 2006) the least accurate part of the trajectory is adjusted; here
+the path x of the whole body is shifted by δ(t):
 
     min  Σ |δ̈ + f/m|²  +  (2π f_low)⁴ Σ |δ|²
 
-with f the residual force. Slow residuals (a hand on a rail, a step up) would need large shifts and stay.
+with the residual force f. Slow residuals (a hand on a rail, a step up) would need large shifts and remain.
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ from flexmotion.human.motion import Motion
 Float = NDArray[np.float64]
 
 SLOWEST = 0.7
-"""f_low: residuals slower than this are left alone [Hz]; a stride takes about a second."""
+"""f_low: residuals slower than this remain [Hz]; a stride takes about a second."""
 
 LARGEST = 0.02
-"""Shift that is never exceeded [m]."""
+"""Upper bound of the shift [m]."""
 
 SECOND = np.array([1.0, -2.0, 1.0])
 
 
 def shifted(motion: Motion, residual_force: Float) -> Motion:
-    """A motion whose path absorbs residual forces (T, 3) [N]."""
+    """The motion with its path shifted against residual forces (T, 3) [N]."""
     frames = len(motion)
     if frames < 4:
         return motion
@@ -45,6 +45,6 @@ def shifted(motion: Motion, residual_force: Float) -> Motion:
             band[2 - (second - first), second : frames - 2 + second] += weight * SECOND[second]
     shift = solveh_banded(band, right)
     size = np.linalg.norm(shift, axis=-1, keepdims=True)
-    # tanh bounds the shift without a corner in it, which would be a blow.
+    # tanh bounds the shift smoothly: a corner would be an impact.
     shift *= LARGEST * np.tanh(size / LARGEST) / np.maximum(size, 1e-12)
     return replace(motion, root_position=motion.root_position + shift)

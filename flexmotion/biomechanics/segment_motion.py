@@ -1,4 +1,4 @@
-"""`SegmentMotion`: how the masses of a moving human move, for the equations of motion of a whole clip at once."""
+"""`SegmentMotion`: motion of the masses of a human, for the equations of motion of a whole clip."""
 
 from __future__ import annotations
 
@@ -52,8 +52,8 @@ class SegmentMotion:
 def segment_motion(motion: Motion) -> SegmentMotion:
     """Kinematics by MuJoCo, derivatives of segment positions and rotations by central differences.
 
-    Segments rather than joint coordinates are differentiated: three hinges near their gimbal lock turn fast while
-    the limb that they carry moves smoothly.
+    Segments are differentiated, not joint coordinates: three hinges near gimbal lock rotate fast while the limb moves
+    smoothly.
     """
     human = human_model(motion.body)
     model, data = human.model, mujoco.MjData(human.model)
@@ -84,7 +84,7 @@ def segment_motion(motion: Motion) -> SegmentMotion:
 def _angular_momentum_rate(human: HumanModel, rotation: Float, fps: float) -> Float:
     """d/dt (R I Rᵀ ω), inertia tensors in the segments' own axes, (T, B, 3)."""
     spin = derivative(rotation, fps) @ rotation.swapaxes(-1, -2)
-    # Half the difference to the transpose: what finite differences leave of a skew-symmetric matrix.
+    # The antisymmetric part: finite differences are not exactly skew-symmetric.
     omega = np.stack(
         [
             spin[..., 2, 1] - spin[..., 1, 2],
@@ -106,7 +106,7 @@ def hinge_index(body: Body) -> NDArray[np.intp]:
 
 @lru_cache(maxsize=32)
 def carried(body: Body) -> Float:
-    """Which segments each joint carries, (26, B), 1 or 0."""
+    """Whether a joint carries a segment, (26, B), 1 or 0."""
     human = human_model(body)
     model = human.model
     carries = np.zeros((len(JOINTS), model.nbody))

@@ -1,9 +1,9 @@
-"""Low-pass filter for motion: rotations are filtered as quaternions, so angles near a gimbal lock do no harm.
+"""Low-pass filter for motion; rotations are filtered as quaternions, which have no gimbal lock.
 
-The filter is a smoothing spline (quintic, on the frames' grid), usual in the analysis of movement: H. J. Woltring,
+The filter is a smoothing spline (quintic, on the frames' grid), as common in movement analysis: H. J. Woltring,
 "A Fortran package for generalized, cross-validatory spline smoothing and differentiation", Adv. Eng. Software 8, 1986.
-Within a clip it is a zero-phase Butterworth low-pass of third order, 1 / (1 + (f/f_c)⁶); at the ends of a clip it
-assumes constant acceleration, where a recursive filter has to assume a continuation and gets accelerations wrong.
+Within a clip it is a zero-phase Butterworth low-pass of third order, 1 / (1 + (f/f_c)⁶). At the ends of a clip it
+assumes constant acceleration; a recursive filter needs an assumed continuation, which distorts accelerations.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from flexmotion.spatial.quaternions import continuous_quaternions
 Float = NDArray[np.float64]
 
 CUTOFF = 6.0
-"""Usual for human gait (Winter, Biomechanics and Motor Control of Human Movement) [Hz]."""
+"""Common for human gait (Winter, Biomechanics and Motor Control of Human Movement) [Hz]."""
 
 BALL_JOINTS: tuple[tuple[tuple[str, str, str], str], ...] = (
     (("lumbar_extension", "lumbar_bending", "lumbar_rotation"), ""),
@@ -31,15 +31,15 @@ BALL_JOINTS: tuple[tuple[tuple[str, str, str], str], ...] = (
     *((("hip_flexion", "hip_adduction", "hip_rotation"), side) for side in SIDES),
     *((("shoulder_flexion", "shoulder_adduction", "shoulder_rotation"), side) for side in SIDES),
 )
-"""Joints of three coordinates, and their side."""
+"""Joints of three coordinates and their side."""
 
 
 DIFFERENCES = np.array([-1.0, 3.0, -3.0, 1.0])
-"""Third difference, whose squares the spline keeps small."""
+"""Third difference, whose square the spline penalises."""
 
 
 def smoothing_spline(signal: Float, fps: float, cutoff: float) -> Float:
-    """Signal without what is above the cut-off frequency [Hz] (there it is halved), (T, ...) -> (T, ...)."""
+    """The signal low-passed at a cut-off frequency [Hz], where its gain is one half, (T, ...) -> (T, ...)."""
     frames, order = len(signal), len(DIFFERENCES) - 1
     if frames <= order:
         return signal
@@ -48,7 +48,7 @@ def smoothing_spline(signal: Float, fps: float, cutoff: float) -> Float:
     bands = np.zeros((order + 1, frames))
     for first in range(order + 1):
         for second in range(first, order + 1):
-            # D'D has the product of two weights on the diagonal as far off as they are apart.
+            # Diagonal k of D'D sums the products of weights that are k apart.
             bands[order - (second - first), second : frames - order + second] += (
                 penalty * DIFFERENCES[first] * DIFFERENCES[second]
             )
@@ -58,7 +58,7 @@ def smoothing_spline(signal: Float, fps: float, cutoff: float) -> Float:
 
 
 def smooth(motion: Motion, cutoff: float = CUTOFF) -> Motion:
-    """Kinematics without what is above the cut-off frequency [Hz], free of delay; anything else in it is dropped."""
+    """Kinematics low-passed at a cut-off frequency [Hz] without delay; all other fields are dropped."""
     if cutoff >= motion.fps / 2 or len(motion) < 2:
         return replace(motion, torques=None, wrenches=None, activations=None)
 

@@ -1,4 +1,4 @@
-"""Points of the sole where the ground may push, and how near they are to standing on it."""
+"""Points of the sole at which the ground may act, and their nearness to stance."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from flexmotion.human.skeleton import SIDES
 Float = NDArray[np.float64]
 
 BREADTH = 0.055
-"""Of the foot, as a share of stature (Drillis & Contini 1966)."""
+"""Width of the foot as a share of stature (Drillis & Contini 1966)."""
 
 ROWS, COLUMNS = 4, 3
 POINTS = ROWS * COLUMNS
-"""Points a foot: four from heel to toe tip, three across."""
+"""Points per foot: four from heel to toe tip, three across."""
 
 REACH = 0.05
-"""The ground pushes at no point that is higher above it than this [m]."""
+"""Greatest height of a point at which the ground acts [m]."""
 
 
 @dataclass(frozen=True)
@@ -31,8 +31,8 @@ class SolePoints:
     """Sole points of left and right foot, (T, 2, 12, ...), heel first.
 
     Attributes:
-        position: on the floor right under the point, (T, 2, 12, 3) [m].
-        nearness: 1 for a point that stands on the floor, falling to 0 with height and with speed, (T, 2, 12).
+        position: on the floor below the point, (T, 2, 12, 3) [m].
+        nearness: 1 for a point at rest on the floor, decreasing to 0 with height and speed, (T, 2, 12).
     """
 
     position: Float
@@ -41,10 +41,10 @@ class SolePoints:
 
 @dataclass(frozen=True)
 class Nearness:
-    """How fast a point's nearness falls: as a Gaussian of its height [m] and its speed [m/s].
+    """Widths of the Gaussian of a point's height [m] and speed [m/s] that is its nearness.
 
-    The height is what joint centres and fitted soles are wrong by; the speed is that of a heel whose strike has been
-    low-passed. Both are soft, so that the only foot near the floor carries the load however fast it is.
+    The height is the error of joint centres and fitted soles; the speed is that of a heel at a low-passed strike. Both
+    are soft, so that a single foot near the floor carries the load at any speed.
     """
 
     height: float = 0.02
@@ -55,7 +55,7 @@ NEARNESS = Nearness()
 
 
 def sole_grid(body: Body) -> Float:
-    """Sole points in the calcaneus' frame, the same for both feet, (12, 3) [m]."""
+    """Sole points in the frame of the calcaneus, the same for both feet, (12, 3) [m]."""
     size = body.segments
     along = np.linspace(-size.heel, size.foot - size.heel, ROWS)
     across = np.linspace(-0.5, 0.5, COLUMNS) * BREADTH * body.height
@@ -64,7 +64,7 @@ def sole_grid(body: Body) -> Float:
 
 
 def sole_points(body: Body, segments: SegmentMotion, fps: float, limits: Nearness = NEARNESS) -> SolePoints:
-    """Where the ground may push, over a floor at z = 0."""
+    """Sole points of a motion over a floor at z = 0."""
     index = human_model(body).body_index
     feet = [index[f"calcaneus_{side}"] for side in SIDES]
     position = segments.position[:, feet, None] + np.einsum(

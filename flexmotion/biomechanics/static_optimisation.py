@@ -1,9 +1,9 @@
-"""Static optimisation: the muscle activations that make the joint torques with the least effort.
+"""Static optimisation: the muscle activations that produce the joint torques with the least effort.
 
 For every frame    min Σ a²    subject to    torque = R (gain a + bias),    fall(a⁻) <= a <= rise(a⁻)
 
 with moment arms R, gain and bias of MuJoCo's muscles at this length and speed, and the activation a⁻ of the frame
-before. Torque that the muscles cannot make is left over at a price, and reported.
+before. Torque that the muscles cannot produce is penalised and reported.
 """
 
 from __future__ import annotations
@@ -29,17 +29,17 @@ from flexmotion.human.skeleton import DOF_COUNT, JOINTS
 Float = NDArray[np.float64]
 
 FEASIBLE = 0.02
-"""A frame is feasible at a joint if muscles make its torque to within this share of the clip's largest there."""
+"""Greatest error of the torque at a joint in a feasible frame, relative to the joint's greatest torque in the clip."""
 
 
 @dataclass(frozen=True)
 class MuscleState:
-    """Muscles over a clip.
+    """Activations and forces of muscles over a clip.
 
     Attributes:
         activations: of all muscles in the order of `muscle_names`, (T, 290).
-        missing: torque of `joints` that muscles could not make, (T, 13) [N·m].
-        joints: the joints that muscles move.
+        missing: torque of `joints` that muscles cannot produce, (T, 13) [N·m].
+        joints: the joints with muscles.
         muscle_pull: force of the muscles on the segment beyond each crossing, along that crossing's slides (about the
             segment's forward, upward and rightward axes), (T, 7, 3) [N].
         crossings: names of those joints.
@@ -54,7 +54,7 @@ class MuscleState:
 
 @dataclass(frozen=True)
 class _Actuation:
-    """Of one model over a clip: moments per activation, passive moments, and the same of the crossings' forces."""
+    """One model over a clip: moments per activation, passive moments, and the same for the forces at crossings."""
 
     active: Float
     passive: Float
@@ -63,7 +63,7 @@ class _Actuation:
 
 
 def strength(motion: Motion) -> float:
-    """Torque of a human's muscles over that of the models': in proportion to mass and height."""
+    """Muscle torques of a human relative to those of the models: in proportion to mass and height."""
     return motion.body.mass * motion.body.height / (MODEL_MASS * MODEL_HEIGHT)
 
 
@@ -85,7 +85,7 @@ def static_optimisation(motion: Motion) -> MuscleState:
         activations.append(found)
         missing.append(scale * left)
         pull = np.einsum("tcm,tm->tc", actuation.pull_active, found) + actuation.pull_passive
-        # Forces go with mass: moment arms take the height's part.
+        # Forces scale with mass; moment arms scale with height.
         pulls.append(pull.reshape(len(motion), -1, 3) * motion.body.mass / MODEL_MASS)
     models = muscle_models()
     return MuscleState(
@@ -98,18 +98,18 @@ def static_optimisation(motion: Motion) -> MuscleState:
 
 
 def infeasible(state: MuscleState, motion: Motion) -> NDArray[np.bool_]:
-    """Whether muscles fail to make a joint's torque, (T, 13)."""
+    """Whether muscles cannot produce a joint's torque, (T, 13)."""
     assert motion.torques is not None
     columns = [DOF_COUNT - len(JOINTS) + JOINTS.index(joint) for joint in state.joints]
     largest = np.abs(motion.torques[:, columns]).max(axis=0)
-    # Below a newton metre nothing is amiss, whatever the share.
+    # Errors below 1 N·m are always accepted.
     return np.abs(state.missing) > np.maximum(FEASIBLE * largest, 1.0)
 
 
 def muscle_moments(muscles: MuscleModel, motion: Motion) -> tuple[Float, Float]:
-    """What the muscles of a model can do: moments per activation (T, J, M) and passive ones (T, J) [N·m of the model].
+    """Moments per activation (T, J, M), and passive moments (T, J), of a model's muscles [N·m of the model].
 
-    J joints of `muscles.joints`, M muscles; times `strength` they are the human's.
+    For J joints of `muscles.joints` and M muscles; multiplied by `strength` they are those of the human.
     """
     found = _actuation(muscles, motion)
     return found.active, found.passive
@@ -149,7 +149,7 @@ def _actuation(muscles: MuscleModel, motion: Motion) -> _Actuation:
 
 
 def _solve(muscles: MuscleModel, actuation: _Actuation, wanted: Float, fps: float) -> tuple[Float, Float]:
-    """Activations (T, M) and what is missing of the wanted moments (T, J) [N·m of the model]."""
+    """Activations (T, M), and the missing part of the required moments (T, J) [N·m of the model]."""
     rise, fall = muscles.model.actuator_dynprm[0, :2]
     limits = activation_limits(1.0 / fps, float(rise), float(fall))
     frames, count = len(wanted), muscles.model.nu

@@ -1,4 +1,4 @@
-"""The model card of a bundle: what it is, of what data, how it was made, how good it is, what it is not for."""
+"""Model card of a bundle: content, data, training, corrections, figures, and limits of use."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ FIGURES = "## Figures"
 
 @dataclass(frozen=True)
 class Trained:
-    """What became of one stage.
+    """Result of one training stage.
 
     Attributes:
-        steps, processes, batch: how it was trained; the batch is that of each process.
+        steps, processes, batch: of the training; the batch is that of each process.
         best: step of the best weights.
-        figures: of those, on held-out clips.
+        figures: of these weights, on held-out clips.
     """
 
     steps: int
@@ -31,13 +31,13 @@ class Trained:
 
 @dataclass(frozen=True)
 class Making:
-    """How a bundle was made.
+    """Training of a bundle.
 
     Attributes:
         config: name of the configuration.
         hours, clips: of the training split.
         seed: of everything.
-        stages: name -> how it was trained, in order.
+        stages: name -> result, in order.
     """
 
     config: str
@@ -48,13 +48,13 @@ class Making:
 
     @property
     def commands(self) -> list[str]:
-        """What makes it again from the set."""
+        """Commands that make the bundle from the set."""
         found: list[str] = []
         for name, stage in self.stages.items():
-            several = f"torchrun --nproc-per-node {stage.processes} -m streamer"
+            several = f"torchrun --nproc-per-node {stage.processes} -m flexmotion.streamer"
             begin = several if stage.processes > 1 else "flexmotion"
             begun = "" if found else f"--set SET --config {self.config} --seed {self.seed} "
-            if begun and stage.processes > 1:  # features are computed once, by one process
+            if begun and stage.processes > 1:  # one process computes the features
                 found.append(f"flexmotion train {name} {begun}--steps 1 -o TRAINING")
                 begun = ""
             found.append(f"{begin} train {name} {begun}--steps {stage.steps} -o TRAINING")
@@ -95,13 +95,16 @@ def write_card(folder: Path, manifest: Manifest, made: Making) -> None:
         figures = ", ".join(f"{key} {value:.4g}" for key, value in stage.figures.items())
         batch = f"{stage.processes} x {stage.batch}" if stage.processes > 1 else f"{stage.batch}"
         lines.append(f"| {name} | {stage.steps} | {batch} | {stage.best} | {figures} |")
+    corrections = manifest.corrections.model_dump(exclude_defaults=True)
+    if corrections:
+        lines += ["", "## Corrections", "", *(f"- `{name}`: {value}" for name, value in corrections.items())]
     versions = ", ".join(f"{name} {version}" for name, version in manifest.versions.items())
     lines += ["", f"Versions: {versions}.", ""]
     (folder / CARD).write_text("\n".join(lines), encoding="utf-8")
 
 
 def add_figures(folder: Path, figures: Mapping[str, Mapping[str, object]]) -> None:
-    """Write what `evaluate` found into a card, in place of what an earlier one did.
+    """Write figures of `evaluate` into a card; they replace earlier ones.
 
     Args:
         folder: of the bundle.
@@ -116,7 +119,7 @@ def add_figures(folder: Path, figures: Mapping[str, Mapping[str, object]]) -> No
 
 
 def add_note(folder: Path, note: str) -> None:
-    """Write a paragraph into a bundle's card, before its figures."""
+    """Add a paragraph to a bundle's card, before its figures."""
     path = folder / CARD
     text, figures, rest = path.read_text(encoding="utf-8").partition(FIGURES)
     path.write_text(f"{text.rstrip()}\n\n{note}\n" + (f"\n{figures}{rest}" if figures else ""), encoding="utf-8")

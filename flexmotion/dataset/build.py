@@ -1,4 +1,4 @@
-"""`build`: folders of motion data to a set; can be stopped at any time and goes on where it was."""
+"""`build`: folders of motion data to a training set; can be stopped at any time and resumed."""
 
 from __future__ import annotations
 
@@ -40,16 +40,16 @@ def build(
     """Build a set and return its manifest.
 
     Args:
-        folders: with motion data (see `clips`).
-        out: folder of the set; parts of an unfinished build are in its folder `work`.
-        settings: what the numbers depend on.
-        engine: of `engines.ENGINES`.
-        workers: how many.
-        limit: build only so many clips, spread over all.
+        folders: of motion data (see `clips`).
+        out: folder of the set; its folder `work` holds the parts of an unfinished build.
+        settings: of the build.
+        engine: one of `engines.ENGINES`.
+        workers: number of processes.
+        limit: greatest number of clips, spread over all.
         progress: called with the share done.
 
     Raises:
-        MotionFormatError: a folder or an archive cannot be read (single clips that cannot are dropped and reported).
+        MotionFormatError: a folder or an archive cannot be read (single unreadable clips are dropped and reported).
         ConfigError: the engine or the muscle models are not installed.
     """
     work = out / WORK
@@ -62,7 +62,7 @@ def build(
     todo = [number for number, path in enumerate(paths) if not is_whole(path)]
     sizes = [_cost(clips[number]) for number in todo]
     done, total = 0.0, max(sum(sizes), 1e-9)
-    # Long clips first: no core is left with one at the end.
+    # Long clips first, so that no core is left with one at the end.
     order = sorted(range(len(todo)), key=lambda at: -sizes[at])
     asked = [clips[todo[at]] for at in order]
     for number, content in ENGINES[engine](asked, settings, workers):
@@ -73,12 +73,12 @@ def build(
 
 
 def _cost(clip: Clip) -> float:
-    """How long a clip takes, roughly: the size of its file; a member of a packed file counts like a small one."""
+    """Approximate cost of a clip: the size of its file; members of packed files count as small."""
     return 1e5 if clip.member else float(clip.path.stat().st_size)
 
 
 def _assemble(clips: list[Clip], paths: list[Path], out: Path, settings: BuildSettings) -> dict[str, Any]:
-    """Parts to one set, in the order of the clips' names."""
+    """Combine the parts to one set, in the order of the clips' names."""
     fields = {name: field for name, field in FIELDS.items() if settings.muscles or not field.muscles}
     frames = 0
     kept: list[dict[str, Any]] = []

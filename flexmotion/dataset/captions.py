@@ -1,4 +1,4 @@
-"""Captions: sentences about stretches of a clip."""
+"""Captions: sentences about intervals of a clip."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ COLUMNS = ("trial", "start_s", "end_s", "caption", "source")
 
 @dataclass(frozen=True)
 class Caption:
-    """What happens from `start` to `end` [s] of a clip, and who says so."""
+    """Sentence about a clip from `start` to `end` [s], and its source."""
 
     start: float
     end: float
@@ -25,7 +25,7 @@ def read_captions(path: Path) -> dict[str, list[Caption]]:
     """Captions of every clip in a table with the columns trial, start_s, end_s, caption, source.
 
     Raises:
-        MotionFormatError: the file cannot be read or a row is not as it should be; names the line.
+        MotionFormatError: the file cannot be read or a row is invalid; names the line.
     """
     captions: dict[str, list[Caption]] = {}
     try:

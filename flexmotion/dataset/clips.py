@@ -1,4 +1,4 @@
-"""Which clips a folder of motion data holds: loose files, archives of them, packed files, and their index tables.
+"""Clips in a folder of motion data: single files, archives, packed files, and their index tables.
 
 *.bvh *.amc *.npy *.npz *.trc      clips
 *.tar.xz, *.tar.gz, *.zip …        unpacked beside the set, then searched
@@ -25,7 +25,7 @@ from flexmotion.importers.packed import is_packed
 from flexmotion.importers.smpl import is_amass
 
 LOOSE = (".bvh", ".amc", ".npy", ".trc")
-"""Kinds of files with one clip each, the best first: rotations tell more than joint centres."""
+"""Suffixes of files with one clip, the most informative first: rotations before joint centres."""
 
 ARCHIVES = (".tar.xz", ".tar.gz", ".tgz", ".tar", ".zip")
 
@@ -33,21 +33,21 @@ LICENCES = {
     "bandai": "CC BY-NC 4.0, Bandai Namco Research Inc.",
     "cmu": "CMU Graphics Lab Motion Capture Database, free for research, mocap.cs.cmu.edu, NSF EIA-0196217",
 }
-"""Of collections that are known, by the name of their folder, archive or index."""
+"""Licences of known collections, by the name of their folder, archive or index."""
 
 
 @dataclass(frozen=True)
 class Clip:
-    """One clip to be built.
+    """One clip of a build.
 
     Attributes:
-        name: of the clip in the set, without suffix; unique.
-        path: file that it is in.
-        member: name inside a packed file; empty for a file of one clip.
-        collection: what it belongs to, `bandai`, `cmu` or a folder's name.
-        licence: of the collection; empty where not known.
+        name: unique name in the set, without suffix.
+        path: of its file.
+        member: name in a packed file; empty for a file of one clip.
+        collection: `bandai`, `cmu` or the name of a folder.
+        licence: of the collection; empty if unknown.
         split: `train`, `validation` or `test`.
-        labels: columns of the index that say what it shows.
+        labels: columns of the index that describe its content.
         captions: sentences about it.
     """
 
@@ -62,14 +62,14 @@ class Clip:
 
 
 def find_clips(folders: Iterable[Path], work: Path) -> list[Clip]:
-    """Every clip in some folders, sorted by name; of clips of one name the best file (see `LOOSE`) is taken.
+    """Every clip in the folders, sorted by name; of several files of one name the most informative (see `LOOSE`).
 
     Args:
-        folders: to search, with all below them.
-        work: where archives are unpacked.
+        folders: searched recursively.
+        work: folder for unpacked archives.
 
     Raises:
-        MotionFormatError: a folder is missing or holds no clip, an archive or table is broken.
+        MotionFormatError: a folder is missing or has no clip, or an archive or table is damaged.
     """
     found: dict[str, tuple[int, Clip]] = {}
     index: dict[str, dict[str, str]] = {}
@@ -112,7 +112,7 @@ def find_clips(folders: Iterable[Path], work: Path) -> list[Clip]:
 
 
 def _collection(path: Path, folder: Path) -> str:
-    """A known collection's name if a file or one of its folders begins with it, else that of the innermost folder."""
+    """Known collection with which the name of a file or folder begins, else the name of the innermost folder."""
     for part in (path.name, *reversed(path.relative_to(folder).parts[:-1]), folder.name):
         known = next((name for name in LICENCES if part.lower().startswith(name)), None)
         if known:
@@ -121,10 +121,10 @@ def _collection(path: Path, folder: Path) -> str:
 
 
 def _clips_in(path: Path) -> list[tuple[int, str, str]]:
-    """Rank, name and member of every clip in a file; none for what is no motion."""
+    """Rank, name and member of every clip in a file; none if it is not a motion file."""
     suffix = path.suffix.lower()
     if suffix == ".amc" and find_skeleton(path) is None:
-        # Cannot be read: anything else of its name is better.
+        # An unreadable file ranks behind every other of its name.
         return [(len(LOOSE) + 1, path.stem, "")]
     if suffix in LOOSE:
         return [(LOOSE.index(suffix), path.stem, "")]
@@ -143,14 +143,14 @@ def _clips_in(path: Path) -> list[tuple[int, str, str]]:
 
 
 def _unpacked(path: Path, work: Path) -> list[Path]:
-    """Files of an archive, unpacked once; a marker file says that it was done to the end."""
+    """Files of an archive, unpacked once; a marker file records completion."""
     folder = work / hashlib.sha256(f"{path.name} {path.stat().st_size}".encode()).hexdigest()[:12]
     done = folder.with_suffix(".done")
     if not done.exists():
         shutil.rmtree(folder, ignore_errors=True)
         folder.mkdir(parents=True)
         try:
-            # Links and paths that lead out of the folder are refused.
+            # Links, and paths out of the folder, are refused.
             shutil.unpack_archive(path, folder, filter=None if path.suffix == ".zip" else "data")
         except (shutil.ReadError, OSError, ValueError) as error:
             raise MotionFormatError(f"{path}: cannot be unpacked ({error})") from error

@@ -1,7 +1,7 @@
-"""The compact form of a set, which travels to a training machine: half precision, no muscles, no mirror images.
+"""Compact form of a set, for transfer to a training machine: half precision, no muscles, no mirror images.
 
-Mirror images are exact (`biomechanics.mirror`) and made anew where the set is used. Paths keep full precision, since a
-half has none left ten metres from the origin.
+Mirror images are exact (`biomechanics.mirror`) and computed where the set is used. Paths keep single precision: half
+precision is too coarse ten metres from the origin.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from flexmotion.dataset.training_set import TrainingSet
 MAGIC = b"FMSET1\n\0"
 FULL = ("root_position",)
 LEFT_OUT = ("loads", "good")
-"""Loads are zero in originals, good frames follow from residuals."""
+"""Fields left out: loads are zero in originals, good frames follow from residuals."""
 
 RELATIVE = ("centres",)
-"""Places that are written relative to the root, where a half is fine enough."""
+"""Positions written relative to the root, where half precision suffices."""
 
 
 def export_compact(source: TrainingSet, path: Path) -> int:
-    """Write the originals of a set; returns the size of the file [bytes]."""
+    """Write the originals of a set; return the size of the file [bytes]."""
     clips = list(source.select(variant="original"))
     fields = {
         name: field
@@ -50,7 +50,7 @@ def export_compact(source: TrainingSet, path: Path) -> int:
             values = values - np.concatenate([source["root_position"][clip.rows, None] for clip in clips])
         values = values.astype(dtype)
         columns = values.reshape(len(values), -1).T
-        # Column by column, high bytes apart from low ones: neighbours in time are alike, which is what packs.
+        # By column, with high and low bytes apart: neighbours in time are similar and compress well.
         planes = np.ascontiguousarray(columns).view(np.uint8).reshape(*columns.shape, dtype.itemsize)
         buffer.write(np.ascontiguousarray(np.moveaxis(planes, -1, 1)).tobytes())
     path.write_bytes(MAGIC + lzma.compress(buffer.getvalue(), preset=6))
@@ -58,7 +58,7 @@ def export_compact(source: TrainingSet, path: Path) -> int:
 
 
 def read_compact(path: Path) -> tuple[dict, dict[str, np.ndarray]]:
-    """Header (as a manifest) and arrays of a compact set. Raises `MotionFormatError`."""
+    """Header (like a manifest) and arrays of a compact set. Raises `MotionFormatError`."""
     try:
         content = path.read_bytes()
         if not content.startswith(MAGIC):

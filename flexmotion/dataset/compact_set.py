@@ -1,4 +1,4 @@
-"""`CompactSet`: the compact form of a set, read back as a set without muscles; mirror images are made anew."""
+"""`CompactSet`: the compact form of a set as a set without muscles, with computed mirror images."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ MIRROR = "mirror"
 
 
 class MotionSet(Protocol):
-    """What training reads of a set, in whatever form it is."""
+    """Interface of a set of either form."""
 
     @property
     def clips(self) -> tuple[SetClip, ...]:
@@ -29,39 +29,39 @@ class MotionSet(Protocol):
 
     @property
     def hashes(self) -> dict[str, str]:
-        """What the set is known by."""
+        """Hash that identifies the set."""
         ...
 
     def select(self, split: str | None = None, variant: str | None = None) -> Iterator[SetClip]:
-        """Clips of a split, of a variant, or all."""
+        """Clips of a split and of a variant; None for all."""
         ...
 
     def motion(self, clip: SetClip) -> Motion:
-        """One clip with all that is known of it."""
+        """One clip with all its fields."""
         ...
 
     def centres(self, clip: SetClip) -> np.ndarray:
-        """What the moments of its wrenches are about, (T, 2, 3) [m]."""
+        """Reference points of the moments of its wrenches, (T, 2, 3) [m]."""
         ...
 
     def good(self, clip: SetClip) -> np.ndarray:
-        """Whether the ground explains its frames, (T,)."""
+        """Whether ground forces explain its frames, (T,)."""
         ...
 
 
 def open_set(path: Path) -> MotionSet:
-    """A set: the folder that `data build` wrote, or the file that `data export` did. Raises `MotionFormatError`."""
+    """A set from the folder of `data build` or the file of `data export`. Raises `MotionFormatError`."""
     return CompactSet(path) if path.is_file() else TrainingSet(path)
 
 
 class CompactSet:
-    """A set from its compact form, held in memory; see `MotionSet`.
+    """A set from its compact form, in memory; see `MotionSet`.
 
     Args:
-        path: file that `export_compact` wrote.
+        path: file of `export_compact`.
 
     Raises:
-        MotionFormatError: it cannot be read.
+        MotionFormatError: the file cannot be read.
     """
 
     def __init__(self, path: Path) -> None:
@@ -70,7 +70,7 @@ class CompactSet:
 
     @cached_property
     def clips(self) -> tuple[SetClip, ...]:
-        """Every clip, its mirror image behind it where the set was built with those."""
+        """Every clip, followed by its mirror image if the set was built with them."""
         keys = ("name", "start", "frames", "fps", "split", "variant")
         clips = []
         for item in self._header["clips"]:

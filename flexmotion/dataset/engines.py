@@ -1,4 +1,4 @@
-"""Who computes the parts: this process, processes on this machine's cores, or a Ray cluster."""
+"""Engines that compute the parts: this process, processes on all cores, or a Ray cluster."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from flexmotion.dataset.parts import compute
 from flexmotion.dataset.settings import BuildSettings
 
 Result = tuple[int, bytes]
-"""Number of a clip among those asked for, and its part."""
+"""Index of a clip in the request, and its part."""
 
 Engine = Callable[[Sequence[Clip], BuildSettings, int], Iterator[Result]]
 
 
 def here(clips: Sequence[Clip], settings: BuildSettings, workers: int) -> Iterator[Result]:
-    """One after the other in this process."""
+    """Compute in this process, one after the other."""
     for number, clip in enumerate(clips):
         yield number, compute(clip, settings)
 
 
 def _limit_threads() -> None:
-    """One thread a process: as many processes as cores are at work."""
+    """Limit to one thread: there is a process per core."""
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ[name] = "1"
 
@@ -37,7 +37,7 @@ def _begin_worker() -> None:
 
 
 def _end_with_parent() -> None:
-    """A parent that was killed cannot stop its workers, and they would wait for work for ever."""
+    """End with the parent: a killed parent cannot stop its workers, which would wait for work forever."""
     parent = multiprocessing.parent_process()
     assert parent is not None
     parent.join()
@@ -45,7 +45,7 @@ def _end_with_parent() -> None:
 
 
 def processes(clips: Sequence[Clip], settings: BuildSettings, workers: int) -> Iterator[Result]:
-    """On the cores of this machine, in whatever order they finish."""
+    """Compute on the cores of this machine; yields parts as they finish."""
     if workers <= 1:
         yield from here(clips, settings, workers)
         return
@@ -61,9 +61,9 @@ def processes(clips: Sequence[Clip], settings: BuildSettings, workers: int) -> I
 
 
 def ray(clips: Sequence[Clip], settings: BuildSettings, workers: int) -> Iterator[Result]:
-    """On a Ray cluster (`RAY_ADDRESS`), or on a local one of so many workers.
+    """Compute on a Ray cluster (`RAY_ADDRESS`), or a local one of so many workers.
 
-    Every worker reads the clips from the same paths (a shared folder); the parts come back over Ray.
+    Every worker reads the clips from the same paths (a shared folder); Ray returns the parts.
 
     Raises:
         ConfigError: Ray is not installed.

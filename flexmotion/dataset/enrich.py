@@ -1,4 +1,4 @@
-"""One clip: read, varied, and enriched with forces, torques and activations."""
+"""One clip: import, augmentation, forces, torques and activations."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ MEAN_HEIGHT = 1.75
 
 @dataclass(frozen=True)
 class Entry:
-    """A clip, its mirror image or a variant, ready for the set; or why it is dropped.
+    """A clip, its mirror image or a variant, for the set, or the reason for dropping it.
 
     Attributes:
-        name: the clip's, with `~mirror` or `~N` behind it.
-        info: what the manifest says of it.
-        arrays: by field; empty if it is dropped.
-        dropped: the reason; empty if it is kept.
+        name: of the clip, with suffix `~mirror` or `~N`.
+        info: its entry in the manifest.
+        arrays: by field; empty if dropped.
+        dropped: reason; empty if kept.
     """
 
     name: str
@@ -43,7 +43,7 @@ class Entry:
 
 
 def enrich(clip: Clip, settings: BuildSettings) -> list[Entry]:
-    """A clip and what is derived from it."""
+    """Entries of a clip and everything derived from it."""
     source = clip.path.name + (f":{clip.member}" if clip.member else "")
     about = {
         "source": source,
@@ -57,7 +57,7 @@ def enrich(clip: Clip, settings: BuildSettings) -> list[Entry]:
     try:
         motion = load(clip.path, fps=settings.fps, clip=clip.member or None)
     except FlexMotionError as error:
-        # The message names the file by its path on this machine, which is not the same on the next.
+        # The path of the file is removed from the message: it differs between machines.
         reason = str(error).replace(str(clip.path), clip.path.name)
         return [Entry(clip.name, about, {}, f"unreadable: {reason}")]
     mass = settings.mass * (motion.body.height / MEAN_HEIGHT) ** 2
@@ -74,7 +74,7 @@ def enrich(clip: Clip, settings: BuildSettings) -> list[Entry]:
 
 
 def _seed(name: str, number: int, seed: int) -> int:
-    """A seed that does not depend on the order in which clips are built."""
+    """A seed that is independent of the order in which clips are built."""
     return int(hashlib.sha256(f"{seed} {name} {number}".encode()).hexdigest()[:8], 16)
 
 
@@ -96,10 +96,10 @@ def _entry(
         "residual_median": [round(float(value), 5) for value in medians],
     }
     if explained.mean() < settings.kept_share:
-        reason = f"residual: {100 * explained.mean():.0f} % of its frames can be explained by the ground"
+        reason = f"residual: {100 * explained.mean():.0f} % of its frames are explained by ground forces"
         return Entry(name, info, {}, reason)
     if good.mean() < settings.kept_share:
-        reason = f"implausible: {100 * good.mean():.0f} % of its frames are within a human's reach"
+        reason = f"implausible: {100 * good.mean():.0f} % of its frames are plausible"
         return Entry(name, info, {}, reason)
     arrays = {
         "root_position": moved.root_position,

@@ -1,4 +1,4 @@
-"""What a set holds for every frame."""
+"""Fields of a set, with a row per frame."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ MUSCLES, MUSCLE_JOINTS, CROSSINGS, LOADS = 290, 13, 7, 3
 
 @dataclass(frozen=True)
 class Field:
-    """An array with a row a frame.
+    """An array with a row per frame.
 
     Attributes:
         shape: of a row.
-        dtype: NumPy's name.
-        unit: of its values, for people.
-        muscles: whether it takes the muscles to make it.
+        dtype: name of the NumPy type.
+        unit: of the values, for people.
+        muscles: whether it depends on muscles.
     """
 
     shape: tuple[int, ...]
@@ -28,7 +28,7 @@ class Field:
     muscles: bool = False
 
     def empty(self, frames: int) -> np.ndarray:
-        """An array of zeros for so many frames."""
+        """An array of zeros for a number of frames."""
         return np.zeros((frames, *self.shape), self.dtype)
 
 

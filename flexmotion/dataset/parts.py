@@ -1,4 +1,4 @@
-"""Parts: what was computed of one clip, one file each, so that a build that was stopped goes on where it was."""
+"""Parts: results of one clip, in one file each, from which a stopped build resumes."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from flexmotion.dataset.settings import BuildSettings
 
 
 def part_path(folder: Path, clip: Clip, settings: BuildSettings) -> Path:
-    """Where a clip's part is; another file, label or setting gives another name."""
+    """Path of a clip's part; it depends on file, labels and settings."""
     stat = clip.path.stat()
     key = [clip.name, clip.member, clip.path.name, stat.st_size, clip.split, clip.labels, settings.fingerprint()]
     key.append([[caption.start, caption.end, caption.text] for caption in clip.captions])
@@ -25,7 +25,7 @@ def part_path(folder: Path, clip: Clip, settings: BuildSettings) -> Path:
 
 
 def compute(clip: Clip, settings: BuildSettings) -> bytes:
-    """The part of one clip, as the bytes of its file."""
+    """Content of the file of one clip's part."""
     arrays: dict[str, np.ndarray] = {}
     header = []
     for number, entry in enumerate(enrich(clip, settings)):
@@ -37,14 +37,14 @@ def compute(clip: Clip, settings: BuildSettings) -> bytes:
 
 
 def write(path: Path, content: bytes) -> None:
-    """Write a file whole or not at all."""
+    """Write a file atomically."""
     temporary = path.with_name(f"{path.name}.{os.getpid()}.tmp")
     temporary.write_bytes(content)
     os.replace(temporary, path)
 
 
 def read(path: Path) -> list[Entry]:
-    """The entries of a part."""
+    """Entries of a part."""
     with np.load(path, allow_pickle=False) as archive:
         header = json.loads(str(archive["header"]))
         arrays: list[dict[str, np.ndarray]] = [{} for _ in header]
@@ -56,5 +56,5 @@ def read(path: Path) -> list[Entry]:
 
 
 def is_whole(path: Path) -> bool:
-    """Whether a part is there and can be read."""
+    """Whether a part exists and can be read."""
     return path.is_file() and zipfile.is_zipfile(path)

@@ -1,4 +1,4 @@
-"""What is in a set: hours, clips kept and dropped, ranges of every modality."""
+"""Summary of a set: hours, kept and dropped clips, ranges of every field."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from flexmotion.dataset.fields import Field
 from flexmotion.dataset.settings import BuildSettings
 
 SAMPLE = 16
-"""Quantiles are taken over every so many-th frame."""
+"""Stride of the frames over which quantiles are computed."""
 
 QUANTILES = {"p01": 0.01, "median": 0.5, "p99": 0.99}
 
 
 class Ranges:
-    """Least, greatest and quantiles of every field, gathered clip by clip."""
+    """Minimum, maximum and quantiles of every field, accumulated clip by clip."""
 
     def __init__(self, fields: Mapping[str, Field]) -> None:
         self._samples: dict[str, list[np.ndarray]] = {name: [] for name, field in fields.items()}
         self._bounds: dict[str, tuple[float, float]] = {}
 
     def add(self, name: str, values: np.ndarray) -> None:
-        """Take in a clip's values of one field."""
+        """Add a clip's values of one field."""
         low, high = self._bounds.get(name, (np.inf, -np.inf))
         self._bounds[name] = min(low, float(values.min())), max(high, float(values.max()))
         self._samples[name].append(values[::SAMPLE].ravel())

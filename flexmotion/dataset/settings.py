@@ -1,4 +1,4 @@
-"""How a set is built."""
+"""Settings of a build."""
 
 from __future__ import annotations
 
@@ -13,25 +13,25 @@ from flexmotion.biomechanics.smoothing import CUTOFF
 from flexmotion.biomechanics.sole import Nearness
 
 REVISION = 2
-"""Raised whenever the same settings give other numbers."""
+"""Increased whenever the same settings give other results."""
 
 
 @dataclass(frozen=True)
 class BuildSettings:
-    """Everything that the numbers of a set depend on but the clips.
+    """Everything that a set depends on apart from the clips.
 
     Attributes:
         fps: frame rate.
-        mass: of humans of whom no file tells it, for a stature of 1.75 m; else in proportion to the square [kg].
+        mass: of humans of unknown mass at a stature of 1.75 m; at others in proportion to its square [kg].
         cutoff: of the low-pass filter [Hz].
-        mirrored: whether every clip comes with its mirror image.
-        variants: how many varied copies of every clip there are.
-        seed: of their variety.
+        mirrored: whether every clip is followed by its mirror image.
+        variants: number of augmented copies of every clip.
+        seed: of the augmentation.
         muscles: whether activations are computed.
-        residual_force, residual_moment: a frame with more is not `good` [body weights, body weights x m].
-        reach: neither is one with joints beyond this.
-        kept_share: a clip with fewer good frames is dropped.
-        shortest: a clip of less is dropped [s].
+        residual_force, residual_moment: greatest values of a `good` frame [body weights, body weights x m].
+        reach: limits of the joints in a `good` frame.
+        kept_share: least share of good frames of a kept clip.
+        shortest: least duration of a kept clip [s].
     """
 
     fps: float = 30.0
@@ -51,6 +51,6 @@ class BuildSettings:
     reach: JointReach = JointReach()
 
     def fingerprint(self) -> str:
-        """A hash of the settings and the revision of the code."""
+        """Hash of the settings and the revision of the code."""
         text = json.dumps([REVISION, asdict(self)], sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()

@@ -1,4 +1,4 @@
-"""Which clips train, and which are held out: by rules that depend on a clip's name alone."""
+"""Split of the clips into training and validation, by rules that depend on names only."""
 
 from __future__ import annotations
 
@@ -7,22 +7,22 @@ from collections.abc import Mapping
 
 BUCKETS = 100
 VALIDATION_BUCKETS = range(12, 22)
-"""Of the Bandai clips; takes of one content and style are near-duplicates and may fall on both sides, which is why a
-whole style is held out as well."""
+"""Buckets of the Bandai clips for validation. Takes of one content and style are near-duplicates and may be in both
+splits, so a whole style is held out as well."""
 
 HELD_OUT_STYLE = "happy"
 
 
 def bucket(file_name: str) -> int:
-    """SHA-256 of a file's name, as a whole number, modulo a hundred."""
+    """SHA-256 of a file's name as an integer, modulo 100."""
     return int(hashlib.sha256(file_name.encode()).hexdigest(), 16) % BUCKETS
 
 
 def split_of(collection: str, file_name: str, labels: Mapping[str, str]) -> str:
-    """`train` or `validation` (or what the index says).
+    """`train` or `validation`, or the split in the index.
 
     Args:
-        collection: what the clip belongs to.
+        collection: of the clip.
         file_name: with its suffix.
         labels: the clip's row in its index; may be empty.
     """

@@ -1,4 +1,4 @@
-"""`TrainingSet`: a built set, its arrays memory-mapped."""
+"""`TrainingSet`: a built set with memory-mapped arrays."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from flexmotion.human.motion import Motion
 
 @dataclass(frozen=True)
 class SetClip:
-    """A clip in a set: `frames` rows from `start` on, and what the manifest says of it."""
+    """A clip in a set: `frames` rows from `start` on, and its entry in the manifest."""
 
     name: str
     start: int
@@ -32,25 +32,25 @@ class SetClip:
 
     @property
     def rows(self) -> slice:
-        """Its rows in every array."""
+        """Rows in every array."""
         return slice(self.start, self.start + self.frames)
 
     @property
     def body(self) -> Body:
-        """Whose motion it is."""
+        """The human of the clip."""
         row = dict(self.info["body"])
         fitted = row.pop("fitted")
         return Body(**row, fitted=Segments(**fitted) if fitted else None)
 
 
 class TrainingSet:
-    """A set in a folder; nothing is read before it is asked for.
+    """A set in a folder; arrays are read on access.
 
     Args:
-        folder: that `build` wrote.
+        folder: written by `build`.
 
     Raises:
-        MotionFormatError: there is no set, or one of another version.
+        MotionFormatError: the folder is not a set, or has another version.
     """
 
     def __init__(self, folder: str | Path) -> None:
@@ -69,10 +69,10 @@ class TrainingSet:
         return int(self.manifest["frames"])
 
     def __getitem__(self, field: str) -> np.ndarray:
-        """The array of a field, memory-mapped, a row a frame of all clips.
+        """The memory-mapped array of a field, with a row per frame of all clips.
 
         Raises:
-            MotionFormatError: the set has no such field, or its file is missing.
+            MotionFormatError: the set lacks the field or its file.
         """
         if field not in self.manifest["fields"]:
             raise MotionFormatError(f"{self.folder}: no field {field!r}, expected {', '.join(self.manifest['fields'])}")
@@ -89,27 +89,27 @@ class TrainingSet:
         return tuple(SetClip(**{key: item[key] for key in keys}, info=item) for item in self.manifest["clips"])
 
     def select(self, split: str | None = None, variant: str | None = None) -> Iterator[SetClip]:
-        """Clips of a split, of a variant (`original`, `mirror`, `varied`), or all."""
+        """Clips of a split and of a variant (`original`, `mirror`, `varied`); None for all."""
         for clip in self.clips:
             if split in (None, clip.split) and variant in (None, clip.variant):
                 yield clip
 
     @property
     def hashes(self) -> dict[str, str]:
-        """What the set is known by: the hash of every file."""
+        """Hash of all files, which identifies the set."""
         found: dict[str, str] = self.manifest["sha256"]
         return found
 
     def centres(self, clip: SetClip) -> np.ndarray:
-        """What the moments of a clip's wrenches are about, (T, 2, 3) [m]."""
+        """Reference points of the moments of a clip's wrenches, (T, 2, 3) [m]."""
         return np.asarray(self["centres"][clip.rows], np.float64)
 
     def good(self, clip: SetClip) -> np.ndarray:
-        """Whether the ground explains a clip's frames, (T,)."""
+        """Whether ground forces explain a clip's frames, (T,)."""
         return np.asarray(self["good"][clip.rows])
 
     def motion(self, clip: SetClip) -> Motion:
-        """One clip with all that is known of it."""
+        """One clip with all its fields."""
         names = ("root_position", "root_quaternion", "joints", "torques", "wrenches", "activations")
         present = [name for name in names if name in self.manifest["fields"]]
         return Motion(
@@ -121,7 +121,7 @@ class TrainingSet:
         )
 
     def damaged(self) -> list[str]:
-        """Files that are not what the manifest says, by their hash."""
+        """Files whose hash differs from the manifest."""
         wrong = []
         for name, expected in self.manifest["sha256"].items():
             path = self.folder / name

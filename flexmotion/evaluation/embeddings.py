@@ -9,14 +9,14 @@ from scipy.linalg import sqrtm
 Float = NDArray[np.floating]
 
 BATCH = 32
-"""Texts among which each motion's own is to be found."""
+"""Number of motions from which that of a sentence is retrieved."""
 
 NEAREST = 3
 PAIRS = 300
 
 
 def frechet_distance(first: Float, second: Float) -> float:
-    """Fréchet distance of two sets of embeddings as if normally distributed, (N, D) and (M, D)."""
+    """Fréchet distance of the normal distributions fitted to two sets of embeddings, (N, D) and (M, D)."""
     mean = first.mean(axis=0) - second.mean(axis=0)
     covariances = np.cov(first, rowvar=False), np.cov(second, rowvar=False)
     little = np.zeros_like(covariances[0])
@@ -27,11 +27,11 @@ def frechet_distance(first: Float, second: Float) -> float:
 
 
 def r_precision(motions: Float, sentences: Float, rng: np.random.Generator) -> tuple[float, ...]:
-    """Share of sentences whose own motion is among the 1, 2, 3 nearest in batches of 32, by Euclidean distance.
+    """Share of sentences whose motion is among the 1, 2, 3 nearest of a batch of 32, by Euclidean distance.
 
     Args:
         motions: embeddings, (N, D), N >= 32.
-        sentences: of the same windows, (N, D).
+        sentences: embeddings of the same windows, (N, D).
         rng: shuffles the batches.
     """
     order = rng.permutation(len(motions))
@@ -47,7 +47,7 @@ def r_precision(motions: Float, sentences: Float, rng: np.random.Generator) -> t
 
 
 def matching_distance(motions: Float, sentences: Float) -> float:
-    """Mean distance of each sentence to its own motion."""
+    """Mean distance between a sentence and its motion."""
     return float(np.linalg.norm(motions - sentences, axis=1).mean())
 
 

@@ -1,4 +1,4 @@
-"""`Interval`: a figure that depends on what was drawn, with how well it is known."""
+"""`Interval`: a figure with its 95 % interval."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ REPETITIONS = 20
 
 @dataclass(frozen=True)
 class Interval:
-    """A mean, and the half width of its 95 % interval."""
+    """A mean and the half width of its 95 % interval."""
 
     mean: float
     half_width: float
 
     @classmethod
     def of(cls, values: ArrayLike) -> Interval:
-        """Of independent values, 1.96 standard errors to either side; NaN of none."""
+        """Mean of independent values ± 1.96 standard errors; NaN for no values."""
         found = np.asarray(values, np.float64).ravel()
         if not len(found):
             return cls(float("nan"), float("nan"))
@@ -31,5 +31,5 @@ class Interval:
 
 
 def repeated(metric: Callable[[np.random.Generator], float], seed: int, repetitions: int = REPETITIONS) -> Interval:
-    """A metric that depends on what is drawn, several times."""
+    """Interval of a metric with random draws, from repeated evaluations."""
     return Interval.of([metric(np.random.default_rng((seed, number))) for number in range(repetitions)])

@@ -1,4 +1,4 @@
-"""Metrics on motions: how feet meet the floor, and how smooth they are."""
+"""Metrics on motions: foot contact with the floor, and smoothness."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from flexmotion.human.motion import Motion
 Float = NDArray[np.float64]
 
 CONTACT_HEIGHT = 0.05
-"""A foot below this touches the floor [m]."""
+"""Height below which a foot touches the floor [m]."""
 
 SKATING = 0.5
-"""A foot that touches and is faster than this skates [m/s]."""
+"""Speed above which a touching foot skates [m/s]."""
 
 MEAN_FRAMES = 5
 TOLERANCE = 0.005
-"""Of the floor [m]."""
+"""Tolerance of the height of the floor [m]."""
 
 
 def foot_metrics(motion: Motion) -> dict[str, float]:
     """Skate ratio (OmniControl, ICLR 2024) and skate, float, penetrate in millimetres (PhysDiff, ICCV 2023).
 
-    Heights are those of heels and toes, the lowest joints that the skeleton has. Motions of a frame have no skate.
+    Heights are those of heels and toes, the lowest points of the skeleton. Motions of one frame have no skate.
     """
     human = forward(motion)
     feet = np.stack([human.heel, human.toe], axis=2).reshape(len(motion), 4, 3)

@@ -1,4 +1,4 @@
-"""Metrics on the physics of a motion: do its torques, forces and activations belong to how it moves?"""
+"""Metrics on the consistency of a motion's torques, forces and activations with its kinematics."""
 
 from __future__ import annotations
 
@@ -17,25 +17,25 @@ from flexmotion.spatial.gravity import GRAVITY
 Float = NDArray[np.float64]
 
 ROUNDING = 1e-3
-"""An activation that leaves [0, 1] by no more has been stored in half precision, and is not beyond."""
+"""Tolerance of the bounds of activations: rounding to half precision."""
 
 
 def physics_metrics(motion: Motion, centres: Float) -> dict[str, float]:
-    """How far a motion's dynamics are from its kinematics.
+    """Differences between a motion's dynamics and its kinematics.
 
     Keys: `contact_force`, mean distance of the forces from those recomputed from the kinematics [% of body weight];
     `actuation`, mean distance of the torques from inverse dynamics under the motion's own forces [N·m/kg];
-    `euler_force`, `euler_moment`, what the root would have to be held with [% of body weight, N·m/kg];
-    `muscle_limit`, share of muscle-frames beyond [0, 1] [%], absent without activations.
+    `euler_force`, `euler_moment`, generalised forces of the root [% of body weight, N·m/kg];
+    `muscle_limit`, share of muscle-frames outside [0, 1] [%], absent without activations.
 
-    All but the last are of the frames `EDGE` to the last but `EDGE`: beyond, accelerations are made up.
+    All but the last exclude `EDGE` frames at each end, where accelerations are extrapolated.
 
     Args:
         motion: with torques and wrenches, (T,).
-        centres: what the wrenches' moments are about, (T, 2, 3) [m].
+        centres: reference points of the wrenches' moments, (T, 2, 3) [m].
 
     Raises:
-        ValueError: it has no torques or wrenches, or no frame between its edges.
+        ValueError: the motion has no torques or wrenches, or too few frames.
     """
     if motion.torques is None or motion.wrenches is None:
         raise ValueError("physics metrics need torques and wrenches")
@@ -60,7 +60,7 @@ def physics_metrics(motion: Motion, centres: Float) -> dict[str, float]:
 
 
 def beyond_muscles(motion: Motion) -> float:
-    """Share of the frames with a torque that the muscles cannot make with any activations within [0, 1] [%].
+    """Share of frames with a torque that muscles cannot produce with activations in [0, 1] [%].
 
     Raises:
         ConfigError: `myo-sim` is not installed.

@@ -1,4 +1,4 @@
-"""`decode`: features to motion, on from the last frame of what was before."""
+"""`decode`: features to motion, starting from the last frame before them."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from flexmotion.spatial.quaternions import continuous_quaternions
 Float = NDArray[np.float64]
 
 FIRM = 0.05
-"""A foot has a centre of pressure from this share of body weight on."""
+"""Least share of body weight on a foot that has a centre of pressure."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class Anchor:
     Attributes:
         place: of the pelvis on the floor, (2,) [m].
         yaw: heading of the pelvis [rad].
-        joints: (26,) [rad]; settles which of two equal sets of angles is meant.
+        joints: (26,) [rad]; selects between sets of angles of the same pose.
     """
 
     place: Float
@@ -61,9 +61,9 @@ class Anchor:
 def decode(features: NDArray, layout: Layout, body: Body, anchor: Anchor, source: str = "") -> Motion:
     """Motion of T frames from features that are not normalised, (T, layout.size).
 
-    Root path, rotations, torques, wrenches, contacts and activations are taken from their blocks; the root's own
-    generalised forces are zero (nothing holds it). Moments of the wrenches are about the centres of pressure, where a
-    foot carries load, else about the point below the ankle.
+    Root path, rotations, torques, wrenches, contacts and activations come from their blocks. Generalised forces of the
+    root are zero. Moments of the wrenches are about the centre of pressure of a foot that carries load, else about the
+    point below the ankle.
     """
     values = np.asarray(features, np.float64)
     blocks, leg, frames = layout.blocks, body.leg, len(values)
@@ -97,12 +97,12 @@ def decode(features: NDArray, layout: Layout, body: Body, anchor: Anchor, source
 
 
 def pressure_centres(features: NDArray, layout: Layout, motion: Motion) -> Float:
-    """Centres of pressure on the floor that the moments of a decoded motion's wrenches are about, (T, 2, 3) [m].
+    """Centres of pressure on the floor, the reference points of a decoded motion's moments, (T, 2, 3) [m].
 
-    Below the ankle where a foot carries next to nothing.
+    Below the ankle where a foot carries hardly any load.
 
     Args:
-        features: that the motion was decoded from, (T, layout.size).
+        features: of the motion, (T, layout.size).
         layout: of the features.
         motion: decoded.
     """
@@ -128,13 +128,13 @@ def _ankle_wrenches(values: Float, layout: Layout, yaw: Float, weight: float, le
 
 
 def _ankles(values: Float, layout: Layout) -> Float:
-    """In the heading frame, (T, 2, 3) [leg]."""
+    """Ankle positions in the heading frame, (T, 2, 3) [leg]."""
     places = values[:, layout.blocks["positions"]].reshape(len(values), len(POINTS), 3)
     return places[:, [POINTS.index(f"ankle_{side}") for side in SIDES]]
 
 
 def _levers(force: Float, moment: Float, height: Float, weight: float) -> Float:
-    """Centres of pressure relative to the ankles: on the floor, where the moment has no part in the floor's plane."""
+    """Centres of pressure relative to the ankles: floor points about which the moment has no horizontal part."""
     firm = force[..., 2] > FIRM * weight
     load = np.where(firm, force[..., 2], 1.0)
     x = np.where(firm, (-moment[..., 1] - height * force[..., 0]) / load, 0.0)

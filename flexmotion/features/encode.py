@@ -1,4 +1,4 @@
-"""`encode`: motion to features; causal, a frame's features depend on it and on the two frames before."""
+"""`encode`: motion to features; causal, the features of a frame depend on it and the two frames before."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ LEAD = 2
 def encode(motion: Motion, layout: Layout, centres: Float | None = None) -> NDArray[np.float32]:
     """Features of every frame, (T, layout.size), in the units of `Layout`, not normalised.
 
-    Velocities and accelerations are backward differences; before the first frame the human is taken to move on evenly.
-    What the motion has not (torques, wrenches, contacts, activations) is zero.
+    Velocities and accelerations are backward differences; motion before the first frame is taken as even. Torques,
+    wrenches, contacts and activations that the motion lacks are zero.
 
     Args:
         motion: at the layout's frame rate.
-        layout: what to compute.
-        centres: centres of pressure about which the moments of `motion.wrenches` are, (T, 2, 3) [m]; None for below
-            the ankles.
+        layout: of the features.
+        centres: reference points of the moments of `motion.wrenches`, (T, 2, 3) [m]; None for the points below the
+            ankles.
 
     Raises:
-        ValueError: the frame rates differ, or the number of muscles.
+        ValueError: frame rate or number of muscles differ from the layout.
     """
     if abs(motion.fps - layout.fps) > 1e-3 * layout.fps:
         raise ValueError(f"motion has {motion.fps:g} fps, the layout {layout.fps:g}")
@@ -52,7 +52,7 @@ def encode(motion: Motion, layout: Layout, centres: Float | None = None) -> NDAr
     acceleration = _backward(velocity, motion.fps)
 
     root = features[:, blocks["root"]]
-    # Travel since the last frame, seen from there: adding it up gives the path back exactly.
+    # Displacement since the last frame in the heading of that frame: its sum is exactly the path.
     root[:, :2] = turned(_backward(below, motion.fps), -_before(yaw))[:, :2] / leg
     root[:, 2] = _backward(yaw, motion.fps)
     root[:, 3] = motion.root_position[:, 2] / leg
@@ -85,7 +85,7 @@ def body_points(human: HumanKinematics) -> Float:
 def _ankle_wrenches(
     wrenches: Float, centres: Float | None, human: HumanKinematics, yaw: Float, weight: float, leg: float
 ) -> Float:
-    """Moments moved from the centres of pressure, which jump when a foot lifts, to the ankles, where they fade."""
+    """Wrenches with moments about the ankles, where they fade as a foot lifts; about centres of pressure they jump."""
     force, moment = wrenches[..., :3], wrenches[..., 3:]
     if centres is None:
         centres = human.ankle * [1.0, 1.0, 0.0]
@@ -95,12 +95,12 @@ def _ankle_wrenches(
 
 
 def _before(signal: Float) -> Float:
-    """Every frame's predecessor; the first is its own."""
+    """The value of the frame before; of the first frame its own."""
     return np.concatenate([signal[:1], signal[:-1]])
 
 
 def _backward(signal: Float, fps: float) -> Float:
-    """Backward difference [signal/s]; the first frame's is the second's."""
+    """Backward difference [signal/s]; of the first frame that of the second."""
     difference = np.diff(signal, axis=0, prepend=signal[:1]) * fps
     if len(signal) > 1:
         difference[0] = difference[1]

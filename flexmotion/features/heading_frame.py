@@ -1,4 +1,4 @@
-"""The frame that features are in: on the floor below the pelvis, x where it faces, z up."""
+"""The frame of features: on the floor below the pelvis, x along its heading, z up."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ def turned(vector: Float, yaw: Float) -> Float:
 
 
 def chord(forward: float, left: float, turning: float, seconds: float) -> tuple[float, float]:
-    """Mean velocity, seen from where it begins, of what moves evenly as seen from where it faces.
+    """Mean velocity in the initial heading of a motion whose velocity is constant in its own heading.
 
     Along an arc of angle ω T: R(ω T / 2) v sin(ω T / 2) / (ω T / 2).
 
     Args:
-        forward, left: where it faces at every moment [m/s].
-        turning: to the left [rad/s].
-        seconds: for so long.
+        forward, left: in the own heading [m/s].
+        turning: positive to the left [rad/s].
+        seconds: duration.
 
     Returns:
         Forward and left [m/s].

@@ -1,7 +1,7 @@
-"""Windows that take over without a jerk: what pose and speed would jump at a join dies away in the window.
+"""Continuous joins of windows: jumps of pose and speed at a join decay within the window.
 
-Inertialisation (Bollo, GDC 2018) by a critically damped spring (Holden, "Spring-It-On", 2020): with the jump x of the
-pose and v of its speed at the last known frame, the window is moved by
+Inertialisation (Bollo, GDC 2018) by a critically damped spring (Holden, "Spring-It-On", 2020): for jumps x of the pose
+and v of its speed at the last known frame the window is shifted by
 
     (x + (v + y x) t) exp(-y t),    y = 2 ln 2 / half-life
 """
@@ -16,19 +16,19 @@ from flexmotion.features.layout import Layout
 Float32 = NDArray[np.float32]
 
 HALF_LIFE_S = 0.15
-"""Long enough that the jerk at joins is hardly more than within windows, short beside a step."""
+"""Long enough that the jerk at joins hardly exceeds that within windows, short relative to a step."""
 
 
 def inertialised(frames: Float32, history: Float32, layout: Layout) -> Float32:
-    """A window, moved so that it goes on from a history evenly.
+    """The window, shifted so that pose and speed continue those of a history.
 
-    Of the root's speeds, of which the path is the sum, only the jump itself is known; velocities, forces and the like
-    stay as they are.
+    Of the root's velocities, whose sum is the path, only the jump is removed. Velocities of points, forces and other
+    blocks are unchanged.
 
     Args:
         frames: features of the window, not normalised, (W, layout.size), W >= 2.
-        history: of the frames before, likewise, (H, layout.size); with less than two nothing is known of speed, and the
-            window stays as it is.
+        history: features of the frames before, likewise, (H, layout.size); with fewer than two the speed is unknown
+            and the window is unchanged.
         layout: of both.
     """
     if len(history) < 2:
@@ -40,7 +40,7 @@ def inertialised(frames: Float32, history: Float32, layout: Layout) -> Float32:
     time = np.arange(1, len(frames) + 1)[:, None]
     moved = frames.copy()
 
-    # The frame before the window as the window has it, against the one that was.
+    # The frame before the window, extrapolated from the window, against the last known one.
     before = 2.0 * frames[0, pose] - frames[1, pose]
     jump = history[-1, pose] - before
     speed = (history[-1, pose] - history[-2, pose]) - (frames[1, pose] - frames[0, pose])

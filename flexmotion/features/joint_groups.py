@@ -1,8 +1,8 @@
-"""Rotations of the joints as a network sees them: free of the jumps that three hinge angles in a row have.
+"""Joint rotations as features, without the jumps of three hinge angles in a row.
 
-A joint of three hinges (lumbar, neck, hips, shoulders) and the pelvis become the first two columns of their rotation
-matrix (Zhou et al., On the Continuity of Rotation Representations in Neural Networks, CVPR 2019); single hinges stay
-angles.
+Joints of three hinges (lumbar, neck, hips, shoulders) and the pelvis are represented by the first two columns of their
+rotation matrix (Zhou et al., On the Continuity of Rotation Representations in Neural Networks, CVPR 2019), single
+hinges by their angle.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ BALLS: tuple[tuple[str, ...], ...] = (
         for side in SIDES
     ),
 )
-"""Joints of three hinges, each about y, x, z in that order, signs apart."""
+"""Joints of three hinges, about y, x, z in that order; see `BALL_SIGNS` for the signs."""
 
 HINGES: tuple[str, ...] = tuple(name for name in JOINTS if not any(name in ball for ball in BALLS))
 """Joints of one hinge, in the order of `JOINTS`."""
@@ -34,7 +34,7 @@ HINGE_COLUMNS = np.array([JOINTS.index(name) for name in HINGES])
 
 PELVIS_SIZE = 6
 ROTATION_SIZE = PELVIS_SIZE + 6 * len(BALLS) + len(HINGES)
-"""Of the block `rotations`: pelvis (heading removed), balls, hinges."""
+"""Size of the block `rotations`: pelvis (heading removed), balls, hinges."""
 
 
 def sign(joint: str) -> float:
@@ -53,7 +53,7 @@ def six(matrix: Float) -> Float:
 
 
 def matrix(columns: Float) -> Float:
-    """Rotation matrices nearest to two columns (Gram and Schmidt), (..., 6) -> (..., 3, 3)."""
+    """Rotation matrices from two columns by Gram-Schmidt orthonormalisation, (..., 6) -> (..., 3, 3)."""
     first, second = columns[..., :3], columns[..., 3:]
     x = first / np.maximum(np.linalg.norm(first, axis=-1, keepdims=True), 1e-8)
     y = second - np.sum(x * second, axis=-1, keepdims=True) * x
@@ -77,7 +77,8 @@ def ball_matrices(joints: Float) -> Float:
 def ball_angles(matrices: Float, start: Float) -> Float:
     """Hinge angles of a sequence of ball rotations, (T, 6, 3, 3) -> (T, 6, 3) [rad].
 
-    Every rotation has two solutions within a turn; the one nearer to the frame before is taken, whole turns counted.
+    Every rotation has two solutions within a turn; the result is the one nearer to the frame before, with whole turns
+    counted.
 
     Args:
         matrices: rotations.
@@ -85,7 +86,7 @@ def ball_angles(matrices: Float, start: Float) -> Float:
     """
     first = np.arctan2(matrices[..., 0, 2], matrices[..., 2, 2])
     cosine, sine = np.cos(first), np.sin(first)
-    # The last angle given the first: near the gimbal lock each alone is noise, together they are the rotation.
+    # The last angle given the first: near gimbal lock each alone is noise, their combination is not.
     row = cosine[..., None] * matrices[..., 0, :] - sine[..., None] * matrices[..., 2, :]
     second = np.arctan2(-matrices[..., 1, 2], sine * matrices[..., 0, 2] + cosine * matrices[..., 2, 2])
     third = np.arctan2(-row[..., 1], row[..., 0])

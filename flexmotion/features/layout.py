@@ -1,7 +1,8 @@
-"""`Layout`: which numbers describe a frame to the model, block by block.
+"""`Layout`: blocks of features that describe a frame to the model.
 
-Lengths are in leg lengths of the human (`Body.leg`), forces in body weights, moments in body weights x leg: people of
-every size share one model. Vectors are in the heading frame of their own frame: z up, x where the pelvis faces.
+Lengths are in leg lengths of the human (`Body.leg`), forces in body weights, moments in body weights x leg, so that
+people of every size share one model. Vectors are in the heading frame of their own frame: z up, x along the heading of
+the pelvis.
 """
 
 from __future__ import annotations
@@ -24,30 +25,30 @@ POINTS: tuple[str, ...] = tuple(
 BLOCKS: dict[str, int] = {
     "root": 4,  # velocity forward and left [leg/s], turning [rad/s], height of the pelvis [leg]
     "rotations": ROTATION_SIZE,  # see `joint_groups`
-    "positions": 3 * len(POINTS),  # from below the pelvis [leg]
+    "positions": 3 * len(POINTS),  # from the floor below the pelvis [leg]
     "velocities": 3 * len(POINTS),  # in the world [leg/s]
     "accelerations": 3 * len(POINTS),  # in the world [leg/s²]
     "torques": len(JOINTS),  # [weight x leg]
     "wrenches": 12,  # force and moment about the ankle, left and right foot [weight, weight x leg]
     "contacts": 2,  # whether a foot carries load, 0 or 1
 }
-"""Sizes of the blocks that every layout has, in their order."""
+"""Sizes of the blocks of every layout, in order."""
 
 KINEMATIC = ("root", "rotations", "positions", "velocities")
-"""Blocks that a model sees of its history, and an evaluator of a motion: how a human or a robot moves is known at run
-time, what torques and forces it took is not."""
+"""Inputs of the model (of its history) and of the evaluator: at run time kinematics are known, torques and forces are
+not."""
 
 ACTIVATIONS = "activations"
-"""Name of the last block: muscle activations in [0, 1]; layouts of sets without muscles lack it."""
+"""Name of the last block: muscle activations in [0, 1]; absent for sets without muscles."""
 
 
 @dataclass(frozen=True)
 class Layout:
-    """What a vector of features holds, and for which skeleton and frame rate.
+    """Content of a feature vector, its skeleton and frame rate.
 
     Attributes:
         fps: frames per second.
-        muscles: how many activations there are; 0 for none.
+        muscles: number of activations.
         joints, points: names in the order of the blocks that depend on them.
     """
 
@@ -78,6 +79,6 @@ class Layout:
 
     @cached_property
     def hash(self) -> str:
-        """Of everything that must agree between a model and those who use it."""
+        """Hash of everything that must agree between a model and its users."""
         content = {**asdict(self), "blocks": {name: [cut.start, cut.stop] for name, cut in self.blocks.items()}}
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]

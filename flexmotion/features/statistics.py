@@ -1,4 +1,4 @@
-"""`Statistics`: mean and spread of every feature, by which networks see them."""
+"""`Statistics`: mean and spread of every feature, for normalisation."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from flexmotion.features.layout import Layout
 
 FLOOR = 0.1
-"""Least spread of a feature, as a share of its block's: a feature that hardly moves is not blown up to noise."""
+"""Least spread of a feature as a share of its block's: nearly constant features are not amplified to noise."""
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,7 @@ class Statistics:
 
     @classmethod
     def of(cls, features: NDArray, layout: Layout) -> Statistics:
-        """Of features, (N, F), block by block with a least spread."""
+        """Statistics of features, (N, F), with a least spread per block."""
         mean, spread = features.mean(axis=0, dtype=np.float64), features.std(axis=0, dtype=np.float64)
         for columns in layout.blocks.values():
             block = np.sqrt(np.mean(spread[columns] ** 2))
@@ -30,7 +30,7 @@ class Statistics:
         return cls(mean.astype(np.float32), spread.astype(np.float32))
 
     def normalise(self, features: NDArray) -> NDArray[np.float32]:
-        """Features as networks see them."""
+        """Features of mean 0 and spread 1."""
         return ((features - self.mean) / self.spread).astype(np.float32)
 
     def restore(self, normalised: NDArray) -> NDArray[np.float32]:

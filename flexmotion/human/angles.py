@@ -14,13 +14,13 @@ JOINT_AXES = "YXZ"
 """Axes of every joint with three coordinates, intrinsic (see `skeleton`)."""
 
 REACH = np.radians(100)
-"""Beyond so large a second angle (adduction, bending) the mirror solution of the angles is preferred."""
+"""Beyond this second angle (adduction, bending) the mirror solution of the angles is preferred [rad]."""
 
 
 def three_angles(rotation: Float, joints: tuple[str, str, str], side: str = "") -> Float:
     """Coordinates of a joint with three hinges, (T, 3, 3) distal in proximal axes -> (T, 3) [rad].
 
-    Every rotation has two solutions within a turn; the sequence is taken that moves least over the whole clip.
+    Every rotation has two solutions within a turn; the result is the sequence that moves least over the whole clip.
     """
     if not len(rotation):
         return np.empty((0, 3))
@@ -45,7 +45,7 @@ def _sign(joint: str, side: str) -> float:
 def _euler_yxz(rotation: Float) -> Float:
     """Angles (a, b, c) with R = Ry(a) Rx(b) Rz(c) and |b| <= π/2, (T, 3, 3) -> (T, 3)."""
     first = np.arctan2(rotation[:, 0, 2], rotation[:, 2, 2])
-    # The last angle given the first: near the gimbal lock each alone is noise, together they are the rotation.
+    # The last angle given the first: near gimbal lock each alone is noise, their combination is not.
     cosine, sine = np.cos(first), np.sin(first)
     row = cosine[:, None] * rotation[:, 0] - sine[:, None] * rotation[:, 2]
     second = np.arctan2(-rotation[:, 1, 2], sine * rotation[:, 0, 2] + cosine * rotation[:, 2, 2])
@@ -53,14 +53,14 @@ def _euler_yxz(rotation: Float) -> Float:
 
 
 def _least_motion(first: Float, other: Float) -> Float:
-    """Of two candidates a frame, (T, n) each, the sequence with the least sum of squared steps (Viterbi)."""
+    """Sequence with the least sum of squared steps from two candidates per frame, (T, n) each (Viterbi)."""
     candidates = np.stack([first, other], axis=1)
     # Cost of going from candidate i of a frame to j of the next, (T - 1, 2, 2).
     step = candidates[1:, None, :, :] - candidates[:-1, :, None, :]
     step = (step + np.pi) % (2 * np.pi) - np.pi
     steps = np.sum(step**2, axis=-1)
     wrapped = np.abs((candidates[..., 1] + np.pi) % (2 * np.pi) - np.pi)
-    # A slight dislike of contorted angles settles which sequence it is.
+    # A small cost of contorted angles decides between sequences that move equally.
     strange = 1e-3 * np.maximum(wrapped - REACH, 0.0)
     cost = strange[0]
     came_from = np.empty((len(first), 2), dtype=np.intp)

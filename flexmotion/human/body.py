@@ -93,7 +93,7 @@ class Body:
     Attributes:
         height: stature [m].
         mass: [kg].
-        sex: which column of the inertia table holds.
+        sex: column of the inertia table.
         fitted: segment sizes fitted to a clip; None for mean proportions of this height.
     """
 
@@ -123,7 +123,7 @@ class Body:
 
     @property
     def leg(self) -> float:
-        """Hip to ankle with a straight knee [m]: what strides are scaled by."""
+        """Hip to ankle with a straight knee [m]; strides scale with it."""
         return self.segments.leg
 
     @property
@@ -135,7 +135,7 @@ class Body:
         """Inertia of a segment of de Leva's table (`head`, `thigh`, ...) or of `torso` (upper and mid trunk as one).
 
         Raises:
-            KeyError: there is no such segment.
+            KeyError: the segment is unknown.
         """
         if segment == "torso":
             return self._torso()
@@ -144,7 +144,7 @@ class Body:
         return Inertia(self.mass * row["mass"] / 100, row["com"] / 100, (x, y, z))
 
     def _torso(self) -> Inertia:
-        """Upper and mid trunk, rigidly joined; proximal end is the omphalion (parallel axes)."""
+        """Upper and mid trunk as one rigid body (parallel axes); its proximal end is the omphalion."""
         table = _data("de_leva_1996.yaml")[self.sex]
         upper, middle = table["upper_trunk"], table["mid_trunk"]
         length = upper["length"] + middle["length"]

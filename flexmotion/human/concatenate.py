@@ -1,4 +1,4 @@
-"""Stretches of motion one after another."""
+"""Motions joined one after another."""
 
 from __future__ import annotations
 
@@ -14,7 +14,9 @@ _OPTIONAL = ("torques", "wrenches", "activations", "contacts")
 
 
 def concatenate(parts: Sequence[Motion]) -> Motion:
-    """One motion of all frames of `parts`, of the first one's body; forces and the like are kept where all have them.
+    """All frames of `parts` as one motion with the body of the first.
+
+    Torques, wrenches, activations and contacts are kept where all parts have them.
 
     Raises:
         ValueError: there are no parts, or their frame rates differ.
@@ -24,13 +26,13 @@ def concatenate(parts: Sequence[Motion]) -> Motion:
     first = parts[0]
     quaternions = [first.root_quaternion]
     for part in parts[1:]:
-        # Both signs are the same rotation: the one that goes on without a jump.
+        # Both signs are the same rotation; keep the one without a jump.
         known = next((done for done in reversed(quaternions) if len(done)), part.root_quaternion)
         flipped = len(part) and known[-1] @ part.root_quaternion[0] < 0
         quaternions.append(-part.root_quaternion if flipped else part.root_quaternion)
     optional: dict[str, Any] = {}
     for name in _OPTIONAL:
-        # What has no frames lacks nothing.
+        # A part without frames lacks nothing.
         values = [getattr(part, name) for part in parts if len(part)]
         whole = bool(values) and all(value is not None for value in values)
         optional[name] = np.concatenate(values) if whole else None

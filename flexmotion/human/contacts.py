@@ -1,4 +1,4 @@
-"""Which foot carries load, frame by frame, from kinematics or forces; causal, so that it can run on a stream."""
+"""Foot contacts from kinematics or forces, frame by frame; causal, so that they can be detected on a stream."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ POSITION = slice(0, 12)  # of the points in the last frame [m]
 FLOOR = slice(12, 16)  # height of the floor under each point [m]
 TOUCHING = slice(16, 20)  # whether each point touches it (0 or 1)
 LOADED = slice(20, 22)  # whether each foot is loaded (0 or 1)
-PENDING = slice(22, 24)  # for how long its points have said otherwise [s]
+PENDING = slice(22, 24)  # for how long the points of each foot have indicated the opposite [s]
 STARTED = 24  # whether there was a last frame (0 or 1)
 STATE_SIZE = 25
 
@@ -28,19 +28,18 @@ STATE_SIZE = 25
 class ContactDetector:
     """Height and speed of heel and toe joint against thresholds with hysteresis, over a floor that is tracked.
 
-    A point begins to touch the floor when it is low and slow, and ceases to when it is high or fast; a foot is loaded
-    while one of its points touches, and changes only after its points have said so for a while. Each point has its own
-    floor: recorded floors drift from place to place, and a fitted sole is never quite flat. It follows the point while
-    it touches, so a foot that is merely held still in the air does not become a step.
+    A point begins to touch the floor when it is low and slow, and ceases to when it is high or fast. A foot is loaded
+    while one of its points touches; the flag changes only after its points have indicated it for some time. Each point
+    has its own floor height, because recorded floors drift from place to place and a fitted sole is never quite flat.
+    The height follows the point while it touches, so that a foot held still in the air does not become a step.
 
-    Where ground forces are known and plausible they decide instead: a foot is loaded once it bears a share of the
-    body's weight, and until it bears less than a smaller one, again after a while. Forces that together are next to
-    nothing or several body weights are not believed, the points decide that frame: in flight they say the same, and a
-    model that predicts nonsense cannot take the floor away. Nor is a foot loaded whose heel and toe both are fast:
-    nobody stands on a foot that swings. The points are watched all along.
+    Ground forces decide instead, where they are known and plausible: a foot becomes loaded when it bears a share of
+    body weight, and unloaded below a smaller share, each after some time. The points decide in frames in which the sum
+    of both forces is nearly zero or several body weights: in flight they agree, and implausible predictions of a model
+    are ignored. A foot whose heel and toe are both fast is never loaded. The points are tracked in every frame.
 
-    Speeds are backward differences: a frame's result depends on nothing after it, and cutting a stream into chunks in
-    whatever way changes nothing.
+    Speeds are backward differences: a result depends on no later frame, and is the same however a stream is cut into
+    chunks.
 
     Attributes:
         low, high: heights above the floor at which touching begins and ends [m].
@@ -48,8 +47,8 @@ class ContactDetector:
         still: speed below which a touching point moves the floor [m/s].
         floor_time: time constant of the floor [s].
         bears, relieved: shares of the body's weight at which a foot begins and ceases to be loaded.
-        least, most: sums over both feet between which forces are believed [body weights].
-        load_time, lift_time: for how long that must be so before a foot counts as loaded, as lifted [s].
+        least, most: plausible sum of both forces [body weights].
+        load_time, lift_time: time before a foot counts as loaded, as lifted [s].
     """
 
     low: float = 0.04
@@ -79,8 +78,8 @@ class ContactDetector:
         Args:
             human: kinematics of the chunk, T frames.
             fps: frames per second.
-            state: that of the frame before the chunk, (25,); None begins over a floor at z = 0.
-            force: vertical ground force on each foot over the body's weight, (T, 2); None where it is not known.
+            state: of the frame before the chunk, (25,); None starts over a floor at z = 0.
+            force: vertical ground force on each foot over body weight, (T, 2); None where unknown.
 
         Returns:
             Flags of left and right foot, (T, 2), and states, (T, 25).
@@ -117,7 +116,7 @@ class ContactDetector:
             swings = speed.reshape(2, 2).min(axis=1) >= self.fast
             wanted = (force > np.where(loaded, self.relieved, self.bears)) & ~swings
         if not started:
-            # Without a speed this is a guess: let the next frame overrule it at once.
+            # Without a speed this is a guess: the next frame may overrule it at once.
             state[LOADED] = wanted
             state[PENDING] = np.inf
             return

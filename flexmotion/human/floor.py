@@ -1,4 +1,4 @@
-"""Where the floor is under a recorded human."""
+"""Height of the floor under a recorded human."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from flexmotion.human.kinematics import HumanKinematics
 Float = NDArray[np.float64]
 
 LOW, SLOW = 0.05, 0.2
-"""A point of the sole no higher than this above its lowest [m] and no faster than this [m/s] rests on the floor."""
+"""Greatest height above its lowest [m] and greatest speed [m/s] of a sole point that rests on the floor."""
 
 
 def clip_floor(human: HumanKinematics, fps: float) -> float:

@@ -1,8 +1,8 @@
-"""MuJoCo model of the human: 21 segments, a free pelvis and 26 hinges, made from a `Body`.
+"""MuJoCo model of the human: 21 segments, a free pelvis and 26 hinges, built from a `Body`.
 
 In the zero pose the human stands upright and faces x, arms hanging, palms forward; every segment's frame then has
 x forward, y left, z up. Hinges act in the order of `skeleton.JOINTS` (intrinsic rotations), about the axes of `AXES`.
-Foot and forearm masses are lumped: the whole foot on the calcaneus, half the forearm each on ulna and radius.
+Masses of foot and forearm are lumped: the foot on the calcaneus, half of the forearm each on ulna and radius.
 """
 
 from __future__ import annotations
@@ -62,12 +62,12 @@ RGBA = (0.55, 0.65, 0.8, 1.0)
 
 @dataclass(frozen=True, eq=False)
 class HumanModel:
-    """A compiled model and where our coordinates are in it.
+    """A compiled model and the indices of the human's coordinates in it.
 
     Attributes:
         body: the human it was made from.
         model: MuJoCo model; bodies are named as in `SEGMENTS`, joints as in `skeleton.JOINTS` (the free joint is
-            `root`), sites as in `SITES`. No contacts: the human's own ground forces are computed, not simulated.
+            `root`), sites as in `SITES`. No contacts: ground forces of the human are computed, not simulated.
     """
 
     body: Body
@@ -110,7 +110,7 @@ def human_model(body: Body) -> HumanModel:
 
 
 def human_spec(body: Body) -> mujoco.MjSpec:
-    """The model as an editable specification, to which others add floors, muscles or markers."""
+    """The model as an editable specification, for callers that add floors, muscles or markers."""
     size = body.segments
     spec = mujoco.MjSpec()
     spec.modelname = "human"
@@ -222,7 +222,7 @@ def _inertia(body: mujoco.MjsBody, inertia: Inertia, distal: tuple[float, float,
 
 
 def _foot_inertia(calcaneus: mujoco.MjsBody, body: Body) -> None:
-    """The foot lies: its longitudinal axis is x, its sagittal one z; mass half-way between sole and ankle."""
+    """Inertia of the foot: longitudinal axis x, sagittal axis z; mass half-way between sole and ankle."""
     size, inertia = body.segments, body.inertia("foot")
     sagittal, transverse, longitudinal = inertia.gyration
     calcaneus.mass = inertia.mass
@@ -232,7 +232,7 @@ def _foot_inertia(calcaneus: mujoco.MjsBody, body: Body) -> None:
 
 
 def _capsule(body: mujoco.MjsBody, start: tuple[float, ...], end: tuple[float, ...], radius: float) -> None:
-    """A shape to look at; it neither weighs nor touches."""
+    """A visual shape without mass and contacts."""
     body.add_geom(
         type=mujoco.mjtGeom.mjGEOM_CAPSULE,
         fromto=[*start, *end],

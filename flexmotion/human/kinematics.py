@@ -1,4 +1,4 @@
-"""Forward kinematics of human motion: where its joints, feet, hands and centre of mass are."""
+"""Forward kinematics of human motion: positions of joints, feet, hands and centre of mass."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ SIDED_BODIES = {
     "elbow": "ulna",
     "wrist": "hand",
 }
-"""Joint centres that are the origin of a body of the model."""
+"""Joint centre -> body of the model whose origin it is."""
 
 SIDED_SITES = ("heel", "toe", "hand")
 
 
 @dataclass(frozen=True)
 class HumanKinematics:
-    """Positions [m] and rotations of every frame in the world frame; sides are ordered left, right.
+    """Positions [m] and rotations of every frame in the world; sides are ordered left, right.
 
     Rotation matrices map a segment's axes (x forward, y left, z up in upright stance) into the world.
 
@@ -41,7 +41,7 @@ class HumanKinematics:
         pelvis_position: midpoint of the hips, (T, 3).
         pelvis_rotation, torso_rotation, head_rotation: (T, 3, 3).
         hip, knee, ankle: joint centres, (T, 2, 3).
-        heel, toe: the sole at the back of the heel and under the toe joint, about which the foot rolls off, (T, 2, 3).
+        heel, toe: sole points at the back of the heel and under the toe joint, (T, 2, 3).
         foot_rotation: x along the foot to the toes, z up when it stands flat, (T, 2, 3, 3).
         shoulder, elbow, wrist: joint centres, (T, 2, 3).
         hand: centre of the closed fist, (T, 2, 3).
@@ -75,7 +75,7 @@ class HumanKinematics:
         return HumanKinematics(**{item.name: getattr(self, item.name)[frames] for item in fields(self)})
 
     def __add__(self, other: HumanKinematics) -> HumanKinematics:
-        """Two stretches of frames, one after the other."""
+        """The frames of both, one after the other."""
         return HumanKinematics(
             **{
                 item.name: np.concatenate([getattr(self, item.name), getattr(other, item.name)])
@@ -91,7 +91,7 @@ def forward(motion: Motion) -> HumanKinematics:
     qpos, frames = human.qpos(motion), len(motion)
     bodies, sites = np.empty((frames, model.nbody, 3)), np.empty((frames, model.nsite, 3))
     centres, rotations = np.empty((frames, model.nbody, 3)), np.empty((frames, model.nbody, 9))
-    # Views into the MjData, looked up once: attribute access would cost as much as the kinematics.
+    # Views into the MjData, looked up once: attribute access costs as much as the kinematics.
     state, xpos, xipos, xmat, site_xpos = data.qpos, data.xpos, data.xipos, data.xmat, data.site_xpos
     for frame in range(frames):
         state[:] = qpos[frame]
@@ -102,7 +102,7 @@ def forward(motion: Motion) -> HumanKinematics:
 
 @lru_cache(maxsize=32)
 def _scratch(body: Body, thread: int) -> mujoco.MjData:
-    """Work space of one thread, kept because making it costs as much as a second of motion."""
+    """MjData of one thread, cached: making it costs as much as a second of motion."""
     return mujoco.MjData(human_model(body).model)
 
 

@@ -1,4 +1,4 @@
-"""`Motion`: a stretch of human motion, the type that every importer makes and every consumer takes."""
+"""`Motion`: human motion at a fixed frame rate."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ class Motion:
         joints: joint coordinates in the order of `skeleton.JOINTS`, (T, 26) [rad].
         body: size, sex and mass of the human.
         torques: generalised forces of root and joints, (T, 32) [N, N·m]; None where not computed.
-        wrenches: ground reaction on the left and right foot (force, then moment about the foot's centre of
-            pressure's reference point, world frame), (T, 2, 6) [N, N·m]; None where not computed.
+        wrenches: ground reaction on the left and right foot in the world, (T, 2, 6) [N, N·m]: force, then moment
+            about the centre of pressure; None where not computed.
         activations: muscle activations, (T, M) in [0, 1]; None where not computed.
         contacts: whether the left and right foot carry load, (T, 2) bool; None where not computed.
-        source: where it comes from (a file name or `model:NAME`).
+        source: a file name or `model:NAME`.
     """
 
     fps: float

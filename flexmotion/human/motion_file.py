@@ -1,4 +1,4 @@
-"""Our own motion files: one `.npz` holds a `Motion` with all that is known of it."""
+"""FlexMotion's motion files: one `.npz` holds one `Motion`."""
 
 from __future__ import annotations
 
@@ -40,10 +40,10 @@ def save_motion(motion: Motion, path: str | Path) -> None:
 
 
 def load_motion(path: str | Path) -> Motion:
-    """Read what `save_motion` wrote; joints are matched by name.
+    """Read a file of `save_motion`; joints are matched by name.
 
     Raises:
-        MotionFormatError: the file is missing, no motion file of ours, or what is in it is no motion.
+        MotionFormatError: the file is missing, damaged, or not a motion file.
     """
     try:
         with np.load(path, allow_pickle=False) as archive:

@@ -17,13 +17,13 @@ PASS_BAND = 0.4
 """Cut-off of the anti-alias filter as a share of the new frame rate (its Nyquist frequency is at one half)."""
 
 SAME_RATE = 1e-3
-"""Frame rates closer than this (relative) are the same: files round their frame time."""
+"""Frame rates with a smaller relative difference are equal: files round their frame time."""
 
 
 def resample_signal(signal: Float, fps: float, new_fps: float) -> Float:
     """A signal at another frame rate, first and last frame in place, (T, ...) -> (T', ...).
 
-    Going down it is low-passed first (fourth-order Butterworth, forwards and backwards: no delay).
+    To a lower rate it is low-passed first (fourth-order Butterworth, forward and backward: zero phase).
     """
     if same_rate(fps, new_fps) or len(signal) < 2:
         return signal
@@ -31,7 +31,7 @@ def resample_signal(signal: Float, fps: float, new_fps: float) -> Float:
     if new_fps < fps:
         flat = low_pass(flat, fps, PASS_BAND * new_fps)
     times = np.arange(len(signal)) / fps
-    # A rounded frame time in a file must not lose the last frame.
+    # The last frame is kept although files round their frame time.
     count = int(np.floor(times[-1] * new_fps + 0.01)) + 1
     return CubicSpline(times, flat)(np.arange(count) / new_fps).reshape(count, *signal.shape[1:])
 
@@ -41,7 +41,7 @@ def low_pass(signal: Float, fps: float, cutoff: float) -> Float:
     if cutoff >= fps / 2:
         return signal
     sections = butter(4, cutoff, fs=fps, output="sos")
-    # The ends are continued point-symmetrically for a few periods of the cut-off frequency.
+    # The ends are padded point-symmetrically by a few periods of the cut-off frequency.
     pad = min(len(signal) - 1, int(3 * fps / cutoff))
     filtered: Float = sosfiltfilt(sections, signal, axis=0, padlen=pad)
     return filtered
@@ -67,10 +67,10 @@ def same_rate(fps: float, new_fps: float) -> bool:
 
 
 def fill(values: Float, weight: Float, sigma: float) -> Float:
-    """Values (T, n) carried from where they are trusted to where they are not.
+    """Values (T, n), filled in over time from frames of large weight.
 
-    A Gaussian average over time with a width of `sigma` frames, each frame counted by its weight (T,); far from any
-    trusted frame it becomes the average of all.
+    A Gaussian average over time with a standard deviation of `sigma` frames, weighted by `weight` (T,); far from every
+    weighted frame it tends to the mean of all.
     """
     total = max(weight.sum(), 1e-9)
     mean = (weight[:, None] * values).sum(axis=0) / total

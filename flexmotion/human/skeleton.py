@@ -1,14 +1,14 @@
-"""The human skeleton: which joint coordinates there are, in which order, and what their signs mean.
+"""The human skeleton: joint coordinates, their order and signs.
 
-Twenty-nine degrees of freedom as in the full-body models of biomechanics (6 of the pelvis, 3 lumbar, 5 a leg, 5 an
-arm) and 3 more at the neck, because robots have heads.
+29 degrees of freedom as in full-body models of biomechanics (6 of the pelvis, 3 lumbar, 5 per leg, 5 per arm), and 3 of
+the neck, since robots have heads.
 
-Zero is upright stance facing x with hanging arms, palms forward; there every segment's frame has x forward, y left,
-z up. Joints of three coordinates turn in the order listed, each about the axes that the one before has turned
-(intrinsic). Positive: extension of lumbar and neck leans back (-y), bending leans to the right (+x), rotation turns
-to the left (+z); flexion of hip, shoulder and elbow brings the limb forward (-y), knee flexion brings the heel to the
-seat (+y), ankle dorsiflexion lifts the toes (-y); adduction brings a limb to the midline (right +x, left -x), and
-rotation and pronation are internal: the front of the limb turns towards the midline (right +z, left -z).
+Zero is upright stance facing x with hanging arms, palms forward; every segment's frame then has x forward, y left,
+z up. Joints of three coordinates rotate in the order listed, intrinsically. Positive extension of lumbar and neck leans
+back (-y), bending leans to the right (+x), rotation turns to the left (+z). Positive flexion of hip, shoulder and elbow
+brings the limb forward (-y), knee flexion brings the heel to the seat (+y), ankle dorsiflexion lifts the toes (-y),
+adduction brings a limb to the midline (right +x, left -x); rotation and pronation are internal: the front of the limb
+turns towards the midline (right +z, left -z).
 """
 
 LEFT, RIGHT = 0, 1

@@ -1,4 +1,4 @@
-"""Directions and frames made of them, for whole clips at once."""
+"""Unit vectors, and frames made of directions, for whole clips."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ def unit(vector: Float) -> Float:
 
 
 def frame(left: Float, up: Float) -> Float:
-    """Rotations with y axis `left` and the z axis as near to `up` as that allows, (..., 3) -> (..., 3, 3)."""
+    """Rotations with y axis along `left` and z axis as near to `up` as possible, (..., 3) -> (..., 3, 3)."""
     y = unit(left)
     x = unit(np.cross(y, up))
     return np.stack([x, y, np.cross(x, y)], axis=-1)
 
 
 def in_frame(rotation: Float, vector: Float) -> Float:
-    """World vectors (T, 3) in the axes of rotations (T, 3, 3)."""
+    """World vectors (T, 3) expressed in the axes of rotations (T, 3, 3)."""
     local: Float = np.einsum("tji,tj->ti", rotation, vector)
     return local

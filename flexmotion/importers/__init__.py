@@ -1,4 +1,4 @@
-"""Motion files of any kind to `Motion`."""
+"""Importers of motion files."""
 
 from flexmotion.importers.load import Import, load, read
 

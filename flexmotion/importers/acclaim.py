@@ -1,7 +1,7 @@
 """Reader of Acclaim motion: a skeleton (ASF) and its motion (AMC).
 
-A bone turns by C R C⁻¹ against its parent: C is its `axis`, R the motion's rotations, applied x first, then y, z (both
-about fixed axes). A point is where a bone begins. Lengths are counted in units of `length` of an inch.
+A bone rotates by C R C⁻¹ relative to its parent: C is its `axis`, R the rotation of the motion, both about the fixed
+axes x, y, z in that order. A point is the start of a bone. Lengths are in units of `length` of an inch.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from flexmotion.importers.capture import Capture
 Float = NDArray[np.float64]
 
 FPS = 120.0
-"""Of the CMU database; AMC files do not tell."""
+"""Frame rate of the CMU database [1/s]; AMC files do not contain it."""
 
 ROTATIONS = ("rx", "ry", "rz")
 ROOT = "root"
@@ -38,7 +38,7 @@ class Bone:
 
 @dataclass
 class Skeleton:
-    """What an ASF file says; bones in an order in which parents come first."""
+    """Content of an ASF file; parents come before their children."""
 
     bones: dict[str, Bone]
     parents: dict[str, str]
@@ -49,10 +49,10 @@ class Skeleton:
 def read_acclaim(path: Path) -> Capture:
     """Motion of an AMC file on the skeleton beside it.
 
-    That is `NAME.asf`, `SUBJECT.asf` for `SUBJECT_TRIAL.amc`, or the only one there is.
+    The skeleton is `NAME.asf`, `SUBJECT.asf` for `SUBJECT_TRIAL.amc`, or the only ASF file of the folder.
 
     Raises:
-        MotionFormatError: a file cannot be read, or there is no skeleton; names line and what is wrong there.
+        MotionFormatError: a file cannot be read, or there is no skeleton; names the line and the error.
     """
     skeleton_path = find_skeleton(path)
     if skeleton_path is None:
@@ -98,7 +98,7 @@ def _skeleton_names(path: Path) -> tuple[Path, Path]:
 
 
 def _lines(path: Path) -> list[tuple[int, list[str]]]:
-    """Words of every line that has any, with its number; comments left out."""
+    """Line number and words of every line with words; comments are skipped."""
     try:
         text = path.read_text(encoding="utf-8", errors="replace")
     except OSError as error:
@@ -165,7 +165,7 @@ def read_asf(path: Path) -> Skeleton:
     for name in ordered:
         children = [child for child, parent in skeleton.parents.items() if parent == name]
         if ROOT in children or len(ordered) > len(skeleton.bones):
-            raise MotionFormatError(f"{path}: the :hierarchy goes round in a circle at {name!r}")
+            raise MotionFormatError(f"{path}: the :hierarchy has a cycle at {name!r}")
         ordered += children
     skeleton.bones = {name: skeleton.bones[name] for name in ordered}
     return skeleton
@@ -202,4 +202,4 @@ def _read_amc(path: Path, skeleton: Skeleton) -> tuple[dict[str, Float], bool]:
 def _check_frame(path: Path, number: int, table: dict[str, list[list[float]]], frames: int) -> None:
     short = next((name for name, rows in table.items() if len(rows) != frames), None)
     if short:
-        raise _error(path, number, f"frame {frames} has no values for {short!r}, or they come twice (truncated?)")
+        raise _error(path, number, f"frame {frames} has no values for {short!r}, or has them twice (truncated?)")

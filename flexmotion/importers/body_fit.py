@@ -27,13 +27,13 @@ ANKLE_RANGE = (0.03, 0.07)
 def fit_body(found: Landmarks, pelvis: Float, flat: tuple[FlatFoot, FlatFoot], mass: float = 70.0) -> Body:
     """A symmetric body with the bone lengths of a clip (medians over frames, means of both sides).
 
-    What joint centres do not tell (head, heel, toes, hands) is in proportion to the legs; so is the stature.
+    Sizes that joint centres do not define (head, heel, toes, hands) and the stature are in proportion to the legs.
 
     Args:
         found: joint centres.
         pelvis: rotation of the pelvis, (T, 3, 3).
         flat: left and right foot (see `flat_foot`).
-        mass: of the human; no motion file tells it [kg].
+        mass: of the human; motion files do not contain it [kg].
     """
     points = found.points
     thigh, shank = _bone(points, "hip", "knee"), _bone(points, "knee", "ankle")

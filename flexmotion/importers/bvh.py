@@ -1,7 +1,7 @@
-"""Reader of Biovision hierarchy files (BVH), whatever their skeleton.
+"""Reader of Biovision hierarchy files (BVH) with any skeleton.
 
 Rotation channels apply in the order in which they are listed (intrinsic). Position channels of a joint replace its
-OFFSET; that is also what the files mean that give six channels to every joint.
+OFFSET, also in files with six channels for every joint.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ Float = NDArray[np.float64]
 
 CHANNELS = tuple(f"{axis}{kind}" for kind in ("position", "rotation") for axis in "XYZ")
 END = "/end"
-"""An end site is called after its joint, with this behind it."""
+"""Suffix of an end site, after the name of its joint."""
 
 
 @dataclass
@@ -39,7 +39,7 @@ def read_bvh(path: Path) -> Capture:
     """Joint positions and orientations of every frame, end sites included (`NAME/end`).
 
     Raises:
-        MotionFormatError: the file cannot be read; names the line and what is wrong there.
+        MotionFormatError: the file cannot be read; names the line and the error.
     """
     lines = _lines(path)
     joints, position = _hierarchy(path, lines)
@@ -73,7 +73,7 @@ def _lines(path: Path) -> list[str]:
 
 
 def _hierarchy(path: Path, lines: list[str]) -> tuple[list[Joint], int]:
-    """Joints in the order of the file, and the number of the line after `MOTION`."""
+    """Joints in the order of the file, and the index of the line after `MOTION`."""
     joints: list[Joint] = []
     names: set[str] = set()
     stack: list[int] = []
@@ -93,12 +93,12 @@ def _hierarchy(path: Path, lines: list[str]) -> tuple[list[Joint], int]:
             elif len(words) < 2:
                 raise _error(path, number, f"{keyword} has no name")
             else:
-                # Some exporters put a namespace in front and spaces inside.
+                # Some exporters prepend a namespace, or put spaces into names.
                 name = " ".join(words[1:]).rsplit(":", 1)[-1]
             if keyword == "ROOT" and joints:
-                raise _error(path, number, f"a second ROOT {name!r}; one skeleton a file is read")
+                raise _error(path, number, f"a second ROOT {name!r}; expected one skeleton per file")
             if name in names:
-                raise _error(path, number, f"a second joint called {name!r}")
+                raise _error(path, number, f"a second joint named {name!r}")
             names.add(name)
             pending = Joint(name, parent)
         elif keyword == "{":
@@ -146,9 +146,9 @@ def _channels(path: Path, number: int, words: list[str]) -> list[str]:
         if channel not in CHANNELS:
             raise _error(path, number, f"unknown channel {channel!r}; valid: {', '.join(CHANNELS)}")
     if not words or words[0] != str(len(channels)) or len(set(channels)) != len(channels):
-        raise _error(path, number, "CHANNELS takes their number, then as many different channels")
+        raise _error(path, number, "CHANNELS: expected their number, then as many different channels")
     if sum(channel.endswith("rotation") for channel in channels) not in (0, 3):
-        raise _error(path, number, "a joint has three rotation channels or none")
+        raise _error(path, number, "expected three rotation channels of a joint, or none")
     return channels
 
 
@@ -179,7 +179,7 @@ def _motion(path: Path, lines: list[str], start: int, joints: list[Joint]) -> tu
     try:
         table = np.array([row for _, row in rows], dtype=np.float64)
     except ValueError:
-        # Only now look at each line, to name the one at fault.
+        # Each line is parsed on its own only to name the wrong one.
         for at, row in rows:
             _floats(path, at, row, width)
         raise
@@ -211,7 +211,7 @@ def _forward(joints: list[Joint], table: Float) -> tuple[Float, Float]:
 
 
 def _local_rotations(joints: list[Joint], table: Float) -> dict[int, Float]:
-    """Rotation matrices (T, 3, 3) of every joint that has rotation channels, one conversion for each channel order."""
+    """Rotation matrices (T, 3, 3) of every joint with rotation channels, converted once per channel order."""
     groups: dict[str, list[tuple[int, list[int]]]] = {}
     for index, joint in enumerate(joints):
         columns = [joint.column + at for at, c in enumerate(joint.channels) if c.endswith("rotation")]

@@ -1,4 +1,4 @@
-"""`Capture`: what a motion file says, in its own skeleton, units and axes, before a human is fitted to it."""
+"""`Capture`: content of a motion file in its own skeleton, units and axes."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ Float = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Capture:
-    """Named points of a moving skeleton, with orientations where the format has them.
+    """Named points of a moving skeleton, with orientations if the format has them.
 
     Attributes:
-        path: the file, for messages.
+        path: of the file, for messages.
         fps: frames per second.
-        names: of the points, J of them.
-        positions: in the world of the file, (T, J, 3) [file units].
-        rotations: of each point's own frame in the world of the file, (T, J, 3, 3); None for bare points.
+        names: of the J points.
+        positions: in the file's world, (T, J, 3) [file units].
+        rotations: of each point's own frame in the file's world, (T, J, 3, 3); None for formats of points only.
         parents: index of each point's parent, -1 for a root; None where the format has no hierarchy.
         zero_positions: positions with every rotation at zero and the root at the origin, (J, 3); None where the format
             has no such pose.
@@ -38,12 +38,12 @@ class Capture:
         return len(self.positions)
 
     def select(self, names: Sequence[str]) -> NDArray[np.intp]:
-        """Columns of the points of these names."""
+        """Indices of the points with these names."""
         column = {name: index for index, name in enumerate(self.names)}
         return np.array([column[name] for name in names], dtype=np.intp)
 
     def common_ancestor(self, first: str, second: str) -> str:
-        """The lowest joint of the hierarchy that carries both points."""
+        """Lowest common ancestor of two points."""
         parents = self.parents
         if parents is None:
             raise ValueError("this capture has no hierarchy")

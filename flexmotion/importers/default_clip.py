@@ -1,8 +1,7 @@
-"""The clip that runs when nothing else is asked for, made from keyframes: wave, bow, steps.
+"""The default clip, made from keyframes: wave, bow, steps.
 
-`python -m flexmotion.importers.default_clip` builds `data/default.npz` anew from `data/default_clip.yaml`. The centre
-of mass moves as a linear inverted pendulum over the feet, so the steps are balanced, and the legs follow the planted
-feet.
+`python -m flexmotion.importers.default_clip` builds `data/default.npz` from `data/default_clip.yaml`. The centre of
+mass moves as a linear inverted pendulum over the feet, so that steps are balanced; the legs follow the planted feet.
 """
 
 from __future__ import annotations
@@ -36,7 +35,7 @@ DATA = "default.npz"
 
 
 class Step(Strict):
-    """One step: the foot lifts off and lands at these times [s], at this x [m]."""
+    """One step: times of lift-off and landing [s], and x of the landing [m]."""
 
     foot: Literal["l", "r"]
     lift: float
@@ -58,13 +57,13 @@ class Script(Strict):
 
 @lru_cache(maxsize=1)
 def default_clip() -> Motion:
-    """The clip as shipped."""
+    """The shipped clip."""
     with resources.as_file(resources.files("flexmotion").joinpath("data", DATA)) as path:
         return load_motion(path)
 
 
 def build_clip(script: Script, body: Body) -> Motion:
-    """The motion that a script describes, for a human of this size."""
+    """Motion of a keyframe script for a human of this size."""
     time = np.arange(round(script.seconds * script.fps) + 1) / script.fps
     joints = np.zeros((len(time), len(JOINTS)))
     for joint, keys in script.joints.items():
@@ -82,7 +81,7 @@ def build_clip(script: Script, body: Body) -> Motion:
         body=body,
         source="default",
     )
-    # The legs' own mass moves with the pelvis: a few rounds put the centre of mass where balance wants it.
+    # The legs move with the pelvis, so its shift is iterated until the centre of mass is at its target.
     for _ in range(6):
         motion = _with_legs(motion, ankles)
         shift = np.column_stack([balance - forward(motion).com[:, :2], np.zeros(len(time))])
@@ -102,7 +101,7 @@ def minimum_jerk(time: Float, keys: Sequence[tuple[float, float]]) -> Float:
 
 
 def _ankles(script: Script, body: Body, time: Float) -> Float:
-    """Ankle centres of both feet, flat all the time, (T, 2, 3)."""
+    """Ankle centres of both feet, which stay level, (T, 2, 3)."""
     size = body.segments
     ankles = np.zeros((len(time), 2, 3))
     for side, name in enumerate(SIDES):
@@ -119,7 +118,7 @@ def _ankles(script: Script, body: Body, time: Float) -> Float:
 
 
 def _zmp(script: Script, feet: Float, time: Float) -> Float:
-    """Where the ground force acts: under the standing foot during a step, between both feet else, (T, 2)."""
+    """Zero-moment point: under the stance foot during a step, else between both feet, (T, 2)."""
     keys = [(0.0, 0.5)]
     for step in script.steps:
         # Share of the load on the right foot.
@@ -146,7 +145,7 @@ def _balanced_com(zmp: Float, time: Float, body: Body) -> Float:
 
 
 def _with_legs(motion: Motion, ankles: Float) -> Motion:
-    """The same motion with leg angles that put the ankles there and keep the soles flat."""
+    """The motion with leg angles that reach the given ankles with level soles."""
     size = motion.body.segments
     pelvis = Rotation.from_quat(motion.root_quaternion, scalar_first=True).as_matrix()
     joints = motion.joints.copy()
@@ -160,7 +159,7 @@ def _with_legs(motion: Motion, ankles: Float) -> Motion:
         column = JOINTS.index(f"hip_flexion_{name}")
         joints[:, column : column + 3] = hips
         joints[:, column + 3] = leg.flexion
-        # The sole is level when the foot undoes the shank's forward lean.
+        # The sole is level when the ankle compensates the forward lean of the shank.
         joints[:, column + 4] = np.arctan2(-shank[:, 2, 0], shank[:, 2, 2])
     return replace(motion, joints=joints)
 

@@ -1,7 +1,7 @@
-"""From joint centres (and segment orientations) of a clip to `Motion`: a body of its size and the angles of its joints.
+"""Fit of a body and its joint angles to joint centres, and segment orientations, of a clip.
 
-Ankles are met exactly as far as the leg reaches, wrists as far as the arm reaches from shoulders that are fixed in the
-torso. Where a limb is straight the axis of its hinge is carried over from where it is bent (`limb`).
+Ankles are reached exactly within the length of the leg, wrists within the length of the arm from shoulders that are
+fixed in the torso. The hinge axis of a straight limb is taken from frames in which it is bent (`limb`).
 """
 
 from __future__ import annotations
@@ -32,15 +32,15 @@ Float = NDArray[np.float64]
 TOE_OUT_LIMIT = np.radians(35)
 
 ELBOW_AT_REST = np.radians(20)
-"""Of an arm that hangs by the torso, where a file has no arms below the shoulders."""
+"""Angles of an arm hanging beside the torso, for files without arms below the shoulders [rad]."""
 
 PRONATION_AT_REST = np.pi / 2
-"""Of a hanging arm whose palm faces the thigh; taken where a file tells nothing of the hands."""
+"""Pronation of a hanging arm whose palm faces the thigh, for files without hand orientations [rad]."""
 
 
 @dataclass(frozen=True)
 class FitError:
-    """Distance between a point of the file and the same point of the fitted human over a clip [m]."""
+    """Distance between a point of the file and that of the fitted human over a clip [m]."""
 
     rms: float
     max: float
@@ -48,7 +48,7 @@ class FitError:
 
 @dataclass(frozen=True)
 class Fit:
-    """A fitted motion and how far it is from its file, for `ankle`, `wrist` and (where the file has it) `head`."""
+    """A fitted motion and its errors, for `ankle`, `wrist` and, where the file has it, `head`."""
 
     motion: Motion
     errors: dict[str, FitError]
@@ -57,7 +57,7 @@ class Fit:
 def fit(found: Landmarks) -> Fit:
     """Fit a human to a clip; position, heading and floor stay as in the file.
 
-    Elbows and wrists may be missing (both sides): such arms hang by the torso.
+    Elbows and wrists of both sides may be missing: the arms then hang beside the torso.
     """
     points = found.points
     root = (points["hip_l"] + points["hip_r"]) / 2
@@ -96,7 +96,7 @@ def fit(found: Landmarks) -> Fit:
 
 
 def _with_shoulders(size: Segments, found: Landmarks, lumbar: Float, torso: Float, tilt: float) -> Segments:
-    """Neck and shoulders in the torso's axes: where they are in the median."""
+    """Median positions of neck and shoulders in the axes of the torso."""
     middle = (found.points["shoulder_l"] + found.points["shoulder_r"]) / 2 - lumbar
     forward_by, _, above = np.median(in_frame(torso, middle), axis=0)
     return replace(
@@ -114,7 +114,7 @@ def _leg(angles: dict[str, Float], found: Landmarks, side: str, root: Float, pel
     points = found.points
     hip = root + pelvis @ np.array([0.0, sign * size.hip_width / 2, 0.0])
     knee, ankle = points[f"knee_{side}"], points[f"ankle_{side}"]
-    # A straight leg's knee looks where the foot points; a foot that hangs along the shank points nowhere.
+    # The knee of a straight leg faces along the foot; a foot in line with the shank has no direction.
     guess = np.cross(unit(knee - ankle), unit(points[f"toe_{side}"] - ankle)) + 0.2 * pelvis[:, :, 1]
     axis = hinge_axis(points[f"hip_{side}"], knee, ankle, 1.0, guess, found.attached.get(f"hip_{side}"))
     leg = solve_limb(hip, ankle, axis, (size.thigh, size.shank), 1.0)
@@ -124,7 +124,7 @@ def _leg(angles: dict[str, Float], found: Landmarks, side: str, root: Float, pel
 
 
 def _toe_out(found: Landmarks, tibiae: list[Float], flat: tuple[FlatFoot, FlatFoot]) -> float:
-    """Mean of both feet, outwards positive [rad]."""
+    """Mean of both feet, positive outwards [rad]."""
     outward = []
     for side, sign, tibia, foot in zip(SIDES, (1.0, -1.0), tibiae, flat, strict=True):
         line = found.points[f"toe_{side}"] - found.points[f"ankle_{side}"]
@@ -138,8 +138,8 @@ def _arm(angles: dict[str, Float], found: Landmarks, side: str, lumbar: Float, t
     offset = np.array([size.shoulder_forward, sign * size.shoulder_width / 2, size.shoulder_height])
     shoulder = lumbar + torso @ offset
     elbow, wrist = points[f"elbow_{side}"], points[f"wrist_{side}"]
-    # A straight arm's elbow axis, where nothing better is known: that of an arm which was lifted from hanging straight
-    # to where it is by the shortest way.
+    # Fallback for the elbow axis of a straight arm: that of a hanging arm rotated to its direction by the smallest
+    # rotation.
     guess = _lifted(torso, wrist - points[f"shoulder_{side}"])
     axis = hinge_axis(points[f"shoulder_{side}"], elbow, wrist, -1.0, guess, found.attached.get(f"shoulder_{side}"))
     arm = solve_limb(shoulder, wrist, axis, (size.upper_arm, size.forearm), -1.0)
@@ -165,7 +165,7 @@ def _lifted(torso: Float, reach: Float) -> Float:
 
 
 def _pronation(ulna: Float, hand: Float | None, sign: float) -> Float:
-    """Angle of the palm about the forearm, (T,) [rad]; carried over where a bent wrist hides it."""
+    """Angle of the palm about the forearm, (T,) [rad]; interpolated where a bent wrist leaves it undefined."""
     if hand is None:
         return np.full(len(ulna), PRONATION_AT_REST)
     palm = in_frame(ulna, hand[:, :, 0])[:, :2] * [1.0, -sign]
@@ -186,13 +186,13 @@ def _store(
 
 
 def fit_errors(found: Landmarks, human: HumanKinematics) -> dict[str, FitError]:
-    """Distances of a fitted human to the points of its file."""
+    """Distances between a fitted human and the points of its file."""
     pairs = {
         name: np.stack([found.points[f"{name}_l"], found.points[f"{name}_r"]], axis=1) - getattr(human, name)
         for name in (("ankle", "wrist") if found.has_arms else ("ankle",))
     }
     if "head" in found.points:
-        # The file's point may lie anywhere in the head: compared with where it is in the median.
+        # The file's point may lie anywhere in the head: the reference is its median position.
         offset = found.points["head"] - human.vertex
         local = in_frame(human.head_rotation, offset)
         pairs["head"] = local - np.median(local, axis=0)

@@ -1,4 +1,4 @@
-"""When a foot stands flat, how it is turned out, and the ankle's angle."""
+"""Frames in which a foot is flat, toe-out angle, and ankle angle."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ from flexmotion.spatial.transitions import smoothstep
 Float = NDArray[np.float64]
 
 STANCE_HEIGHT, STANCE_SPEED = 0.03, 0.15
-"""A foot whose ankle and toe joint are no higher above their lowest [m] and no faster [m/s] stands flat."""
+"""Greatest height of ankle and toe joint above their lowest [m], and greatest speed [m/s], of a flat foot."""
 
 CORRECTED, LEFT_ALONE = 0.2, 0.5
-"""Up to the first angle the ankle gives way so that the sole has the file's pitch in the world; a foot that would need
-more than the second is turned so far out of the shank's plane that pitch is not what matters [rad]."""
+"""The ankle is corrected fully up to the first angle, so that the sole has the file's pitch in the world, and not at
+all from the second on, where the foot is far out of the shank's plane [rad]."""
 
 
 @dataclass(frozen=True)
 class FlatFoot:
-    """How the line from the ankle to the toe joint lies while a foot stands flat; medians over those frames.
+    """Line from the ankle to the toe joint while a foot is flat; medians over those frames.
 
     Attributes:
         elevation: above the horizontal (negative: it slopes down to the toes) [rad].
-        frames: whether the foot stands flat, (T,) bool.
+        frames: whether the foot is flat, (T,) bool.
     """
 
     elevation: float
@@ -38,9 +38,9 @@ class FlatFoot:
 
 
 def flat_foot(found: Landmarks, side: str) -> FlatFoot:
-    """When a foot stands flat, and how its ankle-to-toe line then slopes.
+    """Frames in which a foot is flat, and the slope of its ankle-to-toe line in them.
 
-    Low and slow frames; without any (a clip of nothing but running) the lowest tenth.
+    A foot is flat in low and slow frames; in a clip without any (running only) in the lowest tenth.
     """
     ankle, toe = found.points[f"ankle_{side}"], found.points[f"toe_{side}"]
     height = np.maximum(_above_lowest(ankle), _above_lowest(toe))
@@ -59,17 +59,17 @@ def toe_out(tibia: Float, line: Float, frames: NDArray[np.bool_]) -> float:
     Args:
         tibia: rotation of the shank, (T, 3, 3).
         line: from the ankle to the toe joint, (T, 3).
-        frames: those in which the foot stands flat, (T,) bool.
+        frames: in which the foot is flat, (T,) bool.
     """
     local = in_frame(tibia[frames], line[frames])
     return float(np.median(np.arctan2(local[:, 1], local[:, 0])))
 
 
 def dorsiflexion(tibia: Float, line: Float, elevation: float, yaw: float) -> Float:
-    """Ankle angle that gives the foot the file's direction, (T,) [rad].
+    """Ankle angle that gives the foot the direction of the file, (T,) [rad].
 
-    In the shank's sagittal plane first; then, unless the foot points steeply up or down, moved so that the sole's
-    pitch in the world is that of the file: a planted sole stays flat although the model's ankle has one axis.
+    First in the shank's sagittal plane; then, unless the foot points steeply up or down, corrected so that the sole has
+    the file's pitch in the world: a planted sole stays level although the model's ankle has one axis.
 
     Args:
         tibia: rotation of the shank, (T, 3, 3).
@@ -80,7 +80,7 @@ def dorsiflexion(tibia: Float, line: Float, elevation: float, yaw: float) -> Flo
     direction = unit(line)
     local = in_frame(tibia, direction)
     angle = _in_plane(local) - elevation
-    # World height of the model's line as a function of the angle d: a cos d + b sin d + c.
+    # Height of the model's line in the world as a function of the angle d: a cos d + b sin d + c.
     x, y, z = np.cos(elevation) * np.cos(yaw), np.cos(elevation) * np.sin(yaw), np.sin(elevation)
     row = tibia[:, 2]
     a, b, c = row[:, 0] * x + row[:, 2] * z, row[:, 2] * x - row[:, 0] * z, row[:, 1] * y
@@ -90,16 +90,16 @@ def dorsiflexion(tibia: Float, line: Float, elevation: float, yaw: float) -> Flo
     best = np.stack([np.arctan2(b, a) + half, np.arctan2(b, a) - half]) - angle
     best = (best + np.pi) % (2 * np.pi) - np.pi
     nearest = np.where(np.abs(best[0]) < np.abs(best[1]), best[0], best[1])
-    # Where the line is steep both solutions meet and say little.
+    # Where the line is steep both solutions coincide and are inaccurate.
     trust = smoothstep(np.sqrt(1 - cosine**2), 0.3, 0.6) * (1 - smoothstep(np.abs(nearest), CORRECTED, LEFT_ALONE))
     return angle + trust * nearest
 
 
 def _in_plane(local: Float) -> Float:
-    """Angle of the foot above the shank's forward axis, (T,) [rad]; carried over where the foot points out of it.
+    """Angle of the foot above the shank's forward axis, (T,) [rad]; interpolated where the foot is out of that plane.
 
-    Within half a turn of the middle of the ankle's range: counted on from frame to frame, one glitch would leave the
-    ankle a turn off for the rest of the clip.
+    Within half a turn of the middle of the ankle's range: unwrapped over time, one outlier would shift the rest of the
+    clip by a turn.
     """
     direction = local[:, [0, 2]]
     weight = smoothstep(np.linalg.norm(direction, axis=-1), 0.2, 0.5)

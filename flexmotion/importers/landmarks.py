@@ -1,4 +1,4 @@
-"""`Landmarks`: a capture brought to our names, axes and metres; what the human is fitted to."""
+"""`Landmarks`: a capture in FlexMotion's names, axes and metres, the input of the fit."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ Float = NDArray[np.float64]
 METRES: dict[Units, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001, "inch": 0.0254}
 
 LEG_RANGE = (0.45, 1.25)
-"""Hip to ankle over the knee of any human who can walk by himself [m]; a file's units are those that bring it here."""
+"""Range of leg length, hip to ankle over the knee, of humans who can walk [m]; it determines the units of a file."""
 
 LEG_TYPICAL = 0.83
-"""The same of an adult [m]; decides where two units are possible."""
+"""The same of adults [m]; it decides where two units are possible."""
 
 TO_Z_UP: dict[Up, Float] = {
     "z": np.eye(3),
@@ -31,20 +31,20 @@ TO_Z_UP: dict[Up, Float] = {
 }
 
 ZERO = 1e-6
-"""Rotation matrices that differ by no more are equal."""
+"""Greatest difference of equal rotation matrices."""
 
 SETTLE_S = 0.25
-"""Jumps are looked for in so long a beginning [s]."""
+"""Length of the beginning in which jumps are searched [s]."""
 
 JUMP_SPEED = 8.0
-"""A joint that moves faster than this against the pelvis [m/s] in the first frames has not settled: conversions begin
-with a T pose and filters run in. (A boxer's fist reaches 9 m/s, but not in the first quarter second.)"""
+"""A joint faster than this relative to the pelvis [m/s] in the first frames is a jump: conversions begin with a T pose,
+and filters settle. (A boxer's fist reaches 9 m/s, but not in the first quarter second.)"""
 
 JUMP_RATIO = 2.0
-"""... and so many times faster than in the median of the clip."""
+"""A jump is also faster than the median of the clip by this factor."""
 
 RINGING_S = 0.03
-"""How long such a filter rings after the jump [s]."""
+"""Time for which such a filter rings after a jump [s]."""
 
 
 @dataclass(frozen=True)
@@ -52,12 +52,12 @@ class Landmarks:
     """Joint centres of a human over time, z up, metres.
 
     Attributes:
-        path: the file, for messages.
+        path: of the file, for messages.
         fps: frames per second.
-        points: position of each of `mapping.POINTS` that the file has, (T, 3) [m].
-        orientations: of each of `mapping.SEGMENTS` that the file tells (x forward, y left, z up in upright stance;
+        points: positions of the `mapping.POINTS` in the file, (T, 3) [m].
+        orientations: of the `mapping.SEGMENTS` in the file (x forward, y left, z up in upright stance;
             hand: x out of the palm, z towards the elbow), (T, 3, 3).
-        attached: some frame that moves rigidly with the thigh (`hip_l`, `hip_r`) or upper arm (`shoulder_l`,
+        attached: a frame that moves rigidly with the thigh (`hip_l`, `hip_r`) or upper arm (`shoulder_l`,
             `shoulder_r`), (T, 3, 3); empty for formats without rotations.
     """
 
@@ -72,7 +72,7 @@ class Landmarks:
 
     @property
     def has_arms(self) -> bool:
-        """Whether there are elbows and wrists."""
+        """Whether the file has elbows and wrists."""
         return all(f"{point}_{side}" in self.points for point in ("elbow", "wrist") for side in "lr")
 
     def __getitem__(self, frames: slice) -> Landmarks:
@@ -84,7 +84,7 @@ class Landmarks:
         )
 
     def resampled(self, fps: float) -> Landmarks:
-        """The same at another frame rate, low-passed where it goes down."""
+        """The same at another frame rate, low-passed for a lower one."""
         return replace(
             self,
             fps=fps,
@@ -97,15 +97,15 @@ class Landmarks:
 def landmarks(
     capture: Capture, mapping: SkeletonMapping, *, units: Units | None = None, up: Up | None = None
 ) -> Landmarks:
-    """A capture in our names, axes and metres, without the frames at its beginning that are no motion.
+    """A capture in FlexMotion's names, axes and metres, without initial frames that are not motion.
 
     Args:
         capture: as read from the file.
-        mapping: which of its joints is what.
-        units, up: of the file; None takes the mapping's, or guesses from leg length and from where the head is.
+        mapping: from names of points to its joints.
+        units, up: of the file; None for those of the mapping, or a guess from leg length and position of the head.
 
     Raises:
-        MotionFormatError: units or upward axis make no human of it, or nothing but a T pose is in it.
+        MotionFormatError: no units or upward axis give a human, or the file has only a T pose.
     """
     columns = {point: capture.select(markers(joint)) for point, joint in mapping.joints.items()}
     raw = {point: capture.positions[:, column].mean(axis=1) for point, column in columns.items()}
@@ -152,7 +152,7 @@ def _guess_units(raw: dict[str, Float], path: str) -> Units:
     possible = {unit: leg * metres for unit, metres in METRES.items() if LEG_RANGE[0] <= leg * metres <= LEG_RANGE[1]}
     if not possible:
         raise MotionFormatError(
-            f"{path}: a leg of {leg:.4g} is no human's in any of {', '.join(get_args(Units))}; is the mapping right?"
+            f"{path}: a leg of {leg:.4g} is not a human's in any of {', '.join(get_args(Units))}; is the mapping right?"
         )
     return min(possible, key=lambda unit: abs(np.log(possible[unit] / LEG_TYPICAL)))
 
@@ -165,7 +165,7 @@ def _check_leg(points: dict[str, Float], path: str) -> None:
 
 
 def _zero_frames(capture: Capture) -> int:
-    """How many frames at the beginning have every rotation at zero: a pose to set up by, no motion."""
+    """Number of initial frames with every rotation at zero: a calibration pose."""
     if capture.rotations is None:
         return 0
     against_root = np.abs(capture.rotations - capture.rotations[:, :1]).max(axis=(1, 2, 3))
@@ -182,7 +182,7 @@ def _settled(found: Landmarks) -> int:
     joints = np.stack([value - middle for value in found.points.values()], axis=1)
     speed = np.linalg.norm(np.diff(joints, axis=0), axis=-1).max(axis=-1) * found.fps
     usual = float(np.median(speed[beginning:])) if len(speed) > beginning else 0.0
-    # Motion that is fast all the time is no jump.
+    # Motion that is fast throughout is not a jump.
     jumps = np.flatnonzero(speed[:beginning] > max(JUMP_SPEED, JUMP_RATIO * usual))
     if not len(jumps):
         return 0

@@ -1,4 +1,4 @@
-"""Two bones and a hinge between them: orientation and flexion of a leg or an arm from its three joint centres."""
+"""Orientation and flexion of a leg or an arm, two bones and a hinge, from its three joint centres."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from flexmotion.spatial.transitions import smoothstep
 Float = NDArray[np.float64]
 
 STRAIGHT, BENT = np.sin(np.radians(8)), np.sin(np.radians(25))
-"""Sine of the flexion below which the three points do not tell the hinge's axis, and above which they alone do."""
+"""Sine of the flexion below which the three points do not define the hinge axis, and above which they alone do."""
 
 CONSTANT_HINGE = 0.9
-"""The hinge is taken as fixed in the upper bone if its measured axes have at least this mean resultant length."""
+"""Least mean resultant length of measured axes of a hinge that counts as fixed in the upper bone."""
 
 
 @dataclass(frozen=True)
 class Limb:
-    """What was found, for every frame.
+    """Pose of a limb in every frame.
 
     Attributes:
         rotation: of the upper bone: z from the middle joint to the root joint, y the hinge to the left, (T, 3, 3).
@@ -34,16 +34,16 @@ class Limb:
 
 
 def hinge_axis(root: Float, middle: Float, end: Float, sense: float, guess: Float, attached: Float | None) -> Float:
-    """Axis of the hinge that points to the body's left, (T, 3).
+    """Hinge axis that points to the body's left, (T, 3).
 
-    Bent, it is the normal of the limb's plane. Straight, it is carried over: in the upper bone's own frame, if there
-    is one and the hinge is constant in it, else over time, else it is the guess.
+    For a bent limb it is the normal of the limb's plane. For a straight limb it is constant in the upper bone's frame
+    if that is known and the hinge is fixed in it, else interpolated over time, else the guess.
 
     Args:
         root, middle, end: joint centres, (T, 3).
         sense: 1 if flexion turns about the left axis (knee), -1 if about the right one (elbow).
-        guess: left axis where nothing better is known, (T, 3).
-        attached: some frame that moves with the upper bone, (T, 3, 3).
+        guess: left axis for limbs that are never bent, (T, 3).
+        attached: a frame that moves with the upper bone, (T, 3, 3).
     """
     upper, lower = middle - root, end - middle
     normal = sense * np.cross(upper, lower)
@@ -70,11 +70,11 @@ def _in_bone(measured: Float, weight: Float, attached: Float) -> Float | None:
 
 
 def solve_limb(root: Float, end: Float, axis: Float, lengths: tuple[float, float], sense: float) -> Limb:
-    """Pose of a limb whose end is where it should be, as far as it reaches.
+    """Pose of a limb whose end is at its target, as far as it reaches.
 
     Args:
         root, end: root joint of the model's limb and target of its end, (T, 3) [m].
-        axis: hinge axis to the left (see `hinge_axis`), (T, 3); only its part square to the limb counts.
+        axis: hinge axis to the left (see `hinge_axis`), (T, 3); only its part perpendicular to the limb counts.
         lengths: upper and lower bone [m].
         sense: as for `hinge_axis`.
     """
@@ -86,7 +86,7 @@ def solve_limb(root: Float, end: Float, axis: Float, lengths: tuple[float, float
 
     left = unit(axis - np.sum(axis * down, axis=-1, keepdims=True) * down)
     front = np.cross(down, left)
-    # Law of cosines, in the triangle of both bones and the line from root to end.
+    # Law of cosines in the triangle of both bones and the line from root to end.
     cosine = (upper**2 + distance**2 - lower**2) / (2 * upper * distance)
     tilt = np.arccos(np.clip(cosine, -1.0, 1.0))[:, None]
     bone = np.cos(tilt) * down + sense * np.sin(tilt) * front

@@ -1,4 +1,4 @@
-"""`load`: the one door for motion files; picks the reader by the file's suffix."""
+"""`load`: reads any motion file, by its suffix."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from flexmotion.spatial.heading import matrix_heading
 from flexmotion.spatial.quaternions import continuous_quaternions
 
 FPS = 30.0
-"""Frame rate that clips are brought to unless asked otherwise."""
+"""Default frame rate of imported clips [1/s]."""
 
 READERS: dict[str, Callable[[Path], Capture]] = {
     ".bvh": read_bvh,
@@ -40,17 +40,17 @@ READERS: dict[str, Callable[[Path], Capture]] = {
     ".trc": read_trc,
 }
 ARCHIVE = ".npz"
-"""Our own motions, AMASS sequences and packed clips are told apart by what is in them."""
+"""Suffix of FlexMotion's own motions, AMASS sequences and packed clips; their content distinguishes them."""
 
 
 @dataclass(frozen=True)
 class Import:
-    """A clip as read.
+    """An imported clip.
 
     Attributes:
         motion: starts over the origin with the pelvis facing x; the floor is at z = 0.
-        mapping: name of the skeleton mapping that was used; empty for our own files.
-        errors: distance to the file's points by name (see `fit.Fit`); empty for our own files.
+        mapping: name of the skeleton mapping; empty for FlexMotion's own files.
+        errors: distances to the file's points by name (see `fit.Fit`); empty for FlexMotion's own files.
     """
 
     motion: Motion
@@ -80,19 +80,19 @@ def read(
     fps: float | None = FPS,
     clip: str | None = None,
 ) -> Import:
-    """The motion in a file and how well it was fitted.
+    """The motion in a file, with its mapping and the errors of the fit.
 
     Args:
-        path: `.bvh`; `.amc` with its `.asf`; `.npy` with positions of 22 joints (HumanML3D); `.trc`; `.npz` of our
-            own (`motion_file.save_motion`), of AMASS, or with packed clips of 22 joints.
-        mapping: name of a shipped skeleton mapping or path of one; None finds one by the joints' names.
-        units, up: of the file; None takes the mapping's or guesses.
-        fps: frame rate of the result; None keeps the file's.
-        clip: which one of a packed file.
+        path: `.bvh`; `.amc` with its `.asf`; `.npy` with positions of 22 joints (HumanML3D); `.trc`; `.npz` of
+            `motion_file.save_motion`, of AMASS, or with packed clips of 22 joints.
+        mapping: name of a shipped skeleton mapping, or path of one; None to find one by the names of the joints.
+        units, up: of the file; None for those of the mapping, or a guess.
+        fps: frame rate of the result; None for that of the file.
+        clip: name of the clip in a packed file.
 
     Raises:
-        MotionFormatError: the file is missing, of an unknown kind, broken, or holds no whole human.
-        ConfigError: there is no such mapping.
+        MotionFormatError: the file is missing, damaged, of an unknown kind, or lacks parts of a human.
+        ConfigError: the mapping does not exist.
     """
     path = Path(path)
     suffix = path.suffix.lower()
@@ -122,7 +122,7 @@ def fit_capture(
     up: Up | None = None,
     fps: float | None = FPS,
 ) -> Import:
-    """A capture as a human's motion; see `read`."""
+    """Human motion fitted to a capture; see `read`."""
     chosen = find_mapping(capture.names, capture.path, mapping)
     found = landmarks(capture, chosen, units=units, up=up)
     if fps is not None:
@@ -137,7 +137,7 @@ def fit_capture(
 
 
 def _archive(path: Path, clip: str | None) -> dict[str, NDArray]:
-    """Arrays of an archive; where one is asked for and there, only that: a packed file has hundreds."""
+    """Arrays of an archive; of a named clip only, if there is one, since a packed file has hundreds."""
     try:
         with np.load(path, allow_pickle=False) as archive:
             names = [clip] if clip is not None and clip in archive.files else archive.files
@@ -149,7 +149,7 @@ def _archive(path: Path, clip: str | None) -> dict[str, NDArray]:
 
 
 def from_origin(motion: Motion) -> Motion:
-    """The same motion, started over the origin with the pelvis facing x; heights stay."""
+    """The motion moved to start over the origin with the pelvis facing x; heights are unchanged."""
     first = Rotation.from_quat(motion.root_quaternion[0], scalar_first=True)
     turn = Rotation.from_euler("z", -float(matrix_heading(first.as_matrix())))
     start = motion.root_position[0] * [1.0, 1.0, 0.0]
@@ -159,6 +159,6 @@ def from_origin(motion: Motion) -> Motion:
 
 
 def on_floor(motion: Motion) -> Motion:
-    """The same motion with its floor (see `floor.clip_floor`) at z = 0."""
+    """The motion with its floor (see `floor.clip_floor`) at z = 0."""
     floor = clip_floor(forward(motion), motion.fps)
     return replace(motion, root_position=motion.root_position - [0.0, 0.0, floor])

@@ -1,4 +1,4 @@
-"""Which joint of a file's skeleton is which of the human's: shipped mappings, a user's own, or a guess by name."""
+"""Mappings from the joints of a file's skeleton to those of the human: shipped, of a user, or guessed by name."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ SIDED_POINTS = ("hip", "knee", "ankle", "toe", "shoulder", "elbow", "wrist")
 REQUIRED_POINTS: tuple[str, ...] = ("neck", *(f"{point}_{side}" for side in SIDES for point in SIDED_POINTS))
 OPTIONAL_POINTS = ("lumbar", "head")
 POINTS = REQUIRED_POINTS + OPTIONAL_POINTS
-"""Points that a mapping names: joint centres; `toe` is the toe joint (or the end of a foot without toes), `lumbar`
-the lowest joint of the spine above the pelvis, `neck` its uppermost below the head."""
+"""Points of a mapping: joint centres. `toe` is the toe joint, or the end of a foot without toes, `lumbar` the lowest
+joint of the spine above the pelvis, `neck` its uppermost joint below the head."""
 
 SEGMENTS = ("pelvis", "chest", "head", "hand_l", "hand_r")
 """Segments whose orientation a mapping may declare."""
@@ -37,7 +37,7 @@ AXES = {
 
 
 class Orientation(Strict):
-    """The axes of a joint's own frame that point forward and up while the human stands with hanging arms.
+    """Axes of a joint's own frame that point forward and up while the human stands with hanging arms.
 
     For a hand, forward is out of the palm and up is towards the elbow.
     """
@@ -50,7 +50,7 @@ class Orientation(Strict):
     @classmethod
     def _is_axis(cls, value: str) -> str:
         if value not in AXES:
-            raise ValueError(f"{value!r} is no axis, expected one of {', '.join(AXES)}")
+            raise ValueError(f"{value!r} is not an axis, expected one of {', '.join(AXES)}")
         return value
 
     def matrix(self) -> NDArray[np.float64]:
@@ -60,9 +60,9 @@ class Orientation(Strict):
 
 
 class SkeletonMapping(Strict):
-    """A named mapping; a joint is a name, or the middle of several, `A + B`.
+    """A named mapping; a joint is a name, or the mean of several, `A + B`.
 
-    `up` and `units` are guessed from the motion where they are left out.
+    `up` and `units` are guessed from the motion if left out.
     """
 
     name: str
@@ -91,19 +91,19 @@ class SkeletonMapping(Strict):
         return value
 
     def missing(self, names: Iterable[str]) -> list[str]:
-        """Joints of this mapping that a skeleton with these names lacks."""
+        """Joints of this mapping that are not among the names."""
         used = {name for joint in self.joints.values() for name in markers(joint)}
         used |= {item.joint for item in self.orientations.values()}
         return sorted(used - set(names))
 
 
 def markers(joint: str) -> list[str]:
-    """Points whose middle a joint is: `LKneeLateral + LKneeMedial` are two, a joint's own name is one."""
+    """Points whose mean is the joint: two for `LKneeLateral + LKneeMedial`, one for a plain name."""
     return [name.strip() for name in joint.split(" + ")]
 
 
 def shipped_mappings() -> dict[str, SkeletonMapping]:
-    """The mappings that come with the package, by name."""
+    """Shipped mappings by name."""
     folder = resources.files("flexmotion.configs").joinpath("skeletons")
     with resources.as_file(folder) as path:
         mappings = [load(SkeletonMapping, file) for file in sorted(path.glob("*.yaml"))]
@@ -111,16 +111,16 @@ def shipped_mappings() -> dict[str, SkeletonMapping]:
 
 
 def find_mapping(names: tuple[str, ...], path: str, wanted: str | Path | None = None) -> SkeletonMapping:
-    """The mapping for a skeleton with joints of these names.
+    """The mapping of a skeleton with joints of these names.
 
     Args:
         names: joints of the skeleton.
-        path: the motion file, for messages.
-        wanted: name of a shipped mapping, or path of a YAML file; None picks a shipped one that fits, else guesses.
+        path: of the motion file, for messages.
+        wanted: name of a shipped mapping, or path of a YAML file; None for a shipped one that fits, else a guess.
 
     Raises:
-        ConfigError: there is no such mapping, or its file is wrong.
-        MotionFormatError: the skeleton lacks joints that the mapping names, or some could not be guessed.
+        ConfigError: the mapping does not exist, or its file is wrong.
+        MotionFormatError: the skeleton lacks joints of the mapping, or some could not be guessed.
     """
     shipped = shipped_mappings()
     if wanted is None:
@@ -135,16 +135,16 @@ def find_mapping(names: tuple[str, ...], path: str, wanted: str | Path | None = 
     missing = mapping.missing(names)
     if missing:
         raise MotionFormatError(
-            f"{path}: mapping {mapping.name!r} needs joints that are not there: {', '.join(missing)}"
+            f"{path}: mapping {mapping.name!r} needs joints that the file lacks: {', '.join(missing)}"
         )
     return mapping
 
 
 def guess_mapping(names: tuple[str, ...], path: str) -> SkeletonMapping:
-    """A mapping by what the joints are called.
+    """A mapping guessed from the names of the joints.
 
     Raises:
-        MotionFormatError: lists the points for which no joint was found, and the joints there are.
+        MotionFormatError: lists the points without a joint, and the joints of the file.
     """
     stems: dict[tuple[str, str], str] = {}
     for name in names:
@@ -173,7 +173,7 @@ def _synonyms() -> dict[str, list[str]]:
 
 
 def _stem(name: str) -> tuple[str, str]:
-    """Side ('l', 'r' or '') and bare lower-case name: `mixamorig:LeftUpLeg` and `upleg.L` are both ('l', 'upleg')."""
+    """Side ('l', 'r' or '') and plain lower-case name: `mixamorig:LeftUpLeg` and `upleg.L` are both ('l', 'upleg')."""
     base, slash, end = name.rsplit(":", 1)[-1].partition("/")
     words = re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+", base)
     words = [word.lower() for word in words]

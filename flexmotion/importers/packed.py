@@ -1,4 +1,4 @@
-"""Reader of packed clips: one `.npz` with an array of 22 joint positions for every clip, in millimetres."""
+"""Reader of packed clips: one `.npz` with an array of 22 joint positions per clip, in millimetres."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from flexmotion.importers.capture import Capture
 from flexmotion.importers.smpl import NAMES, joints22
 
 FPS = 30.0
-"""Frame rate of packed clips; the file does not tell."""
+"""Frame rate of packed clips [1/s]; files do not contain it."""
 
 
 def is_packed(content: Mapping[str, NDArray]) -> bool:
@@ -22,10 +22,10 @@ def is_packed(content: Mapping[str, NDArray]) -> bool:
 
 
 def read_packed(path: str, content: Mapping[str, NDArray], clip: str | None) -> Capture:
-    """One clip of a packed file; `clip` may be left out where there is only one.
+    """One clip of a packed file; `clip` may be None if it has only one.
 
     Raises:
-        MotionFormatError: there is no such clip, or several and none was named.
+        MotionFormatError: the clip does not exist, or none of several is named.
     """
     if clip is None and len(content) == 1:
         clip = next(iter(content))

@@ -1,12 +1,12 @@
-"""Fit to bare joint centres by damped least squares, all frames at once.
+"""Fit to joint centres without orientations by damped least squares, all frames at once.
 
-The closed-form fit puts ankles and wrists where the file has them, so where measured bones change length (knees of
-flesh glide) a nearly straight limb has to bend wrongly. Here every point may give way a little: for each frame
+The closed-form fit reaches ankles and wrists exactly, so a nearly straight limb bends wrongly where measured bones
+change length (knees glide). Here every point may deviate a little: for each frame
 
     min  Σ weight |model point - file point|² + damping |pose - closed-form pose|²    within the joints' limits
 
-by Gauss-Newton steps. The second term decides what points cannot tell (the roll of a straight arm) and keeps that as
-smooth as the closed-form fit is.
+by Gauss-Newton steps. The second term determines what the points do not (the roll of a straight arm), as smoothly as
+the closed-form fit.
 """
 
 from __future__ import annotations
@@ -40,22 +40,22 @@ SEGMENTS = {
     "neck": "head",
     "head": "head",
 }
-"""The segment that carries each point; most lie at its origin."""
+"""Segment of each point; most points are its origin."""
 
 INSIDE = ("toe", "head")
-"""Points that lie somewhere in their segment: where they are in the median of the closed-form fit."""
+"""Points with an unknown position in their segment: the median of the closed-form fit is used."""
 
 WEIGHTS = {"shoulder": 0.3, "head": 0.3}
-"""Weights other than 1; shoulders glide on the torso, and heads nod about more joints than one."""
+"""Weights other than 1: shoulders glide on the torso, and heads nod about several joints."""
 
 DAMPING = 1e-3
-"""Of a radian or metre against a metre, squared."""
+"""Squared weight of a radian or metre of the pose relative to a metre of a point."""
 
 STEPS = 3
 
 
 def refine(motion: Motion, found: Landmarks) -> Motion:
-    """A motion of the closed-form fit (`fit`), brought nearer to the points of its file."""
+    """A motion of the closed-form fit (`fit`), refined towards the points of its file."""
     human = human_model(motion.body)
     names = [name for name in found.points if _base(name) in SEGMENTS]
     segments = segment_motion(motion)

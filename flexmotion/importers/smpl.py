@@ -1,4 +1,4 @@
-"""Readers of motion on the SMPL family's joints: positions as HumanML3D has them, rotations as AMASS has them."""
+"""Readers of motion on the joints of SMPL: positions of HumanML3D, rotations of AMASS."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ PARENTS: dict[str, str] = {
     "left_wrist": "left_elbow",
     "right_wrist": "right_elbow",
 }
-"""Joints in their order, each with its parent."""
+"""Joints in order, with their parents."""
 
 NAMES = tuple(PARENTS)
 
@@ -49,16 +49,16 @@ HUMANML3D_FPS = 20.0
 """Frame rate of HumanML3D's joint files."""
 
 HEIGHT = 1.70
-"""Stature of the generic skeleton that AMASS rotations are put on [m]: a mean adult."""
+"""Stature of the generic skeleton of AMASS rotations [m]: a mean adult."""
 
 FRAME_RATES = ("mocap_framerate", "mocap_frame_rate")
 
 
 def read_joints22(path: Path) -> Capture:
-    """HumanML3D's `new_joints` files: `.npy`, (T, 22, 3) [m], y up, 20 frames per second.
+    """A file of HumanML3D's `new_joints`: `.npy`, (T, 22, 3) [m], y up, 20 frames per second.
 
     Raises:
-        MotionFormatError: it is no such array.
+        MotionFormatError: the file has another content.
     """
     try:
         array = np.load(path, allow_pickle=False)
@@ -73,7 +73,7 @@ def joints22(array: NDArray[np.generic], fps: float, path: str) -> Capture:
     """A capture of positions of the 22 joints in any unit; `path` is for messages.
 
     Raises:
-        MotionFormatError: the array is not (T, 22, 3), or has values that are no numbers.
+        MotionFormatError: the array is not (T, 22, 3), or has values that are not finite numbers.
     """
     if array.ndim == 2 and array.shape[1] == 263:
         raise MotionFormatError(f"{path}: HumanML3D's feature vectors; give the joints of its folder 'new_joints'")
@@ -91,15 +91,15 @@ def joints22(array: NDArray[np.generic], fps: float, path: str) -> Capture:
 
 
 def is_amass(content: Mapping[str, NDArray]) -> bool:
-    """Whether an archive's names are those of an AMASS file."""
+    """Whether the names of an archive's arrays are those of an AMASS file."""
     return "poses" in content and "trans" in content
 
 
 def read_amass(path: str, content: Mapping[str, NDArray]) -> Capture:
-    """Rotations of an AMASS archive on a generic skeleton; the body's shape is not used.
+    """Rotations of an AMASS archive on a generic skeleton; the body shape is not used.
 
     Args:
-        path: for messages.
+        path: of the file, for messages.
         content: arrays of the archive: `poses` (T, >= 66) axis-angle, `trans` (T, 3) [m], `mocap_framerate`; z up.
 
     Raises:
@@ -117,7 +117,7 @@ def read_amass(path: str, content: Mapping[str, NDArray]) -> Capture:
     if not (np.isfinite(poses).all() and np.isfinite(root).all() and np.isfinite(rate) and float(rate) > 0):
         raise MotionFormatError(f"{path}: poses, trans or {FRAME_RATES[0]} have values that are not finite")
     if np.any(content.get("betas", np.zeros(1))):
-        warnings.warn(f"{path}: body shape (betas) is ignored, a generic skeleton moves", stacklevel=2)
+        warnings.warn(f"{path}: body shape (betas) is ignored, a generic skeleton is used", stacklevel=2)
 
     zero, parents = _zero_pose(), tuple(NAMES.index(p) if p else -1 for p in PARENTS.values())
     local = Rotation.from_rotvec(poses[:, : 3 * count].reshape(-1, 3)).as_matrix().reshape(-1, count, 3, 3)

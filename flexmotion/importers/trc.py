@@ -1,6 +1,6 @@
 """Reader of TRC files: trajectories of named markers or joint centres, tab-separated.
 
-Markers become joint centres by a mapping; `A + B` there is the middle of two markers (of the two sides of a knee).
+A mapping turns markers into joint centres; `A + B` is the mean of two markers, such as the two sides of a knee.
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ from flexmotion.importers.landmarks import METRES
 Float = NDArray[np.float64]
 
 GAP_S = 0.25
-"""Longest gap of a marker that is bridged [s]."""
+"""Longest gap of a marker that is interpolated [s]."""
 
 UNITS = {"m": 1.0, "cm": METRES["cm"], "mm": METRES["mm"], "meters": 1.0, "millimeters": METRES["mm"]}
 
 
 def read_trc(path: Path) -> Capture:
-    """Positions of every marker in metres; gaps up to a quarter of a second are bridged by a cubic spline.
+    """Positions of every marker in metres; gaps up to `GAP_S` are interpolated by a cubic spline.
 
     Raises:
-        MotionFormatError: the file is no TRC file, or a marker is missing for too long; names line or marker.
+        MotionFormatError: not a TRC file, or a marker is missing for longer; names the line or marker.
     """
     try:
         lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
@@ -40,7 +40,7 @@ def read_trc(path: Path) -> Capture:
         fps, scale = float(header["DataRate"]), UNITS[header["Units"].lower()]
         count, frames = int(header["NumMarkers"]), int(header["NumFrames"])
     except (KeyError, ValueError) as error:
-        raise MotionFormatError(f"{path}, line 3: {error} missing or not understood in the header") from error
+        raise MotionFormatError(f"{path}, line 3: {error} missing or invalid in the header") from error
     if not fps > 0:
         raise MotionFormatError(f"{path}, line 3: DataRate is {fps}, expected a positive number")
     names = tuple(name.strip() for name in lines[3].split("\t")[2:] if name.strip())

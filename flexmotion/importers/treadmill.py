@@ -1,4 +1,4 @@
-"""Belt of a treadmill, whose speed has to be added to a recording before it is differentiated."""
+"""Velocity of a treadmill's belt, which is removed from a recording before it is differentiated."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from flexmotion.importers.landmarks import Landmarks
 Float = NDArray[np.float64]
 
 STANCE_SHARE = 0.35
-"""Lowest share of frames in which a foot's toe joint surely stands: a walker's foot stands for 0.6 of the time, a
-runner's for 0.35."""
+"""Share of lowest frames in which a toe joint is certainly in stance: stance is 0.6 of the time in walking, 0.35 in
+running."""
 
 
 def belt_velocity(found: Landmarks) -> Float:
-    """Horizontal velocity of the floor under the feet, (2,) [m/s]: zero but for rounding where there is no belt.
+    """Horizontal velocity of the floor under the feet, (2,) [m/s]; zero up to rounding without a belt.
 
-    Median over both feet of the toe joint's velocity in those frames where it is lowest.
+    Median over both feet of the toe joint's velocity in the frames in which it is lowest.
     """
     velocities = []
     for side in "lr":
@@ -31,7 +31,7 @@ def belt_velocity(found: Landmarks) -> Float:
 
 
 def without_belt(found: Landmarks, velocity: Float) -> Landmarks:
-    """The same as it would look over ground: the belt's velocity (2,) [m/s] taken out of every point."""
+    """The same over ground: the belt's velocity (2,) [m/s] is removed from every point."""
     away = np.zeros((len(found), 3))
     away[:, :2] = np.arange(len(found))[:, None] / found.fps * velocity
     return replace(found, points={name: point - away for name, point in found.points.items()})

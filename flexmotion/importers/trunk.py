@@ -1,4 +1,4 @@
-"""Orientation of pelvis, torso and head from joint centres and, where a file has them, segment orientations."""
+"""Orientation of pelvis, torso and head from joint centres and, if the file has them, segment orientations."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from flexmotion.importers.landmarks import Landmarks
 Float = NDArray[np.float64]
 
 SPINE_SHARE = 0.8
-"""How much of the chest's tilt the line from lumbar joint to neck has, when a spine bends over its length."""
+"""Tilt of the line from lumbar joint to neck as a share of the chest's, for a spine that bends over its length."""
 
 
 def pelvis_rotation(found: Landmarks) -> Float:
-    """The line of the hips gives the left axis; upwards is as declared, else towards the spine, (T, 3, 3)."""
+    """Rotation of the pelvis, (T, 3, 3): left along the line of the hips, up as in the file, else towards the spine."""
     points = found.points
     left = points["hip_l"] - points["hip_r"]
     if "pelvis" in found.orientations:
@@ -26,17 +26,17 @@ def pelvis_rotation(found: Landmarks) -> Float:
 
 
 def chest_left(found: Landmarks) -> Float:
-    """The chest's left axis: as declared, else the line of the shoulders, (T, 3)."""
+    """Left axis of the chest, (T, 3): as in the file, else the line of the shoulders."""
     if "chest" in found.orientations:
         return found.orientations["chest"][:, :, 1]
     return found.points["shoulder_l"] - found.points["shoulder_r"]
 
 
 def neck_tilt(found: Landmarks, pelvis: Float, chord: Float) -> float:
-    """How far the line from lumbar joint to neck leans forward while chest and pelvis are aligned [rad].
+    """Forward lean of the line from lumbar joint to neck while chest and pelvis are aligned [rad].
 
-    Zero for files without the chest's orientation. Elsewhere the median over the clip of what the chest's own tilt
-    does not explain.
+    The median over the clip of the lean that the chest's tilt does not explain; zero for files without the orientation
+    of the chest.
     """
     if "chest" not in found.orientations:
         return 0.0
@@ -47,9 +47,9 @@ def neck_tilt(found: Landmarks, pelvis: Float, chord: Float) -> float:
 
 
 def torso_rotation(found: Landmarks, chord: Float, tilt: float) -> Float:
-    """Upwards along the line from the lumbar joint to the neck, less its tilt in upright stance, (T, 3, 3)."""
+    """Rotation of the torso, (T, 3, 3): up along the line from lumbar joint to neck, less its upright tilt."""
     along = frame(chest_left(found), chord)
-    # The chord itself must lie in the sagittal plane: its direction is kept, the left axis gives way.
+    # The line must lie in the sagittal plane: its direction is kept, the left axis is adjusted.
     z = unit(chord)
     y = unit(np.cross(z, along[:, :, 0]))
     exact = np.stack([np.cross(y, z), y, z], axis=-1)
@@ -57,7 +57,7 @@ def torso_rotation(found: Landmarks, chord: Float, tilt: float) -> Float:
 
 
 def head_rotation(found: Landmarks, torso: Float) -> Float:
-    """As declared, else the torso's axes tilted so that the head's joint stays above the neck, (T, 3, 3)."""
+    """Rotation of the head, (T, 3, 3): as in the file, else of the torso, tilted to keep the head above the neck."""
     if "head" in found.orientations:
         return found.orientations["head"]
     if "head" not in found.points:

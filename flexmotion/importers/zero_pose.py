@@ -1,4 +1,4 @@
-"""Segment axes of a skeleton whose zero pose stands upright, as most do that artists and conversions make."""
+"""Segment axes of a skeleton whose zero pose stands upright, as most zero poses of artists and conversions do."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from flexmotion.importers.capture import Capture
 Float = NDArray[np.float64]
 
 UPRIGHT = np.cos(np.radians(20))
-"""Legs and trunk of a standing zero pose are no further than 20° from the vertical."""
+"""Least cosine between the vertical and legs and trunk of a standing zero pose: 20°."""
 
 UP = np.array([0.0, 0.0, 1.0])
 
@@ -20,11 +20,11 @@ UP = np.array([0.0, 0.0, 1.0])
 def zero_pose_orientations(capture: Capture, joints: Mapping[str, str], turn: Float) -> dict[str, tuple[str, Float]]:
     """Segment -> (joint, axes of the segment in the joint's frame as columns x, y, z); empty if it does not stand.
 
-    At zero every joint's frame is the file's world, so pelvis, chest and head have the axes of the whole figure.
+    In the zero pose every joint's frame is the file's world, so pelvis, chest and head have the figure's axes.
 
     Args:
         capture: as read from the file.
-        joints: point -> joint, as a mapping has it.
+        joints: point -> joint, of a mapping.
         turn: from the file's axes to z up, (3, 3).
     """
     if capture.zero_positions is None or capture.parents is None:
@@ -44,8 +44,8 @@ def zero_pose_orientations(capture: Capture, joints: Mapping[str, str], turn: Fl
     if "head" in joints:
         axes["head"] = (joints["head"], figure)
     for side, inward in (("l", -1.0), ("r", 1.0)):
-        # With arms raised sideways the palms look down, with hanging arms inwards: the palm's normal is the forearm's
-        # direction turned a quarter about the fore-aft axis.
+        # Palms face down with arms raised sideways, and inwards with hanging arms: the palm's normal is the forearm's
+        # direction rotated by 90° about the fore-aft axis.
         arm = at[f"wrist_{side}"] - at[f"elbow_{side}"]
         arm = arm - (arm @ forward) * forward
         if np.linalg.norm(arm) > 0:

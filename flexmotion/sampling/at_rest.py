@@ -1,4 +1,4 @@
-"""`at_rest`: who stands lets trunk, head and arms come to rest."""
+"""`at_rest`: trunk, head and arms of a standing human move to a rest pose."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ from flexmotion.human.skeleton import ARM_JOINTS, JOINTS, SIDES, TRUNK_JOINTS
 Float = NDArray[np.float64]
 
 RESTING_S = 0.6
-"""Time constant with which they do."""
+"""Time constant of that motion."""
 
 _ARMS = tuple(f"{joint}_{side}" for side in SIDES for joint in ARM_JOINTS)
 _UPPER = [JOINTS.index(name) for name in (*TRUNK_JOINTS, *_ARMS)]
 
 
 def at_rest(motion: Motion, rest: Float) -> Motion:
-    """A motion whose upper body goes over to a pose of rest, beginning as it is.
+    """The motion with its upper body moved to a rest pose, from where it is.
 
-    A model that learnt standing from what people do between gestures lifts the arms again, window after window.
+    Needed because standing is learnt from pauses between gestures: without it the model raises the arms again.
 
     Args:
         rest: joint angles, (26,) [rad].
     """
-    # Smooth at its begin: neither angle nor speed jumps there.
+    # Angle and speed are continuous at the start.
     passed = np.arange(1, len(motion) + 1)[:, None] / motion.fps / RESTING_S
     share = 1.0 - (1.0 + passed) * np.exp(-passed)
     joints = motion.joints.copy()

@@ -1,4 +1,4 @@
-"""One stretch of human motion taking over from another that runs on the same frame clock."""
+"""Transition between two human motions on one frame clock."""
 
 from __future__ import annotations
 
@@ -14,20 +14,19 @@ Flags = NDArray[np.bool_]
 
 
 def take_over(old: Motion, old_first: int, new: Motion, first: int, frames: int) -> Motion:
-    """`new`, blended in from `old`: its first two frames are the old ones, `frames` later it is all new.
+    """`new`, blended in from `old`: its first two frames are those of `old`, and from `frames` later on those of `new`.
 
-    Between the first two frames lies the moment at which motion changes hands, so pose and speed are continuous there.
-    Forces, torques and activations that both have are mixed as their poses are, which holds as far as the two agree;
-    moments of wrenches about different points are no more than near. What only the new motion has is taken as it is:
-    the next motion takes over from this one and would otherwise never have it again. A foot is in contact as in the
-    motion that has the greater weight.
+    The switch lies between the first two frames, so pose and speed are continuous there. Forces, torques and
+    activations that both motions have are mixed with the weights of the poses, which is accurate as far as the motions
+    agree, and approximate for moments about different points. What only `new` has is kept. Contacts are those of the
+    motion with the greater weight.
 
     Args:
-        old_first, first: index of either motion's first frame on their common clock.
-        frames: length of the transition; shorter where `old` does not reach so far.
+        old_first, first: index of the first frame of `old` and of `new` on the common clock.
+        frames: length of the transition; shorter where `old` ends before.
 
     Returns:
-        As many frames as `new` has.
+        The blended motion, as long as `new`.
     """
     offset = first - old_first
     overlap = min(len(old) - offset, len(new))
@@ -56,12 +55,12 @@ def _mixed(old: Float, new: Float, weight: Float) -> Float:
 
 
 def _both(old: Float | None, new: Float | None, weight: Float) -> Float | None:
-    """`_mixed` of what both have, else that of `new`."""
+    """`_mixed` where both are known, else `new`."""
     return new if old is None or new is None else _mixed(old, new, weight)
 
 
 def _nearer(old: Flags | None, new: Flags | None, weight: Float) -> Flags | None:
-    """Flags (K, 2) into the first K rows of (T, 2) where they have the greater weight."""
+    """Flags (T, 2) with the first K rows taken from `old`, (K, 2), where it has the greater weight."""
     if old is None or new is None:
         return new
     taken = new.copy()
@@ -70,10 +69,10 @@ def _nearer(old: Flags | None, new: Flags | None, weight: Float) -> Flags | None
 
 
 def nlerp(old: Float, new: Float, weight: Float) -> Float:
-    """Normalised linear mix of unit quaternions (K, 4) into the first K rows of (T, 4), the short way round.
+    """Normalised linear mix of unit quaternions (K, 4) into the first K rows of (T, 4), by the shorter rotation.
 
-    For the few degrees between two draws of one motion it is the great-circle mix to within hundredths of a degree.
-    The result has the signs of `old` where they overlap, and goes on without a jump.
+    For the few degrees between two samples of one motion it differs from spherical interpolation by hundredths of a
+    degree. The result has the signs of `old` where they overlap, and is continuous.
     """
     count = len(weight)
     sign = np.where(np.sum(old * new[:count], axis=1, keepdims=True) < 0, -1.0, 1.0)

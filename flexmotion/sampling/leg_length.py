@@ -1,4 +1,4 @@
-"""`lowered`: legs that stretch or bend a little, so that their feet come lower or higher and keep their pitch."""
+"""`lowered`: feet moved down or up by stretching or bending the legs, at constant pitch."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from flexmotion.human.skeleton import JOINTS, SIDES
 Float = NDArray[np.float64]
 
 STRAIGHT = np.radians(3.0)
-"""A knee is not stretched further than this [rad]."""
+"""Least knee flexion that stretching leads to [rad]."""
 MOST_BENT = np.radians(140.0)
 
 _HIPS, _KNEES, _ANKLES = (
@@ -22,19 +22,19 @@ _HIPS, _KNEES, _ANKLES = (
 
 
 def lowered(motion: Motion, down: Float, hip: Float, ankle: Float) -> Motion:
-    """A motion whose feet are lower by `down`, as far as the legs reach.
+    """The motion with its feet lowered by `down`, as far as the legs reach.
 
-    Each ankle moves along the line from its hip, in the plane of the knee; thigh and shank turn by the cosine rule.
-    Knees that bend backwards are straight in what comes back: where both ways are open, a leg would jump between them.
+    Each ankle moves along the line from its hip, in the plane of the knee; thigh and shank turn by the law of cosines.
+    Knees that bend backward are straightened, since a leg could jump between the two solutions.
 
     Args:
-        down: of the left and right foot, negative for up, (T, 2) [m].
-        hip, ankle: joint centres as the motion has them, (T, 2, 3) [m].
+        down: of left and right foot, negative for up, (T, 2) [m].
+        hip, ankle: joint centres of the motion, (T, 2, 3) [m].
     """
     thigh, shank = motion.body.segments.thigh, motion.body.segments.shank
     line = hip - ankle
     length = np.linalg.norm(line, axis=-1)
-    # A leg aslant must grow by more; one that is nearly level would turn instead.
+    # An inclined leg stretches by more than the foot is lowered; the bound keeps nearly level legs from stretching far.
     steep = np.maximum(line[..., 2] / np.maximum(length, 1e-6), 0.5)
     knee = motion.joints[:, _KNEES]
     least, most = (_length(thigh, shank, np.asarray(bend)) for bend in (MOST_BENT, STRAIGHT))
@@ -51,12 +51,12 @@ def lowered(motion: Motion, down: Float, hip: Float, ankle: Float) -> Motion:
 
 
 def _length(thigh: float, shank: float, knee: Float) -> Float:
-    """From hip to ankle with a knee bent so [m]."""
+    """Distance of hip and ankle at a knee angle [m]."""
     found: Float = np.sqrt(thigh**2 + shank**2 + 2.0 * thigh * shank * np.cos(knee))
     return found
 
 
 def _behind(thigh: float, shank: float, knee: Float) -> Float:
-    """By how much the ankle lies behind the thigh's direction, as seen from the hip [rad]."""
+    """Angle at the hip from the thigh back to the ankle [rad]."""
     found: Float = np.arctan2(shank * np.sin(knee), thigh + shank * np.cos(knee))
     return found

@@ -1,4 +1,4 @@
-"""`Pace`: how fast somebody is asked to go at most, so that who follows keeps up."""
+"""`Pace`: greatest velocities of a human that a robot can follow."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from math import hypot, isfinite
 
 @dataclass(frozen=True)
 class Pace:
-    """Greatest velocities of a human as seen from where it faces.
+    """Greatest velocities of a human in its own heading.
 
     Attributes:
         ahead, back, aside: [m/s].
@@ -28,9 +28,9 @@ class Pace:
             raise ValueError(f"expected finite speeds above 0, found {self}")
 
     def slowed(self, velocity: tuple[float, float, float]) -> tuple[float, float, float]:
-        """The same way, slower where it is too fast: all parts by one factor, so that a curve stays the same curve.
+        """The velocity, scaled down to the limits: all components by one factor, so that a path keeps its shape.
 
-        Ahead and aside share what there is (an ellipse); turning has its own limit.
+        Forward and sideways velocity are limited together by an ellipse, turning on its own.
         """
         forward, left, turning = velocity
         along, across = forward / (self.ahead if forward > 0 else self.back), left / self.aside

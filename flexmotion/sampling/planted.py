@@ -1,8 +1,8 @@
-"""`planted`: feet that carry load stay where they are on the floor, and the body above them moves instead.
+"""`planted`: the root is moved so that loaded feet neither slide nor leave the floor.
 
-A model's errors of a degree at every joint of a leg move its foot by centimetres; the root, which it knows no better,
-is moved so that the feet that it says are loaded neither leave the floor nor slide, but for gliding aside. What is left
-where two feet disagree, or land sooner than a body can be let down, the legs make up for.
+Errors of a degree at every joint of a leg move its foot by centimetres, and the root is no more accurate. Loaded feet
+are therefore held in place, except for sideways gliding, and the body moves instead. The legs correct the rest, where
+the two feet disagree or a foot lands sooner than the body is lowered.
 """
 
 from __future__ import annotations
@@ -22,41 +22,41 @@ from flexmotion.spatial.heading import continuous_matrix_heading
 Float = NDArray[np.float64]
 
 ROLLING = 0.01
-"""Heel and toe share what a foot does by the exponential of their height over this [m]."""
+"""Heel and toe are weighted by the exponential of minus their height over this [m]."""
 
 CHOOSING = 0.2
-"""Of two feet the slower one stands: they share by the exponential of their speed over this [m/s]."""
+"""The slower of two feet stands: they are weighted by the exponential of minus their speed over this [m/s]."""
 MISJUDGED, NEAR = 0.1, 0.05
-"""A foot no higher than the second [m] may stand, too, where it is not said to while the other is, for so much less."""
+"""Weight of an unloaded foot that is lower than the second [m] while the other is loaded."""
 PLANTED, SWINGING = 1.5, 2.5
-"""A foot slower than the first stands, one faster than the second swings, whatever they are said to carry [m/s]. Higher
-than what a contact detector asks: here a whole body glides, as fast as people walk."""
+"""A foot slower than the first is held, one faster than the second is free, whatever its load [m/s]. Higher than the
+limits of a contact detector: the whole body may glide at walking speed."""
 GLIDING = 0.3
-"""Aside feet are held less and less up to this speed, and from it on are left to glide [m/s]: the data hold next to no
-steps aside, and a model that is to go there slides on its feet. A robot steps after them."""
+"""Sideways, feet are held less and less up to this speed, and are free above it [m/s]: the data hold hardly any
+sidesteps, and models move sideways by gliding. A robot steps after them."""
 
 ABOVE, BELOW = 0.015, 0.0
-"""Heights of the lower one of heel and toe of a foot that stands; as in clips, whose shoes have soles [m]."""
+"""Range of height of the lower of heel and toe of a standing foot [m]; above 0 as in clips, whose shoes have soles."""
 
 REACHED, SUNK = 0.02, 0.003
-"""A loaded foot that is higher than this in the end is let down to it by its leg; any that is deeper comes up [m]."""
+"""The leg lowers a loaded foot that remains higher than the first, and raises any foot deeper than the second [m]."""
 MOST = 0.03
-"""But no further than this: a knee that is nearly straight turns by 30 degrees for as much [m]."""
+"""Greatest correction by a leg [m]: it turns a nearly straight knee by 30°."""
 
 SMOOTH, ALONG = np.array([0.25, 0.5, 0.25]), np.array([1, 2, 3, 2, 1]) / 9.0
-"""How frames share in what is done to one of them: the root's shift, and what a leg makes up for."""
+"""Filters over frames: of the root's shift, and of the correction by the legs."""
 
 SETTLING_S = 0.05
-"""Time constant with which the body is raised or lowered: a window begins where the last one was put and goes over to
-where the model has it in some tenths of a second, to be followed closely."""
+"""Time constant with which the body is raised or lowered. A window begins at the height where the last one ended, and
+reaches the model's height within a few tenths of a second."""
 
 
 def planted(motion: Motion, past: Motion) -> Motion:
-    """A motion whose loaded feet stand.
+    """The motion with its loaded feet in place.
 
     Args:
         motion: with contacts; without them it is returned as it is.
-        past: what it goes on from, of the same body and frame rate, at least one frame.
+        past: the motion before it, of the same body and frame rate, at least one frame.
     """
     if motion.contacts is None or not len(motion):
         return motion
@@ -73,7 +73,7 @@ def planted(motion: Motion, past: Motion) -> Motion:
     may = np.where(loaded > 0.0, 1.0, MISJUDGED * (height < NEAR)) * loaded.any(axis=1, keepdims=True)
     firm = may * np.exp(-speed / CHOOSING)
     stands = np.clip((SWINGING - speed) / (SWINGING - PLANTED), 0.0, 1.0)
-    # Ahead a body is where its legs carry it; what it glides aside is all that it knows of stepping aside.
+    # Forward the legs carry the body; sideways gliding is the model's substitute for steps.
     yaw = continuous_matrix_heading(human.pelvis_rotation)[:, None]
     facing = np.stack([np.cos(yaw), np.sin(yaw)], axis=-1)
     ahead = (slip * facing).sum(axis=-1, keepdims=True) * facing
@@ -94,14 +94,14 @@ def planted(motion: Motion, past: Motion) -> Motion:
 
 
 def _remaining(height: Float, loaded: NDArray[np.bool_]) -> Float:
-    """By how much feet are to come down, loaded ones to the floor and all out of it, heights and result (T, 2)."""
+    """Distances by which the legs lower the feet: loaded feet to the floor, all feet out of it, (T, 2) [m]."""
     down = _spread(np.where(loaded, np.maximum(height - REACHED, 0.0), 0.0))
     found: Float = np.minimum(down, np.maximum(height, 0.0)) - _spread(np.maximum(-height - SUNK, 0.0))
     return found
 
 
 def _spread(amount: Float) -> Float:
-    """The frames around come along: no foot drops or rises within one, (T, 2)."""
+    """The correction spread over neighbouring frames, so that no foot drops or rises within one, (T, 2)."""
     reaching = maximum_filter1d(np.minimum(amount, MOST), len(ALONG), axis=0)
     spread: Float = convolve1d(reaching, ALONG, axis=0, mode="nearest")
     return spread
@@ -113,15 +113,15 @@ def _feet(human: HumanKinematics) -> Float:
 
 
 def _held(values: Float, known: NDArray[np.bool_]) -> Float:
-    """Values, where they are not known the last that was, 0 before the first, (T,)."""
+    """Values with unknown ones replaced by the last known one, 0 before the first, (T,)."""
     last = np.maximum.accumulate(np.where(known, np.arange(1, len(values) + 1), 0))
     return np.concatenate([[0.0], values])[last]
 
 
 def _settled(wanted: Float, fps: float) -> Float:
-    """What follows `wanted` from 0 on as a critically damped spring does, (T,)."""
+    """`wanted` filtered by a critically damped spring from 0, (T,)."""
     step = 2.0 / (SETTLING_S * fps)
-    # Implicit in its own speed: stable at any rate.
+    # Implicit integration: stable at any frame rate.
     kept, pull = 1.0 / (1.0 + step) ** 2, (step / (1.0 + step)) ** 2
     found: Float = lfilter([pull], [1.0, pull - kept - 1.0, kept], wanted)
     return found

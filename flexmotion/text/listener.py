@@ -1,4 +1,4 @@
-"""`Listener`: which kind of motion a sentence asks for."""
+"""`Listener`: classifies sentences by the kind of motion that they ask for."""
 
 from __future__ import annotations
 
@@ -11,28 +11,28 @@ from flexmotion.text.sayings import NOTHING
 from flexmotion.text.sides import is_other_side, mirrored, sides
 
 EMPHASIS = 4.0
-"""An embedding counts so many times, beside its words that count one each."""
+"""Weight of the embedding, relative to 1 for each word piece."""
 
 SURE, SURER = 0.45, 0.6
-"""A sentence means something where one kind is as likely; the greater, where it is like nothing known (`STRANGE`)."""
+"""Least probability of a kind for the sentence to be understood; the second for strange sentences (`STRANGE`)."""
 
 STRANGE = 0.6
-"""Likeness to the nearest known wording below which a sentence is like nothing known."""
+"""Cosine with the nearest known wording below which a sentence is strange."""
 
 CLEARER = 4.0
-"""A sentence that names both sides means one of them where it is so many times as likely as the other."""
+"""Least ratio of the probabilities of both sides, for a sentence that names both."""
 
 
 class Listener:
-    """Logistic regression on a sentence's embedding and on the word pieces in it.
+    """Logistic regression on the embedding of a sentence and the word pieces in it.
 
-    The embedding knows words that nobody wrote down, but "to the left" and "to the right" are nearly one to it; the
-    pieces know exactly those that were. A sentence that names one side never means a motion to the other.
+    The embedding generalises to words outside the training sentences, but hardly separates "to the left" from "to the
+    right"; word pieces separate them. A sentence that names one side is never classified as a motion to the other.
 
     Args:
         kinds: of motion, and `sayings.NOTHING`, (K,).
-        pieces: numbers of the word pieces that count, (P,).
-        weights: of the embedding (D rows), the pieces (P rows) and of nothing at all (one row), (D + P + 1, K).
+        pieces: numbers of the word pieces with a weight, (P,).
+        weights: of the embedding (D rows), of the pieces (P rows) and bias (one row), (D + P + 1, K).
     """
 
     def __init__(self, kinds: Sequence[str], pieces: NDArray[np.int32], weights: NDArray[np.float32]) -> None:
@@ -42,11 +42,11 @@ class Listener:
     def __call__(
         self, sentence: str, embedding: NDArray[np.float32], pieces: Sequence[int], likeness: float = 1.0
     ) -> str:
-        """The kind that is meant, or `NOTHING`.
+        """The kind of motion, or `NOTHING`.
 
         Args:
-            sentence: as it was said.
-            embedding: of it, (D,), of unit length.
+            sentence: as given.
+            embedding: of the sentence, (D,), of unit length.
             pieces: numbers of its word pieces.
             likeness: cosine of its embedding with that of the nearest known wording.
         """
@@ -59,7 +59,7 @@ class Listener:
         return kind if share >= (SURER if likeness < STRANGE else SURE) else NOTHING
 
     def shares(self, sentence: str, embedding: NDArray[np.float32], pieces: Sequence[int]) -> NDArray[np.float32]:
-        """How likely each kind is meant, (K,), 1 together; see `__call__`."""
+        """Probability of each kind, (K,); see `__call__`."""
         rows = sorted({self._row[piece] for piece in pieces if piece in self._row})
         scores = EMPHASIS * embedding @ self._weights[: len(embedding)] + self._weights[-1]
         scores = scores + self._weights[rows].sum(axis=0)

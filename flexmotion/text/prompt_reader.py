@@ -1,4 +1,4 @@
-"""`PromptReader`: what is asked for in words, as the model has learnt to hear it."""
+"""`PromptReader`: sentences to inputs of the model."""
 
 from __future__ import annotations
 
@@ -16,11 +16,10 @@ from flexmotion.text.sentence_encoder import SentenceEncoder
 from flexmotion.text.sides import is_other_side
 
 SAME = 0.99
-"""Cosine from which on two wordings are one."""
+"""Least cosine of two equal wordings."""
 
 BREADTH = 10.0
-"""Known wordings of what is meant are mixed by the exponential of so many times their cosine: what many of them have in
-common is what it means."""
+"""Known wordings of a kind are mixed with weights exp(BREADTH x cosine)."""
 
 FORBIDS = re.compile(
     r"""\b(?:not|never|no|without|neither|nor|none|nobody|nowhere|cannot|stop|quit|cease|avoid|halt|enough|abort|cancel)\b
@@ -30,36 +29,35 @@ FORBIDS = re.compile(
     | \b(?:any|every|all|no)\w*\b.*\bbut\b | \b(?:instead\ of|rather\ than|other\ than|apart\ from|give\ up)\b""",
     re.IGNORECASE | re.VERBOSE,
 )
-"""To a sentence encoder "do not walk" is nearly "do walk": who is told what not to do stands still."""
+"""Prohibitions: the human stands still. Their embeddings are near those of the opposite ("do not walk", "do walk")."""
 
 FORBIDS_NOTHING = re.compile(
     r"\b(?:in )?no (?:hurry|rush)(?=\s*(?:[,.;!?]|$))|\bnon-?stop\b|\bwithout (?:a|any) (?:hurry|rush)\b", re.IGNORECASE
 )
-"""What only says how; at the end of a clause, for "no rush forward" says what not to do."""
-
+"""Negations that only qualify a motion; at the end of a clause, since "no rush forward" is a prohibition."""
 
 WITHOUT_TURNING = re.compile(r"\bwithout (?:turning|rotating|looking)(?: (?:a?round|back))?\b", re.IGNORECASE)
-"""Likewise where what is meant is no turn: a step aside goes without."""
+"""Likewise, for motions other than turns."""
 
 
 def forbids(sentence: str, kind: str) -> bool:
-    """Whether a sentence that is heard as a kind of motion says what not to do."""
-    told = FORBIDS_NOTHING.sub(" ", sentence)
+    """Whether a sentence classified as a kind of motion is a prohibition."""
+    rest = FORBIDS_NOTHING.sub(" ", sentence)
     if "turn" not in kind:
-        told = WITHOUT_TURNING.sub(" ", told)
-    return FORBIDS.search(told) is not None
+        rest = WITHOUT_TURNING.sub(" ", rest)
+    return FORBIDS.search(rest) is not None
 
 
 @dataclass(frozen=True)
 class Prompt:
-    """A sentence read.
+    """Meaning of a sentence.
 
     Attributes:
-        embedding: as the denoiser takes it, (D,), of unit length.
-        kind: of motion that it means.
-        likeness: cosine with the known wording nearest to it.
-        known: whether it means something.
-        warning: why the robot stands still, where nobody asked for that.
+        embedding: input of the denoiser, (D,), of unit length.
+        kind: of motion.
+        likeness: cosine with the nearest known wording.
+        known: whether the sentence is understood.
+        warning: reason for standing still, where the sentence does not ask for it.
     """
 
     embedding: NDArray[np.float32]
@@ -70,18 +68,18 @@ class Prompt:
 
 
 class PromptReader:
-    """Reads sentences by the wordings that a model was trained with.
+    """Maps sentences to the wordings that a model was trained with.
 
-    A listener says which kind of motion is meant; the sentence is heard as a mixture of known wordings of that kind,
-    the nearer the more, so that an unseen wording lands where the model has been. Never as one of several kinds: "to
-    your left" is nearly as near to "turn right" as to "turn left", and half of each is neither. A known wording needs
-    no listener. What means no kind means standing still, and so does what says what not to do.
+    A listener classifies the sentence by kind of motion, and its embedding is replaced by a mixture of known wordings
+    of that kind, weighted by likeness, so that the denoiser only receives embeddings like those of its training. Kinds
+    are not mixed: "to your left" is nearly as near to "turn right" as to "turn left". Known wordings are not
+    classified. Sentences that are not understood, and prohibitions, mean standing still.
 
     Args:
         folder: of the sentence encoder.
-        kinds: of motion that the wordings mean, (K,).
+        kinds: of motion of each wording, (K,).
         embeddings: of the wordings, (K, D).
-        listener: that was taught by sentences encoded likewise.
+        listener: trained on sentences of the same encoder.
     """
 
     def __init__(
@@ -92,32 +90,32 @@ class PromptReader:
         self.idle = self.meaning(STAND)
 
     def meaning(self, kind: str) -> Prompt:
-        """What all wordings of a kind of motion have in common; standing still where it has none."""
+        """Mean of all wordings of a kind of motion; of standing still where the kind has none."""
         kind = kind if kind in self._kinds else STAND
         return Prompt(_unit(self._embeddings[self._kinds == kind].mean(axis=0)), kind, 1.0, True)
 
     def __call__(self, sentence: str) -> Prompt:
-        """What a sentence means."""
+        """Meaning of a sentence."""
         embedding = self._encode(sentence)
         likeness = self._embeddings @ embedding
         nearest = int(np.argmax(likeness))
         best = float(likeness[nearest])
         kind = str(self._kinds[nearest])
         if best <= SAME or is_other_side(kind, sentence):
-            kind = self._heard(sentence, embedding, best)
+            kind = self._classified(sentence, embedding, best)
         if kind == NOTHING:
-            learnt = ", ".join(dict.fromkeys(self._kinds))
-            told = f"{sentence!r} means nothing to this model: it stands still; it has learnt: {learnt}"
-            return Prompt(self.idle.embedding, STAND, best, False, told)
+            known = ", ".join(dict.fromkeys(self._kinds))
+            warning = f"{sentence!r} is not understood by this model, it stands still; it knows: {known}"
+            return Prompt(self.idle.embedding, STAND, best, False, warning)
         if forbids(sentence, kind) and (kind != STAND or best <= SAME):
-            told = f"{sentence!r} says what not to do: it stands still; say what to do"
-            return Prompt(self.idle.embedding, STAND, best, True, told)
+            warning = f"{sentence!r} is a prohibition, the model stands still; say what to do"
+            return Prompt(self.idle.embedding, STAND, best, True, warning)
         alike = self._kinds == kind
         mixture = np.exp(BREADTH * (likeness[alike] - best)) @ self._embeddings[alike]
         return Prompt(_unit(mixture), kind, best, True)
 
-    def _heard(self, sentence: str, embedding: NDArray[np.float32], likeness: float) -> str:
-        """The kind that is meant, or `NOTHING`."""
+    def _classified(self, sentence: str, embedding: NDArray[np.float32], likeness: float) -> str:
+        """Kind of motion, or `NOTHING`."""
         pieces = self._encode.pieces(sentence)
         if all(piece == self._encode.pieces.unknown for piece in pieces):
             return NOTHING

@@ -1,4 +1,4 @@
-"""What people say to mean a kind of motion: what a model listens by."""
+"""Sentences that ask for each kind of motion: the training data of the listener."""
 
 from __future__ import annotations
 
@@ -14,32 +14,32 @@ from flexmotion.text.phrases import kinds, wordings
 from flexmotion.text.sides import mirrored, sides
 
 NOTHING = "none"
-"""What is said means no kind of motion that there is."""
+"""Label of sentences that mean no known kind of motion."""
 
 
 @lru_cache
 def sayings() -> tuple[tuple[str, str], ...]:
-    """Kind of motion, or `NOTHING`, and sentence, of all that is known to be said, wordings of motions among them.
+    """Kind of motion, or `NOTHING`, and sentence, of all shipped sentences and all wordings of motions.
 
-    Each that names a side comes with its mirror image, in which left and right are swapped.
+    A sentence that names a side comes with its mirror image, in which left and right are swapped.
     """
     text = resources.files("flexmotion").joinpath("data", "sayings.yaml").read_text(encoding="utf-8")
     return _with_mirror_images([*_rows(yaml.safe_load(text)), *((kind, w) for kind in kinds() for w in wordings(kind))])
 
 
 def read_sayings(path: Path) -> tuple[tuple[str, str], ...]:
-    """Likewise of a file of one's own: kinds of motion, each with a list of sentences.
+    """The same pairs from a YAML file: kinds of motion, each with a list of sentences.
 
     Raises:
-        ConfigError: it cannot be read, or is something else.
+        ConfigError: the file cannot be read or has other content.
     """
     try:
-        # To YAML "no" and "yes" are truths, and 2024-01-01 is a day: here all are words.
+        # BaseLoader: YAML would turn "no", "yes" and 2024-01-01 into other types than strings.
         table = yaml.load(path.read_text(encoding="utf-8"), Loader=yaml.BaseLoader)
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read ({error.strerror})") from error
     except (UnicodeDecodeError, RecursionError, yaml.YAMLError) as error:
-        raise ConfigError(f"{path}: no YAML ({' '.join(str(error).split())})") from error
+        raise ConfigError(f"{path}: not valid YAML ({' '.join(str(error).split())})") from error
     if not isinstance(table, dict) or not table:
         raise ConfigError(f"{path}: expected kinds of motion, each with a list of sentences (walk: [patrol, ...])")
     for kind, said in table.items():
@@ -53,6 +53,6 @@ def _rows(table: Mapping[str, list[str]]) -> list[tuple[str, str]]:
 
 
 def _with_mirror_images(said: list[tuple[str, str]]) -> tuple[tuple[str, str], ...]:
-    # A sentence that names no side ("wave") has no mirror image: it means one hand, not the other.
+    # A sentence that names no side ("wave") has no mirror image: it means the right hand only.
     images = ((mirrored(kind), mirrored(sentence)) for kind, sentence in said if sides(sentence))
     return tuple(dict.fromkeys([*said, *images]))

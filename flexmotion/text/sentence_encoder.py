@@ -1,4 +1,4 @@
-"""`SentenceEncoder`: sentences to vectors by a small exported network, without torch and without a network."""
+"""`SentenceEncoder`: sentences to vectors by a small exported network, without torch and offline."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ class SentenceEncoder:
         folder: with the network and its vocabulary.
 
     Attributes:
-        pieces: sentences to numbers of word pieces.
+        pieces: splits sentences into numbers of word pieces.
         size: of an embedding.
 
     Raises:
-        ConfigError: one of them is missing or broken.
+        ConfigError: one of the files is missing or damaged.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -40,7 +40,7 @@ class SentenceEncoder:
         self.size = int(self._session.get_outputs()[0].shape[-1])
 
     def __call__(self, sentence: str) -> NDArray[np.float32]:
-        """Embedding of a sentence, (size,); zeros for one without a word."""
+        """Embedding of a sentence, (size,); zeros for a sentence without words."""
         pieces = self.pieces(sentence)
         if not pieces:
             return np.zeros(self.size, np.float32)

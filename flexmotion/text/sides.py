@@ -1,4 +1,4 @@
-"""Left and right in what is said."""
+"""Left and right in sentences."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ _NO_SIDE = re.compile(
       (?!\ (?:hand|arm|side|foot|leg))""",
     re.IGNORECASE | re.VERBOSE,
 )
-"""Lefts and rights that are no sides: "right now", "that's right", "I left"."""
+""""left" and "right" with another meaning than a side: "right now", "that's right", "I left"."""
 
 _SWAPS = {"left": "right", "right": "left", "clockwise": "counterclockwise"}
 
 
 def mirrored(text: str) -> str:
-    """A text about the mirror image: left becomes right, clockwise counterclockwise, also within words."""
+    """The text with left and right, clockwise and counterclockwise swapped, also within words."""
 
     def swap(match: re.Match[str]) -> str:
         word = match[0]
@@ -34,15 +34,14 @@ def mirrored(text: str) -> str:
 
 
 def sides(text: str) -> frozenset[str]:
-    """Which of `LEFT` and `RIGHT` a sentence, or a kind of motion, names."""
-    told = _NO_SIDE.sub(" ", text)
-    turned, rest = re.subn(rf"(?i){_COUNTERCLOCKWISE}", " ", told)[::-1]
+    """Sides (`LEFT`, `RIGHT`) that a sentence or a kind of motion names."""
+    rest, turned = re.subn(rf"(?i){_COUNTERCLOCKWISE}", " ", _NO_SIDE.sub(" ", text))
     left = turned > 0 or re.search(r"(?i)\bleft", rest) is not None
     right = re.search(r"(?i)\bright|\bclockwise", rest) is not None
     return frozenset(side for side, named in ((LEFT, left), (RIGHT, right)) if named)
 
 
 def is_other_side(kind: str, sentence: str) -> bool:
-    """Whether a kind of motion is to another side than the only one that a sentence names."""
+    """Whether a sentence names one side only and a kind of motion is to the other."""
     named, meant = sides(sentence), sides(kind)
     return len(named) == 1 and len(meant) == 1 and named != meant

@@ -1,4 +1,4 @@
-"""Sentences to word pieces: the greedy longest match of BERT's vocabularies, for plain English."""
+"""Sentences to word pieces by greedy longest match, as for BERT's vocabularies, for plain English."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from collections.abc import Sequence
 UNKNOWN = "[UNK]"
 CONTINUED = "##"
 LONGEST = 64
-"""Pieces of a sentence that are looked at."""
+"""Greatest number of pieces of a sentence; further ones are ignored."""
 
 
 class WordPieces:
-    """Numbers of pieces.
+    """Maps sentences to numbers of word pieces.
 
     Args:
         vocabulary: pieces in the order of their numbers, `[UNK]` among them.
@@ -24,7 +24,7 @@ class WordPieces:
         self.unknown = self._number[UNKNOWN]
 
     def __call__(self, sentence: str) -> list[int]:
-        """Numbers of a sentence's pieces, `LONGEST` at most; empty for a sentence without a word."""
+        """Numbers of the pieces of a sentence, at most `LONGEST`; empty for a sentence without words."""
         plain = unicodedata.normalize("NFD", sentence.lower())
         plain = "".join(letter for letter in plain if not unicodedata.combining(letter))
         pieces: list[int] = []

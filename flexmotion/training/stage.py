@@ -18,7 +18,7 @@ from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
 
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.model import Stage
-from flexmotion.training.checkpoints import BEST, LAST, is_trained, read_checkpoint, write_checkpoint
+from flexmotion.training.checkpoints import BEST, LAST, read_checkpoint, write_checkpoint
 from flexmotion.training.format import FORMAT
 from flexmotion.training.processes import Processes
 
@@ -88,88 +88,126 @@ def train_stage(
         processes: that train; None for those of the environment.
         pretrained: the task starts with trained weights, which are kept unless better ones are found.
 
+    Returns:
+        State at the end; after no step at all the folder has no `best.pt`.
+
     Raises:
         ConfigError: the folder holds a training with another configuration or format.
     """
     group = processes or Processes()
-    folder.mkdir(parents=True, exist_ok=True)
-    network = task.network
-    optimiser = torch.optim.AdamW(network.parameters(), lr=stage.learning_rate, weight_decay=stage.decay, fused=True)
-    average = AveragedModel(network, multi_avg_fn=_moving_average(stage.average))
-    step, least, figures = 0, math.inf, {}
-    last = folder / LAST
-    if last.is_file():
-        state = read_checkpoint(last, oldest=FORMAT, device=group.device)
-        if state["fingerprint"] != fingerprint:
-            raise ConfigError(f"{folder}: holds a training with other settings; use those, or another folder")
+    training = _Training(task, stage, folder, fingerprint, group)
+    training.resume()
+
+    def time_is_over() -> bool:
+        return group.any(seconds is not None and time.monotonic() - begin >= seconds)
+
+    begin = saved = time.monotonic()
+    if pretrained and not training.step:
+        training.validate()
+    while training.step < stage.steps and not time_is_over():
+        training.advance()
+        if training.step % stage.validate_every == 0 or training.step == stage.steps:
+            training.validate()
+        if time.monotonic() - saved > save_every:
+            training.save()
+            saved = time.monotonic()
+        progress(training.progress)
+    training.end()
+    return training.progress
+
+
+class _Training:
+    """A stage's training: the network, its moving average, its optimiser, and how far it is."""
+
+    def __init__(self, task: Task, stage: Stage, folder: Path, fingerprint: str, processes: Processes) -> None:
+        self._task, self._stage, self._folder, self._fingerprint = task, stage, folder, fingerprint
+        self._processes = processes
+        folder.mkdir(parents=True, exist_ok=True)
+        network = task.network.train()
+        rate, decay = stage.learning_rate, stage.decay
+        self._optimiser = torch.optim.AdamW(network.parameters(), lr=rate, weight_decay=decay, fused=True)
+        self._average = AveragedModel(network, multi_avg_fn=_moving_average(stage.average))
+        self._losses = processes.synchronised(network, task.losses)
+        self._board = _board(folder) if processes.first else None
+        self._least = math.inf
+        self._parts: dict[str, float] = {}
+        self._figures: dict[str, float] = {}
+        self.step = 0
+
+    @property
+    def progress(self) -> Progress:
+        """How far it is."""
+        return Progress(self.step, self._stage.steps, self._parts, self._figures)
+
+    def resume(self) -> None:
+        """Read the state in the folder, where there is one. Raises `ConfigError` where it does not fit."""
+        last = self._folder / LAST
+        if not last.is_file():
+            return
+        state = read_checkpoint(last, oldest=FORMAT, device=self._processes.device)
+        if state["fingerprint"] != self._fingerprint:
+            raise ConfigError(f"{self._folder}: holds a training with other settings; use those, or another folder")
         try:
-            network.load_state_dict(state["network"])
-            average.load_state_dict(state["average"])
-            optimiser.load_state_dict(state["optimiser"])
+            self._task.network.load_state_dict(state["network"])
+            self._average.load_state_dict(state["average"])
+            self._optimiser.load_state_dict(state["optimiser"])
         except (RuntimeError, ValueError) as error:
             problem = str(error).splitlines()[0]
             raise ConfigError(f"{last}: of another version, start in an empty folder ({problem})") from error
-        step, least, figures = state["step"], state["least"], state["figures"]
-        log.info("%s: resumes at step %d", folder, step)
-    losses = group.synchronised(network, task.losses)
+        self.step, self._least, self._figures = state["step"], state["least"], state["figures"]
+        log.info("%s: resumes at step %d", self._folder, self.step)
 
-    def save() -> None:
-        if group.first:
-            state = {"network": network.state_dict(), "average": average.state_dict()}
-            state["optimiser"] = optimiser.state_dict()
-            where = {"fingerprint": fingerprint, "step": step, "least": least, "figures": figures}
-            write_checkpoint(state | where, last)
-
-    def validate() -> None:
-        nonlocal least, figures
-        with _averaged_weights(network, average):
-            figures = task.validate()
-        if not group.first:
+    def save(self) -> None:
+        """Write the state to resume from."""
+        if not self._processes.first:
             return
-        with (folder / HISTORY).open("a", encoding="utf-8") as file:
-            file.write(json.dumps({"step": step, "losses": parts, "validation": figures}) + "\n")
-        if board is not None:
-            for name, value in figures.items():
-                board.add_scalar(f"validation/{name}", value, step)
-            for name, value in parts.items():
-                board.add_scalar(f"training/{name}", value, step)
-        if figures["loss"] < least:
-            least = figures["loss"]
-            made = {"steps": step, "processes": group.count, "batch": stage.batch}
-            best = {"network": average.module.state_dict(), "step": step, "figures": figures}
-            write_checkpoint(best | made, folder / BEST)
+        state = {"network": self._task.network.state_dict(), "average": self._average.state_dict()}
+        state["optimiser"] = self._optimiser.state_dict()
+        where = {"fingerprint": self._fingerprint, "step": self.step, "least": self._least, "figures": self._figures}
+        write_checkpoint(state | where, self._folder / LAST)
 
-    board = _board(folder) if group.first else None
-    parts: dict[str, float] = {}
-    begin = saved = time.monotonic()
-    if pretrained and not step:
-        validate()
-    network.train()
-    while step < stage.steps and not group.any(seconds is not None and time.monotonic() - begin >= seconds):
-        for entry in optimiser.param_groups:
-            entry["lr"] = _rate(stage, step)
-        optimiser.zero_grad(set_to_none=True)
-        loss, terms = losses(step)
+    def advance(self) -> None:
+        """Do one step of the optimiser."""
+        for entry in self._optimiser.param_groups:
+            entry["lr"] = _rate(self._stage, self.step)
+        self._optimiser.zero_grad(set_to_none=True)
+        loss, terms = self._losses(self.step)
         loss.backward()
-        nn.utils.clip_grad_norm_(network.parameters(), CLIP_NORM)
-        optimiser.step()
-        step += 1
-        average.update_parameters(network)
-        parts = {name: float(value.detach()) for name, value in terms.items()}
-        if step % stage.validate_every == 0 or step == stage.steps:
-            validate()
-        if time.monotonic() - saved > save_every:
-            save()
-            saved = time.monotonic()
-        progress(Progress(step, stage.steps, parts, figures))
-    if step and not is_trained(folder):
-        validate()
-    save()
-    if group.first:  # the stage may have ended early, or long after its best weights
-        write_checkpoint(read_checkpoint(folder / BEST) | {"steps": step}, folder / BEST)
-    if board is not None:
-        board.close()
-    return Progress(step, stage.steps, parts, figures)
+        nn.utils.clip_grad_norm_(self._task.network.parameters(), CLIP_NORM)
+        self._optimiser.step()
+        self._average.update_parameters(self._task.network)
+        self.step += 1
+        self._parts = {name: float(value.detach()) for name, value in terms.items()}
+
+    def validate(self) -> None:
+        """Validate the averaged weights, and keep them where they are the best."""
+        with _averaged_weights(self._task.network, self._average):
+            self._figures = self._task.validate()
+        if not self._processes.first:
+            return
+        row = {"step": self.step, "losses": self._parts, "validation": self._figures}
+        with (self._folder / HISTORY).open("a", encoding="utf-8") as file:
+            file.write(json.dumps(row) + "\n")
+        if self._board is not None:
+            for kind, values in (("validation", self._figures), ("training", self._parts)):
+                for name, value in values.items():
+                    self._board.add_scalar(f"{kind}/{name}", value, self.step)
+        if self._figures["loss"] < self._least:
+            self._least = self._figures["loss"]
+            made = {"steps": self.step, "processes": self._processes.count, "batch": self._stage.batch}
+            best = {"network": self._average.module.state_dict(), "step": self.step, "figures": self._figures}
+            write_checkpoint(best | made, self._folder / BEST)
+
+    def end(self) -> None:
+        """Save, with best weights even where no validation was due."""
+        best = self._folder / BEST
+        if self.step and not best.is_file():
+            self.validate()
+        self.save()
+        if self._processes.first and best.is_file():  # the training may go on long after its best weights
+            write_checkpoint(read_checkpoint(best) | {"steps": self.step}, best)
+        if self._board is not None:
+            self._board.close()
 
 
 def _moving_average(decay: float) -> Callable[..., None]:

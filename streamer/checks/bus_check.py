@@ -1,4 +1,4 @@
-"""What a robot's servo buses have time for, calculated from the robot file."""
+"""The highest loop rate that a robot's servo buses allow, calculated from the robot file."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from flexmotion.drivers.bus.finder import bus_driver_of
 from flexmotion.drivers.bus.servo_bus import Budget
 
 ADAPTER_S = 0.0005
-"""Time that an adapter and its driver add to reading, beyond the wire (assumption: low-latency mode) [s]."""
+"""Time that a serial adapter adds to a read, beyond the wire (assumption: low-latency mode) [s]."""
 
 CYCLE_SHARE = 0.8
-"""Share of a tick that reading and writing may take together; the rest is for the loop itself."""
+"""Share of a tick that reading and writing may take together; the rest is the loop's."""
 
 
 @dataclass(frozen=True)
@@ -21,10 +21,12 @@ class BusCheck:
     """One bus.
 
     Attributes:
-        name: in the robot file; `baud` its bit rate; `servos` on it.
+        name: name in the robot file.
+        baud: bit rate.
+        servos: number of servos.
         budget: bytes and time of a cycle.
-        highest_hz: loop rate up to which that fits a tick.
-        fits: whether the rate asked for does.
+        highest_hz: highest loop rate at which a cycle fits into a tick.
+        fits: whether the requested rate does not exceed it.
     """
 
     name: str
@@ -36,7 +38,7 @@ class BusCheck:
 
 
 def check_buses(robot: Robot, rate_hz: float) -> list[BusCheck]:
-    """Every bus of a robot at a loop rate. Raises `ConfigError` where no driver speaks to its servos."""
+    """Check every bus of a robot at a loop rate. Raises `ConfigError` if no driver supports its servos."""
     driver = bus_driver_of(robot)
     checks = []
     for name, config in robot.config.buses.items():

@@ -1,12 +1,11 @@
-"""`measure`: the live system on the real clock while targets change at random moments; how fast it answers."""
+"""`measure`: latency of the live system on the real clock, while targets change at random moments."""
 
 from __future__ import annotations
 
 import contextlib
-import random
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import psutil
@@ -16,115 +15,20 @@ from flexmotion.configs.robot import Robot
 from flexmotion.configs.stream import Budgets, StreamSettings
 from flexmotion.drivers.interface import Driver
 from flexmotion.drivers.realtime import child
-from flexmotion.drivers.realtime.priority import Scheduling
-from flexmotion.drivers.realtime.witness import Witness, overlapping
-from flexmotion.human.motion import Motion
-from flexmotion.importers.default_clip import default_clip
+from flexmotion.drivers.realtime.witness import Witness
+from flexmotion.streamer.checks.latency_result import HISTOGRAM_US, LatencyResult, Stage
+from flexmotion.streamer.checks.standstills import StandstillTimes
+from flexmotion.streamer.checks.switching import BETWEEN_S, RandomTargets
 from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.control.telemetry import Event
-from flexmotion.streamer.motion.clip_library import ClipLibrary
-from flexmotion.streamer.motion.intents import Clip, Intent
+from flexmotion.streamer.motion.intents import Intent
 from flexmotion.streamer.motion.sources import LiveSource
-from flexmotion.streamer.motion.targets import TargetMailbox
 from flexmotion.streamer.report.report import Latency
 from flexmotion.streamer.run.requests import Request
 from flexmotion.streamer.run.session import Session
 
-_SETTLE_S = 2.0
-"""After the start, before the first switch [s]."""
 _MARGIN_S = 60.0
-"""Kept of a run beyond its switches: standing up, settling, parking [s]."""
-_BETWEEN_S = (0.2, 1.0)
-"""Time between two switches, drawn evenly [s]."""
-_SOON_S, _LONG_S = 2.0, 0.02
-"""A standstill so shortly before a fault, and so long, may be its cause [s]."""
-HISTOGRAM_US = (0.0, 25.0, 50.0, 75.0, 100.0, 150.0, 200.0, 300.0, 500.0, 1000.0, 2000.0, 4000.0, 8000.0)
-"""Edges of the lateness histogram [µs]; one more bin holds what is later."""
-
-
-@dataclass(frozen=True)
-class LatencyResult:
-    """What was measured.
-
-    Attributes:
-        stages: by name, a time's percentiles in milliseconds, the budget of one of them, and which one it binds.
-        scheduling: of the loop.
-        awake: whether the processors were kept from sleeping as deeply as they like.
-        switches, answered: targets sent, and those that a plan followed.
-        lateness: ticks by how late the loop woke, one a bin of `HISTOGRAM_US`.
-        memory_mb: of the loop's process, early in the run and at its end.
-        standstills: of this machine meanwhile; None where nothing could tell.
-        failures: budgets that were passed, in words.
-    """
-
-    seconds: float
-    rate_hz: float
-    cycles: int
-    stages: dict[str, Stage]
-    scheduling: Scheduling
-    awake: bool
-    load: int
-    switches: int
-    answered: int
-    missed_deadlines: int
-    late_plans: int
-    underruns: int
-    violations_sent: int
-    lateness: tuple[int, ...]
-    memory_mb: tuple[float, float] | None
-    standstills: Standstills | None
-    faults: tuple[str, ...]
-    failures: tuple[str, ...]
-
-    @property
-    def ok(self) -> bool:
-        """Whether every budget was kept."""
-        return not self.failures
-
-    def content(self) -> dict[str, object]:
-        """All of it as JSON has it."""
-        stages = {name: stage.content() for name, stage in self.stages.items()}
-        return asdict(self) | {"stages": stages, "histogram_us": HISTOGRAM_US, "ok": self.ok}
-
-
-@dataclass(frozen=True)
-class Standstills:
-    """Moments at which this machine itself ran nothing, as a timer above every other process found them.
-
-    Attributes:
-        count: how many; `total_ms` what they add up to on all processors, `longest_ms` the longest.
-        missed_deadlines: those of the loop that were missed in one, or catching up.
-        stolen_ms: what the host of a virtual machine says that it took meanwhile; in steps of 10 ms.
-    """
-
-    count: int
-    total_ms: float
-    longest_ms: float
-    missed_deadlines: int
-    stolen_ms: float
-
-
-@dataclass(frozen=True)
-class Stage:
-    """One stage's time in milliseconds, and the 99th percentile that it may have; None where nothing is asked.
-
-    Attributes:
-        apart: the time where the machine did not stand still meanwhile; None where that is not known.
-    """
-
-    time: Latency | None
-    budget_ms: float | None = None
-    apart: Latency | None = None
-
-    @property
-    def over(self) -> bool:
-        """Whether it takes longer than it may."""
-        return self.budget_ms is not None and self.time is not None and self.time.p99 > self.budget_ms
-
-    def content(self) -> dict[str, object]:
-        """As JSON has it."""
-        time, apart = (None if one is None else one.model_dump() for one in (self.time, self.apart))
-        return {"ms": time, "budget_p99_ms": self.budget_ms, "apart_from_standstills_ms": apart}
+"""Part of a run that is kept beyond its switches: standing up, settling, parking [s]."""
 
 
 def measure(
@@ -143,17 +47,22 @@ def measure(
     request: Callable[[], Request | None] = lambda: None,
     wake: int | None = None,
 ) -> LatencyResult:
-    """Stream on the real clock, asking for something else at random moments.
+    """Stream on the real clock and send targets at random moments.
 
     Args:
-        source: what follows.
-        intents: what it is asked for in turn, two or more.
-        seconds: how long; `switches`: until so many switches were made, where given.
-        load: processes that keep a processor busy meanwhile.
+        source: source that follows the targets.
+        intents: intents to send in random order, two or more.
+        seconds: length of the measurement [s].
+        switches: end after so many targets instead.
+        load: number of busy processes beside the run.
         realtime: ask the system for realtime scheduling.
-        request, wake: as of `flexmotion.streamer.run.session.Session`.
+        progress: called with the share done, in [0, 1].
+        request, wake: see `flexmotion.streamer.run.session.Session`.
+
+    Raises:
+        DriverError: the driver failed.
     """
-    longest = seconds if switches is None else switches * _BETWEEN_S[1]
+    longest = seconds if switches is None else switches * BETWEEN_S[1]
     session = Session(
         robot, driver, source, settings, stay=True, realtime=realtime, wake=wake, kept_s=longest + _MARGIN_S
     )
@@ -163,53 +72,15 @@ def measure(
     with hogs(load), witness if realtime else contextlib.nullcontext():
         record = session.run("real")
     found = witness.standstills() if session.scheduling == "fifo" else None
-    moments = None if found is None else Moments(record, found, _stolen_ms() - before)
+    moments = None if found is None else StandstillTimes(record, found, _stolen_ms() - before)
     return _result(record, session, settings.budgets, load, switcher, moments)
 
 
-def shipped_clips() -> dict[str, Motion]:
-    """The shipped motion in parts: both arms waving, a few steps, standing at ease."""
-    motion = default_clip()
-    return {"wave": motion[0:225], "walk": motion[225:330], "stand": motion[330:510]}
-
-
-def switched(clips: dict[str, Motion]) -> tuple[ClipLibrary, tuple[Intent, ...]]:
-    """A source that plays clips, beginning with the first, and what it can be asked for."""
-    return ClipLibrary(clips, next(iter(clips))), tuple(Clip(name) for name in sorted(clips))
-
-
-class RandomTargets:
-    """Sends targets at random moments, never the same twice in a row.
-
-    Args:
-        targets: where they are sent.
-        intents: what they ask for, two or more.
-        seed: of moments and choices.
-
-    Attributes:
-        sent: how many.
-    """
-
-    def __init__(self, targets: TargetMailbox, intents: Sequence[Intent], seed: int) -> None:
-        self.targets, self.intents = targets, intents
-        self.sent = 0
-        self._random, self._next = random.Random(seed), _SETTLE_S
-        self._asked: Intent | None = None
-
-    def at(self, passed: float) -> None:
-        """Called over and over with the time since the start [s]."""
-        if passed >= self._next:
-            self._next = passed + self._random.uniform(*_BETWEEN_S)
-            self._asked = self._random.choice([intent for intent in self.intents if intent != self._asked])
-            self.targets.send(self._asked)
-            self.sent += 1
-
-
 class _Switcher:
-    """Sends targets until it is time to end, and then asks for that; passes on what is requested meanwhile.
+    """Sends targets until the measurement is over, then asks for the end; passes on requests from outside.
 
     Attributes:
-        interrupted: somebody else asked for the end. A robot that comes to a stand and parks follows nothing more.
+        interrupted: the end was requested from outside. No target is sent after that: the robot parks.
     """
 
     def __init__(
@@ -230,11 +101,11 @@ class _Switcher:
 
     @property
     def sent(self) -> int:
-        """How many targets."""
+        """Number of targets sent."""
         return self._targets.sent
 
     def next(self) -> Request | None:
-        """Called by the supervisor over and over."""
+        """The next request; the supervisor calls this repeatedly."""
         asked = self.request()
         if asked in (Request.END, Request.ESTOP, Request.KILL, Request.QUIT) and not self._ended:
             self.interrupted = self._ended = True
@@ -257,50 +128,17 @@ class _Switcher:
 
 
 def _stolen_ms() -> float:
-    """Time since the start that this machine was ready to run and its host ran something else."""
+    """Time since the machine started in which it was ready to run but its host ran something else [ms]."""
     return 1e3 * float(psutil.cpu_times().steal)
 
 
-def _ns(seconds: NDArray[np.float64] | float) -> NDArray[np.int64]:
-    return np.asarray(np.nan_to_num(np.asarray(seconds) * 1e9), np.int64)
-
-
-class Moments:
-    """The machine's standstills, laid beside a run."""
-
-    def __init__(self, record: RunTrace, found: NDArray[np.int64], stolen_ms: float) -> None:
-        first, last = (int(record.stamp_ns[at]) for at in (0, -1))
-        self._stamps = record.stamp_ns
-        self._moments = found[(found[:, 1] > first) & (found[:, 0] < last)]
-        ms = (self._moments[:, 1] - self._moments[:, 0]) * 1e-6
-        # From a deadline to the next wake all is one cause: who woke late ends late, and misses the next deadline.
-        missed = np.diff(record.rows["missed_deadlines"], prepend=0)
-        since = np.concatenate([[first], self._stamps[:-1] - _ns(record.lateness_s[:-1])])
-        theirs = int(missed[overlapping(since, self._stamps, self._moments)].sum())
-        longest = float(ms.max(initial=0.0))
-        self.summary = Standstills(len(ms), float(ms.sum()), longest, theirs, stolen_ms)
-
-    def just_before(self, stamp_ns: int) -> str:
-        """For a message of something that happened then: the longest standstill of the last moments, if it was long."""
-        ended = (self._moments[:, 1] > stamp_ns - _ns(_SOON_S)) & (self._moments[:, 0] < stamp_ns)
-        longest = max(self._moments[ended].tolist(), key=lambda moment: moment[1] - moment[0], default=[0, 0])
-        stood_s, ago_s = 1e-9 * (longest[1] - longest[0]), 1e-9 * (stamp_ns - longest[1])
-        if stood_s < _LONG_S:
-            return ""
-        return f", {max(ago_s, 0.0):.2f} s after the machine itself stood still for {1e3 * stood_s:.0f} ms"
-
-    def apart(self, seconds: NDArray[np.float64], after: NDArray[np.float64] | float = 0.0) -> Latency | None:
-        """Times of each tick, (T,) [s], without those in which the machine stood still.
-
-        Args:
-            after: how much of each came after the tick's wake, (T,) or one for all [s].
-        """
-        end = self._stamps + _ns(after)
-        return Latency.of(seconds[~overlapping(end - _ns(seconds), end, self._moments)], 1e-3)
-
-
 def _result(
-    record: RunTrace, session: Session, budgets: Budgets, load: int, switcher: _Switcher, moments: Moments | None
+    record: RunTrace,
+    session: Session,
+    budgets: Budgets,
+    load: int,
+    switcher: _Switcher,
+    moments: StandstillTimes | None,
 ) -> LatencyResult:
     def stage(seconds: NDArray[np.float64], budget_ms: float | None = None) -> Stage:
         return Stage(Latency.of(seconds, 1e-3), budget_ms)
@@ -338,7 +176,7 @@ def _result(
     robot_late = stages["robot lateness"].time
     if robot_late is not None and robot_late.max > 1e3 / record.rate_hz:
         failures.append(f"the simulated robot was {robot_late.max:.3g} ms late, more than a tick: figures do not count")
-    faults = tuple(_told(event, record, moments) for event in record.events if event.kind == "fault")
+    faults = tuple(_fault_text(event, record, moments) for event in record.events if event.kind == "fault")
     for what, count, allowed in (
         ("missed deadlines", record.missed_deadlines, budgets.missed_deadlines),
         ("under-runs", record.underruns, budgets.underruns),
@@ -371,8 +209,8 @@ def _result(
     )
 
 
-def _told(event: Event, record: RunTrace, moments: Moments | None) -> str:
-    """A fault, when it was, and whether the machine may have been its cause."""
+def _fault_text(event: Event, record: RunTrace, moments: StandstillTimes | None) -> str:
+    """Message of a fault with its time, and with a standstill that may have caused it."""
     if not record.used:
         return event.message
     row = int(np.searchsorted(record.rows["tick"], event.tick))
@@ -383,7 +221,7 @@ def _told(event: Event, record: RunTrace, moments: Moments | None) -> str:
 
 @contextlib.contextmanager
 def hogs(count: int) -> Iterator[None]:
-    """Within, `count` processes each keep a processor busy."""
+    """Context in which `count` processes each keep a processor busy."""
     running = [child.start("hog", _be_busy) for _ in range(count)]
     try:
         yield

@@ -1,4 +1,4 @@
-"""How `check latency` reads in a terminal."""
+"""The result of `check latency` for a terminal."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from flexmotion.streamer.checks.latency import HISTOGRAM_US, LatencyResult
+from flexmotion.streamer.checks.latency_result import HISTOGRAM_US, LatencyResult
 
 _BAR = 40
 _EIGHTHS = " ▏▎▍▌▋▊▉█"
@@ -42,7 +42,7 @@ def _stages(result: LatencyResult) -> Table:
 
 
 def _histogram(result: LatencyResult) -> Table:
-    """Ticks by how late the loop woke; the bar is on a logarithmic scale, for what is rare matters."""
+    """Ticks by how late the loop woke; bars on a logarithmic scale, since rare ticks matter."""
     table = Table("woke late by [µs]", "ticks", "", box=None, title="Loop lateness", title_justify="left")
     most = max(len(str(count)) for count in result.lateness)
     for lower, upper, count in zip(HISTOGRAM_US, [*HISTOGRAM_US[1:], None], result.lateness, strict=True):
@@ -72,14 +72,14 @@ def _counts(result: LatencyResult) -> Text:
 
 
 def _standstills(result: LatencyResult) -> str:
-    """What the machine itself took, which no program can help."""
+    """Standstills of the machine itself, which the program cannot avoid."""
     found = result.standstills
     if found is None or not found.count:
         return ""
-    host = f", its host says that it took {found.stolen_ms:.0f} ms" if found.stolen_ms else ""
+    host = f", its host took {found.stolen_ms:.0f} ms" if found.stolen_ms else ""
     return (
         f"\nThe machine itself stood still {found.count} times, {found.total_ms:.0f} ms in all, up to "
-        f"{found.longest_ms:.1f} ms (a timer above every other process woke so late{host}): "
-        f"{found.missed_deadlines} of {result.missed_deadlines} missed deadlines fall into these moments; "
+        f"{found.longest_ms:.1f} ms (a timer of the highest priority woke that late{host}): "
+        f"{found.missed_deadlines} of {result.missed_deadlines} missed deadlines fall into these times; "
         "the columns on the right leave them out"
     )

@@ -1,4 +1,4 @@
-"""Whether a motion stays inside every servo's torque, at every moment and for how long."""
+"""Check of a motion against every servo's torque: at every tick, and thermally."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from flexmotion.streamer.report.report import Figure, Maybe
 from flexmotion.streamer.report.summary import show, table
 
 MAX_OVER_SHARE = 0.05
-"""Longest that a joint may be asked for more than its servo has, as a share of the motion's time."""
+"""Largest share of the motion's time in which a joint may need more torque than its servo has."""
 
 
 class JointTorque(BaseModel):
     """One joint.
 
     Attributes:
-        over_share: share of the time in which the plan asks for more than the servo has at that speed and direction.
-        peak_excess_nm: by how much at the worst moment (negative: what was left); `peak_at_s`, `peak_torque_nm` and
-            `peak_limit_nm` tell when, how much was asked, and of what.
-        settles_at_c: temperature that its windings would settle at if the motion went on and on.
-        lasts_s: time until the servo would shut itself down, None where it never would.
+        over_share: share of the time in which the plan needs more torque than the servo has at that speed.
+        peak_excess_nm: largest excess over the limit; negative: smallest margin.
+        peak_at_s, peak_torque_nm, peak_limit_nm: time, torque and limit of that tick.
+        settles_at_c: steady-state temperature of the windings if the motion were repeated for ever.
+        lasts_s: time until the servo would shut itself down; None: never.
     """
 
     model_config = ConfigDict(frozen=True)
@@ -44,7 +44,7 @@ class JointTorque(BaseModel):
 
 
 class TorqueCheck(BaseModel):
-    """Result of `flexmotion check torque`; `worst` is the joint that is over its limit longest, or closest to it."""
+    """Result of `flexmotion check torque`; `worst` is the joint over its limit for longest, or closest to it."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -57,16 +57,16 @@ class TorqueCheck(BaseModel):
     joints: dict[str, JointTorque]
 
     def json_text(self) -> str:
-        """As JSON, keys in the order of the schema."""
+        """The result as JSON, keys in the order of the schema."""
         return self.model_dump_json(by_alias=True, indent=2)
 
 
 def check_trajectory(trajectory: Trajectory, robot: Robot, source: str) -> TorqueCheck:
     """Compare the planned torque of every joint and tick with its servo's envelope and endurance.
 
-    It is not ok where a joint is over its envelope for longer than `MAX_OVER_SHARE` of the time, or a servo would
-    overheat within the motion's own length. A peak of a few ticks, where a foot leaves the floor, is given later by
-    the servo and costs a degree of tracking; a servo that is short of torque for longer does not follow.
+    The check fails if a joint is over its envelope for longer than `MAX_OVER_SHARE` of the time, or if a servo would
+    overheat within the motion's length. A peak of a few ticks, as when a foot leaves the floor, costs a degree of
+    tracking; a servo that lacks torque for longer does not follow.
     """
     limit = torque_limit(robot, trajectory.torque, trajectory.qd)
     excess = np.abs(trajectory.torque) - limit
@@ -99,11 +99,11 @@ def check_trajectory(trajectory: Trajectory, robot: Robot, source: str) -> Torqu
 
 
 def render_check(check: TorqueCheck) -> RenderableType:
-    """The check for a terminal: the verdict, then every joint, the closest to its limit first."""
+    """The result for a terminal: the verdict, then every joint, the closest to its limit first."""
     worst = check.joints[check.worst]
     peak = f"{worst.peak_torque_nm:.2f} of {worst.peak_limit_nm:.2f} N·m"
     verdict = (
-        f"{check.robot}, {check.source}, {check.duration_s:.1f} s: {check.worst} is over what its servo has for "
+        f"{check.robot}, {check.source}, {check.duration_s:.1f} s: {check.worst} needs more than its servo has for "
         f"{100 * worst.over_share:.1f} % of the time ({100 * MAX_OVER_SHARE:.0f} % allowed), worst at "
         f"{worst.peak_at_s:.2f} s ({peak})"
     )
@@ -123,7 +123,7 @@ def render_check(check: TorqueCheck) -> RenderableType:
             style="bold red" if load.over_share > MAX_OVER_SHARE else "",
         )
     note = (
-        "torque as planned, balance feedback not included; what is over is clamped when the motion runs, and the joint "
-        "falls behind its plan; temperatures from the servo catalogue's thermal constants"
+        "torque as planned, balance feedback not included; torque over the limit is clamped in a run, and the joint "
+        "lags behind its plan; temperatures from the servo catalogue's thermal constants"
     )
     return Group(mark + Text(verdict, style="bold"), Text(), drawn, Text(note, style="dim"))

@@ -18,7 +18,7 @@ check = typer.Typer(no_args_is_help=True)
 
 @check.callback()
 def _checks() -> None:
-    """Checks of what a motion or this machine can do; exit code 1 past a limit."""
+    """Checks of a motion, a bus or this machine; exit code 1 where a limit is exceeded."""
 
 
 @check.command()
@@ -29,15 +29,13 @@ def torque(
     motion: MotionOptions,
     seconds: Annotated[
         float | None,
-        typer.Option(
-            "--seconds", "-s", min=0.1, max=1e6, help="Look at no more than this many seconds.", show_default=False
-        ),
+        typer.Option("--seconds", "-s", min=0.1, max=1e6, help="Check at most this many seconds.", show_default=False),
     ] = None,
     options: CheckOptions,
 ) -> None:
-    """Check the torque that a motion asks of every servo, peak and thermal, against what the servo has.
+    """Check the torque that a motion needs from every servo, peak and thermal, against the servo's limits.
 
-    Plans the motion without running it. Exit code 1 where a servo cannot give what is asked, or would overheat.
+    Plans the motion without running it. Exit code 1 where a servo cannot provide the torque, or would overheat.
 
     [bold]Examples[/bold]
 
@@ -88,9 +86,9 @@ def latency(
     bundle: BundleOption = None,
     seconds: Annotated[float, typer.Option(help="How long to measure \\[s].", min=5.0, max=1e6)] = 60.0,
     switches: Annotated[
-        int | None, typer.Option(help="Measure until so many switches were made, instead.", min=1, show_default=False)
+        int | None, typer.Option(help="Measure until this many targets were sent, instead.", min=1, show_default=False)
     ] = None,
-    load: Annotated[int, typer.Option(help="Busy processes beside it.", min=0)] = 0,
+    load: Annotated[int, typer.Option(help="Busy processes beside the run.", min=0)] = 0,
     realtime: RealtimeOption = True,
     seed: SeedOption = 0,
     mapping: MappingOption = None,
@@ -98,9 +96,9 @@ def latency(
 ) -> None:
     """Measure on this machine how late the loop wakes and how fast a new target becomes a command.
 
-    Runs the live system with the simulated robot on the real clock and asks the model for something else at random
-    moments (for another clip where there is no model). Exit code 1 where a budget of the stream settings is passed, or
-    where the system grants no realtime scheduling.
+    Runs the live system with the simulated robot on the real clock and sends the model another target at random moments
+    (another clip without a model). Exit code 1 where a budget of the stream settings is exceeded, or where the system
+    grants no realtime scheduling.
 
     [bold]Examples[/bold]
 

@@ -1,4 +1,4 @@
-"""`flexmotion check bus`: does the loop's rate fit the servo bus, and are all servos what the robot file says."""
+"""`flexmotion check bus`: whether the loop's rate fits the servo bus, and all servos match the robot file."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.table import Table
 
+from flexmotion.streamer.commands.bus_readout import open_readout
 from flexmotion.streamer.commands.exit_codes import CHECK_FAILED
 from flexmotion.streamer.commands.options import JsonOption, RobotOption
 from flexmotion.streamer.commands.output import print_json, print_result
@@ -28,9 +29,9 @@ def bus(
     ] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Check whether the loop's rate fits the servo bus: bytes, baud rate and delays make the highest rate.
+    """Check whether the loop's rate fits the servo bus: bytes, baud rate and delays give the highest rate.
 
-    With a port every servo is audited as before a run, and torque stays as it is. Exit code 1 where the rate does not
+    With a port it also audits every servo as before a run; torque stays as it is. Exit code 1 where the rate does not
     fit, 3 where the port fails or a servo is not as the robot file says.
 
     [bold]Examples[/bold]
@@ -87,18 +88,12 @@ def bus(
 
 
 def _audit(robot: Robot, port: str, configure: bool) -> list[dict[str, Any]]:
-    """Every servo as it is now. Raises `DriverError` where one is missing or not what the robot file says."""
-    from flexmotion.drivers.bus.finder import bus_driver_of
-    from flexmotion.drivers.bus.options import BusOptions
+    """Every servo as it is now. Raises `DriverError` where one is missing or does not match the robot file."""
     from flexmotion.drivers.interface import RobotState
 
-    driver = bus_driver_of(robot)(robot, options=BusOptions(port=port, imu=False, configure=configure))
     state = RobotState(robot.n)
-    driver.open()
-    try:
+    with open_readout(robot, port, configure=configure) as driver:
         driver.read(state)
-    finally:
-        driver.let_go()
     return [
         {
             "joint": joint.name,

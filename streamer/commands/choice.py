@@ -16,7 +16,7 @@ from flexmotion.human.resample import resample
 from flexmotion.importers import load
 from flexmotion.sampling.sampler import Sampler
 from flexmotion.streamer import api
-from flexmotion.streamer.checks.latency import shipped_clips, switched
+from flexmotion.streamer.checks.switching import shipped_clips, switched
 from flexmotion.streamer.motion.intents import Clip, Intent, Text
 from flexmotion.streamer.motion.script import Item, load_script
 from flexmotion.streamer.motion.sources import LiveSource, Performance

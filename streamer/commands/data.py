@@ -16,7 +16,7 @@ data = typer.Typer(help="Motion files to a training set with forces, torques and
 
 COLUMNS = ("min", "p01", "median", "p99", "max")
 
-OutOption = Annotated[Path, typer.Option("--out", "-o", help="What to write.")]
+OutOption = Annotated[Path, typer.Option("--out", "-o", help="File or folder to write.")]
 
 
 @data.command("import")
@@ -24,11 +24,11 @@ def import_(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="Motion: .bvh .amc .npy .npz .trc")],
     out: OutOption,
     mapping: MappingOption = None,
-    clip: Annotated[str | None, typer.Option(help="Which clip of a packed file.")] = None,
+    clip: Annotated[str | None, typer.Option(help="Name of the clip in a packed file.")] = None,
     fps: Annotated[float, typer.Option(help="Frame rate to write.")] = 30.0,
     as_json: JsonOption = False,
 ) -> None:
-    """Read a motion file of any kind and write it as a motion of ours.
+    """Read a motion file of any supported format and write it as the project's own .npz.
 
     [bold]Examples[/bold]
 
@@ -43,18 +43,18 @@ def import_(
     if as_json:
         print_json({"file": str(out), "frames": len(found.motion), "mapping": found.mapping, "fit": errors})
     else:
-        print_result(f"{out}: {len(found.motion)} frames at {fps:g} Hz, skeleton {found.mapping or 'ours'}")
+        print_result(f"{out}: {len(found.motion)} frames at {fps:g} Hz, skeleton {found.mapping or 'own format'}")
 
 
 @data.command()
 def augment(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="Motion file of any kind.")],
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="Motion file of any supported format.")],
     out: OutOption,
-    seed: Annotated[int, typer.Option(help="Of the variety.")] = 0,
-    mirrored: Annotated[bool, typer.Option("--mirror", help="The mirror image, and nothing else.")] = False,
+    seed: Annotated[int, typer.Option(help="Seed of the variants.")] = 0,
+    mirrored: Annotated[bool, typer.Option("--mirror", help="Only mirror the motion.")] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """A variant of a motion: other body, tempo, start and loads, with its dynamics.
+    """Write a variant of a motion: another body, tempo, start and loads, with its dynamics.
 
     [bold]Examples[/bold]
 
@@ -97,11 +97,11 @@ def build(
     variants: Annotated[int, typer.Option(min=0, help="Varied copies of every clip.")] = 0,
     mirrored: Annotated[bool, typer.Option("--mirror/--no-mirror", help="With mirror images.")] = True,
     muscles: Annotated[bool, typer.Option("--muscles/--no-muscles", help="With muscle activations.")] = True,
-    seed: Annotated[int, typer.Option(help="Of the variety.")] = 0,
-    limit: Annotated[int | None, typer.Option(min=1, help="Only so many clips, spread over all.")] = None,
+    seed: Annotated[int, typer.Option(help="Seed of the variants.")] = 0,
+    limit: Annotated[int | None, typer.Option(min=1, help="At most this many clips, spread over all.")] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Build a training set from folders of motion data; started again, it goes on where it was stopped.
+    """Build a training set from folders of motion data; an interrupted build resumes when started again.
 
     [bold]Examples[/bold]
 
@@ -119,7 +119,7 @@ def build(
     if muscles:
         from flexmotion.biomechanics.muscle_geometry import muscle_models
 
-        # Said now, not by every process after the first clip.
+        # Missing models are reported now, not by every process after its first clip.
         muscle_models()
     settings = BuildSettings(fps=fps, variants=variants, mirrored=mirrored, muscles=muscles, seed=seed)
     with progress_bar(f"builds {out}") as progress:
@@ -155,7 +155,7 @@ def inspect(
         if wrong:
             print_note(f"damaged: {', '.join(wrong)}")
             raise typer.Exit(CHECK_FAILED)
-        print_note("every file is as the manifest says")
+        print_note("every file matches the manifest")
 
 
 @data.command()

@@ -12,7 +12,7 @@ from flexmotion.drivers.sim.options import PERTURBED
 
 
 def parse_options(pairs: Sequence[str]) -> dict[str, Any]:
-    """Options by name; values are YAML (`friction=0.6`, `slope_deg=[1, 0]`). Which names exist, the driver checks."""
+    """Options by name; values are YAML (`friction=0.6`, `slope_deg=[1, 0]`). The driver checks the names."""
     options: dict[str, Any] = {}
     for pair in pairs:
         key, equals, value = pair.partition("=")
@@ -28,6 +28,6 @@ def parse_options(pairs: Sequence[str]) -> dict[str, Any]:
 
 
 def simulation_options(perturbed: bool, pairs: Sequence[str]) -> dict[str, Any]:
-    """Options of driver `sim`: the standard perturbations if asked for, and single ones over them."""
+    """Options of driver `sim`: the standard perturbations if `perturbed`, overridden by single ones."""
     standard = PERTURBED.model_dump(mode="json", exclude_unset=True) if perturbed else {}
     return standard | parse_options(pairs)

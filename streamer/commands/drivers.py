@@ -1,4 +1,4 @@
-"""`flexmotion drivers`: what drivers are installed."""
+"""`flexmotion drivers`: the installed drivers and inertial sensors."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def drivers(as_json: JsonOption = False) -> None:
-    """List the drivers and inertial sensors that are installed; one that does not load is named, and why on stderr."""
+    """List the installed drivers and inertial sensors; for one that does not load, stderr says why."""
     # Heavy imports wait until the command runs: help and completion answer at once.
     from flexmotion.drivers import registry
     from flexmotion.drivers.imu import registry as imus

@@ -25,19 +25,21 @@ def emulate(
         Path | None,
         typer.Option("--port-link", help="Path of a symbolic link to the port.", show_default=False),
     ] = None,
-    bench: Annotated[bool, typer.Option("--bench", help="Servos on a bench, each with a flywheel: no robot.")] = False,
-    timing: Annotated[bool, typer.Option("--timing/--no-timing", help="Bytes take their time on the wire.")] = True,
+    bench: Annotated[
+        bool, typer.Option("--bench", help="Single servos on a bench, each with a flywheel, instead of a robot.")
+    ] = False,
+    timing: Annotated[bool, typer.Option("--timing/--no-timing", help="Bytes take time on the wire.")] = True,
     fault: Annotated[
         list[str] | None,
         typer.Option(
             "--fault",
             metavar="KIND[:ARG][@S[+DURATION]]",
-            help="What goes wrong (repeatable), S seconds after torque goes on: lost, corrupt, late, duplicated, "
+            help="Fault to inject (repeatable), S seconds after torque goes on: lost, corrupt, late, duplicated, "
             "truncated, dead:ID, overheat:ID, voltage:V, reset:ID, cable, port, imu.",
         ),
     ] = None,
     bad_packets: Annotated[
-        float, typer.Option("--bad-packets", min=0, max=1, help="Share of packets that go wrong at random.")
+        float, typer.Option("--bad-packets", min=0, max=1, help="Share of packets that are faulty at random.")
     ] = 0.0,
     perturb: Annotated[
         list[str] | None,
@@ -57,8 +59,8 @@ def emulate(
 ) -> None:
     """Emulate a robot's servo bus, byte by byte, on a pseudo-terminal; the simulated robot moves behind it.
 
-    Anything that speaks the servos' protocol can talk to it. Ctrl-C or SIGTERM ends it and prints what it saw. Exit
-    code 0 however the robot fared. Three seconds after all torque is off the robot stands as at first again.
+    Any program that uses the servos' protocol can connect. Ctrl-C or SIGTERM ends it and prints its counts. The exit
+    code is 0 even if the robot fell. Three seconds after all torque is off the robot stands as at the start again.
 
     [bold]Examples[/bold]
 
@@ -84,7 +86,7 @@ def emulate(
     options = parse(SimOptions, simulation_options(perturbed, perturb or ()) | {"seed": seed}, "options of --perturb")
     body = BenchBody(chosen) if bench else SimBody(chosen, options)
     emulator = build_emulator(body, link=port_link, timed=timing, faults=faults, bad_packets=bad_packets, seed=seed)
-    with emulator, _ends_on_signals(emulator):
+    with emulator, _ended_by_signals(emulator):
         for line in emulator.lines:
             print_note(f"{chosen.name}, {line.name}: {line.terminal.path}")
         settle(collect=False)
@@ -98,8 +100,8 @@ def emulate(
 
 
 @contextmanager
-def _ends_on_signals(emulator: Emulator) -> Iterator[None]:
-    """Within, SIGINT and SIGTERM end the emulation."""
+def _ended_by_signals(emulator: Emulator) -> Iterator[None]:
+    """Context in which SIGINT and SIGTERM end the emulation."""
 
     def end(_number: int, _frame: FrameType | None) -> None:
         emulator.stop()
@@ -113,7 +115,11 @@ def _ends_on_signals(emulator: Emulator) -> Iterator[None]:
 
 
 def describe(figures: dict[str, Any], tick_ms: float) -> str:
-    """What `Emulator.report` tells, in words; one that was later than a tick of the loop has made it miss answers."""
+    """The figures of `Emulator.report` in words.
+
+    Args:
+        tick_ms: period of the loop; an emulator that was later than this made the loop miss answers [ms].
+    """
     lines = [_robot(figures)]
     lines += [f"{name}: {_line(counts)}" for name, counts in figures["buses"].items()]
     late, lost = figures["lateness_ms"], figures["lost_ms"]
@@ -124,8 +130,8 @@ def describe(figures: dict[str, Any], tick_ms: float) -> str:
     )
     if late > tick_ms:
         lines.append(
-            f"It was later than a tick, {tick_ms:g} ms: if the driver says that servos do not answer, this machine was "
-            "too busy to answer for them."
+            f"It was later than a tick, {tick_ms:g} ms: if the driver reports that servos do not answer, this machine "
+            "was too busy to emulate them in time."
         )
     return "\n".join(lines)
 
@@ -143,9 +149,9 @@ def _robot(figures: dict[str, Any]) -> str:
 
 
 def _line(counts: dict[str, Any]) -> str:
-    said = [f"wire busy {100 * counts['wire_busy_share']:.0f} % of the time"]
+    parts = [f"wire busy {100 * counts['wire_busy_share']:.0f} % of the time"]
     if "packets" in counts:
-        heard = f"{counts['packets']} packets heard, {counts['bad_packets']} of them broken"
-        said = [heard, f"{counts['collisions']} collisions", *said]
+        packets = f"{counts['packets']} packets received, {counts['bad_packets']} of them broken"
+        parts = [packets, f"{counts['collisions']} collisions", *parts]
     spoilt = ", ".join(f"{count} {kind}" for kind, count in counts["spoilt"].items())
-    return ", ".join(said) + (f"; spoilt as asked: {spoilt}" if spoilt else "")
+    return ", ".join(parts) + (f"; injected faults: {spoilt}" if spoilt else "")

@@ -2,8 +2,8 @@
 
 OK = 0
 CHECK_FAILED = 1
-"""It ran, and what it checked is not as it should be."""
+"""The command ran, and its check failed."""
 BAD_USAGE = 2
 HARDWARE_FAILED = 3
 INTERRUPTED = 130
-"""By SIGINT, as shells count it: 128 and the signal's number."""
+"""Interrupted by SIGINT: 128 plus the signal's number, as in shells."""

@@ -1,4 +1,4 @@
-"""`flexmotion log`: what is in a log of a run, its pictures, and the run once more."""
+"""`flexmotion log`: show, plot or replay the log of a run."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from flexmotion.streamer.commands.exit_codes import CHECK_FAILED
 from flexmotion.streamer.commands.options import JsonOption, writable_folder
 from flexmotion.streamer.commands.output import print_json, print_note, print_result, progress_bar
 
-log = typer.Typer(help="Logs of runs: what is in them, their pictures, and the run once more.", no_args_is_help=True)
+log = typer.Typer(help="Show, plot and replay logs of runs.", no_args_is_help=True)
 
 FileArgument = Annotated[Path, typer.Argument(metavar="FILE", help="Log (.mcap) of `dry-run` or `run`.")]
 
@@ -63,7 +63,7 @@ def plot(
 def replay(file: FileArgument, as_json: JsonOption = False) -> None:
     """Run a log's source again, in lockstep on the simulated robot, and compare how the robot moved.
 
-    With the log's settings, seed, driver options, targets and requests. Exit code 1 where a figure is further off than
+    Uses the log's settings, seed, driver options, targets and requests. Exit code 1 where a figure differs by more than
     its tolerance; a log of a lockstep run must give equal figures.
 
     [bold]Examples[/bold]
@@ -78,7 +78,7 @@ def replay(file: FileArgument, as_json: JsonOption = False) -> None:
     found = read_log(file)
     subject = Subject.of(found)
     for name in found.changed_files(subject.robot):
-        print_note(f"note: {name} is not as it was when the log was written")
+        print_note(f"note: {name} has changed since the log was written")
     if found.header.driver != "sim":
         print_note(f"note: the log is of driver {found.header.driver!r}; the simulation is run with its own options")
     with progress_bar(f"replays {file.name}") as progress:

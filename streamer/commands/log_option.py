@@ -11,10 +11,10 @@ LOG_NAME, SUFFIX = "run.mcap", ".mcap"
 
 
 def log_file(log: Path | None, report: Path | None) -> Path | None:
-    """The file to log to: `log`, or a new one in it where it is a folder; else one beside the report; else None.
+    """The file to log to: `log`, or a new file in it if it is a folder; else one beside the report; else None.
 
     Raises:
-        typer.BadParameter: `log` is neither a folder nor a name of a log.
+        typer.BadParameter: `log` is neither a folder nor a file name that ends in `SUFFIX`.
     """
     if log is not None:
         if log.is_dir():

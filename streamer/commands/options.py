@@ -10,7 +10,7 @@ import typer
 
 
 def writable_folder(folder: Path | None) -> Path | None:
-    """A folder that is there or can be made; refused before any work is done for it."""
+    """Check that a folder exists or can be made, before any work is done. Raises `typer.BadParameter`."""
     if folder is not None:
         nearest = next(place for place in (folder.absolute(), *folder.absolute().parents) if place.exists())
         if not nearest.is_dir() or not os.access(nearest, os.W_OK):
@@ -42,11 +42,16 @@ PromptOption = Annotated[
 ]
 BundleOption = Annotated[
     Path | None,
-    typer.Option("--bundle", help="Motion model to sample from, a folder; else the shipped one.", show_default=False),
+    typer.Option(
+        "--bundle", help="Folder of the motion model to sample from; else the shipped one.", show_default=False
+    ),
 ]
 MappingOption = Annotated[
     str | None,
-    typer.Option("--mapping", help="Skeleton mapping of the clip: a shipped name or a YAML file; else guessed."),
+    typer.Option(
+        "--mapping",
+        help="Skeleton mapping of the clip: a shipped name or a YAML file; else guessed from the joint names.",
+    ),
 ]
 SettingsOption = Annotated[
     Path | None, typer.Option("--settings", help="Stream settings (YAML) instead of the shipped ones.")
@@ -58,17 +63,17 @@ SecondsOption = Annotated[
         "-s",
         min=0.1,
         max=1e6,
-        help="Follow at most this many seconds; standing up, stopping and parking come on top, some 8 s.",
+        help="Follow at most this many seconds; standing up, stopping and parking take some 8 s more.",
         show_default=False,
     ),
 ]
-SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of everything that is drawn at random.")]
+SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of all random numbers.")]
 ReportOption = Annotated[
     Path | None,
     typer.Option(
         "--report",
         callback=writable_folder,
-        help="Folder for the report: figures as JSON, pictures, after a run a page with all of it.",
+        help="Folder for the report: figures as JSON, pictures, and after a run a page with all of them.",
         show_default=False,
     ),
 ]
@@ -76,14 +81,14 @@ LogOption = Annotated[
     Path | None,
     typer.Option(
         "--log",
-        help="Log (.mcap) of everything, or a folder for it; beside the report if there is one.",
+        help="Log of the run (.mcap), or a folder for it; if not given, beside the report.",
         show_default=False,
     ),
 ]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")]
 RealtimeOption = Annotated[
     bool,
-    typer.Option("--realtime/--no-realtime", help="On the real clock: ask the system for realtime scheduling."),
+    typer.Option("--realtime/--no-realtime", help="On the real clock: request realtime scheduling from the system."),
 ]
 ReplanNoiseOption = Annotated[
     float,
@@ -91,7 +96,7 @@ ReplanNoiseOption = Annotated[
         "--replan-noise",
         metavar="METRES",
         min=0.0,
-        help="Every plan's human motion is redrawn with an error that grows to this in a second, as a live model's is.",
+        help="Redraw every plan's human motion with an error that grows to this in a second, as a live model does.",
     ),
 ]
 ViewOption = Annotated[bool, typer.Option("--view/--no-view", help="Show the run in the browser while it runs.")]

@@ -1,7 +1,7 @@
-"""Where commands write: results to stdout, progress to stderr.
+"""Output of commands: results to stdout, progress to stderr.
 
-No text is read as markup: it may be a user's sentence or a file's name, and what looks like a tag in it (`[/]`) would
-be dropped or raise, in the middle of a run.
+No text is read as markup. It may hold a user's sentence or a file name, and a tag in it (`[/]`) would be dropped, or
+raise an error in the middle of a run.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from rich.console import Console, RenderableType
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 _STEPS = 200
-"""A progress bar is redrawn at most this often in a run: a loop of 125 Hz must not wait for a terminal."""
+"""Most redraws of a progress bar in a run: a loop of 125 Hz must not wait for a terminal."""
 
 
 def print_result(result: RenderableType) -> None:
-    """Print text or a table to stdout; in a pipe without colours and without wrapping to 80 columns."""
+    """Print text or a table to stdout; into a pipe without colours, 120 columns wide."""
     console = Console(highlight=False, markup=False)
     if not console.is_terminal:
         console.width = 120
@@ -27,32 +27,32 @@ def print_result(result: RenderableType) -> None:
 
 
 def print_json(content: Any) -> None:
-    """Print JSON to stdout; `content` is a JSON text or what `json` can write."""
+    """Print JSON to stdout; `content` is JSON text, or an object that `json` can write."""
     print(content if isinstance(content, str) else json.dumps(content, indent=2, allow_nan=False), flush=True)
 
 
 class _Stderr(Console):
-    """A console whose reader may go away without ending the program, as rich would have it: a robot may be moving."""
+    """A console that goes quiet on a broken pipe; rich would end the program while a robot is moving."""
 
     def __init__(self) -> None:
         super().__init__(stderr=True, highlight=False, markup=False)
 
     def on_broken_pipe(self) -> None:
-        """Called by rich."""
+        """Go quiet; rich calls this."""
         self.quiet = True
 
 
 def print_note(text: str) -> None:
-    """One line to stderr."""
+    """Print one line to stderr."""
     with suppress(OSError, ValueError):
         _Stderr().print(text, style="dim", soft_wrap=True)
 
 
 @contextmanager
 def progress_bar(title: str) -> Iterator[Callable[[float], None]]:
-    """A bar on stderr that disappears when done; yields a function that takes the share done, in [0, 1].
+    """Context with a bar on stderr; yields a function that takes the share done, in [0, 1].
 
-    It appears with the first call: its thread must not run yet when processes are forked.
+    The bar appears with the first call: its thread must not run yet when processes are forked.
     """
     columns = (TextColumn("{task.description}", markup=False), BarColumn(), TextColumn("{task.percentage:>3.0f} %"))
     progress = Progress(*columns, TimeElapsedColumn(), console=_Stderr(), transient=True)

@@ -23,7 +23,7 @@ def retarget(
 ) -> None:
     """Turn a clip into this robot's motion, balanced and inside its joint limits, without running it.
 
-    CSV has a header of joint names (radians, in the order of the robot's model), then the torso's pose and the feet's
+    CSV has a column for each joint (radians, in the order of the robot's model), then the torso's pose and the feet's
     contacts; NPZ has also speeds, torques, footholds, centre of mass and ZMP. Prints how faithful the motion is.
 
     [bold]Examples[/bold]

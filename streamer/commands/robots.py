@@ -1,4 +1,4 @@
-"""`flexmotion robots`: what robots there are."""
+"""`flexmotion robots`: the robots that come with the project, or one of your own."""
 
 from __future__ import annotations
 
@@ -97,10 +97,10 @@ def _detail(robot: Robot) -> dict[str, Any]:
 def _pace(robot: Robot) -> str:
     pace = robot.gait.pace
     if pace is None:
-        return "Its pace is not known (gait.pace): no model's human waits for it"
+        return "Pace unknown (gait.pace): generated motion is not slowed for this robot"
     return (
-        f"A model's human waits for it: in its scale {pace.ahead:g} m/s ahead, {pace.back:g} back, {pace.aside:g} "
-        f"aside, turning {pace.turning:g} rad/s"
+        f"Generated motion is slowed to this robot's pace: {pace.ahead:g} m/s ahead, {pace.back:g} back, "
+        f"{pace.aside:g} aside, turning {pace.turning:g} rad/s"
     )
 
 

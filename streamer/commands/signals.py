@@ -14,30 +14,30 @@ from flexmotion.streamer.run.requests import Request
 
 
 class OperatorSignals:
-    """What signals ask for.
+    """Signals of an operator as requests.
 
-    The first SIGINT, SIGTERM or SIGHUP (a terminal that is closed) asks for a stop, parking and the end, a second one
-    for the end at once; SIGUSR1 for a stop, SIGUSR2 for an emergency stop.
+    The first SIGINT, SIGTERM or SIGHUP (closed terminal) requests a stop, parking and the end; a second one the end at
+    once. SIGUSR1 requests a stop, SIGUSR2 an emergency stop.
 
     Attributes:
-        interrupted: whether the end was asked for.
+        interrupted: whether the end was requested.
         wake: file descriptor that becomes readable with every signal.
     """
 
     def __init__(self, wake: int) -> None:
         self.wake = wake
         self.interrupted = False
-        self._heard: deque[int] = deque()
+        self._received: deque[int] = deque()
 
-    def hear(self, number: int, _frame: FrameType | None) -> None:
-        """Signal handler: it may interrupt anything, so it only remembers."""
-        self._heard.append(number)
+    def receive(self, number: int, _frame: FrameType | None) -> None:
+        """Signal handler: it may interrupt anything, so it only stores the number."""
+        self._received.append(number)
 
     def next(self) -> Request | None:
-        """What the oldest signal not taken yet asks for."""
-        if not self._heard:
+        """The request of the oldest signal that was not taken yet; None if there is none."""
+        if not self._received:
             return None
-        number = self._heard.popleft()
+        number = self._received.popleft()
         if number == signal.SIGUSR1:
             return Request.STOP
         if number == signal.SIGUSR2:
@@ -45,23 +45,23 @@ class OperatorSignals:
         if self.interrupted:
             return Request.QUIT
         self.interrupted = True
-        print_note("stopping: the robot comes to a stand and parks; once more to cut this short")
+        print_note("stopping: the robot comes to a stand and parks; signal again to end at once")
         return Request.END
 
 
 @contextmanager
 def operator_signals() -> Iterator[OperatorSignals]:
-    """Within, signals are requests."""
-    ears, mouth = socket.socketpair()
-    with ears, mouth:
-        for end in (ears, mouth):
+    """Context in which signals are requests instead of ending the program."""
+    reader, writer = socket.socketpair()
+    with reader, writer:
+        for end in (reader, writer):
             end.setblocking(False)
-        signals = OperatorSignals(ears.fileno())
+        signals = OperatorSignals(reader.fileno())
         numbers = [signal.SIGINT, signal.SIGTERM, signal.SIGUSR1, signal.SIGUSR2]
-        if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:  # nohup: it is to go on
+        if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:  # under nohup the run goes on
             numbers.append(signal.SIGHUP)
-        before = {number: signal.signal(number, signals.hear) for number in numbers}
-        woken = signal.set_wakeup_fd(mouth.fileno(), warn_on_full_buffer=False)
+        before = {number: signal.signal(number, signals.receive) for number in numbers}
+        woken = signal.set_wakeup_fd(writer.fileno(), warn_on_full_buffer=False)
         try:
             yield signals
         finally:

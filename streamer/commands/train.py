@@ -264,7 +264,7 @@ def train_and_report(
     *,
     pretrained: str = "",
 ) -> None:
-    """Train a stage of a run with a progress bar on stderr, and print the result.
+    """Train a stage of a run with a progress bar on stderr, and print the result, in the first process alone.
 
     Args:
         run: of the stage.
@@ -282,10 +282,13 @@ def train_and_report(
     if steps is not None:
         stage = stage.model_copy(update={"steps": steps, "validate_every": min(stage.validate_every, steps)})
     shown: dict[str, float] = {}
+    processes = Processes()
 
     with progress_bar(f"trains {name}") as bar:
 
         def follow(progress: Progress) -> None:
+            if not processes.first:
+                return
             bar(progress.step / progress.steps)
             if progress.figures and progress.figures != shown:
                 shown.clear()
@@ -299,13 +302,16 @@ def train_and_report(
             fingerprint=run.fingerprint() + pretrained,
             seconds=None if minutes is None else 60 * minutes,
             progress=follow,
-            processes=Processes(),
+            processes=processes,
             pretrained=bool(pretrained),
         )
+    if not processes.first:
+        return
     if as_json:
         print_json({"stage": name, "step": done.step, "steps": done.steps, "validation": done.figures})
     else:
-        print_result(f"{run.stage(name)}: step {done.step} of {done.steps}, {_figures(done.figures)}")
+        steps_done = f"step {done.step} of {done.steps}"
+        print_result(f"{run.stage(name)}: {', '.join(filter(None, (steps_done, _figures(done.figures))))}")
 
 
 def _figures(figures: dict[str, float]) -> str:

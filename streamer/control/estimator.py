@@ -1,6 +1,7 @@
-"""Where the robot is: floating base, centre of mass and its divergent component, from encoders, IMU and stance foot.
+"""`Estimator`: tilt, centre of mass and its divergent component, from encoders, IMU and stance foot.
 
-The IMU tells how the torso tilts; the stance foot, taken to stand where the plan put it, tells the rest.
+The tilt of the torso comes from the IMU. The rest of its pose comes from the stance foot, which is assumed to stand
+where the plan placed it.
 """
 
 from __future__ import annotations
@@ -20,20 +21,24 @@ from flexmotion.streamer.control.reference import Reference
 Float = NDArray[np.float64]
 
 _AHRS_GAIN = 0.4
-"""Pull of the accelerometer on the tilt; the gyroscope's bias matters over seconds, steps shake within tenths."""
+"""Weight of the accelerometer against the gyroscope: the gyroscope's bias acts over seconds, impacts of steps over
+tenths of one."""
 _VELOCITY_CUTOFF_HZ = 12.0
-"""Low-pass of the centre of mass's velocity: encoder speeds are coarse."""
+"""Low-pass of the centre of mass's velocity, since encoder speeds are coarse [Hz]."""
 
 
 class Estimator:
     """Fills its attributes each tick; allocates nothing that grows.
+
+    Args:
+        omega: natural frequency of the linear inverted pendulum [1/s].
 
     Attributes:
         tilt: roll and pitch of the torso, (2,) [rad]; tilt_rate: their rates, (2,) [rad/s].
         com, dcm: horizontal centre of mass and its divergent component in the plan's world, (2,) [m].
         leg_axes: axes of each leg's joints in the plan's world, (2, 6, 3).
         has_imu: whether the tilt is measured; else it is the reference's.
-        gyro_bias: taken off what the gyro measures, (3,) [rad/s]; whoever knows it fills it.
+        gyro_bias: is subtracted from what the gyro measures, (3,) [rad/s]; set by the loop.
     """
 
     def __init__(self, robot: Robot, omega: float) -> None:
@@ -61,12 +66,12 @@ class Estimator:
         self._spatial, self._euler = np.zeros(6), np.zeros(3)
 
     def reset(self) -> None:
-        """Forget speeds of an earlier run; the attitude is kept, since it goes on being measured."""
+        """Set speeds to zero for a new run; the attitude is kept, since the IMU measures on."""
         self.com_velocity[:] = 0.0
 
     def update(self, state: RobotState, reference: Reference) -> None:
-        """Take in one measurement, against the reference that was in force when it was made."""
-        # A few samples may be missed, the last one then goes on to hold; after that the last attitude is no attitude.
+        """Update from one measurement and the reference that was in force when it was made."""
+        # For a few missed samples the last attitude holds; after that it is not trusted.
         self.has_imu = state.imu_stale == 0 or (self.has_imu and 0 < state.imu_stale <= self._patience)
         if state.imu_stale == 0:
             np.subtract(state.gyro, self.gyro_bias, out=self._gyro)

@@ -17,7 +17,7 @@ class HardwareAudit:
 
     Args:
         punctuality: lateness of the loop; a message about silence mentions it.
-        warn: called with each kind of warning once.
+        warn: called once with each kind of warning.
     """
 
     def __init__(self, robot: Robot, punctuality: Punctuality, warn: Callable[[str], None]) -> None:

@@ -1,6 +1,4 @@
-"""The safety ladder: which of a few plain things the robot is doing, and how it gets from one to the next.
-
-One piece of code for simulated and real robots. It decides; the control loop acts.
+"""`Ladder`: the safety state machine, the same for simulated and real robots. It decides, the control loop acts.
 
 ```
 OFF ──start──► READY ──plan──► STREAMING ◄──plan── HOLD ──park──► PARK ──► OFF
@@ -18,7 +16,7 @@ from flexmotion.configs.robot_file import SafetyLimits
 
 
 class State(IntEnum):
-    """States of the design's ladder; the number is what logs store."""
+    """States of the ladder; logs store the number."""
 
     OFF = 0
     READY = 1
@@ -42,16 +40,16 @@ class Playback(Enum):
 
 @dataclass
 class Inputs:
-    """What the ladder looks at in one tick.
+    """Inputs of one tick.
 
     Attributes:
         start, stop, park, clear: requests of an operator; they hold for one tick.
-        estop, kill: the same, and heard in every state.
-        plan_ready: a plan is there to be played; plan_over: its stop tail has been played.
-        move_done: the slow move of this state has arrived.
+        estop, kill: the same; they act in every state.
+        plan_ready: there is a plan to play; plan_over: its stop tail has been played.
+        move_done: the slow move of this state is done.
         fallen: the torso is tilted past the robot's limit.
-        fault: a servo, sensor or supply asks for an orderly end (its reason), or None.
-        bus_lost: nothing answers any more (its reason), or None.
+        fault: why servos, sensors, supply or planner require an orderly end, or None.
+        bus_lost: why the bus counts as lost, or None.
     """
 
     start: bool = False
@@ -68,7 +66,7 @@ class Inputs:
     bus_lost: str | None = None
 
     def reset(self) -> None:
-        """Forget everything that holds for one tick."""
+        """Clear all, since inputs hold for one tick."""
         self.__init__()  # type: ignore[misc]
 
 
@@ -81,12 +79,13 @@ class Ladder:
     Args:
         limits: the robot file's safety limits.
         rate_hz: ticks a second.
-        freeze_s, damp_s: how long a frozen and a damped robot is left before it parks or is switched off [s].
+        freeze_s: how long a frozen robot holds its goals before it parks [s].
+        damp_s: how long a damped robot gives way before its torque is switched off [s].
 
     Attributes:
-        state: where it stands.
-        fault: latched cause, kept until `clear`; None when healthy.
-        stopping: a stop has been asked for: no new plan is taken but one that stops.
+        state: the present state.
+        fault: latched cause, kept until `clear`; None while there is none.
+        stopping: a stop was requested: only a plan that stops is accepted.
     """
 
     def __init__(self, limits: SafetyLimits, rate_hz: float, *, freeze_s: float = 0.5, damp_s: float = 1.0) -> None:
@@ -98,11 +97,11 @@ class Ladder:
         self._damp_ticks = int(round(damp_s * rate_hz))
         self._left = 0
         self._frozen = False
-        self._parking = False  # asked for while streaming: once the robot stands
-        self._pressed = False  # a button that is held down is pressed once
+        self._parking = False  # park once the robot stands: requested while streaming
+        self._pressed = False  # an e-stop button that is held down counts once
 
     def step(self, inputs: Inputs) -> Playback:
-        """Advance one tick and say what to send."""
+        """Advance one tick; returns what the loop sends."""
         emergency = self.state in POWERED and self._emergency(inputs)
         self._pressed = inputs.estop
         if not emergency:
@@ -123,11 +122,11 @@ class Ladder:
         }[self.state]
 
     def _latch(self, cause: str) -> None:
-        # The first cause is the one to mend; later ones are its consequences.
+        # The first cause is kept; later ones are its consequences.
         self.fault = self.fault or cause
 
     def _emergency(self, inputs: Inputs) -> bool:
-        """Latch what has gone wrong; whether it decides this tick, so that no other request can undo it."""
+        """Latch a failure; returns whether it decides this tick, so that no other request can undo it."""
         if inputs.kill:
             self._latch("kill: torque cut by an operator")
             self.state = State.FAULT
@@ -161,12 +160,12 @@ class Ladder:
         if inputs.park or self.fault is not None:
             self.state = State.PARK
         else:
-            self._hear_stop(inputs)
+            self._update_stopping(inputs)
             if inputs.move_done and inputs.plan_ready and not self.stopping:
                 self.state = State.STREAMING
 
-    def _hear_stop(self, inputs: Inputs) -> None:
-        """A stop holds until somebody asks for a start again: a plan alone does not undo it."""
+    def _update_stopping(self, inputs: Inputs) -> None:
+        """A stop holds until the next start request; a new plan does not undo it."""
         self.stopping = (self.stopping or inputs.stop) and not inputs.start
 
     def _in_streaming(self, inputs: Inputs) -> None:
@@ -184,7 +183,7 @@ class Ladder:
             self.state = State.PARK
         else:
             self._parking |= inputs.park
-            self._hear_stop(inputs)
+            self._update_stopping(inputs)
             if inputs.plan_ready and not self.stopping:
                 self.state = State.STREAMING
 

@@ -1,7 +1,7 @@
-"""How much more (or less) the robot's legs must push than its model says: a heavier battery, weaker gains, low supply.
+"""`LoadEstimator`: the ratio of the legs' true load to the model's: a heavier battery, weaker gains, a low supply.
 
-The torque profile is computed for the robot file's masses and stiffness. Where the legs sag under it, all in
-proportion to their load, one factor is wrong, and it can be read off the tracking error: kp (q_ref - q) = (s - 1) tau.
+Planned torques tau are computed for the robot file's masses and stiffness. If all leg joints sag in proportion to their
+load, one factor s is wrong, and the tracking error gives it: kp (q_ref - q) = (s - 1) tau.
 """
 
 from __future__ import annotations
@@ -14,16 +14,16 @@ from flexmotion.configs.robot import Robot
 Float = NDArray[np.float64]
 
 _TIME_CONSTANT_S = 0.8
-"""Several steps long: the factor must not follow the swing of a single one."""
+"""Of the low-pass [s]: several steps long, so that the factor does not follow a single swing."""
 _BOUNDS = (0.8, 1.35)
-"""A fifth less to a third more: beyond that the robot file is wrong, or the feet are not what carries it."""
+"""Range of the factor. Beyond it the robot file is wrong, or something else than the feet carries the robot."""
 
 
 class LoadEstimator:
-    """Least squares of the legs' tracking error on their planned torque, one step of its gradient a tick.
+    """Least squares of the legs' tracking error on their planned torque, by one gradient step a tick.
 
     Attributes:
-        factor: what the planned torque is multiplied with.
+        factor: for the loop to multiply the planned torque with.
     """
 
     def __init__(self, robot: Robot) -> None:
@@ -31,11 +31,11 @@ class LoadEstimator:
         self.kp = robot.kp[self.legs]
         self.factor = 1.0
         self._rate = 1.0 / (_TIME_CONSTANT_S * robot.rate_hz)
-        # As strong as what the legs carry at rest, so that little load moves the factor little.
+        # About the load at rest: with less load the factor changes more slowly.
         self._least = float(0.1 * robot.usable_torque[self.legs].mean()) ** 2 * len(self.legs)
 
     def reset(self) -> None:
-        """Trust the model again."""
+        """Set the factor back to the model's, 1."""
         self.factor = 1.0
 
     def update(self, q_ref: Float, q: Float, torque: Float) -> None:

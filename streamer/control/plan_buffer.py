@@ -226,7 +226,7 @@ class PlanBuffer:
             steps=head.steps[: int(head.step_count)].steps(),
             **arrays,
         )
-        return Offer(Ticket(**{name: head.array[name].item() for name in _TICKET}), plan, slot)
+        return Offer(Ticket(**{name: getattr(head, name).item() for name in _TICKET}), plan, slot)
 
 
 def _copy(offer: Offer) -> Offer:

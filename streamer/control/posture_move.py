@@ -1,4 +1,4 @@
-"""Slow moves between poses with both feet on the ground: to the stand pose before streaming, to rest after it."""
+"""`PostureMove`: slow moves between poses with both feet on the ground: to the stand pose, and to the rest pose."""
 
 from __future__ import annotations
 
@@ -15,15 +15,18 @@ from flexmotion.streamer.control.reference import Reference
 Float = NDArray[np.float64]
 
 _KNOTS = 17
-"""Poses along the way at which the torque that holds the robot up is worked out, all when a move begins: together they
-take a tick once as long as one did on the way, every tenth tick. Between them it is linear."""
+"""Poses on the path at which the holding torque is computed, all of them when the move begins; between them it is
+interpolated. Computing one every tenth tick instead made each of those ticks as long as this one tick is now."""
 
 
 class PostureMove:
-    """A minimum-jerk path in joint space that carries the robot's weight on the way.
+    """A minimum-jerk path in joint space, with the torque that holds the robot up on it.
 
     Args:
-        dynamics: the robot's inverse dynamics, for the torque that holds it up.
+        dynamics: the robot's inverse dynamics, for that torque.
+
+    Attributes:
+        tick, ticks: ticks of the move that are done, and all of them.
     """
 
     def __init__(self, robot: Robot, dynamics: RobotDynamics) -> None:
@@ -35,7 +38,13 @@ class PostureMove:
         self._torque = np.zeros((_KNOTS, robot.n))
 
     def begin(self, start: Float, goal: Float, *, least_s: float, speed: float) -> None:
-        """Plan from `start` to `goal` (n,) [rad] in at least `least_s` and at no joint faster than `speed`."""
+        """Plan a move.
+
+        Args:
+            start, goal: poses, (n,) [rad].
+            least_s: shortest duration [s].
+            speed: greatest joint speed [rad/s].
+        """
         self.start[:], self.goal[:] = start, goal
         # A minimum-jerk profile peaks at 15/8 of its mean speed.
         seconds = max(least_s, 1.875 * float(np.max(np.abs(goal - start), initial=0.0)) / speed)
@@ -49,7 +58,7 @@ class PostureMove:
         return self.tick >= self.ticks
 
     def step(self, reference: Reference) -> None:
-        """Fill `reference` for this tick and go on one."""
+        """Fill `reference` for this tick and advance one tick."""
         s = np.array([self.tick, self.tick + 1]) / self.ticks
         now, after = minimum_jerk(s)
         span = self.goal - self.start
@@ -63,7 +72,7 @@ class PostureMove:
         self.tick = min(self.tick + 1, self.ticks)
 
     def _holding_torque(self, q: Float) -> Float:
-        """Joint torques at rest with the weight on both soles, by where the centre of mass lies between them.
+        """Joint torques at rest, with the weight shared by the soles according to the centre of mass between them.
 
         Args:
             q: poses, (K, n) [rad].
@@ -72,8 +81,8 @@ class PostureMove:
             (K, n) [N·m].
         """
         robot, count = self.robot, len(q)
-        foot, soles, com = self._look(q)
-        # Lean the torso so that the soles lie flat: that is how the ground holds the robot.
+        foot, soles, com = self._feet_and_com(q)
+        # Tilt the torso such that the soles lie flat on the ground.
         level = foot.swapaxes(1, 2)
         soles, com = soles @ foot, np.einsum("kij,kj->ki", level, com)
         base = np.zeros((count, 7))
@@ -87,7 +96,7 @@ class PostureMove:
         )
         return torque
 
-    def _look(self, q: Float) -> tuple[Float, Float, Float]:
+    def _feet_and_com(self, q: Float) -> tuple[Float, Float, Float]:
         """Attitude of the left foot (K, 3, 3), sole centres (K, 2, 3) and centre of mass (K, 3), in the torso frame."""
         robot, model, data = self.robot, self.robot.model, self.data
         rotations, places, com = np.empty((len(q), 2, 3, 3)), np.empty((len(q), 2, 3)), np.empty((len(q), 3))

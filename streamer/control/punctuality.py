@@ -1,4 +1,4 @@
-"""How late the loop itself was of late: what did not answer in time may have been this machine."""
+"""`Punctuality`: recent lateness of the loop itself, which may be why a servo seems not to answer."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ import numpy as np
 
 from flexmotion.configs.robot import Robot
 
-_WORTH_TELLING = 0.5
-"""Lateness from which on it may be the cause, in ticks: what a read of the servos may take."""
+_RELEVANT = 0.5
+"""Lateness that may be the cause of a missed answer, in ticks: the time that a read of the servos may take."""
 
 
 class Punctuality:
-    """Remembers how late the last ticks began, as many as it takes to give a servo up, and as many before."""
+    """Keeps the lateness of the last ticks: twice as many as a servo may be silent for."""
 
     def __init__(self, robot: Robot) -> None:
         self._period = 1.0 / robot.rate_hz
@@ -19,10 +19,12 @@ class Punctuality:
         self._next_tick = 0
 
     def woke(self, tick: int, late_s: float, waited_s: float = 0.0) -> None:
-        """A tick begins so late [s]; ticks that were left out since the last one were slept through.
+        """Record that a tick begins; ticks that were skipped before it count as lateness.
 
         Args:
-            waited_s: for how long the tick before waited for servos to be switched on, which is not the machine's [s].
+            tick: its number.
+            late_s: how late it begins [s].
+            waited_s: time that the tick before waited for servos to be switched on, which is no lateness [s].
         """
         skipped = max(tick - self._next_tick, 0) if self._next_tick else 0
         late = late_s + skipped * self._period - max(waited_s - self._period, 0.0)
@@ -31,8 +33,8 @@ class Punctuality:
 
     @property
     def remark(self) -> str:
-        """For a message that something did not answer; empty while the loop was on time."""
+        """Addition to a message that something did not answer; empty while the loop was on time."""
         worst = float(self._late.max())
-        if worst < _WORTH_TELLING * self._period:
+        if worst < _RELEVANT * self._period:
             return ""
         return f" (the loop itself woke {1e3 * worst:.0f} ms late: this machine was busy with something else)"

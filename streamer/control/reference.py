@@ -1,4 +1,4 @@
-"""`Reference`: what the loop wants of the robot in one tick, whether a plan, a slow move or a hold asks for it."""
+"""`Reference`: what the robot is to do in one tick, from a plan, a slow move or a hold."""
 
 from __future__ import annotations
 
@@ -15,10 +15,11 @@ class Reference:
 
     Attributes:
         q, qd, torque: (n,) [rad, rad/s, N·m].
-        feet: sole centres and yaw, (2, 4); contacts: (2,) bool; share: load on the right foot.
-        base: torso position and quaternion w x y z, (7,).
-        com, dcm, zmp: (2,) [m].
-        balanced: whether feet, com, dcm and zmp mean anything, so that balance feedback may act.
+        feet: sole centres and yaw, (2, 4) [m, m, m, rad]; contacts: (2,) bool; share: part of the load on the right
+            foot.
+        base: torso position [m] and quaternion w x y z, (7,).
+        com, dcm, zmp: horizontal, in the plan's world, (2,) [m].
+        balanced: whether feet, com, dcm and zmp are valid, so that balance feedback may act.
     """
 
     def __init__(self, n: int) -> None:
@@ -29,7 +30,7 @@ class Reference:
         self.balanced = False
 
     def take(self, plan: Plan, place: float) -> None:
-        """Read `plan` at a row that may lie between two (linear); past its end the last row is held at rest."""
+        """Read `plan` at a row, interpolated linearly between rows; past the end the last row is held at rest."""
         last = len(plan) - 1
         row = int(min(max(place, 0.0), last))
         following = min(row + 1, last)
@@ -47,7 +48,7 @@ class Reference:
         self.balanced = True
 
     def copy(self, other: Reference) -> None:
-        """Take over another reference's joints (a slow move needs no look ahead)."""
+        """Copy the joints of another reference (a slow move needs no look-ahead)."""
         for name in ("q", "qd", "torque"):
             getattr(self, name)[:] = getattr(other, name)
         self.balanced = other.balanced

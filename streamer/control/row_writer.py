@@ -30,7 +30,7 @@ class RowWriter:
         self._simulated = simulated(driver)
         self._rate_hz = robot.rate_hz
         self._counted_tick = -1  # footsteps up to this tick are counted
-        self._answered: Ticket | None = None  # of the plan with which a new target took effect on this tick
+        self._answered: Ticket | None = None  # of the plan by which a new target is followed from this tick on
 
     def plan_began(self, ticket: Ticket) -> None:
         """A plan plays from this tick on."""
@@ -68,19 +68,19 @@ class RowWriter:
             self._answered = None
 
     def write_state(self, tick: int, state: State, estimator: Estimator) -> None:
-        """What holds in every state."""
+        """Fields that have a value in every state."""
         row = self.row
         row.tick[...], row.state[...], row.tilt[...] = tick, state, estimator.tilt
         row.contact_ref[...] = False
 
     def write_reference(self, now: Reference, command: JointCommand) -> None:
-        """What was referred to and sent, while torque is on."""
+        """Reference and goals, while torque is on."""
         row = self.row
         row.q_cmd[...] = command.position
         row.q_ref[...], row.qd_ref[...], row.torque_ref[...] = now.q, now.qd, now.torque
 
     def write_balance(self, now: Reference, estimator: Estimator, stabiliser: Stabiliser) -> None:
-        """Planned and estimated balance, while the reference is a plan's."""
+        """Planned and estimated balance, while a plan plays."""
         row = self.row
         row.com_ref[...], row.dcm_ref[...], row.zmp_ref[...] = now.com, now.dcm, now.zmp
         row.com[...], row.dcm[...], row.zmp_shift[...] = estimator.com, estimator.dcm, stabiliser.zmp_shift

@@ -1,9 +1,9 @@
-"""From reference to servo goal: the torque profile's way into a position servo, and the clamp that bounds it.
+"""`ServoCommand`: servo goals from a reference with its torque, and the clamp that bounds them.
 
-A position servo makes kp (goal - q) - b q'. So the goal that makes it give `torque` along the reference is
-q_ref + (torque + b q_ref') / kp. The goal may run far ahead of the joint; what must be bounded is the torque that it
-implies at the joint's present position and speed, and the goal itself by the joint's limits. Where a joint stands
-outside of them when torque goes on, its goals begin there and from then on only go inwards.
+A position servo makes the torque kp (goal - q) - b q'. The goal at which it makes `torque` on the reference is
+therefore q_ref + (torque + b q_ref') / kp. The goal may be far ahead of the joint. Two things are bounded: the torque
+that the goal implies at the joint's present position and speed, and the goal itself by the joint's limits. If a joint
+is outside its limits when torque is switched on, its goals begin there and from then on only move inwards.
 """
 
 from __future__ import annotations
@@ -17,22 +17,26 @@ from flexmotion.drivers.interface import RobotState
 Float = NDArray[np.float64]
 
 BRAKING_SHARE = 0.8
-"""Share of the stall torque that a goal may imply while the servo brakes; the rest covers what the joint's speed may
-change by within the 4 ms between its measurement and the goal's arrival (0.9 let three goals in a million pass). Less
-costs balance: of 21 walking clips three fell with .75 and swings of 6.8 m/s², none with .8 and 7 m/s²."""
+"""Share of the stall torque that a goal may imply while the servo brakes. The rest covers the change of the joint's
+speed in the 4 ms between its measurement and the goal's arrival (with 0.9 three goals in a million were outside the
+envelope). Less costs balance: of 21 walking clips three fell with 0.75 and swings of 6.8 m/s², none with 0.8 and 7
+m/s²."""
 BRAKING_SPEED = 0.3
-"""Joint speed from which it counts as braking in full [rad/s]. A joint near standstill gets the usable torque: one
-that a foot's impact throws either way within a tick must not find itself past its envelope."""
+"""Joint speed from which the braking torque is allowed in full [rad/s]. Near standstill only the usable torque is: a
+foot's impact may reverse the joint within a tick, and the goal must then still be inside the envelope."""
 
 _SUPPLY_MARGIN = 0.2
-"""How far outside the servo's rated supply a reading is still believed: sag under load, regenerated overvoltage."""
+"""Margin around the servo's rated supply within which a reading is valid, as a share: sag under load, overvoltage."""
 
 _BLIND_SHARE = 0.5
-"""Share of its envelope that a joint keeps while its measurement is old: it is no longer where it is taken to be."""
+"""Share of the envelope that is used while the joint's measurement is old, since its position is then uncertain."""
 
 
 class ServoCommand:
     """Computes and clamps goals; allocates nothing that grows.
+
+    Args:
+        delay_s: from a measurement to the arrival of the goals computed from it [s].
 
     Attributes:
         goal: servo goals, (n,) [rad].
@@ -49,21 +53,29 @@ class ServoCommand:
         self._most_supply = np.array([servo.max_voltage for servo in robot.servos]) / nominal * (1 + _SUPPLY_MARGIN)
 
     def reset(self, position: Float) -> None:
-        """Begin anew where the joints stand, (n,) [rad]: that is the goal until the first update."""
+        """Begin at the joints' positions, (n,) [rad], which are the goals until the first update."""
         np.copyto(self.goal, position)
         self._velocity[:] = 0.0
 
     def update(self, q: Float, qd: Float, torque: Float, measured: RobotState) -> Float:
-        """Goals for a reference (n,) each, given the measured joints; returns `goal`."""
+        """Goals for a reference.
+
+        Args:
+            q, qd, torque: the reference, (n,) each [rad, rad/s, N·m].
+            measured: the joints' state.
+
+        Returns:
+            `goal`, (n,) [rad].
+        """
         robot = self.robot
         supply = measured.voltage / robot.nominal_voltage
-        # A voltage that no such servo runs at is a reading gone wrong, not a stiffness to invert.
+        # A voltage that no such servo runs at is a wrong reading; the nominal one is used instead.
         believed = (supply >= self._least_supply) & (supply <= self._most_supply)
         supply = np.where(believed, supply, 1.0)
         kp = robot.kp * supply
         goal = q + (torque + robot.back_emf * qd) / kp
-        # The measurement is a while old and the goal takes a while to arrive: it must be right for the joint as it
-        # was measured and as it will be if its speed goes on changing as it did.
+        # The measurement is old and the goal takes time to arrive: it must be inside the envelope for the joint as it
+        # was measured, and as it will be if its speed changes on at the same rate.
         now, change = measured.velocity, measured.velocity - self._velocity
         supply = np.where(measured.stale > 0, _BLIND_SHARE * supply, supply)
         lowest, highest = self._envelope(measured.position, now, kp, supply)
@@ -73,16 +85,16 @@ class ServoCommand:
         bounded = np.maximum(np.minimum(goal, highest), lowest)
         np.copyto(self._velocity, measured.velocity)
         self.torque_clamps = int(np.count_nonzero(bounded != goal))
-        # Outside its limits a goal may only follow one that was further out.
+        # Outside its limits a goal may only move inwards.
         lower, upper = np.minimum(robot.lower, self.goal), np.maximum(robot.upper, self.goal)
         limited = np.minimum(np.maximum(bounded, lower), upper)
         self.position_clamps = int(np.count_nonzero(limited != bounded))
-        # What is no number never leaves here: the servo keeps the goal it has.
+        # A goal that is not finite is not sent: the servo keeps the goal that it has.
         np.copyto(self.goal, limited, where=np.isfinite(limited))
         return self.goal
 
     def _envelope(self, position: Float, velocity: Float, kp: Float, supply: Float) -> tuple[Float, Float]:
-        """Lowest and highest goal [rad] whose torque a servo may make at this position and velocity, (n,) each."""
+        """Lowest and highest goal whose torque a servo may make at this position and velocity, (n,) each [rad]."""
         robot = self.robot
         usable = robot.usable_torque * supply
         more = np.maximum(BRAKING_SHARE * robot.stall_torque * supply - usable, 0.0)

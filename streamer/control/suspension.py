@@ -1,8 +1,7 @@
-"""Whether the robot hangs on a stand: its legs then make none of the torque that would carry it.
+"""`Suspension`: whether the robot hangs on a stand, from the load that its legs carry.
 
-A position servo makes kp (goal - q) - b q' (its goal is ahead of the joint by what it carries). Projected on the torque
-that the motion asks of the legs with the feet on the ground this is about 1; with the feet in the air the joints run on
-to their goals, and it is about 0.
+A position servo makes the torque kp (goal - q) - b q'. Projected on the torque that the motion requires of the legs
+with the feet on the ground, this is about 1. With the feet in the air the joints reach their goals, and it is about 0.
 """
 
 from __future__ import annotations
@@ -15,16 +14,16 @@ from flexmotion.configs.robot import Robot
 Float = NDArray[np.float64]
 
 _TIME_CONSTANT_S = 0.25
-"""Of the low-pass: a hop or a stumble is no stand."""
+"""Of the low-pass [s]: longer than hops and stumbles, which do not count."""
 _LIFTED, _LANDED = 0.25, 0.55
-"""Share of the load that the legs carry, below and above which the feet are taken to have left the ground, or to be
-back on it. Walking robots, perturbed too, were never below .63; hung up ones below 0 from a quarter second on."""
+"""Share of the load below which the feet count as lifted, and above which they count as back on the ground. Walking
+robots, also perturbed ones, were never below 0.63; hanging ones were below 0 from a quarter of a second on."""
 _LEAST_LOAD = 0.03
-"""Mean leg torque over the usable one below which the share says nothing."""
+"""Mean leg torque over the usable torque below which the share is not measured."""
 
 
 class Suspension:
-    """Looks at the legs' torque, tick by tick; allocates nothing that grows.
+    """Estimates the load on the legs, tick by tick; allocates nothing that grows.
 
     Attributes:
         hung: whether the feet are in the air.
@@ -39,7 +38,7 @@ class Suspension:
         self.reset()
 
     def reset(self) -> None:
-        """Take the robot to stand on its feet."""
+        """Assume that the robot stands on its feet."""
         self.hung, self.carried = False, 1.0
 
     def update(self, goal: Float, q: Float, qd: Float, torque: Float) -> bool:
@@ -54,7 +53,7 @@ class Suspension:
         made = float(load @ (self._kp * (goal[legs] - q[legs]) - self._back_emf * qd[legs]))
         if strength < self._least or not np.isfinite(made):
             return False
-        # What is far off one way or the other is motion, not load.
+        # Bounded, since values far from [0, 1] come from motion, not from load.
         self.carried += self._smoothing * (min(max(made / strength, -1.0), 2.0) - self.carried)
         before, self.hung = self.hung, self.carried < (_LANDED if self.hung else _LIFTED)
         return self.hung is not before

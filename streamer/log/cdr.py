@@ -1,7 +1,7 @@
-"""Messages of plain numbers as ROS 2 writes them: schema text (`ros2msg`) and little-endian CDR (`cdr`).
+"""Messages of plain numbers in the encoding of ROS 2: schema text (`ros2msg`) and little-endian CDR (`cdr`).
 
-CDR aligns every number to its own size, counted from behind a header of four bytes; a fixed array is its elements, a
-sequence is a 32-bit count and its elements (OMG CORBA 3.3, part 2, 9.3).
+CDR aligns every number to its own size, counted from the end of a header of four bytes. A fixed array is its elements;
+a sequence is a 32-bit count and its elements (OMG CORBA 3.3, part 2, 9.3).
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ class Column:
     """One field of a message.
 
     Attributes:
-        name: of the field.
+        name: name of the field.
         kind: bool, int64, float32 or float64.
         size: elements of a fixed array; 1 for a single number; None for a sequence.
-        unit: said in the schema, as a comment.
-        constants: names for values of the field, said in the schema before it.
+        unit: unit, a comment in the schema.
+        constants: names of values of the field, constants in the schema before it.
     """
 
     name: str
@@ -42,15 +42,15 @@ class Column:
 
     @property
     def dtype(self) -> np.dtype[Any]:
-        """Of one element."""
+        """Type of one element."""
         return np.dtype(_KINDS[self.kind])
 
 
 def columns_of(dtype: np.dtype[Any], units: Mapping[str, str]) -> list[Column]:
-    """The fields of a structured row whose bytes, behind the header, are the message.
+    """The fields of a structured row whose bytes, after the header, are the message.
 
     Raises:
-        ConfigError: they are not, a field begins where CDR would have padding before it.
+        ConfigError: the layout has gaps, or CDR would need padding before a field.
     """
     columns, end = [], 0
     for name in dtype.names or ():
@@ -63,7 +63,7 @@ def columns_of(dtype: np.dtype[Any], units: Mapping[str, str]) -> list[Column]:
 
 
 def schema_text(columns: Iterable[Column]) -> str:
-    """The schema, one field a line."""
+    """The schema text, one field in each line."""
     lines = []
     for column in columns:
         array = "" if column.size == 1 else "[]" if column.size is None else f"[{column.size}]"
@@ -73,10 +73,10 @@ def schema_text(columns: Iterable[Column]) -> str:
 
 
 def parse_schema(text: str) -> list[Column]:
-    """The fields of a schema of plain numbers; constants and comments are left out.
+    """The fields of a schema of plain numbers, without constants and comments.
 
     Raises:
-        ConfigError: it has something else in it.
+        ConfigError: a line is something else.
     """
     columns = []
     for line in text.splitlines():
@@ -92,15 +92,15 @@ def parse_schema(text: str) -> list[Column]:
 
 
 def row_dtype(columns: Iterable[Column]) -> np.dtype[Any]:
-    """The row that a message without sequences is, behind its header (see `columns_of`)."""
+    """The dtype of a message without sequences, after its header; the inverse of `columns_of`."""
     return np.dtype([(c.name, c.dtype) if c.size == 1 else (c.name, c.dtype, c.size) for c in columns])
 
 
 def encode(columns: Sequence[Column], values: Mapping[str, Any]) -> bytes:
-    """A message; arrays of any shape are written row by row.
+    """Encode a message; arrays of any shape are written row by row.
 
     Raises:
-        ValueError: an array of fixed size has another.
+        ValueError: an array has another size than its column.
     """
     message = bytearray()
     for column in columns:
@@ -117,7 +117,7 @@ def encode(columns: Sequence[Column], values: Mapping[str, Any]) -> bytes:
 
 
 def decode(columns: Sequence[Column], message: bytes) -> dict[str, Any]:
-    """What `encode` wrote: a number, or (size,) of an array.
+    """Decode a message of `encode`: a number, or an array (size,), by field.
 
     Raises:
         ValueError: the message is too short.

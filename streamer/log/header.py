@@ -1,4 +1,4 @@
-"""`LogHeader`: what a log must tell of a run before its first tick, so that it can be read, judged and run again."""
+"""`LogHeader`: properties of a run, known at its start, with which its log is read, judged and replayed."""
 
 from __future__ import annotations
 
@@ -49,18 +49,19 @@ def require_version(name: str, metadata: Mapping[str, str], origin: Path) -> Non
 
 
 class LogHeader(Strict):
-    """Everything about a run that is known at its start.
+    """Properties of a run that are known at its start.
 
     Attributes:
-        software: version of FlexMotion.
-        robot: name or folder, as asked for; joints in the order of all columns.
-        driver, driver_options: which, and how it was set; the seed is apart.
-        clock: which one the loop ran by.
-        source, source_parts: name of the source, and how to build it from the attachments
+        software: version of FlexMotion that wrote the log.
+        robot: name of a shipped robot, or folder.
+        joints: joint names, in the order of all columns.
+        driver, driver_options: name of the driver and its options without the seed.
+        clock: clock of the loop.
+        source, source_parts: name of the source, and its parts to rebuild it from the attachments
             (`flexmotion.streamer.log.source`).
         seconds: longest that the source is streamed [s].
         start_ns: when the log was begun, nanoseconds since the epoch.
-        wall_minus_perf_ns: add it to a `perf_counter_ns` of the run for the wall clock's time; taken once.
+        wall_minus_perf_ns: offset from `perf_counter_ns` to the wall clock, measured once.
     """
 
     software: str
@@ -80,23 +81,23 @@ class LogHeader(Strict):
     wall_minus_perf_ns: int
 
     def metadata(self) -> dict[str, str]:
-        """As MCAP holds it: a JSON text a field."""
+        """The header as MCAP metadata: a JSON text for each field."""
         return {name: json.dumps(value) for name, value in self.model_dump(mode="json").items()}
 
     @classmethod
     def from_metadata(cls, metadata: dict[str, str], origin: Path) -> LogHeader:
-        """What `metadata` gave. Raises `ConfigError`."""
+        """The inverse of `metadata`. Raises `ConfigError`."""
         content: dict[str, Any] = {}
         for name, text in metadata.items():
             try:
                 content[name] = json.loads(text)
             except json.JSONDecodeError:
-                content[name] = text  # the model says what is wrong with it
+                content[name] = text  # `parse` reports the error
         return parse(cls, content, f"{origin}: header")
 
 
 def begin_header(name: str, robot: Robot, **about: Any) -> LogHeader:
-    """The header of a run that begins now, with a robot asked for by `name`; `about` are the fields beyond it."""
+    """The header of a run that begins now; `name` is the robot's name or folder, `about` the other fields."""
     wall, perf = time.time_ns(), time.perf_counter_ns()
     return LogHeader(
         software=version("flexmotion"),
@@ -110,5 +111,5 @@ def begin_header(name: str, robot: Robot, **about: Any) -> LogHeader:
 
 
 def robot_files(robot: Robot) -> dict[str, bytes]:
-    """The robot file and its MJCF by attachment name, as they were when the run began."""
+    """The robot file and its MJCF by attachment name, as they are now."""
     return {f"robot/{file.name}": file.read_bytes() for file in (robot.file, robot.folder / robot.config.mjcf)}

@@ -1,4 +1,4 @@
-"""A run judged from its rows, as its report judged it: for `log show`, `log plot` and `log replay`."""
+"""The report of a run from its log, for `log plot` and `log replay`."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from flexmotion.streamer.run.played_human import human_motion
 
 @dataclass(frozen=True)
 class Subject:
-    """Who moved in a log, and after whom.
+    """The robot and the human of a log.
 
     Attributes:
-        robot: as it is installed now; see `Log.changed_files`.
-        motion: what the human did; None where the source follows several motions or is not in the log.
+        robot: the robot as installed now; see `Log.changed_files`.
+        motion: motion of the human; None if the source followed targets, or is not in the log.
     """
 
     robot: Robot
@@ -32,7 +32,7 @@ class Subject:
 
     @classmethod
     def of(cls, log: Log) -> Subject:
-        """Read from the log and the robot's files. Raises `ConfigError`, `MotionFormatError`."""
+        """From the log and the robot's files. Raises `ConfigError`, `MotionFormatError`."""
         robot = load_robot(log.header.robot)
         motion = _human(log)
         figures = RobotFigures.of(robot, None if motion is None else motion.body.leg)
@@ -40,7 +40,7 @@ class Subject:
         return cls(robot, motion, figures, steps)
 
     def report(self, log: Log, record: RunTrace) -> Report:
-        """The report of `record`, the log's own or that of a run made again from it."""
+        """The report of `record`: the log's own, or that of its replay."""
         header, budgets = log.header, log.header.settings.budgets
         record.human_steps = self.human_steps
         info = RunInfo(
@@ -59,13 +59,13 @@ class Subject:
 
 
 def _human(log: Log) -> Motion | None:
-    """What the human did, where the log tells."""
+    """Motion of the human, if the log holds its source."""
     if not log.files:
         return None
     try:
         source = log.source()
     except ConfigError:
-        # A model is too large for a log and may not be on this machine; the rest of the log can be read all the same.
+        # A log does not hold the model, which may not be on this machine; the rest of the log is still readable.
         if log.header.source_parts.get("kind") != MODEL:
             raise
         return None

@@ -1,4 +1,4 @@
-"""`LogFile`: the file under a log; a disk that is full ends the log, not who writes it."""
+"""`LogFile`: the file of a log; a full disk ends the log, not its writer."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from flexmotion.configs.errors import ConfigError
 
 
 class LogFile:
-    """What the MCAP writer writes to.
+    """File object for the MCAP writer.
 
-    Once a write has failed the file is cut back to the last `mark` and everything that follows is dropped: what is in
-    it stays readable.
+    After a failed write the file is cut back to the last `mark`, so that it stays readable, and later writes are
+    dropped.
 
     Args:
-        path: where; an older file of that name is written over.
+        path: path of the file; an existing file is overwritten.
 
     Attributes:
-        error: what went wrong, if anything did.
+        error: error of the failed write; None without one.
 
     Raises:
         ConfigError: the file cannot be written.
@@ -29,13 +29,13 @@ class LogFile:
         self.error: OSError | None = None
         self._marked = 0
         try:
-            # Unbuffered: a write that fails fails here, and whoever forks holds no copy of what waits to be written.
+            # Unbuffered: a write fails at once, and a fork holds no copy of a buffer.
             self._file = open(path, "wb", buffering=0)  # noqa: SIM115 (closed by `close`)
         except OSError as error:
             raise ConfigError(f"{path}: cannot be written ({error.strerror or error})") from error
 
     def write(self, content: bytes) -> int:
-        """Write all of it, or drop it. Returns its length either way: the MCAP writer must not stumble over a disk."""
+        """Write all of it, or drop it. Returns its length either way, so that the MCAP writer does not fail."""
         view = memoryview(content)
         try:
             while self.error is None and len(view):
@@ -46,7 +46,7 @@ class LogFile:
         return len(content)
 
     def mark(self) -> None:
-        """What has been written so far is whole."""
+        """Mark what has been written so far as complete."""
         if self.error is None:
             self._marked = self._file.tell()
 
@@ -59,7 +59,7 @@ class LogFile:
         return self._file.tell()
 
     def flush(self) -> None:
-        """Nothing waits to be written."""
+        """Do nothing: the file has no buffer."""
 
     def close(self) -> None:
         """See `io.IOBase.close`."""

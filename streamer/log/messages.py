@@ -1,4 +1,4 @@
-"""What a log holds: its topics, and the schema of each."""
+"""The topics of a log and their schemas."""
 
 from __future__ import annotations
 
@@ -40,11 +40,11 @@ _UNITS = {
 UNITS = {name: unit for unit, names in _UNITS.items() for name in names}
 
 _ROWS = (("q", None), ("qd", None), ("torque", None), ("feet", 8), ("com", 3), ("zmp", 2), ("dcm", 2))
-"""What of a plan is logged, row by row, and how many numbers a row has; None: one a joint."""
+"""Arrays of a plan that are logged row by row, and numbers in a row; None: one for each joint."""
 
 
 def tick_columns(joints: int) -> list[Column]:
-    """Fields of `/tick`: all of `flexmotion.streamer.control.tick_row.tick_dtype`, in its order."""
+    """Fields of `/tick`: those of `flexmotion.streamer.control.tick_row.tick_dtype`, in its order."""
     states = tuple((state.name, int(state)) for state in State)
     return [
         Column(column.name, column.kind, column.size, column.unit, states) if column.name == "state" else column
@@ -66,7 +66,7 @@ PLAN_COLUMNS = [
 
 
 def plan_message(offer: Offer) -> bytes:
-    """A plan as `/plan` holds it."""
+    """A plan as a message of `/plan`."""
     ticket, plan = offer.ticket, offer.plan
     values: dict[str, Any] = {field.name: getattr(ticket, field.name) for field in fields(Ticket)}
     values |= {"start_tick": plan.start_tick, "stop_row": plan.stop_row, "rows": len(plan), "joints": plan.q.shape[1]}
@@ -92,7 +92,7 @@ TARGET_SCHEMA = {
         "id": {"type": "integer", "description": "number of the target, from 1"},
         "stamp_ns": {"type": "integer", "description": "perf_counter at which it arrived [ns]"},
         "clip": {"type": "string", "description": "follow the clip of this name"},
-        "text": {"type": "string", "description": "do what it says"},
+        "text": {"type": "string", "description": "do what the words say"},
         "velocity": {
             "type": "array",
             "items": {"type": "number"},

@@ -1,4 +1,4 @@
-"""`read_log`: a log file back into the record of its run."""
+"""`read_log`: reads a log file."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from flexmotion.streamer.motion.sources import Source
 
 @dataclass
 class Topic:
-    """One topic of a log: name and encoding of its schema, messages and their bytes."""
+    """One topic of a log: name and encoding of its schema, count and bytes of its messages."""
 
     schema: str
     encoding: str
@@ -39,15 +39,15 @@ class Topic:
 
 @dataclass(frozen=True)
 class Log:
-    """What is in a log.
+    """Content of a log.
 
     Attributes:
-        rows: of `flexmotion.streamer.control.tick_row.tick_dtype`, one a tick; columns that the log lacks are NaN or 0.
-        events: in order.
+        rows: rows of `flexmotion.streamer.control.tick_row.tick_dtype`, one a tick; missing columns are NaN or 0.
+        events: events in order.
         plans: fields of `flexmotion.streamer.log.messages.PLAN_COLUMNS` by name.
-        targets: as sent.
+        targets: targets as sent.
         files: attachments by name.
-        whole: whether the log was closed; else it ends where writing ended.
+        whole: whether the log was closed; if not, it ends where writing ended.
     """
 
     path: Path
@@ -61,23 +61,23 @@ class Log:
     whole: bool
 
     def record(self) -> RunTrace:
-        """The record that the run itself kept."""
+        """The record of the run."""
         record = RunTrace(self.header.rate_hz, self.header.joints, kept_s=len(self.rows) / self.header.rate_hz + 1.0)
         record.append(self.rows)
         record.events.extend(self.events)
         return record
 
     def source(self) -> Source:
-        """The source that the run followed. Raises `ConfigError` where it is not in the log."""
+        """The source that the run followed. Raises `ConfigError` if it is not in the log."""
         return unpack(self.header.source_parts, self.files, self.path)
 
     def changed_files(self, robot: Robot) -> list[str]:
-        """Names of the robot's files that are not as they were when the log was written."""
+        """Names of the robot's files that have changed since the log was written."""
         return [name for name, content in robot_files(robot).items() if self.files.get(name) != content]
 
     @property
     def gaps(self) -> int:
-        """Ticks missing between the first and the last: left out by a loop that was late, or lost by the recorder."""
+        """Ticks missing between the first and the last: skipped by a late loop, or lost by the recorder."""
         return int(self.rows["tick"][-1] - self.rows["tick"][0]) + 1 - len(self.rows) if len(self.rows) else 0
 
 
@@ -85,7 +85,7 @@ def read_log(path: str | Path) -> Log:
     """Read a log; one that was cut off is read as far as it goes.
 
     Raises:
-        ConfigError: the file is missing, no log of ours, or damaged.
+        ConfigError: the file is missing, no log of FlexMotion, of another version, or damaged.
     """
     path = Path(path)
     content = _Content(path)
@@ -103,7 +103,7 @@ def read_log(path: str | Path) -> Log:
 
 
 def _records(reader: StreamReader) -> Iterator[McapRecord]:
-    """Every record, up to where the file was cut off."""
+    """All records, up to where the file was cut off."""
     try:
         yield from reader.records
     except EndOfFile:
@@ -112,7 +112,7 @@ def _records(reader: StreamReader) -> Iterator[McapRecord]:
 
 @dataclass
 class _Content:
-    """What has been read so far."""
+    """Content that has been read so far."""
 
     path: Path
     schemas: dict[int, Schema] = field(default_factory=dict)
@@ -176,7 +176,7 @@ class _Content:
         return self.schemas[next(ids)].data.decode()
 
     def _rows(self, joints: int) -> NDArray[Any]:
-        """The ticks as rows of today's kind, by name of column: a log may be older than this program."""
+        """The ticks as rows of this version, column by column: an older log may lack some."""
         dtype = tick_dtype(joints)
         rows = blank(dtype, len(self.ticks))
         if not self.ticks:

@@ -1,4 +1,4 @@
-"""`Recorder`: follows a run into a log file, beside it; when it fails the run goes on."""
+"""`Recorder`: the service that writes a run to a log file; if it fails, the run goes on."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from flexmotion.streamer.motion.intents import to_content
 from flexmotion.streamer.motion.targets import TargetMailbox, arrived
 
 NICENESS = 10
-"""Of the recorder's own process: it shares two cores with the motion."""
+"""Niceness of the recorder's process, which shares two cores with the run."""
 _MOST_ROWS = 250
 """Ticks written at a time; the ring holds many more."""
 _LINGER_S = 0.5
@@ -36,14 +36,14 @@ log = logging.getLogger(__name__)
 
 
 class Recorder:
-    """A `Service` that writes everything that a run tells to an MCAP file.
+    """A `Service` that writes ticks, plans, targets and events of a run to an MCAP file.
 
-    It only reads shared memory, so neither loop nor planner notices whether it is there. What is in the rings when
-    the loop ends, or dies, is still written.
+    It only reads shared memory, so it does not affect loop and planner. After the end or the death of the loop it still
+    writes what is left in the rings.
 
     Args:
-        path: the file; an older one is written over.
-        attachments: files to keep in the log, by name.
+        path: path of the file; an existing file is overwritten.
+        attachments: files to store in the log, by name.
 
     Raises:
         ConfigError: the file cannot be written.
@@ -63,7 +63,7 @@ class Recorder:
         self.path, self.header, self.attachments = path, header, attachments
         self.telemetry, self.plans, self.targets = telemetry, plans, targets
         self._file = LogFile(path)
-        self._outcome = Outcome()
+        self._status = RecordingStatus()
         self._parent = os.getpid()
 
     def follow(self) -> Callable[[bool], None]:
@@ -71,7 +71,7 @@ class Recorder:
         own_process = os.getpid() != self._parent
         if own_process:
             os.nice(NICENESS)
-        following = _Following(self, self._file, self._outcome)
+        following = _Following(self, self._file, self._status)
 
         def step(last: bool) -> None:
             following.step()
@@ -93,21 +93,21 @@ class Recorder:
     def result(self) -> str:
         """Path of the log, and what is missing from it if anything is; after the run."""
         self._file.close()
-        missing = self._outcome.missing(self.telemetry.ticks.count)
+        missing = self._status.missing(self.telemetry.ticks.count)
         return f"{self.path} ({missing})" if missing else str(self.path)
 
 
-class Outcome:
-    """How the recording went, told through shared memory to whoever started it."""
+class RecordingStatus:
+    """State of the recording in shared memory, for the process that started it."""
 
     def __init__(self) -> None:
         self._cells = shared_array(4, int)
 
-    def tell(self, *, error: int, written: int, lost: int, closed: bool) -> None:
-        """Say it.
+    def set(self, *, error: int, written: int, lost: int, closed: bool) -> None:
+        """Set the state.
 
         Args:
-            error: number of the system's error that ended the recording; 0: none.
+            error: `errno` that ended the recording; 0: none.
             written: ticks in the file.
             lost: ticks that were overwritten before they were read.
             closed: whether the file has its index.
@@ -115,7 +115,7 @@ class Outcome:
         self._cells[:] = error, written, lost, closed
 
     def missing(self, ticks: int) -> str:
-        """What the log of a run of so many ticks lacks; empty where it is whole."""
+        """What is missing from the log of a run of `ticks` ticks; empty if nothing is."""
         error, written, lost, closed = (int(cell) for cell in self._cells)
         if error:
             return f"recording stopped: {os.strerror(error)}"
@@ -125,14 +125,14 @@ class Outcome:
 
 
 class _Following:
-    """One log being written.
+    """A log that is being written.
 
     Attributes:
-        moving: whether the loop had ticked at the last step.
+        moving: whether the last step found new ticks.
     """
 
-    def __init__(self, recorder: Recorder, file: LogFile, outcome: Outcome) -> None:
-        self.header, self.file, self.outcome = recorder.header, file, outcome
+    def __init__(self, recorder: Recorder, file: LogFile, status: RecordingStatus) -> None:
+        self.header, self.file, self.status = recorder.header, file, status
         self.plans = recorder.plans
         self.moving = False
         self._ticks, self._events = recorder.telemetry.ticks.reader(), recorder.telemetry.events.reader()
@@ -143,7 +143,7 @@ class _Following:
         self._writer = LogWriter(file, recorder.header, recorder.attachments)
 
     def step(self) -> None:
-        """Write what has been told since the last step."""
+        """Write what is new since the last step."""
         self._record_plan()
         self._record_ticks()
         for target in arrived(self._targets):
@@ -152,12 +152,12 @@ class _Following:
         for row in self._events.read():
             message = row["message"].decode(errors="replace")
             self._record_event(int(row["tick"]), int(row["stamp_ns"]), row["kind"].decode(), message)
-        # Once a second of run: what is in the file is never further behind than that.
+        # Once a second of the run, so that the file is at most that far behind.
         if self._unflushed >= self.header.rate_hz:
             self._flush()
 
     def follow_to_the_end(self) -> None:
-        """Go on until the loop has ended: left alone it still brings the robot to a stand."""
+        """Record until the loop has ended: without a supervisor it still brings the robot to a stand."""
         self.moving = True
         while self.moving:
             time.sleep(_LINGER_S)
@@ -171,7 +171,7 @@ class _Following:
         self._flush()
         self._writer.close()
         self._check()
-        self._tell(closed=True)
+        self._update_status(closed=True)
 
     def _record_ticks(self) -> None:
         first = self._ticks.lost
@@ -201,7 +201,7 @@ class _Following:
         self._writer.event(content, self._time(tick, stamp_ns))
 
     def _time(self, tick: int, stamp_ns: int) -> int:
-        """Log time: the wall clock; in lockstep, where no clock runs along, the time that the ticks stand for."""
+        """Log time [ns]: the wall clock; in lockstep the time of the tick at the robot's rate."""
         if self.header.clock == "lockstep":
             return self.header.start_ns + round(tick * 1e9 / self.header.rate_hz)
         return stamp_ns + self.header.wall_minus_perf_ns
@@ -210,15 +210,15 @@ class _Following:
         self._unflushed = 0
         self._writer.flush()
         self._check()
-        self._tell(closed=False)
+        self._update_status(closed=False)
 
     def _check(self) -> None:
-        """Say, once, that the disk takes no more."""
+        """Warn once if writing has failed."""
         if self.file.error is not None and not self._stopped:
             self._stopped = True
             reason = self.file.error.strerror
             log.warning("%s: recording stopped at tick %d: %s; the run goes on", self.file.path, self._tick, reason)
 
-    def _tell(self, *, closed: bool) -> None:
+    def _update_status(self, *, closed: bool) -> None:
         error = 0 if self.file.error is None else self.file.error.errno or errno.EIO
-        self.outcome.tell(error=error, written=self._written, lost=self._lost, closed=closed)
+        self.status.set(error=error, written=self._written, lost=self._lost, closed=closed)

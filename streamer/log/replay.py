@@ -1,4 +1,4 @@
-"""`replay`: a log's run once more, in lockstep on the simulated robot, and how it compares."""
+"""`replay`: runs the source of a log again, in lockstep on the simulated robot, and compares the runs."""
 
 from __future__ import annotations
 
@@ -29,21 +29,21 @@ TOLERANCES = {
     "steps_inserted": 1.0,
     "hand_error_share": 0.01,
 }
-"""How far apart the figures of two runs may be where plans joined at other ticks, as they do on the real clock.
+"""Largest difference of a figure for logs of the real clock, where plans join at other ticks.
 
-At least twice what 8 perturbed walks, turns and stands on the real clock and their replays differed by: 5 mrad, 0 s,
-1 mm/s, .007, .013 rad, no step, .003. In lockstep figures must be equal.
+At least twice the difference between 8 perturbed walks, turns and stands on the real clock and their replays: 5 mrad,
+0 s, 1 mm/s, 0.007, 0.013 rad, no step, 0.003. In lockstep figures must be equal.
 """
 _TIMING = {
     *("stamp_ns", "work_s", "lateness_s", "robot_lateness_s", "sample_s", "retarget_s"),
     *("target_to_command_s", "target_to_effect_s"),
 }
-"""Columns that tell of the wall clock: they differ between equal runs."""
+"""Columns that depend on the wall clock and differ between equal runs."""
 
 
 @dataclass(frozen=True)
 class Compared:
-    """One figure of both runs; None where it is not known. `tolerance` None: shown, not compared."""
+    """One figure of both runs; None if unknown. `tolerance` None: shown, not compared."""
 
     name: str
     logged: float | None
@@ -52,12 +52,12 @@ class Compared:
 
     @property
     def difference(self) -> float | None:
-        """Replayed less logged."""
+        """Replayed minus logged value."""
         return None if self.logged is None or self.replayed is None else self.replayed - self.logged
 
     @property
     def agrees(self) -> bool:
-        """Within tolerance. What the log does not know (no ground truth on hardware) cannot disagree."""
+        """Whether the difference is within tolerance; a figure that is unknown in the log always agrees."""
         if self.tolerance is None or self.logged is None:
             return True
         return self.difference is not None and abs(self.difference) <= self.tolerance
@@ -65,11 +65,11 @@ class Compared:
 
 @dataclass(frozen=True)
 class Replay:
-    """Both runs side by side.
+    """Comparison of both runs.
 
     Attributes:
         figures: the motion figures.
-        differing: columns of the ticks that are not equal bit for bit, timing apart.
+        differing: columns of the ticks that are not equal bit for bit, except timing.
     """
 
     figures: list[Compared]
@@ -77,21 +77,21 @@ class Replay:
 
     @property
     def agrees(self) -> bool:
-        """Whether every figure does."""
+        """Whether every figure agrees."""
         return all(figure.agrees for figure in self.figures)
 
 
 def replay(log: Log, subject: Subject, progress: Callable[[float], None] | None = None) -> Replay:
     """Run a log's source again with its settings, seed, targets and requests, and compare.
 
-    Where the log ends early only as much of the second run is compared.
+    If the log ends early, the second run is compared up to that tick.
 
     Args:
         progress: called with the share done, in [0, 1].
 
     Raises:
-        ConfigError: the log has no source that can be run again, does not begin at the start, or is of a robot with
-            other joints.
+        ConfigError: the log has no source that can be run again or lacks its first ticks, or the robot's joints have
+            changed.
         DriverError: the simulation failed.
     """
     if not len(log.rows) or log.rows["tick"][0]:
@@ -137,7 +137,7 @@ def _run(log: Log, subject: Subject, progress: Callable[[float], None] | None) -
 
 
 def _targets(log: Log) -> list[tuple[int, dict[str, Any]]]:
-    """Each target with the first tick that began after it arrived."""
+    """Each target with the first tick after its arrival."""
     rows = np.searchsorted(log.rows["stamp_ns"], [target["stamp_ns"] for target in log.targets])
     return [
         (int(log.rows["tick"][row]), target)
@@ -147,7 +147,7 @@ def _targets(log: Log) -> list[tuple[int, dict[str, Any]]]:
 
 
 def _requests(log: Log) -> list[tuple[int, Request]]:
-    """What operators asked for, with the tick that heard it."""
+    """Requests of operators with the tick at which each acted."""
     asked = [(event.tick, event.message) for event in log.events if event.kind == "request"]
     return [(tick, Request[name]) for tick, name in asked if name in Request.__members__]
 
@@ -161,7 +161,7 @@ def _compare(logged: Report, replayed: Report, *, exact: bool) -> list[Compared]
 
 
 def _numbers(section: dict[str, Any], prefix: str = "") -> dict[str, float | None]:
-    """The figures of a section and of those in it, by dotted names."""
+    """The figures of a section and its subsections, by dotted names."""
     found: dict[str, float | None] = {}
     for name, value in section.items():
         if isinstance(value, dict):

@@ -1,4 +1,4 @@
-"""A source as a log keeps it: its motions as attachments, and how to put it together again from them."""
+"""Sources in logs: motions as attachments, and the parts from which a source is rebuilt."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ from flexmotion.streamer.motion.sources import ClipSource, Source
 Parts = dict[str, Any]
 
 MODEL = "model"
-"""Kind of a source that samples from a bundle, which the log names but does not hold."""
+"""Kind of a source that samples from a bundle; the log holds the bundle's hash, not the bundle."""
 _FOLDER = "source"
 
 
 def pack(source: Source) -> tuple[Parts, dict[str, bytes]]:
-    """How to build a source, and the files that it takes, by attachment name (`flexmotion.human.motion_file`)."""
+    """The parts of a source, and its motion files by attachment name (`flexmotion.human.motion_file`)."""
     if isinstance(source, ClipSource):
         file = f"{_FOLDER}/clip.npz"
         return {"kind": "clip", "name": source.name, "file": file}, {file: _pack_motion(source.motion)}
@@ -47,10 +47,10 @@ def pack(source: Source) -> tuple[Parts, dict[str, bytes]]:
 
 
 def unpack(parts: Parts, files: Mapping[str, bytes], origin: Path) -> Source:
-    """The source again.
+    """The inverse of `pack`.
 
     Raises:
-        ConfigError: this kind of source cannot be kept in a log, or the log lacks a part of it.
+        ConfigError: logs do not hold this kind of source, or the log lacks a part of it.
         MotionFormatError: a motion in it is damaged.
     """
     kind = parts.get("kind")
@@ -93,7 +93,7 @@ def _unpack_model(parts: Parts, origin: Path) -> ModelSource:
     if parts["hash"] not in bundle.hashes:
         raise ConfigError(f"{origin}: source {parts['name']}: {folder} is not the bundle of the run (hash)")
     items = [Item(content["at"], from_content(content)) for content in parts["items"]]
-    pace = _unpack_pace(parts.get("pace"), origin)  # logs of before it have none
+    pace = _unpack_pace(parts.get("pace"), origin)  # older logs have none
     return ModelSource(Sampler(bundle), items, parts["name"], parts["seed"], parts["seconds"], pace)
 
 
@@ -105,7 +105,7 @@ def _unpack_pace(speeds: Parts | None, origin: Path) -> Pace | None:
 
 
 def _pack_motion(motion: Motion) -> bytes:
-    # `save_motion` takes a path: a motion file is the same wherever it lies.
+    # `save_motion` writes to a path.
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "motion.npz"
         save_motion(motion, file)

@@ -1,4 +1,4 @@
-"""What is in a log, in short: `log show`, and both runs of `log replay`."""
+"""Summaries for `log show` and `log replay`, as JSON and for a terminal."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _EVENTS_SHOWN = 40
 
 
 def describe(log: Log) -> dict[str, Any]:
-    """Everything that `log show` tells, as JSON has it (see `docs/log.md`)."""
+    """The output of `log show` as JSON (see `docs/log.md`)."""
     header, rows, record = log.header, log.rows, log.record()
     played = np.unique(rows["plan"][rows["plan"] > 0])
     states = rows["state"]
@@ -112,23 +112,23 @@ def render_log(content: dict[str, Any]) -> RenderableType:
     topics = _table("topic", "messages", "schema", "encoding", "MB")
     for name, topic in content["topics"].items():
         topics.add_row(name, str(topic["messages"]), topic["schema"], topic["encoding"], f"{topic['bytes'] / 1e6:.2f}")
-    told = _table("at", "kind", "what")
+    events = _table("at", "kind", "what")
     lines = [(e["at_s"], e["kind"], e["message"]) for e in content["events"]]
     lines += [(t["at_s"], "target", _asked(t)) for t in content["targets"] if t["at_s"] is not None]
     for at, kind, message in sorted(lines)[:_EVENTS_SHOWN]:
-        told.add_row(f"{at:.2f} s", kind, message)
+        events.add_row(f"{at:.2f} s", kind, message)
     if len(lines) > _EVENTS_SHOWN:
-        told.add_row("…", "", f"{len(lines) - _EVENTS_SHOWN} more, in --json")
-    return Group(about, "", topics, "", told)
+        events.add_row("…", "", f"{len(lines) - _EVENTS_SHOWN} more, in --json")
+    return Group(about, "", topics, "", events)
 
 
 def _asked(target: dict[str, Any]) -> str:
-    """What a target asks for, in its own words."""
+    """The intent of a target as text."""
     return ", ".join(f"{word} {target[word]}" for word in WORDS if word in target)
 
 
 def describe_replay(log: Log, result: Replay) -> dict[str, Any]:
-    """What `log replay` tells, as JSON has it."""
+    """The output of `log replay` as JSON."""
     return {
         "schema": REPLAY_SCHEMA,
         "file": str(log.path),
@@ -149,7 +149,7 @@ def describe_replay(log: Log, result: Replay) -> dict[str, Any]:
 
 
 def render_replay(result: Replay) -> RenderableType:
-    """Both runs side by side for a terminal."""
+    """The comparison for a terminal."""
     table = _table("figure", "logged", "replayed", "difference", "tolerance", "")
     for figure in result.figures:
         values = (figure.logged, figure.replayed, figure.difference, figure.tolerance)
@@ -161,7 +161,7 @@ def render_replay(result: Replay) -> RenderableType:
 
 
 def _place(log: Log, stamp_ns: int) -> float | None:
-    """Time in the run of a perf_counter stamp [s]; None after its end."""
+    """Time of a `perf_counter` stamp in the run [s]; None after its end."""
     row = int(np.searchsorted(log.rows["stamp_ns"], stamp_ns))
     return float(log.rows["tick"][row]) / log.header.rate_hz if row < len(log.rows) else None
 

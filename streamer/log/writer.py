@@ -1,4 +1,4 @@
-"""`LogWriter`: messages to an MCAP file with their schemas (foxglove-sdk)."""
+"""`LogWriter`: writes messages and their schemas to an MCAP file (foxglove-sdk)."""
 
 from __future__ import annotations
 
@@ -33,16 +33,16 @@ class LogWriter:
     """Topics of one log, each with its schema; times are nanoseconds since the epoch.
 
     Args:
-        attachments: files to keep in the log, by name.
+        attachments: files to store in the log, by name.
     """
 
     def __init__(self, file: LogFile, header: LogHeader, attachments: Mapping[str, bytes]) -> None:
         self.file = file
-        # A context of its own: another log in this process is another log. Its channels close with it.
+        # A context of its own keeps apart several logs in one process; its channels close with it.
         context = self._context = Context()
         options = MCAPWriteOptions(
             compression=MCAPCompression.Zstd,
-            compression_threads=0,  # none: the cores belong to the motion
+            compression_threads=0,  # none: the cores are for the run
             disable_seeking=True,
             profile="flexmotion",
         )
@@ -64,23 +64,23 @@ class LogWriter:
         self.flush()
 
     def tick(self, message: bytes, time_ns: int) -> None:
-        """One tick's row as CDR."""
+        """Write the row of a tick, as CDR."""
         self._tick.log(message, log_time=time_ns)
 
     def plan(self, message: bytes, time_ns: int) -> None:
-        """One plan as CDR."""
+        """Write a plan, as CDR."""
         self._plan.log(message, log_time=time_ns)
 
     def target(self, content: dict[str, Any], time_ns: int) -> None:
-        """One target."""
+        """Write a target."""
         self._target.log(json.dumps(content).encode(), log_time=time_ns)
 
     def event(self, content: dict[str, Any], time_ns: int) -> None:
-        """One event."""
+        """Write an event."""
         self._event.log(json.dumps(content).encode(), log_time=time_ns)
 
     def flush(self) -> None:
-        """What has been logged so far is in the file, and can be read whatever happens to this process."""
+        """Write everything to the file, where it stays readable if this process dies."""
         self._mcap.flush()
         self.file.mark()
 

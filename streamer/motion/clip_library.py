@@ -1,4 +1,4 @@
-"""`ClipLibrary`: a source that follows targets, each of which names one of its clips."""
+"""`ClipLibrary`: a source that follows targets which name its clips."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from flexmotion.streamer.motion.targets import Target
 
 
 class ClipLibrary:
-    """Plays one clip until a target asks for another, which begins where the human is and faces where it faces.
+    """Plays one clip until a target names another, which begins at the human's position and heading.
 
     Args:
         clips: by name, all at one frame rate.
@@ -31,7 +31,7 @@ class ClipLibrary:
         self._start, self._playing = 0, poses_only(self._clip(first))
 
     def turn_to(self, target: Target, frame: int, played: Motion | None) -> None:
-        """See `LiveSource.turn_to`. Raises `ConfigError` for anything but one of its clips."""
+        """See `LiveSource.turn_to`. Raises `ConfigError` unless the target names one of the clips."""
         if not isinstance(target.intent, Clip):
             raise ConfigError(f"target: {word_of(target.intent)} cannot be followed, only clips are played here")
         clip = self._clip(target.intent.name)
@@ -46,7 +46,7 @@ class ClipLibrary:
         return cut if len(cut) >= 2 else None
 
     def _frame(self, frame: int) -> Motion:
-        """The human at a frame; after the clip's end as it ended."""
+        """The human at a frame; after the clip's end in its last pose."""
         place = min(max(frame - self._start, 0), len(self._playing) - 1)
         return self._playing[place : place + 1]
 

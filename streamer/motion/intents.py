@@ -1,4 +1,4 @@
-"""Intents: what a human, and the robot after it, is asked to do; the words that scripts, targets and logs share."""
+"""`Intent`: what the human, and with it the robot, is to do; scripts, targets and logs share these words."""
 
 from __future__ import annotations
 
@@ -10,16 +10,17 @@ from typing import Any
 from flexmotion.configs.errors import ConfigError
 
 FASTEST = (3.0, 1.5, 3.0)
-"""Greatest velocity that may be asked for, either way: a run forward, a quick sidestep, half a turn a second
+"""Greatest velocity that may be requested, in either direction: a run forward, a quick sidestep, half a turn a second
 [m/s, m/s, rad/s]."""
 
 LONGEST_TEXT = 240
+"""In characters."""
 
 _EXPECTED_VELOCITY = "velocity: expected [forward m/s, left m/s, turning rad/s]"
 
 
 def _require_words(word: str, value: Any, expected: str) -> None:
-    # Shared memory ends a text at a NUL.
+    # In shared memory a NUL ends a text.
     if not isinstance(value, str) or not value.strip() or "\0" in value:
         raise ConfigError(f"{word}: expected {expected}, found {value!r}")
 
@@ -36,7 +37,7 @@ class Clip:
 
 @dataclass(frozen=True)
 class Text:
-    """Do what the words say, in one line. Raises `ConfigError` without words."""
+    """Do what the words say, in one line. Raises `ConfigError` without words, and where they are not one line."""
 
     text: str
 
@@ -48,10 +49,10 @@ class Text:
 
 @dataclass(frozen=True)
 class Velocity:
-    """Move at a velocity as seen from where the human faces: forward, left [m/s], turning left [rad/s].
+    """Move at a velocity in the human's heading frame: forward, left [m/s], turning left [rad/s].
 
     Raises:
-        ConfigError: a value is no finite number, or beyond `FASTEST`.
+        ConfigError: a value is not a finite number, or beyond `FASTEST`.
     """
 
     forward: float
@@ -60,7 +61,7 @@ class Velocity:
 
     def __post_init__(self) -> None:
         value: list[Any] = [self.forward, self.left, self.turning]
-        # A bool is an int to Python, but no speed.
+        # In Python a bool is an int, but it is no speed.
         if not all(isinstance(v, int | float) and not isinstance(v, bool) and math.isfinite(v) for v in value):
             raise ConfigError(f"{_EXPECTED_VELOCITY}, found {value!r}")
         if any(abs(number) > fastest for number, fastest in zip(value, FASTEST, strict=True)):
@@ -79,12 +80,12 @@ WORDS: dict[str, type[Intent]] = {"clip": Clip, "text": Text, "velocity": Veloci
 
 
 def word_of(intent: Intent) -> str:
-    """The word that stands for a kind of intent."""
+    """The word for this kind of intent, of `WORDS`."""
     return next(word for word, kind in WORDS.items() if isinstance(intent, kind))
 
 
 def to_content(intent: Intent) -> dict[str, Any]:
-    """As scripts and logs hold it: its word and what goes with it."""
+    """An intent as scripts and logs hold it: its word and the value."""
     match intent:
         case Clip(name):
             value: Any = name
@@ -98,10 +99,10 @@ def to_content(intent: Intent) -> dict[str, Any]:
 
 
 def from_content(content: Mapping[str, Any]) -> Intent:
-    """The intent in a mapping that has exactly one of `WORDS`; other keys do not matter.
+    """The intent in a mapping that has exactly one of `WORDS`; other keys are ignored.
 
     Raises:
-        ConfigError: there is none or more than one, or its value is not what the word takes.
+        ConfigError: there is none or more than one, or the value is not valid for the word.
     """
     found = [word for word in WORDS if word in content]
     if len(found) != 1:

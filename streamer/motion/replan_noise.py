@@ -1,4 +1,4 @@
-"""`NoisySource`: a source whose every window disagrees with the last, as a live model's redraws do."""
+"""`NoisySource`: a source whose windows disagree with each other, as redraws of a live model do."""
 
 from __future__ import annotations
 
@@ -16,30 +16,30 @@ from flexmotion.streamer.motion.sources import Source
 Float = NDArray[np.float64]
 
 _LOOKAHEAD_S = 1.0
-"""How far ahead the error has its full size [s]; further ahead it stays."""
+"""How far ahead the error reaches its full size [s]; further ahead it is constant."""
 _WARP_S = 0.04
-"""By how much the timing may be wrong there [s]."""
+"""Greatest error of timing at full size [s]."""
 _HEADING = 1.0
-"""Greatest heading error there, per size of the error [rad/m]: 3° for 5 cm."""
+"""Greatest error of heading at full size, per size of the error [rad/m]: 3° for 5 cm."""
 _LIMBS = {
     "heel": ("hip_flexion", "hip_adduction", "knee_flexion"),
     "hand": ("shoulder_flexion", "shoulder_adduction", "elbow_flexion"),
 }
-"""Joints that move each end of a limb; those that only turn it are left alone."""
+"""Joints that move each end of a limb; joints that only rotate it are left out."""
 _PROBE_RAD, _SHORTEST_LEVER_M = 0.02, 0.15
-"""Joint angle by which a limb's lever is measured, and the shortest that is believed [m/rad]."""
+"""Joint angle by which a limb's lever is measured [rad], and the shortest lever that is used [m/rad]."""
 
 
 class NoisySource:
-    """Another source, each window with an error of its own.
+    """Another source, each of its windows with an error of its own.
 
-    The error is 0 at a window's first frame and grows evenly to its full size at 1 s lookahead: the root's path
-    drifts in a random horizontal direction and turns by a few degrees, each hand and foot strays as far from the root
-    by its joint angles, and time runs up to 40 ms fast or slow. It depends on nothing but seed and first frame, so a
-    window that is asked for twice is the same.
+    The error is 0 at a window's first frame and grows linearly to its full size 1 s ahead: the root's path drifts in a
+    random horizontal direction and turns by a few degrees, the joint angles move each hand and foot by the same
+    distance against the root, and time runs up to 40 ms fast or slow. The error depends only on the seed and the first
+    frame, so that the same window is the same again.
 
     Args:
-        source: what is disturbed; its name and frame rate are kept.
+        source: the source that is disturbed; its name and frame rate are kept.
         size_m: error at 1 s lookahead, of the root and of each hand and foot against it [m].
         seed: of all windows.
     """
@@ -49,7 +49,7 @@ class NoisySource:
         self.name, self.fps = source.name, source.fps
 
     def window(self, first_frame: int, frames: int) -> Motion | None:
-        """See `Source.window`; only the motion itself is given, no forces."""
+        """See `Source.window`; the motion has no forces."""
         fast = int(np.ceil(_WARP_S * self.fps))
         motion = self.source.window(first_frame, frames + fast)
         if motion is None or self.size_m <= 0.0:
@@ -58,10 +58,10 @@ class NoisySource:
         count = min(frames, len(motion))
         growth = np.minimum(np.arange(count) / (self.fps * _LOOKAHEAD_S), 1.0)
         warped = _at(motion, np.arange(count) + rng.uniform(-1.0, 1.0) * _WARP_S * self.fps * growth)
-        return self._strayed(warped, growth, rng)
+        return self._disturbed(warped, growth, rng)
 
-    def _strayed(self, motion: Motion, growth: Float, rng: np.random.Generator) -> Motion:
-        """The root off its path and the limbs off their poses, by `growth` (T,) of the full size."""
+    def _disturbed(self, motion: Motion, growth: Float, rng: np.random.Generator) -> Motion:
+        """The motion with errors of root and limbs, `growth` (T,) of their full size."""
         direction, turn = rng.uniform(0.0, 2.0 * np.pi), rng.uniform(-1.0, 1.0) * _HEADING * self.size_m
         drift = self.size_m * np.array([np.cos(direction), np.sin(direction), 0.0])
         yaw = Rotation.from_rotvec(np.outer(growth * turn, [0.0, 0.0, 1.0]))

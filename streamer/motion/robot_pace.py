@@ -1,4 +1,4 @@
-"""How fast a human may be asked to go so that a robot keeps up."""
+"""`human_pace`: the speed to which a human is limited so that a robot keeps up."""
 
 from __future__ import annotations
 
@@ -9,7 +9,10 @@ from flexmotion.sampling.pace import Pace
 
 
 def human_pace(robot: Robot, body: Body) -> Pace | None:
-    """A robot's pace in the scale of a human, as lengths are scaled: by their legs; None where it is not known."""
+    """A robot's pace in the scale of a human, lengths by the ratio of their legs.
+
+    None if the robot file has no pace.
+    """
     own = robot.gait.pace
     if own is None:
         return None

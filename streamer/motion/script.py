@@ -1,4 +1,4 @@
-"""Scripts: a YAML list of what to do at which time.
+"""`load_script`: a script, which is a YAML list of what to do at which time.
 
 ```yaml
 - {at: 0, text: walk forward}
@@ -34,10 +34,10 @@ class Item:
 
 
 def load_script(file: Path) -> list[Item]:
-    """The items of a script in order of time; clips are sought beside the script.
+    """The items of a script in order of time; relative paths of clips start at the script's folder.
 
     Raises:
-        ConfigError: with the line, the word that is wrong and what it may be.
+        ConfigError: names the line, what is wrong in it, and what would be valid.
     """
     try:
         text = file.read_text(encoding="utf-8")
@@ -52,13 +52,13 @@ def load_script(file: Path) -> list[Item]:
     for node in root.value:
         where = f"{file}, line {node.start_mark.line + 1}"
         item = _item(where, node, file.parent)
-        _follows(where, item, items)
+        _check_order(where, item, items)
         items.append(item)
     return items
 
 
-def _follows(where: str, item: Item, before: list[Item]) -> None:
-    """Whether an item may come after those before it. Raises `ConfigError`."""
+def _check_order(where: str, item: Item, before: list[Item]) -> None:
+    """Raise `ConfigError` if an item may not follow the ones before it."""
     if not before:
         if item.at != 0 or isinstance(item.intent, Stop):
             raise ConfigError(f"{where}: a script starts with something to do at: 0, expected {_ITEM}")

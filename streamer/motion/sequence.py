@@ -1,4 +1,4 @@
-"""Clips one after another as one motion: each starts where the human is, facing where the human faces."""
+"""`sequence`: clips joined to one motion, each placed at the human's position and heading."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ Float = NDArray[np.float64]
 
 
 def sequence(clips: Sequence[tuple[float, Motion]], end: float | None, blend_frames: int) -> Motion:
-    """One motion from clips and the times [s] at which they start.
+    """One motion from clips and the times at which they start.
 
-    A clip that is over before the next one starts holds its last pose.
+    A clip that ends before the next one starts holds its last pose.
 
     Args:
-        clips: ascending, the first at 0, all at one frame rate; the first one's body is everyone's.
-        end: when the whole is over [s]; None with the last clip.
-        blend_frames: frames over which a clip takes over from the one before.
+        clips: times [s] and clips, ascending from 0, all at one frame rate; the result has the body of the first.
+        end: end of the result [s]; None: end of the last clip.
+        blend_frames: frames over which a clip is blended in.
     """
     whole = poses_only(clips[0][1])
     for at, clip in clips[1:]:
         start = round(at * whole.fps)
         held = _held(whole, start + blend_frames + 1)
-        # Scaled by height, so that a taller human's feet meet the floor on the first one's legs.
+        # Scaled by height, so that the feet of a taller human are on the floor with the legs of the first.
         scale = whole.body.standing_height / clip.body.standing_height
         follower = placed(poses_only(clip), held[start : start + 1], scale)
         whole = _blended(held, follower, start, blend_frames)
@@ -38,12 +38,12 @@ def sequence(clips: Sequence[tuple[float, Motion]], end: float | None, blend_fra
 
 
 def poses_only(motion: Motion) -> Motion:
-    """Without what a change of place and body makes invalid."""
+    """The motion without forces, contacts and activations, which are invalid after a change of place and body."""
     return replace(motion, torques=None, wrenches=None, activations=None, contacts=None)
 
 
 def _held(motion: Motion, frames: int) -> Motion:
-    """The first `frames` frames, the last pose held where the motion is shorter."""
+    """The first `frames` frames; a shorter motion holds its last pose."""
     index = np.minimum(np.arange(frames), len(motion) - 1)
     return replace(
         motion,
@@ -54,11 +54,11 @@ def _held(motion: Motion, frames: int) -> Motion:
 
 
 def placed(motion: Motion, at: Motion, scale: float) -> Motion:
-    """A motion scaled, turned about z and moved so that its first frame is over and faces like that of `at`.
+    """A motion scaled, turned about z and moved so that its first frame has position and heading of `at`.
 
     Args:
-        at: one frame; its body becomes the motion's.
-        scale: of the path, that other human's feet meet the floor on that body's legs.
+        at: one frame; the result has its body.
+        scale: of the path, so that the feet are on the floor with the legs of that body.
     """
     turn = Rotation.from_euler("z", heading(at.root_quaternion[0]) - heading(motion.root_quaternion[0]))
     path = scale * motion.root_position

@@ -1,4 +1,4 @@
-"""Where human motion comes from: a source gives frames from its own clock, as far ahead as the planner asks."""
+"""`Source`: human motion by frame index on a clock of its own, as far ahead as the planner requests."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from flexmotion.streamer.motion.targets import Target
 
 
 class Source(Protocol):
-    """Human motion by frame index; frame 0 is played at the source's time 0.
+    """Human motion by frame index; frame 0 is at the source's time 0.
 
     Attributes:
-        name: what the report says it came from.
+        name: for the report.
         fps: frames a second.
     """
 
@@ -24,7 +24,7 @@ class Source(Protocol):
     fps: float
 
     def window(self, first_frame: int, frames: int) -> Motion | None:
-        """`frames` frames from `first_frame` on, fewer where the source ends, None where it is over."""
+        """`frames` frames from `first_frame` on; fewer at the end of the source; None after it."""
         ...
 
 
@@ -33,13 +33,16 @@ class LiveSource(Source, Protocol):
     """A source that follows targets."""
 
     def turn_to(self, target: Target, frame: int, played: Motion | None) -> str | None:
-        """From `frame` on follow `target`; what comes back is told: how it is followed otherwise than it is meant.
+        """Follow `target` from `frame` on.
 
         Args:
             target: what to do.
-            frame: at which the human as it was goes over into what the target asks for.
-            played: the human as played, some frames up to and with that one; None where it does not move: before the
+            frame: last frame of the motion as it was; the next one follows the target.
+            played: the human as played, some frames up to and including that one; None if it does not move: before the
                 first plan, or after a stop.
+
+        Returns:
+            A message for the operator, if the target is followed otherwise than it may be meant.
 
         Raises:
             ConfigError: this source cannot follow such a target.
@@ -49,30 +52,30 @@ class LiveSource(Source, Protocol):
 
 @runtime_checkable
 class Performance(Source, Protocol):
-    """A source that is streamed by itself from its start, and can say what the human does in it.
+    """A source that can be streamed from its start without targets, and whose whole motion is known.
 
     Attributes:
-        body: whose motion it is.
+        body: of the human.
     """
 
     body: Body
 
     @property
     def seconds(self) -> float | None:
-        """How long it lasts [s]; None: without an end."""
+        """Length [s]; None: without an end."""
         ...
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """What somebody should be told before it begins: how it is followed otherwise than may be meant."""
+        """Messages for the operator before the start: what is followed otherwise than it may be meant."""
         ...
 
     def cut(self, seconds: float) -> Self:
-        """The first part of it, from the start anew."""
+        """A source of the first part, at its start."""
         ...
 
     def human(self) -> Motion:
-        """All that the human does where no target comes in between; only of one with an end."""
+        """The whole motion without targets. Raises `ValueError` if the source has no end."""
         ...
 
 
@@ -80,7 +83,7 @@ class ClipSource:
     """A clip played from its start, once."""
 
     def __init__(self, motion: Motion) -> None:
-        """Raises `MotionFormatError` where there is nothing to play."""
+        """Raises `MotionFormatError` if the clip has fewer than two frames."""
         if len(motion) < 2:
             raise MotionFormatError(f"{motion.source or 'clip'}: has {len(motion)} frame(s), needs at least two")
         self.motion = motion
@@ -94,7 +97,7 @@ class ClipSource:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """See `Performance.remarks`: a clip says all itself."""
+        """See `Performance.remarks`: none, a clip is followed as it is."""
         return ()
 
     def window(self, first_frame: int, frames: int) -> Motion | None:

@@ -24,19 +24,19 @@ _AZIMUTH_DEG, _ELEVATION_DEG = -55.0, 12.0
 _SPACING = 0.87
 """Distance between neighbouring frames, in robot heights."""
 _REACHING, _ABOVE = 1.25, 1.3
-"""Room for somebody who raises the hands, and how far above the robot the human stands, in robot heights."""
+"""Room for raised hands, and height of the human above the robot, in robot heights."""
 
 
 def draw_filmstrip(record: RunTrace, robot: Robot, motion: Motion | None = None) -> Figure:
-    """The robot as simulated (as planned where there is no simulation), each frame centred on itself.
+    """The robot as simulated, or as planned without a simulation; each frame is centred on itself.
 
-    Above it the human at the same moment, drawn as tall as the robot and seen from the same side.
+    Above it the human at the same time, scaled to the robot's height and seen from the same side.
     """
     figure = new_figure(
         11,
         4.9 if motion is not None else 2.7,
         "Human and robot",
-        "the same moment seen from the same side; the human's left is blue, right orange",
+        "the same times seen from the same side; the human's left is blue, right orange",
     )
     axes = figure.subplots()
     axes.set_axis_off()
@@ -68,7 +68,7 @@ def draw_filmstrip(record: RunTrace, robot: Robot, motion: Motion | None = None)
 
 
 def moments(record: RunTrace, known: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Up to `FRAMES` ticks spread over the part in which the source plays (over the whole run if it never does)."""
+    """Up to `FRAMES` ticks, evenly over the part in which the source plays, or over the whole run."""
     playing = np.flatnonzero(known & np.isfinite(record.source_s[: record.used]))
     candidates = playing if len(playing) else np.flatnonzero(known)
     if not len(candidates):

@@ -1,4 +1,4 @@
-"""`footsteps.png`: the walk from above, planned and made."""
+"""`footsteps.png`: the walk from above, planned and simulated."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _MARGIN = 0.06
 
 @dataclass(frozen=True)
 class Stance:
-    """A stretch in which one foot stands: side (0 left, 1 right), first tick, end, sole centre and yaw."""
+    """Ticks in which one foot stands: side (0 left, 1 right), first tick, end; sole centre [m] and yaw [rad]."""
 
     side: int
     start: int
@@ -48,10 +48,12 @@ def stances(contact: NDArray[np.bool_], feet: Float) -> list[Stance]:
 
 
 def scaled_path(human: HumanTrack, source_s: Float, base: Float, ratio: float) -> Float:
-    """The human's path over the ticks given, leg-scaled, from the robot's first pose on, (K, 2) [m].
+    """The human's path, scaled by leg length, from the robot's first pose on, (K, 2) [m].
 
     Args:
-        source_s: (K,) [s]; base: torso position and quaternion of the first of these ticks, (7,).
+        source_s: times of the source, (K,) [s].
+        base: torso position and quaternion w x y z at the first of them, (7,).
+        ratio: leg length of the robot over the human's.
     """
     position, human_heading = human.at(source_s)
     turn = continuous_heading(base[None, 3:])[0] - human_heading[0]
@@ -60,7 +62,7 @@ def scaled_path(human: HumanTrack, source_s: Float, base: Float, ratio: float) -
 
 
 def draw_footsteps(record: RunTrace, robot: Robot, figures: RobotFigures, human: HumanTrack | None = None) -> Figure:
-    """Soles as planned (numbered), ZMP, DCM and centre of mass, what they came to, and the human's path."""
+    """Planned soles (numbered), planned ZMP, DCM and centre of mass, the simulated ones, and the human's path."""
     rows = slice(record.used)
     drawn: list[Float] = []
     feet = stances(record.contact_ref[rows], record.foot_ref[rows])

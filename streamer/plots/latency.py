@@ -1,4 +1,4 @@
-"""`latency.png`: how late the loop woke, and how long targets took, as distributions."""
+"""`latency.png`: distributions of the loop's lateness and of the stages' times."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from flexmotion.streamer.checks.latency import HISTOGRAM_US, LatencyResult
+from flexmotion.streamer.checks.latency_result import HISTOGRAM_US, LatencyResult
 from flexmotion.streamer.plots.palette import LEFT, MUTED, RIGHT, WARN
 from flexmotion.streamer.plots.style import new_figure, save, styled
 

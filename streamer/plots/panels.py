@@ -1,4 +1,4 @@
-"""One small panel a joint: legs in the first two columns, arms and head beside them, as on the body."""
+"""One small panel for each joint: legs in the first two columns, arms and head beside them."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ from flexmotion.streamer.report.metrics import HumanTrack, RobotFigures
 def write_plots(
     folder: Path, record: RunTrace, robot: Robot, figures: RobotFigures, motion: Motion | None = None
 ) -> list[Path]:
-    """Draw every picture of a run into `folder`, which is made if need be; returns the PNGs, most telling first."""
+    """Draw every picture of a run into `folder`, which is made if missing; returns the PNGs, in order of the page."""
     folder.mkdir(parents=True, exist_ok=True)
     human = HumanTrack.of(motion) if motion is not None else None
     with styled():

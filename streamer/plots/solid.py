@@ -1,4 +1,4 @@
-"""The robot's shapes as flat-shaded triangles, drawn without OpenGL: every geom by its convex hull."""
+"""The robot as flat-shaded triangles, drawn without OpenGL: each geom by its convex hull."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from scipy.spatial import ConvexHull
 Float = NDArray[np.float64]
 
 _SHOWN_GROUPS = 2
-"""Geoms of higher groups are hidden, as in MuJoCo's own viewer."""
+"""Geoms of higher groups are hidden, as in MuJoCo's viewer."""
 _ROUND = 14
 """Corners of a circle."""
 _LIGHT = np.array([0.35, -0.45, 0.82])
@@ -116,7 +116,7 @@ def _corners(model: mujoco.MjModel, geom: int) -> Float | None:
 
 
 def _ball() -> Float:
-    """Corners of a unit ball, its equator doubled so that a capsule can be pulled apart there."""
+    """Corners of a unit ball, its equator doubled so that a capsule can be split there."""
     latitude = np.radians([-90, -60, -30, -1e-6, 0, 30, 60, 90])[:, None]
     longitude = np.linspace(0, 2 * np.pi, _ROUND, endpoint=False)
     x, y = np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude)

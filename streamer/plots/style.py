@@ -1,4 +1,4 @@
-"""One look for every picture, by matplotlib's object interface alone: no global state, no screen."""
+"""The style of all pictures, by matplotlib's object interface alone: no global state, no screen."""
 
 from __future__ import annotations
 
@@ -37,18 +37,18 @@ _STYLE: Any = {
 
 
 def styled() -> AbstractContextManager[None]:
-    """Context in which figures take the project's look."""
+    """Context in which figures have the project's style."""
     return mpl.rc_context(_STYLE)
 
 
 def new_figure(width: float, height: float, title: str, subtitle: str, *, layout: bool = True) -> Figure:
-    """An empty figure [inch] with a title and, below it, a line that tells how to read it.
+    """An empty figure [inch] with a title and a subtitle that explains it.
 
-    `layout` finds margins by itself; with dozens of panels that takes seconds, so those place their own.
+    `layout` computes the margins; with dozens of panels that takes seconds, so those place their panels themselves.
     """
     figure = Figure(figsize=(width, height), layout="constrained" if layout else None)
     FigureCanvasAgg(figure)
-    # The second line of the title is left empty for the subtitle, so that the layout keeps its place free.
+    # The title's second line is left empty, so that the layout keeps room for the subtitle.
     top = None if layout else 1 - 0.05 / height
     figure.suptitle(f"{title}\n ", x=0.01, y=top, ha="left", va="top", fontsize=11, fontweight="bold")
     figure.text(0.01, 1 - 0.27 / height, subtitle, ha="left", va="top", fontsize=9, color=MUTED)
@@ -56,7 +56,7 @@ def new_figure(width: float, height: float, title: str, subtitle: str, *, layout
 
 
 def save(figure: Figure, file: Path) -> Path:
-    """Write a PNG whose bytes depend on the picture alone (no date, no version)."""
+    """Write a PNG whose bytes depend only on the picture: no date, no version."""
     figure.savefig(file, metadata={"Software": None})
     return file
 
@@ -72,6 +72,6 @@ def side_colour(joint: str) -> str:
 
 
 def empty(axes: Axes, text: str) -> None:
-    """Say in a panel why it shows nothing."""
+    """Leave a panel empty, with the reason as text."""
     axes.set_axis_off()
     axes.text(0.5, 0.5, text, ha="center", va="center", color=MUTED, transform=axes.transAxes)

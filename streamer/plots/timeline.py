@@ -28,14 +28,14 @@ _STATE_COLOURS = {
     State.FAULT: "#e58080",
 }
 _LABELLED_SHARE = 0.04
-"""Bands shorter than this share of the run carry no label."""
+"""Bands shorter than this share of the run have no label."""
 _MOST_LABELS = 12
 
 
 def draw_timeline(record: RunTrace, figures: RobotFigures, human: HumanTrack | None = None) -> Figure:
     """Ladder state and events, load on each foot over planned contact, torso tilt, leg error, heading."""
     t = np.arange(record.used) / record.rate_hz
-    figure = new_figure(11, 8.2, "Timeline", "what the robot was in, stood on, and how far it was from its plan")
+    figure = new_figure(11, 8.2, "Timeline", "state, feet, and distance from the plan")
     panels = figure.subplots(5, 1, sharex=True, height_ratios=(0.7, 1.2, 1, 1, 1))
     _states(panels[0], record, t)
     _feet(panels[1], record, figures, t)
@@ -104,7 +104,7 @@ def _heading(axes: Axes, record: RunTrace, human: HumanTrack | None, t: Float) -
     base = record.true_base[: record.used]
     known = np.isfinite(base).all(axis=1)
     if not known.any():
-        empty(axes, "this driver does not tell the robot's heading")
+        empty(axes, "this driver does not measure the robot's heading")
         return
     playing = known & np.isfinite(record.source_s[: record.used])
     robot = np.full(record.used, np.nan)

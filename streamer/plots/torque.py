@@ -1,4 +1,4 @@
-"""`torque.png`: how hard each servo worked, beside what it can."""
+"""`torque.png`: torque of each servo and its limits."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from flexmotion.streamer.plots.style import empty, new_figure, save, side_colour
 Float = NDArray[np.float64]
 
 CONTINUOUS_SHARE = 0.3
-"""Share of stall torque that a servo's RMS should stay under to run for long (the aim of the project's robots)."""
+"""Share of stall torque that a servo's RMS torque should not exceed in long runs (aim for the project's robots)."""
 
 
 def draw_torque(torque: Float, speed: Float, robot: Robot, *, measured: bool = False) -> Figure:
@@ -26,16 +26,16 @@ def draw_torque(torque: Float, speed: Float, robot: Robot, *, measured: bool = F
 
     Args:
         torque, speed: (T, n) [N·m, rad/s]; NaN where unknown.
-        measured: by the servos themselves.
+        measured: whether the servos measured the torque.
     """
     rows = max(map(len, joint_columns(robot)))
     height = 3.9 + 1.45 * rows
     figure = new_figure(
         11,
         height,
-        "Torque, as the servos measure it" if measured else "Torque",
+        "Torque, measured by the servos" if measured else "Torque",
         "bars: RMS and peak against stall, usable and continuous torque; below: torque [N·m] over speed [rad/s], "
-        "the shaded region is what the servo can do",
+        "shaded: the servo's envelope",
         layout=False,
     )
     bars = figure.add_axes((0.045, 1 - 2.6 / height, 0.945, 1.95 / height))
@@ -57,7 +57,7 @@ def write_torque(file: Path, torque: Float, speed: Float, robot: Robot) -> Path:
 def _bars(axes: Axes, robot: Robot, torque: Float, order: list[int]) -> None:
     known = np.isfinite(torque)
     if not known.any():
-        empty(axes, "this driver does not tell torque")
+        empty(axes, "this driver does not measure torque")
         return
     count = np.maximum(known.sum(axis=0), 1)
     rms = np.sqrt(np.sum(torque**2, axis=0, where=known) / count)[order]

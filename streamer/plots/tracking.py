@@ -1,4 +1,4 @@
-"""`tracking.png`: what each joint should do and what it did."""
+"""`tracking.png`: reference and measurement of each joint."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from flexmotion.streamer.plots.panels import joint_columns, joint_panels
 from flexmotion.streamer.plots.style import new_figure, side_colour
 
 _LEAST_SPAN_DEG = 10.0
-"""Panels show at least this much, so that noise of a still joint does not look like motion."""
+"""Smallest range of a panel, so that noise of a still joint does not look like motion."""
 
 
 def draw_tracking(record: RunTrace, robot: Robot) -> Figure:

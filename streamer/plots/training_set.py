@@ -1,4 +1,4 @@
-"""Plots of a training set: how its modalities are distributed, and one clip in full."""
+"""Plots of a training set: distributions of its modalities, and one clip in full."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from flexmotion.dataset.training_set import TrainingSet
 
 STEP = 10
-"""Distributions are taken over every so many-th frame."""
+"""Distributions use every `STEP`-th frame."""
 
 
 def plot_set(found: TrainingSet, folder: Path) -> list[Path]:

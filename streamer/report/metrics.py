@@ -1,8 +1,7 @@
-"""Figures of merit of a run: whether the robot fell, how faithfully it followed, how hard its servos worked.
+"""Figures of merit of a run: whether the robot fell, how closely it followed, how hard its servos worked.
 
-Pure functions of arrays with one row a tick, so that each can be checked by hand; `motion_figures` and
-`joint_loads` apply them to a `RunTrace`. A figure that cannot be known (no ground truth, the human stood still)
-is None, never 0.
+Each figure is a pure function of arrays with one row a tick, which can be checked by hand; `motion_figures` and
+`joint_loads` apply them to a `RunTrace`. An unknown figure (no ground truth, the human stood still) is None, never 0.
 """
 
 from __future__ import annotations
@@ -26,22 +25,22 @@ Mask = NDArray[np.bool_]
 
 FALL_TILT_RAD = np.deg2rad(45.0)
 FALL_HEIGHT_SHARE = 0.6
-"""A robot has fallen when its torso tilts further than this, or is lower than this share of its standing height."""
+"""The robot has fallen if its torso tilts further than this, or is lower than this share of its standing height."""
 MAX_LAG_S = 0.1
-"""Longest delay between reference and measurement that counts as lag and not as error."""
+"""Longest delay between reference and measurement that counts as lag instead of error."""
 LOADED_SHARE = 0.05
 """A foot carries load when it bears at least this share of the robot's weight."""
 STANDS_AGAIN_S = 3.0
-"""Within this time after the source's last frame a robot has come to a stand; later it follows nobody [s]."""
+"""Time after the source's last frame within which the robot comes to a stand; later it no longer follows [s]."""
 MOVING_HUMAN_M = 0.5
-"""Shortest straight path of the human for which a ratio of paths means anything."""
+"""Shortest straight path of the human for which a ratio of paths is meaningful."""
 EPISODE_GAP_S = 0.1
-"""Contacts closer together than this are one episode (a touch that chatters is one touch)."""
+"""Contacts closer together than this are one episode, so that a chattering contact counts once."""
 
 
 @dataclass(frozen=True)
 class HumanTrack:
-    """Where the human went, on the source's own clock.
+    """Path of the human, on the source's clock.
 
     Attributes:
         t: ascending times, (T,) [s].
@@ -67,15 +66,15 @@ class HumanTrack:
 
 @dataclass(frozen=True)
 class RobotFigures:
-    """What the figures need to know of the robot; joints in the order of the record's columns.
+    """Properties of the robot that the figures need; joints in the order of the record's columns.
 
     Attributes:
         legs: columns of the leg joints, (k,).
         standing_height: height of the torso's origin when the robot stands [m].
         weight: mass times gravity [N].
         leg_ratio: leg length of the robot over the human's [1].
-        torque_limit: what each servo may use, (n,) [N·m].
-        stall_torque: what each servo holds for a moment at its rated voltage, (n,) [N·m].
+        torque_limit: usable torque of each servo, (n,) [N·m].
+        stall_torque: stall torque of each servo at nominal voltage, (n,) [N·m].
         speed_limit: no-load speed, (n,) [rad/s].
         arm_length: shoulder to hand [m]; NaN for a robot without arms.
     """
@@ -91,7 +90,7 @@ class RobotFigures:
 
     @classmethod
     def of(cls, robot: Robot, human_leg: float | None = None) -> RobotFigures:
-        """Read from the robot's model; `human_leg` is the human's leg length [m], the default human's where None."""
+        """From the robot's model; `human_leg` is the human's leg length [m], None: the default human's."""
         body = WholeBody(robot)
         data = mujoco.MjData(robot.model)
         data.qpos[:7] = (0, 0, 0, 1, 0, 0, 0)
@@ -115,11 +114,11 @@ class RobotFigures:
 
 @dataclass(frozen=True)
 class Displacement:
-    """Where somebody came to, as seen from where they stood at first. Units are in the names.
+    """Net displacement in the frame of the first pose. Units are in the names.
 
     Attributes:
         ahead_m, left_m: along and across the first heading.
-        turned_rad: counter-clockwise, whole turns counted.
+        turned_rad: counter-clockwise, whole turns included.
     """
 
     ahead_m: float
@@ -138,8 +137,8 @@ class MotionFigures:
     """How the robot moved. Units are in the names; None where unknown.
 
     Attributes:
-        robot_went: from the source's first frame until it stands again.
-        human_went: as far as it was followed, lengths scaled to the robot's legs.
+        robot_went: displacement from the source's first frame until the robot stands again.
+        human_went: displacement of the human over the part that was followed, scaled to the robot's legs.
     """
 
     fell: bool
@@ -157,7 +156,7 @@ class MotionFigures:
 
 @dataclass(frozen=True)
 class JointLoad:
-    """How hard one joint worked, beside what it may."""
+    """Load of one joint and its limits."""
 
     peak_torque_nm: float | None
     rms_torque_nm: float | None
@@ -178,9 +177,9 @@ def first_fall(base: Float, standing_height: float, should_stand: Mask) -> int |
     """First tick at which the torso is tilted too far or, while it should stand, too low.
 
     Args:
-        base: torso position and quaternion w x y z, (T, 7); NaN rows do not count.
+        base: torso position and quaternion w x y z, (T, 7); NaN rows are ignored.
         standing_height: of the torso's origin [m].
-        should_stand: (T,); a robot that crouches on purpose (parking) is low without having fallen.
+        should_stand: (T,); False while the robot crouches on purpose (parking).
     """
     low = should_stand & (base[:, 2] < FALL_HEIGHT_SHARE * standing_height)
     fallen = np.flatnonzero(low | (tilt(base[:, 3:]) > FALL_TILT_RAD))
@@ -188,10 +187,10 @@ def first_fall(base: Float, standing_height: float, should_stand: Mask) -> int |
 
 
 def tracking_error(reference: Float, measured: Float, max_lag: int) -> tuple[float, int] | None:
-    """RMS error of all joints together once the best common lag is taken out.
+    """RMS error of all joints together, after removing the common lag that fits best.
 
     Args:
-        reference, measured: (T, k) [rad]; rows with a NaN in either do not count.
+        reference, measured: (T, k) [rad]; rows with a NaN in either are ignored.
         max_lag: longest lag tried [ticks].
 
     Returns:
@@ -230,13 +229,13 @@ def heading_rms(robot: Float, human: Float) -> float:
 
 
 def hand_error_share(hand_error: Float, arm_length: float) -> float | None:
-    """Median of the hands' distances (T, 2) [m] from where they should be over arm length; NaN: out of reach."""
+    """Median distance (T, 2) [m] of the hands from their targets, over arm length; NaN: out of reach."""
     within = hand_error[np.isfinite(hand_error)]
     return float(np.median(within)) / arm_length if len(within) and arm_length > 0 else None
 
 
 def episodes(touching: Mask, gap: int) -> int:
-    """Number of runs of True in (T,), runs less than `gap` ticks apart counted as one."""
+    """Number of runs of True in (T,); runs at most `gap` ticks apart count as one."""
     ticks = np.flatnonzero(touching)
     return int(np.sum(np.diff(ticks) > gap)) + 1 if len(ticks) else 0
 
@@ -248,12 +247,12 @@ def motion_figures(
     *,
     should_stand: Mask,
 ) -> MotionFigures:
-    """All figures of a run; what compares robot and human does so over the ticks whose reference is the human's.
+    """All figures of a run; robot and human are compared over the ticks whose reference is the human's.
 
     Args:
         record: the run; its ground truth may be missing (NaN) on hardware.
-        human: the source's path; None where it has none.
-        should_stand: ticks in which the robot is meant to be on its feet, (used,).
+        human: path of the human; None if unknown.
+        should_stand: ticks in which the robot must be on its feet, (used,).
     """
     rows = slice(record.used)
     base, q_ref, q = record.true_base[rows], record.q_ref[rows, robot.legs], record.q[rows, robot.legs]
@@ -268,7 +267,7 @@ def motion_figures(
     path_ratio = heading_error = robot_went = human_went = None
     compared = playing & known
     if compared.any():
-        # The robot's path ends where it comes to a stand: the last step of the human is its last step too.
+        # The robot's path ends where it comes to a stand, so that it includes the human's last step.
         first, last = np.flatnonzero(compared)[[0, -1]]
         ticks = np.arange(record.used)
         follows = (ticks >= first) & (ticks <= last + STANDS_AGAIN_S * record.rate_hz)

@@ -1,6 +1,6 @@
-"""The report of a run, `flexmotion.report/1`: what was asked, how it went, and whether that is good enough.
+"""The report of a run, `flexmotion.report/1`: its request, its figures and its verdict.
 
-Two runs with the same clip, seed and options give the same bytes but for `TIMING_KEYS`.
+Two lockstep runs with the same clip, seed and options give the same bytes except for `TIMING_KEYS`.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ DIGITS = 6
 
 
 def _rounded(value: float | None) -> float | None:
-    """`DIGITS` significant digits; None for what is not known (NaN, infinity), since JSON has neither."""
+    """`DIGITS` significant digits; None for NaN and infinity, which JSON lacks."""
     if value is None or not math.isfinite(value):
         return None
     return float(f"{value:.{DIGITS}g}") + 0.0  # + 0.0: no negative zero
@@ -40,7 +40,7 @@ class _Section(BaseModel):
 
 
 class Latency(_Section):
-    """Percentiles of a time; the key it stands under names the unit."""
+    """Percentiles of a time; its key names the unit."""
 
     p50: Figure
     p99: Figure
@@ -49,7 +49,7 @@ class Latency(_Section):
 
     @classmethod
     def of(cls, seconds: Iterable[float], unit_s: float) -> Latency | None:
-        """Percentiles of finite times in units of `unit_s`; None if there are none."""
+        """Percentiles of the finite times in units of `unit_s`; None without any."""
         values = np.asarray(list(seconds), dtype=float)
         values = values[np.isfinite(values)] / unit_s
         if not len(values):
@@ -59,7 +59,7 @@ class Latency(_Section):
 
 
 class LoopSection(_Section):
-    """How the control loop kept its time. `realtime_factor` is the run's duration over the wall clock's."""
+    """Timing of the control loop. `realtime_factor` is the run's duration over its wall-clock time."""
 
     rate_hz: Figure
     cycles: int
@@ -74,7 +74,7 @@ class LoopSection(_Section):
 
 
 class PlannerSection(_Section):
-    """What plans cost and how fast targets became commands."""
+    """Computing time of plans, and latency from targets to commands."""
 
     plans: int
     sample_ms: Latency | None
@@ -85,7 +85,7 @@ class PlannerSection(_Section):
 
 
 class DisplacementSection(_Section):
-    """Where somebody came to; `flexmotion.streamer.report.metrics.Displacement`."""
+    """Net displacement; see `flexmotion.streamer.report.metrics.Displacement`."""
 
     ahead_m: Figure
     left_m: Figure
@@ -93,7 +93,7 @@ class DisplacementSection(_Section):
 
 
 class MotionSection(_Section):
-    """How the robot moved; `flexmotion.streamer.report.metrics.MotionFigures` and the count of steps."""
+    """How the robot moved; see `flexmotion.streamer.report.metrics.MotionFigures`; and the count of steps."""
 
     fell: bool
     time_to_fall_s: Maybe
@@ -113,7 +113,7 @@ class MotionSection(_Section):
 
 
 class JointSection(_Section):
-    """One joint beside what it may; `flexmotion.streamer.report.metrics.JointLoad`."""
+    """Load of one joint and its limits; see `flexmotion.streamer.report.metrics.JointLoad`."""
 
     peak_torque_nm: Maybe
     rms_torque_nm: Maybe
@@ -125,9 +125,9 @@ class JointSection(_Section):
 
 
 class LimitsSection(_Section):
-    """Limits kept or not: `violations_sent` is counted at the receiving end, repairs in planner and loop.
+    """Limits: `violations_sent` is counted at the receiving end, repairs in planner and loop.
 
-    `torque_source` is who tells the joints' torques, None where nobody does.
+    `torque_source` is the source of the joints' torques; None if they are unknown.
     """
 
     violations_sent: int
@@ -137,7 +137,7 @@ class LimitsSection(_Section):
 
 
 class SafetySection(_Section):
-    """Where the safety ladder ended, every fault on the way, and whether the hardware is to blame."""
+    """Final state of the safety ladder, all faults, and whether the hardware caused them."""
 
     final_state: str
     faults: list[str]
@@ -168,7 +168,7 @@ class Report(_Section):
         return self.model_dump_json(by_alias=True, indent=2) + "\n"
 
     def write(self, folder: Path) -> Path:
-        """Write `report.json` into `folder`, which is made if need be, and return its path."""
+        """Write `report.json` into `folder`, which is made if missing; returns its path."""
         folder.mkdir(parents=True, exist_ok=True)
         file = folder / "report.json"
         file.write_text(self.json_text(), encoding="utf-8")
@@ -177,17 +177,17 @@ class Report(_Section):
 
 @dataclass(frozen=True)
 class RunInfo:
-    """What a run was asked to do, and under which conditions; the rest of the report comes from the record.
+    """The request and the conditions of a run; the rest of the report comes from the record.
 
     Attributes:
         robot, driver, source: names; the source is a file name or `model:NAME`.
-        seed: of everything drawn at random.
+        seed: of all random numbers.
         clock: "real" or "lockstep".
-        options: what else was set (perturbations, say), by name.
+        options: other settings by name, such as perturbations.
         elapsed_s: wall-clock time of the run [s].
-        realtime: scheduling class that the loop ran under.
-        missed_allowed, underruns_allowed: cycles that may miss their deadline, and plans that may come late.
-        log: path of the log; None where none was kept.
+        realtime: scheduling class of the loop.
+        missed_allowed, underruns_allowed: missed deadlines and underruns that are allowed.
+        log: path of the log; None without one.
     """
 
     robot: str
@@ -210,13 +210,13 @@ def build_report(
     *,
     human: HumanTrack | None = None,
 ) -> Report:
-    """The report of a finished run; `human` is the source's path, None where it has none."""
+    """The report of a finished run; `human` is the human's path, None if unknown."""
     states = record.state[: record.used]
     duration = record.duration_s
     figures = motion_figures(record, robot, human, should_stand=np.isin(states, (State.STREAMING, State.HOLD)))
     motion = asdict(figures)
     if not figures.fell and (damped := np.flatnonzero(states == State.DAMPED)).size:
-        # Without ground truth the loop's own detection, which alone leads to DAMPED, is what there is.
+        # Without ground truth the loop's own fall detection counts, the only cause of DAMPED.
         motion |= {"fell": True, "time_to_fall_s": int(damped[0]) / record.rate_hz}
     faults = [event.message for event in record.events if event.kind == "fault"]
     return Report(
@@ -241,7 +241,7 @@ def build_report(
             cycles=record.cycles,
             missed_deadlines=record.missed_deadlines,
             missed_allowed=info.missed_allowed,
-            # Nobody wakes in lockstep.
+            # In lockstep the loop does not sleep.
             wake_lateness_us=Latency.of(record.lateness_s[: record.used], 1e-6) if info.clock == "real" else None,
             work_us=Latency.of(record.work_s[: record.used], 1e-6),
             realtime=info.realtime,

@@ -1,4 +1,4 @@
-"""One self-contained HTML page of a run: the verdict, its figures and its pictures. Opens anywhere, offline."""
+"""One self-contained HTML page of a run: verdict, figures and pictures. It needs no network."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ CAPTIONS = {
 
 
 def write_report_page(file: Path, report: Report, pictures: Sequence[Path]) -> Path:
-    """Render the page with its pictures inside, named by their file's stem, and return its path."""
+    """Write the page with its pictures embedded, each titled by its file's stem; returns the page's path."""
     environment = Environment(
         loader=PackageLoader("flexmotion.streamer.report"),
         autoescape=True,

@@ -1,4 +1,4 @@
-"""A report as a person reads it in a terminal: the verdict first, then short tables."""
+"""The report for a terminal: the verdict first, then short tables."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from flexmotion.streamer.report.report import DisplacementSection, Latency, Repo
 WORST_JOINTS = 5
 """Joints shown in the terminal; the others are in `report.json`."""
 _CUT_SHORT = ("READY", "STREAMING", "PARK")
-"""A run that ends in these states was left at once: the robot is limp where it was."""
+"""Final states of a run that was ended at once: torque was cut where the robot was."""
 
 
 def failures(report: Report) -> list[str]:
-    """Every reason why the run is not ok, in plain words; empty when it is."""
+    """Every reason why the run failed, in words; empty if it is ok."""
     reasons = []
     motion, loop = report.motion, report.loop
     if motion.fell:
@@ -37,7 +37,7 @@ def failures(report: Report) -> list[str]:
 
 
 def verdict(report: Report) -> str:
-    """One sentence: what was done, and whether it went well."""
+    """One sentence: what was run, and whether it is ok."""
     what = f"{report.robot} on {report.driver}, {report.source}, {report.duration_s:.1f} s"
     return f"{what}: upright, no fault, no limit passed" if report.ok else f"{what}: {'; '.join(failures(report))}"
 
@@ -47,20 +47,20 @@ def render(report: Report) -> RenderableType:
     mark = Text("PASS ", style="bold green") if report.ok else Text("FAIL ", style="bold red")
     parts: list[RenderableType] = [mark + Text(verdict(report), style="bold"), Text()]
     if report.planner.plans == 0:
-        return parts[0]  # nothing moved, so there are no figures
+        return parts[0]  # without a plan there are no figures
     for section in (_motion(report), _joints(report), _timing(report)):
         parts += [*section, Text()]
     return Group(*parts[:-1])
 
 
 def motion_rows(report: Report) -> list[tuple[str, str, str]]:
-    """Name, value with unit, and what it says, of every motion figure that is known."""
+    """Name, value with unit, and meaning of every known motion figure."""
     m = report.motion
     collisions = "-" if m.self_collisions is None else str(m.self_collisions)
     steps = f"planned; the human made {m.human_steps}, {m.steps_dropped} dropped, {m.steps_inserted} inserted"
     rows = [
         ("leg tracking error", show(m.joint_rmse_rad, "°", math.degrees(1)), "RMS, measured against reference"),
-        ("lag", show(m.lag_s, "ms", 1e3, 0), "measured behind reference, taken out of the error"),
+        ("lag", show(m.lag_s, "ms", 1e3, 0), "measured behind reference, removed from the error"),
         ("foot slip", show(m.foot_slip_mm_s, "mm/s"), "mean speed of feet that carry load"),
         ("net path", show(m.net_path_ratio, "", 1.0, 2), "robot over human, scaled by leg length"),
         ("went", _went(m.robot_went), f"when it stands again; the human, scaled: {_went(m.human_went)}"),
@@ -73,7 +73,7 @@ def motion_rows(report: Report) -> list[tuple[str, str, str]]:
 
 
 def joint_rows(report: Report) -> list[tuple[str, ...]]:
-    """Name, RMS torque, its share of stall, peak, limit, peak speed, time at the limit; hardest worked first."""
+    """Name, RMS torque, its share of stall, peak, limit, peak speed, time at the limit; highest load first."""
     hardest = sorted(report.limits.joints.items(), key=lambda item: -(item[1].rms_share_of_stall or 0.0))
     return [
         (
@@ -90,7 +90,7 @@ def joint_rows(report: Report) -> list[tuple[str, ...]]:
 
 
 def torque_note(report: Report) -> str:
-    """Who tells the joints' torques, where that is not the simulation."""
+    """Note on the source of the joints' torques, unless it is the simulation."""
     return {"simulation": "", "servos": "torque as the servos measure it, by their current", None: "torque unknown"}[
         report.limits.torque_source
     ]
@@ -123,10 +123,10 @@ def _motion(report: Report) -> list[RenderableType]:
 
 
 def _went(way: DisplacementSection | None) -> str:
-    """Where somebody came to, directions in words."""
+    """A displacement with its directions in words."""
     if way is None:
         return "-"
-    # Rounded first: nothing has no side.
+    # Rounded first: a value that rounds to zero has no direction.
     ahead, left, turned = round(way.ahead_m, 2), round(way.left_m, 2), round(math.degrees(way.turned_rad))
     return (
         f"{abs(ahead):.2f} m {'back' if ahead < 0 else 'ahead'}, "
@@ -152,7 +152,7 @@ def _timing(report: Report) -> list[RenderableType]:
     for row in timing_rows(report):
         drawn.add_row(*row)
     speed = f"{loop.realtime_factor:.1f} times real time; " if loop.realtime_factor else ""
-    # In lockstep nobody waits for a deadline.
+    # In lockstep there are no deadlines.
     missed = f"{loop.missed_deadlines} missed deadlines; " if report.clock == "real" else ""
     note = (
         f"{report.clock} clock, {loop.rate_hz:g} Hz, {loop.cycles} cycles; {speed}{planner.plans} plans, "
@@ -162,7 +162,7 @@ def _timing(report: Report) -> list[RenderableType]:
 
 
 def table(title: str, *columns: str) -> Table:
-    """A table in the look of all reports: first column left, numbers right, no frame; columns may be nameless."""
+    """A table in the style of all reports: first column left, numbers right, no frame; column names may be empty."""
     drawn = Table(title=title or None, title_justify="left", title_style="bold", box=None, pad_edge=False)
     drawn.show_header = any(columns)
     for index, column in enumerate(columns):
@@ -171,7 +171,7 @@ def table(title: str, *columns: str) -> Table:
 
 
 def show(value: float | None, unit: str, scale: float = 1.0, digits: int | None = None) -> str:
-    """A figure times `scale` with its unit; `digits` after the point, else three significant ones down to 0.001."""
+    """A figure times `scale` with its unit; `digits` decimals, by default three significant digits down to 0.001."""
     if value is None:
         return "-"
     scaled = value * scale

@@ -1,4 +1,4 @@
-"""Writes a retargeted motion for other tools to read."""
+"""Files of a retargeted motion for other tools."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How faithful a retargeted motion is, before any robot has tried it."""
+"""Quality of a retargeted motion, before a robot runs it."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from flexmotion.streamer.report.summary import show, table
 
 
 class Worst(BaseModel):
-    """The joint that comes closest to a limit: by which share of it, and when."""
+    """The joint that comes closest to a limit: its share of the limit, and when."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -35,7 +35,7 @@ class Worst(BaseModel):
 
 
 class Quality(BaseModel):
-    """Quality report of `flexmotion retarget`; figures as in the report of a run, of the plan instead of the robot."""
+    """Report of `flexmotion retarget`: the figures of a run's report, for the plan instead of the robot."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -57,12 +57,12 @@ class Quality(BaseModel):
     retarget_ms: Latency | None
 
     def json_text(self) -> str:
-        """As JSON, keys in the order of the schema."""
+        """The report as JSON, keys in the order of the schema."""
         return self.model_dump_json(by_alias=True, indent=2)
 
 
 def quality(trajectory: Trajectory, robot: Robot, motion: Motion) -> Quality:
-    """Measure a trajectory against the motion that it was made from."""
+    """Compare a trajectory with the motion that it was made from."""
     figures = RobotFigures.of(robot, motion.body.leg)
     following = np.isfinite(trajectory.source_s)
     base = trajectory.base[following]

@@ -1,4 +1,4 @@
-"""`Lifecycle`: start, stream, settle, park. It steps before each tick and sets what the loop's ladder is asked for.
+"""`Lifecycle`: start, stream, settle, park. It steps before each tick and sets the inputs of the loop's ladder.
 
 `flexmotion.streamer.run.session.Session` is one run (robot, source, settings), this the robot's course through it, and
 `flexmotion.streamer.run.supervisor.Supervisor` the processes of a run on the real clock.

@@ -1,4 +1,4 @@
-"""The viewer's colours: those of the project's pictures, as viser takes them."""
+"""The viewer's colours: those of the pictures, in viser's format."""
 
 from __future__ import annotations
 
@@ -20,4 +20,4 @@ PLAN = "#3b82c4"
 ZMP, DCM, COM = palette.MIDDLE, palette.HUMAN, palette.INK
 FORCE = "#e69f00"
 PATH = palette.MUTED
-"""Zero-moment point, divergent component of motion, centre of mass, ground forces, the way that was gone."""
+"""Zero-moment point, divergent component of motion, centre of mass, ground forces, path."""

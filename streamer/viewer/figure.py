@@ -1,4 +1,4 @@
-"""A robot in viser's scene: a tree of frames, one a body, with the meshes of its geoms."""
+"""A robot in viser's scene: a tree of frames, one for each body, with the meshes of its geoms."""
 
 from __future__ import annotations
 
@@ -12,21 +12,21 @@ from flexmotion.streamer.viewer.pose import Pose
 
 _HALO_M, _HALO_OPACITY = 0.002, 0.45
 _STILL = 1e-5
-"""Changes below this are not sent [m, or of a quaternion's part]."""
+"""Changes below this are not sent [m; component of a quaternion]."""
 
 
 class Figure:
-    """Bodies under a node of the scene. Joints turn frames in their parents, so that a pose is one message a joint.
+    """Bodies under a node of the scene. Frames are relative to their parents: a moved joint is one message.
 
     Args:
         under: name of the node.
-        meshes: of `geometry.geom_meshes`.
-        halo: colour of a figure that is only seen where it stands out beyond what covers it: translucent, a little
-            too large, its front left away. None for a solid one in its geoms' own colours.
+        meshes: meshes of `geometry.geom_meshes`.
+        halo: colour of a figure that shows only as an outline around what covers it: translucent, slightly larger,
+            without its front faces. None: a solid figure in its geoms' colours.
 
     Attributes:
-        frames: of the bodies, by id; the world has none.
-        meshes: handles of the geoms, in the order of `meshes`.
+        frames: frames of the bodies by id, without the world.
+        meshes: handles of the meshes, in their order.
     """
 
     def __init__(
@@ -51,7 +51,7 @@ class Figure:
         self.meshes = [_add(scene, f"{names[mesh.body]}/geom_{mesh.geom}", mesh, halo) for mesh in meshes]
 
     def update(self) -> None:
-        """Show `pose` as it now is; only frames that moved are sent."""
+        """Show the present `pose`; only frames that moved are sent."""
         position, quaternion = self.pose.in_parents()
         moved = np.abs(position - self._position).max(axis=1) > _STILL
         turned = np.abs(quaternion - self._quaternion).max(axis=1) > _STILL
@@ -65,7 +65,7 @@ class Figure:
 def _add(scene: viser.SceneApi, name: str, mesh: GeomMesh, halo: RGB | None) -> viser.MeshHandle:
     if halo is None:
         return scene.add_mesh_simple(name, mesh.vertices, mesh.faces, color=mesh.colour)
-    # Corners that were split to look sharp are joined, so that the surface stays closed as it grows.
+    # Vertices that were split for sharp edges are merged, so that the enlarged surface stays closed.
     whole = trimesh.Trimesh(mesh.vertices, mesh.faces)
     return scene.add_mesh_simple(
         name,

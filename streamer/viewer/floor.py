@@ -1,4 +1,4 @@
-"""What is drawn on the floor: footprints, balance, the way that was gone."""
+"""Marks on the floor: footprints, balance, and the path of the torso."""
 
 from __future__ import annotations
 
@@ -18,24 +18,24 @@ Float = NDArray[np.float64]
 Row = np.ndarray[Any, Any]
 
 _PRINT_Z, _PATH_Z, _MARK_Z = 0.001, 0.002, 0.012
-"""Heights above the floor, so that one lies on the other, the last above the plates of the feet [m]."""
+"""Heights above the floor, in drawing order; the last one is above the foot plates [m]."""
 _BORDER = 0.006
-"""By how much a footprint is larger than the sole that covers it [m]."""
+"""Border of a footprint around the sole [m]."""
 _THICK = 0.0015
 _PRINTS_KEPT = 60
 _PATH_STEP, _PATH_KEPT = 0.01, 600
-"""Distance between points of the path [m], and how many are kept."""
+"""Distance between points of the path [m], and number of points kept."""
 _FORCE_SCALE = 0.4
-"""Length of the arrow of the robot's whole weight, as a share of its standing height."""
+"""Length of an arrow for the robot's weight, as a share of its standing height."""
 
 
 class Footprints:
-    """Where the plan has the soles: strong where one bears, pale where it swings; outlines of those left behind."""
+    """Planned soles, strong in contact, pale in swing; outlines of earlier footprints."""
 
     def __init__(self, scene: viser.SceneApi, under: str, robot: Robot) -> None:
         self.half = robot.sole_half_size + _BORDER
         self.root = scene.add_frame(under, show_axes=False)
-        self._bears = [True, True]
+        self._shown_contact = [True, True]
         self.soles = [
             scene.add_box(
                 f"{under}/{side}",
@@ -46,26 +46,26 @@ class Footprints:
             )
             for foot, side in enumerate(("left", "right"))
         ]
-        self.left_behind = scene.add_line_segments(
-            f"{under}/left_behind", np.zeros((1, 2, 3)), (0, 0, 0), thickness=0.002, visible=False
+        self.earlier = scene.add_line_segments(
+            f"{under}/earlier", np.zeros((1, 2, 3)), (0, 0, 0), thickness=0.002, visible=False
         )
         self._lines: deque[tuple[Float, NDArray[np.uint8]]] = deque(maxlen=_PRINTS_KEPT)
-        self._bore = np.zeros(2, bool)
+        self._contact = np.zeros(2, bool)
 
     def take(self, rows: Row) -> None:
-        """Follow rows (k,) of `flexmotion.streamer.control.tick_row`, none left out: note where soles have landed."""
-        bears = np.concatenate([self._bore[None], rows["contact_ref"]])
-        self._bore = bears[-1].copy()
-        landed = np.argwhere(bears[1:] & ~bears[:-1])
+        """Take all rows (k,) of `flexmotion.streamer.control.tick_row` in order: store where soles have landed."""
+        contact = np.concatenate([self._contact[None], rows["contact_ref"]])
+        self._contact = contact[-1].copy()
+        landed = np.argwhere(contact[1:] & ~contact[:-1])
         for row, foot in landed:
             self._lines.append(self._outline(rows["foot_ref"][row, foot], int(foot)))
         if len(landed):
-            self.left_behind.points = np.concatenate([line for line, _ in self._lines]).astype(np.float32)
-            self.left_behind.colors = np.concatenate([colour for _, colour in self._lines])
-            self.left_behind.visible = True
+            self.earlier.points = np.concatenate([line for line, _ in self._lines]).astype(np.float32)
+            self.earlier.colors = np.concatenate([colour for _, colour in self._lines])
+            self.earlier.visible = True
 
     def show(self, row: Row) -> None:
-        """Put the soles where the plan has them now."""
+        """Show the planned soles of a row."""
         for foot, sole in enumerate(self.soles):
             x, y, _, yaw = row["foot_ref"][foot]
             sole.visible = known = bool(np.isfinite(x))
@@ -73,9 +73,9 @@ class Footprints:
                 continue
             sole.position = (x, y, _PRINT_Z)
             sole.wxyz = (np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2))
-            if self._bears[foot] != bool(row["contact_ref"][foot]):
-                self._bears[foot] = bool(row["contact_ref"][foot])
-                sole.color = rgb(SIDES[foot], pale=0.3 if self._bears[foot] else 0.75)
+            if self._shown_contact[foot] != bool(row["contact_ref"][foot]):
+                self._shown_contact[foot] = bool(row["contact_ref"][foot])
+                sole.color = rgb(SIDES[foot], pale=0.3 if self._shown_contact[foot] else 0.75)
 
     def _outline(self, sole: Float, foot: int) -> tuple[Float, NDArray[np.uint8]]:
         x, y, _, yaw = sole
@@ -88,9 +88,9 @@ class Footprints:
 
 
 class BalanceMarks:
-    """Zero-moment point and divergent component: rings as planned, discs as commanded and as estimated.
+    """Zero-moment point and divergent component: rings are planned; discs are commanded and estimated.
 
-    The centre of mass is a ball with a plumb line, and in a simulation the ground forces are arrows.
+    The centre of mass is a ball with a plumb line; in simulation arrows show the ground forces.
     """
 
     def __init__(self, scene: viser.SceneApi, under: str, robot: Robot, standing_height: float) -> None:
@@ -116,7 +116,7 @@ class BalanceMarks:
         )
 
     def show(self, row: Row, com: Float | None) -> None:
-        """Show a row; `com` is the centre of mass of the robot as drawn, (3,), None where that is unknown."""
+        """Show a row; `com` is the centre of mass of the robot as drawn, (3,) [m], None if unknown."""
         for mark, place in (
             (self.zmp_ref, row["zmp_ref"]),
             (self.zmp, row["zmp_ref"] + row["zmp_shift"]),
@@ -142,7 +142,7 @@ class BalanceMarks:
 
 
 class Path:
-    """The way of the torso, on the floor."""
+    """Path of the torso on the floor."""
 
     def __init__(self, scene: viser.SceneApi, under: str) -> None:
         self.root = scene.add_frame(under, show_axes=False)
@@ -152,7 +152,7 @@ class Path:
         self._points: deque[Float] = deque(maxlen=_PATH_KEPT)
 
     def take(self, rows: Row) -> None:
-        """Follow rows (k,): the torso where it is known, else where it is planned."""
+        """Take rows (k,): the true position of the torso, or the planned one if unknown."""
         base = np.where(np.isfinite(rows["true_base"]), rows["true_base"], rows["base_ref"])[:, :2]
         grown = False
         for x, y in base[np.isfinite(base).all(axis=1)]:
@@ -161,8 +161,8 @@ class Path:
                 self._points.append(place)
                 grown = True
         if grown and len(self._points) > 1:
-            way = np.array(self._points, np.float32)
-            self.line.points = np.stack([way[:-1], way[1:]], axis=1)
+            path = np.array(self._points, np.float32)
+            self.line.points = np.stack([path[:-1], path[1:]], axis=1)
             self.line.visible = True
 
 

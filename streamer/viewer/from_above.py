@@ -1,4 +1,4 @@
-"""The balance from above, as a small picture in the panel: in the scene the feet hide it."""
+"""The balance from above, a small picture in the panel; in the scene the feet hide it."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ Float = NDArray[np.float64]
 Row = np.ndarray[Any, Any]
 
 _WIDTH, _HEIGHT = 280, 130
-"""Of the picture [pixels]."""
+"""Size of the picture [pixels]."""
 _SPAN_STANCES = 3.0
-"""Ground that the picture shows across its height, in widths of the stance."""
+"""Height of the picture, in widths of the stance."""
 _BAR_M = 0.05
 
 
 def draw_from_above(row: Row, robot: Robot) -> str:
     """Planned soles, zero-moment point, divergent component and centre of mass as SVG; "" without a plan.
 
-    The robot looks up; the picture's middle is the planned centre of mass.
+    The robot faces the top of the picture; its middle is the planned centre of mass.
     """
     if not (np.isfinite(row["foot_ref"]).all() and np.isfinite(row["com_ref"]).all()):
         return ""
-    # Widths that do not change with the step, so that the scale does not either.
+    # From the soles, not from the steps, so that the scale stays constant.
     stance = 2 * float(np.abs(robot.sole_half_size).max() + robot.sole_half_size[:, 1].max())
     scale = _HEIGHT / (_SPAN_STANCES * stance / 2)
     yaw = float(heading(row["base_ref"][3:]))
@@ -73,7 +73,7 @@ def _dot(place: Float, colour: str, filled: bool) -> str:
 
 
 def _bar(scale: float) -> str:
-    """A length to compare with."""
+    """The scale bar."""
     y, end = _HEIGHT - 10, 10 + _BAR_M * scale
     return (
         f'<line x1="10" y1="{y}" x2="{end:.1f}" y2="{y}" stroke="{MUTED}"/>'

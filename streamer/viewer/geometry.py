@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 Float = NDArray[np.float64]
 
 _SHOWN_GROUPS = 2
-"""Geoms of higher groups are hidden, as in MuJoCo's own viewer."""
+"""Geoms of higher groups are hidden, as in MuJoCo's viewer."""
 _ROUND = 32
 """Corners of a circle."""
 _CREASE = 0.6
-"""Edges with a sharper angle than this between their faces stay sharp [rad]."""
+"""Edges whose faces meet at a larger angle than this stay sharp [rad]."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class GeomMesh:
 
 
 def geom_meshes(model: mujoco.MjModel) -> list[GeomMesh]:
-    """Meshes of all geoms that are shown; planes, height fields and what is invisible are left out."""
+    """Meshes of all visible geoms except planes and height fields."""
     found = []
     for geom in range(model.ngeom):
         material = model.geom_matid[geom]
@@ -57,7 +57,7 @@ def geom_meshes(model: mujoco.MjModel) -> list[GeomMesh]:
 
 
 def _mesh(model: mujoco.MjModel, geom: int) -> trimesh.Trimesh | None:
-    """A geom's surface in its own frame; None for what has none."""
+    """Surface of a geom in its own frame; None for planes and height fields."""
     size, kind = model.geom_size[geom], mujoco.mjtGeom(model.geom_type[geom])
     if kind == mujoco.mjtGeom.mjGEOM_BOX:
         return trimesh.creation.box(extents=2 * size)

@@ -1,4 +1,4 @@
-"""How the run is doing, in a few figures over its last seconds."""
+"""Figures of a run over its last seconds."""
 
 from __future__ import annotations
 
@@ -17,24 +17,24 @@ Float = NDArray[np.float64]
 Row = np.ndarray[Any, Any]
 
 WINDOW_S, EFFORT_S = 5.0, 1.0
-"""Time over which lateness and work, and torque, are looked at [s]."""
+"""Windows of lateness and work, and of torque [s]."""
 _EVENTS = 4
 
 
 @dataclass(frozen=True)
 class Load:
-    """Root mean square torque of a joint as a share of what its servo can give for long strides of work."""
+    """RMS torque of a joint as a share of its servo's usable torque."""
 
     joint: str
     share: float
 
 
 class Health:
-    """Takes rows, gives figures.
+    """Figures over the newest rows.
 
     Attributes:
         row: the newest row.
-        events: the last few, oldest first.
+        events: the last few events, oldest first.
     """
 
     def __init__(self, robot: Robot) -> None:
@@ -47,7 +47,7 @@ class Health:
         self.events: deque[Event] = deque(maxlen=_EVENTS)
 
     def take(self, rows: Row) -> None:
-        """Follow rows (k,), k > 0."""
+        """Take rows (k,), k > 0."""
         self._lateness.extend(rows["lateness_s"].tolist())
         self._work.extend(rows["work_s"].tolist())
         self._torque.extend(torque(rows))
@@ -55,12 +55,12 @@ class Health:
 
     @property
     def state(self) -> State:
-        """Of the safety ladder."""
+        """State of the safety ladder."""
         return State.OFF if self.row is None else State(int(self.row["state"]))
 
     @property
     def time_s(self) -> float:
-        """Time of the loop since it began [s]."""
+        """Time of the loop since its start [s]."""
         return 0.0 if self.row is None else float(self.row["tick"]) / self.robot.rate_hz
 
     def lateness_s(self, percentile: float) -> float:
@@ -72,7 +72,7 @@ class Health:
         return _percentile(self._work, percentile)
 
     def hardest(self, count: int) -> list[Load]:
-        """The joints that work hardest, the hardest first; fewer where torques are unknown."""
+        """The joints with the highest load, highest first; fewer if torques are unknown."""
         if not self._torque:
             return []
         rms = np.sqrt(np.mean(np.square(np.stack(self._torque)), axis=0)) / self.robot.usable_torque
@@ -81,7 +81,7 @@ class Health:
 
 
 def torque(rows: Row) -> Float:
-    """Joint torques (k, n) [N·m]: the simulation's, else as measured, else as planned; 0 where none is sent."""
+    """Joint torques (k, n) [N·m]: simulated, else measured, else planned; 0 if unknown."""
     found = rows["torque_ref"]
     for name in ("effort", "true_torque"):
         found = np.where(np.isfinite(rows[name]), rows[name], found)

@@ -1,4 +1,4 @@
-"""The panel beside the scene: state, timing and torques as text, and what is to be shown."""
+"""The panel beside the scene: state, timing and torques as text, and checkboxes for the layers."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ _STATE_COLOURS = {
 _JOINTS = 5
 """Joints in the list of torques."""
 _HIGH = 0.8
-"""Share of a servo's usable torque from which a bar warns."""
+"""Share of a servo's usable torque above which its bar is red."""
 
 
 class Panel:
-    """Text that is sent only when it changes, and one checkbox a layer of the scene."""
+    """Text that is sent only when it changes, and one checkbox for each layer of the scene."""
 
     def __init__(self, gui: viser.GuiApi, title: str) -> None:
         self.title = title
@@ -37,7 +37,7 @@ class Panel:
         self._gui, self._layers = gui, gui.add_folder("Show", expand_by_default=False)
 
     def toggle(self, label: str, hint: str, act: Callable[[bool], None]) -> None:
-        """A checkbox, on at first; `act` is called with what it becomes, in a thread of the server."""
+        """Add a checkbox, initially on; `act` is called with its new value, in a thread of the server."""
         with self._layers:
             box = self._gui.add_checkbox(label, True, hint=hint)
 
@@ -46,7 +46,7 @@ class Panel:
             act(box.value)
 
     def show(self, health: Health) -> None:
-        """Show the figures as they are now."""
+        """Show the present figures."""
         text = render(self.title, health)
         if text != self._text.content:
             self._text.content = text
@@ -83,8 +83,8 @@ def render(title: str, health: Health) -> str:
         f'<div style="display:flex;justify-content:space-between;align-items:center;margin-bottom:4px">'
         f"<b>{escape(title)}</b>{badge}</div>"
         f'<table style="width:100%;border-spacing:0">{table}</table>'
-        f'<div style="color:{MUTED}">middle and 99 % of the last {WINDOW_S:g} s</div>'
-        f'<div style="color:{MUTED};margin-top:6px">Torque, RMS of 1 s, of what the servo can use</div>{bars}'
+        f'<div style="color:{MUTED}">median and 99th percentile of the last {WINDOW_S:g} s</div>'
+        f'<div style="color:{MUTED};margin-top:6px">RMS torque of 1 s, share of usable torque</div>{bars}'
         f'<div style="margin-top:6px">{above}{_legend()}</div>'
         f'<div style="color:{MUTED};margin-top:6px;overflow-wrap:anywhere">{events}</div></div>'
     )

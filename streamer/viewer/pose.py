@@ -1,4 +1,4 @@
-"""Poses of the robot to draw: as it is, and as the plan wants it."""
+"""Poses of the robot to draw: measured and planned."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Pose:
     """All bodies of one robot in one pose.
 
     Attributes:
-        base: torso in the world, position and quaternion w x y z, (7,).
+        base: torso in the world, position [m] and quaternion w x y z, (7,).
     """
 
     def __init__(self, robot: Robot) -> None:
@@ -30,7 +30,7 @@ class Pose:
         self.place(self.base, robot.stand_pose)
 
     def place(self, base: Float, q: Float) -> None:
-        """Put the torso at `base` (7,) and the joints at `q` (n,) [rad]."""
+        """Set the torso to `base` (7,) and the joints to `q` (n,) [rad]."""
         data = self.data
         self.base[:] = base
         data.qpos[:7] = base
@@ -59,10 +59,10 @@ class Pose:
 
 
 class MeasuredPose(Pose):
-    """The robot as it is: the simulation's truth; on a real robot what encoders and IMU tell, on its planned feet."""
+    """The measured robot: the simulation's truth; on hardware joints and tilt as measured, on the planned feet."""
 
     def show(self, row: Row) -> bool:
-        """Take the pose of a row of `flexmotion.streamer.control.tick_row`; returns whether it is known."""
+        """Set the pose of a row of `flexmotion.streamer.control.tick_row`; returns whether it is known."""
         if not np.isfinite(row["q"]).all():
             return False
         if np.isfinite(row["true_base"]).all():
@@ -72,7 +72,7 @@ class MeasuredPose(Pose):
         return True
 
     def _stand_on_plan(self, row: Row) -> None:
-        """Torso as tilted as measured, moved so that the soles that bear load are where the plan has them.
+        """Set the measured tilt, and move the torso so that the soles in contact are at their planned positions.
 
         Without a plan the robot stays where it was, its lower sole on the floor.
         """
@@ -83,18 +83,18 @@ class MeasuredPose(Pose):
         self.place(base, row["q"])
         soles = self.soles
         if planned and row["contact_ref"].any():
-            bearing = row["contact_ref"]
-            base[:3] += (row["foot_ref"][bearing, :3] - soles[bearing]).mean(axis=0)
+            in_contact = row["contact_ref"]
+            base[:3] += (row["foot_ref"][in_contact, :3] - soles[in_contact]).mean(axis=0)
         else:
             base[2] -= soles[:, 2].min()
         self.place(base, row["q"])
 
 
 class PlannedPose(Pose):
-    """The robot as the plan wants it."""
+    """The planned robot."""
 
     def show(self, row: Row) -> bool:
-        """Take the reference of a row of `flexmotion.streamer.control.tick_row`; returns whether there is one."""
+        """Set the reference of a row of `flexmotion.streamer.control.tick_row`; returns whether there is one."""
         known = bool(np.isfinite(row["base_ref"]).all() and np.isfinite(row["q_ref"]).all())
         if known:
             self.place(row["base_ref"], row["q_ref"])

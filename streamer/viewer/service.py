@@ -1,4 +1,4 @@
-"""`Viewer`: the service that shows a run in a browser while it runs. Nothing of the run waits for it."""
+"""`Viewer`: the service that shows a run in a browser; the run does not wait for it."""
 
 from __future__ import annotations
 
@@ -14,20 +14,25 @@ from flexmotion.streamer.control.telemetry import Telemetry
 HOST = "127.0.0.1"
 FIRST_PORT = 8080
 _PORTS = 100
-"""Ports tried, the asked one first."""
+"""Number of ports to try, from the requested one on."""
 _NICENESS = 10
-"""It takes what time the run leaves."""
+"""Niceness: the viewer uses the time that the run leaves."""
 
 
 class Viewer:
-    """A web page with the robot as measured and as planned, its feet, balance and health (`live.supervisor.Service`).
+    """A web page with the robot as measured and as planned, its feet, balance and health.
+
+    It is a `flexmotion.streamer.run.supervisor.Service`.
 
     Args:
-        port: first port to try; the next free one is taken. Raises `ConfigError` where none is.
+        port: first port to try.
 
     Attributes:
-        name: of the service.
-        port: where the page is served, on this machine only.
+        name: name of the service.
+        port: port of the page, on this machine only.
+
+    Raises:
+        ConfigError: no port is free.
     """
 
     name = "viewer"
@@ -41,17 +46,17 @@ class Viewer:
         return f"http://{HOST}:{self.port}"
 
     def follow(self) -> Callable[[bool], None]:
-        """Serve the page; the function returned keeps it up to date."""
-        if multiprocessing.parent_process() is not None:  # in lockstep it shares the run's process
+        """Serve the page; returns the function that updates it."""
+        if multiprocessing.parent_process() is not None:  # in lockstep the viewer is in the run's process
             os.nice(_NICENESS)
-        # The web server takes half a second to load, and only this process needs it.
+        # The web server takes half a second to load; only this process needs it.
         from flexmotion.streamer.viewer.view_page import ViewPage
 
         return ViewPage(self.robot, self.telemetry, HOST, self.port).follow
 
 
 def free_port(first: int) -> int:
-    """The first port from `first` on that nothing serves on this machine. Raises `ConfigError` where there is none."""
+    """The first free port of this machine from `first` on. Raises `ConfigError` if none is free."""
     last = min(first + _PORTS, 65536)
     for port in range(first, last):
         with socket.socket() as probe:

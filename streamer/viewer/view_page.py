@@ -1,4 +1,4 @@
-"""`ViewPage`: the web page of a run, from the server to the last footprint."""
+"""`ViewPage`: the web page of a run."""
 
 from __future__ import annotations
 
@@ -23,34 +23,35 @@ from flexmotion.streamer.viewer.panel import Panel
 from flexmotion.streamer.viewer.pose import MeasuredPose, PlannedPose
 
 _DRAW_S, _IDLE_S, _TEXT_S = 0.04, 1.0, 0.25
-"""Time between pictures, between pictures that nobody looks at, and between new figures in the panel [s]."""
+"""Time between pictures, between pictures without a client, and between updates of the panel [s]."""
 _CLOSE_S = 1.0
-"""What clients have to say good-bye in [s]."""
+"""Time for the server to close its connections [s]."""
 _FOLLOW_S = 0.4
-"""Time constant with which the view follows the robot: it walks steadily, it sways from foot to foot [s]."""
+"""Time constant with which the view follows the robot, long enough to filter its sway [s]."""
 _CELL_M, _SECTION_M = 0.05, 0.25
 _AMBIENT = 0.8
-"""Light from everywhere, beside viser's own lamps."""
+"""Intensity of the ambient light, beside viser's own lights."""
 
 
 class ViewPage:
-    """A viser server with the robot in it.
+    """A viser server that shows the robot.
 
-    The camera stays with the robot because the world moves under it: turning the view by hand and following do not
-    get in each other's way, and following costs one message a picture.
+    To follow the robot the world moves under it, not the camera: the user can turn the view meanwhile, and following
+    costs one message for each picture.
 
     Attributes:
-        server: viser's; measured, planned: the robot's figures.
+        server: viser's server.
+        measured, planned: figures of the robot.
     """
 
     def __init__(self, robot: Robot, telemetry: Telemetry, host: str, port: int) -> None:
-        self.rows, self.told = telemetry.ticks.reader(), telemetry.events.reader()
+        self.rows, self.events = telemetry.ticks.reader(), telemetry.events.reader()
         self.health = Health(robot)
         self.is_pose, self.plan_pose = MeasuredPose(robot), PlannedPose(robot)
         height = 2.0 * float(self.is_pose.base[2])
-        rich.reconfigure(quiet=True)  # viser tells of itself on stdout, where results go
+        rich.reconfigure(quiet=True)  # viser writes to stdout, which is for results
         self.server = viser.ViserServer(host, port, label=f"FlexMotion · {robot.name}", verbose=False)
-        if self.server.get_port() != port:  # taken since it was looked for
+        if self.server.get_port() != port:  # the port was taken meanwhile
             print(f"view: http://{host}:{self.server.get_port()}", file=sys.stderr, flush=True)
         scene = self.server.scene
         self._light(scene, height)
@@ -80,13 +81,13 @@ class ViewPage:
         self._drawn = self._written = -math.inf
 
     def follow(self, last: bool) -> None:
-        """Draw what has happened, if it is time; ends the server the last time."""
+        """Draw what is new, if it is time; the last call ends the server."""
         now = time.perf_counter()
         since = now - self._drawn
         if last or since >= (_DRAW_S if self.server.get_clients() else _IDLE_S):
             self._drawn = now
             rows = self.rows.read()
-            self.health.events.extend(events(self.told))
+            self.health.events.extend(events(self.events))
             if len(rows):
                 with self.server.atomic():
                     self._draw(rows, min(since, 1.0))
@@ -97,7 +98,7 @@ class ViewPage:
             self._close()
 
     def _close(self) -> None:
-        """End the server; a client that has stalled is not waited for."""
+        """End the server without waiting for a stalled client."""
         self.server.flush()
         closing = threading.Thread(target=self.server.stop, daemon=True)
         closing.start()
@@ -142,6 +143,6 @@ class ViewPage:
         for label, hint, node in (
             ("Balance", "zero-moment point, divergent component, centre of mass, forces", self.balance.root),
             ("Footprints", "planned soles: strong where they bear load", self.footprints.root),
-            ("Path", "where the torso has been", self.path.root),
+            ("Path", "path of the torso", self.path.root),
         ):
             toggle(label, hint, partial(setattr, node, "visible"))

@@ -1,10 +1,8 @@
-"""Benchmarks are programs, not a package: their modules are found as they find each other."""
+"""Motion whose velocities are known."""
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,12 +10,10 @@ import pytest
 from flexmotion.human.motion import Motion
 from flexmotion.human.skeleton import JOINTS
 
-sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))
-
 
 @pytest.fixture
 def circling() -> Callable[..., Motion]:
-    """Function (frames, forward m/s, left m/s, turning rad/s) -> a stiff body that moves so, evenly, at 30 fps."""
+    """Function (frames, forward m/s, left m/s, turning rad/s) -> motion of a stiff body at these velocities, 30 fps."""
 
     def make(frames: int, forward: float = 0.0, left: float = 0.0, turning: float = 0.0) -> Motion:
         fps = 30.0

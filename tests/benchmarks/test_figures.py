@@ -1,4 +1,4 @@
-"""What the benchmarks of the model measure, on motion whose answer is known; and how they end."""
+"""Figures of the benchmarks of the model, on motion whose answer is known."""
 
 from __future__ import annotations
 
@@ -6,20 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from agreement import apart
-from model_rollout import RollOut
-from roll_outs import Run, around, frozen_share, prompts, spanning
-from velocity import frame_velocities
-from verdicts import Verdict, benchmark
-from window_distance import mean_distance, nearest_distance, windows_of
 
-from flexmotion.configs.errors import ConfigError
+from benchmarks.model.agreement import apart
+from benchmarks.model.long_horizon import Run, around, frozen_share, prompts, spanning
+from benchmarks.model.roll_out import RollOut
+from benchmarks.model.window_distance import mean_distance, nearest_distance, windows_of
 from flexmotion.human.body import Body
-
-
-def test_velocity_is_along_and_across_where_the_body_faces(circling) -> None:
-    found = frame_velocities(circling(60, 0.8, -0.2, 0.9))
-    np.testing.assert_allclose(found, np.tile([0.8, -0.2, 0.9], (59, 1)), atol=1e-9)
 
 
 def test_windows_do_not_depend_on_place_and_heading(circling) -> None:
@@ -49,7 +41,7 @@ def test_nearest_and_mean_distance() -> None:
     assert mean_distance(np.array([[0.0, 0.0], [3.0, 4.0], [0.0, 0.0]], np.float32)) == pytest.approx(10 / 3)
 
 
-def test_two_plans_apart(circling) -> None:
+def test_distance_of_two_plans(circling) -> None:
     here, there = circling(40, 0.0, 0.0, 0.3), circling(40, 0.0, 0.0, 0.3)
     there = replace(there, root_position=there.root_position + [0.03, 0.04, 0.0])
     np.testing.assert_allclose(apart(here, there, 30, 30), [0.05, 0.05, 0.0], atol=1e-6)
@@ -67,26 +59,12 @@ def test_jerk_at_joins(circling) -> None:
     assert np.flatnonzero(marked).tolist() == [47, 48, 49]
 
 
-def test_frozen_is_who_was_told_to_move(circling) -> None:
+def test_a_body_is_frozen_after_a_prompt_to_move(circling) -> None:
     still, going = circling(240), circling(240, 0.5)
     no_joins = (np.zeros(0, np.intp), np.zeros(0, np.bool_))
-    told = ("walk forward", "stand still")
-    assert frozen_share(Run(told, RollOut(still, *no_joins)), every=4.0) == 1.0
-    assert frozen_share(Run(told, RollOut(going, *no_joins)), every=4.0) == 0.0
+    asked = ("walk forward", "stand still")
+    assert frozen_share(Run(asked, RollOut(still, *no_joins)), every=4.0) == 1.0
+    assert frozen_share(Run(asked, RollOut(going, *no_joins)), every=4.0) == 0.0
     assert frozen_share(Run(("stand still", "bow"), RollOut(still, *no_joins)), every=4.0) == 0.0
     texts = prompts(3, 120.0, 4.0)
     assert len(texts) == 30 and all(one != two for one, two in zip(texts, texts[1:], strict=False))
-
-
-def test_how_a_benchmark_ends(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    monkeypatch.setattr("sys.argv", ["bench"])
-
-    def fails() -> list[Verdict]:
-        raise ConfigError("bundle: not there")
-
-    for command, code in ((lambda: [Verdict("fine", True)], 0), (lambda: [Verdict("not", False)], 1), (fails, 2)):
-        with pytest.raises(SystemExit) as ended:
-            benchmark(command)
-        assert ended.value.code == code
-    printed = capsys.readouterr()
-    assert "PASS fine" in printed.out and "FAIL not" in printed.out and "bench: bundle: not there" in printed.err

@@ -1,4 +1,4 @@
-"""A robot folder that a test may spoil."""
+"""A robot folder that a test may edit."""
 
 from __future__ import annotations
 

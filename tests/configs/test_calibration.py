@@ -64,14 +64,14 @@ def test_an_imu_is_mounted_as_calibrated_and_another_is_refused(folder: Path) ->
 
 
 def test_a_calibration_cut_short_is_refused(folder: Path) -> None:
-    """Went wrong: cut after its date, a file was taken for one of no joints, and every zero was 0 again."""
+    """Regression: a file cut after its date counted as one without joints, and every zero was 0 again."""
     (folder / FILE).write_text("date: '2026-01-01T00:00:00+00:00'\n")
     with pytest.raises(ConfigError, match="joints"):
         load_robot(folder)
 
 
 def test_a_calibration_that_cannot_be_written_leaves_the_old_one(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Went wrong: a full disk in the middle of writing destroyed the zeros that were there."""
+    """Regression: a full disk during the write destroyed the old zeros."""
     write_calibration(folder, calibration())
 
     def full(_number: int) -> None:

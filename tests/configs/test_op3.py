@@ -1,4 +1,4 @@
-"""The OP3 model: masses, mirror symmetry, poses that hold and do not touch themselves."""
+"""The OP3 model: masses, mirror symmetry, and poses without self-contact."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def inertia(robot: Robot, data: mujoco.MjData, body: str) -> np.ndarray:
 
 
 def mirrored(robot: Robot, pose: np.ndarray) -> np.ndarray:
-    """The pose with left and right exchanged: in this model every angle of a side changes sign, and the pan."""
+    """The pose with left and right exchanged: in this model all angles of a side and the pan change sign."""
     other = np.empty_like(pose)
     for index, name in enumerate(robot.joint_names):
         twin = {"l": "r" + name[1:], "r": "l" + name[1:]}.get(name[0], name) if name[1] == "_" else name
@@ -46,8 +46,8 @@ def test_mass(op3: Robot) -> None:
     assert op3.mass == pytest.approx(3.147, abs=1e-3)
 
 
-def test_wherever_a_limp_joint_comes_to_rest_its_servo_takes_a_goal_there(op3: Robot) -> None:
-    """Between limit and stop there is room for shapes that give way, up to the margin of the servos' own limits."""
+def test_a_servo_accepts_goals_wherever_its_limp_joint_can_rest(op3: Robot) -> None:
+    """The stops, with some play, are within the margin of the servos' own limits."""
     stops = np.array([op3.model.joint(name).range for name in op3.joint_names])
     assert (stops[:, 0] < op3.lower).all() and (stops[:, 1] > op3.upper).all()
     beyond = np.maximum(op3.lower - stops[:, 0], stops[:, 1] - op3.upper)

@@ -46,15 +46,15 @@ def test_a_folder_without_a_robot_file_says_what_it_expected(tmp_path: Path) -> 
 @pytest.mark.parametrize(
     ("edit", "says"),
     [
-        (set_joint(0, name="head_pn"), "joint 'head_pn' is no hinge of op3.xml, did you mean: head_pan"),
+        (set_joint(0, name="head_pn"), "joint 'head_pn' is not a hinge of op3.xml, did you mean: head_pan"),
         (lambda c: c["joints"].pop(0), "op3.xml has joint 'head_pan' that the robot file lacks"),
         (set_joint(1, name="head_pan"), "joint 'head_pan' is listed twice"),
         (set_joint(0, servo="XM430-W35"), "joint 'head_pan': unknown servo 'XM430-W35', did you mean: XM430-W350"),
         (set_joint(1, id=19), "joint 'head_tilt': id 19 on bus 'main' already belongs to 'head_pan'"),
         (set_joint(0, bus="spare"), "joint 'head_pan': unknown bus 'spare', expected one of: main"),
         (set_joint(0, limits=[1.0, -1.0]), r"limits \[1.0, -1.0\] must be \[lower, higher\]"),
-        (set_joint(0, limits=[-4.0, 1.0]), r"joint 'head_pan': limits \[-4.0, 1.0\] leave what XM430-W350 reaches"),
-        (set_joint(0, zero=3.0), "leave what XM430-W350 reaches"),
+        (set_joint(0, limits=[-4.0, 1.0]), r"joint 'head_pan': limits \[-4.0, 1.0\] exceed the range of XM430-W350"),
+        (set_joint(0, zero=3.0), "exceed the range of XM430-W350"),
         (set_joint(0, limits=[float("nan"), 1.0]), r"joints\.0\.limits\.0: Input should be a finite number"),
         (set_joint(0, direction=2), r"joints\.0\.direction: Input should be 1 or -1"),
         (set_joint(0, speed=2), r"joints\.0\.speed: Extra inputs are not permitted"),
@@ -185,7 +185,7 @@ def test_compile_takes_an_edit_and_leaves_the_robot_alone(op3: Robot) -> None:
     assert op3.compile().ngeom == op3.model.ngeom
 
 
-def test_lookups_name_what_there_is(op3: Robot) -> None:
+def test_lookups_name_the_known_ones(op3: Robot) -> None:
     assert op3.servo("l_knee").name == "XM430-W350"
     assert [op3.joint_names[i] for i in op3.chain("head").values()] == ["head_pan", "head_tilt"]
     with pytest.raises(ConfigError, match="unknown joint 'knee'"):

@@ -20,7 +20,7 @@ class Engine(Strict):
         ("power: fast", "field power: Input should be a valid number"),
         ("name: a", "field power: Field required"),
         ("{power: 1, torque: 2}", "field torque: unknown field, expected one of: power, name"),
-        # It once named only the field that was missing for being misspelt.
+        # Regression: it named only the field that was missing because of the misspelling.
         ("powre: 1", "field powre: unknown field, expected one of: power, name (and 1 more)"),
         ("power: .nan", "field power: Input should be a finite number"),
         ("power: .inf", "field power: Input should be a finite number"),
@@ -51,6 +51,6 @@ def test_what_was_parsed_is_read_only() -> None:
         engine.power = 4  # type: ignore[misc]
 
 
-def test_where_there_are_no_fields_none_are_listed() -> None:
+def test_a_model_without_fields_lists_none() -> None:
     with pytest.raises(ConfigError, match="options: field speed: unknown field, there are none"):
         parse(Strict, {"speed": 1}, "options")

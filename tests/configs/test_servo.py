@@ -14,10 +14,10 @@ def test_the_catalogue_has_the_families_of_three_protocols() -> None:
 
 
 @pytest.mark.parametrize("servo", catalogue().values(), ids=lambda servo: servo.name)
-def test_every_figure_says_where_it_comes_from_and_is_plausible(servo: Servo) -> None:
+def test_every_figure_has_a_source_and_is_plausible(servo: Servo) -> None:
     for figure in servo.figures():
         assert servo.provenance[figure].text
-    assert servo.provenance["stall_temperature_rise"].assumption  # nobody publishes it
+    assert servo.provenance["stall_temperature_rise"].assumption  # no published figure
     assert not servo.provenance["stall_torque"].assumption
     assert 0.1 < servo.stall_torque < 12
     assert 0.4 < servo.usable_torque / servo.stall_torque <= 1

@@ -70,7 +70,7 @@ def start(op3: Robot) -> Iterator[Callable[..., Run]]:
 
 @pytest.fixture
 def emulated(op3: Robot) -> Iterator[Callable[..., Emulator]]:
-    """Call with arguments of `build_emulator`: an emulator that lives in a thread, servos on a bench."""
+    """Call with arguments of `build_emulator`: an emulator in a thread, servos on a bench."""
     running: list[tuple[Emulator, threading.Thread]] = []
 
     def make(robot: Robot = op3, **arguments: object) -> Emulator:

@@ -36,7 +36,7 @@ def test_the_mean_over_time_is_that_of_the_delayed_signal(delay: float, gaps: li
     assert area == pytest.approx(expected, abs=1e-9)
 
 
-def test_reset_forgets_what_is_on_its_way() -> None:
+def test_reset_drops_delayed_rows() -> None:
     line = DelayLine(np.array([0.0]), delay=0.002)
     line.push(np.array([1.0]))
     line.reset(np.array([5.0]))
@@ -54,6 +54,6 @@ def test_a_full_line_never_loses_the_newest_row() -> None:
 
 
 @pytest.mark.parametrize("delay", [-1.0, float("nan")])
-def test_a_delay_into_the_past_is_refused(delay: float) -> None:
+def test_a_negative_delay_is_refused(delay: float) -> None:
     with pytest.raises(ValueError, match="expected 0 or more"):
         DelayLine(np.array([0.0]), delay=delay)

@@ -1,4 +1,4 @@
-"""The example package in `examples/`: found through its entry point, and it passes the tests that it ships."""
+"""The example driver in `examples/` is found by its entry point, and passes its own tests."""
 
 from __future__ import annotations
 

@@ -81,7 +81,7 @@ def test_torque_off_is_no_torque(op3: Robot) -> None:
     assert not plant.saturated[0] and plant.saturated[1]
 
 
-def test_damped_gives_way_softly_but_brakes(op3: Robot) -> None:
+def test_a_damped_joint_gives_way_and_brakes(op3: Robot) -> None:
     plant = running(op3)
     plant.damp()
     assert step(plant, 1.0, 0.0) == pytest.approx(0.1 * op3.stall_torque[0])

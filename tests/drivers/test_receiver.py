@@ -56,7 +56,7 @@ def test_a_goal_that_implies_more_than_the_peak_is_counted(op3: Robot, receiver:
     assert receiver.torque_violations == 1
 
 
-def test_a_fast_joint_may_be_led_further_ahead_but_not_braked_harder(op3: Robot, receiver: Receiver) -> None:
+def test_a_fast_joint_allows_goals_further_ahead_but_not_behind(op3: Robot, receiver: Receiver) -> None:
     elbow = np.arange(op3.n) == op3.index("l_el")
     ahead = 1.2 * op3.stall_torque / op3.kp * elbow
     send(receiver, op3, goal=op3.stand_pose + ahead, speed=2.0)
@@ -66,7 +66,7 @@ def test_a_fast_joint_may_be_led_further_ahead_but_not_braked_harder(op3: Robot,
 
 
 def test_the_count_does_not_depend_on_the_supply_at_rest(op3: Robot, receiver: Receiver) -> None:
-    """A PWM loop's gain and peak both follow the supply."""
+    """Gain and peak of a PWM loop both scale with the supply."""
     reach = op3.stall_torque / op3.kp * (np.arange(op3.n) == op3.index("l_el"))
     for volts in (10.0, 14.0):
         send(receiver, op3, goal=op3.stand_pose + 0.98 * reach, volts=volts)
@@ -79,7 +79,7 @@ def test_goals_to_servos_that_are_off_are_not_counted(op3: Robot, receiver: Rece
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
-def test_what_is_no_number_is_counted_and_not_taken(op3: Robot, receiver: Receiver, bad: float) -> None:
+def test_a_goal_that_is_not_a_number_is_counted_and_not_taken(op3: Robot, receiver: Receiver, bad: float) -> None:
     goal = op3.stand_pose.copy()
     goal[3] = bad
     before = receiver.goal.copy()
@@ -88,14 +88,14 @@ def test_what_is_no_number_is_counted_and_not_taken(op3: Robot, receiver: Receiv
     np.testing.assert_allclose(receiver.goal, before, atol=1e-12)
 
 
-def test_where_a_joint_stands_past_its_limit_goals_may_only_come_in(op3: Robot) -> None:
-    """A limp robot rests on its stops; a goal pinned there was once refused or counted."""
+def test_outside_its_limit_a_joints_goals_may_only_move_inside(op3: Robot) -> None:
+    """Regression: a limp robot rests on its stops, and a goal pinned there was refused or counted."""
     receiver, on, still = Receiver(op3), np.ones(op3.n, np.bool_), np.zeros(op3.n)
     knee, position = op3.index("l_knee"), op3.stand_pose.copy()
     position[knee] = op3.upper[knee] + 0.1
 
     def sent(offset: float, at: float = 0.0) -> int:
-        """Violations of a goal and a joint so far beyond where the joint stood at first [rad]."""
+        """Violations of a goal, for goal and joint at these distances from the joint's first position [rad]."""
         goal, where = position.copy(), position.copy()
         goal[knee] += offset
         where[knee] += at
@@ -106,14 +106,14 @@ def test_where_a_joint_stands_past_its_limit_goals_may_only_come_in(op3: Robot) 
     receiver.pin(position)
     assert sent(0.0) == 0
     assert sent(0.01) == 1
-    # The joint comes in ahead of its goal: the goal may stay, not go out again.
+    # The joint moves inside before its goal: the goal may stay, but not move out again.
     assert sent(-0.02, at=-0.04) == 0 and sent(-0.02, at=-0.06) == 0
     assert sent(-0.01, at=-0.06) == 1
     assert sent(-0.15, at=-0.15) == 0 and sent(-0.09, at=-0.15) == 1
 
 
-def test_only_the_first_goal_may_lie_where_the_joint_stands(op3: Robot) -> None:
-    """A joint that was pushed past its limit in mid run took its goals along, and none of them was counted."""
+def test_only_the_first_goal_may_be_at_the_joints_position(op3: Robot) -> None:
+    """Regression: a joint pushed past its limit during a run took its goals along, and none was counted."""
     on, still = np.ones(op3.n, np.bool_), np.zeros(op3.n)
     knee = op3.index("l_knee")
     outside = op3.stand_pose.copy()
@@ -125,7 +125,7 @@ def test_only_the_first_goal_may_lie_where_the_joint_stands(op3: Robot) -> None:
     receiver.receive(outside, outside, still, 12.0, on)
     assert receiver.position_violations == 1
 
-    # Where torque was off it is pinned to where it stands, and begins there.
+    # After torque off the goal is pinned to the joint's position, and starts there.
     receiver.receive(outside, outside, still, 12.0, on & (np.arange(op3.n) != knee))
     receiver.receive(outside, outside, still, 12.0, on)
     assert receiver.position_violations == 1

@@ -13,7 +13,7 @@ from flexmotion.drivers.sim.driver import SimDriver
 
 @pytest.fixture
 def plug_ins(monkeypatch: pytest.MonkeyPatch) -> list[EntryPoint]:
-    """Entry points that pretend to be installed; none but what a test puts in."""
+    """Entry points that a test adds as if they were installed."""
     installed: list[EntryPoint] = []
     monkeypatch.setattr(plugins, "entry_points", lambda group: tuple(installed))
     return installed

@@ -43,7 +43,7 @@ def test_a_driver_whose_capabilities_deny_it_is_neither(op3: Robot) -> None:
     assert simulated(WithoutTruth(op3)) is None and lockstep(WithoutTruth(op3)) is None
 
 
-def test_the_hardware_interface_has_no_verb_of_the_simulation() -> None:
+def test_the_hardware_interface_has_no_method_of_the_simulation() -> None:
     assert not {"truth", "advance", "detached", "lateness_s"} & set(dir(Driver))
 
 

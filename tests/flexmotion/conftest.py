@@ -1,4 +1,4 @@
-"""Motions to test with, and a writer of BVH files for them in whatever convention."""
+"""Motions for tests, and a writer of BVH files in several conventions."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ MIXAMO = {
 
 
 def standing(frames: int = 1, body: Body | None = None, fps: float = 30.0, **joints: float) -> Motion:
-    """Upright stance with these joints set to these angles."""
+    """Upright stance with the given joint angles."""
     body = body or Body()
     angles = np.zeros((frames, len(JOINTS)))
     for name, angle in joints.items():
@@ -64,7 +64,7 @@ def clip_kinematics(clip: Motion) -> HumanKinematics:
 
 @dataclass(frozen=True)
 class Figure:
-    """A tree of joints that stands with hanging arms, palms inward, while every joint's axes are the world's."""
+    """A tree of joints that stands with hanging arms, palms inward; the axes of every joint are those of the world."""
 
     names: list[str]
     parents: list[int]
@@ -74,7 +74,7 @@ class Figure:
 
 
 def figure(motion: Motion, names: dict[str, str]) -> Figure:
-    """The joints of a motion as an animation program would name them; `{}` is the side."""
+    """Joints of a motion with the names of an animation program; `{}` is the side."""
     tree: list[tuple[str, int, str, tuple[float, float, float]]] = [("pelvis", -1, "pelvis", (0, 0, 0))]
     size = motion.body.segments
     neck = (size.neck_forward, 0, size.neck_height)
@@ -93,7 +93,7 @@ def figure(motion: Motion, names: dict[str, str]) -> Figure:
         ]
     zero = standing(body=motion.body)
     moving, still = _bodies(motion, tree), _bodies(zero, tree)
-    # The model's zero has the palms forward, an animator's inward.
+    # The palms face forward at the zero of the model, inward at that of animation programs.
     for index, (part, *_) in enumerate(tree):
         if part.startswith("wrist"):
             quarter = np.pi / 2 if part.endswith("Left") else -np.pi / 2

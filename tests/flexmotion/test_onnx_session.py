@@ -1,4 +1,4 @@
-"""Networks that fail."""
+"""Failing networks."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ onnx = pytest.importorskip("onnx", reason="networks are made with the extra 'tra
 
 @pytest.fixture
 def network(tmp_path: Path) -> Path:
-    """Reads an entry of a table of three."""
+    """A network that looks up an entry in a table of three."""
     helper, types = onnx.helper, onnx.TensorProto
     graph = helper.make_graph(
         [helper.make_node("Gather", ["table", "entry"], ["found"])],
@@ -31,14 +31,14 @@ def network(tmp_path: Path) -> Path:
 
 @pytest.mark.parametrize("inputs", [{"entry": np.array([7])}, {"entry": np.array(["x"])}, {}])
 def test_a_network_that_fails_while_it_runs_is_named(network: Path, inputs: dict[str, np.ndarray]) -> None:
-    """What onnxruntime raises has no base but Exception: it ended the planner's process."""
+    """Regression: errors of onnxruntime have no base but Exception, and ended the planner's process."""
     session = open_session(network)
     np.testing.assert_array_equal(run(session, network, {"entry": np.array([1])}), [2.0])
     with pytest.raises(ConfigError, match=r"lookup\.onnx: cannot be run \(.+\)"):
         run(session, network, inputs)
 
 
-def test_what_is_no_network_is_named(tmp_path: Path) -> None:
+def test_a_file_that_is_not_a_network_is_named(tmp_path: Path) -> None:
     path = tmp_path / "none.onnx"
     with pytest.raises(ConfigError, match="not there"):
         open_session(path)

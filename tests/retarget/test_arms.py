@@ -27,20 +27,20 @@ def hands(upper: UpperBody, angles: np.ndarray) -> np.ndarray:
     return np.array(found)
 
 
-def test_hands_follow_the_human_where_they_can(upper: UpperBody, clip: Motion, op3: Robot) -> None:
+def test_hands_follow_the_human_within_reach(upper: UpperBody, clip: Motion, op3: Robot) -> None:
     angles, targets = upper.solve(forward(clip), op3.stand_pose)
     error = np.linalg.norm(hands(upper, angles) - targets.hand, axis=2) / upper.lengths.sum(axis=1)
     assert np.median(error[targets.reachable]) < 0.08
     assert targets.reachable.any(axis=0).all()
 
 
-def test_angles_keep_to_their_limits(upper: UpperBody, clip: Motion, op3: Robot) -> None:
+def test_angles_stay_within_their_limits(upper: UpperBody, clip: Motion, op3: Robot) -> None:
     angles, _ = upper.solve(forward(clip), op3.stand_pose)
     assert (angles >= op3.lower[upper.joints]).all() and (angles <= op3.upper[upper.joints]).all()
 
 
 def test_a_motion_that_is_cut_anywhere_gives_the_same_arms(upper: UpperBody, clip: Motion, op3: Robot) -> None:
-    """Other starts were looked for every fourth frame of a window, so that redraws of a motion disagreed."""
+    """Restarts at every fourth frame of a window, instead of the source, gave other arms for each window."""
     human = clip[100:160]
     whole, _ = upper.solve(forward(human), op3.stand_pose, first=100)
     for cut in (13, 22, 31):
@@ -50,14 +50,14 @@ def test_a_motion_that_is_cut_anywhere_gives_the_same_arms(upper: UpperBody, cli
         np.testing.assert_allclose(rest[8:], whole[cut + 8 :], atol=0.05)
 
 
-def test_the_hand_that_waves_is_the_humans(upper: UpperBody, clip: Motion) -> None:
+def test_the_hand_on_the_side_of_the_humans_waves(upper: UpperBody, clip: Motion) -> None:
     targets = upper.targets(forward(clip))
     second = int(2.5 * clip.fps)
     assert targets.hand[second, 1, 2] > targets.hand[second, 0, 2] + 0.1
     assert targets.hand[second, 0, 1] > 0 > targets.hand[second, 1, 1]
 
 
-def test_targets_do_not_depend_on_where_the_human_is(upper: UpperBody, stand: Callable[..., Motion]) -> None:
+def test_targets_are_relative_to_the_torso(upper: UpperBody, stand: Callable[..., Motion]) -> None:
     here, bent = stand(2, elbow_flexion_r=1.0), stand(2, elbow_flexion_r=1.0, lumbar_extension=-0.4)
     np.testing.assert_allclose(upper.targets(forward(here)).hand, upper.targets(forward(bent)).hand, atol=1e-9)
 
@@ -73,10 +73,10 @@ def test_the_head_turns_with_the_humans(
     assert abs(turned) == pytest.approx(0.3, abs=0.02)
 
 
-def test_the_same_arm_pose_comes_back_whatever_the_start(
+def test_the_arm_reaches_the_same_pose_from_any_start(
     upper: UpperBody, stand: Callable[..., Motion], op3: Robot
 ) -> None:
-    """From a start in a corner of the limits it finds its way to the same hand."""
+    """A start at the joint limits leads to the same position of the hand."""
     human = forward(stand(30, shoulder_flexion_r=1.2, elbow_flexion_r=1.0))
     far = op3.stand_pose.copy()
     far[upper.arms] = op3.lower[upper.arms]
@@ -84,7 +84,7 @@ def test_the_same_arm_pose_comes_back_whatever_the_start(
     np.testing.assert_allclose(ends[0], ends[1], atol=0.02)
 
 
-def test_the_start_is_left_as_it_was(upper: UpperBody, clip: Motion, op3: Robot) -> None:
+def test_the_start_is_not_changed(upper: UpperBody, clip: Motion, op3: Robot) -> None:
     start = op3.stand_pose.copy()
     upper.solve(forward(clip[:5]), start)
     np.testing.assert_array_equal(start, op3.stand_pose)
@@ -92,5 +92,5 @@ def test_the_start_is_left_as_it_was(upper: UpperBody, clip: Motion, op3: Robot)
 
 def test_a_robot_without_hands_is_refused_by_name(op3: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(op3, "config", op3.config.model_copy(update={"hands": None}))
-    with pytest.raises(RetargetError, match=r"op3\.yaml: needs field hands"):
+    with pytest.raises(RetargetError, match=r"op3\.yaml: field hands is required"):
         UpperBody(op3)

@@ -37,7 +37,7 @@ def solve(
     )
 
 
-def test_at_rest_the_ground_must_push_under_the_centre_of_mass(retargeter: Retargeter, dynamics: RobotDynamics) -> None:
+def test_at_rest_the_zmp_is_under_the_centre_of_mass(retargeter: Retargeter, dynamics: RobotDynamics) -> None:
     base, q, feet = standing(retargeter)
     _, zmp = solve(dynamics, base, q, feet, 0.5)
     np.testing.assert_allclose(zmp[0], dynamics.centre_of_mass(base, q)[0, :2], atol=1e-6)
@@ -49,7 +49,7 @@ def test_at_rest_the_ground_must_push_under_the_centre_of_mass(retargeter: Retar
 def test_joint_torques_and_ground_forces_balance_the_robot(
     retargeter: Retargeter, dynamics: RobotDynamics, share: float
 ) -> None:
-    """With the torques on its joints and the feet pushing by load, MuJoCo finds nothing left to accelerate it."""
+    """Under the joint torques and the ground forces at the feet, MuJoCo finds no acceleration."""
     base, q, feet = standing(retargeter)
     feet_at, weights = feet[0, :, :3], np.array([1.0 - share, share])
     torque, _ = solve(dynamics, base, q, feet, share)
@@ -74,19 +74,19 @@ def test_torques_mirror_with_the_robot(retargeter: Retargeter, dynamics: RobotDy
     np.testing.assert_allclose(left, right * [-1, -1, 1, 1, 1, -1], atol=5e-3)
 
 
-def test_the_loaded_leg_carries_the_robot_and_the_other_only_itself(
+def test_the_stance_leg_carries_the_robot_and_the_other_only_itself(
     retargeter: Retargeter, dynamics: RobotDynamics
 ) -> None:
     base, q, feet = standing(retargeter)
-    base[0, 1] -= 0.048  # over the right foot: its own part of the ground's moment is small
+    base[0, 1] -= 0.048  # over the right foot: the moment about its sole is small
     q = q.copy()
     torque, _ = solve(dynamics, base, q, feet - [0.0, 0.048, 0.0, 0.0], 1.0)
     left, right = (np.abs(torque[0, leg.indices[3]]) for leg in retargeter.body.legs)
     assert right > 4 * left
 
 
-def test_the_ground_supplies_what_accelerates_the_robot(retargeter: Retargeter, dynamics: RobotDynamics) -> None:
-    """The pressure falls behind the centre of mass by h a / g when the whole accelerates forward."""
+def test_an_acceleration_shifts_the_zmp(retargeter: Retargeter, dynamics: RobotDynamics) -> None:
+    """The zero-moment point is h a / g behind the centre of mass when the robot accelerates forward."""
     base, q, feet = standing(retargeter)
     pushed = np.array([[0.4, 0.0, 0.0, 0.0, 0.0, 0.0]])
     _, zmp = solve(dynamics, base, q, feet, 0.5, base_acceleration=pushed)
@@ -94,13 +94,13 @@ def test_the_ground_supplies_what_accelerates_the_robot(retargeter: Retargeter, 
     assert zmp[0, 0] - com[0] == pytest.approx(-com[2] * 0.4 / GRAVITY, rel=1e-3)
 
 
-def test_falling_freely_asks_for_nothing(retargeter: Retargeter, dynamics: RobotDynamics) -> None:
+def test_free_fall_needs_no_torque(retargeter: Retargeter, dynamics: RobotDynamics) -> None:
     base, q, feet = standing(retargeter)
     torque, _ = solve(dynamics, base, q, feet, 0.5, base_acceleration=np.array([[0, 0, -GRAVITY, 0, 0, 0.0]]))
     np.testing.assert_allclose(torque, 0.0, atol=1e-8)
 
 
-def test_where_the_robot_stands_and_looks_makes_no_difference(retargeter: Retargeter, dynamics: RobotDynamics) -> None:
+def test_torques_do_not_depend_on_position_and_heading(retargeter: Retargeter, dynamics: RobotDynamics) -> None:
     base, q, feet = standing(retargeter)
     torque, zmp = solve(dynamics, base, q, feet, 0.3)
     turn, shift = Rotation.from_euler("z", 1.1), np.array([0.7, -0.3, 0.0])
@@ -113,13 +113,13 @@ def test_where_the_robot_stands_and_looks_makes_no_difference(retargeter: Retarg
     np.testing.assert_allclose(zmp_again[0], turn.apply([*zmp[0], 0.0])[:2] + shift[:2], atol=1e-6)
 
 
-def test_a_foot_cannot_press_outside_its_sole(retargeter: Retargeter, dynamics: RobotDynamics) -> None:
-    """However far ahead the pressure is asked for, the ankle gets no more than the toe's lever."""
+def test_the_centre_of_pressure_stays_on_the_sole(retargeter: Retargeter, dynamics: RobotDynamics) -> None:
+    """For a zero-moment point ahead of the toes, the ankle torque is limited by the lever of the toes."""
     base, q, feet = standing(retargeter)
     ankles = [leg.indices[4] for leg in retargeter.body.legs]
     back = np.array([[-3.0, 0.0, 0.0, 0.0, 0.0, 0.0]])
     torque, zmp = solve(dynamics, base, q, feet, 0.5, base_acceleration=back)
     half = retargeter.robot.sole_half_size[0, 0]
-    assert zmp[0, 0] > half  # unbounded it would be in front of the toes
+    assert zmp[0, 0] > half  # in front of the toes
     toe_lever = half + abs(retargeter.body.legs[0].sole[0])
     assert np.abs(torque[0, ankles]).max() < 0.6 * retargeter.robot.mass * GRAVITY * toe_lever

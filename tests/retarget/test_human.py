@@ -18,18 +18,18 @@ def test_swings_are_those_of_the_walk(window: Callable[[Motion], HumanWindow], w
     assert [swing.side for swing in swings] == [1, 0] * 4
     for swing, lift_s in zip(swings, 1.06 + 0.5 * np.arange(8), strict=True):
         assert swing.landed
-        # The detector is causal: it tells some frames late.
+        # The detector is causal: it detects lift-off and touch-down some frames late.
         assert lift_s - 0.02 <= swing.lift_s <= lift_s + 0.2
         assert lift_s + 0.3 <= swing.land_s <= lift_s + 0.55
 
 
-def test_a_swing_that_is_not_over_ends_with_the_window(window: Callable[[Motion], HumanWindow], walk: Motion) -> None:
+def test_a_swing_without_a_landing_ends_with_the_window(window: Callable[[Motion], HumanWindow], walk: Motion) -> None:
     seen = window(walk[:40])
     assert not seen.swings[-1].landed
     assert seen.swings[-1].land_s == seen.end_s
 
 
-def test_seen_in_pieces_it_is_the_same_as_in_one(window: Callable[[Motion], HumanWindow], walk: Motion) -> None:
+def test_windows_in_sequence_equal_one_window(window: Callable[[Motion], HumanWindow], walk: Motion) -> None:
     whole = window(walk)
     cut = 47
     tail = HumanWindow(walk[cut:], cut / walk.fps, whole.detector_states[cut - 1], whole.yaws[cut - 1])
@@ -38,8 +38,8 @@ def test_seen_in_pieces_it_is_the_same_as_in_one(window: Callable[[Motion], Huma
     np.testing.assert_allclose(tail.times, whole.times[cut:])
 
 
-def test_turns_add_up_over_windows(stand: Callable[..., Motion]) -> None:
-    """Three turns on the spot in chunks: the yaw goes on past pi instead of jumping back."""
+def test_yaw_is_continuous_over_windows(stand: Callable[..., Motion]) -> None:
+    """Three turns on the spot in ten windows: the yaw increases beyond pi."""
     still = stand(300)
     angle = np.linspace(0.0, 6 * np.pi, 300)
     turned = Motion(
@@ -58,7 +58,7 @@ def test_turns_add_up_over_windows(stand: Callable[..., Motion]) -> None:
     assert np.ptp(yaws) < 0.6  # toes point a little outward
 
 
-def test_interpolation_holds_the_ends(window: Callable[[Motion], HumanWindow], walk: Motion) -> None:
+def test_interpolation_is_constant_beyond_the_ends(window: Callable[[Motion], HumanWindow], walk: Motion) -> None:
     seen = window(walk)
     values = np.arange(len(walk), dtype=float)[:, None]
     found = seen.at(values, np.array([-1.0, 0.0, 0.5 / 30, 1.0, 99.0]))[:, 0]
@@ -66,7 +66,7 @@ def test_interpolation_holds_the_ends(window: Callable[[Motion], HumanWindow], w
     assert seen.frame_before(np.array([-1.0, 0.0, 0.05, 99.0])).tolist() == [0, 0, 1, len(walk) - 1]
 
 
-def test_one_frame_is_enough_to_look_at(window: Callable[[Motion], HumanWindow], walk: Motion) -> None:
+def test_a_window_may_have_one_frame(window: Callable[[Motion], HumanWindow], walk: Motion) -> None:
     seen = window(walk[:1])
     assert seen.swings == []
     assert seen.foot(0, 5.0) == pytest.approx(seen.feet[0, 0])
@@ -82,7 +82,7 @@ def test_tilt_is_right_and_forward_positive(
 
 
 @pytest.mark.parametrize("turned", [0.0, 2.9, -2.0])
-def test_who_leans_to_the_right_has_a_roll_above_zero(
+def test_a_lean_to_the_right_is_a_positive_roll(
     window: Callable[[Motion], HumanWindow], stand: Callable[..., Motion], turned: float
 ) -> None:
     root = Rotation.from_euler("ZYX", [[turned, 0.0, 0.2]] * 2).as_quat(scalar_first=True)
@@ -92,10 +92,10 @@ def test_who_leans_to_the_right_has_a_roll_above_zero(
 
 
 @pytest.mark.parametrize("turned", [0.0, 2.9, -2.0])
-def test_who_bows_past_the_horizontal_does_not_turn_round(
+def test_a_bow_past_the_horizontal_does_not_flip_the_heading(
     window: Callable[[Motion], HumanWindow], stand: Callable[..., Motion], turned: float
 ) -> None:
-    """Euler's angles flipped at 90 degrees: the robot's torso swung to one side in mid-step, and it fell."""
+    """Euler angles flipped at 90 degrees: the robot's torso swung to one side in mid-step, and it fell."""
     bends = np.radians(np.arange(0.0, 140.0, 2.0))
     still = stand(len(bends))
     pelvis = Rotation.from_euler("ZYX", np.column_stack([np.full_like(bends, turned), 0.6 * bends, 0.02 + 0 * bends]))
@@ -107,17 +107,17 @@ def test_who_bows_past_the_horizontal_does_not_turn_round(
     assert np.abs(seen.yaws[:, 2] - seen.yaws[0, 2]).max() < 0.06
 
 
-def test_foot_height_is_the_lift_over_where_it_stood(window: Callable[[Motion], HumanWindow], walk: Motion) -> None:
+def test_foot_height_is_relative_to_its_first_height(window: Callable[[Motion], HumanWindow], walk: Motion) -> None:
     seen = window(walk)
     assert seen.foot_height(1, 1.0, 1.5) == pytest.approx(0.09, abs=0.02)
     assert seen.foot_height(0, 0.0, 0.9) < 0.005
     assert seen.foot_height(0, 50.0, 51.0) == 0.0
 
 
-def test_forces_that_come_with_a_motion_say_which_foot_stands(
+def test_ground_forces_of_a_motion_decide_about_contacts(
     window: Callable[[Motion], HumanWindow], stand: Callable[..., Motion]
 ) -> None:
-    """Both feet stay where they are, but what is told of the forces counts: the right one bears nothing for a while."""
+    """Neither foot moves, but the right foot has no force for half a second."""
     motion = stand(120)
     weight = motion.body.mass * 9.81
     wrenches = np.zeros((len(motion), 2, 6))
@@ -130,10 +130,10 @@ def test_forces_that_come_with_a_motion_say_which_foot_stands(
 
 
 @pytest.mark.parametrize("share", [0.0, 0.1, 20.0])
-def test_forces_that_cannot_be_do_not_take_the_floor_away(
+def test_implausible_forces_do_not_change_contacts(
     window: Callable[[Motion], HumanWindow], walk: Motion, share: float
 ) -> None:
-    """With forces of zero no foot was ever loaded, whatever it did."""
+    """Forces of zero left both feet without contact for the whole motion."""
     wrenches = np.zeros((len(walk), 2, 6))
     wrenches[:, :, 2] = share * walk.body.mass * 9.81
     np.testing.assert_array_equal(window(replace(walk, wrenches=wrenches)).contacts, window(walk).contacts)

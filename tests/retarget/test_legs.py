@@ -18,10 +18,10 @@ ROBOT = load_robot("op3")  # hypothesis takes no fixtures
 LEGS = [Leg.of(ROBOT, side) for side in SIDE_NAMES]
 DATA = mujoco.MjData(ROBOT.model)
 NEARLY_STRAIGHT = 0.15
-"""Bend of the knee [rad] at which the leg is as long as it is ever used."""
+"""Knee angle at the longest used length of the leg [rad]."""
 
 AXES_MISS = 3e-4
-"""What the OP3's axes miss one another by [m], at most; no closed form can do better."""
+"""Largest distance between the OP3's axes that should intersect [m]: the error of any closed form."""
 
 shares = st.lists(st.floats(0.0, 1.0), min_size=6, max_size=6)
 tilts = st.tuples(*[st.floats(-0.3, 0.3)] * 2, st.floats(-3.0, 3.0))
@@ -63,12 +63,12 @@ def test_inverse_of_forward_kinematics_for_every_pose_within_the_limits(
     np.testing.assert_allclose(reached, position, atol=AXES_MISS)
     hip = torso + rotation @ LEGS[side].hip
     if (foot.T @ (hip - position) + LEGS[side].sole)[2] < 0.01:
-        return  # a hip below its ankle is nobody's stance: the ankle may as well be turned the other way round
-    # Nearly straight, a tenth of a millimetre is a hundredth of a radian at the knee.
+        return  # With the hip below the ankle, the ankle has a second solution.
+    # Near a straight knee, a tenth of a millimetre is a hundredth of a radian at the knee.
     np.testing.assert_allclose(found[0], angles, atol=0.02)
 
 
-def test_rows_are_solved_apart() -> None:
+def test_rows_are_solved_independently() -> None:
     rows = np.array([[0.0, 0.0, 0.2], [0.01, 0.02, 0.21]])
     upright = np.tile(np.eye(3), (2, 1, 1))
     soles = np.array([[0.0, 0.05, 0.0], [0.03, 0.05, 0.0]])
@@ -79,7 +79,7 @@ def test_rows_are_solved_apart() -> None:
 
 
 @pytest.mark.parametrize("side", [0, 1])
-def test_out_of_reach_it_tells_what_is_missing_and_points_at_the_target(side: int) -> None:
+def test_out_of_reach_the_leg_points_at_the_target_and_the_missing_length_is_returned(side: int) -> None:
     leg, upright = LEGS[side], np.eye(3)
     torso = np.array([0.0, 0.0, 0.5])
     ankle = torso + leg.hip + np.array([0.1, 0.0, -leg.length - 0.02])
@@ -93,7 +93,7 @@ def test_out_of_reach_it_tells_what_is_missing_and_points_at_the_target(side: in
     np.testing.assert_allclose(towards, (ankle - hip) / np.linalg.norm(ankle - hip), atol=AXES_MISS / leg.length)
 
 
-def test_a_foot_inside_the_hip_is_finite() -> None:
+def test_a_foot_at_the_hip_gives_finite_angles() -> None:
     leg = LEGS[0]
     angles, short = leg.solve(np.zeros((1, 3)), np.eye(3)[None], (leg.hip + leg.sole)[None], np.eye(3)[None])
     assert np.isfinite(angles).all()
@@ -134,6 +134,6 @@ def test_a_leg_of_another_kind_names_the_joint(tmp_path: Path, old: str, new: st
     assert Leg.of(robot, "right").thigh > 0.0
 
 
-def test_a_leg_within_a_millimetre_is_taken(tmp_path: Path) -> None:
+def test_axes_within_a_millimetre_are_accepted(tmp_path: Path) -> None:
     robot = edited(tmp_path, 'name="l_knee_link" pos="0 0 -0.11015"', 'name="l_knee_link" pos="0.0006 0 -0.11015"')
     assert Leg.of(robot, "left").thigh == pytest.approx(LEGS[0].thigh)

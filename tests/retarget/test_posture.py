@@ -24,7 +24,7 @@ def standing(retargeter: Retargeter) -> Schedule:
 
 @pytest.fixture
 def trunk(retargeter: Retargeter, standing: Schedule, window: Callable[[Motion], HumanWindow]) -> Callable:
-    """Function motion -> what its trunk asks of a robot that stands, (T, 4)."""
+    """Function motion -> targets of the trunk of a robot that stands, (T, 4)."""
 
     def make(motion: Motion) -> np.ndarray:
         scaling = Scaling(retargeter.body.leg_length / motion.body.leg, 0.0, motion.body.segments.hip_width)
@@ -34,12 +34,12 @@ def trunk(retargeter: Retargeter, standing: Schedule, window: Callable[[Motion],
     return make
 
 
-def test_upright_over_the_feet(retargeter: Retargeter, standing: Schedule) -> None:
+def test_without_a_human_the_trunk_is_upright_over_the_feet(retargeter: Retargeter, standing: Schedule) -> None:
     targets = trunk_targets(retargeter.gait, standing)
     np.testing.assert_allclose(targets, np.tile([retargeter.gait.stand_hip_height, 0, 0, 0], (ROWS, 1)))
 
 
-def test_a_human_who_stands_asks_for_no_more_than_standing(
+def test_a_standing_human_gives_a_standing_robot(
     retargeter: Retargeter, trunk: Callable, stand: Callable[..., Motion]
 ) -> None:
     targets = trunk(stand(40))
@@ -47,12 +47,12 @@ def test_a_human_who_stands_asks_for_no_more_than_standing(
     np.testing.assert_allclose(targets[:, 1:3], 0.0, atol=0.05)
 
 
-def test_a_bow_bends_the_trunk_within_its_limit(trunk: Callable, stand: Callable[..., Motion]) -> None:
+def test_a_bow_tilts_the_trunk_within_its_bounds(trunk: Callable, stand: Callable[..., Motion]) -> None:
     assert trunk(stand(40, lumbar_extension=-0.4))[-1, 2] == pytest.approx(0.4, abs=0.03)
     assert trunk(stand(40, lumbar_extension=-1.4))[-1, 2] == pytest.approx(0.6)
 
 
-def test_a_squat_lowers_the_hips_but_not_below_the_least(
+def test_a_squat_lowers_the_hips_to_the_lowest_height_at_most(
     retargeter: Retargeter, trunk: Callable, stand: Callable[..., Motion]
 ) -> None:
     bent = {f"{joint}_{side}": 2.2 for joint in ("knee_flexion", "hip_flexion") for side in "lr"}

@@ -17,7 +17,7 @@ from flexmotion.retarget.steps import NOTICE_S
 
 RATE = 125
 FRAMES = 32
-"""Frames of a second of human motion and the two around it, as the planner asks for."""
+"""Frames of a second of human motion and one on either side, as given by the planner."""
 REPLAN = 31
 
 Chain = Callable[..., list[Plan]]
@@ -40,7 +40,7 @@ def replan(retargeter: Retargeter, motion: Motion, every: int = REPLAN, start: i
 
 @pytest.fixture(scope="session")
 def chain(retargeter: Retargeter) -> Chain:
-    """`replan` with a memory."""
+    """`replan`, cached."""
     known: dict[tuple[int, int, int], list[Plan]] = {}
 
     def make(motion: Motion, every: int = REPLAN, start: int = 0) -> list[Plan]:
@@ -58,7 +58,7 @@ def walking(chain: Chain, walk: Motion) -> list[Plan]:
 
 
 def played(plans: list[Plan], name: str) -> np.ndarray:
-    """What the loop plays of them: each up to where the next one joins."""
+    """The rows that the loop plays: those of each plan up to where the next one joins."""
     ends = [later.start_tick - plan.start_tick for plan, later in zip(plans, plans[1:], strict=False)]
     return np.concatenate([getattr(p, name)[:end] for p, end in zip(plans, [*ends, None], strict=True)])
 
@@ -76,7 +76,7 @@ def assert_same(one: Plan, other: Plan) -> None:
 # ---------------------------------------------------------------- standing
 
 
-def test_without_a_source_it_stands(retargeter: Retargeter) -> None:
+def test_without_a_source_the_robot_stands(retargeter: Retargeter) -> None:
     state = retargeter.standing()
     plan = retargeter.plan(state, None, 0, 50)
     assert plan.start_tick == 50 and plan.stop_row == 0 and len(plan) >= 0.5 * RATE
@@ -88,13 +88,13 @@ def test_without_a_source_it_stands(retargeter: Retargeter) -> None:
 
 
 @pytest.mark.parametrize("frames", [0, 1])
-def test_too_few_frames_are_as_good_as_none(retargeter: Retargeter, walk: Motion, frames: int) -> None:
+def test_too_few_frames_are_ignored(retargeter: Retargeter, walk: Motion, frames: int) -> None:
     assert_same(
         retargeter.plan(retargeter.standing(), walk[:frames], 0, 0), retargeter.plan(retargeter.standing(), None, 0, 0)
     )
 
 
-def test_planning_leaves_the_state_as_it_was(retargeter: Retargeter, walk: Motion) -> None:
+def test_planning_does_not_change_the_given_state(retargeter: Retargeter, walk: Motion) -> None:
     state = retargeter.standing()
     before = state.copy()
     resume(retargeter, walk, state, 0)
@@ -136,7 +136,7 @@ def test_shapes_and_limits(walking: list[Plan], retargeter: Retargeter) -> None:
         assert np.isfinite(plan.source_s[: plan.stop_row]).all() and np.isnan(plan.source_s[plan.stop_row :]).all()
 
 
-def test_pressure_stays_under_the_feet_that_stand(walking: list[Plan], retargeter: Retargeter) -> None:
+def test_the_zmp_stays_within_the_stance_sole(walking: list[Plan], retargeter: Retargeter) -> None:
     half = retargeter.robot.sole_half_size.min(axis=0)
     zmp, feet, contacts = (played(walking, name) for name in ("zmp", "feet", "contacts"))
     single = contacts.sum(axis=1) == 1
@@ -148,7 +148,7 @@ def test_pressure_stays_under_the_feet_that_stand(walking: list[Plan], retargete
 # ---------------------------------------------------------------- joins
 
 
-def test_the_walk_that_is_played_has_no_jump(walking: list[Plan], retargeter: Retargeter) -> None:
+def test_the_played_walk_has_no_jumps(walking: list[Plan], retargeter: Retargeter) -> None:
     q, dcm, feet, base = (played(walking, name) for name in ("q", "dcm", "feet", "base"))
     robot = retargeter.robot
     assert np.abs(np.diff(q, axis=0)).max() < robot.no_load_speed.max() / RATE
@@ -165,21 +165,23 @@ def test_feet_on_the_ground_do_not_move(walking: list[Plan]) -> None:
     np.testing.assert_allclose(feet[..., 2][contacts], 0.0, atol=1e-9)
 
 
-def test_the_robot_walks_as_far_as_the_human_for_its_legs(
+def test_the_robot_walks_the_humans_distance_scaled_by_leg_length(
     walking: list[Plan], walk: Motion, retargeter: Retargeter
 ) -> None:
-    way = played(walking, "base")[-1, 0]
+    distance = played(walking, "base")[-1, 0]
     ratio = retargeter.body.leg_length / walk.body.leg
     human = walk.root_position[-1, 0] - walk.root_position[0, 0]
-    assert 0.8 * ratio * human < way <= 1.02 * ratio * human  # its swings are shorter than the human's at that speed
+    # The robot's swings are shorter than the human's at that speed.
+    assert 0.8 * ratio * human < distance <= 1.02 * ratio * human
     assert sum(len({s.lift for s in p.steps if s.lift < p.start_tick + REPLAN}) for p in walking) == 8
 
 
-def test_a_step_out_of_the_blue_is_put_off_until_the_weight_can_follow(
+def test_an_unexpected_step_is_put_off_until_the_weight_can_follow(
     walking: list[Plan], retargeter: Retargeter, walk: Motion
 ) -> None:
-    """The human has come to a stand, and in the next window is suddenly half a second before the last step."""
-    plan = next(p for p in walking if p.start_tick == 713)
+    """The human stands; the next window begins half a second before the human's last step."""
+    landed = max(step.land for plan in walking for step in plan.steps)
+    plan = next(p for p in walking if p.start_tick >= landed)
     row, half = 25, retargeter.robot.sole_half_size.min(axis=0)
     tick = plan.start_tick + row
     first = retargeter.next_frame(plan.states[row], tick, walk.fps)
@@ -192,16 +194,16 @@ def test_a_step_out_of_the_blue_is_put_off_until_the_weight_can_follow(
 
 @pytest.mark.parametrize("motion", ["walk", "clip"])
 @pytest.mark.parametrize("row", [1, 5, 17, 31, 62])
-def test_resuming_from_any_row_goes_on_as_planned(
+def test_a_plan_resumed_from_any_row_continues_the_plan(
     chain: Chain, retargeter: Retargeter, request: pytest.FixtureRequest, motion: str, row: int
 ) -> None:
-    """The same source seen again, a little further ahead: references go on without a jump."""
+    """With the same source, some frames further ahead, the references have no jump."""
     followed: Motion = request.getfixturevalue(motion)
     for plan in chain(followed)[::6]:
         if plan.stop_row <= row:
             continue
         later = resume(retargeter, followed, plan.states[row], plan.start_tick + row)
-        # Arms are solved a step a frame and so lag their targets by where they came from.
+        # Arms make one iteration a frame, so they lag their targets differently from another start.
         legs = np.concatenate([leg.indices for leg in retargeter.body.legs])
         np.testing.assert_allclose(later.q[0, legs], plan.q[row, legs], atol=1e-3)
         np.testing.assert_allclose(later.q[0], plan.q[row], atol=5e-3)
@@ -212,7 +214,7 @@ def test_resuming_from_any_row_goes_on_as_planned(
 
 
 @pytest.mark.parametrize("row", [0, 20, 60, 110])
-def test_stopping_from_any_row_is_smooth_and_finishes_the_steps_begun(
+def test_a_stop_from_any_row_is_smooth_and_completes_the_steps_under_way(
     walking: list[Plan], retargeter: Retargeter, row: int
 ) -> None:
     for plan in walking[::3]:
@@ -225,8 +227,8 @@ def test_stopping_from_any_row_is_smooth_and_finishes_the_steps_begun(
         np.testing.assert_allclose(stop.dcm[-1], stop.feet[-1, :, :2].mean(axis=0), atol=1e-6)
 
 
-def test_steps_that_are_settled_survive_every_join(walking: list[Plan], retargeter: Retargeter, walk: Motion) -> None:
-    """One slot for settled steps lost the foot in the air, which then hung 8 mm over the ground for good."""
+def test_settled_steps_are_kept_at_every_join(walking: list[Plan], retargeter: Retargeter, walk: Motion) -> None:
+    """With one slot for settled steps, the foot in the air was lost and stayed 8 mm above the ground."""
     layout, seen = retargeter.layout, 0
     for plan in walking:
         two = [row for row in range(plan.stop_row) if len(layout.view(plan.states[row]).steps.steps()) == 2]
@@ -242,10 +244,10 @@ def test_steps_that_are_settled_survive_every_join(walking: list[Plan], retarget
 
 
 @pytest.mark.parametrize("every", [8, 15, 62])
-def test_however_often_it_is_redrawn_the_walk_has_all_its_steps(
+def test_the_walk_has_all_its_steps_at_any_replanning_period(
     chain: Chain, walk: Motion, every: int, walking: list[Plan]
 ) -> None:
-    """Replanned in less than .2 s a step from a stand was put off by each plan until it was too late for it."""
+    """With a period below .2 s, each plan put off the first step from a stand until it was too late."""
     plans = chain(walk, every=every)
     feet, contacts = played(plans, "feet"), played(plans, "contacts")
     assert np.count_nonzero(np.diff(contacts.astype(int), axis=0) == -1) == 8
@@ -253,8 +255,8 @@ def test_however_often_it_is_redrawn_the_walk_has_all_its_steps(
     np.testing.assert_allclose(feet[-1], walking[-1].feet[-1], atol=0.03)
 
 
-def test_no_step_appears_on_short_notice(walking: list[Plan]) -> None:
-    """What a plan newly decides it decides early: a step that lifts sooner was in the plan before, as it is."""
+def test_no_new_step_has_short_notice(walking: list[Plan]) -> None:
+    """A step that lifts soon was in the plan before, with the same foot and times."""
     for plan, later in zip(walking, walking[1:], strict=False):
         known = {(s.side, s.lift, s.land) for s in plan.steps}
         for step in later.steps:
@@ -262,18 +264,18 @@ def test_no_step_appears_on_short_notice(walking: list[Plan]) -> None:
                 assert (step.side, step.lift, step.land) in known
 
 
-def test_a_human_who_is_seen_turning_back_does_not_throw_the_weight_about(
+def test_a_turn_that_is_reversed_in_the_next_window_does_not_move_the_weight_abruptly(
     chain: Chain, retargeter: Retargeter, spin: Motion
 ) -> None:
-    """A step inserted for a turn was left out again with the weight on its way, 5 mm a tick."""
+    """A step inserted for a turn was left out again while the weight moved already: 5 mm a tick."""
     rows, moves = np.arange(REPLAN), []
     for plan in chain(spin):
         for row in range(0, min(plan.stop_row, 60), 9):
             tick = plan.start_tick + row
             first = retargeter.next_frame(plan.states[row], tick, spin.fps)
             held = np.minimum(np.arange(len(spin)), max(first - 20, 0))
-            turned_back = replace(spin, root_quaternion=spin.root_quaternion[held])
-            redrawn = resume(retargeter, turned_back, plan.states[row], tick)
+            reversed_turn = replace(spin, root_quaternion=spin.root_quaternion[held])
+            redrawn = resume(retargeter, reversed_turn, plan.states[row], tick)
             apart = redrawn.dcm[:REPLAN] - plan.dcm[np.minimum(row + rows, len(plan) - 1)]
             moves.append(np.linalg.norm(np.diff(apart, axis=0, prepend=np.zeros((1, 2))), axis=1).max())
     assert max(moves) < 0.003
@@ -283,7 +285,7 @@ def test_a_human_who_is_seen_turning_back_does_not_throw_the_weight_about(
 
 
 @pytest.mark.parametrize("at", [10, 40, 60])
-def test_nothing_beyond_the_window_reaches_a_plan(retargeter: Retargeter, walk: Motion, at: int) -> None:
+def test_frames_after_the_window_do_not_affect_a_plan(retargeter: Retargeter, walk: Motion, at: int) -> None:
     def plans(motion: Motion) -> Plan:
         plan = resume(retargeter, motion, retargeter.standing(), 0)
         while retargeter.next_frame(plan.states[REPLAN], plan.start_tick + REPLAN, motion.fps) <= at:
@@ -307,7 +309,7 @@ def test_equal_inputs_give_equal_plans_bit_for_bit(retargeter: Retargeter, walk:
     assert_same(resume(fresh, walk, fresh.standing(), 0), walking[0])
 
 
-def test_another_start_tick_only_shifts_the_plan(chain: Chain, walk: Motion, walking: list[Plan]) -> None:
+def test_another_start_tick_shifts_the_plan(chain: Chain, walk: Motion, walking: list[Plan]) -> None:
     later = chain(walk, start=1000)
     for one, other in zip(walking, later, strict=True):
         assert other.start_tick == one.start_tick + 1000
@@ -323,7 +325,7 @@ def test_the_source_starts_after_the_lead_in(retargeter: Retargeter, walk: Motio
     np.testing.assert_allclose(np.diff(plan.source_s[: plan.stop_row]), 1 / RATE)
 
 
-def test_a_human_who_faces_elsewhere_starts_it_facing_forward(retargeter: Retargeter, walk: Motion) -> None:
+def test_the_first_heading_of_the_human_does_not_matter(retargeter: Retargeter, walk: Motion) -> None:
     turn = Rotation.from_euler("z", 2.0)
     turned = replace(
         walk,
@@ -342,7 +344,7 @@ def test_a_shuffle_moves_no_foot(chain: Chain, shuffle: Motion) -> None:
     np.testing.assert_allclose(feet, np.broadcast_to(feet[0], feet.shape), atol=1e-9)
 
 
-def test_a_turn_on_the_spot_is_stepped(chain: Chain, spin: Motion) -> None:
+def test_a_turn_on_the_spot_is_followed_by_steps(chain: Chain, spin: Motion) -> None:
     feet, contacts = played(chain(spin), "feet"), played(chain(spin), "contacts")
     assert feet[-1, :, 3].mean() == pytest.approx(np.radians(80), abs=0.3)
     assert not contacts.all()
@@ -351,15 +353,15 @@ def test_a_turn_on_the_spot_is_stepped(chain: Chain, spin: Motion) -> None:
 
 
 def moving(motion: Motion, velocity: list[float], begin_s: float = 0.0) -> Motion:
-    """The motion, moved along the floor [m/s] from a moment on."""
+    """The motion with a velocity along the floor [m/s] from `begin_s` on."""
     seconds = np.maximum(np.arange(len(motion)) / motion.fps - begin_s, 0.0)
     return replace(motion, root_position=motion.root_position + seconds[:, None] * np.array(velocity))
 
 
-def test_who_slides_on_standing_feet_is_stepped_after_plan_for_plan(
+def test_a_human_who_slides_on_planted_feet_is_followed_over_many_plans(
     retargeter: Retargeter, stand: Callable[..., Motion]
 ) -> None:
-    """What a foot stands for is part of the state: forgotten at each plan, the robot marched on the spot."""
+    """The human's foot positions are part of the state: without them in it, the robot stepped on the spot."""
     slides = moving(stand(210), [0.0, 0.25, 0.0])
     feet = played(replan(retargeter, slides), "feet")
     ratio = retargeter.body.leg_length / slides.body.leg
@@ -367,8 +369,8 @@ def test_who_slides_on_standing_feet_is_stepped_after_plan_for_plan(
     assert abs(feet[-1, :, 0].mean()) < 0.02
 
 
-def test_after_a_stop_the_human_may_be_somewhere_else(retargeter: Retargeter, walk: Motion) -> None:
-    """A foot in the air at STOP still stood for the human's of before: two steps that nobody asked for."""
+def test_after_a_stop_the_human_may_be_at_another_position(retargeter: Retargeter, walk: Motion) -> None:
+    """A foot in the air at the stop kept the human's old foot position: the robot made two steps without a reason."""
     plans = replan(retargeter, walk)
     tick = next(p.start_tick for p in plans if not p.contacts[0].all())
     plan = next(p for p in plans if p.start_tick == tick)
@@ -379,8 +381,8 @@ def test_after_a_stop_the_human_may_be_somewhere_else(retargeter: Retargeter, wa
     assert resumed.steps == []
 
 
-def test_after_a_stop_sliding_feet_count_again(retargeter: Retargeter, stand: Callable[..., Motion]) -> None:
-    """Nothing was counted from any more until the human had made a step of its own."""
+def test_after_a_stop_sliding_feet_are_followed_again(retargeter: Retargeter, stand: Callable[..., Motion]) -> None:
+    """Feet had no human position after a stop, until the human's next step."""
     still = stand(400)
     plan = resume(retargeter, still, retargeter.standing(), 0)
     stopped = retargeter.plan(plan.states[60], None, 0, 60)
@@ -394,7 +396,7 @@ def test_after_a_stop_sliding_feet_count_again(retargeter: Retargeter, stand: Ca
 
 
 def _still(motion: Motion, offset: list[float]) -> Motion:
-    """Somebody who stands as in the first frame, somewhere else, for a second."""
+    """A human who stands for a second as in the first frame, moved by an offset [m]."""
     rows = np.zeros(FRAMES, int)
     return replace(
         motion,
@@ -410,8 +412,8 @@ def test_repairs_are_counted_row_by_row(walking: list[Plan]) -> None:
         assert all(len(counts) == len(plan) for counts in plan.repairs.values())
 
 
-def test_plans_that_reach_less_far_than_a_step_takes_are_refused(retargeter: Retargeter) -> None:
-    """At .9 s the robot turned half as far as the human, and nothing said why."""
+def test_a_horizon_shorter_than_an_inserted_step_is_refused(retargeter: Retargeter) -> None:
+    """With .9 s the robot turned half as far as the human, without a message."""
     short = retargeter.settings.model_copy(update={"horizon_s": 0.9})
     with pytest.raises(RetargetError, match=r"horizon_s is 0\.9, expected at least 0\.93"):
         Retargeter(retargeter.robot, short)

@@ -24,7 +24,7 @@ def lay_out(steps: list[Step], rows: int = 500, *, landed: float = LONG_AGO, sta
     return Schedule.of(FEET, landed, stance, steps, ticks, np.full(rows, 0.5), RATE, CLEARANCE)
 
 
-def test_without_steps_both_feet_stay_and_share_the_load() -> None:
+def test_without_steps_both_feet_stay_in_place_and_share_the_load() -> None:
     schedule = lay_out([])
     np.testing.assert_array_equal(schedule.feet, np.broadcast_to(FEET, (500, 2, 4)))
     assert schedule.contacts.all()
@@ -44,7 +44,7 @@ def test_a_foot_is_in_the_air_from_lift_to_land_and_then_at_its_target() -> None
     assert schedule.feet[100:150, 1, 2].max() == pytest.approx(CLEARANCE, rel=0.01)
 
 
-def test_a_plan_that_begins_in_mid_swing_finds_the_foot_on_its_path() -> None:
+def test_a_plan_that_starts_in_mid_swing_continues_the_path() -> None:
     move = step(1, 100, 150)
     whole = lay_out([move])
     middle = Schedule.of(
@@ -54,7 +54,7 @@ def test_a_plan_that_begins_in_mid_swing_finds_the_foot_on_its_path() -> None:
     np.testing.assert_array_equal(middle.contacts, whole.contacts[120:300])
 
 
-def test_hips_are_low_around_a_step_only() -> None:
+def test_hips_are_low_near_a_step_only() -> None:
     walking = lay_out([step(1, 200, 250)]).walking
     assert walking[200:250].all()
     assert not walking[0] and not walking[-1]
@@ -63,7 +63,7 @@ def test_hips_are_low_around_a_step_only() -> None:
 
 @st.composite
 def walks(draw: st.DrawFn) -> list[Step]:
-    """Up to four steps of alternating feet, any pause between them."""
+    """Up to four steps of alternating feet, with pauses between them."""
     steps, tick, side = [], draw(st.integers(5, 120)), draw(st.integers(0, 1))
     for _ in range(draw(st.integers(1, 4))):
         land = tick + draw(st.integers(43, 60))
@@ -73,7 +73,7 @@ def walks(draw: st.DrawFn) -> list[Step]:
 
 
 @given(steps=walks(), quiet=st.floats(0.3, 0.7))
-def test_load_is_all_on_the_stance_foot_and_moves_without_jumps(steps: list[Step], quiet: float) -> None:
+def test_the_stance_foot_has_all_the_load_and_the_load_has_no_jumps(steps: list[Step], quiet: float) -> None:
     rows = steps[-1].land + 200
     ticks = np.arange(rows, dtype=float)
     share = Schedule.of(FEET, LONG_AGO, 0.0, steps, ticks, np.full(rows, quiet), RATE, CLEARANCE).share
@@ -81,21 +81,21 @@ def test_load_is_all_on_the_stance_foot_and_moves_without_jumps(steps: list[Step
     for move in steps:
         np.testing.assert_array_equal(share[move.lift : move.land], move.stance)
     assert share[-1] == pytest.approx(quiet)
-    # The fastest ramp of all: from foot to foot in the shortest double support, at 15/8 of its mean speed. A first
-    # step on less notice than a shift starts in the middle of one.
+    # The fastest ramp: from foot to foot in the shortest double support, at 15/8 of its mean speed. A first step with
+    # shorter notice than a shift starts in the middle of one.
     pauses = [b.lift - a.land for a, b in zip(steps, steps[1:], strict=False)]
     fastest = 1.875 / min([*pauses, round(SHIFT_S * RATE)])
     assert np.abs(np.diff(share)).max() <= fastest * 1.1
 
 
-def test_the_load_comes_from_the_foot_that_stood_before_the_plan() -> None:
+def test_the_load_starts_on_the_stance_foot_of_the_step_before_the_plan() -> None:
     schedule = lay_out([], landed=-5.0, stance=1.0)
     assert 0.9 < schedule.share[0] < 1.0
     assert schedule.share[int(SHIFT_S * RATE)] == pytest.approx(0.5)
     assert (np.diff(schedule.share) <= 1e-12).all()
 
 
-def test_feet_are_not_shared_with_what_was_given() -> None:
+def test_the_feet_are_copied() -> None:
     feet = FEET.copy()
     schedule = Schedule.of(feet, LONG_AGO, 0.0, [], np.arange(3.0), np.full(3, 0.5), RATE, CLEARANCE)
     schedule.feet[:] = 7.0

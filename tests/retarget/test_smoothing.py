@@ -22,7 +22,7 @@ def test_speed_and_acceleration_stay_within_their_bounds(targets: np.ndarray) ->
     np.testing.assert_allclose(np.diff(np.vstack([start, position]), axis=0), DT * velocity, atol=1e-12)
 
 
-def test_it_settles_on_a_target_without_passing_it() -> None:
+def test_it_converges_to_a_target_without_overshoot() -> None:
     position, velocity, slow, soft = FOLLOWER.follow(np.full((600, 2), 0.02), np.zeros(2), np.zeros(2))
     np.testing.assert_allclose(position[-1], 0.02, atol=1e-6)
     np.testing.assert_allclose(velocity[-1], 0.0, atol=1e-6)
@@ -30,14 +30,14 @@ def test_it_settles_on_a_target_without_passing_it() -> None:
     assert not slow.any() and not soft.any()
 
 
-def test_it_settles_also_where_the_bounds_hold_it_back() -> None:
+def test_it_converges_with_active_bounds() -> None:
     position, velocity, slow, soft = FOLLOWER.follow(np.full((2000, 2), 1.0), np.zeros(2), np.zeros(2))
     np.testing.assert_allclose(position[-1], 1.0, atol=1e-6)
     assert slow.any(axis=0).all() and soft.any(axis=0).all()
     assert velocity[:, 0].max() == pytest.approx(0.25)
 
 
-def test_it_lags_a_moving_target_by_twice_its_time_constant() -> None:
+def test_it_lags_a_moving_target_by_two_time_constants() -> None:
     speed = np.array([0.1, 1.0])
     targets = np.arange(500)[:, None] * DT * speed
     position, _, _, _ = FOLLOWER.follow(targets, np.zeros(2), np.zeros(2))
@@ -45,7 +45,7 @@ def test_it_lags_a_moving_target_by_twice_its_time_constant() -> None:
     np.testing.assert_allclose(lag, 2.0 / FOLLOWER.omega, atol=2 * DT)
 
 
-def test_cut_in_two_it_goes_on_as_in_one() -> None:
+def test_two_parts_equal_the_whole() -> None:
     targets = np.random.default_rng(1).normal(size=(100, 2))
     whole = FOLLOWER.follow(targets, np.zeros(2), np.zeros(2))
     first = FOLLOWER.follow(targets[:37], np.zeros(2), np.zeros(2))

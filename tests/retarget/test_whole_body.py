@@ -17,7 +17,7 @@ def body(retargeter: Retargeter) -> WholeBody:
 
 
 def reach(body: WholeBody, height: float, tilt: float = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Feet (T, 2, 4), centre of mass (T, 2) and channels (T, 4 + U) of a robot that sways and turns on its feet."""
+    """Feet (T, 2, 4), centre of mass (T, 2) and channels (T, 4 + U) of a robot that sways and turns on planted feet."""
     rng = np.random.default_rng(5)
     feet = np.broadcast_to(body.home_feet, (ROWS, 2, 4)).copy()
     com = np.column_stack([0.01 * np.sin(np.linspace(0, 6, ROWS)), 0.02 * np.cos(np.linspace(0, 6, ROWS))])
@@ -29,7 +29,7 @@ def reach(body: WholeBody, height: float, tilt: float = 0.0) -> tuple[np.ndarray
 
 
 @pytest.mark.parametrize(("height", "tilt"), [(0.19, 0.0), (0.175, 0.15), (0.13, 0.1)])
-def test_feet_torso_and_centre_of_mass_are_where_they_were_asked(body: WholeBody, height: float, tilt: float) -> None:
+def test_feet_torso_and_centre_of_mass_are_at_their_targets(body: WholeBody, height: float, tilt: float) -> None:
     feet, com, channels = reach(body, height, tilt)
     base, q, offset, short = body.solve(feet, com, channels, np.zeros(2), 4)
     assert short.max() == 0.0
@@ -48,14 +48,14 @@ def test_feet_torso_and_centre_of_mass_are_where_they_were_asked(body: WholeBody
             np.testing.assert_allclose(rotation, np.eye(3), atol=1e-6)
 
 
-def test_legs_too_short_are_reported(body: WholeBody) -> None:
+def test_the_missing_length_of_the_legs_is_returned(body: WholeBody) -> None:
     feet, com, channels = reach(body, body.leg_length + 0.03)
     _, q, _, short = body.solve(feet, com, channels, np.zeros(2))
     assert (short > 0.02).all()
     assert np.isfinite(q).all()
 
 
-def test_two_passes_from_a_neighbour_are_enough(body: WholeBody) -> None:
+def test_two_passes_from_the_last_offset_converge(body: WholeBody) -> None:
     feet, com, channels = reach(body, 0.18, 0.1)
     _, _, exact, _ = body.solve(feet, com, channels, np.zeros(2), 8)
     base, q, _, _ = body.solve(feet, com, channels, exact[0])

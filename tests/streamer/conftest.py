@@ -1,4 +1,4 @@
-"""A made-up run whose figures are known beforehand."""
+"""A synthetic run whose figures are known, and a real run."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ SPEED = 0.1
 """The robot's walking speed [m/s]; the human's is `SPEED / LEG_RATIO`, so that the ratio of paths is 1."""
 LAG_TICKS = 2
 TURN = 0.3
-"""How far both turn in the whole run [rad]."""
+"""Turn of robot and human in the whole run [rad]."""
 
 
 def make_record(seconds: float = 8.0, rate_hz: float = 125.0) -> RunTrace:
-    """Stand .5 s, walk straight while turning a little, hold the last .5 s; measurement lags by `LAG_TICKS`."""
+    """Stand 0.5 s, walk and turn a little, hold for the last 0.5 s; the measurement lags by `LAG_TICKS`."""
     ticks, n = int(seconds * rate_hz), len(JOINTS)
     record = RunTrace(rate_hz=rate_hz, joint_names=JOINTS)
     record.append(blank(tick_dtype(n), ticks))
@@ -136,7 +136,7 @@ def human() -> HumanTrack:
 
 @pytest.fixture(scope="session")
 def outcome() -> Outcome:
-    """A real run of the shipped motion's first moments on the simulated OP3; treat as read-only."""
+    """A run of the shipped motion's first seconds on the simulated OP3; read-only."""
     source = ClipSource(choose_motion()).cut(1.5)
     session = open_session("op3", source=source)
     session.run()
@@ -145,6 +145,6 @@ def outcome() -> Outcome:
 
 @pytest.fixture(scope="session")
 def pictures(outcome: Outcome, tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
-    """Every picture of `outcome`."""
+    """All pictures of `outcome`."""
     folder = tmp_path_factory.mktemp("pictures")
     return write_plots(folder, outcome.record, outcome.robot, outcome.figures, outcome.motion)

@@ -1,4 +1,4 @@
-"""A model of a human that any machine has: glides where it is asked to, as its words or a velocity say."""
+"""`StubSampler`: a sampler without a model, whose human glides in one pose as words or a velocity say."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SPEEDS = {"walk forward": (1.0, 0.0), "turn left": (0.0, 1.0)}
 
 @dataclass(frozen=True)
 class Asked:
-    """One window as it was asked for."""
+    """One window that was requested."""
 
     begin: Motion
     condition: Condition
@@ -28,7 +28,7 @@ class Asked:
 
 
 class StubSampler:
-    """Has of `flexmotion.sampling.sampler.Sampler` what a source needs; the pelvis' height tells the noise."""
+    """The part of `flexmotion.sampling.sampler.Sampler` that a source needs; the pelvis' height shows the noise."""
 
     def __init__(self, follows_velocity: bool = True) -> None:
         self.fps, self.history, self.future, self.remembers = 30.0, 8, 32, 10

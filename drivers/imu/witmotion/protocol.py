@@ -1,7 +1,7 @@
 """The WIT standard protocol in bytes (WitMotion, "WIT Standard Communication Protocol").
 
     frame    55 | kind | four numbers of 2 bytes | sum of all bytes before        sent by the sensor, unasked
-    command  FF AA | register | value, 2 bytes                                    for ten seconds after the key
+    command  FF AA | register | value, 2 bytes                                    taken for ten seconds after the key
 
 Low byte first; numbers are signed.
 """
@@ -14,36 +14,36 @@ from enum import IntEnum, IntFlag
 
 FRAME_SIZE = 11
 KEY = 0xB588
-"""Value of register `KEY` that unlocks the others."""
+"""Value of register `KEY` that unlocks the other registers."""
 
 ACCEL_FULL_G = 16.0
 GYRO_FULL_DEG_S = 2000.0
 FULL = 32768
-"""What a number of `FULL` would mean: fixed in the protocol, whatever the sensor inside."""
+"""Full scale: acceleration and angular velocity of the number `FULL`, fixed by the protocol for every sensor."""
 
 RATES = {10: 0x06, 20: 0x07, 50: 0x08, 100: 0x09, 200: 0x0B}
-"""Samples a second -> value of register `RATE`."""
+"""Samples per second -> value of register `RATE`."""
 
 BANDWIDTHS = {256: 0, 184: 1, 94: 2, 44: 3, 21: 4, 10: 5, 5: 6}
-"""Low-pass of the sensor [Hz] -> value of register `BANDWIDTH`."""
+"""Bandwidth of the sensor's low-pass [Hz] -> value of register `BANDWIDTH`."""
 
 _HEADER, _COMMAND = 0x55, b"\xff\xaa"
 _NUMBERS = struct.Struct("<4h")
 
 
 class Kind(IntEnum):
-    """What a frame tells: three axes and something else (temperature, voltage)."""
+    """Content of a frame: three axes and a fourth number (temperature, voltage)."""
 
     ACCEL = 0x51
     GYRO = 0x52
 
 
 KINDS = range(0x50, 0x60)
-"""Every kind that a sensor may send."""
+"""All kinds of frames that a sensor may send."""
 
 
 class Register(IntEnum):
-    """Where a command goes."""
+    """Register of a command."""
 
     SAVE = 0x00
     OUTPUT = 0x02
@@ -53,28 +53,28 @@ class Register(IntEnum):
 
 
 class Output(IntFlag):
-    """Bits of register `OUTPUT`: which frames a sample consists of."""
+    """Bits of register `OUTPUT`: the frames of a sample."""
 
     ACCEL = 0x02
     GYRO = 0x04
 
 
 def command(register: Register, value: int) -> bytes:
-    """Set a register."""
+    """The bytes of a command that writes a register."""
     return _COMMAND + bytes([register]) + value.to_bytes(2, "little")
 
 
 def frame(kind: int, numbers: tuple[int, int, int, int]) -> bytes:
-    """A frame."""
+    """The bytes of a frame."""
     body = bytes([_HEADER, kind]) + _NUMBERS.pack(*numbers)
     return body + bytes([sum(body) & 0xFF])
 
 
 class FrameDecoder:
-    """Cuts a stream of bytes into frames, whatever comes between them.
+    """Splits a stream of bytes into frames and skips everything else.
 
     Attributes:
-        good, bad: frames so far, and frames whose sum was wrong.
+        good, bad: number of frames so far, and of frames with a wrong sum.
     """
 
     def __init__(self) -> None:
@@ -82,7 +82,7 @@ class FrameDecoder:
         self.good = self.bad = 0
 
     def feed(self, data: bytes) -> Iterator[tuple[int, tuple[int, int, int, int]]]:
-        """Take in bytes; yields kind and numbers of every frame that they complete."""
+        """Append bytes; yields kind and numbers of every frame that they complete."""
         buffer = self._buffer
         buffer += data
         while True:
@@ -103,13 +103,13 @@ class FrameDecoder:
 
 
 class CommandDecoder:
-    """The sensor's side: cuts a stream of bytes into commands."""
+    """The sensor's side: splits a stream of bytes into commands."""
 
     def __init__(self) -> None:
         self._buffer = bytearray()
 
     def feed(self, data: bytes) -> Iterator[tuple[int, int]]:
-        """Take in bytes; yields register and value of every command that they complete."""
+        """Append bytes; yields register and value of every command that they complete."""
         buffer = self._buffer
         buffer += data
         while True:

@@ -1,4 +1,4 @@
-"""`WitMotion`: inertial sensors that speak the WIT standard protocol over a serial port (WT901, JY901, HWT901B)."""
+"""`WitMotion`: inertial sensors with the WIT standard protocol on a serial port (WT901, JY901, HWT901B)."""
 
 from __future__ import annotations
 
@@ -30,34 +30,34 @@ from flexmotion.drivers.port import BITS_A_BYTE, SerialPort
 from flexmotion.spatial.gravity import GRAVITY
 
 SAMPLE_SIZE = 2 * FRAME_SIZE
-"""Bytes of a sample: a frame of acceleration, then one of angular velocity."""
+"""Bytes of a sample: a frame of acceleration and one of angular velocity."""
 
 COMMAND_GAP_S = 0.1
-"""What the sensor wants between commands (the vendor's own examples wait as long) [s]."""
+"""Time that the sensor needs between commands (as in the vendor's examples) [s]."""
 
 LISTEN_S = 0.3
-"""How long is listened for samples before one says that there are none [s]."""
+"""Time in which `open` counts samples [s]."""
 
 FRESH_SAMPLES = 1.5
-"""A sample is of now for as long as so many take."""
+"""Age up to which a sample is fresh [sample periods]."""
 
 ENOUGH = 0.8
-"""Share of the samples asked for that must come."""
+"""Smallest share of the expected samples that must arrive."""
 
 WINDOW_S = 0.1
-"""How far back is looked for whether enough samples came [s]."""
+"""Window in which samples are counted [s]."""
 
 WINDOW_READS = 256
-"""Reads that are remembered of it at most; a loop that reads more often looks back less far."""
+"""Largest number of reads in the window; a loop that reads more often has a shorter one."""
 
 BAD_SHARE = 0.001
-"""Share of broken frames that is told at the end."""
+"""Share of broken frames above which `close` warns."""
 
 log = logging.getLogger(__name__)
 
 
 class WitOptions(Strict):
-    """Serial port of the sensor, and the bit rate that it was set to (new ones leave the factory at 9600 or 115200)."""
+    """Serial port of the sensor, and the bit rate that it is set to (factory setting: 9600 or 115200)."""
 
     port: str
     baud: int = Field(default=115_200, gt=0)
@@ -66,8 +66,8 @@ class WitOptions(Strict):
 class WitMotion(StandaloneImu):
     """WitMotion's sensors with the WIT standard protocol, on a serial port of their own.
 
-    They send samples unasked. What they send, how often and how smoothed is set at `open`, and forgotten when their
-    power goes off: nothing is saved in them.
+    They send samples unasked. Content, rate and bandwidth are set at `open` and not saved: the sensor returns to its
+    own settings when its power goes off.
     """
 
     name = "witmotion"
@@ -87,7 +87,7 @@ class WitMotion(StandaloneImu):
         self._window: deque[tuple[float, int]] = deque(maxlen=WINDOW_READS)
 
     def open(self, open_port: OpenPort, rate_hz: float) -> None:
-        """See `StandaloneImu`; takes about a second. Raises `DriverError` where too few samples come."""
+        """See `StandaloneImu`. Takes about a second. Raises `DriverError` if too few samples arrive."""
         samples = min((rate for rate in RATES if rate >= rate_hz), default=max(RATES))
         needed = samples * SAMPLE_SIZE * BITS_A_BYTE
         where = f"IMU {self.name} on {self._path}"
@@ -109,8 +109,8 @@ class WitMotion(StandaloneImu):
         """See `Imu`."""
         came, since = self._take_all(), self._looked_at
         self._looked_at = now
-        # Bytes do not say when they came. Where many less have come than were due the stream broke off, and its last
-        # sample may be as old as the loop's pause.
+        # Bytes have no time stamps. If many fewer samples arrived than were due, the stream was interrupted, and the
+        # last sample may be as old as the pause of the loop.
         unbroken = came > max(ENOUGH * (now - since) * self._samples - 2, 0)
         if not self._keeps_up(since, now, came):
             self._fresh_until = now
@@ -125,17 +125,17 @@ class WitMotion(StandaloneImu):
         self._port.close()
         self._port = None
         if self.bad > BAD_SHARE * self._decoder.good:
-            log.warning("IMU %s on %s: %d frames came broken: check its cable", self.name, self._path, self.bad)
+            log.warning("IMU %s on %s: %d broken frames: check its cable", self.name, self._path, self.bad)
 
     @property
     def bad(self) -> int:
-        """Frames that came broken, so far."""
+        """Number of broken frames so far."""
         return self._decoder.bad
 
     def _keeps_up(self, since: float, now: float, came: int) -> bool:
-        """Whether enough samples came in the window that ends now; `open` fills the first.
+        """Whether enough samples arrived in the window that ends now; `open` fills the first window.
 
-        A sensor whose supply dipped falls back to its factory's rate: each sample is new, yet too few to integrate.
+        A sensor whose supply dipped falls back to its own rate: each sample is new, but they are too few to integrate.
         """
         window = self._window
         window.append((since, came))
@@ -145,7 +145,7 @@ class WitMotion(StandaloneImu):
         return sum(samples for _, samples in window) >= ENOUGH * due
 
     def _set_up(self, port: SerialPort, samples: int) -> None:
-        # As wide as half the sampling rate allows: what is smoothed away comes late.
+        # The widest below half the sampling rate: a low-pass adds delay.
         bandwidth = max(hz for hz in BANDWIDTHS if hz <= samples / 2)
         for register, value in (
             (Register.OUTPUT, Output.ACCEL | Output.GYRO),
@@ -157,7 +157,7 @@ class WitMotion(StandaloneImu):
                 port.sleep(COMMAND_GAP_S)
 
     def _listen(self, port: SerialPort) -> int:
-        """How many samples come while one listens."""
+        """Number of samples that arrive in `LISTEN_S`."""
         self._take_all()
         came, begin = 0, port.now()
         end = begin + LISTEN_S
@@ -170,7 +170,7 @@ class WitMotion(StandaloneImu):
         return came
 
     def _take_all(self) -> int:
-        """Take in everything that has come; how many samples it completed. The last one stays."""
+        """Take all received bytes; the number of samples that they complete. `gyro` and `accel` are the last one."""
         samples = 0
         while self._port is not None and (data := self._port.receive()):
             for kind, numbers in self._decoder.feed(data):

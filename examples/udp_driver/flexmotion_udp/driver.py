@@ -1,4 +1,4 @@
-"""`UdpDriver`: a robot that sends its state over UDP, unasked, and takes goals the same way."""
+"""`UdpDriver`: a robot that sends its state over UDP, unasked, and receives goals over UDP."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from flexmotion.drivers.interface import Capabilities, Driver, JointCommand, Rob
 from flexmotion_udp.wire import GOALS, STATE, TORQUE, pack, unpack
 
 PATIENCE_S = 1.0
-"""How long `open` and `set_torque` wait for the robot [s]; `read` never waits."""
+"""Longest wait of `open` and `set_torque` for the robot [s]; `read` never waits."""
 
 
 class UdpOptions(Strict):
-    """Options of driver `udp`: where the robot's controller listens."""
+    """Options of driver `udp`: the address of the robot's controller."""
 
     host: str = "127.0.0.1"
     udp_port: int = Field(ge=1, le=65535)
 
 
 class UdpDriver(Driver):
-    """A robot behind a controller of its own, reached over UDP."""
+    """A robot with a controller that is reached over UDP."""
 
     name = "udp"
     Options = UdpOptions
@@ -42,16 +42,16 @@ class UdpDriver(Driver):
 
     @property
     def capabilities(self) -> Capabilities:
-        """Positions and speeds, nothing else: say what is not there, and the loop does without."""
+        """Positions and speeds only; the loop does not use what a driver does not offer."""
         return Capabilities()
 
     @property
     def delay_s(self) -> float:
-        """A network's way there, and the controller's own cycle (assumption)."""
+        """Delay of the network and cycle of the controller [s] (assumption)."""
         return 0.002
 
     def open(self) -> None:
-        """Find the robot. Whatever is wrong must come out here, in one line that says where."""
+        """Find the robot. Raises `DriverError` with its address if it does not answer."""
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
         if not self._wait_for(torque=None):
@@ -59,37 +59,37 @@ class UdpDriver(Driver):
             raise DriverError(f"robot at {self._address[0]}:{self._address[1]}: does not answer")
 
     def read(self, state: RobotState) -> None:
-        """The newest state. Never waits, never raises: what did not come makes every joint a read older."""
+        """The newest state. Does not wait or raise: without a new state, `stale` of every joint is incremented."""
         self._stale = 0 if self._receive() else self._stale + 1
         state.position[:], state.velocity[:] = self._position, self._velocity
         state.stale[:] = self._stale
         state.stamp_ns = self._stamp_ns
 
     def write(self, command: JointCommand) -> None:
-        """Send the goals; the robot ignores them while torque is off."""
+        """Send the goals. The robot ignores them while torque is off."""
         self._send(pack(GOALS, command.position))
 
     def set_torque(self, on: bool) -> None:
-        """Switch, and wait until the robot says that it has. Its controller pins the goals when torque goes on."""
+        """Switch torque and wait for the robot to confirm it. Its controller pins the goals when torque goes on."""
         if not self._wait_for(torque=on) and on:
             raise DriverError(f"robot at {self._address[0]}:{self._address[1]}: torque does not go on")
 
     def damp(self) -> None:
-        """Torque off: all that this robot can do."""
+        """Switch torque off: this robot has no softer way."""
         self._send(pack(TORQUE, np.zeros(1)))
 
     def close(self) -> None:
-        """Torque off and let go; a second call finds nothing to do."""
+        """Switch torque off and close the socket. May be called twice."""
         if self._socket is not None:
             self.set_torque(False)
             self._socket.close()
             self._socket = None
 
     def _wait_for(self, torque: bool | None) -> bool:
-        """Ask again until the robot answers, with torque as wanted; False where it does not in time."""
+        """Repeat the request until the robot answers with this torque state (None: any); False after `PATIENCE_S`."""
         end = time.monotonic() + PATIENCE_S
         while time.monotonic() < end:
-            # A datagram may get lost, and the first one tells the robot whom to answer.
+            # A datagram may be lost, and the first one gives the robot our address.
             self._send(pack(TORQUE, np.array([float(self._torque if torque is None else torque)])))
             time.sleep(0.01)
             if self._receive() and torque in (None, self._torque):
@@ -101,10 +101,10 @@ class UdpDriver(Driver):
             try:
                 self._socket.sendto(datagram, self._address)
             except OSError:
-                self._stale += 1  # a network that is down is a robot that does not answer
+                self._stale += 1  # a network that is down is treated as a robot that does not answer
 
     def _receive(self) -> bool:
-        """Take in all that came; whether anything did."""
+        """Take all received datagrams; whether there was a state."""
         fresh = False
         while self._socket is not None:
             try:

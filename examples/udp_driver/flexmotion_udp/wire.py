@@ -1,4 +1,4 @@
-"""The datagrams: a byte that says what it is, then float64 in network order."""
+"""The datagrams: one byte for the kind, then float64 in network order."""
 
 from __future__ import annotations
 
@@ -8,21 +8,21 @@ from numpy.typing import NDArray
 Float = NDArray[np.float64]
 
 GOALS, TORQUE, STATE = b"G", b"T", b"S"
-"""To the robot: goals [rad] of every joint; torque off (0) or on (1). From it: see `pack_state`."""
+"""To the robot: goals of every joint [rad]; torque off (0) or on (1). From the robot: see `pack_state`."""
 
 
 def pack(kind: bytes, values: Float) -> bytes:
-    """A datagram."""
+    """The bytes of a datagram."""
     return kind + np.asarray(values).astype(">f8").tobytes()
 
 
 def unpack(datagram: bytes) -> tuple[bytes, Float]:
-    """Kind and values; no values where its length is none that a datagram can have."""
+    """Kind and values; empty if the length is not that of a datagram."""
     if len(datagram) % 8 != 1:
         return b"", np.zeros(0)
     return datagram[:1], np.frombuffer(datagram, ">f8", offset=1).astype(np.float64)
 
 
 def pack_state(torque: bool, position: Float, velocity: Float) -> bytes:
-    """The state of a robot: whether torque is on, then positions [rad] and speeds [rad/s], (n,) each."""
+    """The bytes of a robot's state: torque on (1) or off (0), then positions [rad] and speeds [rad/s], (n,) each."""
     return pack(STATE, np.concatenate([[float(torque)], position, velocity]))

@@ -1,4 +1,4 @@
-"""OP3's joints with other servos, and drivers that speak to them on emulated buses in this process."""
+"""OP3 with other servos, and drivers on emulated buses in this process."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from flexmotion.drivers.registry import create
 
 
 def op3_with(folder: Path, *, servo: str, **bus: Any) -> Robot:
-    """OP3 without IMU on one bus of another servo, its limits inside what that servo reaches."""
+    """OP3 without IMU, with another servo on its only bus, and limits inside the range of that servo."""
     place = folder / servo
     shutil.copytree(ROBOTS / "op3", place)
     content = yaml.safe_load((place / "op3.yaml").read_text(encoding="utf-8"))
@@ -32,7 +32,7 @@ def op3_with(folder: Path, *, servo: str, **bus: Any) -> Robot:
 
 
 def looped(name: str, robot: Robot) -> tuple[BusDriver, Loopback]:
-    """The driver `name` on emulated servos of a bench, and the world that they live in."""
+    """The driver `name` on emulated servos on a bench, and their emulated buses."""
     driver, world = create(name, robot, port="main"), Loopback(BenchBody(robot))
     assert isinstance(driver, BusDriver)
     driver.open_port = world.open_port

@@ -1,4 +1,4 @@
-"""Whatever comes back on the bus, a driver neither crashes nor waits past its share of the tick."""
+"""For all bytes received on the bus, a driver neither crashes nor waits longer than its share of the tick."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ PERIOD = 1 / 125
 
 
 class NoisyPort(SerialPort):
-    """Sends nothing on; what comes back is what a test says, a piece at a time.
+    """A port that drops what is sent; a test sets the bytes received, a piece at a time.
 
     Attributes:
         pieces: still to come.
@@ -48,7 +48,7 @@ class NoisyPort(SerialPort):
 
 
 class Noise:
-    """A driver that was opened on a healthy bus, which is then cut off.
+    """A driver that is opened on a healthy bus, which is then cut off.
 
     Attributes:
         reply: what a healthy bus answers to the driver's first question of a cycle.

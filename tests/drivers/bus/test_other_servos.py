@@ -1,4 +1,4 @@
-"""Feetech and LX-16A: what they promise, what they do not, and what goes wrong on their buses."""
+"""Drivers of Feetech and LX-16A servos: capabilities, goals, torque, and faults on their buses."""
 
 from __future__ import annotations
 
@@ -41,13 +41,13 @@ def lx(tmp_path: Path) -> Robot:
 
 
 def test_a_driver_refuses_servos_of_another_protocol(sts: Robot) -> None:
-    with pytest.raises(ConfigError, match=r"servo STS3215-12V on bus 'main' speaks feetech, .* speaks dynamixel2"):
+    with pytest.raises(ConfigError, match=r"servo STS3215-12V on bus 'main' has protocol feetech.* dynamixel2"):
         create("dynamixel", sts, port="main")
     with pytest.raises(ConfigError, match="has protocol dynamixel2, this driver supports lx16a"):
         create("lx16a", load_robot("op3"), port="main")
 
 
-def test_capabilities_are_honest(sts: Robot, lx: Robot) -> None:
+def test_capabilities_match_the_servos(sts: Robot, lx: Robot) -> None:
     assert create("feetech", sts, port="main").capabilities.effort
     poor = create("lx16a", lx, port="main").capabilities
     assert not (poor.effort or poor.torque_bound or poor.imu)
@@ -58,7 +58,7 @@ def test_the_budget_says_that_twenty_lx16a_are_slow(sts: Robot, lx: Robot) -> No
     assert Lx16aBus.budget(lx, "main").cycle_s > 0.035
 
 
-def test_lx16a_has_its_turns_and_none_is_called_stale_for_waiting(lx: Robot) -> None:
+def test_lx16a_servos_are_read_in_turns_and_do_not_go_stale(lx: Robot) -> None:
     driver, world = looped("lx16a", lx)
     state, command = RobotState(lx.n), JointCommand(lx.n)
     with driver:
@@ -68,7 +68,7 @@ def test_lx16a_has_its_turns_and_none_is_called_stale_for_waiting(lx: Robot) -> 
         assert np.isfinite(state.voltage).all() and np.isnan(state.effort).all()
 
 
-def test_a_setting_that_differs_is_written_once_and_told(sts: Robot, caplog: pytest.LogCaptureFixture) -> None:
+def test_a_setting_that_differs_is_written_once_and_logged(sts: Robot, caplog: pytest.LogCaptureFixture) -> None:
     driver, world = looped("feetech", sts)
     bus = world.emulator.lines[0].bus
     assert isinstance(bus, EmulatedFeetechBus)
@@ -117,7 +117,7 @@ def test_torque_goes_on_with_goals_pinned_and_goals_past_a_limit_are_counted(nam
     servos = world.emulator.lines[0].bus.servos
     if name == "feetech":
         for servo in servos:
-            servo.put("goal_position", 900)  # what an earlier program left
+            servo.put("goal_position", 900)  # left by an earlier program
     with driver:
         ticks(driver, world, state, command, 20)
         driver.set_torque(True)
@@ -134,8 +134,8 @@ def test_torque_goes_on_with_goals_pinned_and_goals_past_a_limit_are_counted(nam
         assert driver.violations > 0
 
 
-def test_an_lx16a_past_its_own_limits_is_pinned_to_these(lx: Robot) -> None:
-    """Went wrong: the limits that the servo told were not asked, its first goal was no number, torque stayed on."""
+def test_an_lx16a_outside_its_own_limits_is_pinned_to_the_nearest(lx: Robot) -> None:
+    """Regression: without the servo's own limits its first goal was not a number, and torque stayed on."""
     driver, world = looped("lx16a", lx)
     with driver:
         driver.read(RobotState(lx.n))
@@ -155,10 +155,10 @@ def test_a_first_goal_outside_goes_to_the_nearest_inside() -> None:
     assert guard.violations == 1
 
 
-def test_a_bus_that_falls_silent_while_goals_are_read_back_does_not_hold_the_loop_up(
+def test_a_bus_that_goes_silent_during_torque_on_does_not_block_the_loop(
     sts: Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Went wrong: every servo in turn was asked for 0.3 s; a loop that does not move for 2 s is killed, torque on."""
+    """Regression: every servo in turn was asked for 0.3 s; a loop blocked for 2 s is killed, with torque on."""
     driver, world = looped("feetech", sts)
     driver.open()
     driver.read(RobotState(sts.n))
@@ -179,8 +179,8 @@ def test_a_bus_that_falls_silent_while_goals_are_read_back_does_not_hold_the_loo
     driver.close()
 
 
-def test_a_servo_past_its_own_limits_is_pinned_to_these(sts: Robot) -> None:
-    """The goal went out as it was measured; a servo that takes none so far out answered with another one."""
+def test_a_servo_outside_its_own_limits_is_pinned_to_the_nearest(sts: Robot) -> None:
+    """Regression: the measured position was sent as the goal, and the servo replaced it by its own limit."""
     driver, world = looped("feetech", sts)
     state = RobotState(sts.n)
     with driver:
@@ -196,8 +196,8 @@ def test_a_servo_past_its_own_limits_is_pinned_to_these(sts: Robot) -> None:
 
 
 @pytest.mark.parametrize("name", ["feetech", "lx16a"])
-def test_a_goal_past_a_limit_stays_in_the_program(name: str, sts: Robot, lx: Robot) -> None:
-    """It was sent, and counted once it had left."""
+def test_a_goal_past_a_limit_is_not_sent(name: str, sts: Robot, lx: Robot) -> None:
+    """Regression: it was sent, and counted afterwards."""
     robot = sts if name == "feetech" else lx
     driver, world = looped(name, robot)
     state, command = RobotState(robot.n), JointCommand(robot.n)

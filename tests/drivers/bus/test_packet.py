@@ -12,13 +12,13 @@ FORMATS = st.sampled_from([STS, LX])
 
 
 def test_packets_by_hand() -> None:
-    """Ping of id 1: 01 + 02 + 01 = 04, inverted FB. Move of id 1 to 500 in 1000 ms: the length counts itself."""
+    """Ping of id 1: 01 + 02 + 01 = 04, inverted FB. Move of id 1 to 500 in 1000 ms: the length includes itself."""
     assert STS.encode(1, 1) == bytes.fromhex("FF FF 01 02 01 FB")
     assert LX.encode(1, 1, bytes.fromhex("F4 01 E8 03")) == bytes.fromhex("55 55 01 07 01 F4 01 E8 03 16")
 
 
 @given(form=FORMATS, id_=st.integers(0, 0xFD), code=st.integers(0, 255), params=st.binary(max_size=40))
-def test_what_is_encoded_is_decoded(form: SumFormat, id_: int, code: int, params: bytes) -> None:
+def test_decoding_reverses_encoding(form: SumFormat, id_: int, code: int, params: bytes) -> None:
     if id_ == form.header:
         id_ += 1
     (packet,) = SumDecoder(form).feed(form.encode(id_, code, params))
@@ -26,7 +26,7 @@ def test_what_is_encoded_is_decoded(form: SumFormat, id_: int, code: int, params
 
 
 @given(form=FORMATS, noise=st.binary(max_size=30), cut=st.integers(1, 9))
-def test_a_packet_is_found_behind_noise_in_pieces(form: SumFormat, noise: bytes, cut: int) -> None:
+def test_a_packet_in_pieces_is_found_after_noise(form: SumFormat, noise: bytes, cut: int) -> None:
     wire = form.encode(7, 2, b"\x01\x02\x03\x04")
     decoder = SumDecoder(form)
     list(decoder.feed(noise))

@@ -1,4 +1,4 @@
-"""What is not driven is refused before anything moves, in a line that says why."""
+"""Unsupported hardware is refused before anything moves, with the reason in one line."""
 
 from __future__ import annotations
 
@@ -22,36 +22,36 @@ from .robots import op3_with
 @pytest.mark.parametrize(
     ("servo", "why"),
     [
-        ("AX-12A", "speaks Dynamixel Protocol 1"),
-        ("XL-320", "control table of its own"),
+        ("AX-12A", "has Dynamixel Protocol 1"),
+        ("XL-320", "with another control table"),
         ("AK60-6", "is on a CAN bus"),
         ("SCS0009", "no sync read"),
     ],
 )
-def test_servos_that_no_driver_speaks_to(servo: str, why: str) -> None:
-    with pytest.raises(ConfigError, match=f"servo '{servo}' .*{why}.*: a driver plug-in would have to drive it"):
+def test_servos_without_a_driver(servo: str, why: str) -> None:
+    with pytest.raises(ConfigError, match=f"servo '{servo}' .*{why}.*: it needs a driver plug-in"):
         find_servo(servo)
 
 
-def test_a_can_interface_is_no_serial_port(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_a_can_interface_is_refused(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     (tmp_path / "can0").mkdir()
     monkeypatch.setattr("flexmotion.drivers.port.NETWORK", tmp_path)
     with pytest.raises(DriverError, match="port can0: is a CAN or network interface, not a serial port"):
         SerialPort("can0", 1_000_000)
 
 
-def test_a_servo_that_answers_protocol_1_is_told_so(tmp_path: Path) -> None:
-    """Feetech's packets are Protocol 1's."""
+def test_a_servo_with_protocol_1_is_named(tmp_path: Path) -> None:
+    """Feetech's packets have the format of Protocol 1."""
     world = Loopback(BenchBody(op3_with(tmp_path, servo="STS3215-12V", baud=1_000_000)))
     driver = create("dynamixel", op3_with(tmp_path, servo="XM430-W350", baud=1_000_000), port="main")
     driver.open_port = world.open_port  # type: ignore[attr-defined]
-    with pytest.raises(DriverError, match=r"head_pan \(id 19\) on main: speaks Protocol 1, or is a Feetech servo"):
+    with pytest.raises(DriverError, match=r"head_pan \(id 19\) on main: uses Protocol 1, or is a Feetech servo"):
         driver.open()
 
 
 @pytest.fixture
 def coupled(tmp_path: Path) -> Robot:
-    """OP3 whose head's joints are coupled as a differential would."""
+    """OP3 with the joints of its head coupled, as by a differential."""
     folder = Path(shutil.copytree(ROBOTS / "op3", tmp_path / "op3"))
     mjcf = folder / "op3.xml"
     text = mjcf.read_text(encoding="utf-8")
@@ -60,10 +60,10 @@ def coupled(tmp_path: Path) -> Robot:
     return load_robot(folder)
 
 
-def test_joints_behind_a_differential(coupled: Robot) -> None:
-    with pytest.raises(ConfigError, match=r"op3\.xml couples joints \(neck\): differentials and linkages want a"):
+def test_coupled_joints(coupled: Robot) -> None:
+    with pytest.raises(ConfigError, match=r"op3\.xml couples joints \(neck\): differentials and linkages need a"):
         create("dynamixel", coupled, port="main")
-    assert create("sim", coupled).robot is coupled  # who simulates them may
+    assert create("sim", coupled).robot is coupled  # the simulation supports couplings
 
 
 def test_two_joints_of_one_servo(tmp_path: Path) -> None:

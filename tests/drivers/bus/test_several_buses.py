@@ -1,4 +1,4 @@
-"""A robot on several ports: read at once, on one clock."""
+"""A robot on several ports, read in parallel on one clock."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from flexmotion.drivers.registry import create
 
 @pytest.fixture
 def split(tmp_path: Path) -> Robot:
-    """OP3 with its legs on a fast bus and everything else, with the board, on a slow one."""
+    """OP3 with its legs on a fast bus, and the other joints and the board on a slow one."""
     folder = Path(shutil.copytree(ROBOTS / "op3", tmp_path / "op3"))
     content = yaml.safe_load((folder / "op3.yaml").read_text(encoding="utf-8"))
     content["buses"] = {"legs": {"baud": 4_000_000}, "upper": {"baud": 1_000_000}}
@@ -79,7 +79,7 @@ def test_goals_reach_both(split: Robot) -> None:
         np.testing.assert_allclose(it.state.position, it.command.position, atol=0.02)
 
 
-def test_one_that_is_unplugged_leaves_the_other_fresh(split: Robot) -> None:
+def test_an_unplugged_bus_leaves_the_other_fresh(split: Robot) -> None:
     it = Split(split)
     with it.driver:
         it.driver.read(it.state)

@@ -43,7 +43,7 @@ def test_a_scan_finds_every_servo_once(tools: BusTools) -> None:
     assert [each.id for each in found] == IDS
 
 
-def test_an_id_is_changed_and_never_doubled(tools: BusTools) -> None:
+def test_an_id_is_changed_and_never_used_twice(tools: BusTools) -> None:
     tools.change_id(14, 77)
     assert tools.answers(77) and not tools.answers(14)
     with pytest.raises(DriverError, match="id 14 does not answer"):

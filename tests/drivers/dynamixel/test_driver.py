@@ -1,4 +1,4 @@
-"""The real driver against emulated servos, byte by byte, on a clock that depends on nothing but the test."""
+"""The driver with emulated servos, byte by byte, on a simulated clock."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from ..bus.robots import op3_with
 
 KNEE = 14
 ON_THE_WIRE_S = 0.004
-"""Time in which the last bytes have reached the servos."""
+"""Time after which the last bytes have reached the servos [s]."""
 
 
 class Rig:
@@ -72,7 +72,7 @@ class Rig:
             self.world.advance(begin + 0.008 - self.world.now)
 
     def suffer(self, *faults: str) -> None:
-        """From now on these faults act, and no others."""
+        """Set the active faults."""
         self.emulator.faults[:] = [Fault.parse(text) for text in faults]
         self.world.advance(0.015)
 
@@ -112,7 +112,7 @@ def test_opening_leaves_torque_off_and_sets_only_what_differs(
     with caplog.at_level(logging.INFO):
         it.driver.open()
     assert "l_knee (id 14)" in caplog.text and "return_delay_time 250 -> 0" in caplog.text
-    # Twenty lines of it were once the first thing that a newcomer saw.
+    # Regression: there were twenty lines of it.
     (told,) = [record.getMessage() for record in caplog.records if record.levelno == logging.WARNING]
     assert told.startswith("bus main: written to EEPROM of 20 servos: ")
     assert "min_position_limit" in told and "return_delay_time" in told and told.endswith("(details: -v)")
@@ -136,7 +136,7 @@ def test_at_torque_on_no_goal_is_more_than_a_tick_from_where_the_joint_is(op3: R
     it = rig()
     it.driver.open()
     for servo in it.bus.servos:
-        servo.put("goal_position", 3000)  # what an earlier program left
+        servo.put("goal_position", 3000)  # left by an earlier program
     it.driver.read(it.state)
     it.driver.set_torque(True)
     for servo in it.bus.servos:
@@ -150,10 +150,8 @@ def test_at_torque_on_no_goal_is_more_than_a_tick_from_where_the_joint_is(op3: R
 
 
 @pytest.mark.parametrize("step", ["open", "torque on"])
-def test_a_bus_that_is_silent_for_a_moment_is_asked_again_before_the_start_is_given_up(
-    rig: Callable[..., Rig], step: str
-) -> None:
-    """A busy host kept the replies for some 20 ms just before torque on: every servo was called dead, the run ended."""
+def test_torque_on_retries_after_a_short_silence_of_the_bus(rig: Callable[..., Rig], step: str) -> None:
+    """Regression: a busy host delayed replies by 20 ms before torque on; all servos counted as dead, the run ended."""
     it = rig()
     if step == "torque on":
         it.driver.open()
@@ -193,13 +191,11 @@ def test_closing_switches_torque_off_and_can_be_repeated(rig: Callable[..., Rig]
     assert all(servo.get("bus_watchdog") == 0 for servo in it.bus.servos)
 
 
-def test_a_program_that_is_gone_leaves_a_robot_that_stands_still_and_can_be_taken_over(
-    op3: Robot, rig: Callable[..., Rig]
-) -> None:
+def test_after_a_crash_the_robot_stands_and_can_be_taken_over(op3: Robot, rig: Callable[..., Rig]) -> None:
     it = rig()
     it.start()
     it.tick(5)
-    for bus in it.driver.buses:  # what a kill -9 does
+    for bus in it.driver.buses:  # as after kill -9
         bus.close()
     it.driver.buses = []
     it.world.advance(0.4)
@@ -240,8 +236,8 @@ def test_damping_pins_softens_and_is_undone_by_torque_on(op3: Robot, rig: Callab
     assert (knee.get("position_p_gain"), knee.get("goal_pwm")) == (800, 885)
 
 
-def test_a_joint_that_a_fall_pressed_past_its_limit_is_damped_at_the_limit(rig: Callable[..., Rig]) -> None:
-    """Its goal followed it out, and was counted where it arrived."""
+def test_a_joint_outside_its_limit_is_damped_at_the_limit(rig: Callable[..., Rig]) -> None:
+    """Regression: its goal followed it outside, and the receiver counted it."""
     it = rig()
     it.start()
     it.tick(2)
@@ -265,7 +261,7 @@ def test_a_joint_that_a_fall_pressed_past_its_limit_is_damped_at_the_limit(rig: 
         ("id", 99, r"l_knee \(id 14\).*does not answer at 2000000 baud"),
     ],
 )
-def test_a_servo_that_is_not_what_the_file_says_is_named(
+def test_a_servo_that_differs_from_the_file_is_named(
     rig: Callable[..., Rig], register: str, value: int, says: str
 ) -> None:
     it = rig()
@@ -275,7 +271,7 @@ def test_a_servo_that_is_not_what_the_file_says_is_named(
         it.driver.open()
 
 
-def test_settings_locked_by_torque_are_named_and_the_robot_is_not_dropped(rig: Callable[..., Rig]) -> None:
+def test_settings_locked_by_torque_are_named_and_torque_stays_on(rig: Callable[..., Rig]) -> None:
     it = rig()
     it.driver.open()
     it.driver.close()
@@ -287,7 +283,7 @@ def test_settings_locked_by_torque_are_named_and_the_robot_is_not_dropped(rig: C
     assert knee.torque
 
 
-def test_a_port_that_is_not_there(op3: Robot) -> None:
+def test_a_missing_port_is_named(op3: Robot) -> None:
     for path in ("/dev/null", str(Path(__file__)), str(Path(__file__).parent)):
         with pytest.raises(DriverError, match=rf"^port {path}: is not a serial port$"):
             SerialPort(path, 57600)
@@ -295,7 +291,7 @@ def test_a_port_that_is_not_there(op3: Robot) -> None:
         create("dynamixel", op3, port="/dev/nowhere").open()
 
 
-def test_a_port_that_another_program_holds(op3: Robot, emulated: Callable[..., Emulator]) -> None:
+def test_a_port_in_use_is_named(op3: Robot, emulated: Callable[..., Emulator]) -> None:
     path = emulated().lines[0].terminal.path
     holder = SerialPort(path, 2_000_000)
     with pytest.raises(DriverError, match="another program holds it"):
@@ -334,7 +330,7 @@ def test_without_the_board_there_is_no_imu_and_a_warning(
 def test_another_device_at_the_boards_address_is_refused(
     rig: Callable[..., Rig], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Went wrong: whatever was the matter with the board, the robot started without an IMU and a warning."""
+    """Regression: after every error of the board, the robot started without an IMU, with a warning."""
     it = rig()
     ping = Client.ping
     monkeypatch.setattr(Client, "ping", lambda self, id_, **how: 1060 if id_ == 200 else ping(self, id_, **how))
@@ -379,17 +375,15 @@ def test_old_firmware_is_read_by_sync_read(rig: Callable[..., Rig]) -> None:
     assert sorted((group.fast, len(group.ids)) for group in groups) == [(False, 1), (True, 19)]
 
 
-def test_fast_reads_that_nobody_answers_are_given_up_for_good(
-    rig: Callable[..., Rig], caplog: pytest.LogCaptureFixture
-) -> None:
-    """An adapter may swallow the long reply though every servo knows how to give it."""
+def test_fast_reads_without_answers_are_given_up(rig: Callable[..., Rig], caplog: pytest.LogCaptureFixture) -> None:
+    """An adapter may lose the long reply though every servo supports it."""
     it = rig()
     it.start()
     for servo in it.bus.servos:
         servo.table = servo.table.model_copy(update={"fast_sync_read_firmware": 99})
     it.tick(6)
     assert not it.state.stale.any()
-    assert "sync read from now on" in caplog.text
+    assert "sync reads from now on" in caplog.text
 
 
 def test_a_dead_servo_is_the_only_one_that_goes_stale(rig: Callable[..., Rig]) -> None:
@@ -407,7 +401,7 @@ def test_a_dead_servo_is_the_only_one_that_goes_stale(rig: Callable[..., Rig]) -
 
 
 @pytest.mark.parametrize("fault", ["cable", "port", "lost"])
-def test_a_bus_that_is_gone_goes_stale_without_an_exception(rig: Callable[..., Rig], fault: str) -> None:
+def test_a_lost_port_goes_stale_without_an_exception(rig: Callable[..., Rig], fault: str) -> None:
     it = rig()
     it.start()
     it.tick(3)
@@ -418,7 +412,7 @@ def test_a_bus_that_is_gone_goes_stale_without_an_exception(rig: Callable[..., R
     it.driver.close()
 
 
-def test_values_that_come_a_tick_late_are_not_fresh(rig: Callable[..., Rig]) -> None:
+def test_values_that_are_a_tick_late_are_not_fresh(rig: Callable[..., Rig]) -> None:
     it = rig()
     it.start()
     it.tick(3)
@@ -440,7 +434,7 @@ def test_broken_packets_are_not_taken(rig: Callable[..., Rig], fault: str) -> No
     assert it.servo(19).get("goal_position") == before
 
 
-def test_packets_that_come_twice_do_no_harm(rig: Callable[..., Rig]) -> None:
+def test_duplicated_packets_are_harmless(rig: Callable[..., Rig]) -> None:
     it = rig()
     it.start()
     it.suffer("duplicated")
@@ -465,8 +459,8 @@ def test_a_dip_of_the_supply_is_seen(rig: Callable[..., Rig]) -> None:
     assert (it.state.voltage == 9.1).all()
 
 
-def test_a_servo_that_lost_power_for_a_moment_is_noticed(rig: Callable[..., Rig]) -> None:
-    """Its memory of what to read is gone: zeros come back, which must not be taken for a position."""
+def test_a_short_loss_of_power_is_detected(rig: Callable[..., Rig]) -> None:
+    """Its indirect addresses are lost: it answers zeros, which must not be taken for a position."""
     it = rig()
     it.start()
     it.tick(3)
@@ -478,7 +472,7 @@ def test_a_servo_that_lost_power_for_a_moment_is_noticed(rig: Callable[..., Rig]
     assert np.delete(it.state.stale, knee).max() <= 1
 
 
-def test_torque_that_goes_off_by_itself_is_an_error(rig: Callable[..., Rig]) -> None:
+def test_torque_that_goes_off_unasked_is_an_error(rig: Callable[..., Rig]) -> None:
     it = rig()
     it.start()
     it.tick(10)
@@ -488,7 +482,7 @@ def test_torque_that_goes_off_by_itself_is_an_error(rig: Callable[..., Rig]) -> 
     assert np.count_nonzero(it.state.hardware_error) == 1
 
 
-def test_a_goal_that_is_no_number_is_not_sent(rig: Callable[..., Rig]) -> None:
+def test_a_goal_that_is_not_a_number_is_not_sent(rig: Callable[..., Rig]) -> None:
     it = rig()
     it.start()
     it.tick(2)
@@ -501,7 +495,7 @@ def test_a_goal_that_is_no_number_is_not_sent(rig: Callable[..., Rig]) -> None:
 # ---------------------------------------------------------------- what left for the servos
 
 
-def test_goals_past_the_limits_that_servos_told_are_counted_as_the_servos_count_them(rig: Callable[..., Rig]) -> None:
+def test_goals_past_the_servos_own_limits_are_counted_as_by_the_servos(rig: Callable[..., Rig]) -> None:
     it = rig()
     it.start()
     it.tick(5)
@@ -510,17 +504,17 @@ def test_goals_past_the_limits_that_servos_told_are_counted_as_the_servos_count_
     it.command.position[knee] = it.robot.lower[knee] - 0.2
     it.tick(3)
     assert it.driver.violations == 3
-    # None of them has left.
+    # None of them was sent.
     assert it.emulator.body.receiver.position_violations == 0
     assert abs(it.servo(KNEE).get("goal_position") - it.robot.to_ticks(it.robot.stand_pose)[knee]) <= 1
     it.driver.close()
     assert it.driver.violations == 3
 
 
-def test_a_joint_that_sagged_past_its_limit_is_pinned_there_and_counted_if_sent_further(
+def test_a_joint_outside_its_limit_is_pinned_there_and_goals_further_out_are_counted(
     rig: Callable[..., Rig],
 ) -> None:
-    """The servos' limits were once those of the joints: a robot that had lain limp could not be started again."""
+    """Regression: the servos' limits were those of the joints, and a limp robot could not be started again."""
     it = rig()
     knee, body = it.robot.index("l_knee"), it.emulator.body
     body.position[knee] = it.robot.upper[knee] + 0.1
@@ -535,8 +529,8 @@ def test_a_joint_that_sagged_past_its_limit_is_pinned_there_and_counted_if_sent_
     assert it.driver.violations == 1 and body.receiver.position_violations == 0
 
 
-def test_a_servo_past_its_own_limits_is_pinned_to_these(rig: Callable[..., Rig]) -> None:
-    """The goal was clipped on its way and compared unclipped: "does not take a goal at its present position"."""
+def test_a_servo_outside_its_own_limits_is_pinned_to_the_nearest(rig: Callable[..., Rig]) -> None:
+    """Regression: the goal was sent clipped and compared unclipped: "does not take a goal at its present position"."""
     it = rig()
     it.driver.open()
     it.driver.read(it.state)
@@ -550,8 +544,8 @@ def test_a_servo_past_its_own_limits_is_pinned_to_these(rig: Callable[..., Rig])
     assert it.emulator.body.plant.enabled.all()
 
 
-def test_goals_follow_where_servos_were_pinned_not_where_they_were_read(rig: Callable[..., Rig]) -> None:
-    """The driver reads once more before it pins; a joint that moved in between was sent back out and counted."""
+def test_goals_start_from_pins_not_from_the_last_read(rig: Callable[..., Rig]) -> None:
+    """Regression: the driver reads again before it pins; the next goal was outside the pin, and counted."""
     it = rig()
     it.driver.open()
     it.driver.read(it.state)
@@ -569,7 +563,7 @@ def test_goals_follow_where_servos_were_pinned_not_where_they_were_read(rig: Cal
     assert np.isnan(untouched).all()
 
 
-def test_goals_within_a_tick_of_a_limit_are_none(op3: Robot, rig: Callable[..., Rig]) -> None:
+def test_goals_within_a_tick_of_a_limit_are_no_violation(op3: Robot, rig: Callable[..., Rig]) -> None:
     it = rig()
     it.start()
     for limit in (op3.lower, op3.upper):
@@ -579,7 +573,7 @@ def test_goals_within_a_tick_of_a_limit_are_none(op3: Robot, rig: Callable[..., 
 
 
 def test_a_current_limit_below_the_factorys_bounds_the_goal_current(tmp_path: Path) -> None:
-    """The table's limit once went out as goal current: the servo refused it, and the goal position behind it."""
+    """Regression: the table's limit was sent as goal current; the servo refused it and the goal position after it."""
     robot = op3_with(tmp_path, servo="XC330-T288", baud=1_000_000, current_bound=True)
     it = Rig(robot)
     for servo in it.bus.servos:

@@ -13,20 +13,20 @@ IDS = (1, 2)
 
 
 def row(position: int, velocity: int = 0, current: int = 0) -> bytes:
-    """What a servo says of itself."""
+    """Data of a servo's answer."""
     return struct.pack("<hhhBBBBB", position, velocity, current, 120, 26, 0, 77, 1)
 
 
 @pytest.fixture
 def fast() -> ReadMany:
-    """A fast read of two servos that has just been sent."""
+    """A fast read of two servos, just sent."""
     made = ReadMany(IDS, Span(224, READ_SIZE), fast=True, where="bus")
     made.begin()
     return made
 
 
-def test_a_late_answer_to_a_sync_read_is_no_answer_to_a_fast_one(fast: ReadMany) -> None:
-    """It was once taken for the part of the servo whose id is its position, one byte shifted, at 12 rad/s."""
+def test_a_late_answer_to_a_sync_read_is_not_taken_for_a_fast_one(fast: ReadMany) -> None:
+    """Regression: it was taken, shifted by one byte, for the answer of the servo whose id is its position."""
     # FF FF FD in speed and current: a byte is stuffed.
     late = encode_status(2, 0, row(0x0801, velocity=-1, current=-3))
     assert not fast.take(late)
@@ -34,7 +34,7 @@ def test_a_late_answer_to_a_sync_read_is_no_answer_to_a_fast_one(fast: ReadMany)
     assert fast.answers == {} and fast.whole is None
 
 
-def test_the_fast_reply_behind_it_is_taken(fast: ReadMany) -> None:
+def test_the_fast_reply_after_it_is_taken(fast: ReadMany) -> None:
     rows = [row(2048), row(1000, velocity=7)]
     late = encode_status(2, 0, row(0x0801, velocity=-1, current=-3))
     assert fast.take(late + encode_fast_status([(0, id_, data) for id_, data in zip(IDS, rows, strict=True)]))
@@ -42,7 +42,7 @@ def test_the_fast_reply_behind_it_is_taken(fast: ReadMany) -> None:
     assert fast.whole is not None
 
 
-def test_of_a_fast_reply_that_is_cut_short_the_whole_parts_are_taken(fast: ReadMany) -> None:
+def test_the_complete_parts_of_a_truncated_fast_reply_are_taken(fast: ReadMany) -> None:
     reply = encode_fast_status([(0, id_, row(2000 + id_)) for id_ in IDS])
     fast.take(reply[:-3])
     fast.end()

@@ -74,7 +74,7 @@ def test_stuffing_is_what_the_sdk_does() -> None:
     assert b"\xff\xff\xfd\xfd" in ours
     theirs = [0xFF, 0xFF, 0xFD, 0, 1, len(params) + 3, 0, Instruction.WRITE, *params, 0, 0]
     handler = PacketHandler(2.0)
-    # The sdk's txPacket drops what its own stuffing returns; the driver does its own, see
+    # The SDK's txPacket drops the result of its own byte stuffing; the driver encodes its packets itself, see
     # `flexmotion.drivers.dynamixel.sdk`.
     assert bytes(handler.addStuffing(theirs)[:-2]) == ours[:-2]
     assert handler.updateCRC(0, list(ours), len(ours) - 2) == crc16(ours[:-2])
@@ -82,7 +82,7 @@ def test_stuffing_is_what_the_sdk_does() -> None:
 
 @settings(max_examples=200)
 @given(st.integers(0, 254), st.integers(0, 255), st.lists(st.sampled_from([0xFF, 0xFD, 0x00, 0x42]), max_size=40))
-def test_any_packet_survives_the_way(id_: int, instruction: int, params: list[int]) -> None:
+def test_every_packet_is_decoded_as_encoded(id_: int, instruction: int, params: list[int]) -> None:
     (packet,) = Decoder().feed(encode(id_, instruction, bytes(params)))
     assert packet.intact
     assert (packet.id, packet.instruction, packet.params) == (id_, instruction, bytes(params))
@@ -92,14 +92,14 @@ def test_any_packet_survives_the_way(id_: int, instruction: int, params: list[in
 @given(st.binary(max_size=60), st.integers(1, 7))
 def test_noise_before_a_packet_is_skipped(noise: bytes, step: int) -> None:
     decoder = Decoder()
-    # Room for a header in the noise that promises a longer packet than there is.
+    # A header in the noise may announce a longer packet than there is.
     wire = noise + encode(7, Instruction.PING) * 2 + bytes(1100) + encode(9, Instruction.PING)
     found = [packet for at in range(0, len(wire), step) for packet in decoder.feed(wire[at : at + step])]
     assert 9 in [packet.id for packet in found if packet.intact]
     assert len(decoder._buffer) <= 1100
 
 
-def test_a_wrong_crc_is_told_and_the_next_packet_found() -> None:
+def test_a_wrong_crc_is_reported_and_the_next_packet_found() -> None:
     wire = bytearray(encode(1, Instruction.PING))
     wire[-1] ^= 1
     packets = list(Decoder().feed(bytes(wire) + encode(2, Instruction.PING)))

@@ -25,7 +25,7 @@ def test_every_dynamixel_of_the_catalogue_has_a_consistent_table(model: str) -> 
             assert register.range[0] <= register.initial <= register.range[1], name
 
 
-def test_model_numbers_tell_servos_apart() -> None:
+def test_model_numbers_are_unique() -> None:
     numbers = [catalogue()[model].model_number for model in MODELS]
     assert None not in numbers
     assert len(set(numbers)) == len(numbers)

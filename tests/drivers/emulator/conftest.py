@@ -1,4 +1,4 @@
-"""Emulated buses on servos that stand on a bench."""
+"""Emulated buses with servos on a bench."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from flexmotion.drivers.emulator.servo import Joints, XServo
 
 
 class Host:
-    """Speaks to a bus in bytes, without a port and without time but what it is given.
+    """Exchanges bytes with a bus, without a port, on a simulated clock.
 
     Attributes:
         bus, body: what it speaks to, and what moves behind.
@@ -40,14 +40,14 @@ class Host:
         return [reply.data for _, replies in self.bus.receive(data, self.baud, self.now) for reply in replies]
 
     def read(self, id_: int, name: str) -> int:
-        """A register's value, signed as the table says."""
+        """A register's value, signed as in the table."""
         register = self.servo(id_).table[name]
         (answer,) = self.send(id_, Instruction.READ, _span(register.address, register.size))
         assert answer.params[0] & 0x7F == 0
         return register.unpack(answer.params[1:])
 
     def write(self, id_: int, name: str, value: int) -> int:
-        """Write a register; the error that the servo answers."""
+        """Write a register; the error in the answer."""
         register = self.servo(id_).table[name]
         params = register.address.to_bytes(2, "little") + register.pack(value)
         (answer,) = self.send(id_, Instruction.WRITE, params)

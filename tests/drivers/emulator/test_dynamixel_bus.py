@@ -19,7 +19,7 @@ def sync_read(address: int, size: int, *ids: int) -> bytes:
     return address.to_bytes(2, "little") + size.to_bytes(2, "little") + bytes(ids)
 
 
-def test_ping_tells_model_and_firmware(host: Host) -> None:
+def test_ping_returns_model_and_firmware(host: Host) -> None:
     (answer,) = host.send(1, Instruction.PING)
     assert (answer.id, answer.params) == (1, bytes([0, 0xFC, 0x03, 46]))
     assert host.send(77, Instruction.PING) == []
@@ -29,7 +29,7 @@ def test_a_broadcast_ping_is_answered_by_all_in_order(host: Host) -> None:
     assert [answer.id for answer in host.send(BROADCAST, Instruction.PING)] == [*range(1, 21), 200]
 
 
-def test_another_baud_rate_is_not_heard(host: Host) -> None:
+def test_another_baud_rate_is_not_received(host: Host) -> None:
     host.baud = 1_000_000
     assert host.send(1, Instruction.PING) == []
 
@@ -41,7 +41,7 @@ def test_sync_read_answers_in_the_order_asked_with_a_packet_each(host: Host) -> 
     assert [int.from_bytes(answer.params[1:], "little") for answer in answers] == [ticks[i] for i in (5, 3, 9)]
 
 
-def test_a_missing_servo_is_passed_over_in_a_sync_read_and_ends_a_fast_one(host: Host) -> None:
+def test_a_missing_servo_is_skipped_in_a_sync_read_and_ends_a_fast_one(host: Host) -> None:
     host.bus.dead = {3}
     answers = host.send(BROADCAST, Instruction.SYNC_READ, sync_read(132, 4, 5, 3, 9))
     assert [answer.id for answer in answers] == [5, 9]
@@ -96,7 +96,7 @@ def test_a_register_written_in_part_is_refused(host: Host) -> None:
     assert answer.params[0] == Error.LENGTH
 
 
-def test_status_levels_silence_answers(host: Host) -> None:
+def test_status_levels_suppress_answers(host: Host) -> None:
     host.write(1, "status_return_level", 1)
     assert host.send(1, Instruction.WRITE, (65).to_bytes(2, "little") + b"\x01") == []
     assert host.read(1, "led") == 1
@@ -130,7 +130,7 @@ def test_bulk_read_and_write_take_a_span_for_each(host: Host) -> None:
     assert [(answer.id, answer.params) for answer in answers] == [(1, b"\x00\x01"), (2, b"\x00\xd2\x04\x00\x00")]
 
 
-def test_a_reboot_forgets_what_is_in_ram_and_is_deaf_for_a_while(host: Host) -> None:
+def test_a_reboot_resets_ram_and_the_servo_is_off_meanwhile(host: Host) -> None:
     host.write(1, "position_p_gain", 400)
     host.write(1, "torque_enable", 1)
     (answer,) = host.send(1, Instruction.REBOOT)
@@ -139,7 +139,7 @@ def test_a_reboot_forgets_what_is_in_ram_and_is_deaf_for_a_while(host: Host) -> 
     assert host.read(1, "position_p_gain") == 800 and host.read(1, "torque_enable") == 0
 
 
-def test_the_bus_watchdog_stops_a_servo_that_hears_nothing(host: Host) -> None:
+def test_the_bus_watchdog_stops_a_servo_that_receives_nothing(host: Host) -> None:
     host.write(KNEE, "torque_enable", 1)
     host.write(KNEE, "bus_watchdog", 8)  # 160 ms
     for _ in range(10):
@@ -170,7 +170,7 @@ def test_a_hot_servo_raises_the_alert_and_switches_off_until_a_reboot(host: Host
     assert host.write(KNEE, "torque_enable", 1) == 0
 
 
-def test_a_voltage_outside_the_limits_is_told_but_switches_nothing_off(host: Host) -> None:
+def test_a_voltage_outside_the_limits_is_reported_and_torque_stays_on(host: Host) -> None:
     host.write(KNEE, "torque_enable", 1)
     host.body.plant.set_supply(9.0)
     host.live(0.02)
@@ -217,7 +217,7 @@ def test_a_packet_with_a_wrong_crc_is_refused_and_counted(host: Host) -> None:
 
 @settings(max_examples=150)
 @given(st.lists(st.binary(max_size=40), max_size=4), st.integers(0, 255), st.integers(0, 255), st.binary(max_size=24))
-def test_no_bytes_break_the_bus(noise: list[bytes], id_: int, instruction: int, params: bytes) -> None:
+def test_no_bytes_crash_the_bus(noise: list[bytes], id_: int, instruction: int, params: bytes) -> None:
     host = Host(ROBOT)
     for data in noise:
         host.send_bytes(data)

@@ -28,7 +28,7 @@ def test_faults_as_text(text: str, kind: FaultKind, argument: float, at: float, 
 
 
 @pytest.mark.parametrize("text", ["", "fire", "dead", "dead:x", "lost@", "voltage:1.2.3", "lost@1+"])
-def test_what_is_no_fault_is_refused_with_what_is_one(text: str) -> None:
+def test_an_unknown_fault_lists_the_known_ones(text: str) -> None:
     with pytest.raises(ConfigError, match=r"fault .*(expected KIND|needs an argument|could not convert)"):
         Fault.parse(text)
 
@@ -39,7 +39,7 @@ def test_a_fault_acts_for_its_time_after_torque_went_on() -> None:
     assert Fault.parse("cable").active(-1.0)
 
 
-def test_each_fault_spoils_packets_in_its_way() -> None:
+def test_each_fault_damages_packets_in_its_way() -> None:
     def spoil(text: str) -> tuple[bytes, float]:
         damage = Damage(seed=1)
         damage.act([Fault.parse(text)])
@@ -62,8 +62,8 @@ def test_random_damage_has_the_share_asked_for_and_every_kind() -> None:
     assert all(damage.spoilt[kind] for kind in PACKET_FAULTS)
 
 
-def test_a_fault_of_a_device_that_is_not_there_is_refused(op3: Robot) -> None:
-    """Went wrong: `--fault dead:99` was accepted, and nothing ever happened."""
+def test_a_fault_of_an_unknown_device_is_refused(op3: Robot) -> None:
+    """Regression: `--fault dead:99` was accepted and had no effect."""
     for text in ("dead:99", "overheat:99", "reset:200"):
         with pytest.raises(ConfigError, match="no servo has id"):
             Loopback(BenchBody(op3), faults=[Fault.parse(text)])

@@ -17,7 +17,7 @@ def replies(*sizes: int, delay: float = 0.0, late: float = 0.0) -> list[tuple[Re
     return [(Reply(1, delay, bytes(size)), bytes(size), late) for size in sizes]
 
 
-def test_bytes_take_ten_bits_each_way() -> None:
+def test_bytes_take_ten_bits_in_each_direction() -> None:
     wire = Wire()
     assert wire.send(100, BAUD, now=1.0) == pytest.approx(1.001)
     wire.answer(replies(50, delay=0.0002), BAUD, after=1.001)
@@ -25,7 +25,7 @@ def test_bytes_take_ten_bits_each_way() -> None:
     assert wire.take(1.0016) == b"" and len(wire.take(1.00171)) == 50 and wire.due is None
 
 
-def test_what_the_host_sends_at_once_waits_its_turn() -> None:
+def test_packets_sent_at_once_are_sent_in_turn() -> None:
     wire = Wire()
     wire.send(100, BAUD, now=1.0)
     assert wire.send(100, BAUD, now=1.0) == pytest.approx(1.002)
@@ -42,14 +42,14 @@ def test_replies_come_in_frames_and_the_last_on_time() -> None:
     assert len(due) == pytest.approx(0.002 / FRAME_S, abs=1)
 
 
-def test_the_host_destroys_what_it_speaks_over() -> None:
+def test_a_request_during_a_reply_destroys_the_reply() -> None:
     wire = Wire()
     wire.answer(replies(100), BAUD, after=0.0)
     wire.send(10, BAUD, now=0.0005)
     assert wire.collisions == 1 and wire.due is None
 
 
-def test_a_host_that_goes_on_speaking_when_a_reply_is_due_destroys_it() -> None:
+def test_a_host_that_still_sends_when_a_reply_is_due_destroys_it() -> None:
     wire = Wire()
     end = wire.send(10, BAUD, now=0.0)
     wire.send(10, BAUD, now=0.00005)
@@ -57,8 +57,8 @@ def test_a_host_that_goes_on_speaking_when_a_reply_is_due_destroys_it() -> None:
     assert wire.collisions == 1 and wire.due is None
 
 
-def test_goals_act_when_their_last_byte_is_over(op3: Robot) -> None:
-    """Went wrong: they acted as they were sent, and while that was worked out the next packet was late on the wire."""
+def test_goals_act_after_their_last_byte(op3: Robot) -> None:
+    """Regression: they acted when they were sent, and their computation delayed the next packet on the wire."""
     world = Loopback(BenchBody(op3))
     line = world.emulator.lines[0]
     assert isinstance(line, BusLine) and isinstance(line.bus, EmulatedDynamixelBus)
@@ -72,14 +72,14 @@ def test_goals_act_when_their_last_byte_is_over(op3: Robot) -> None:
     assert servo.get("led") == 1
 
 
-def test_a_late_reply_is_held_back_and_no_collision() -> None:
+def test_a_late_reply_is_no_collision() -> None:
     wire = Wire()
     wire.answer(replies(10, late=0.02), BAUD, after=0.0)
     wire.send(10, BAUD, now=0.01)
     assert wire.collisions == 0 and wire.due == pytest.approx(0.0201)
 
 
-def test_without_timing_everything_is_at_once() -> None:
+def test_without_timing_bytes_take_no_time() -> None:
     wire = Wire(timed=False)
     assert wire.send(100, BAUD, now=1.0) == 1.0
     wire.answer(replies(50, delay=0.5), BAUD, after=1.0)

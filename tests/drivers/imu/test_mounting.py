@@ -20,7 +20,7 @@ def felt(lean: float) -> np.ndarray:
 
 
 @given(true=st.tuples(angle, angle, angle), lean=st.floats(0.3, 1.4), believed=st.tuples(angle, angle, angle))
-def test_two_directions_tell_how_it_sits(
+def test_two_directions_determine_the_mounting(
     true: tuple[float, float, float], lean: float, believed: tuple[float, float, float]
 ) -> None:
     sits, before = Rotation.from_euler("zyx", true), Rotation.from_euler("zyx", believed)
@@ -32,7 +32,7 @@ def test_two_directions_tell_how_it_sits(
     assert (found * sits.inv()).magnitude() < 1e-6
 
 
-def test_what_cannot_be_is_refused() -> None:
+def test_impossible_directions_are_refused() -> None:
     none = Rotation.identity()
     with pytest.raises(DriverError, match="leaned by 6° only, expected 15° or more"):
         mounting(none, UP, felt(0.1))

@@ -1,4 +1,4 @@
-"""The serial IMU: what it measures, how it is set up, and what is made of one that fails."""
+"""The serial IMU: measurements, settings, and faults."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ from .robots import looped, op3_with_imu
 
 TICK = 0.008
 TILTED = [math.cos(0.3), math.sin(0.3), 0.0, 0.0]
-"""Mounting: turned by 0.6 about the torso's x."""
+"""Mounting: rotated by 0.6 rad about the torso's x."""
 
 
 @pytest.fixture
@@ -66,7 +66,7 @@ def imu_line(world: Loopback) -> WitMotionLine:
 
 
 @pytest.mark.parametrize("sensor", [{"driver": "witmotion"}, {"driver": "opencr", "id": 200, "bus": "main"}])
-def test_whichever_it_is_it_measures_in_the_torsos_frame_at_every_tick(tmp_path: Path, sensor: dict[str, Any]) -> None:
+def test_every_imu_measures_in_the_torso_frame_at_every_tick(tmp_path: Path, sensor: dict[str, Any]) -> None:
     driver, world = looped(op3_with_imu(tmp_path, quaternion=TILTED, **sensor))
     body = world.emulator.body
     body.gyro[:], body.accel[:] = [0.1, -0.2, 0.3], [1.0, -2.0, 9.0]
@@ -101,10 +101,10 @@ def test_broken_frames_are_counted_and_the_last_good_sample_stays(
             np.testing.assert_allclose(state.accel, [0, 0, 9.81], atol=0.01)
         assert isinstance(driver._imu, WitMotion) and driver._imu.bad > 3
         assert 0 < stale <= 3 and not state.stale.any()
-    assert f"{driver._imu.bad} frames came broken: check its cable" in caplog.text
+    assert f"{driver._imu.bad} broken frames: check its cable" in caplog.text
 
 
-def test_a_pulled_cable_is_a_silent_imu_and_nothing_else(robot: Robot) -> None:
+def test_a_pulled_imu_cable_affects_the_imu_alone(robot: Robot) -> None:
     driver, world = looped(robot)
     with driver:
         ticks(driver, world, 2)
@@ -118,8 +118,8 @@ def test_a_pulled_cable_is_a_silent_imu_and_nothing_else(robot: Robot) -> None:
 
 
 @pytest.mark.parametrize("hertz", [10, 50, 100])
-def test_one_that_falls_back_to_a_lower_rate_is_not_fresh(robot: Robot, hertz: int) -> None:
-    """Its supply dips and it forgets its rate; every sample was taken as fresh, and the tilt came out at a half."""
+def test_a_sensor_that_falls_back_to_a_lower_rate_is_not_fresh(robot: Robot, hertz: int) -> None:
+    """Regression: after a dip of its supply it loses its rate; every sample was fresh, and the tilt was halved."""
     driver, world = looped(robot)
     with driver:
         assert ticks(driver, world, 20).imu_stale == 0
@@ -133,8 +133,8 @@ def test_one_that_falls_back_to_a_lower_rate_is_not_fresh(robot: Robot, hertz: i
         assert ticks(driver, world, 30).imu_stale == 0
 
 
-def test_what_came_long_ago_is_not_fresh(robot: Robot) -> None:
-    """The loop pauses; the cable was pulled early in the pause, and its last samples still lie in the buffer."""
+def test_old_samples_are_not_fresh(robot: Robot) -> None:
+    """The loop pauses; the cable is pulled early in the pause, and the last samples are still in the buffer."""
     driver, world = looped(robot)
     with driver:
         ticks(driver, world, 2)
@@ -144,7 +144,7 @@ def test_what_came_long_ago_is_not_fresh(robot: Robot) -> None:
         assert ticks(driver, world, 1).imu_stale == 1
 
 
-def test_a_stream_that_ran_on_through_a_pause_is_fresh(robot: Robot) -> None:
+def test_a_stream_that_continued_during_a_pause_is_fresh(robot: Robot) -> None:
     driver, world = looped(robot)
     with driver:
         ticks(driver, world, 2)
@@ -153,7 +153,7 @@ def test_a_stream_that_ran_on_through_a_pause_is_fresh(robot: Robot) -> None:
 
 
 @pytest.mark.parametrize("required", [False, True])
-def test_one_that_is_missing_is_done_without_unless_it_is_required(
+def test_a_missing_imu_is_an_error_only_if_it_is_required(
     tmp_path: Path, required: bool, caplog: pytest.LogCaptureFixture
 ) -> None:
     robot = op3_with_imu(tmp_path, driver="witmotion", required=required)
@@ -169,7 +169,7 @@ def test_one_that_is_missing_is_done_without_unless_it_is_required(
     assert "IMU witmotion on imu: no sample at 115200 baud: no IMU" in caplog.text
 
 
-def test_another_bit_rate_is_no_sample(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+def test_no_sample_arrives_at_another_bit_rate(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     robot = op3_with_imu(tmp_path, driver="witmotion", options={"baud": 230_400})
     driver, world = looped(robot)
     imu_line(world)._baud = 115_200
@@ -178,14 +178,14 @@ def test_another_bit_rate_is_no_sample(tmp_path: Path, caplog: pytest.LogCapture
     assert "no sample at 230400 baud" in caplog.text
 
 
-def test_a_bit_rate_too_low_for_the_loop_is_told(tmp_path: Path) -> None:
+def test_a_bit_rate_too_low_for_the_loop_is_refused(tmp_path: Path) -> None:
     robot = op3_with_imu(tmp_path, driver="witmotion", options={"baud": 9600}, required=True)
     driver, _ = looped(robot)
     with pytest.raises(DriverError, match="200 samples a second need more than 44000 baud, it has 9600"):
         driver.open()
 
 
-def test_it_is_let_go_and_found_again(robot: Robot) -> None:
+def test_it_can_be_closed_and_opened_again(robot: Robot) -> None:
     driver, world = looped(robot)
     for _ in range(2):
         with driver:
@@ -205,20 +205,20 @@ def test_it_is_let_go_and_found_again(robot: Robot) -> None:
         ({"driver": "witmotion", "options": {"port": "/dev/x", "speed": 1}}, r"field speed: unknown field, .* baud"),
     ],
 )
-def test_what_the_robot_file_says_wrong_is_named(tmp_path: Path, imu: dict[str, object], says: str) -> None:
+def test_an_error_in_the_robot_file_is_named(tmp_path: Path, imu: dict[str, object], says: str) -> None:
     robot = op3_with_imu(tmp_path, **imu)
     with pytest.raises(ConfigError, match=says) as error:
         create("dynamixel", robot, port="main")
     assert "robot.yaml" in str(error.value)
 
 
-def test_the_port_given_wins_over_the_files(tmp_path: Path) -> None:
+def test_the_port_option_takes_precedence_over_the_file(tmp_path: Path) -> None:
     robot = op3_with_imu(tmp_path, driver="witmotion", options={"port": "/dev/imu", "baud": 921_600})
     assert imus.create(robot).options == imus.create(robot, "/dev/imu").options
     assert imus.create(robot, "/dev/other").options.port == "/dev/other"
 
 
-def test_who_only_looks_at_servos_needs_no_imu(tmp_path: Path) -> None:
+def test_servo_tools_need_no_imu(tmp_path: Path) -> None:
     robot = op3_with_imu(tmp_path, driver="witmotion", required=True)
     driver, world = create("dynamixel", robot, port="main", imu=False), Loopback(BenchBody(robot))
     assert isinstance(driver, BusDriver) and not driver.capabilities.imu
@@ -228,7 +228,7 @@ def test_who_only_looks_at_servos_needs_no_imu(tmp_path: Path) -> None:
 
 
 class Sensor(StandaloneImu):
-    """A plug-in's: no port, one sample for ever."""
+    """IMU of a plug-in: no port, always the same sample."""
 
     name = "mine"
 
@@ -258,7 +258,7 @@ def test_a_plug_in_is_found_by_its_entry_point(tmp_path: Path, monkeypatch: pyte
 
 
 class Unplugged(Sensor):
-    """A plug-in's that lets the system's errors out."""
+    """IMU of a plug-in that raises `OSError`."""
 
     fails: ClassVar[str] = "open"
 
@@ -283,7 +283,7 @@ def with_unplugged(folder: Path, fails: str, monkeypatch: pytest.MonkeyPatch, **
 def test_an_error_of_a_plug_in_at_open_is_a_missing_imu(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """An `OSError` out of a plug-in's `open` ended in a traceback."""
+    """Regression: an `OSError` in a plug-in's `open` ended in a traceback."""
     driver, world = with_unplugged(tmp_path / "may", "open", monkeypatch)
     with driver:
         assert ticks(driver, world, 2).imu_stale == -1
@@ -297,7 +297,7 @@ def test_an_error_of_a_plug_in_at_open_is_a_missing_imu(
 def test_an_error_of_a_plug_in_while_it_is_read_is_a_stale_imu(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """An `OSError` out of a plug-in's `read` ended the loop of a robot that walked."""
+    """Regression: an `OSError` in a plug-in's `read` ended the loop of a walking robot."""
     driver, world = with_unplugged(tmp_path, "", monkeypatch)
     with driver:
         assert ticks(driver, world, 1).imu_stale == 0
@@ -308,8 +308,8 @@ def test_an_error_of_a_plug_in_while_it_is_read_is_a_stale_imu(
     assert caplog.text.count("no such device") == 1
 
 
-def test_ports_are_let_go_where_waiting_for_the_imu_ends(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Waiting for the first sample was outside of what `open` cleans up after: its ports stayed open."""
+def test_ports_are_released_if_waiting_for_the_imu_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Regression: after an error while waiting for the first sample, `open` left its ports open."""
     driver, _ = with_unplugged(tmp_path, "interrupt", monkeypatch)
     with pytest.raises(KeyboardInterrupt):
         driver.open()
@@ -320,7 +320,7 @@ def test_ports_are_let_go_where_waiting_for_the_imu_ends(tmp_path: Path, monkeyp
 
 
 class NoisyPort(SerialPort):
-    """Whatever a test says comes."""
+    """A port that receives the bytes that a test sets."""
 
     def __init__(self) -> None:
         self.path, self.baud, self.lost, self.sent, self.busy_until = "noise", 115_200, None, 0, 0.0
@@ -411,7 +411,7 @@ def test_over_a_pseudo_terminal(tmp_path: Path, emulated: Callable[..., Emulator
 
 
 class TheirImu(witmotion.IMU):  # type: ignore[misc]
-    """Its thread starts before its constructor has come to these."""
+    """Its thread starts before its constructor has set these."""
 
     subscribers: ClassVar[dict[object, list[object]]] = defaultdict(list)
 

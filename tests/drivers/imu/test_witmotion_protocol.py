@@ -1,4 +1,4 @@
-"""Frames and commands byte by byte, beside what another's library makes of them."""
+"""Frames and commands byte by byte, compared with a third-party library."""
 
 from __future__ import annotations
 
@@ -65,12 +65,12 @@ def test_another_library_reads_our_frames_and_writes_our_commands() -> None:
 
 
 @given(kind=st.integers(0x50, 0x5F), content=numbers, cut=st.integers(0, 11), noise=st.binary(max_size=30))
-def test_a_frame_is_found_behind_noise_in_pieces(
+def test_a_frame_in_pieces_is_found_after_noise(
     kind: int, content: tuple[int, int, int, int], cut: int, noise: bytes
 ) -> None:
     wire, decoder = frame(kind, content), FrameDecoder()
     list(decoder.feed(noise))
-    # A header in the noise may claim the frame behind it, but not two.
+    # A header in the noise may consume the frame after it, but not two.
     found = [*decoder.feed(wire[:cut]), *decoder.feed(wire[cut:] + wire + wire)]
     assert (kind, content) in found
 

@@ -1,4 +1,4 @@
-"""Processors that may not sleep, for as long as it is asked for."""
+"""Limits of the wake-up time of processors, and scheduling of linear algebra."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from flexmotion.drivers.realtime.priority import WAKE_LATENCY, awake
 
 
 def _asked_us() -> int:
-    """What all processes together ask for now."""
+    """The limit of all processes together [µs]."""
     return int.from_bytes(WAKE_LATENCY.read_bytes()[:4], "little", signed=True)
 
 
 @pytest.fixture
 def before() -> int:
-    """What others ask for."""
+    """The limit of other processes [µs]."""
     if not os.access(WAKE_LATENCY, os.R_OK | os.W_OK):
         pytest.skip(f"{WAKE_LATENCY} may not be written")
     if (asked := _asked_us()) <= 100:
@@ -30,7 +30,7 @@ def before() -> int:
 
 
 def test_processors_stay_awake_within(before: int) -> None:
-    """Went wrong: they slept between ticks, and a busy host woke them up to 20 ms late, 26 times in a minute."""
+    """Regression: they slept between ticks, and woke up to 20 ms late on a busy host, 26 times in a minute."""
     with awake(0) as granted:
         assert granted and _asked_us() == 0
         with awake(100):
@@ -47,21 +47,21 @@ def _is_killed_awake() -> None:
         os.kill(os.getpid(), signal.SIGKILL)
 
 
-def test_a_process_that_dies_lets_them_sleep_again(before: int) -> None:
+def test_the_limit_ends_with_the_process(before: int) -> None:
     process = child.start("dies", _is_killed_awake)
     process.join()
     assert process.exitcode and _asked_us() == before
 
 
-def test_a_system_that_cannot_keep_them_awake_is_no_error(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_a_system_without_the_interface_is_no_error(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     for path in (tmp_path / "none", tmp_path):  # not there; not a file that can be written
         monkeypatch.setattr(priority, "WAKE_LATENCY", path)
         with awake(0) as granted:
             assert not granted
 
 
-def test_linear_algebra_in_a_realtime_process_waits_for_no_thread_of_its_own() -> None:
-    """A planner that was asked in words for the first time never came back: BLAS spun for a thread that could not run.
+def test_linear_algebra_in_a_realtime_process_has_one_thread() -> None:
+    """Regression: the planner hung at its first text target: BLAS busily waited for a thread that could not run.
 
     Both were on the one processor that the planner has, in realtime, the one that waits in front of the other.
     """
@@ -71,7 +71,7 @@ from flexmotion.drivers.realtime import child, priority
 from flexmotion.drivers.realtime.priority import PLANNER_PRIORITY
 
 wide, narrow = np.ones((2000, 600), np.float32), np.ones(600, np.float32)
-wide @ narrow  # begins the library's threads, where it has any
+wide @ narrow  # starts the library's threads, if it has any
 
 def plan():
     priority.settle(collect=True)

@@ -1,4 +1,4 @@
-"""Rows through shared memory: nothing torn, nothing lost without notice, nothing left behind."""
+"""Rows in shared memory: consistent, lost rows are counted, no memory is left behind."""
 
 from __future__ import annotations
 
@@ -65,8 +65,8 @@ def _write(ring: Ring, count: int) -> None:
         ring.publish(row(number))
 
 
-def test_rows_are_never_torn_while_another_process_writes() -> None:
-    """The writer laps a small ring thousands of times while it is read."""
+def test_rows_are_consistent_while_another_process_writes() -> None:
+    """The writer fills a small ring thousands of times while it is read."""
     ring, count = Ring(ROW, 8), 60_000
     writer = get_context("fork").Process(target=_write, args=(ring, count))
     writer.start()
@@ -90,7 +90,7 @@ def test_shared_arrays_have_no_name() -> None:
 
 
 @pytest.mark.parametrize("shape", [0, (0, 4)])
-def test_an_array_of_nothing_is_one_too(shape: int | tuple[int, ...]) -> None:
+def test_an_empty_array_is_valid(shape: int | tuple[int, ...]) -> None:
     array = shared_array(shape, np.float64)
     touch(array)
     assert array.size == 0

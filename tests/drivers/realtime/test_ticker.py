@@ -1,4 +1,4 @@
-"""Absolute deadlines, with a clock that a test moves."""
+"""Absolute deadlines, on a simulated clock."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ MS = 1_000_000
 
 
 class Clock:
-    """Time that passes only in `sleep`, and when a test says so."""
+    """Time that passes only in `sleep` and by a test."""
 
     def __init__(self) -> None:
         self.now_ns = 5 * MS
@@ -43,7 +43,7 @@ def test_deadlines_do_not_drift(clock: Clock) -> None:
         assert ticker.late_ns == clock.oversleep_ns and ticker.missed == 0
 
 
-def test_work_that_takes_longer_than_a_period_misses_a_deadline_and_goes_on_at_once(clock: Clock) -> None:
+def test_work_longer_than_a_period_misses_a_deadline_and_continues_at_once(clock: Clock) -> None:
     ticker = Ticker(0.008)
     ticker.wait()
     clock.now_ns += 11 * MS
@@ -53,7 +53,7 @@ def test_work_that_takes_longer_than_a_period_misses_a_deadline_and_goes_on_at_o
     assert (ticker.missed, ticker.late_ns) == (0, 0)
 
 
-def test_whole_periods_that_passed_are_skipped_never_made_up_for(clock: Clock) -> None:
+def test_missed_whole_periods_are_skipped(clock: Clock) -> None:
     ticker, begin = Ticker(0.008), clock.now_ns
     ticker.wait()
     clock.now_ns += 35 * MS

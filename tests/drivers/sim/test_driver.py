@@ -30,7 +30,7 @@ def test_it_stands_still_on_bent_knees(start: Callable, op3: Robot) -> None:
 
 
 def standing_torque(robot: Robot) -> np.ndarray:
-    """Joint torques at the stand pose with half the weight under each sole's centre, (n,): gravity less J^T f."""
+    """Joint torques in the stand pose with half the weight on each sole's centre, (n,): gravity minus J^T f."""
     model, data = robot.model, mujoco.MjData(robot.model)
     data.qpos[robot.qpos_address] = robot.stand_pose
     mujoco.mj_forward(model, data)
@@ -43,7 +43,7 @@ def standing_torque(robot: Robot) -> np.ndarray:
     return torque[robot.dof_address]
 
 
-def test_gravity_torque_led_in_front_removes_the_droop(start: Callable, op3: Robot) -> None:
+def test_feed_forward_of_gravity_torque_removes_the_droop(start: Callable, op3: Robot) -> None:
     run = start(noise_scale=0.0)
     run.command.position[:] = op3.stand_pose + standing_torque(op3) / op3.kp
     run.tick(250)
@@ -59,7 +59,7 @@ def test_it_stands_under_perturbations(start: Callable, mass: float | None) -> N
     assert run.driver.violations == 0
 
 
-def test_a_hard_push_knocks_it_over(start: Callable) -> None:
+def test_a_hard_push_makes_it_fall(start: Callable) -> None:
     run = start(pushes=[{"at": 0.5, "impulse": [2.0, 0.0, 0.0]}])
     run.tick(60)
     assert run.tilt < 0.06
@@ -70,7 +70,7 @@ def test_a_hard_push_knocks_it_over(start: Callable) -> None:
 def test_torque_off_it_falls_and_held_it_does_not(start: Callable) -> None:
     run = start(torque=False)
     run.tick(125)
-    assert run.tilt < 0.01  # someone holds it until torque goes on
+    assert run.tilt < 0.01  # the torso is held until torque goes on
     run.driver.set_torque(True)
     run.tick(125)
     assert run.tilt < 0.06
@@ -121,7 +121,7 @@ def test_equal_options_give_equal_runs_bit_for_bit(start: Callable) -> None:
             run.command.position[:] = run.driver.robot.stand_pose + 0.05 * np.sin(0.1 * tick)
             run.tick()
             if look:
-                run.driver.truth()  # looking must not change what is looked at
+                run.driver.truth()  # reading the truth must not change the run
             rows.append(np.concatenate([run.state.position, run.state.gyro, run.state.accel]))
         return np.array(rows).tobytes()
 
@@ -140,7 +140,7 @@ def test_opening_again_starts_over(start: Callable) -> None:
     assert traces[0] == traces[1]
 
 
-def test_goals_outside_the_limits_are_counted_where_they_arrive(start: Callable, op3: Robot) -> None:
+def test_goals_outside_the_limits_are_counted_by_the_receiver(start: Callable, op3: Robot) -> None:
     run = start()
     run.tick(2)
     knee = op3.index("l_knee")

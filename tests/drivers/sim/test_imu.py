@@ -27,13 +27,13 @@ def test_at_rest_it_reads_gravity_up_and_no_rotation(start: Callable) -> None:
     assert run.state.imu_stale == 0
 
 
-def test_the_first_reading_is_already_right(start: Callable) -> None:
+def test_the_first_reading_is_valid(start: Callable) -> None:
     run = start(noise_scale=0.0, suspended=True)
     run.driver.read(run.state)
     np.testing.assert_allclose(run.state.accel, [0, 0, 9.81], atol=1e-6)
 
 
-def test_noise_and_bias_are_as_asked(start: Callable) -> None:
+def test_noise_and_bias_are_as_in_the_options(start: Callable) -> None:
     rows = readings(start(suspended=True, gyro_noise=0.02, gyro_bias=0.0, accel_noise=0.3, accel_bias=0.0), 400)
     np.testing.assert_allclose(rows.std(axis=0), np.repeat([0.02, 0.3], 3), rtol=0.15)
     quiet = readings(start(suspended=True, gyro_noise=0.0, gyro_bias=0.1), 20)

@@ -1,4 +1,4 @@
-"""Variety that still obeys the equations of motion."""
+"""Augmented motions obey the equations of motion."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def test_mirrored_forces_are_the_mirror_image(clip: Motion) -> None:
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
-def test_a_variant_closes(clip: Motion, seed: int) -> None:
+def test_dynamics_of_a_variant_have_small_residuals(clip: Motion, seed: int) -> None:
     motion, loads = varied(clip, seed)
     again, _ = varied(clip, seed)
     assert np.array_equal(motion.joints, again.joints)
@@ -60,19 +60,19 @@ def test_tempo_keeps_the_path_and_its_ends(clip: Motion) -> None:
     assert warped.root_position[-1] == pytest.approx(clip.root_position[-1], abs=0.05)
 
 
-def test_a_burden_weighs_on_the_floor(make_standing) -> None:
+def test_a_carried_mass_adds_to_the_ground_force(make_standing) -> None:
     motion = make_standing(frames=30)
     burden = ExternalLoad("hand_l", np.tile([0.0, 0.0, -50.0], (30, 1)))
     found = dynamics(motion, loads=[burden])
     assert found.motion.wrenches is not None
     total = found.motion.wrenches[:, :, 2].sum(axis=1)
     assert total == pytest.approx(np.full(30, motion.body.mass * GRAVITY + 50.0), rel=0.01)
-    # It hangs on the left: that foot carries more.
+    # The mass is on the left: that foot carries more.
     assert (found.motion.wrenches[:, 0, 2] > found.motion.wrenches[:, 1, 2] + 20).all()
 
 
-def test_a_warped_arm_keeps_its_way_past_the_gimbal_lock(make_standing) -> None:
-    """Shoulder angles race there (48 rad/s in clips of waving); splines of angles bent the arm off its way."""
+def test_a_change_of_tempo_keeps_the_path_of_an_arm_near_gimbal_lock(make_standing) -> None:
+    """Regression: shoulder angles reach 48 rad/s there, and splines of angles moved the arm off its path."""
     names = ("shoulder_flexion", "shoulder_adduction", "shoulder_rotation")
     columns = [JOINTS.index(f"{name}_l") for name in names]
     aside = rotation_about("y", 0.02) @ rotation_about("z", 0.02)

@@ -1,4 +1,4 @@
-"""Newton and Euler against MuJoCo's own inverse dynamics."""
+"""Newton-Euler equations against MuJoCo's inverse dynamics."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Static optimisation, activation dynamics, and the way back through MuJoCo's own muscle actuators."""
+"""Static optimisation, activation dynamics, and MuJoCo's muscle actuators with their results."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def test_activations_keep_their_limits(enriched) -> None:
 
 
 def test_round_trip_through_mujocos_muscles(enriched) -> None:
-    """A full forward pass with these activations makes the torque that was asked for."""
+    """MuJoCo's forward dynamics with these activations give the requested torque."""
     import mujoco
 
     from flexmotion.biomechanics.differentiation import derivative
@@ -111,7 +111,7 @@ def test_infeasible_joints_are_named(enriched, clip: Motion) -> None:
     assert bad[:, state.joints.index("knee_flexion_l")].all()
 
 
-def test_contact_forces_press(enriched) -> None:
+def test_contact_forces_are_compressive(enriched) -> None:
     from flexmotion.biomechanics.joint_contact import joint_contact_forces
 
     found, state = enriched
@@ -119,6 +119,6 @@ def test_contact_forces_press(enriched) -> None:
     force = joint_contact_forces(found, state)
     standing = force[:30, :, 2].mean(axis=0) / weight
     for crossing, value in zip(state.crossings, standing, strict=True):
-        # Standing: a leg's joints carry a third of the body and what muscles add; the torso presses down on the pelvis.
-        # (MyoTorso's muscles are taut at rest: they alone press with a body weight and more.)
+        # In standing the joints of a leg carry a third of body weight plus muscle forces; the torso compresses the
+        # lumbar joint. (Passive forces of MyoTorso alone exceed body weight.)
         assert 0.2 < (value if crossing == "lumbar" else -value) < 4.5, crossing

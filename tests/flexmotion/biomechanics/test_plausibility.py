@@ -1,4 +1,4 @@
-"""Angles, speeds and torques that no human's joint has."""
+"""Limits of angles, speeds and torques of human joints."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ COLUMNS = [JOINTS.index(f"{name}_l") for name in SHOULDER]
 
 
 def circling_arm(make_standing: Callable[..., Motion], turns: int) -> Motion:
-    """The left upper arm points sideways and circles round that axis."""
+    """The left upper arm points sideways and circles about that axis."""
     angle = np.linspace(0, 2 * np.pi * turns, 40 * turns)
     tilt = rotation_about("x", np.pi / 2) @ rotation_about("y", np.full(len(angle), 0.2))
     rotation = rotation_about("y", angle) @ tilt @ rotation_about("z", -angle)
@@ -29,8 +29,8 @@ def circling_arm(make_standing: Callable[..., Motion], turns: int) -> Motion:
     return replace(motion, torques=np.zeros((len(angle), DOF_COUNT)))
 
 
-def test_a_circling_arm_does_not_wind_up(make_standing: Callable[..., Motion]) -> None:
-    """Clips of waving had shoulders of up to 29.7 rad: every circle added a turn to one angle, took one off another."""
+def test_angles_of_a_circling_arm_stay_within_a_turn(make_standing: Callable[..., Motion]) -> None:
+    """Regression: shoulder angles reached 29.7 rad in clips of waving, by a turn for every circle."""
     motion = circling_arm(make_standing, 4)
     assert np.abs(motion.joints).max() > 2 * np.pi
     joints = within_turn(motion.joints)
@@ -39,12 +39,12 @@ def test_a_circling_arm_does_not_wind_up(make_standing: Callable[..., Motion]) -
     before = three_angle_rotation(motion.joints[:, COLUMNS], SHOULDER, "l")
     after = three_angle_rotation(joints[:, COLUMNS], SHOULDER, "l")
     assert (before.inv() * after).magnitude() == pytest.approx(0.0, abs=1e-9)
-    # Turns taken out are no speed.
+    # Removed turns do not count as speed.
     assert plausible(replace(motion, joints=joints)).all()
 
 
-def test_one_glitch_of_a_foot_leaves_no_turn_behind() -> None:
-    """In a dance the line of the toes once went all the way round, and the ankle stayed at 13.5 rad."""
+def test_an_outlier_of_a_foot_does_not_shift_later_angles_by_a_turn() -> None:
+    """Regression: the direction of the toes made a full turn in a dance, and the ankle stayed at 13.5 rad."""
     frames = 40
     pitch = np.full(frames, -0.3)
     pitch[15:21] -= np.linspace(0, 2 * np.pi, 6)
@@ -60,12 +60,12 @@ def test_a_foot_that_points_out_of_the_plane_keeps_its_ankle() -> None:
     noise = 0.01 * np.random.default_rng(0).standard_normal((4, 2))
     line[10:14] = np.stack([noise[:, 0], np.ones(4), noise[:, 1]], axis=1)
     angle = dorsiflexion(np.tile(np.eye(3), (frames, 1, 1)), line, -0.3, 0.0)
-    # What is left keeps the sole's pitch in the world.
+    # The remaining change keeps the sole's pitch in the world.
     assert np.abs(angle).max() < 0.3
 
 
 @pytest.mark.parametrize("what", ["angle", "hinge speed", "ball speed", "torque"])
-def test_what_no_human_does_is_told(make_standing: Callable[..., Motion], what: str) -> None:
+def test_implausible_frames_are_detected(make_standing: Callable[..., Motion], what: str) -> None:
     motion = make_standing(9)
     torques = np.zeros((9, DOF_COUNT))
     expected = np.ones(9, bool)

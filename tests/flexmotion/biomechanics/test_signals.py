@@ -7,11 +7,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flexmotion.biomechanics.differentiation import derivative, second_derivative
+from flexmotion.biomechanics.differentiation import FIRST, SECOND, derivative, second_derivative
 from flexmotion.biomechanics.smoothing import BALL_JOINTS, smooth, smoothing_spline
 from flexmotion.human.angles import three_angle_rotation
 from flexmotion.human.motion import Motion
 from flexmotion.human.skeleton import JOINTS
+
+
+def test_stencils_are_central_differences_of_sixth_order() -> None:
+    """Fornberg, Math. Comp. 51(184), 1988, table 1."""
+    np.testing.assert_allclose(60 * FIRST, [-1, 9, -45, 0, 45, -9, 1], atol=1e-9)
+    np.testing.assert_allclose(180 * SECOND, [2, -27, 270, -490, 270, -27, 2], atol=1e-9)
 
 
 @pytest.mark.parametrize("frequency", [0.5, 2.0, 6.0])
@@ -46,7 +52,7 @@ def test_spline_keeps_parabolas_and_halves_the_cutoff() -> None:
 
 
 def test_rotations_are_smoothed_as_rotations(make_standing) -> None:
-    # An arm that swings through the gimbal lock of its three angles, at one hertz: nothing to be filtered away.
+    # An arm that swings through gimbal lock at 1 Hz, well below the cut-off frequency.
     motion = make_standing(frames=90)
     swing = np.sin(2 * np.pi * np.arange(90) / 30.0)
     joints = motion.joints.copy()

@@ -1,4 +1,4 @@
-"""The model card says how a bundle was made and how good it is."""
+"""Content of model cards."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from flexmotion.bundles.card import CARD, Making, Trained, add_figures, write_card
-from flexmotion.bundles.manifest import SCHEMA, BodySize, Manifest
+from flexmotion.bundles.manifest import MANIFEST, SCHEMA, BodySize, Manifest, read_manifest
+from flexmotion.bundles.shipped import FOLDER
 
 
 @pytest.fixture
@@ -39,20 +40,20 @@ def card(tmp_path: Path) -> Path:
     return tmp_path / CARD
 
 
-def test_the_card_has_the_commands_that_make_the_bundle_again(card: Path) -> None:
+def test_the_card_has_the_commands_that_reproduce_the_bundle(card: Path) -> None:
     text = card.read_text(encoding="utf-8")
     assert text.split("```")[1].strip().splitlines() == [
         "flexmotion train autoencoder --set SET --config stream --seed 3 --steps 2100 -o TRAINING",
         "flexmotion train text -o TRAINING",
-        "torchrun --nproc-per-node 2 -m streamer train diffusion --steps 9000 -o TRAINING",
-        "torchrun --nproc-per-node 2 -m streamer train distill --steps 1500 -o TRAINING",
+        "torchrun --nproc-per-node 2 -m flexmotion.streamer train diffusion --steps 9000 -o TRAINING",
+        "torchrun --nproc-per-node 2 -m flexmotion.streamer train distill --steps 1500 -o TRAINING",
         "flexmotion train forces --steps 7000 -o TRAINING",
         "flexmotion export TRAINING -o BUNDLE",
     ]
     assert "CC BY-NC 4.0" in text and "| diffusion | 9000 | 2 x 64 | 9000 | loss 0.25 |" in text
 
 
-def test_figures_take_the_place_of_earlier_ones(card: Path) -> None:
+def test_figures_replace_earlier_ones(card: Path) -> None:
     before = card.read_text(encoding="utf-8")
     for distance in (0.5, 0.3):
         add_figures(card.parent, {"real": {"fid": 0.1}, "bundle": {"fid": distance, "jerk": 9}})
@@ -60,3 +61,11 @@ def test_figures_take_the_place_of_earlier_ones(card: Path) -> None:
     assert text.startswith(before.rstrip())
     assert text.count("| metric | real | bundle |") == 1
     assert "| fid | 0.1 | 0.3 |" in text and "| jerk | - | 9 |" in text
+
+
+def test_corrections_are_listed_where_there_are_any(card: Path) -> None:
+    assert "## Corrections" not in card.read_text(encoding="utf-8")
+    manifest = read_manifest(FOLDER / MANIFEST)
+    write_card(card.parent, manifest, Making("stream", 6.6, 4992, 3, {}))
+    text = card.read_text(encoding="utf-8")
+    assert "- `aside`: 1.5\n" in text and "'walk': (1.3, 0.0, 0.0)" in text

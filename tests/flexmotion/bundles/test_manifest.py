@@ -1,4 +1,4 @@
-"""Manifests: versions of the schema, corrections, and which bundles are the same model."""
+"""Manifests: versions of the schema, corrections, and hashes of equivalent bundles."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from flexmotion.streamer.motion.model_source import ModelSource
 from flexmotion.streamer.motion.script import Item
 
 SHIPPED_IN_SCHEMA_3 = "363bd437c93721c6"
-"""Hash of the shipped bundle as logs of version 0.1.0 name it."""
+"""Hash of the shipped bundle in logs recorded before schema 4."""
 
 
 def changed(folder: Path, **fields: Any) -> Bundle:
@@ -48,7 +48,7 @@ def test_another_correction_is_another_bundle(tmp_path: Path) -> None:
     assert not set(other.hashes) & set(Bundle(FOLDER).hashes)
 
 
-def test_a_log_opens_with_the_bundle_that_it_was_recorded_with_and_no_other(tmp_path: Path) -> None:
+def test_a_log_opens_with_the_bundle_of_its_run_only(tmp_path: Path) -> None:
     former = changed(tmp_path / "3", schema_="flexmotion.bundle/3", corrections=None)
     parts, _ = pack(ModelSource(Sampler(former), [Item(0.0, Text("walk"))], "walk"))
     assert parts["hash"] == SHIPPED_IN_SCHEMA_3
@@ -68,7 +68,7 @@ def test_a_log_opens_with_the_bundle_that_it_was_recorded_with_and_no_other(tmp_
         (7, "no bundle: schema is 7"),
     ],
 )
-def test_other_schemas_are_refused_with_what_to_do(tmp_path: Path, schema: object, message: str) -> None:
+def test_refusal_of_other_schemas_tells_what_to_do(tmp_path: Path, schema: object, message: str) -> None:
     path = tmp_path / MANIFEST
     path.write_text(json.dumps({"schema_": schema}), encoding="utf-8")
     with pytest.raises(ConfigError, match=message):
@@ -98,7 +98,7 @@ def test_a_bundle_without_corrections_is_sampled_without_them(tmp_path: Path) ->
     assert plain.meant(Condition("walk forward", pace=slow)).velocity is None
     assert shipped.meant(Condition("walk forward", pace=slow)).velocity == (0.5, 0.0, 0.0)
     assert plain.meant(Condition(velocity=(1.0, 0.0, 0.0), pace=slow)).velocity == (0.5, 0.0, 0.0)
-    # What no correction concerns is the same motion, the rest is another.
+    # A motion without corrections is the same, others differ.
     for condition, same in ((Condition("bow"), True), (Condition(), False), (Condition(velocity=(0, 0.2, 0)), False)):
         one, other = (sampler.sample(history, condition, seed=1) for sampler in (plain, shipped))
         assert np.array_equal(one.joints, other.joints) == same

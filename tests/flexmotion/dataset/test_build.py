@@ -1,4 +1,4 @@
-"""A set from folder to arrays: splits, drops, stopping and going on, engines, the compact form."""
+"""Builds of sets: splits, dropped clips, stop and resume, engines, the compact form."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ PLAIN = BuildSettings(muscles=False)
 
 @pytest.fixture
 def folder(tmp_path: Path, clip: Motion, write_bvh: Callable[..., Path]) -> Path:
-    """Two clips, one of them in an archive, a broken one and a short one, with an index."""
+    """Two clips, one of them in an archive, a damaged one and a short one, with an index."""
     motions = tmp_path / "bandai"
     motions.mkdir()
     write_bvh(motions / "wave_happy_001.bvh", clip[:60])
@@ -58,7 +58,7 @@ def test_splits() -> None:
     assert split_of("cmu", "99_01", {}) == "train"
 
 
-def test_clips_of_one_name_are_taken_once(folder: Path, tmp_path: Path) -> None:
+def test_clips_of_one_name_are_used_once(folder: Path, tmp_path: Path) -> None:
     np.savez(folder / "packed.npz", walk_001=np.zeros((9, 22, 3), np.int16), other=np.zeros((9, 22, 3), np.int16))
     clips = {clip.name: clip for clip in find_clips([folder], tmp_path / "work")}
     assert clips["walk_001"].path.suffix == ".bvh"
@@ -67,8 +67,8 @@ def test_clips_of_one_name_are_taken_once(folder: Path, tmp_path: Path) -> None:
     assert clips["walk_001"].licence.startswith("CC BY-NC")
 
 
-def test_an_amc_without_skeleton_gives_way(folder: Path, tmp_path: Path) -> None:
-    """Five CMU clips were dropped as unreadable although the packed file has their joint centres."""
+def test_an_amc_without_skeleton_ranks_last(folder: Path, tmp_path: Path) -> None:
+    """Regression: five CMU clips were dropped as unreadable although the packed file has their joint centres."""
     (folder / "88_01.amc").write_text("1\nroot 0 0 0 0 0 0\n")
     assert {clip.name: clip for clip in find_clips([folder], tmp_path / "work")}["88_01"].path.suffix == ".amc"
     np.savez(folder / "packed.npz", **{"88_01": np.zeros((9, 22, 3), np.int16)})
@@ -113,7 +113,7 @@ def test_mirror_image_has_mirrored_dynamics(folder: Path, tmp_path: Path) -> Non
     assert image.wrenches == pytest.approx(expected.wrenches, abs=0.5)
 
 
-def test_stopped_half_way_gives_the_same_bytes(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_resumed_build_gives_the_same_bytes(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     build([folder], tmp_path / "whole", PLAIN)
 
     def stops(clips: Sequence[Clip], settings: BuildSettings, workers: int) -> Iterator[engines.Result]:
@@ -137,7 +137,7 @@ def test_stopped_half_way_gives_the_same_bytes(folder: Path, tmp_path: Path, mon
     assert files(tmp_path / "half") == files(tmp_path / "whole")
 
 
-def test_a_torn_part_is_computed_again(folder: Path, tmp_path: Path) -> None:
+def test_a_damaged_part_is_computed_again(folder: Path, tmp_path: Path) -> None:
     build([folder], tmp_path / "set", PLAIN)
     before = files(tmp_path / "set")
     part = max((tmp_path / "set" / "work" / "parts").iterdir(), key=lambda path: path.stat().st_size)
@@ -159,15 +159,15 @@ def test_two_ray_workers_give_the_same_bytes(folder: Path, tmp_path: Path) -> No
     assert files(tmp_path / "one") == files(tmp_path / "two")
 
 
-def test_clips_that_no_human_can_do_are_dropped(folder: Path, tmp_path: Path) -> None:
-    """Glitches, an ankle at 13 rad or a hip with 1300 N·m, were `good` as long as the ground explained them."""
+def test_implausible_clips_are_dropped(folder: Path, tmp_path: Path) -> None:
+    """Regression: an ankle at 13 rad or a hip with 1300 N·m were `good` where ground forces explained them."""
     settings = BuildSettings(muscles=False, mirrored=False, reach=JointReach(torque=0.01))
     manifest = build([folder], tmp_path / "set", settings)
     assert {"walk_001", "wave_happy_001"} <= {clip["name"] for clip in manifest["dropped"]}
     assert manifest["summary"]["clips_dropped"]["implausible"] == 2
 
 
-def test_variants_record_their_seed_and_close(folder: Path, tmp_path: Path) -> None:
+def test_variants_record_their_seed_and_have_small_residuals(folder: Path, tmp_path: Path) -> None:
     settings = BuildSettings(muscles=False, mirrored=False, variants=2)
     build([folder], tmp_path / "set", settings)
     found = TrainingSet(tmp_path / "set")

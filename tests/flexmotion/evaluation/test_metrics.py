@@ -1,4 +1,4 @@
-"""Metrics on cases whose answer is known."""
+"""Metrics on cases with a known result."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def test_frechet_distance_of_normal_distributions() -> None:
     first = rng.normal(size=(20_000, 3))
     assert frechet_distance(first, first) == pytest.approx(0.0, abs=1e-6)
     assert frechet_distance(first, first + [2.0, 0, 0]) == pytest.approx(4.0, abs=1e-6)
-    # Independent axes: the squared difference of the spreads, axis by axis.
+    # Independent axes: the squared difference of the standard deviations, summed over axes.
     assert frechet_distance(first, 3 * first) == pytest.approx(3 * (3 - 1) ** 2, rel=0.05)
 
 
@@ -76,7 +76,7 @@ def test_physics_of_a_motion_with_its_own_dynamics(clip: Motion) -> None:
     found = dynamics(clip[240:330])
     figures = physics_metrics(found.motion, found.centres)
     assert figures["actuation"] == pytest.approx(0.0, abs=1e-6)
-    # Smoothed and reduced once more, the forces are nearly the same.
+    # Forces change little by a second smoothing and residual reduction.
     assert figures["contact_force"] < 10.0
     assert found.motion.torques is not None
     wrong = replace(found.motion, torques=found.motion.torques + found.motion.body.mass)
@@ -85,7 +85,7 @@ def test_physics_of_a_motion_with_its_own_dynamics(clip: Motion) -> None:
         physics_metrics(replace(found.motion, torques=None), found.centres)
 
 
-def test_physics_is_not_judged_where_accelerations_are_made_up(clip: Motion) -> None:
+def test_physics_excludes_frames_with_extrapolated_accelerations(clip: Motion) -> None:
     found = dynamics(clip[240:330])
     assert found.motion.torques is not None
     spoilt = found.motion.torques.copy()
@@ -103,12 +103,12 @@ def test_muscle_limits(clip: Motion) -> None:
     activations[:, 0] = 1.5
     motion = replace(found.motion, activations=activations)
     assert physics_metrics(motion, found.centres)["muscle_limit"] == pytest.approx(25.0)
-    # What storing in half precision leaves beyond is not beyond.
+    # Rounding to half precision is tolerated.
     rounded = replace(found.motion, activations=np.full((len(found.motion), 4), -1e-4))
     assert physics_metrics(rounded, found.centres)["muscle_limit"] == 0.0
 
 
-def test_torques_that_muscles_cannot_make(clip: Motion) -> None:
+def test_torques_that_muscles_cannot_produce(clip: Motion) -> None:
     pytest.importorskip("myo_sim", reason="extra 'biomech' is not installed")
     found = dynamics(clip[240:270]).motion
     assert found.torques is not None

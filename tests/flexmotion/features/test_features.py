@@ -37,7 +37,7 @@ def test_round_trip(clip: Motion, layout: Layout) -> None:
     assert error.magnitude().max() < 1e-3
 
 
-def test_dynamics_come_back(clip: Motion) -> None:
+def test_round_trip_of_dynamics(clip: Motion) -> None:
     found = dynamics(clip[240:330])
     motion = found.motion
     layout = Layout(motion.fps)
@@ -46,7 +46,7 @@ def test_dynamics_come_back(clip: Motion) -> None:
     assert motion.torques is not None and motion.wrenches is not None
     assert back.torques[:, 6:] == pytest.approx(motion.torques[1:, 6:], abs=1e-2)
     assert back.wrenches[..., :3] == pytest.approx(motion.wrenches[1:, :, :3], abs=1e-1)
-    # About its centre of pressure the ground can only twist a foot.
+    # About the centre of pressure the moment is vertical.
     loaded = motion.wrenches[1:, :, 2] > 0.1 * motion.body.mass * 9.81
     assert back.wrenches[loaded][:, 3:5] == pytest.approx(0.0, abs=1e-6)
     assert back.wrenches[loaded][:, 5] == pytest.approx(motion.wrenches[1:][loaded][:, 5], abs=0.5)
@@ -55,7 +55,7 @@ def test_dynamics_come_back(clip: Motion) -> None:
     assert centres[loaded] == pytest.approx(found.centres[1:][loaded], abs=1e-3)
 
 
-def test_features_do_not_depend_on_where_it_is(clip: Motion, layout: Layout) -> None:
+def test_features_do_not_depend_on_position_and_heading(clip: Motion, layout: Layout) -> None:
     turn = Rotation.from_euler("z", 2.0)
     moved = replace(
         clip,
@@ -71,12 +71,12 @@ def test_features_are_causal(clip: Motion, layout: Layout) -> None:
     assert part[LEAD:] == pytest.approx(whole[100 + LEAD : 120], abs=1e-4)
 
 
-def test_size_of_the_human_drops_out(layout: Layout, make_standing) -> None:
+def test_features_do_not_depend_on_the_size_of_the_human(layout: Layout, make_standing) -> None:
     small, large = make_standing(3, Body(height=1.5)), make_standing(3, Body(height=1.9))
     assert encode(small, layout) == pytest.approx(encode(large, layout), abs=1e-6)
 
 
-def test_positions_are_where_kinematics_says(clip: Motion, layout: Layout) -> None:
+def test_positions_are_those_of_the_kinematics(clip: Motion, layout: Layout) -> None:
     human = forward(clip)
     positions = encode(clip, layout)[:, layout.blocks["positions"]].reshape(len(clip), -1, 3)
     toe = positions[:, layout.points.index("toe_r"), 2] * clip.body.leg
@@ -101,7 +101,7 @@ def test_wrong_frame_rate_is_refused(clip: Motion) -> None:
         encode(clip, Layout(20.0))
 
 
-def test_layout_hash_tells_layouts_apart() -> None:
+def test_layouts_have_different_hashes() -> None:
     assert Layout(30.0).hash == Layout(30.0).hash
     assert len({Layout(30.0).hash, Layout(20.0).hash, Layout(30.0, muscles=290).hash}) == 3
 

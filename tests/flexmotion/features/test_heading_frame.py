@@ -13,8 +13,8 @@ SPEED = st.floats(-2.0, 2.0)
 
 
 @given(SPEED, SPEED, SPEED)
-def test_the_chord_of_an_arc_is_what_steps_along_it_add_up_to(forward: float, left: float, turning: float) -> None:
-    """Went wrong: walking forward while turning was asked for as walking askew, of which the data have next to none."""
+def test_the_chord_of_an_arc_is_the_sum_of_its_steps(forward: float, left: float, turning: float) -> None:
+    """Regression: walking forward while turning was requested as oblique walking, which the data hardly have."""
     seconds, count = 32 / 30, 2000
     yaw = turning * seconds * (np.arange(count) + 0.5) / count
     steps = turned(np.tile([forward, left, 0.0], (count, 1)), yaw)

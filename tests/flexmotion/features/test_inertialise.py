@@ -1,4 +1,4 @@
-"""Joins of windows: what jumps is absorbed, what does not is left alone."""
+"""Joins of windows: jumps decay, continuous features are unchanged."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ ROTATIONS = LAYOUT.blocks["rotations"]
 
 
 def _even(first: int, count: int, slope: float = 0.01, level: float = 0.0) -> np.ndarray:
-    """Features that all grow by the same from frame to frame."""
+    """Features that all increase linearly over frames."""
     return np.repeat(level + slope * np.arange(first, first + count)[:, None], LAYOUT.size, axis=1).astype(np.float32)
 
 
-def test_what_goes_on_evenly_is_left_alone() -> None:
+def test_a_continuous_window_is_unchanged() -> None:
     history, frames = _even(0, 8), _even(8, 32)
     travel = slice(LAYOUT.blocks["root"].start, HEIGHT)
     frames[:, travel] = history[-1, travel]
     np.testing.assert_allclose(inertialised(frames, history, LAYOUT), frames, atol=1e-6)
 
 
-def test_a_jump_dies_away_without_a_kink() -> None:
+def test_a_jump_decays_smoothly() -> None:
     history, frames = _even(0, 8, slope=0.02), _even(8, 32, slope=-0.01, level=0.5)
     moved = inertialised(frames, history, LAYOUT)
     whole = np.concatenate([history, moved])[:, [HEIGHT, ROTATIONS.start]]
@@ -34,13 +34,13 @@ def test_a_jump_dies_away_without_a_kink() -> None:
     bend, before = (np.abs(np.diff(values, n=2, axis=0)).max() for values in (whole, raw))
     assert bend < 0.1 * before
     np.testing.assert_allclose(moved[-1], frames[-1], atol=0.01)
-    # Of the path only the speed is known to jump; torques and forces are not of the join.
+    # Only the velocity of the path jumps; torques and forces are not changed.
     assert moved[0, TURNING] == pytest.approx(history[-1, TURNING])
     for name in ("velocities", "torques", "wrenches", "contacts"):
         np.testing.assert_array_equal(moved[:, LAYOUT.blocks[name]], frames[:, LAYOUT.blocks[name]])
 
 
 @pytest.mark.parametrize("known", [0, 1])
-def test_without_a_history_nothing_is_moved(known: int) -> None:
+def test_without_a_history_the_window_is_unchanged(known: int) -> None:
     frames = _even(8, 32, level=1.0)
     assert inertialised(frames, _even(0, known), LAYOUT) is frames

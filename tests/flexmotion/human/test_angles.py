@@ -22,24 +22,24 @@ def compose(angles: np.ndarray, side: str) -> np.ndarray:
 
 @settings(max_examples=50)
 @given(st.lists(st.floats(-3.1, 3.1), min_size=3, max_size=3), st.sampled_from("lr"))
-def test_angles_give_the_rotation_back(start, side):
+def test_angles_reproduce_the_rotation(start, side):
     steps = np.random.default_rng(0).normal(scale=0.1, size=(40, 3)).cumsum(axis=0)
     rotation = compose(np.array(start) + steps, side)
     angles = three_angles(rotation, SHOULDER, side)
     np.testing.assert_allclose(compose(angles, side), rotation, atol=1e-9)
-    # No jump of half a turn or more, although the start may lie anywhere.
+    # No jump of half a turn or more, from any start.
     assert np.abs(np.diff(angles, axis=0)).max() < np.pi
 
 
 @pytest.mark.parametrize("side", ["l", "r"])
 def test_an_arm_lifted_sideways_overhead_keeps_its_angles(side):
-    # Past the horizontal the textbook formula would swap to the mirror solution.
+    # Above the horizontal the usual formula switches to the mirror solution.
     adduction = -np.linspace(0.1, 2.6, 50)
     truth = np.column_stack([np.full(50, 0.2), adduction, np.full(50, -0.4)])
     np.testing.assert_allclose(three_angles(compose(truth, side), SHOULDER, side), truth, atol=1e-6)
 
 
-def test_trunk_turning_round_and_round_does_not_jump():
+def test_a_trunk_that_makes_several_turns_does_not_jump():
     yaw = np.linspace(0, 6 * np.pi, 200)
     angles = three_angles(rotation_about("z", yaw), LUMBAR)
     assert np.abs(np.diff(angles, axis=0)).max() < 0.2

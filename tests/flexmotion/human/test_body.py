@@ -12,17 +12,17 @@ PAIRED = ("upper_arm", "forearm", "hand", "thigh", "shank", "foot")
 
 
 @pytest.mark.parametrize("sex", ["male", "female"])
-def test_segments_weigh_what_the_body_weighs(sex):
+def test_masses_of_segments_add_up_to_the_body(sex):
     body = Body(mass=62.0, sex=sex)
     total = sum(body.inertia(name).mass for name in ("head", "torso", "lower_trunk"))
     total += 2 * sum(body.inertia(name).mass for name in PAIRED)
-    # The table's shares are rounded to a hundredth of a per cent.
+    # Shares in the table are rounded to .01 %.
     assert total == pytest.approx(62.0, rel=2e-4)
 
 
 @pytest.mark.parametrize("sex", ["male", "female"])
-def test_torso_and_pelvis_together_are_the_tables_whole_trunk(sex):
-    # Cervicale to mid hip: centre at 51.38 and 49.64 % from the top. The spine is not straight, so within a per cent.
+def test_torso_and_pelvis_are_the_whole_trunk_of_the_table(sex):
+    # Cervicale to mid hip: centre at 51.38 and 49.64 % from the top; within 1 %, since the spine is not straight.
     body = Body(sex=sex)
     torso, pelvis = body.inertia("torso"), body.inertia("lower_trunk")
     lengths = {"male": (457.6, 145.7), "female": (433.3, 181.5)}[sex]

@@ -1,4 +1,4 @@
-"""Which foot carries load."""
+"""Foot contacts."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def lifted(human, frames: slice, foot: int, by: float):
 
 @settings(max_examples=30)
 @given(st.lists(st.integers(1, 359), max_size=12, unique=True))
-def test_chunks_do_not_matter(clip_kinematics, cuts):
+def test_contacts_do_not_depend_on_chunks(clip_kinematics, cuts):
     detector = ContactDetector()
     whole_flags, whole_states = detector.detect(clip_kinematics, 30.0)
     state = None
@@ -44,7 +44,7 @@ def test_chunks_do_not_matter(clip_kinematics, cuts):
         state = states[-1]
 
 
-def test_the_future_does_not_matter(clip_kinematics):
+def test_contacts_do_not_depend_on_later_frames(clip_kinematics):
     flags, _ = ContactDetector().detect(clip_kinematics, 30.0)
     other = lifted(clip_kinematics, slice(250, None), 0, 0.3)
     np.testing.assert_array_equal(ContactDetector().detect(other, 30.0)[0][:250], flags[:250])
@@ -67,7 +67,7 @@ def test_steps_of_the_default_clip(clip_kinematics):
     found = swings(flags)
     assert [foot for _, _, foot in found] == [1, 0, 1, 0, 1]
     lift_off = np.array([8.06, 8.56, 9.06, 9.56, 10.06])
-    # Half a swing's lift and the patience of the detector pass before a foot counts as lifted.
+    # A foot counts as lifted after half of the lift and the delay of the detector.
     np.testing.assert_allclose([start / 30 for start, _, _ in found], lift_off + 0.13, atol=0.07)
     assert all(7 <= frames <= 12 for _, frames, _ in found)
 
@@ -87,7 +87,7 @@ def test_a_foot_held_up_is_not_a_step(make_standing):
     assert swings(flags) == [(pytest.approx(31, abs=1), pytest.approx(90, abs=2), 0)]
 
 
-def test_a_foot_slid_over_the_floor_is_lifted_and_one_that_rocks_is_not(make_standing):
+def test_a_sliding_foot_is_lifted_and_a_rocking_one_is_not(make_standing):
     human = forward(make_standing(60))
     slide = np.zeros((60, 2, 3))
     slide[20:40, 0, 0] = np.linspace(0, 0.9, 20)
@@ -112,7 +112,7 @@ def test_a_drifting_floor_is_followed(clip, clip_kinematics, drift):
 
 def test_a_stream_that_begins_in_mid_swing(clip_kinematics):
     start = swings(ContactDetector().detect(clip_kinematics, 30.0)[0])[0][0]
-    # Low already, but fast: the second frame tells.
+    # Low but fast: the second frame decides.
     flags, _ = ContactDetector().detect(clip_kinematics[start:], 30.0)
     assert not flags[1:4, 1].any()
 
@@ -128,7 +128,7 @@ def test_recorded_walks_alternate(shared_clips, collection, names):
         motion = load(path)
         flags, _ = ContactDetector().detect(forward(motion), motion.fps)
         found = swings(flags)
-        # What the clip's ends cut off is no whole swing.
+        # Swings cut off by the ends of the clip are incomplete.
         inner = [swing for swing in found if swing[0] > 8 and sum(swing[:2]) < len(motion) - 8]
         assert len(inner) >= 2, path.name
         assert all(a[2] != b[2] for a, b in pairwise(inner)), path.name
@@ -142,27 +142,27 @@ def test_recorded_gestures_stand(shared_clips):
         assert ContactDetector().detect(forward(motion), motion.fps)[0].all(), path.name
 
 
-def test_known_forces_decide_with_hysteresis_and_patience(clip_kinematics):
-    """A foot that hovers low and slow carries nothing, and noise below what a step bears makes no step."""
+def test_known_forces_decide_with_hysteresis_and_delay(clip_kinematics):
+    """A foot held low and slow carries no load, and force noise below a step's load is not a step."""
     human = clip_kinematics[:60]
     force = np.full((60, 2), 0.5)
     force[10:30, 0] = 0.02
-    force[40, 1] = 0.0  # one frame is no swing
-    force[20, 0] = 0.3  # nor is it a step
+    force[40, 1] = 0.0  # one frame is not a swing
+    force[20, 0] = 0.3  # nor a step
     flags, states = ContactDetector().detect(human, 30.0, None, force)
     assert swings(flags) == [(11, 20, 0)]
     rest, _ = ContactDetector().detect(human[25:], 30.0, states[24], force[25:])
     np.testing.assert_array_equal(rest, flags[25:])
     little = np.tile([0.1, 0.8], (20, 1))
     between, _ = ContactDetector().detect(human[:20], 30.0, None, little)
-    assert not between[:, 0].any()  # less than what makes it loaded
+    assert not between[:, 0].any()  # below the threshold of loading
     held, _ = ContactDetector().detect(human[20:40], 30.0, states[9], little)
-    assert held.all()  # more than what relieves it
+    assert held.all()  # above the threshold of unloading
 
 
 @pytest.mark.parametrize("total", [0.0, 0.29, 3.01, -1.0])
-def test_implausible_forces_leave_their_frames_to_heights_and_speeds(clip_kinematics, total):
-    """Forces of zero were believed: both feet hung in the air from the third frame on."""
+def test_heights_and_speeds_decide_where_forces_are_implausible(clip_kinematics, total):
+    """Regression: with forces of zero both feet counted as lifted from the third frame on."""
     whole, _ = ContactDetector().detect(clip_kinematics, 30.0)
     found, _ = ContactDetector().detect(clip_kinematics, 30.0, None, np.full((len(clip_kinematics), 2), total / 2))
     np.testing.assert_array_equal(found, whole)
@@ -176,20 +176,20 @@ def test_forces_at_the_edge_of_the_plausible_decide(clip_kinematics, total):
     assert flags[:, 0].all() and not flags[:, 1].any()
 
 
-def test_nobody_stands_on_a_foot_that_swings(clip, clip_kinematics):
-    """Forces that flickered in mid-swing cut a stride in two, and the robot made two short steps of it, or none."""
+def test_a_swinging_foot_is_never_loaded(clip, clip_kinematics):
+    """Regression: forces that flickered in mid-swing split a stride, and the robot made two short steps or none."""
     swings, _ = ContactDetector().detect(clip_kinematics, clip.fps)
     speed = np.linalg.norm(np.diff(0.5 * (clip_kinematics.heel + clip_kinematics.toe), axis=0), axis=-1) * clip.fps
     force = np.full((len(swings), 2), 0.5)
     flags, _ = ContactDetector().detect(clip_kinematics, clip.fps, None, force)
     fast = np.concatenate([np.zeros((1, 2), bool), speed > 1.5])
     assert fast.sum() > 20
-    # A foot counts as lifted a moment after it is.
+    # A foot counts as lifted shortly after it is.
     late = np.concatenate([np.zeros((2, 2), bool), fast[:-2]]) & fast
     assert not flags[late].any()
 
 
-def test_when_forces_end_heights_and_speeds_go_on(clip_kinematics):
+def test_heights_and_speeds_decide_after_the_forces_end(clip_kinematics):
     whole, _ = ContactDetector().detect(clip_kinematics, 30.0)
     _, states = ContactDetector().detect(clip_kinematics[:100], 30.0, None, np.full((100, 2), 0.5))
     after, _ = ContactDetector().detect(clip_kinematics[100:], 30.0, states[-1])

@@ -28,7 +28,7 @@ def test_mass_and_stature(make_standing):
     assert human.vertex[0, 2] == pytest.approx(1.62)
     assert human.heel[0, :, 2] == pytest.approx([0, 0], abs=1e-9)
     assert human.toe[0, :, 2] == pytest.approx([0, 0], abs=1e-9)
-    # An upright human's centre of mass lies at 55 to 58 % of the stature (Winter 2009, chapter 4).
+    # The centre of mass in upright stance is at 55 to 58 % of stature (Winter 2009, chapter 4).
     assert 0.54 < human.com[0, 2] / 1.62 < 0.59
 
 
@@ -94,7 +94,7 @@ def test_left_and_right_mirror_each_other(make_standing):
         assert left == pytest.approx(right * [1, -1, 1], abs=1e-12)
 
 
-def test_it_touches_nothing_and_is_cached():
+def test_it_has_no_contacts_and_is_cached():
     human = human_model(Body())
     assert human is human_model(Body())
     assert not human.model.geom_contype.any()

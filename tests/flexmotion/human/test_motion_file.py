@@ -29,7 +29,7 @@ def test_round_trip(clip, tmp_path):
             np.testing.assert_array_equal(getattr(back, name), getattr(motion, name))
 
 
-def test_the_same_motion_makes_the_same_bytes(clip, tmp_path):
+def test_equal_motions_give_equal_bytes(clip, tmp_path):
     for name in ("a.npz", "b.npz"):
         save_motion(clip, tmp_path / name)
     assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
@@ -67,7 +67,7 @@ def _spoil(path, **changes):
         ({"root_position": np.full((361, 3), np.nan)}, "NaN"),
     ],
 )
-def test_what_is_wrong_is_named(clip, tmp_path, changes, message):
+def test_errors_name_the_field(clip, tmp_path, changes, message):
     path = tmp_path / "motion.npz"
     save_motion(clip, path)
     _spoil(path, **changes)

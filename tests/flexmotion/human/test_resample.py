@@ -26,7 +26,7 @@ def test_duration_and_body_stay(clip):
     np.testing.assert_allclose(np.linalg.norm(slow.root_quaternion, axis=1), 1.0)
 
 
-def test_everything_known_comes_along(clip):
+def test_all_fields_are_resampled(clip):
     frames = len(clip)
     full = replace(
         clip,
@@ -51,6 +51,6 @@ def test_rounded_frame_times_are_the_same_rate(clip):
 
 
 @pytest.mark.parametrize("fps", [0.0, -30.0, float("nan")])
-def test_no_rate(clip, fps):
+def test_invalid_rates_are_refused(clip, fps):
     with pytest.raises(ValueError, match="fps"):
         resample(clip, fps)

@@ -26,7 +26,7 @@ def test_slow_motion_survives(fps, new):
     np.testing.assert_allclose(result, sine(new, 1.5), atol=0.02)
 
 
-def test_what_the_new_rate_cannot_hold_is_removed_not_folded():
+def test_frequencies_above_the_new_rate_are_removed_without_aliasing():
     result = resample_signal(sine(120, 28.0), 120, 30)
     assert np.abs(result[10:-10]).max() < 0.02
 
@@ -41,7 +41,7 @@ def test_short_signals():
     np.testing.assert_allclose(resample_signal(np.ones((5, 2)), 120, 30), np.ones((2, 2)), atol=1e-9)
 
 
-def test_quaternions_turn_through_their_sign_change():
+def test_quaternions_are_resampled_across_changes_of_sign():
     yaw = np.linspace(0, 4 * np.pi, 121)
     turning = Rotation.from_euler("z", yaw[:, None])
     flipped = turning.as_quat() * np.where(np.arange(121) % 3 == 0, -1.0, 1.0)[:, None]
@@ -53,7 +53,7 @@ def test_quaternions_turn_through_their_sign_change():
     assert (Rotation.from_matrix(matrices) * expected.inv()).magnitude().max() < 1e-3
 
 
-def test_fill_carries_trusted_values_across_a_gap():
+def test_fill_interpolates_across_a_gap():
     values, weight = np.zeros((60, 1)), np.zeros(60)
     values[:20], weight[:20] = 1.0, 1.0
     values[40:], weight[40:] = 3.0, 1.0

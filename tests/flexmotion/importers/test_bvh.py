@@ -48,13 +48,13 @@ def test_positions_and_rotations(tmp_path):
     assert capture.names == ("base", "upper", "lower", "lower/end")
     assert capture.parents == (-1, 0, 1, 2)
     np.testing.assert_allclose(capture.positions[0], [[0, 0, 0], [1, 0, 0], [3, 0, 0], [6, 0, 0]])
-    # The base turns x to y; then the upper bone rolls about its own axis; then the lower one turns about its own z,
-    # which the roll has brought from the world's z to its x.
+    # The base rotates x to y, the upper bone rolls about its own axis, and the lower one rotates about its own z, which
+    # the roll has moved from the world's z to its x.
     np.testing.assert_allclose(capture.positions[1], [[5, 6, 7], [5, 7, 7], [5, 9, 7], [5, 9, 10]], atol=1e-12)
     np.testing.assert_allclose(capture.zero_positions[:, 0], [0, 1, 3, 6])
 
 
-def test_order_of_rotation_channels_counts(tmp_path):
+def test_rotations_follow_the_order_of_channels(tmp_path):
     turned = read_bvh(write(tmp_path, ARM.replace("5 6 7  90 0 0", "0 0 0  90 90 0")))
     swapped = ARM.replace("Zrotation Xrotation Yrotation\n  JOINT", "Xrotation Zrotation Yrotation\n  JOINT")
     other = read_bvh(write(tmp_path, swapped.replace("5 6 7  90 0 0", "0 0 0  90 90 0")))
@@ -96,9 +96,13 @@ def test_windows_line_ends_tabs_and_namespaces(tmp_path):
         ("OFFSET 1 0 0", "OFFSET 1 0", "line 8: .*expected 3 finite numbers"),
         ("OFFSET 1 0 0", "OFFSET nan 0 0", "line 8: .*expected 3 finite numbers"),
         ("Yrotation\n  JOINT", "Wrotation\n  JOINT", "line 5: unknown channel 'Wrotation'; valid: Xposition"),
-        ("CHANNELS 6", "CHANNELS 5", "line 5: CHANNELS takes their number"),
-        ("CHANNELS 3 Zrotation Xrotation Yrotation", "CHANNELS 1 Zrotation", "three rotation channels or none"),
-        ("JOINT lower", "JOINT upper", "line 10: a second joint called 'upper'"),
+        ("CHANNELS 6", "CHANNELS 5", "line 5: CHANNELS: expected their number"),
+        (
+            "CHANNELS 3 Zrotation Xrotation Yrotation",
+            "CHANNELS 1 Zrotation",
+            "line 9: expected three rotation channels of a joint, or none",
+        ),
+        ("JOINT lower", "JOINT upper", "line 10: a second joint named 'upper'"),
         ("JOINT lower", "ROOT other", "line 10: a second ROOT"),
         ("JOINT lower", "JOINT", "line 10: JOINT has no name"),
         ("JOINT lower\n    {", "JOINT lower\n", "MOTION|line|'}'"),

@@ -20,7 +20,7 @@ def script() -> Script:
     return load(Script, DATA / "default_clip.yaml")
 
 
-def test_the_shipped_file_is_what_the_keyframes_make(clip, script):
+def test_the_shipped_file_is_that_of_the_keyframes(clip, script):
     built = build_clip(script, Body())
     assert (built.fps, built.body, built.source) == (clip.fps, clip.body, clip.source)
     for name in ("root_position", "root_quaternion", "joints"):
@@ -33,7 +33,7 @@ def test_another_body_makes_another_clip(script):
     assert short.root_position[0, 2] < 0.81
 
 
-def test_planted_feet_stay_put_and_flat(clip, clip_kinematics, script):
+def test_planted_feet_stay_in_place_and_level(clip, clip_kinematics, script):
     time = np.arange(len(clip)) / clip.fps
     for side, name in enumerate("lr"):
         planted = np.ones(len(clip), bool)
@@ -67,7 +67,7 @@ def test_it_waves_bows_and_walks(clip, clip_kinematics):
     assert 11.5 <= clip.duration <= 12.5
 
 
-def test_joints_move_as_humans_do(clip):
+def test_joint_speeds_are_human(clip):
     speed = np.abs(np.diff(clip.joints, axis=0)) * clip.fps
     # Knee in swing: about 6 rad/s in brisk walking (Winter 2009).
     assert speed.max() < 12

@@ -103,7 +103,7 @@ def test_amass(tmp_path: Path) -> None:
         motion = load(tmp_path / "a.npz", fps=None)
     assert motion.fps == 60.0
     knee = motion.joints[:, JOINTS.index("knee_flexion_r")]
-    # A first frame with every rotation at zero is no motion and left out.
+    # A first frame with every rotation at zero is not motion and is dropped.
     assert knee == pytest.approx(np.linspace(0.0, 1.0, 40)[-len(knee) :], abs=0.03)
     assert len(motion) >= 39
     assert np.abs(motion.joints[:, JOINTS.index("hip_flexion_l")]).max() < 0.03
@@ -248,9 +248,9 @@ def test_trc_markers_become_joints(tmp_path: Path, positions: np.ndarray, clip_k
     ("old", "new", "message"),
     [
         ("PathFileType", "Path", "does not begin with PathFileType"),
-        ("\tmm\t", "\tparsec\t", "missing or not understood"),
+        ("\tmm\t", "\tparsec\t", "missing or invalid"),
         ("pelvis", "head", "different markers"),
-        ("NumFrames", "Frames", "missing or not understood"),
+        ("NumFrames", "Frames", "missing or invalid"),
     ],
 )
 def test_bad_trc(tmp_path: Path, positions: np.ndarray, old: str, new: str, message: str) -> None:

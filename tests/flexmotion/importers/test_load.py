@@ -44,7 +44,7 @@ def distance(first, second, points=POINTS):
     ],
     ids=str,
 )
-def test_what_was_written_is_read(clip, write_bvh, tmp_path, options):
+def test_a_written_motion_is_read_back(clip, write_bvh, tmp_path, options):
     result = read(write_bvh(tmp_path / "clip.bvh", clip, **options))
     motion = result.motion
     assert result.mapping == "guess"
@@ -67,26 +67,26 @@ def test_it_starts_over_the_origin_facing_x_on_the_floor(clip, write_bvh, tmp_pa
     assert motion.root_position[0, :2] == pytest.approx([0, 0])
     assert matrix_heading(forward(motion).pelvis_rotation[0]) == pytest.approx(0, abs=1e-6)
     assert np.median(forward(motion).heel[..., 2]) == pytest.approx(0, abs=3e-3)
-    # Heading and place change, the path does not.
+    # Heading and position change, the shape of the path does not.
     assert np.linalg.norm(motion.root_position[-1] - motion.root_position[0]) == pytest.approx(
         np.linalg.norm(clip.root_position[-1] - clip.root_position[0]), abs=0.01
     )
 
 
-def test_units_and_axis_can_be_told(clip, write_bvh, tmp_path):
+def test_units_and_axis_can_be_given(clip, write_bvh, tmp_path):
     path = write_bvh(tmp_path / "clip.bvh", clip[:40], up="z", scale=100.0)
     assert load(path, units="cm", up="z").body.height == pytest.approx(1.75, abs=0.01)
     with pytest.raises(MotionFormatError, match=r"a leg of 85\.9 m, expected .*other units"):
         load(path, units="m")
 
 
-def test_sizes_no_human_has(clip, write_bvh, tmp_path):
-    with pytest.raises(MotionFormatError, match=r"a leg of .* is no human's in any of m, cm, mm, inch"):
+def test_sizes_of_no_human_are_refused(clip, write_bvh, tmp_path):
+    with pytest.raises(MotionFormatError, match=r"a leg of .* is not a human's in any of m, cm, mm, inch"):
         load(write_bvh(tmp_path / "clip.bvh", clip[:5], scale=4.0))
 
 
 @pytest.mark.parametrize("fps", [120.0, 60.0])
-def test_faster_recordings_come_down_to_thirty(make_standing, write_bvh, tmp_path, fps):
+def test_faster_recordings_are_resampled_to_thirty(make_standing, write_bvh, tmp_path, fps):
     time = np.arange(int(3 * fps) + 1) / fps
     motion = make_standing(len(time), fps=fps)
     joints = motion.joints.copy()
@@ -100,10 +100,10 @@ def test_faster_recordings_come_down_to_thirty(make_standing, write_bvh, tmp_pat
     assert load(tmp_path / "clip.bvh", fps=None).fps == pytest.approx(fps, rel=1e-5)
 
 
-def test_a_t_pose_and_its_run_in_are_dropped(make_standing, write_bvh, tmp_path):
+def test_a_t_pose_and_the_transition_from_it_are_dropped(make_standing, write_bvh, tmp_path):
     still = make_standing(60, fps=120.0, elbow_flexion_l=1.2, elbow_flexion_r=1.2)
     joints = still.joints.copy()
-    # A filter runs from the zero pose into the motion.
+    # A filter makes a transition from the zero pose to the motion.
     joints[:5] *= np.array([0.0, 0.25, 0.6, 0.85, 0.97])[:, None]
     motion = load(write_bvh(tmp_path / "clip.bvh", replace(still, joints=joints)), fps=None)
     assert len(still) - 10 <= len(motion) <= len(still) - 4

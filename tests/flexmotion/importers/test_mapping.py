@@ -37,7 +37,7 @@ def test_guess(names, expected):
     assert set(REQUIRED_POINTS) <= set(mapping.joints)
 
 
-def test_a_skeleton_without_legs_is_named_so():
+def test_missing_legs_are_reported():
     names = tuple(name for name in MIXAMO.split() if "Leg" not in name and "Foot" not in name and "Toe" not in name)
     with pytest.raises(MotionFormatError, match=r"clip\.bvh: no legs found: .*hip_l, knee_l.*joints are Hips, Spine"):
         guess_mapping(names, "clip.bvh")
@@ -57,7 +57,7 @@ def test_shipped_ones_are_found_by_their_joints():
 
 
 def test_a_mapping_that_does_not_fit():
-    with pytest.raises(MotionFormatError, match="mapping 'cmu' needs joints that are not there: abdomen, chest"):
+    with pytest.raises(MotionFormatError, match="mapping 'cmu' needs joints that the file lacks: abdomen, chest"):
         find_mapping(tuple(MIXAMO.split()), "clip.bvh", "cmu")
 
 
@@ -66,7 +66,7 @@ def test_unknown_mapping():
         find_mapping(tuple(MIXAMO.split()), "clip.bvh", "vicon")
 
 
-def test_a_mapping_of_ones_own(tmp_path):
+def test_a_mapping_of_a_user(tmp_path):
     mapping = guess_mapping(tuple(MIXAMO.split()), "clip.bvh")
     path = tmp_path / "mine.yaml"
     content = {
@@ -86,7 +86,7 @@ def test_a_mapping_of_ones_own(tmp_path):
         ({"joints": {"hip_l": "a"}}, "field joints: missing neck, hip_l|missing neck"),
         ({"joints": {"tail": "a"}}, "unknown point 'tail', expected one of neck"),
         ({"orientations": {"tail": {"joint": "a", "forward": "+x", "up": "+y"}}}, "unknown segment 'tail'"),
-        ({"orientations": {"chest": {"joint": "a", "forward": "x", "up": "+y"}}}, "'x' is no axis"),
+        ({"orientations": {"chest": {"joint": "a", "forward": "x", "up": "+y"}}}, "'x' is not an axis"),
         ({"units": "miles"}, "units"),
         ({"colour": "red"}, "unknown field"),
     ],

@@ -1,4 +1,4 @@
-"""Who stands comes to rest."""
+"""The rest pose of a standing human."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from flexmotion.importers.default_clip import default_clip
 from flexmotion.sampling.at_rest import RESTING_S, at_rest
 
 
-def test_the_upper_body_goes_over_to_rest_without_a_jump_and_the_legs_stay() -> None:
+def test_the_upper_body_moves_smoothly_to_rest_and_the_legs_are_unchanged() -> None:
     motion = default_clip()[60:180]
     rest = np.full(len(JOINTS), 0.1)
     found = at_rest(motion, rest)

@@ -15,7 +15,7 @@ FRAMES = 8
 
 
 def turned(motion: Motion, angle: float) -> Motion:
-    """The motion 5 cm aside, its root turned, every joint .1 rad off."""
+    """The motion shifted by 5 cm, with its root rotated and every joint changed by .1 rad."""
     turn = Rotation.from_euler("z", angle)
     root = turn * Rotation.from_quat(motion.root_quaternion, scalar_first=True)
     return replace(
@@ -36,7 +36,7 @@ def new() -> Motion:
     return turned(CLIP, 0.1)[17:49]
 
 
-def test_it_starts_as_the_old_motion_and_ends_as_the_new_one(old: Motion, new: Motion) -> None:
+def test_it_starts_with_the_old_motion_and_ends_with_the_new_one(old: Motion, new: Motion) -> None:
     mixed = take_over(old, 10, new, 17, FRAMES)
     assert len(mixed) == len(new)
     for name in ("root_position", "root_quaternion", "joints"):
@@ -45,7 +45,7 @@ def test_it_starts_as_the_old_motion_and_ends_as_the_new_one(old: Motion, new: M
         np.testing.assert_allclose(got[FRAMES + 1 :], will[FRAMES + 1 :], atol=1e-12)
 
 
-def test_the_way_between_is_even(old: Motion, new: Motion) -> None:
+def test_the_transition_is_linear(old: Motion, new: Motion) -> None:
     mixed = take_over(old, 10, new, 17, FRAMES)
     share = (mixed.joints - CLIP.joints[17:49]) / 0.1
     wanted = np.clip((np.arange(len(new)) - 1) / FRAMES, 0.0, 1.0)
@@ -62,14 +62,14 @@ def test_quaternions_of_either_sign_are_the_same_rotation(old: Motion, new: Moti
     assert (np.sum(mixed.root_quaternion[1:] * mixed.root_quaternion[:-1], axis=1) > 0).all()
 
 
-def test_equal_motions_stay_as_they_are(old: Motion) -> None:
+def test_equal_motions_are_unchanged(old: Motion) -> None:
     mixed = take_over(old, 10, CLIP[17:49], 17, FRAMES)
     np.testing.assert_array_equal(mixed.joints, CLIP.joints[17:49])
     np.testing.assert_allclose(mixed.root_quaternion, CLIP.root_quaternion[17:49], atol=1e-15)
 
 
-def test_what_the_old_motion_does_not_reach_is_the_new_one(old: Motion, new: Motion) -> None:
-    """Five frames in common: the transition is shorter, and still whole."""
+def test_frames_after_the_old_motion_are_the_new_one(old: Motion, new: Motion) -> None:
+    """With five common frames the transition is shorter and complete."""
     mixed = take_over(old[:12], 10, new, 17, FRAMES)
     np.testing.assert_allclose(mixed.joints[:2], old.joints[7:9], atol=1e-12)
     np.testing.assert_allclose(mixed.joints[5:], new.joints[5:], atol=1e-12)
@@ -83,7 +83,7 @@ def test_without_common_frames_or_time_the_new_motion_takes_over_at_once(
 
 
 def test_forces_of_the_new_motion_stay_where_the_old_one_has_none(old: Motion, new: Motion) -> None:
-    """They were dropped: plans take over from each other, and after one without forces all had none."""
+    """Regression: forces were dropped, and after one plan without forces all later ones had none."""
     loaded = replace(new, wrenches=np.ones((len(new), 2, 6)), contacts=np.ones((len(new), 2), np.bool_))
     mixed = take_over(old, 10, loaded, 17, FRAMES)
     assert mixed.wrenches is not None and mixed.contacts is not None

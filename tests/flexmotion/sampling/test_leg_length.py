@@ -1,4 +1,4 @@
-"""Legs that stretch or bend so that their feet come lower or higher."""
+"""Feet moved down or up by stretching or bending the legs."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ KNEES = [JOINTS.index(f"knee_flexion_{side}") for side in SIDES]
 
 @pytest.fixture(scope="module")
 def walking() -> Motion:
-    """Some steps, knees bent enough to be stretched."""
+    """Some steps with knees bent enough to be stretched."""
     motion = default_clip()[225:330]
     joints = motion.joints.copy()
     joints[:, KNEES] = np.maximum(joints[:, KNEES], 0.6)
@@ -26,13 +26,13 @@ def walking() -> Motion:
 
 
 @pytest.mark.parametrize("down", [-0.05, -0.02, 0.01, 0.03])
-def test_feet_come_down_by_as_much_and_keep_their_place_and_pitch(walking: Motion, down: float) -> None:
+def test_feet_are_lowered_and_keep_position_and_pitch(walking: Motion, down: float) -> None:
     before = forward(walking)
     found = forward(lowered(walking, np.full((len(walking), 2), down), before.hip, before.ankle))
     moved = found.ankle - before.ankle
     np.testing.assert_allclose(moved[..., 2], -down, atol=0.002)
-    assert np.linalg.norm(moved[..., :2], axis=-1).max() < 0.5 * abs(down)  # along the leg, which is aslant
-    turned = np.einsum("tsij,tsij->ts", before.foot_rotation, found.foot_rotation)  # trace of the rotation between
+    assert np.linalg.norm(moved[..., :2], axis=-1).max() < 0.5 * abs(down)  # along the inclined leg
+    turned = np.einsum("tsij,tsij->ts", before.foot_rotation, found.foot_rotation)  # trace of the relative rotation
     assert np.degrees(np.arccos(np.clip((turned - 1) / 2, -1, 1))).max() < 2.0
 
 
@@ -45,7 +45,7 @@ def test_each_foot_by_itself(walking: Motion) -> None:
     np.testing.assert_array_equal(found.joints[:, others], walking.joints[:, others])
 
 
-def test_a_leg_that_is_bent_beyond_what_it_may_be_asked_to_is_left_alone(walking: Motion) -> None:
+def test_a_leg_bent_beyond_the_limit_is_unchanged(walking: Motion) -> None:
     joints = walking.joints.copy()
     joints[:, KNEES] = np.radians(149.0)
     squatting = replace(walking, joints=joints)

@@ -1,4 +1,4 @@
-"""Feet that carry load stay where they are."""
+"""Loaded feet stay in place."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def feet(motion: Motion) -> np.ndarray:
 
 @pytest.fixture
 def standing() -> Motion:
-    """Somebody who stands with both feet on the floor, (1 + 32) frames."""
+    """A human who stands with both feet on the floor, 1 + 32 frames."""
     clip = default_clip()[:1]
     height = feet(clip)[..., 2].min()
     root = np.repeat(clip.root_position, 1 + FRAMES, axis=0) - [0.0, 0.0, height]
@@ -42,22 +42,22 @@ def moved(motion: Motion, offset: np.ndarray) -> Motion:
     return replace(motion, root_position=motion.root_position + offset)
 
 
-def test_who_stands_does_not_drift(standing: Motion) -> None:
-    # A bias of 4 cm/s carried a robot that was told to stand across the room.
+def test_a_standing_human_does_not_drift(standing: Motion) -> None:
+    # Regression: a bias of 4 cm/s moved a standing robot across the room.
     drift = np.arange(FRAMES)[:, None] / 30.0 * [0.04, -0.02, 0.0]
     found = planted(moved(standing[1:], drift), standing[:1])
     assert np.linalg.norm(found.root_position[-1, :2] - standing.root_position[0, :2]) < 0.004
 
 
 @pytest.mark.parametrize("height", [-0.03, 0.04])
-def test_feet_come_to_the_floor_evenly(standing: Motion, height: float) -> None:
+def test_feet_are_lowered_to_the_floor_evenly(standing: Motion, height: float) -> None:
     found = planted(moved(standing[1:], np.array([0.0, 0.0, height])), standing[:1])
     low = feet(found)[..., 2].min(axis=(1, 2))
     assert -0.003 < low[-1] < 0.018
     assert np.abs(np.diff(low)).max() < 0.3 * abs(height)
 
 
-def test_a_foot_that_carries_nothing_may_go_where_it_likes(standing: Motion) -> None:
+def test_an_unloaded_foot_is_free(standing: Motion) -> None:
     flight = replace(
         moved(standing[1:], np.arange(FRAMES)[:, None] / 30.0 * [1.0, 0.0, 0.1]),
         contacts=np.zeros((FRAMES, 2), np.bool_),
@@ -68,22 +68,22 @@ def test_a_foot_that_carries_nothing_may_go_where_it_likes(standing: Motion) -> 
     assert planted(unknown, standing[:1]) is unknown
 
 
-def test_who_runs_is_not_held_back_by_a_foot_said_to_be_loaded(standing: Motion) -> None:
+def test_a_fast_foot_flagged_as_loaded_does_not_hold_a_runner(standing: Motion) -> None:
     run = moved(standing[1:], np.arange(FRAMES)[:, None] / 30.0 * [3.0, 0.0, 0.0])
     found = planted(run, standing[:1])
     np.testing.assert_allclose(found.root_position[:, :2], run.root_position[:, :2], atol=1e-9)
 
 
-def test_who_glides_on_loaded_feet_goes_no_further_than_they_step(standing: Motion) -> None:
-    """Told to walk backward a model slid at 1.3 m/s on feet that it said were loaded: a robot could not follow."""
+def test_forward_gliding_on_loaded_feet_is_removed(standing: Motion) -> None:
+    """Regression: walking backward, a model slid at 1.3 m/s on loaded feet; a robot could not follow."""
     yaw = continuous_matrix_heading(forward(standing).pelvis_rotation)[0]
     glide = np.arange(FRAMES)[:, None] / 30.0 * [-1.3 * np.cos(yaw), -1.3 * np.sin(yaw), 0.0]
     found = planted(moved(standing[1:], glide), standing[:1])
     assert np.linalg.norm(found.root_position[-1, :2] - standing.root_position[0, :2]) < 0.06
 
 
-def test_who_glides_aside_is_let_go(standing: Motion) -> None:
-    """Held there too, who was told to step aside at .35 m/s went at .13: it is by gliding that a model goes aside."""
+def test_sideways_gliding_is_kept(standing: Motion) -> None:
+    """Models move sideways by gliding: with held feet a request of .35 m/s gave .13 m/s."""
     yaw = continuous_matrix_heading(forward(standing).pelvis_rotation)[0]
     glide = np.arange(FRAMES)[:, None] / 30.0 * [-0.8 * np.sin(yaw), 0.8 * np.cos(yaw), 0.0]
     wanted = moved(standing[1:], glide)
@@ -91,11 +91,11 @@ def test_who_glides_aside_is_let_go(standing: Motion) -> None:
     np.testing.assert_allclose(found.root_position[:, :2], wanted.root_position[:, :2], atol=0.01)
 
 
-def test_a_swinging_foot_that_is_said_to_be_loaded_does_not_hold_the_body(standing: Motion) -> None:
-    """For two frames in mid-swing that foot alone was said to be loaded, and the body stopped over it."""
+def test_a_swinging_foot_flagged_as_loaded_does_not_hold_the_body(standing: Motion) -> None:
+    """Regression: with this foot alone flagged as loaded for two frames in mid-swing, the body stopped over it."""
     hips = [JOINTS.index("hip_flexion_l"), JOINTS.index("hip_flexion_r")]
     joints = standing.joints.copy()
-    joints[:, hips[0]] += np.linspace(0.0, 1.0, 1 + FRAMES)  # the left leg swings ahead at some .9 m/s
+    joints[:, hips[0]] += np.linspace(0.0, 1.0, 1 + FRAMES)  # the left leg swings forward at about .9 m/s
     contacts = np.tile([False, True], (1 + FRAMES, 1))
     contacts[15:17] = [True, False]
     swing = replace(standing, joints=joints, contacts=contacts)
@@ -103,7 +103,7 @@ def test_a_swinging_foot_that_is_said_to_be_loaded_does_not_hold_the_body(standi
     assert np.abs(np.diff(found.root_position[:, :2], axis=0)).max() < 0.3 / 30.0
 
 
-def test_no_angles_but_those_of_the_legs_are_touched(standing: Motion) -> None:
+def test_only_angles_of_the_legs_change(standing: Motion) -> None:
     rng = np.random.default_rng(0)
     other = replace(standing[1:], joints=standing.joints[1:] + 0.02 * rng.standard_normal(standing.joints[1:].shape))
     found = planted(other, standing[:1])
@@ -115,8 +115,8 @@ def test_no_angles_but_those_of_the_legs_are_touched(standing: Motion) -> None:
     assert slide < before
 
 
-def test_windows_one_after_another_do_not_bob(standing: Motion) -> None:
-    # Each window of a model that has everybody 2 cm too high went up by a quarter of that before it was put down again.
+def test_consecutive_windows_do_not_oscillate_in_height(standing: Motion) -> None:
+    # Regression: with a model 2 cm too high each window rose by a quarter of that before it was lowered again.
     low = feet(standing)[..., 2].min()
     time = np.arange(1, FRAMES + 1)[:, None] / 30.0
     rate = 2.0 * np.log(2.0) / 0.15
@@ -126,7 +126,7 @@ def test_windows_one_after_another_do_not_bob(standing: Motion) -> None:
     assert 0.0 <= height.max() < 0.018
 
 
-def test_what_is_known_of_the_floor_lasts_through_flight(standing: Motion) -> None:
+def test_the_height_correction_is_kept_in_flight(standing: Motion) -> None:
     contacts = np.ones((FRAMES, 2), np.bool_)
     contacts[16:] = False
     high = replace(moved(standing[1:], np.array([0.0, 0.0, 0.04])), contacts=contacts)
@@ -134,20 +134,20 @@ def test_what_is_known_of_the_floor_lasts_through_flight(standing: Motion) -> No
     assert np.ptp(found.root_position[16:, 2]) < 0.001
 
 
-def test_two_loaded_feet_that_disagree_both_come_to_the_floor(standing: Motion) -> None:
-    """Went wrong: the body cannot be let down for one foot and not for the other, which stayed 4 cm up, loaded."""
+def test_two_loaded_feet_of_different_height_both_reach_the_floor(standing: Motion) -> None:
+    """Regression: the body cannot be lowered for one foot only, and the other stayed 4 cm up, loaded."""
     joints = standing.joints[1:].copy()
     for name, angle in (("hip_flexion_l", 0.28), ("knee_flexion_l", 0.56), ("ankle_dorsiflexion_l", 0.28)):
         joints[8:24, JOINTS.index(name)] += angle
     lifted = replace(standing[1:], joints=joints)
     assert feet(lifted)[8:24, 0, :, 2].min() > 0.04
     found = planted(lifted, standing[:1])
-    # Not within a frame: the body takes some tenths of a second, legs come along two frames early.
+    # Not within one frame: the body takes a few tenths of a second, the legs start two frames before.
     assert feet(found)[12:20, :, :, 2].min(axis=-1).max() < 0.025
 
 
-def test_legs_that_help_do_not_jerk(standing: Motion) -> None:
-    """Went wrong: knees that bent backwards a little flipped forwards, straight ones turned by 50 degrees a frame."""
+def test_corrections_by_the_legs_are_smooth(standing: Motion) -> None:
+    """Regression: knees bent slightly backward flipped forward, straight ones turned by 50° per frame."""
     joints = standing.joints[1:].copy()
     time = np.arange(FRAMES) / 30.0
     for side, phase in (("l", 0.0), ("r", 1.0)):
@@ -160,7 +160,7 @@ def test_legs_that_help_do_not_jerk(standing: Motion) -> None:
     assert np.degrees(np.abs(np.diff(found, axis=0)).max()) < 12.0
 
 
-def test_no_foot_is_in_the_floor_loaded_or_not(standing: Motion) -> None:
+def test_no_foot_penetrates_the_floor(standing: Motion) -> None:
     sunk = moved(standing[1:], np.array([0.0, 0.0, -0.04]))
     for loaded in (True, False):
         found = planted(replace(sunk, contacts=np.full((FRAMES, 2), loaded)), standing[:1])

@@ -1,4 +1,4 @@
-"""What people say, and how a model listens."""
+"""The listener and its sentences."""
 
 from __future__ import annotations
 
@@ -7,10 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from benchmarks.model.hearing import untaught_sentences
+from benchmarks.shared.prompts import prompt_kinds
 from flexmotion.configs.errors import ConfigError
 from flexmotion.text.listener import Listener
 from flexmotion.text.phrases import STAND, kinds
@@ -19,12 +20,11 @@ from flexmotion.text.sayings import NOTHING, read_sayings, sayings
 from flexmotion.text.sides import mirrored, sides
 
 KINDS = ("walk", "walk-left", "walk-right", "wave-right-hand", NOTHING)
-BENCHMARKS = Path(__file__).parents[3] / "benchmarks"
 
 
 @pytest.fixture
 def listener() -> Listener:
-    """One that thinks of each kind as much as of the other, but for word pieces 7 (walk-left) and 9 (walk)."""
+    """A listener with equal probabilities, except for word pieces 7 (walk-left) and 9 (walk)."""
     weights = np.zeros((2 + 2 + 1, len(KINDS)), np.float32)
     weights[2, 1], weights[3, 0] = 6.0, 5.0
     return Listener(KINDS, np.array([7, 9], np.int32), weights)
@@ -57,13 +57,13 @@ def test_a_word_counts_once_and_an_unknown_one_not_at_all(listener: Listener) ->
         ("on", set()),
     ],
 )
-def test_who_names_one_side_never_means_the_other(listener: Listener, sentence: str, not_meant: set[str]) -> None:
-    """To a sentence encoder the sides are nearly one: "side-shuffle to the right" was heard as stepping left."""
+def test_a_sentence_with_one_side_never_means_the_other(listener: Listener, sentence: str, not_meant: set[str]) -> None:
+    """Regression: embeddings hardly separate the sides; "side-shuffle to the right" was a step to the left."""
     shares = listener.shares(sentence, EMBEDDING, [7])
     assert {kind for kind, share in zip(KINDS, shares, strict=True) if share == 0.0} == not_meant
 
 
-def test_who_names_both_sides_means_one_only_where_it_is_clear() -> None:
+def test_a_sentence_with_both_sides_means_one_only_if_clear() -> None:
     weights = np.zeros((3, 2), np.float32)
     weights[-1] = np.log([0.7, 0.3])
     unclear = Listener(("walk-left", "walk-right"), np.array([], np.int32), weights)
@@ -74,8 +74,8 @@ def test_who_names_both_sides_means_one_only_where_it_is_clear() -> None:
     assert clear("left foot, right foot", EMBEDDING, []) == "walk-left"
 
 
-def test_what_is_like_nothing_known_must_be_surer() -> None:
-    """An "emergency" is like nothing known, and was a bit more like running than like anything else: it ran."""
+def test_strange_sentences_need_a_higher_probability() -> None:
+    """Regression: "emergency" is unlike all known sentences, slightly nearest to running, and was run."""
     weights = np.zeros((3, 2), np.float32)
     weights[-1] = np.log([0.55, 0.45])
     listener = Listener(("run", NOTHING), np.array([], np.int32), weights)
@@ -85,18 +85,18 @@ def test_what_is_like_nothing_known_must_be_surer() -> None:
 
 @settings(max_examples=100)
 @given(st.text(max_size=60), st.lists(st.integers(0, 12), max_size=20))
-def test_whatever_is_said_its_shares_are_one_together(sentence: str, pieces: list[int]) -> None:
+def test_probabilities_add_up_to_one(sentence: str, pieces: list[int]) -> None:
     weights = np.linspace(-90.0, 90.0, 25, dtype=np.float32).reshape(5, 5)
     shares = Listener(KINDS, np.array([7, 9], np.int32), weights).shares(sentence, EMBEDDING, pieces)
     assert np.isfinite(shares).all() and shares.sum() == pytest.approx(1.0, abs=1e-5)
 
 
-def test_nothing_that_forbids_is_taught_as_a_motion() -> None:
-    """Sentences like "turn left to avoid the wall" were taught, and never obeyed."""
+def test_no_prohibition_is_taught_as_a_motion() -> None:
+    """Regression: sentences like "turn left to avoid the wall" were taught, but refused as prohibitions."""
     assert not [row for row in sayings() if row[0] not in (STAND, NOTHING) and forbids(row[1], row[0])]
 
 
-def test_sayings_are_of_kinds_that_there_are_and_of_both_sides() -> None:
+def test_sentences_are_of_known_kinds_and_of_both_sides() -> None:
     said = sayings()
     assert {kind for kind, _ in said} == {*kinds(), NOTHING}
     assert len(set(said)) == len(said)
@@ -108,12 +108,12 @@ def test_sayings_are_of_kinds_that_there_are_and_of_both_sides() -> None:
     assert ("wave-right-hand", "wave") in rows and ("wave-left-hand", "wave") not in rows
 
 
-@pytest.mark.parametrize("name", ["hearing.yaml", "prompts.yaml"])
-def test_what_is_asked_in_benchmarks_is_not_taught(name: str) -> None:
-    content = yaml.safe_load((BENCHMARKS / name).read_text(encoding="utf-8"))
-    asked = content.values() if isinstance(content, dict) else [row["wordings"] for row in content]
+def test_sentences_of_benchmarks_are_not_taught() -> None:
+    asked = {sentence for own in untaught_sentences().values() for sentence in own}
+    asked |= {wording for entry in prompt_kinds() for wording in entry.wordings}
     taught = {sentence.lower().rstrip(".!") for _, sentence in sayings()}
-    assert not {sentence for each in asked for sentence in each if sentence.lower().rstrip(".!") in taught}
+    assert len(asked) > 700
+    assert not {sentence for sentence in asked if sentence.lower().rstrip(".!") in taught}
 
 
 @pytest.mark.parametrize(
@@ -125,11 +125,11 @@ def test_what_is_asked_in_benchmarks_is_not_taught(name: str) -> None:
         ("walk: ['']", "walk: expected a list of sentences"),
         ("walk: []", "walk: expected a list of sentences"),
         ("walk: [{a: b}]", "walk: expected a list of sentences"),
-        ("walk: " + 5000 * "[", "no YAML"),
-        ("walk: [", "no YAML"),
+        ("walk: " + 5000 * "[", "not valid YAML"),
+        ("walk: [", "not valid YAML"),
     ],
 )
-def test_sayings_of_ones_own_that_are_none_are_refused(tmp_path: Path, content: str, said: str) -> None:
+def test_invalid_sentences_of_a_user_are_refused(tmp_path: Path, content: str, said: str) -> None:
     file = tmp_path / "ours.yaml"
     file.write_text(content)
     with pytest.raises(ConfigError, match=said):
@@ -138,7 +138,7 @@ def test_sayings_of_ones_own_that_are_none_are_refused(tmp_path: Path, content: 
         read_sayings(tmp_path / "none.yaml")
 
 
-def test_sayings_of_ones_own_have_mirror_images(tmp_path: Path) -> None:
+def test_sentences_of_a_user_have_mirror_images(tmp_path: Path) -> None:
     file = tmp_path / "ours.yaml"
     file.write_text("walk: [patrol]\nwalk-left: [crab to the left]\nstand: [no]\n")
     assert set(read_sayings(file)) == {

@@ -1,4 +1,4 @@
-"""What a sentence is heard as."""
+"""Meaning of sentences."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ Heard = Callable[..., prompt_reader.Prompt]
 
 
 class Encoder:
-    """Says of every sentence the same."""
+    """Returns the same embedding for every sentence."""
 
     def __init__(self, vector: np.ndarray) -> None:
         self.vector, self.pieces = vector, WordPieces(["[UNK]", "a", "sentence", "walk", "##ing", "bow"])
@@ -54,48 +54,48 @@ def heard(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Heard:
 
 
 @pytest.mark.parametrize(("side", "kind"), [(0.04, "turn-left"), (-0.04, "turn-right")])
-def test_left_is_not_heard_as_half_right(heard: Heard, side: float, kind: str) -> None:
-    # Left and right are nearly one to a sentence encoder: mixed over both, the robot went straight on.
+def test_sides_are_not_mixed(heard: Heard, side: float, kind: str) -> None:
+    # Regression: embeddings of left and right are nearly equal; mixed over both, the robot went straight.
     prompt = heard([1.0, side, 0.0], **{kind.replace("-", "_"): 0.9})
     assert prompt.kind == kind and prompt.known and prompt.likeness < prompt_reader.SAME
     assert abs(prompt.embedding[1]) > 0.15 and np.sign(prompt.embedding[1]) == np.sign(side)
     assert np.linalg.norm(prompt.embedding) == pytest.approx(1.0, abs=1e-6)
 
 
-def test_the_listener_is_believed_over_the_nearest_wording(heard: Heard) -> None:
-    # "bring your left arm up in the air" was nearest to a wording about the right one.
+def test_the_listener_decides_over_the_nearest_wording(heard: Heard) -> None:
+    # Regression: "bring your left arm up in the air" was nearest to a wording about the right arm.
     prompt = heard([-1.0, 0.2, 0.0], bow=0.9)
     assert prompt.kind == "bow" and prompt.likeness == pytest.approx(0.989, abs=1e-3)
     assert prompt.embedding[1] > 0.5
 
 
-def test_a_known_wording_needs_no_listener(heard: Heard) -> None:
+def test_known_wordings_are_not_classified(heard: Heard) -> None:
     assert heard([-1.0, 0.06, 0.0], bow=0.9).kind == "walk"
 
 
 @pytest.mark.parametrize("shares", [{NOTHING: 0.9}, {"bow": 0.4, "walk": 0.4, NOTHING: 0.2}])
-def test_what_means_nothing_or_this_or_that_means_standing_and_is_told(heard: Heard, shares: dict[str, float]) -> None:
+def test_unclear_sentences_mean_standing_with_a_warning(heard: Heard, shares: dict[str, float]) -> None:
     prompt = heard([0.3, 1.0, 0.3], **shares)
     assert (prompt.kind, prompt.known) == ("stand", False)
     np.testing.assert_allclose(prompt.embedding, [0.0, 0.0, 1.0], atol=1e-6)
-    assert "means nothing to this model" in str(prompt.warning)
+    assert "not understood by this model" in str(prompt.warning)
 
 
 @pytest.mark.parametrize("sentence", ["", "?!", "вперёд", "zz qq"])
-def test_words_that_nobody_knows_mean_nothing(heard: Heard, sentence: str) -> None:
-    """Of letters that it cannot read a listener only knows what is said most often."""
+def test_unknown_words_have_no_meaning(heard: Heard, sentence: str) -> None:
+    """Without known word pieces a listener would return the most frequent kind."""
     assert not heard([-1.0, 0.3, 0.0], sentence, walk=0.9).known
 
 
 @pytest.mark.parametrize("sentence", ["do not walk", "Don't walk!", "never bow", "walk? No", "stop that walking"])
-def test_who_is_told_what_not_to_do_does_not_do_it(heard: Heard, sentence: str) -> None:
-    # "do not walk" made it walk.
+def test_prohibited_motions_are_not_made(heard: Heard, sentence: str) -> None:
+    # Regression: "do not walk" was walked.
     prompt = heard([-1.0, 0.35, 0.0], sentence, walk=0.9)
-    assert prompt.kind == "stand" and "what not to do" in str(prompt.warning)
+    assert prompt.kind == "stand" and "prohibition" in str(prompt.warning)
 
 
 @pytest.mark.parametrize(
     "sentence", ["take note and bow", "bow at noon", "a bow, no hurry", "bow without turning round", "bow non-stop"]
 )
-def test_words_that_only_look_like_a_negation_are_none(heard: Heard, sentence: str) -> None:
+def test_words_that_resemble_a_negation_are_no_prohibition(heard: Heard, sentence: str) -> None:
     assert heard([-1.0, 0.35, 0.0], sentence, bow=0.9).kind == "bow"

@@ -1,4 +1,4 @@
-"""Word pieces, wordings and how prompts are read."""
+"""Word pieces, wordings and mirror images of text."""
 
 from __future__ import annotations
 
@@ -68,12 +68,12 @@ def test_mirrored(text: str, other: str) -> None:
 
 
 @pytest.mark.parametrize("word", ["counter-clockwise", "Anticlockwise", "anti clockwise", "counter clockwise"])
-def test_every_way_to_say_counterclockwise_has_one_mirror_image(word: str) -> None:
-    """Of "anticlockwise" it was "anticounterclockwise", and taught as a turn to the right."""
+def test_all_spellings_of_counterclockwise_have_one_mirror_image(word: str) -> None:
+    """Regression: that of "anticlockwise" was "anticounterclockwise", taught as a turn to the right."""
     assert mirrored(word).lower() == "clockwise"
 
 
-def test_a_velocity_that_words_mean_is_the_mirror_image_of_what_the_mirrored_words_mean() -> None:
+def test_mirrored_words_mean_the_mirrored_velocity() -> None:
     for kind in kinds():
         meant, other = velocity(kind), velocity(mirrored(kind))
         assert (meant is None) == (other is None)

@@ -8,11 +8,13 @@ import runpy
 import subprocess
 import sys
 from pathlib import Path
+from shutil import copytree
 
 import pytest
 
 torch = pytest.importorskip("torch", reason="training needs the extra 'train'")
 
+from flexmotion.streamer.cli import execute  # noqa: E402
 from flexmotion.training.checkpoints import BEST, digest, load_weights  # noqa: E402
 from flexmotion.training.processes import Losses, Processes  # noqa: E402
 from flexmotion.training.run import Run  # noqa: E402
@@ -79,3 +81,21 @@ def test_both_end_with_the_same_weights_and_the_first_writes_them(trained: Run, 
     before = digest(dict(task.network.named_parameters()))
     load_weights(task.network, two / "stage")
     assert before not in (first, digest(dict(task.network.named_parameters())))
+
+
+@pytest.mark.parametrize(("rank", "prints"), [("0", True), ("1", False)])
+def test_only_the_first_process_prints(
+    rank: str,
+    prints: bool,
+    trained: Run,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    """Regression: two processes wrote two JSON documents one after the other."""
+    run = copytree(trained.folder, tmp_path / "run")
+    monkeypatch.setenv("RANK", rank)
+    assert execute(["train", "autoencoder", "-o", str(run), "--steps", "7", "--json"]) == 0
+    printed = capfd.readouterr()
+    assert bool(printed.out) == prints and ("step 7" in printed.err) == prints
+    assert not prints or json.loads(printed.out)["step"] == 7

@@ -103,6 +103,13 @@ def test_time_over_ends_a_stage_with_weights(tmp_path: Path) -> None:
     assert torch.load(tmp_path / LAST)["step"] == done.step
 
 
+def test_no_time_at_all_leaves_a_stage_to_resume(tmp_path: Path) -> None:
+    """Regression: `--minutes 0` ended in a traceback, since there were no best weights."""
+    done = train_stage(Line(), stage(2), tmp_path, fingerprint="", seconds=0.0)
+    assert done.step == 0 and not done.figures and not (tmp_path / BEST).exists()
+    assert train_stage(Line(), stage(2), tmp_path, fingerprint="").step == 2
+
+
 def test_other_settings_in_the_same_folder_are_refused(trained: Run, paper_config: Path, tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="other settings"):
         Run(trained.folder, str(paper_config))

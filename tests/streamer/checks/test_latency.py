@@ -17,19 +17,11 @@ from rich.console import Console
 from flexmotion.configs.robot import load_robot
 from flexmotion.configs.stream import load_stream
 from flexmotion.drivers.registry import create
-from flexmotion.streamer.checks.latency import (
-    HISTOGRAM_US,
-    LatencyResult,
-    Moments,
-    Standstills,
-    _Switcher,
-    _told,
-    hogs,
-    measure,
-    shipped_clips,
-    switched,
-)
+from flexmotion.streamer.checks.latency import _fault_text, _Switcher, hogs, measure
+from flexmotion.streamer.checks.latency_result import HISTOGRAM_US, LatencyResult, Standstills
 from flexmotion.streamer.checks.latency_text import render_latency
+from flexmotion.streamer.checks.standstills import StandstillTimes
+from flexmotion.streamer.checks.switching import shipped_clips, switched
 from flexmotion.streamer.cli import execute
 from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.control.telemetry import Event
@@ -115,7 +107,7 @@ def test_what_fell_into_a_standstill_is_told_apart() -> None:
     rows["target_to_command_s"][[2, 5, 11]] = 0.012, 0.080, 0.013
     record.append(rows)
     stood = np.array([[1030 * ms, 1050 * ms], [5000 * ms, 5001 * ms]])  # the second one after the run
-    moments = Moments(record, stood, stolen_ms=20.0)
+    moments = StandstillTimes(record, stood, stolen_ms=20.0)
     assert moments.summary == Standstills(1, 20.0, 20.0, missed_deadlines=3, stolen_ms=20.0)
     late, work = moments.apart(rows["lateness_s"]), moments.apart(rows["work_s"], rows["work_s"])
     answered = moments.apart(rows["target_to_command_s"])
@@ -135,9 +127,9 @@ def test_a_tick_that_woke_late_makes_the_next_one_miss_its_deadline() -> None:
     rows["missed_deadlines"][4:] = 1
     record.append(rows)
     stood = np.array([[1024 * ms, 1031 * ms - 50_000]])  # the witness, above the loop, woke just before it
-    assert Moments(record, stood, stolen_ms=0.0).summary.missed_deadlines == 1
+    assert StandstillTimes(record, stood, stolen_ms=0.0).summary.missed_deadlines == 1
     before = np.array([[1016 * ms, 1023 * ms]])
-    assert Moments(record, before, stolen_ms=0.0).summary.missed_deadlines == 0
+    assert StandstillTimes(record, before, stolen_ms=0.0).summary.missed_deadlines == 0
 
 
 def test_a_fall_is_told_with_the_standstill_before_it() -> None:
@@ -153,9 +145,9 @@ def test_a_fall_is_told_with_the_standstill_before_it() -> None:
         (3100, 5, ""),
         (1100, 83, ""),
     ):
-        moments = Moments(record, np.array([[begin * ms, (begin + length) * ms]]), stolen_ms=0.0)
-        assert _told(fall, record, moments) == f"fall, at 3.0 s{told}"
-    assert _told(fall, record, None) == "fall, at 3.0 s"
+        moments = StandstillTimes(record, np.array([[begin * ms, (begin + length) * ms]]), stolen_ms=0.0)
+        assert _fault_text(fall, record, moments) == f"fall, at 3.0 s{told}"
+    assert _fault_text(fall, record, None) == "fall, at 3.0 s"
 
 
 def test_the_picture_and_the_json(result: LatencyResult, tmp_path: Path) -> None:

@@ -98,7 +98,7 @@ def test_servos_are_audited_found_renamed_and_watched(port: Path, capsys: pytest
     wait_until(lambda: found() == [*range(1, 21), 200], "all servos to answer a scan")
     # Went wrong: a scan that found no servo exited with 0.
     assert execute(["servo", "scan", "--port", str(port), "--baud", "57600"]) == 1
-    assert "nobody answers" in capsys.readouterr().err
+    assert "no servo answers" in capsys.readouterr().err
     rename(14, 77)
     assert execute(["servo", "watch", "--port", str(port), "--seconds", "0.2", "--json"]) == 3  # id 14 is missing
     rename(77, 14)

@@ -30,8 +30,8 @@ def test_it_is_said_in_words() -> None:
     assert describe(figures(), 8.0).splitlines() == [
         "robot: did not fall, tilted by 5.7° at most, at its lowest 81 % of its height; 0.35 m from where it began; "
         "goals outside the envelope that arrived: 0",
-        "main: 900 packets heard, 2 of them broken, 0 collisions, wire busy 31 % of the time; "
-        "spoilt as asked: 3 lost, 1 late",
+        "main: 900 packets received, 2 of them broken, 0 collisions, wire busy 31 % of the time; "
+        "injected faults: 3 lost, 1 late",
         "imu: wire busy 40 % of the time",
         "emulator: 12.0 s, 20 % of a processor; 1.5 ms late at worst while torque was on",
     ]
@@ -41,7 +41,7 @@ def test_an_emulator_that_was_late_says_what_that_means() -> None:
     told = describe(figures(lateness_ms=47.0, lost_ms=120.0), 8.0)
     assert "47.0 ms late at worst while torque was on, 120 ms of physics given up" in told
     assert told.splitlines()[-1].startswith(
-        "It was later than a tick, 8 ms: if the driver says that servos do not answer"
+        "It was later than a tick, 8 ms: if the driver reports that servos do not answer"
     )
 
 

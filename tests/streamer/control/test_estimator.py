@@ -44,14 +44,14 @@ def settled(state: RobotState, wanted: Reference, ticks: int = 250) -> Estimator
     return estimator
 
 
-def test_standing_as_planned_it_finds_the_planned_centre_of_mass() -> None:
+def test_a_robot_that_stands_as_planned_has_the_planned_centre_of_mass() -> None:
     estimator = settled(measured(), reference())
     np.testing.assert_allclose(estimator.com, STAND.com[0, :2], atol=1e-3)
     np.testing.assert_allclose(estimator.dcm, estimator.com, atol=1e-4)
     np.testing.assert_allclose(estimator.tilt, 0.0, atol=0.01)
 
 
-def test_it_stands_where_the_plan_put_the_feet() -> None:
+def test_the_feet_are_where_the_plan_placed_them() -> None:
     here, there = settled(measured(), reference()), settled(measured(), reference(shift=0.7, yaw=1.1))
     turn = Rotation.from_euler("z", 1.1).as_matrix()
     np.testing.assert_allclose(there.com, (turn @ [*here.com, 0.0])[:2] + [0.7, 0.0], atol=1e-6)
@@ -64,13 +64,13 @@ def test_tilt_comes_from_the_imu(tilt: tuple[float, float]) -> None:
     np.testing.assert_allclose(estimator.tilt, tilt, atol=0.02)
 
 
-def test_a_torso_that_leans_forward_carries_the_centre_of_mass_forward() -> None:
+def test_a_torso_that_leans_forward_moves_the_centre_of_mass_forward() -> None:
     upright = settled(measured(), reference())
     leaning = settled(measured(tilt=(0.0, 0.1)), reference(), ticks=2000)
     assert leaning.com[0] > upright.com[0] + 0.01
 
 
-def test_without_an_imu_the_reference_tells_the_tilt() -> None:
+def test_without_an_imu_the_tilt_is_that_of_the_reference() -> None:
     wanted = reference()
     wanted.base[3:] = Rotation.from_euler("ZYX", [0.4, 0.2, -0.1]).as_quat(scalar_first=True)
     estimator = settled(measured(imu=False), wanted, ticks=1)
@@ -79,7 +79,7 @@ def test_without_an_imu_the_reference_tells_the_tilt() -> None:
     assert not estimator.tilt_rate.any()
 
 
-def test_an_imu_that_misses_a_read_is_still_there() -> None:
+def test_an_imu_that_misses_a_few_reads_still_counts() -> None:
     estimator = settled(measured(), reference())
     late = measured()
     late.imu_stale = 3
@@ -87,8 +87,8 @@ def test_an_imu_that_misses_a_read_is_still_there() -> None:
     assert estimator.has_imu
 
 
-def test_a_sample_that_is_missed_is_no_rotation_by_the_bias() -> None:
-    """The bias came off the zeros that stand for a lost sample too: the robot seemed to turn by minus the bias."""
+def test_a_missed_sample_is_no_rotation_by_the_bias() -> None:
+    """The bias was subtracted from the zeros of a lost sample too: the robot seemed to turn by minus the bias."""
     estimator = Estimator(ROBOT, RETARGETER.omega)
     state = measured()
     estimator.gyro_bias[:] = state.gyro[:] = [0.03, -0.02, 0.01]

@@ -15,14 +15,17 @@ from flexmotion.streamer.control.gyro_bias import REST_S, GyroBias
 from flexmotion.streamer.control.loop import ControlLoop
 from flexmotion.streamer.control.plan_buffer import PlanBuffer
 from flexmotion.streamer.control.telemetry import Telemetry, events
+from flexmotion.streamer.control.tick_row import TickRow
 
 RATE = 125.0
+MOST_TICKS = 2000
+"""Bound against hanging."""
 BIAS = np.array([0.02, -0.025, 0.01])
 UP = np.array([0.0, 0.0, 9.81])
 
 
-def rested(gyro: np.ndarray, accel: np.ndarray) -> GyroBias:
-    """After half a second of samples, (T, 3) each."""
+def measured(gyro: np.ndarray, accel: np.ndarray) -> GyroBias:
+    """The result of half a second of samples, (T, 3) each."""
     bias = GyroBias(RATE)
     for sample in zip(gyro, accel, strict=True):
         assert not bias.done
@@ -43,13 +46,13 @@ def noise() -> np.random.Generator:
 
 def test_at_rest_the_mean_of_the_gyro_is_its_bias(t: np.ndarray, noise: np.random.Generator) -> None:
     gyro, accel = noise.normal(BIAS, 0.01, (len(t), 3)), noise.normal(UP, 0.05, (len(t), 3))
-    bias = rested(gyro, accel)
+    bias = measured(gyro, accel)
     assert bias.known
     np.testing.assert_allclose(bias.bias, BIAS, atol=0.004)
 
 
-@pytest.mark.parametrize("harm", ["sways", "turns", "is shaken", "no number"])
-def test_what_is_no_rest_is_no_bias(t: np.ndarray, harm: str) -> None:
+@pytest.mark.parametrize("harm", ["sways", "turns", "is shaken", "not a number"])
+def test_without_rest_the_bias_is_not_known(t: np.ndarray, harm: str) -> None:
     gyro, accel = np.tile(BIAS, (len(t), 1)), np.tile(UP, (len(t), 1))
     if harm == "sways":
         gyro[:, :1] += 0.1 * np.sin(2 * np.pi * 1.5 * t)
@@ -59,12 +62,12 @@ def test_what_is_no_rest_is_no_bias(t: np.ndarray, harm: str) -> None:
         accel[:, 1:2] += 0.6 * np.sin(2 * np.pi * 9 * t)
     else:
         gyro[3, 1] = np.nan
-    bias = rested(gyro, accel)
+    bias = measured(gyro, accel)
     assert not bias.known and not bias.bias.any()
 
 
-def test_a_new_rest_replaces_the_old_one_once_it_is_over(t: np.ndarray) -> None:
-    bias = rested(np.tile(BIAS, (len(t), 1)), np.tile(UP, (len(t), 1)))
+def test_a_new_measurement_replaces_the_old_bias_once_it_is_done(t: np.ndarray) -> None:
+    bias = measured(np.tile(BIAS, (len(t), 1)), np.tile(UP, (len(t), 1)))
     bias.reset()
     np.testing.assert_allclose(bias.bias, BIAS)
     for _ in t:
@@ -74,17 +77,17 @@ def test_a_new_rest_replaces_the_old_one_once_it_is_over(t: np.ndarray) -> None:
 
 @pytest.mark.parametrize(("length", "degrees"), [(0.5, 1.9), (0.5, 4.0), (1.0, 1.5), (1.0, 5.5), (2.0, 3.0)])
 def test_a_swing_is_not_taken_for_a_bias(t: np.ndarray, length: float, degrees: float) -> None:
-    """Half a second sees part of a swing only: 0.27 rad/s of one were once taken for the gyro's bias."""
+    """Half a second has only part of a swing: 0.27 rad/s of one were taken for the gyro's bias."""
     speed = np.sqrt(9.81 / length)
     for phase in np.linspace(0, 2 * np.pi, 73):
         gyro = np.zeros((len(t), 3))
         gyro[:, :1] = np.radians(degrees) * speed * np.cos(speed * t + phase)
-        bias = rested(gyro, np.tile(UP, (len(t), 1)))
+        bias = measured(gyro, np.tile(UP, (len(t), 1)))
         assert np.abs(bias.bias).max() <= 0.03 and bias.known == bias.bias.any()
 
 
-def stood(**options: object) -> ControlLoop:
-    """A loop whose robot has stood up and rested."""
+def ready_loop(**options: object) -> ControlLoop:
+    """A loop whose robot has stood up and waits for a plan."""
     robot = load_robot("op3")
     driver = SimDriver(robot, options=SimOptions.model_validate(options))
     driver.open()
@@ -95,13 +98,13 @@ def stood(**options: object) -> ControlLoop:
     while not loop.ready:
         loop.tick()
         driver.advance(1 / robot.rate_hz)
-        assert loop.tick_count < 4 * RATE
+        assert loop.tick_count < MOST_TICKS
     return loop
 
 
 def test_a_biased_gyro_no_longer_tilts_a_robot_that_stands() -> None:
-    """A consumer gyro is off by some degrees a second, and nothing took that out."""
-    loop = stood(seed=3, gyro_bias=0.012)
+    """The bias of a consumer gyro is some degrees a second, and it was not subtracted."""
+    loop = ready_loop(seed=3, gyro_bias=0.012)
     for _ in range(round(4 * RATE)):
         loop.tick()
         loop.driver.advance(1 / RATE)
@@ -111,42 +114,44 @@ def test_a_biased_gyro_no_longer_tilts_a_robot_that_stands() -> None:
     assert [e for e in events(loop.telemetry.events.reader()) if e.kind == "warning"] == []
 
 
-def test_a_robot_that_is_pushed_meanwhile_is_warned_of_and_streams_without() -> None:
-    loop = stood(random_pushes={"every_s": 0.3, "impulse": 0.2})
-    (told,) = (e.message for e in events(loop.telemetry.events.reader()) if e.kind == "warning")
-    assert told == "the robot did not stand still: the gyro's bias is not known, none is subtracted"
+def test_a_push_during_the_measurement_is_warned_of_and_leaves_no_bias() -> None:
+    loop = ready_loop(random_pushes={"every_s": 0.3, "impulse": 0.2})
+    (warning,) = (e.message for e in events(loop.telemetry.events.reader()) if e.kind == "warning")
+    assert warning == "the robot did not stand still: the gyro's bias is not known, none is subtracted"
     assert not loop.estimator.gyro_bias.any()
 
 
-def test_a_robot_that_hangs_has_no_rest() -> None:
-    """It swings on its stand, as the README has it hung at first, and its swing was once taken out of the gyro."""
-    loop = stood(suspended=True, gyro_bias=0.02)
+def test_a_hanging_robot_gives_no_bias() -> None:
+    """A robot swings on its stand, where the README lets it hang at first; the swing was subtracted from the gyro."""
+    loop = ready_loop(suspended=True, gyro_bias=0.02)
     assert loop.suspension.hung and not loop.estimator.gyro_bias.any()
-    (told,) = (e.message for e in events(loop.telemetry.events.reader()) if e.kind == "warning")
-    assert told == "the robot hangs: the gyro's bias is not known, none is subtracted"
+    (warning,) = (e.message for e in events(loop.telemetry.events.reader()) if e.kind == "warning")
+    assert warning == "the robot hangs: the gyro's bias is not known, none is subtracted"
 
 
-def test_what_is_too_much_for_a_bias_is_told() -> None:
-    loop = stood(gyro_bias=0.1)
-    (told,) = (e.message for e in events(loop.telemetry.events.reader()) if e.kind == "warning")
-    assert told.startswith("the gyro measures 0.06 rad/s, more than a bias is (0.03)")
+def test_a_rate_too_great_for_a_bias_is_warned_of() -> None:
+    loop = ready_loop(gyro_bias=0.1)
+    (warning,) = (e.message for e in events(loop.telemetry.events.reader()) if e.kind == "warning")
+    assert warning.startswith("the gyro measures 0.06 rad/s, more than a bias is (0.03)")
 
 
-def test_without_an_imu_nobody_waits_for_it() -> None:
-    assert stood(imu=False).tick_count < 0.5 * RATE + 5
+def test_without_an_imu_the_robot_is_ready_as_soon_as_it_stands() -> None:
+    loop = ready_loop(imu=False)
+    rows = TickRow(loop.telemetry.ticks.reader().read())
+    assert rows.ready.tolist() == [False] * loop.move.ticks + [True]
 
 
-def test_a_loop_that_was_ready_stays_it_when_its_imu_comes_back() -> None:
-    """An IMU that was silent for a while, then spoke again, began another rest: `ready` went off again."""
-    loop = stood(imu=False)
-    loop.driver.read = speaking(loop.driver.read)  # type: ignore[method-assign]
+def test_a_loop_stays_ready_when_its_imu_returns() -> None:
+    """An IMU that answered again after a silence began another measurement: `ready` was false again."""
+    loop = ready_loop(imu=False)
+    loop.driver.read = answering(loop.driver.read)  # type: ignore[method-assign]
     for _ in range(20):
         loop.tick()
         assert loop.ready
     assert loop.estimator.has_imu
 
 
-def speaking(read: Callable[[RobotState], None]) -> Callable[[RobotState], None]:
+def answering(read: Callable[[RobotState], None]) -> Callable[[RobotState], None]:
     """`read` of a driver whose IMU answers."""
 
     def answered(state: RobotState) -> None:

@@ -1,4 +1,4 @@
-"""Every state against every input, then the ways through several states."""
+"""Every state with every input, then sequences of states."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from flexmotion.streamer.control.ladder import POWERED, Inputs, Ladder, Playback
 
 RATE = 100.0
 FREEZE, DAMP = 50, 100
-"""Ticks that a frozen and a damped robot is left."""
+"""Ticks for which a robot is frozen and damped."""
 REQUESTS = ("start", "stop", "park", "clear", "estop", "kill", "plan_ready", "plan_over", "move_done", "fallen")
 REASONS = ("fault", "bus_lost")
 
 
 def one(name: str) -> Inputs:
-    """Nothing but this."""
+    """Inputs with this one alone."""
     inputs = Inputs()
     setattr(inputs, name, True if name in REQUESTS else f"{name} of servo 7")
     return inputs
 
 
 def at(state: State) -> Ladder:
-    """A ladder that came to this state the usual way."""
+    """A ladder that has come to this state the usual way."""
     ways = {
         State.OFF: [],
         State.READY: [Inputs(start=True)],
@@ -52,12 +52,12 @@ MOVES = {
     State.DAMPED: {},
     State.FAULT: {"clear": State.OFF},
 }
-"""What takes a state elsewhere; what is not here leaves it where it is."""
+"""Inputs that change a state; all others do not."""
 EMERGENCIES = {"kill": State.FAULT, "bus_lost": State.FAULT, "fallen": State.DAMPED, "estop": State.HOLD}
-"""The same for every state with torque; a damped robot has fallen already and hears only what cuts its torque."""
+"""The same for every state with torque; a damped robot has fallen and follows only inputs that cut its torque."""
 
 
-def test_all_inputs_are_looked_at() -> None:
+def test_all_inputs_are_covered_here() -> None:
     assert {field.name for field in fields(Inputs)} == {*REQUESTS, *REASONS}
 
 
@@ -75,7 +75,7 @@ def test_one_input_in_one_state(state: State, name: str) -> None:
 
 
 @pytest.mark.parametrize("state", State)
-def test_nothing_asked_nothing_changes(state: State) -> None:
+def test_without_inputs_no_state_changes(state: State) -> None:
     ladder = at(state)
     playback = ladder.step(Inputs())
     assert ladder.state is state
@@ -114,7 +114,7 @@ def test_estop_freezes_then_parks_then_ends_in_fault(state: State) -> None:
 
 
 def test_an_estop_button_held_down_counts_once() -> None:
-    """Each tick of a latching button froze it anew: it never came to park."""
+    """Each tick of a latching button froze the robot again: it never parked."""
     ladder = at(State.STREAMING)
     for _ in range(FREEZE + 1):
         ladder.step(Inputs(estop=True))
@@ -133,7 +133,7 @@ def test_no_start_under_a_pressed_button(name: str) -> None:
 
 
 @pytest.mark.parametrize("state", POWERED)
-def test_kill_cuts_torque_within_the_tick_whatever_else_is_asked(state: State) -> None:
+def test_kill_cuts_torque_within_the_tick_whatever_the_other_inputs(state: State) -> None:
     ladder = at(state)
     everything = Inputs(**dict.fromkeys(REQUESTS, True), fault="hot", bus_lost="gone")
     assert ladder.step(everything) is Playback.NOTHING
@@ -194,8 +194,8 @@ def test_no_start_before_the_fault_is_cleared() -> None:
     assert ladder.state is State.READY
 
 
-def test_a_stop_holds_until_somebody_starts_again() -> None:
-    """A stop in HOLD was undone a tick later, by the next plan that came."""
+def test_a_stop_holds_until_the_next_start_request() -> None:
+    """A stop in HOLD was undone a tick later by the next plan."""
     ladder = at(State.STREAMING)
     ladder.step(Inputs(stop=True))
     ladder.step(Inputs(plan_ready=True))
@@ -217,7 +217,7 @@ def test_a_stop_keeps_a_standing_robot_standing(state: State) -> None:
 
 
 def test_park_while_streaming_parks_once_the_robot_stands() -> None:
-    """It came to a stand and stayed in HOLD: the wish to park was forgotten."""
+    """The robot came to a stand and stayed in HOLD: the request was lost."""
     ladder = at(State.STREAMING)
     ladder.step(Inputs(park=True))
     ladder.step(Inputs(plan_over=True))
@@ -235,7 +235,7 @@ anything = st.builds(
 
 @settings(max_examples=150)
 @given(sequence=st.lists(anything, max_size=40))
-def test_whatever_comes_a_latched_fault_stays_until_cleared_and_torque_never_returns_by_itself(
+def test_for_any_inputs_a_fault_stays_until_cleared_and_torque_returns_only_by_a_start(
     sequence: list[Inputs],
 ) -> None:
     ladder = Ladder(SafetyLimits(), RATE, freeze_s=0.03, damp_s=0.03)
@@ -254,7 +254,7 @@ def test_whatever_comes_a_latched_fault_stays_until_cleared_and_torque_never_ret
             assert ladder.state is State.HOLD and ladder.fault is not None
 
 
-def test_inputs_are_forgotten_after_a_tick() -> None:
+def test_inputs_are_cleared_after_a_tick() -> None:
     inputs = Inputs(**dict.fromkeys(REQUESTS, True), fault="hot", bus_lost="gone")
     inputs.reset()
     assert inputs == Inputs()

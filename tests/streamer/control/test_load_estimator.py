@@ -12,18 +12,18 @@ LOAD = 0.6 * ROBOT.usable_torque * np.sign(np.arange(ROBOT.n) % 2 - 0.5)
 
 
 def settle(scale: float, load: np.ndarray = LOAD, ticks: int = TICKS) -> LoadEstimator:
-    """An estimator whose robot needs `scale` times its planned torque and gets the estimator's factor of it."""
+    """An estimator whose robot needs `scale` times its planned torque, and gets `factor` times."""
     estimator = LoadEstimator(ROBOT)
     reference = ROBOT.stand_pose
     for _ in range(ticks):
+        # The joints sag by the torque that the factor does not supply.
         sag = (scale - estimator.factor) * load / ROBOT.kp
-        # The error that is left is the torque that the factor does not supply, on top of what the model says.
         estimator.update(reference, reference - sag, load)
     return estimator
 
 
 @pytest.mark.parametrize("scale", [0.9, 1.0, 1.12, 1.3])
-def test_it_finds_how_much_heavier_the_robot_is(scale: float) -> None:
+def test_the_factor_converges_to_the_true_load(scale: float) -> None:
     assert settle(scale).factor == pytest.approx(scale, abs=0.01)
 
 
@@ -39,7 +39,7 @@ def test_without_load_nothing_is_learned() -> None:
     assert estimator.factor == 1.0
 
 
-def test_arms_and_head_have_no_say() -> None:
+def test_arms_and_head_have_no_influence() -> None:
     estimator = LoadEstimator(ROBOT)
     others = np.setdiff1d(np.arange(ROBOT.n), estimator.legs)
     measured = ROBOT.stand_pose.copy()

@@ -1,4 +1,4 @@
-"""The loop by itself: what a tick does with no plan, a late plan, and an operator at the buttons."""
+"""The loop by itself: ticks with no plan, with a late plan, and with an operator's requests."""
 
 from __future__ import annotations
 
@@ -19,9 +19,10 @@ from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.loop import ControlLoop
 from flexmotion.streamer.control.plan_buffer import PlanBuffer, Ticket
 from flexmotion.streamer.control.telemetry import Telemetry, events
+from flexmotion.streamer.control.tick_row import TickRow
 
-READY = 135
-"""Ticks after which the robot stands at its stand pose and has rested there."""
+MOST_TICKS = 2000
+"""Bound against hanging."""
 
 
 @pytest.fixture(scope="module")
@@ -55,6 +56,26 @@ def run(loop: ControlLoop) -> Callable[..., None]:
     return go
 
 
+@pytest.fixture
+def until(loop: ControlLoop, run: Callable[..., None]) -> Callable[[Callable[[], bool]], None]:
+    """Function (condition) -> ticks until it holds."""
+
+    def go(condition: Callable[[], bool]) -> None:
+        end = loop.tick_count + MOST_TICKS
+        while not condition():
+            assert loop.tick_count < end, "the condition never held"
+            run(1)
+
+    return go
+
+
+@pytest.fixture
+def ready(loop: ControlLoop, run: Callable[..., None], until: Callable[..., None]) -> None:
+    """Lets the robot stand up and wait for a plan."""
+    run(1, start=True)
+    until(lambda: loop.ready)
+
+
 def plan_at(retargeter: Retargeter, tick: int) -> Plan:
     return retargeter.plan(retargeter.standing(), default_clip()[:32], 0, tick)
 
@@ -78,28 +99,27 @@ def offer(loop: ControlLoop, plan: Plan, *, resumed: int = 0, stops: bool = Fals
     return plan
 
 
-def test_off_it_reads_and_sends_nothing(loop: ControlLoop, run: Callable[..., None]) -> None:
+def test_in_off_it_reads_and_sends_nothing(loop: ControlLoop, run: Callable[..., None]) -> None:
     run(20)
     assert loop.ladder.state is State.OFF and loop.tick_count == 20
-    told = loop.telemetry.ticks.reader().read()
-    assert len(told) == 20 and np.isnan(told["q_cmd"]).all() and np.isfinite(told["q"]).all()
+    rows = TickRow(loop.telemetry.ticks.reader().read())
+    assert len(rows.tick) == 20 and np.isnan(rows.q_cmd).all() and np.isfinite(rows.q).all()
     assert events(loop.telemetry.events.reader()) == []
 
 
-def test_without_a_plan_it_stands_and_waits(loop: ControlLoop, run: Callable[..., None], op3: Robot) -> None:
-    run(1, start=True)
-    run(300)
+@pytest.mark.usefixtures("ready")
+def test_without_a_plan_it_stands_and_waits(loop: ControlLoop, run: Callable[..., None]) -> None:
+    run(100)
     assert loop.ready and loop.ladder.state is State.READY
     np.testing.assert_array_equal(loop.now.q, loop.stand_pose)
     assert loop.driver.violations == 0
     assert np.abs(loop.state.position - loop.stand_pose).max() < 0.06
 
 
-def test_a_plan_that_waits_takes_over_at_its_tick(
+@pytest.mark.usefixtures("ready")
+def test_a_waiting_plan_takes_over_at_its_tick(
     loop: ControlLoop, run: Callable[..., None], retargeter: Retargeter
 ) -> None:
-    run(1, start=True)
-    run(READY)
     offer(loop, plan_at(retargeter, loop.tick_count + 5))
     run(5)
     assert loop.plan is None and loop.ladder.state is State.READY
@@ -109,45 +129,45 @@ def test_a_plan_that_waits_takes_over_at_its_tick(
     np.testing.assert_array_equal(loop.now.q, loop.plan.q[0])
 
 
+@pytest.mark.usefixtures("ready")
 def test_a_plan_with_no_successor_ends_in_hold_on_its_last_row(
-    loop: ControlLoop, run: Callable[..., None], retargeter: Retargeter
+    loop: ControlLoop, run: Callable[..., None], until: Callable[..., None], retargeter: Retargeter
 ) -> None:
-    run(1, start=True)
-    run(READY)
     plan = offer(loop, plan_at(retargeter, loop.tick_count))
-    run(len(plan) + 100)
+    until(lambda: loop.ladder.state is State.HOLD)
+    run(100)
     assert loop.ladder.state is State.HOLD
     np.testing.assert_array_equal(loop.now.q, plan.q[-1])
     assert loop.now.balanced and loop.driver.violations == 0
 
 
-def test_a_fresh_plan_leads_from_hold_back_to_streaming(
-    loop: ControlLoop, run: Callable[..., None], retargeter: Retargeter
+@pytest.mark.usefixtures("ready")
+def test_a_new_plan_leads_from_hold_back_to_streaming(
+    loop: ControlLoop, run: Callable[..., None], until: Callable[..., None], retargeter: Retargeter
 ) -> None:
-    run(1, start=True)
-    run(READY)
     plan = offer(loop, plan_at(retargeter, loop.tick_count))
-    run(len(plan) + 10)
+    until(lambda: loop.ladder.state is State.HOLD)
     offer(loop, retargeter.plan(plan.states[-1], None, 0, loop.tick_count), resumed=1)
     run(2)
     assert loop.ladder.state is State.STREAMING
 
 
 @pytest.mark.parametrize("plan", [False, True])
+@pytest.mark.usefixtures("ready")
 def test_estop_freezes_the_last_goals(
-    loop: ControlLoop, run: Callable[..., None], retargeter: Retargeter, plan: bool
+    loop: ControlLoop, run: Callable[..., None], until: Callable[..., None], retargeter: Retargeter, plan: bool
 ) -> None:
-    run(1, start=True)
-    run(READY)
     if plan:
         offer(loop, plan_at(retargeter, loop.tick_count))
+        until(lambda: loop.ladder.state is State.STREAMING)
         run(60)
     goals = loop.command.position.copy()
-    run(40, estop=True)
-    np.testing.assert_array_equal(loop.command.position, goals)
-    assert loop.ladder.state is State.HOLD
-    run(40)
-    assert loop.ladder.state is State.PARK and loop.plan is None
+    run(1, estop=True)
+    while loop.ladder.state is not State.PARK:
+        assert loop.ladder.state is State.HOLD
+        np.testing.assert_array_equal(loop.command.position, goals)
+        run(1)
+    assert loop.plan is None
 
 
 def test_requests_hold_for_one_tick(loop: ControlLoop, run: Callable[..., None]) -> None:
@@ -167,24 +187,23 @@ def test_after_a_fault_it_starts_again_once_cleared(loop: ControlLoop, run: Call
 
 
 @pytest.mark.parametrize(
-    ("late", "resumed", "reason"), [(1, 0, "late"), (-5, 7, "of a plan that never played"), (-5, 1, "of none")]
+    ("late", "resumed", "reason"),
+    [(1, 0, "it is late"), (-5, 7, "it resumes a plan that never played"), (-5, 1, "it resumes no plan of this run")],
 )
+@pytest.mark.usefixtures("ready")
 def test_a_plan_that_does_not_fit_is_never_played(
     loop: ControlLoop, run: Callable[..., None], retargeter: Retargeter, late: int, resumed: int, reason: str
 ) -> None:
-    run(1, start=True)
-    run(READY)
     offer(loop, plan_at(retargeter, loop.tick_count - late), resumed=resumed)
     run(20)
     assert loop.plan is None and loop.ladder.state is State.READY, reason
     assert loop.telemetry.row.late_plans == (late > 0)
 
 
-def test_once_it_must_stop_only_a_plan_that_stops_is_taken(
+@pytest.mark.usefixtures("ready")
+def test_after_a_stop_only_a_plan_that_stops_is_accepted(
     loop: ControlLoop, run: Callable[..., None], retargeter: Retargeter
 ) -> None:
-    run(1, start=True)
-    run(READY)
     first = offer(loop, plan_at(retargeter, loop.tick_count))
     run(20, stop=False)
     run(1, stop=True)
@@ -198,25 +217,24 @@ def test_once_it_must_stop_only_a_plan_that_stops_is_taken(
     assert loop.playing.ticket.id == 3
 
 
-def test_a_plan_that_runs_out_is_told_of(loop: ControlLoop, run: Callable[..., None], retargeter: Retargeter) -> None:
-    run(1, start=True)
-    run(READY)
+@pytest.mark.usefixtures("ready")
+def test_a_plan_without_successor_is_counted_and_warned_of(
+    loop: ControlLoop, run: Callable[..., None], retargeter: Retargeter
+) -> None:
     plan = offer(loop, plan_at(retargeter, loop.tick_count))
     run(len(plan))
     assert loop.telemetry.row.underruns == 1
-    told = events(loop.telemetry.events.reader())
-    assert [e.message for e in told if e.kind == "warning"] == ["no plan followed plan 1: its own stop is played"]
+    warnings = [event.message for event in events(loop.telemetry.events.reader()) if event.kind == "warning"]
+    assert warnings == ["no plan followed plan 1: its own stop is played"]
 
 
-def test_a_plan_that_waits_in_hold_is_dropped_by_a_stop(
-    loop: ControlLoop, run: Callable[..., None], retargeter: Retargeter
+@pytest.mark.usefixtures("ready")
+def test_a_stop_drops_a_plan_that_waits_in_hold(
+    loop: ControlLoop, run: Callable[..., None], until: Callable[..., None], retargeter: Retargeter
 ) -> None:
-    """It once began to walk after STOP: a plan that had been accepted before played in HOLD."""
-    run(1, start=True)
-    run(READY)
+    """The robot began to walk after STOP: in HOLD a plan played that had been accepted before."""
     plan = offer(loop, retargeter.plan(retargeter.standing(), None, 0, loop.tick_count), stops=True)
-    run(len(plan) + 5)
-    assert loop.ladder.state is State.HOLD
+    until(lambda: loop.ladder.state is State.HOLD)
     offer(loop, retargeter.plan(plan.states[-1], default_clip()[240:290], 0, loop.tick_count + 4), resumed=1)
     run(1)
     assert loop.waiting is not None
@@ -226,11 +244,10 @@ def test_a_plan_that_waits_in_hold_is_dropped_by_a_stop(
     assert loop.playing is not None and loop.playing.ticket.id == 1
 
 
-def test_steps_and_runouts_are_counted_over_ticks_that_were_skipped(
+@pytest.mark.usefixtures("ready")
+def test_steps_and_underruns_are_counted_over_skipped_ticks(
     loop: ControlLoop, run: Callable[..., None], retargeter: Retargeter
 ) -> None:
-    run(1, start=True)
-    run(READY)
     plan = offer(loop, retargeter.plan(retargeter.standing(), default_clip()[240:290], 0, loop.tick_count))
     assert plan.steps
     run(1)
@@ -242,7 +259,7 @@ def test_steps_and_runouts_are_counted_over_ticks_that_were_skipped(
 
 
 def turn_head(loop: ControlLoop, op3: Robot, angle: float) -> int:
-    """Somebody turns the head by hand, which nothing stops; the joint's index."""
+    """Turn the limp head, as by hand, also past its stops; returns the joint's index."""
     assert isinstance(loop.driver, SimDriver)
     pan = op3.index("head_pan")
     loop.driver.data.qpos[op3.qpos_address[pan]] = angle
@@ -250,10 +267,8 @@ def turn_head(loop: ControlLoop, op3: Robot, angle: float) -> int:
     return pan
 
 
-def test_a_joint_that_stands_past_its_limit_is_brought_in_softly(
-    loop: ControlLoop, run: Callable[..., None], op3: Robot
-) -> None:
-    """A limp robot rests on its stops. It was once refused: "stands at -2.06, outside [-2.00, 2.00]"."""
+def test_a_joint_past_its_limit_is_brought_in_softly(loop: ControlLoop, run: Callable[..., None], op3: Robot) -> None:
+    """A limp robot rests on its stops; its start was refused: "stands at -2.06, outside [-2.00, 2.00]"."""
     limit = op3.upper[op3.index("head_pan")]
     pan = turn_head(loop, op3, limit + 0.08)
     run(1, start=True)
@@ -274,7 +289,7 @@ def test_a_joint_that_stands_past_its_limit_is_brought_in_softly(
 def test_goals_begin_where_the_driver_pinned_them(
     loop: ControlLoop, run: Callable[..., None], op3: Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Servos are pinned to where they stand when torque goes on, a moment after the loop has read them."""
+    """Servos are pinned where they stand when torque is switched on, a moment after the loop has read them."""
     limit = op3.upper[op3.index("head_pan")]
     pan = turn_head(loop, op3, limit + 0.08)
     pins = [limit + 0.05]
@@ -295,18 +310,18 @@ def test_goals_begin_where_the_driver_pinned_them(
     assert max(goals[5:]) <= limit + 0.01
 
 
-def test_a_joint_further_out_than_its_servo_takes_goals_is_refused_by_name(
+def test_a_start_is_refused_with_a_joint_too_far_past_its_limit(
     loop: ControlLoop, run: Callable[..., None], op3: Robot
 ) -> None:
     turn_head(loop, op3, op3.upper[op3.index("head_pan")] + 0.16)
     run(1, start=True)
-    (told,) = events(loop.telemetry.events.reader())
+    (event,) = events(loop.telemetry.events.reader())
     assert loop.ladder.state is State.OFF
-    assert told.message.startswith("no start: servo of head_pan (id 19) stands at 1.6")
-    assert "more than 0.15 rad outside [-1.50, 1.50]" in told.message
+    assert event.message.startswith("no start: servo of head_pan (id 19) stands at 1.6")
+    assert "more than 0.15 rad outside [-1.50, 1.50]" in event.message
 
 
-def test_a_fault_says_so_where_the_loop_itself_was_late(
+def test_a_fault_mentions_that_the_loop_itself_was_late(
     loop: ControlLoop, run: Callable[..., None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     run(1, start=True)

@@ -1,4 +1,4 @@
-"""Plans through shared memory: what is read is what was written, and nothing in use is written over."""
+"""Plans through shared memory: they are read as written, and no slot in use is overwritten."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from flexmotion.configs.stream import load_stream
 from flexmotion.importers.default_clip import default_clip
 from flexmotion.retarget.plan import Plan
 from flexmotion.retarget.retargeter import Retargeter
-from flexmotion.streamer.control.plan_buffer import SLOTS, Offer, PlanBuffer, Ticket
+from flexmotion.streamer.control.plan_buffer import SLOTS, Offer, PlanBuffer, PlanHead, PlanRows, Ticket
 
 TICKET = Ticket(
     id=1,
@@ -63,14 +63,27 @@ def same(found: Plan, plan: Plan) -> None:
         np.testing.assert_array_equal(one.target, other.target)
 
 
-def test_what_is_read_is_what_was_written(buffer: PlanBuffer, plan: Plan) -> None:
+def test_a_plan_is_read_as_it_was_written(buffer: PlanBuffer, plan: Plan) -> None:
     assert buffer.newest(0) is None and buffer.newest_id == 0
     buffer.publish(TICKET, plan)
     offer = buffer.newest(0)
     assert offer is not None and offer.ticket == TICKET
     same(offer.plan, plan)
-    assert offer.plan.human is None  # frames of the source do not travel
+    assert offer.plan.human is None  # frames of the source are not in shared memory
     assert buffer.newest(1) is None
+
+
+def test_a_head_has_every_field_of_a_ticket() -> None:
+    kinds = {"int": "i", "float": "f", "bool": "b"}
+    head = PlanHead.dtype()
+    assert {field.name: kinds[str(field.type)] for field in fields(Ticket)} == {
+        field.name: head[field.name].kind for field in fields(Ticket)
+    }
+
+
+def test_rows_have_every_array_of_a_plan(plan: Plan) -> None:
+    arrays = {field.name for field in fields(Plan) if isinstance(getattr(plan, field.name), np.ndarray)}
+    assert arrays | {"repairs"} == set(PlanRows.names())
 
 
 def test_a_plan_too_long_for_a_slot_is_refused_with_a_reason(buffer: PlanBuffer, plan: Plan) -> None:
@@ -81,8 +94,8 @@ def test_a_plan_too_long_for_a_slot_is_refused_with_a_reason(buffer: PlanBuffer,
 
 @settings(max_examples=60)
 @given(st.lists(st.sampled_from(["publish", "look", "take", "begin", "drop"]), max_size=40))
-def test_no_plan_in_use_is_ever_written_over(plan: Plan, retargeter: Retargeter, turns: list[str]) -> None:
-    """Whatever planner and loop do in whichever order, the plans that the loop holds keep their rows."""
+def test_no_plan_in_use_is_ever_overwritten(plan: Plan, retargeter: Retargeter, turns: list[str]) -> None:
+    """For any order of calls of planner and loop, the plans that the loop holds keep their rows."""
     buffer = PlanBuffer(retargeter.robot.n, retargeter.layout.size, retargeter.horizon, retargeter.rate)
     number, seen = 0, 0
     playing: Offer | None = None
@@ -110,7 +123,7 @@ def test_no_plan_in_use_is_ever_written_over(plan: Plan, retargeter: Retargeter,
     assert SLOTS == 5
 
 
-def test_the_writer_may_stop_in_the_middle_of_a_plan(
+def test_a_writer_that_dies_in_the_middle_of_a_plan_does_no_harm(
     buffer: PlanBuffer, plan: Plan, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     buffer.publish(TICKET, plan)

@@ -21,7 +21,7 @@ def move(op3: Robot) -> PostureMove:
 
 
 def play(move: PostureMove, robot: Robot, extra: int = 3) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """q, qd and torque of every tick, and `extra` after it has arrived, (T, n) each."""
+    """q, qd and torque of every tick of the move and of `extra` ticks after it, (T, n) each."""
     reference, rows = Reference(robot.n), []
     while not move.done or extra:
         extra -= move.done
@@ -60,22 +60,22 @@ def test_the_torque_holds_the_robot_up_and_does_not_jump(move: PostureMove, op3:
     np.testing.assert_allclose(torque[:, knees[0]], -torque[:, knees[1]], atol=0.02)
 
 
-def test_nothing_is_worked_out_on_the_way(move: PostureMove, op3: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Every tenth tick of a move solved the dynamics and took three times what any other tick takes."""
+def test_nothing_is_solved_during_the_move(move: PostureMove, op3: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every tenth tick of a move solved the dynamics and took three times as long as other ticks."""
     move.begin(op3.stand_pose, op3.rest_pose, least_s=2.0, speed=1.6)
     monkeypatch.setattr(move.dynamics, "inverse", lambda *_: pytest.fail("solved while the robot moves"))
     _, _, torque = play(move, op3)
     assert np.ptp(torque, axis=0).max() > 0.1
 
 
-def test_no_way_to_go_takes_the_least_time(move: PostureMove, op3: Robot) -> None:
+def test_a_move_without_distance_takes_the_least_time(move: PostureMove, op3: Robot) -> None:
     move.begin(op3.stand_pose, op3.stand_pose, least_s=0.5, speed=0.8)
     q, qd, _ = play(move, op3, extra=0)
     assert len(q) == np.ceil(0.5 * op3.rate_hz)
     assert not qd.any()
 
 
-def test_a_new_move_takes_over_from_anywhere(move: PostureMove, op3: Robot) -> None:
+def test_a_new_move_begins_in_the_middle_of_another(move: PostureMove, op3: Robot) -> None:
     reference = Reference(op3.n)
     move.begin(op3.stand_pose, op3.rest_pose, least_s=1.0, speed=1.6)
     for _ in range(40):

@@ -17,7 +17,7 @@ def plan() -> Plan:
     return retargeter.plan(retargeter.standing(), default_clip()[:32], 0, 100)
 
 
-def test_a_row_is_read_as_it_stands(plan: Plan) -> None:
+def test_a_row_is_copied(plan: Plan) -> None:
     reference = Reference(plan.q.shape[1])
     assert not reference.balanced
     reference.take(plan, 90.0)
@@ -53,7 +53,7 @@ def test_reading_leaves_the_plan_as_it_was(plan: Plan) -> None:
     np.testing.assert_array_equal(plan.feet, before[1])
 
 
-def test_a_copy_is_its_own(plan: Plan) -> None:
+def test_a_copy_has_memory_of_its_own(plan: Plan) -> None:
     one, other = Reference(plan.q.shape[1]), Reference(plan.q.shape[1])
     one.take(plan, 5.0)
     other.copy(one)

@@ -1,4 +1,4 @@
-"""The record grows no further than it may, and telemetry loses nothing that is collected in time."""
+"""Memory of a record is bounded, and telemetry loses nothing that is collected in time."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ def rows(first: int, count: int) -> np.ndarray:
     return made
 
 
-def test_a_row_says_nothing_until_it_is_filled() -> None:
+def test_a_blank_row_has_no_values() -> None:
     row = blank(tick_dtype(2))
     assert np.isnan(row["q_cmd"]).all() and np.isnan(row["source_s"]) and row["plan"] == 0
 
 
-def test_wide_fields_come_first_so_that_a_row_is_its_own_message() -> None:
+def test_a_row_has_no_padding_so_that_its_bytes_are_a_message() -> None:
     dtype = tick_dtype(3)
     sizes = [dtype[name].base.itemsize for name in dtype.names or ()]
     assert sizes == sorted(sizes, reverse=True)
@@ -39,8 +39,8 @@ def test_columns_are_attributes_and_unknown_ones_are_named() -> None:
         _ = record.speed
 
 
-def test_it_grows_and_then_forgets_the_oldest() -> None:
-    """A daemon that stood for a day would otherwise fill the memory."""
+def test_it_grows_and_then_drops_the_oldest_rows() -> None:
+    """A robot that stands for a day must not fill the memory."""
     record = RunTrace(125.0, JOINTS, kept_s=80.0)
     written = 0
     for count in [1, 4095, 700] * 20:
@@ -62,7 +62,7 @@ def test_counts_are_those_of_the_newest_row() -> None:
     assert [(plan.asked_tick, plan.join_tick) for plan in record.plans] == [(7, 9), (7, 9)]
 
 
-def test_what_is_told_is_collected_and_counts_go_on() -> None:
+def test_rows_and_events_are_collected_and_counts_continue() -> None:
     telemetry = Telemetry(2, 125.0)
     collector = Collector(telemetry, RunTrace(125.0, JOINTS))
     row = telemetry.row
@@ -78,7 +78,7 @@ def test_what_is_told_is_collected_and_counts_go_on() -> None:
     assert (record.q[0] == 0.25).all() and np.isnan(record.q[1]).all()
 
 
-def test_a_collector_that_slept_too_long_says_what_it_missed() -> None:
+def test_a_late_collector_counts_the_rows_that_it_missed() -> None:
     telemetry = Telemetry(2, 125.0)
     collector = Collector(telemetry, RunTrace(125.0, JOINTS))
     count = int(KEPT_S * 125.0) + 500

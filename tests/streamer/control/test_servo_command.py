@@ -28,7 +28,7 @@ def measured(position: np.ndarray, velocity: np.ndarray | None = None, voltage: 
 
 
 def settled(q: np.ndarray, qd: np.ndarray, torque: np.ndarray, state: RobotState) -> ServoCommand:
-    """A command whose joints have kept their speed, so that it looks no further ahead than the delay."""
+    """A command whose joints have kept their speed, so that it predicts no acceleration."""
     command = ServoCommand(ROBOT, DELAY)
     for _ in range(2):
         command.update(q, qd, torque, state)
@@ -36,7 +36,7 @@ def settled(q: np.ndarray, qd: np.ndarray, torque: np.ndarray, state: RobotState
 
 
 @given(q=each(-4, 4), qd=each(-8, 8), torque=each(-10, 10), position=each(-2, 2), velocity=each(-6, 6))
-def test_goals_keep_to_the_joint_limits_whatever_is_asked(
+def test_goals_keep_to_the_joint_limits_for_any_reference(
     q: np.ndarray, qd: np.ndarray, torque: np.ndarray, position: np.ndarray, velocity: np.ndarray
 ) -> None:
     command = settled(q, qd, torque, measured(position, velocity))
@@ -49,12 +49,12 @@ def test_goals_keep_to_the_joint_limits_whatever_is_asked(
 def test_torque_that_a_goal_implies_stays_within_the_envelope(
     q: np.ndarray, torque: np.ndarray, share: np.ndarray, velocity: np.ndarray, voltage: float
 ) -> None:
-    """Of a joint inside its limits, as it was measured; the envelope shrinks with the supply."""
+    """For joints inside their limits as measured; the envelope scales with the supply."""
     position = ROBOT.lower + share * (ROBOT.upper - ROBOT.lower)
     goal = settled(q, np.zeros(N), torque, measured(position, velocity, voltage)).goal
     supply = voltage / ROBOT.nominal_voltage
     implied = ROBOT.kp * supply * (goal - position) - ROBOT.back_emf * velocity
-    # The limit of a joint has the last word; where it does not speak, the envelope does.
+    # Where the joint's limit does not clamp the goal, the envelope holds.
     inside = (goal > ROBOT.lower) & (goal < ROBOT.upper)
     peak = BRAKING_SHARE * ROBOT.stall_torque * supply
     assert (np.abs(implied[inside]) <= peak[inside] + 1e-9).all()
@@ -63,10 +63,10 @@ def test_torque_that_a_goal_implies_stays_within_the_envelope(
 
 
 @given(position=each(-0.2, 0.2), velocity=each(-1, 1), torque=each(-1.5, 1.5), voltage=st.sampled_from([None, 10.5]))
-def test_the_servo_makes_the_torque_that_was_wanted(
+def test_the_servo_makes_the_torque_of_the_reference(
     position: np.ndarray, velocity: np.ndarray, torque: np.ndarray, voltage: float | None
 ) -> None:
-    """On the reference, the plant gives the profile's torque back, also at a low supply that the servos report."""
+    """On the reference the plant makes the reference's torque, also at a low supply that the servos report."""
     centre = np.clip(position + ROBOT.stand_pose, ROBOT.lower + 0.3, ROBOT.upper - 0.3)
     state = measured(centre, velocity, np.nan if voltage is None else voltage)
     command = settled(centre, velocity, torque, state)
@@ -75,7 +75,7 @@ def test_the_servo_makes_the_torque_that_was_wanted(
     plant.enabled[:] = True
     plant.goal[:] = command.goal
     made = plant.step(centre, velocity)
-    # kp falls with the supply; the loss to back-EMF is the motor's own.
+    # kp scales with the supply, back-EMF does not.
     np.testing.assert_allclose(made[free & ~plant.saturated], torque[free & ~plant.saturated], atol=1e-9)
     assert np.count_nonzero(free & ~plant.saturated) > N // 2
 
@@ -90,8 +90,8 @@ def test_clamps_are_counted_by_kind() -> None:
     assert (command.torque_clamps, command.position_clamps) == (0, N)
 
 
-def test_a_joint_that_speeds_up_is_bounded_for_where_it_will_be() -> None:
-    """A foot's impact throws a joint within a tick: the goal must be right for the next one, too."""
+def test_the_goal_of_an_accelerating_joint_is_bounded_for_its_predicted_state() -> None:
+    """A foot's impact accelerates a joint within a tick: the goal must be inside the envelope in the next one too."""
     command = ServoCommand(ROBOT, DELAY)
     command.update(ROBOT.stand_pose, np.zeros(N), np.zeros(N), measured(ROBOT.stand_pose))
     fast = np.full(N, 2.0)
@@ -104,7 +104,7 @@ def test_a_joint_that_speeds_up_is_bounded_for_where_it_will_be() -> None:
 
 @pytest.mark.parametrize("spoiled", ["position", "velocity"])
 @pytest.mark.parametrize("value", [np.nan, np.inf])
-def test_what_is_no_number_never_becomes_a_goal(spoiled: str, value: float) -> None:
+def test_a_value_that_is_not_finite_never_becomes_a_goal(spoiled: str, value: float) -> None:
     command = ServoCommand(ROBOT, DELAY)
     good = command.update(ROBOT.stand_pose, np.zeros(N), np.zeros(N), measured(ROBOT.stand_pose)).copy()
     state = measured(ROBOT.stand_pose)
@@ -119,7 +119,7 @@ def test_what_is_no_number_never_becomes_a_goal(spoiled: str, value: float) -> N
     assert np.isfinite(command.goal).all()
 
 
-def test_no_voltage_reading_counts_as_nominal_and_zero_does_no_harm() -> None:
+def test_an_unknown_voltage_counts_as_nominal_and_zero_does_no_harm() -> None:
     torque = np.full(N, 0.5)
     unknown, nominal = (
         settled(ROBOT.stand_pose, np.zeros(N), torque, measured(ROBOT.stand_pose, voltage=voltage)).goal

@@ -23,7 +23,7 @@ def standing() -> tuple[Estimator, Reference]:
 
 
 def facing(yaw: float) -> tuple[Estimator, Reference]:
-    """A robot that stands, seen in a world in which it faces `yaw` [rad]."""
+    """A robot that stands with heading `yaw` [rad]."""
     reference, state = Reference(ROBOT.n), RobotState(ROBOT.n)
     reference.take(STAND, 0.0)
     reference.feet[:, 3] = yaw
@@ -45,7 +45,9 @@ def test_no_error_no_torque(standing: tuple[Estimator, Reference]) -> None:
 
 
 @pytest.mark.parametrize("error", [(0.01, 0.0), (-0.02, 0.01), (0.0, -0.01)])
-def test_the_pressure_moves_with_the_error(standing: tuple[Estimator, Reference], error: tuple[float, float]) -> None:
+def test_the_zero_moment_point_shifts_with_the_error(
+    standing: tuple[Estimator, Reference], error: tuple[float, float]
+) -> None:
     np.testing.assert_allclose(act(*standing, error).zmp_shift, DCM_GAIN * np.array(error))
 
 
@@ -58,7 +60,7 @@ def test_the_shift_is_bounded_along_and_across_the_feet(standing: tuple[Estimato
 
 @pytest.mark.parametrize("yaw", [0.0, 0.5 * np.pi, -2.0])
 @pytest.mark.parametrize(("part", "leans", "turns"), [(4, (1.0, 0.0), 1.0), (5, (0.0, 1.0), -1.0)])
-def test_the_ankles_push_that_edge_of_the_feet_down_to_which_it_leans(
+def test_the_ankles_push_down_the_edge_of_the_feet_to_which_the_robot_leans(
     part: int, leans: tuple[float, float], turns: float, yaw: float
 ) -> None:
     """Weight times shift is the moment that both ankles make together: pitch forward, roll to the left."""
@@ -81,7 +83,7 @@ def test_a_foot_without_load_makes_no_torque(standing: tuple[Estimator, Referenc
 
 
 @pytest.mark.parametrize("why", ["switched off", "no balance", "no imu"])
-def test_without_grounds_it_does_nothing(standing: tuple[Estimator, Reference], why: str) -> None:
+def test_without_its_conditions_it_does_nothing(standing: tuple[Estimator, Reference], why: str) -> None:
     estimator, reference = standing
     reference.balanced = why != "no balance"
     estimator.has_imu = why != "no imu"

@@ -1,4 +1,4 @@
-"""What may be asked for, and the words for it."""
+"""Intents, the words for them, and which are refused."""
 
 from __future__ import annotations
 
@@ -49,8 +49,8 @@ def test_two_at_once_are_refused() -> None:
 @pytest.mark.parametrize(
     "value", [(math.nan, 99, 0), (0, math.inf, 0), (3.1, 0, 0), (0, 0, -3.1), (True, 0, 0), ("1", 0, 0)]
 )
-def test_a_velocity_that_cannot_be_is_refused_whoever_asks(value: tuple[Any, Any, Any]) -> None:
-    """Only scripts were checked: a program could send NaN to the planner."""
+def test_an_invalid_velocity_is_refused_from_anywhere(value: tuple[Any, Any, Any]) -> None:
+    """Only scripts were checked: a program sent NaN to the planner."""
     with pytest.raises(ConfigError, match=r"velocity: expected \[forward m/s, left m/s, turning rad/s\].*, found"):
         Velocity(*value)
     with pytest.raises(ConfigError, match=r"velocity: expected .*, found \["):
@@ -58,8 +58,8 @@ def test_a_velocity_that_cannot_be_is_refused_whoever_asks(value: tuple[Any, Any
 
 
 @pytest.mark.parametrize("value", ["", " \n", "wave\0", None, 3])
-def test_words_that_say_nothing_are_refused_whoever_asks(value: Any) -> None:
-    """A target of no words went through to the model."""
+def test_empty_words_are_refused_from_anywhere(value: Any) -> None:
+    """A target without words reached the model."""
     for kind, message in (
         (Clip, "clip: expected a file or a name"),
         (Text, "text: expected words that say what to do"),
@@ -71,7 +71,7 @@ def test_words_that_say_nothing_are_refused_whoever_asks(value: Any) -> None:
 
 
 @pytest.mark.parametrize("text", ["walk\nforward", "walk \x1b[31m", "walk \udcff", "x" * 241])
-def test_words_are_one_line_that_can_be_written_down(text: str) -> None:
-    """Bytes that were no letters were walked to, and the report was lost at the end."""
+def test_words_are_one_printable_line(text: str) -> None:
+    """The robot followed bytes that were no text, and the report could not be written at the end."""
     with pytest.raises(ConfigError, match="text: expected a line of 240 characters at most"):
         Text(text)

@@ -1,4 +1,4 @@
-"""A source that samples: says the same again, changes where it is asked to, forgets what is over."""
+"""A source that samples: the same frames again, changes at their frame, old frames dropped."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ def target(intent: Intent) -> Target:
     return Target(1, 1, intent)
 
 
-def speech(motion: Motion) -> np.ndarray:
-    """All that the stub puts into a motion, (T, 4)."""
+def pose(motion: Motion) -> np.ndarray:
+    """All that the stub samples: root position and heading, (T, 4)."""
     return np.column_stack([motion.root_position, continuous_heading(motion.root_quaternion)])
 
 
@@ -41,18 +41,18 @@ def test_it_is_live_and_a_performance() -> None:
     assert isinstance(source(), LiveSource) and isinstance(source(), Performance)
 
 
-def test_a_window_drawn_anew_says_the_same_and_more_at_its_end() -> None:
+def test_a_new_window_repeats_the_frames_and_adds_more() -> None:
     it = source()
     first = it.window(0, 40)
     assert first is not None and len(first) == 40
     for begin in (0, 7, 15, 31):
         again = it.window(begin, 40)
         assert again is not None and len(again) == 40
-        np.testing.assert_array_equal(speech(again)[: 40 - begin], speech(first)[begin:])
+        np.testing.assert_array_equal(pose(again)[: 40 - begin], pose(first)[begin:])
         assert again.wrenches is not None
 
 
-def test_what_is_said_depends_on_the_seed_and_not_on_how_it_is_asked_for() -> None:
+def test_motion_depends_on_the_seed_and_not_on_the_windows_requested() -> None:
     whole = source(seed=3).window(0, 150)
     it, parts = source(seed=3), []
     for begin in range(0, 150, 10):
@@ -60,12 +60,12 @@ def test_what_is_said_depends_on_the_seed_and_not_on_how_it_is_asked_for() -> No
         assert part is not None
         parts.append(part[:10])
     assert whole is not None
-    np.testing.assert_array_equal(np.concatenate([speech(part) for part in parts]), speech(whole))
+    np.testing.assert_array_equal(np.concatenate([pose(part) for part in parts]), pose(whole))
     other = source(seed=4).window(0, 150)
-    assert other is not None and np.abs(speech(other) - speech(whole)).max() > 0
+    assert other is not None and np.abs(pose(other) - pose(whole)).max() > 0
 
 
-def test_every_window_is_asked_for_at_the_pace_of_who_follows() -> None:
+def test_every_window_is_limited_to_the_robots_pace() -> None:
     sampler, pace = StubSampler(), Pace(0.5, 0.4, 0.2, 1.0)
     it = source(Item(0.0, WALK), Item(1.0, Velocity(2.0, 0.0, 0.0)), sampler=sampler, pace=pace)
     assert it.window(0, 60) is not None and it.cut(1.0).pace == pace
@@ -79,11 +79,11 @@ def test_every_window_is_asked_for_at_the_pace_of_who_follows() -> None:
     assert turned is not None and "0.15 m/s back and 0.1 m/s to the right and 1 rad/s turning left" in turned
     assert it.remarks == (told,)
     deaf = source(Item(0.0, WALK), sampler=StubSampler(follows_velocity=False), pace=pace)
-    assert deaf.remarks == ("model stub follows no velocity: its human does not wait for the robot",)
+    assert deaf.remarks == ("model stub follows no velocity: its motion is not slowed to the robot's speed",)
 
 
-def test_a_stick_held_too_far_is_told_once() -> None:
-    """Ten velocities a second were ten notes a second: faults among them went unseen."""
+def test_a_joystick_held_too_far_is_reported_once() -> None:
+    """Ten velocities a second were ten notes a second, which hid faults."""
     it = source(Item(0.0, WALK), pace=Pace(0.5, 0.4, 0.2, 1.0))
     pushed = [it.turn_to(target(Velocity(1.0 + 0.01 * i, 0.0, 0.0)), 10 + i, None) for i in range(10)]
     assert pushed[0] is not None and pushed[1:] == [None] * 9
@@ -104,94 +104,94 @@ def test_a_script_is_followed_to_the_frame() -> None:
     assert sampler.read == ["walk forward", "turn left", "stand still"]  # before anything moves
 
 
-def test_before_it_is_asked_for_anything_it_stands() -> None:
+def test_before_the_first_item_it_stands() -> None:
     sampler = StubSampler()
     assert source(Item(1.0, WALK), sampler=sampler).window(0, 32) is not None
     assert sampler.asked[0].condition.text is None and sampler.asked[0].condition.velocity is None
 
 
-def test_a_velocity_is_asked_for_as_it_is() -> None:
+def test_a_velocity_reaches_the_sampler_unchanged() -> None:
     sampler = StubSampler()
     motion = source(Item(0.0, Velocity(0.5, 0.1, -0.5)), sampler=sampler).window(0, 31)
     assert sampler.asked[0].condition.velocity == (0.5, 0.1, -0.5) and motion is not None
     assert continuous_heading(motion.root_quaternion)[-1] == pytest.approx(-0.5 * 31 / 30)
 
 
-def test_a_target_goes_on_from_what_was_played() -> None:
+def test_a_target_continues_the_motion_that_was_played() -> None:
     sampler = StubSampler()
     it = source(sampler=sampler)
     before = it.window(20, 32)
     assert before is not None
     played = before[:11]  # to frame 30
-    played.root_position[:, 1] += 0.05  # not what the source had said: it was blended
+    played.root_position[:, 1] += 0.05  # not the sampled motion: it was blended
     it.turn_to(target(TURN), 30, played)
     after = it.window(30, 60)
     assert after is not None
-    np.testing.assert_array_equal(speech(after)[0], speech(played)[-1])
+    np.testing.assert_array_equal(pose(after)[0], pose(played)[-1])
     np.testing.assert_allclose(after.root_position[:, 1], played.root_position[-1, 1])
     np.testing.assert_allclose(np.diff(continuous_heading(after.root_quaternion)), 1.0 / 30.0)
     begin = sampler.asked[-2].begin
-    np.testing.assert_array_equal(speech(begin)[-10:], speech(played)[-10:])
+    np.testing.assert_array_equal(pose(begin)[-10:], pose(played)[-10:])
     # The rest of the script is over.
     later = it.window(80, 60)
     assert later is not None and np.ptp(continuous_heading(later.root_quaternion)[[0, -1]]) > 1.0
 
 
-def test_forces_come_back_after_a_target_that_went_on_from_motion_without() -> None:
-    """One turn without forces took them from all windows after it."""
+def test_forces_return_after_a_target_that_continued_motion_without_them() -> None:
+    """One piece without forces removed them from all windows after it."""
     it = source()
-    said = it.window(0, 32)
-    assert said is not None
-    it.turn_to(target(TURN), 20, replace(said[:21], wrenches=None))
+    sampled = it.window(0, 32)
+    assert sampled is not None
+    it.turn_to(target(TURN), 20, replace(sampled[:21], wrenches=None))
     joint, after = it.window(20, 32), it.window(21, 32)
     assert joint is not None and joint.wrenches is None
     assert after is not None and after.wrenches is not None and len(after.wrenches) == 32
-    np.testing.assert_array_equal(speech(after)[:31], speech(joint)[1:])
+    np.testing.assert_array_equal(pose(after)[:31], pose(joint)[1:])
 
 
-def test_little_played_is_completed_by_what_was_said() -> None:
+def test_a_short_played_motion_is_completed_from_the_sampled_one() -> None:
     sampler = StubSampler()
     it = source(sampler=sampler)
-    said = it.window(0, 32)
-    assert said is not None
-    it.turn_to(target(TURN), 20, said[19:21])
+    sampled = it.window(0, 32)
+    assert sampled is not None
+    it.turn_to(target(TURN), 20, sampled[19:21])
     assert it.window(20, 10) is not None
-    np.testing.assert_array_equal(speech(sampler.asked[-1].begin), speech(said)[11:21])
+    np.testing.assert_array_equal(pose(sampler.asked[-1].begin), pose(sampled)[11:21])
 
 
-def test_a_target_that_is_turned_to_again_a_little_earlier_is_followed_from_there() -> None:
-    """A plan for a target may be given up, and made again with a join that comes sooner."""
+def test_a_target_may_be_applied_again_at_an_earlier_frame() -> None:
+    """A plan for a target may be abandoned and made again with an earlier join."""
     it = source()
-    said = it.window(0, 40)
-    assert said is not None
-    it.turn_to(target(TURN), 20, said[:21])
+    sampled = it.window(0, 40)
+    assert sampled is not None
+    it.turn_to(target(TURN), 20, sampled[:21])
     assert it.window(20, 32) is not None
-    it.turn_to(target(TURN), 18, said[:19])
+    it.turn_to(target(TURN), 18, sampled[:19])
     again = it.window(18, 32)
     assert again is not None
-    np.testing.assert_array_equal(speech(again)[0], speech(said)[18])
+    np.testing.assert_array_equal(pose(again)[0], pose(sampled)[18])
     assert np.diff(continuous_heading(again.root_quaternion))[0] == pytest.approx(1.0 / 30.0)
 
 
 def test_a_stop_ends_it_and_a_target_after_it_begins_from_a_stand() -> None:
     it = source(Item(0.0, WALK))
-    said = it.window(0, 40)
-    assert said is not None
-    it.turn_to(target(Stop()), 20, said[:21])
+    sampled = it.window(0, 40)
+    assert sampled is not None
+    it.turn_to(target(Stop()), 20, sampled[:21])
     assert it.window(20, 32) is None and it.window(5000, 32) is None
     it.turn_to(target(WALK), 9000, None)
     after = it.window(9000, 32)
     assert after is not None
-    np.testing.assert_allclose(after.root_position[0, :2], said.root_position[20, :2])
+    np.testing.assert_allclose(after.root_position[0, :2], sampled.root_position[20, :2])
     np.testing.assert_allclose(np.diff(after.root_position[:, 0]), 1.0 / 30.0)
 
 
-def test_where_nobody_asked_for_long_the_human_has_stopped() -> None:
+def test_after_a_long_gap_the_human_has_stopped() -> None:
     sampler = StubSampler()
     it = source(Item(0.0, WALK), sampler=sampler)
-    said = it.window(0, 40)
+    sampled = it.window(0, 40)
     after = it.window(90_000, 10)
-    assert said is not None and after is not None and len(sampler.asked) == 3
+    assert sampled is not None and after is not None and len(sampler.asked) == 3
     assert after.root_position[0, 0] == pytest.approx(64 / 30 + 1 / 30)
 
 
@@ -203,27 +203,27 @@ def test_it_ends_at_its_length_and_at_the_scripts_stop() -> None:
     assert stopped.cut(2.0).seconds == 2.0 and stopped.cut(9.0).seconds == 5.0 and source().seconds is None
 
 
-def test_what_the_human_does_is_what_the_windows_said() -> None:
+def test_the_whole_motion_is_that_of_the_windows() -> None:
     it = source(seconds=3.0)
     windows = [it.window(begin, 10) for begin in range(0, 90, 10)]
     human = it.human()
     assert len(human) == 91 and isinstance(human.wrenches, np.ndarray)
-    spoken = np.concatenate([speech(window) for window in windows if window is not None])
-    np.testing.assert_array_equal(speech(human)[:90], spoken)
+    joined = np.concatenate([pose(window) for window in windows if window is not None])
+    np.testing.assert_array_equal(pose(human)[:90], joined)
     with pytest.raises(ValueError, match="has no end"):
         source().human()
 
 
-def test_an_hour_takes_no_more_room_than_a_minute() -> None:
+def test_an_hour_takes_no_more_memory_than_a_minute() -> None:
     it = source(Item(0.0, WALK))
     for begin in range(0, 108_000, 60):
         assert it.window(begin, 32) is not None
-    assert len(it._spoken) < 200 and len(it._asked) == 1
-    with pytest.raises(LookupError, match="frame 0 is forgotten"):
+    assert len(it._sampled) < 200 and len(it._schedule) == 1
+    with pytest.raises(LookupError, match="frame 0 was dropped"):
         it.window(0, 32)
 
 
-def test_what_a_model_cannot_follow_is_refused() -> None:
+def test_an_intent_that_the_model_cannot_follow_is_refused() -> None:
     with pytest.raises(ConfigError, match="cannot follow clip, expected: text, velocity, stop"):
         source().turn_to(target(Clip("walk.bvh")), 3, None)
     without = StubSampler(follows_velocity=False)
@@ -231,7 +231,7 @@ def test_what_a_model_cannot_follow_is_refused() -> None:
         source(Item(0.0, Velocity(1.0, 0.0, 0.0)), sampler=without)
 
 
-def test_a_clip_is_a_performance_and_no_live_source() -> None:
+def test_a_clip_is_a_performance_and_not_a_live_source() -> None:
     from flexmotion.importers.default_clip import default_clip
 
     clip = ClipSource(default_clip())

@@ -35,7 +35,7 @@ def test_its_first_frame_is_the_clip_itself(clip: ClipSource) -> None:
 
 
 def standing(frames: int = 60) -> Motion:
-    """A human who holds one pose: there the timing's error shows nothing."""
+    """A human who holds one pose, for which an error of timing has no effect."""
     return Motion(
         fps=30.0,
         root_position=np.tile(CLIP.root_position[FIRST], (frames, 1)),
@@ -45,7 +45,7 @@ def standing(frames: int = 60) -> Motion:
     )
 
 
-def test_the_root_is_off_by_the_size_at_a_second_and_evenly_less_before() -> None:
+def test_the_error_of_the_root_grows_linearly_to_its_size_at_a_second() -> None:
     still = standing()
     noisy = window(ClipSource(still), first=4)
     away = np.linalg.norm((noisy.root_position - still.root_position[:FRAMES])[:, :2], axis=1)
@@ -54,7 +54,7 @@ def test_the_root_is_off_by_the_size_at_a_second_and_evenly_less_before() -> Non
     np.testing.assert_array_equal(noisy.root_position[:, 2], still.root_position[:FRAMES, 2])
 
 
-def test_hands_and_feet_stray_as_far_from_the_root() -> None:
+def test_hands_and_feet_move_by_the_same_distance_against_the_root() -> None:
     still = standing()
     for seed in range(8):
         noisy = window(ClipSource(still), seed=seed, first=4)
@@ -69,7 +69,7 @@ def test_hands_and_feet_stray_as_far_from_the_root() -> None:
                 assert 0.3 * SIZE < np.linalg.norm(local[1] - local[0]) < 1.3 * SIZE
 
 
-def test_the_heading_is_off_by_no_more_than_a_few_degrees() -> None:
+def test_the_error_of_the_heading_is_a_few_degrees() -> None:
     still = standing()
     turns = []
     for seed in range(20):
@@ -80,7 +80,7 @@ def test_the_heading_is_off_by_no_more_than_a_few_degrees() -> None:
 
 
 def test_time_runs_up_to_forty_milliseconds_fast_or_slow() -> None:
-    """A human who only moves on evenly: the root's path tells the time."""
+    """The root of this human moves at a constant speed, so that its position is a clock."""
     still = standing(90)
     path = still.root_position + np.outer(np.arange(90) / 30.0, [0.0, 0.0, 1.0])
     steady = Motion(30.0, path, still.root_quaternion, still.joints, still.body)
@@ -89,7 +89,7 @@ def test_time_runs_up_to_forty_milliseconds_fast_or_slow() -> None:
     assert min(late) < 0 < max(late)
 
 
-def test_windows_disagree_and_each_can_be_made_again(clip: ClipSource) -> None:
+def test_windows_disagree_and_each_is_reproducible(clip: ClipSource) -> None:
     source = NoisySource(clip, SIZE, 3)
     once, other = source.window(FIRST, FRAMES), source.window(FIRST + 8, FRAMES)
     again = source.window(FIRST, FRAMES)

@@ -1,4 +1,4 @@
-"""Scripts: what is refused says which line and what would be valid."""
+"""Scripts: errors name the line and what would be valid."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Clips one after another: no jump where one takes over."""
+"""Clips joined to one motion, without jumps."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ FPS = 30.0
 
 
 def walk(seconds: float, speed: float, yaw_deg: float, start: tuple[float, float] = (0, 0), **body: float) -> Motion:
-    """Straight ahead in the direction `yaw_deg`, all joints at a value that tells the clip."""
+    """Straight ahead with heading `yaw_deg`; all joints have a value that identifies the clip."""
     frames = round(seconds * FPS) + 1
     yaw = np.radians(yaw_deg)
     along = speed * np.arange(frames) / FPS
@@ -30,7 +30,7 @@ def test_one_clip_is_itself() -> None:
     assert sequence([(0.0, clip)], None, 8).root_position == pytest.approx(clip.root_position)
 
 
-def test_next_clip_starts_where_and_facing_as_the_last_one_is() -> None:
+def test_the_next_clip_starts_at_the_position_and_heading_of_the_last() -> None:
     whole = sequence([(0.0, walk(2, 1.0, 0)), (1.0, walk(2, 1.0, 130, start=(7, 7)))], None, 8)
     assert whole.duration == pytest.approx(3.0)
     assert continuous_heading(whole.root_quaternion) == pytest.approx(np.zeros(len(whole)), abs=1e-9)
@@ -49,7 +49,7 @@ def test_a_gap_holds_the_last_pose_and_the_end_cuts() -> None:
     assert whole.root_position[-1, 0] == pytest.approx(2.0, abs=0.02)
 
 
-def test_a_taller_human_is_scaled_to_the_first_one() -> None:
+def test_a_taller_human_is_scaled_to_the_first() -> None:
     tall = walk(2, 1.0, 0, height=2.0)
     whole = sequence([(0.0, walk(1, 0.0, 0, height=1.0)), (1.0, tall)], None, 4)
     assert whole.body.height == 1.0

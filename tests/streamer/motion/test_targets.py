@@ -1,4 +1,4 @@
-"""Targets and requests on their way, and the library that follows them."""
+"""Targets and requests in shared memory, and the clip library that follows targets."""
 
 from __future__ import annotations
 
@@ -34,15 +34,15 @@ def test_a_name_that_is_too_long_is_refused() -> None:
         TargetMailbox().send(Text("é" * 121))
 
 
-def test_a_velocity_that_is_no_number_never_gets_into_the_mailbox() -> None:
-    """It was sent, and sampled from."""
+def test_a_velocity_that_is_not_finite_is_not_sent() -> None:
+    """It reached the sampler."""
     mailbox = TargetMailbox()
     with pytest.raises(ConfigError, match="velocity: expected"):
         mailbox.send(Velocity(np.nan, 99, 0))
     assert mailbox.newest() is NO_TARGET
 
 
-def test_requests_are_heard_in_order_with_their_reasons() -> None:
+def test_requests_are_read_in_order_with_their_reasons() -> None:
     requests = RequestChannel()
     reader = requests.reader()
     assert reader.read() == []
@@ -64,7 +64,7 @@ def test_a_library_is_live_and_a_clip_is_not() -> None:
     assert not isinstance(ClipSource(default_clip()), LiveSource)
 
 
-def test_another_clip_begins_where_the_human_is_and_faces_where_it_faces() -> None:
+def test_another_clip_begins_at_the_humans_position_and_heading() -> None:
     source, mailbox = library(), TargetMailbox()
     before = source.window(40, 20)
     assert before is not None
@@ -77,7 +77,7 @@ def test_another_clip_begins_where_the_human_is_and_faces_where_it_faces() -> No
     assert source.window(154, 30) is None  # it is over
 
 
-def test_a_clip_after_one_that_is_over_goes_on_from_its_last_frame() -> None:
+def test_a_clip_after_the_end_of_another_begins_at_its_last_frame() -> None:
     source, mailbox = library(), TargetMailbox()
     source.turn_to(mailbox.send(Clip("walk")), 500, None)
     after = source.window(500, 10)

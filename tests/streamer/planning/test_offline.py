@@ -53,11 +53,11 @@ def test_whole_clip_is_followed_and_ends_standing(trajectory: Trajectory, motion
     assert trajectory.human_steps > 0
 
 
-@pytest.mark.parametrize(("seconds", "said"), [(1e9, "is 1e\\+09 s long"), (None, "has no end")])
-def test_what_would_never_end_is_refused(robot: Robot, seconds: float | None, said: str) -> None:
-    """`check torque --seconds 1e9` took 12 GB in seven minutes, and went on."""
+@pytest.mark.parametrize(("seconds", "length"), [(1e9, "is 1e\\+09 s long"), (None, "has no end")])
+def test_a_source_that_is_too_long_is_refused(robot: Robot, seconds: float | None, length: str) -> None:
+    """`check torque --seconds 1e9` took 12 GB in seven minutes and did not end."""
     source = ModelSource(StubSampler(), [Item(0.0, Text("stand still"))], "model:stub", seconds=seconds)  # type: ignore[arg-type]
-    with pytest.raises(ConfigError, match=f"model:stub: {said}, expected 1800 s at most"):
+    with pytest.raises(ConfigError, match=f"model:stub: {length}, expected 1800 s at most"):
         retarget_offline(robot, source, load_stream())
 
 
@@ -155,7 +155,7 @@ def test_check_passes_what_fits_and_names_the_worst_moment(trajectory: Trajector
 
 def test_check_fails_past_the_envelope_and_on_overheating(trajectory: Trajectory, robot: Robot) -> None:
     peak = gentle(trajectory)
-    # A tick or two over is a foot leaving the floor; a tenth of the time is a servo that cannot follow.
+    # A tick over the limit is a foot that leaves the floor; a tenth of the time is a servo that cannot follow.
     tenth = slice(0, len(peak) // 10)
     peak.torque[5, 0], peak.qd[5, 0] = 2.6, 1.0
     assert check_trajectory(peak, robot, "made up").ok

@@ -21,25 +21,25 @@ RETARGETER = Retargeter(load_robot("op3"), load_stream())
 CLIP = default_clip()[225:330]
 
 
-class Witness(ClipSource):
-    """Remembers what it was asked for."""
+class RecordingSource(ClipSource):
+    """Records the windows that were requested."""
 
     def __init__(self, motion: Motion) -> None:
         super().__init__(motion)
-        self.asked: list[tuple[int, int]] = []
+        self.windows: list[tuple[int, int]] = []
 
     def window(self, first_frame: int, frames: int) -> Motion | None:
-        self.asked.append((first_frame, frames))
+        self.windows.append((first_frame, frames))
         return super().window(first_frame, frames)
 
 
 @pytest.fixture
-def source() -> Witness:
-    return Witness(CLIP)
+def source() -> RecordingSource:
+    return RecordingSource(CLIP)
 
 
 @pytest.fixture
-def planner(source: Witness) -> Planner:
+def planner(source: RecordingSource) -> Planner:
     return Planner(RETARGETER, source, load_stream())
 
 
@@ -50,7 +50,7 @@ def test_without_a_plan_that_plays_it_starts_from_the_stand_pose(planner: Planne
     assert planned.retarget_s > 0.0 and planned.sample_s >= 0.0
 
 
-def test_each_plan_goes_on_from_the_one_before(planner: Planner) -> None:
+def test_each_plan_resumes_the_one_before(planner: Planner) -> None:
     current = planner.plan(0, None).plan
     for join in (31, 62, 93):
         later = planner.plan(join, current).plan
@@ -58,8 +58,8 @@ def test_each_plan_goes_on_from_the_one_before(planner: Planner) -> None:
         current = later
 
 
-def test_a_window_that_disagrees_is_blended_in(source: Witness) -> None:
-    """The robot's pose and speed go on over the join, although the human is suddenly drawn elsewhere."""
+def test_a_window_that_disagrees_is_blended_in(source: RecordingSource) -> None:
+    """The robot's pose and speed are continuous over the join, although the human jumps."""
     planner = Planner(RETARGETER, source, load_stream())
     current = planner.plan(0, None).plan
     moved = replace(CLIP, root_position=CLIP.root_position + [0.0, 0.1, 0.0], joints=CLIP.joints + 0.1)
@@ -76,7 +76,7 @@ def test_a_window_that_disagrees_is_blended_in(source: Witness) -> None:
 
 @pytest.fixture(scope="module")
 def redrawn() -> list[Plan]:
-    """Plans of a whole walk whose every window is off by 5 cm at a second, joined every 250 ms."""
+    """Plans of a whole walk whose windows are each off by 5 cm after a second, joined every 250 ms."""
     planner = Planner(RETARGETER, NoisySource(ClipSource(default_clip()), 0.05, 1), load_stream())
     planned = planner.plan(0, None)
     plans = [planned.plan]
@@ -93,7 +93,7 @@ def test_joins_of_plans_that_disagree_move_the_dcm_by_less_than_three_millimetre
         assert np.linalg.norm(np.diff(apart, axis=0, prepend=np.zeros((1, 2))), axis=1).max() < 3e-3
 
 
-def test_a_step_that_has_been_noticed_stays_as_it_is(redrawn: list[Plan]) -> None:
+def test_a_settled_step_is_not_changed(redrawn: list[Plan]) -> None:
     settled = 0
     for old, new in itertools.pairwise(redrawn):
         for step in old.steps:
@@ -105,22 +105,22 @@ def test_a_step_that_has_been_noticed_stays_as_it_is(redrawn: list[Plan]) -> Non
     assert settled > 10
 
 
-def test_it_asks_for_the_frame_at_or_before_the_join_and_a_horizon_more(planner: Planner, source: Witness) -> None:
+def test_it_requests_a_horizon_from_the_frame_at_or_before_the_join(planner: Planner, source: RecordingSource) -> None:
     current = planner.plan(0, None).plan
     planner.plan(125, current)
     lead = round(load_stream().lead_in_s * 125)
-    assert source.asked == [(0, 32), (int((125 - lead) / 125 * 30), 32)]
+    assert source.windows == [(0, 32), (int((125 - lead) / 125 * 30), 32)]
 
 
-def test_a_stop_asks_the_source_for_nothing_and_stands(planner: Planner, source: Witness) -> None:
+def test_a_stop_requests_no_frames_and_stands(planner: Planner, source: RecordingSource) -> None:
     current = planner.plan(0, None).plan
-    asked = len(source.asked)
+    asked = len(source.windows)
     stop = planner.plan(31, current, stop=True).plan
-    assert len(source.asked) == asked
+    assert len(source.windows) == asked
     assert stop.stop_row == 0 and stop.contacts[-1].all()
 
 
-def test_the_end_of_the_source_is_told_by_the_plan_that_reaches_it(planner: Planner) -> None:
+def test_the_plan_that_reaches_the_end_of_the_source_says_so(planner: Planner) -> None:
     planned, joins = planner.plan(0, None), 0
     while not planned.source_over:
         joins += 31
@@ -129,7 +129,7 @@ def test_the_end_of_the_source_is_told_by_the_plan_that_reaches_it(planner: Plan
 
 
 def test_a_clip_shorter_than_the_first_plan_is_followed_to_its_end() -> None:
-    """The first plan sees less than a second of the source, since it waits for it: a clip of one second was cut."""
+    """The first plan follows less than a second of the source, because of the lead-in: a clip of one second was cut."""
     short = CLIP[:31]
     planner = Planner(RETARGETER, ClipSource(short), load_stream())
     planned = planner.plan(0, None)

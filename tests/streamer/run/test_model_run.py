@@ -1,9 +1,10 @@
-"""The model in the live system: a run that follows words, from the command line to the log and back."""
+"""A model as the source of whole runs: from the command line to the log, and replayed from it."""
 
 from __future__ import annotations
 
 import json
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,7 @@ from flexmotion.sampling.sampler import Sampler
 from flexmotion.streamer.cli import execute
 from flexmotion.streamer.commands.choice import choose_source, choose_switched
 from flexmotion.streamer.control.ladder import State
+from flexmotion.streamer.control.loop import ControlLoop
 from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.motion.intents import Clip, Intent, Stop, Text, Velocity
 from flexmotion.streamer.motion.model_source import ModelSource
@@ -32,30 +34,66 @@ from flexmotion.streamer.run.session import Session
 from ..stub_sampler import StubSampler
 
 WALK, TURN = Text("walk forward"), Text("turn left")
+MOST_TICKS = 5000
+"""Bound against hanging."""
 
 
 def session(*items: Item, seconds: float | None = 3.0) -> Session:
-    """One that follows the stub: it glides, so the robot makes no steps."""
+    """A session that follows the stub sampler, whose human glides: the robot makes no steps."""
     robot = load_robot("op3")
     source = ModelSource(StubSampler(), items, "model:stub", seconds=seconds)  # type: ignore[arg-type]
     return Session(robot, create("sim", robot, seed=0), source, load_stream(), seconds)
 
 
-def sent(run: Session, at: dict[int, Intent], end: int) -> RunTrace:
-    """A run with targets at some ticks, asked for its end at tick `end`."""
+When = Callable[[ControlLoop], bool]
+Act = Intent | Request
+
+
+def driven(run: Session, *acts: tuple[When, Act]) -> tuple[RunTrace, list[int]]:
+    """A run with targets and requests, each sent once its condition holds, after the one before.
+
+    Returns:
+        Its record, and the tick before which each was sent.
+    """
+    ticks: list[int] = []
 
     def operate() -> Request | None:
-        assert run.loop is not None
-        tick = run.loop.tick_count
-        if tick in at:
-            run.targets.send(at[tick])
-        return Request.END if tick == end else None
+        loop = run.loop
+        assert loop is not None and loop.tick_count < MOST_TICKS, f"act {len(ticks)} was never sent"
+        if len(ticks) == len(acts) or not acts[len(ticks)][0](loop):
+            return None
+        act = acts[len(ticks)][1]
+        ticks.append(loop.tick_count)
+        if isinstance(act, Request):
+            return act
+        run.targets.send(act)
+        return None
 
     run.next_request = operate
-    return run.run()
+    return run.run(), ticks
 
 
-def test_a_script_plays_to_its_end_and_what_the_human_did_is_known() -> None:
+def rising(loop: ControlLoop) -> bool:
+    return loop.ladder.state is State.READY
+
+
+def follows(target: int, ticks: int = 0) -> When:
+    """The robot streams a plan that follows this target (0: the script), and has for so many ticks."""
+    seen: list[int] = []
+
+    def met(loop: ControlLoop) -> bool:
+        if loop.ladder.state is State.STREAMING and int(loop.telemetry.row.target) == target:
+            seen.append(loop.tick_count)
+        return len(seen) > ticks
+
+    return met
+
+
+def holds(loop: ControlLoop) -> bool:
+    return loop.ladder.state is State.HOLD
+
+
+def test_a_script_plays_to_its_end_and_the_human_motion_is_known() -> None:
     run = session(Item(0.0, Velocity(0.0, 0.0, 0.2)), Item(1.5, Text("stand still")))
     record = run.run()
     assert State(record.state[-1]) is State.OFF
@@ -68,47 +106,57 @@ def test_a_script_plays_to_its_end_and_what_the_human_did_is_known() -> None:
     assert np.nanmax(yaw) == pytest.approx(0.3, abs=0.1)
 
 
-def test_targets_are_followed_and_a_stop_is_gone_on_from() -> None:
+def test_targets_are_followed_and_a_stop_can_be_continued_from() -> None:
     run = session(Item(0.0, Text("stand still")), seconds=None)
     turning = Velocity(0.0, 0.0, 0.3)
-    record = sent(run, {300: turning, 450: Stop(), 800: turning}, 1000)
-    targets = record.rows["target"]
-    assert [int(number) for number in np.unique(targets)] == [0, 1, 2, 3]
-    assert int(np.argmax(targets == 1)) - 300 <= 8 and int(np.argmax(targets == 3)) - 800 <= 8
-    assert (record.state[450 + int(2.5 * 125) : 800] == State.HOLD).all()
-    assert (record.state[820:990] == State.STREAMING).all()
+    record, (first, stop, third, _) = driven(
+        run,
+        (follows(0, ticks=100), turning),
+        (follows(1, ticks=100), Stop()),
+        (holds, turning),
+        (follows(3, ticks=100), Request.END),
+    )
+    target, lead = record.ticks.target, 8
+    assert [int(number) for number in np.unique(target)] == [0, 1, 2, 3]
+    assert int(np.argmax(target == 1)) - first <= lead and int(np.argmax(target == 3)) - third <= lead
+    changes = np.flatnonzero(np.diff(record.state)) + 1
+    states = [State(state) for state in record.state[changes]]
+    assert states == [State.STREAMING, State.HOLD, State.STREAMING, State.HOLD, State.PARK, State.OFF]
+    assert stop < changes[1] < third
     assert record.underruns == 0 and not [event for event in record.events if event.kind == "fault"]
     assert human_motion(run.source, record) is None  # targets came in between
 
 
 def test_a_run_that_ends_before_the_source_begins_has_no_human() -> None:
-    """A robot that fell in the lead-in, before the first frame, once ended in a traceback."""
+    """A robot that fell in the lead-in, before the first frame, ended in a traceback."""
     run = session(Item(0.0, WALK), seconds=None)
-    assert human_motion(run.source, sent(run, {}, 3)) is None
+    record, _ = driven(run, (rising, Request.END))
+    assert not np.isfinite(record.source_s).any() and human_motion(run.source, record) is None
 
 
-def test_a_target_that_is_too_fast_is_told_while_it_runs() -> None:
+def test_a_target_that_is_too_fast_is_reported_during_the_run() -> None:
     robot, pace = load_robot("op3"), Pace(0.3, 0.3, 0.1, 0.2)
     source = ModelSource(StubSampler(), [Item(0.0, Text("stand still"))], "model:stub", pace=pace)  # type: ignore[arg-type]
     run = Session(robot, create("sim", robot, seed=0), source, load_stream())
-    record = sent(run, {300: Velocity(0.0, 0.0, 0.4)}, 400)
+    record, _ = driven(run, (follows(0), Velocity(0.0, 0.0, 0.4)), (follows(1), Request.END))
     notes = [event.message for event in record.events if event.kind == "note"]
     assert len(notes) == 1 and "velocity [0.0, 0.0, 0.4] is slowed to a human's 0.2 rad/s turning left" in notes[0]
-    assert int(record.rows["target"][-1]) == 1
+    assert int(record.ticks.target[-1]) == 1
 
 
-def test_what_switches_between_prompts_waits_too() -> None:
+def test_a_source_that_switches_between_prompts_is_slowed_too() -> None:
     op3 = load_robot("op3")
     source, _ = choose_switched(op3, (), None, None, seed=0)
     assert isinstance(source, ModelSource) and source.pace == human_pace(op3, source.body)
 
 
-def test_what_cannot_be_followed_is_told_and_the_rest_goes_on() -> None:
+def test_a_target_that_cannot_be_followed_is_reported_and_the_run_continues() -> None:
     run = session(Item(0.0, Text("stand still")), seconds=None)
-    record = sent(run, {300: Clip("walk.bvh")}, 400)
+    record, (sent, ended) = driven(run, (follows(0), Clip("walk.bvh")), (follows(0, ticks=100), Request.END))
+    assert (record.state[sent:ended] == State.STREAMING).all()
     notes = [event.message for event in record.events if event.kind == "note"]
     assert notes == ["target: a model cannot follow clip, expected: text, velocity, stop"]
-    assert not record.rows["target"].any() and State(record.state[-1]) is State.OFF
+    assert not record.ticks.target.any() and State(record.state[-1]) is State.OFF
 
 
 def test_a_model_is_retargeted_offline_to_its_end() -> None:
@@ -124,7 +172,7 @@ def dry_run(*arguments: str) -> int:
     return execute(["dry-run", *arguments])
 
 
-def test_a_prompt_from_the_command_line_and_again(
+def test_a_prompt_from_the_command_line_gives_the_same_run_twice(
     bundle: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     asked = ["--prompt", "wave with the right hand", "--bundle", str(bundle), "--seconds", "2", "--seed", "5", "--json"]
@@ -139,7 +187,7 @@ def test_a_prompt_from_the_command_line_and_again(
     assert json.loads(capsys.readouterr().out)["equal"] is True
 
 
-def test_with_no_option_the_shipped_model_plays_the_shipped_script(
+def test_without_options_the_shipped_model_plays_the_shipped_script(
     bundle: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     op3 = load_robot("op3")
@@ -156,10 +204,10 @@ def test_with_no_option_the_shipped_model_plays_the_shipped_script(
     assert choose_source(op3).name == "default" and choose_source(op3, seconds=1.0).seconds == pytest.approx(1.0)
 
 
-def test_a_human_who_waits_for_the_robot_is_told_and_replayed(
+def test_a_motion_slowed_to_the_robots_speed_is_reported_and_replayed(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Velocities that a robot cannot follow were asked for without a word; the robot came a third of the way."""
+    """Velocities that a robot cannot follow were requested without a note; the robot came a third of the way."""
     script = tmp_path / "fast.yaml"
     script.write_text("- {at: 0, velocity: [2, 0, 0]}\n- {at: 2, text: stand still}\n- {at: 3, stop: true}\n")
     assert dry_run("--script", str(script), "--json", "--log", str(tmp_path / "run.mcap")) == 0
@@ -195,8 +243,10 @@ def test_a_damaged_bundle_is_one_line(bundle: Path, tmp_path: Path, capsys: pyte
         assert "denoiser.onnx: differs from the manifest (hash)" in error and error.count("\n") == 1
 
 
-def test_a_wording_that_is_new_is_told_as_what_it_is_heard(bundle: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A new user's "do a backflip" walked backward, and nothing said why."""
+def test_a_new_wording_is_reported_with_the_prompt_it_is_taken_for(
+    bundle: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """For "do a backflip" the robot walked backward, and no message said why."""
     dry_run("--prompt", "please walk on ahead of you", "--bundle", str(bundle), "--seconds", "0.5", "--json")
     told = capsys.readouterr().err
     sampler = Sampler(Bundle(bundle))
@@ -204,10 +254,10 @@ def test_a_wording_that_is_new_is_told_as_what_it_is_heard(bundle: Path, capsys:
     assert heard.known and f"'please walk on ahead of you' is heard as {heard.kind}" in told
 
 
-def test_words_that_look_like_markup_end_no_run(
+def test_words_that_look_like_markup_do_not_end_a_run(
     bundle: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """What is heard is told in the middle of a run, and a closing tag in it raised there: the robot was parked."""
+    """A closing tag in a note raised in the middle of a run, and the robot was parked."""
     log = tmp_path / "run.mcap"
     words = "please stand where you are [/] [fast]"
     assert dry_run("--prompt", words, "--bundle", str(bundle), "--seconds", "0.5", "--log", str(log)) == 0
@@ -216,7 +266,7 @@ def test_words_that_look_like_markup_end_no_run(
     assert "[/] [fast]" in capsys.readouterr().out
 
 
-def test_words_that_mean_nothing_are_warned_of_before_anything_moves(
+def test_words_without_meaning_are_reported_before_the_robot_moves(
     bundle: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     script = tmp_path / "talk.yaml"
@@ -224,4 +274,4 @@ def test_words_that_mean_nothing_are_warned_of_before_anything_moves(
     dry_run("--script", str(script), "--bundle", str(bundle), "--json")
     out, err = capsys.readouterr()
     assert json.loads(out)["source"] == "script:talk.yaml"
-    assert "note: 'xyzzy plugh qwrtzp' means nothing to this model: it stands still; it has learnt: " in err
+    assert "note: 'xyzzy plugh qwrtzp' is not understood by this model, it stands still; it knows: " in err

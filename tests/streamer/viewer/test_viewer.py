@@ -203,7 +203,7 @@ def test_soles_leave_an_outline_where_they_land(robot: Robot, make: Callable[...
         shown.footprints.take(walk[300:])
         bears = walk["contact_ref"]
         landings = 2 + int((bears[1:] & ~bears[:-1]).sum())
-        assert shown.footprints.left_behind.points.shape == (4 * landings, 2, 3)
+        assert shown.footprints.earlier.points.shape == (4 * landings, 2, 3)
     finally:
         shown.follow(True)
 

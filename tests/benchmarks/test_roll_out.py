@@ -1,4 +1,4 @@
-"""Roll-outs, with a sampler whose motion says which window it is of."""
+"""Roll-outs, with a sampler that records what it is asked for."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
-from model_rollout import ROOMY, Cue, always, roll_out
 
+from benchmarks.model.roll_out import SEEDS, Cue, always, roll_out
 from flexmotion.human.motion import Motion
 from flexmotion.sampling.sampler import Condition
 
@@ -16,7 +16,7 @@ WINDOW = 32
 
 @dataclass
 class Walker:
-    """Goes on from its history by a millimetre a frame; notes what it was asked."""
+    """Continues its history by a millimetre a frame; records history length, text and seed of each call."""
 
     standstill: Motion
     fps: float = 30.0
@@ -48,11 +48,11 @@ def test_one_prompt(walker: Walker) -> None:
     assert len(made.motion) == 90
     np.testing.assert_allclose(np.diff(made.motion.root_position[:, 0]), 1e-3)
     assert made.joins.tolist() == [32, 64] and not made.cued.any()
-    # Of the past it is given what it remembers, and noise of its own each time.
-    assert walker.asked == [(12, "walk", 2 * ROOMY), (10, "walk", 2 * ROOMY + 1), (10, "walk", 2 * ROOMY + 2)]
+    # Each window gets the frames that the sampler remembers, and its own seed.
+    assert walker.asked == [(12, "walk", 2 * SEEDS), (10, "walk", 2 * SEEDS + 1), (10, "walk", 2 * SEEDS + 2)]
 
 
-def test_a_window_is_cut_where_something_else_is_asked_for(walker: Walker) -> None:
+def test_a_window_is_cut_at_the_next_cue(walker: Walker) -> None:
     cues = [Cue(0.0, Condition("walk")), Cue(1.5, Condition("turn")), Cue(2.0, Condition("stand"))]
     made = roll_out(walker, cues, 3.5, seed=0)
     assert made.joins.tolist() == [32, 45, 60, 92] and made.cued.tolist() == [False, True, True, False]

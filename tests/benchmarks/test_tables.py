@@ -1,0 +1,88 @@
+"""Tables of the documents are those of the kept results."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from benchmarks.results import Machine, Result
+from benchmarks.tables import BEGIN, END, TABLES, documents, main, of_groups, updated
+from flexmotion.configs.errors import ConfigError
+
+TEXT = "# Title\n\n<!-- figures: bus-cycle-time -->\nold\n<!-- end -->\n\nafter\n"
+
+
+def result(name: str, figures: dict[str, object]) -> Result:
+    machine = Machine(processor="Some Processor", cores=2, load=0.5)
+    command = f"python -m benchmarks {name}"
+    return Result(
+        name=name,
+        command=command,
+        commit="0123456789ab",
+        date="2026-01-31",
+        machine=machine,
+        seconds=1.0,
+        verdicts=(),
+        figures=figures,
+    )
+
+
+CYCLES = {
+    "client": "sdk",
+    "baud": 1000000,
+    "wire_ms": 4.0,
+    "median_ms": 5.0,
+    "p99_ms": 6.0,
+    "median_over_wire": 1.25,
+    "failed": 0,
+}
+
+
+def test_documents_are_as_the_kept_results() -> None:
+    assert main(["--check"]) == 0
+
+
+def test_every_table_is_in_one_document() -> None:
+    texts = [path.read_text(encoding="utf-8") for path in documents()]
+    assert sorted(begin["name"] for text in texts for begin in BEGIN.finditer(text)) == sorted(TABLES)
+
+
+def test_a_table_is_written_between_its_markers() -> None:
+    kept = result("bus/cycle_time", {"sdk, 1000000": CYCLES, "processor_share_1000000": 0.4})
+    text = updated(TEXT, "doc.md", lambda name: kept if name == "bus/cycle_time" else None)
+    assert text.startswith("# Title\n\n<!-- figures: bus-cycle-time -->\n") and text.endswith(f"{END}\n\nafter\n")
+    assert "| sdk | 1000000 | 4.00 | 5.00 | 6.00 | 1.25 | 0 |" in text and "old" not in text
+    assert "`bus/cycle_time`: 2026-01-31, 0123456; 2 cores Some Processor, load 0.5." in text
+    assert updated(text, "doc.md", lambda _name: kept) == text
+
+
+def test_without_a_result_the_table_says_so() -> None:
+    assert of_groups("bus/faults", {}, lambda _name: None) == "`bus/faults`: no result is kept."
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (TEXT.replace(END, ""), "doc.md: the table 'bus-cycle-time' has no <!-- end -->"),
+        (TEXT.replace("bus-cycle-time", "bus"), "doc.md: no table 'bus', expected one of model"),
+    ],
+)
+def test_broken_markers(text: str, said: str) -> None:
+    with pytest.raises(ConfigError, match=said):
+        updated(text, "doc.md", lambda _name: None)
+
+
+def test_check_fails_where_a_document_differs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = tmp_path / "results"
+    result("bus/cycle_time", {"sdk, 1000000": CYCLES}).write(folder)
+    (tmp_path / "docs").mkdir()
+    document = tmp_path / "docs" / "drivers.md"
+    document.write_text(TEXT)
+    assert main(["--check"], tmp_path, folder) == 1 and document.read_text() == TEXT
+    assert "docs/drivers.md" in capsys.readouterr().err
+    assert main([], tmp_path, folder) == 0 and "sdk" in document.read_text()
+    assert main(["--check"], tmp_path, folder) == 0
+    # A new result makes the document stale.
+    result("bus/cycle_time", {"sdk, 1000000": CYCLES | {"median_ms": 9.0}}).write(folder)
+    assert main(["--check"], tmp_path, folder) == 1
