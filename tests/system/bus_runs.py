@@ -1,4 +1,4 @@
-"""Runs of the whole system in lockstep, the real driver speaking in bytes to servos that carry the simulated robot."""
+"""Runs of the whole system in lockstep: the real driver, an emulated bus, and servos that move the simulated robot."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ class Run:
     """A finished run.
 
     Attributes:
-        record: of the loop.
-        driver: that was run; its `violations` are goals outside the envelope, counted where bytes arrive.
-        body: the robot, as the run left it; None where it was not behind a bus.
+        record: what the loop recorded.
+        driver: its `violations` are goals outside the envelope, counted where bytes arrive.
+        body: the robot at the end of the run; None without a bus.
     """
 
     record: RunTrace
@@ -39,7 +39,7 @@ class Run:
 
     @property
     def tracking_rmse(self) -> float:
-        """Measured legs against their reference while it moves [rad]."""
+        """Root mean square error of the legs against their reference, while a plan plays [rad]."""
         error = self.record.q - self.record.q_ref
         return float(np.sqrt(np.mean(error[np.isfinite(error).all(axis=1)][:, 8:] ** 2)))
 
@@ -53,18 +53,18 @@ class Run:
 
     @property
     def lowest(self) -> float:
-        """Of the torso before it parks [m]."""
+        """Lowest height of the torso before the robot parks [m]."""
         parked = next((e.tick for e in self.record.events if "-> PARK" in e.message), len(self.record.true_base))
         return float(self.record.true_base[:parked, 2].min())
 
     def seconds_since_torque(self, tick: int) -> float:
-        """Time from torque on, which faults count from, to a tick [s]."""
+        """Time from torque on to a tick [s]; times of faults count from torque on."""
         began = next(event.tick for event in self.record.events if "OFF -> READY" in event.message)
         return (tick - began) / self.record.rate_hz
 
 
 def through(robot: Robot, driver: Driver, body: SimBody | None = None) -> Run:
-    """A run of the shipped motion's beginning."""
+    """A run of the first `SECONDS` of the shipped motion."""
     session = Session(robot, driver, ClipSource(choose_motion()), load_stream(None), SECONDS)
     return Run(session.run("lockstep"), driver, body)
 
@@ -72,7 +72,7 @@ def through(robot: Robot, driver: Driver, body: SimBody | None = None) -> Run:
 def through_bytes(
     robot: Robot, *faults: str, bad_packets: float = 0.0, imu_port: str | None = None, seed: int = 1
 ) -> Run:
-    """The same over an emulated bus, on which things go wrong."""
+    """The same over an emulated bus with faults and bad packets."""
     body = SimBody(robot)
     world = Loopback(body, faults=[Fault.parse(text) for text in faults], bad_packets=bad_packets, seed=seed)
     driver = create("dynamixel", robot, port="main", imu_port=imu_port)

@@ -49,7 +49,11 @@ def _child_named(name: str, parent: int | None = None) -> psutil.Process:
 
 @dataclass
 class Live:
-    """One live run; `at` is played in it: what to do so many seconds after the first plan began to play."""
+    """A finished live run.
+
+    Attributes:
+        acted_ns: when each act was done (`time.perf_counter_ns`).
+    """
 
     session: Session
     record: RunTrace
@@ -61,7 +65,7 @@ class Live:
         states = [State(s) for s in self.record.state]
         return [s for k, s in enumerate(states) if not k or states[k - 1] is not s]
 
-    def told(self, kind: str) -> list[str]:
+    def messages(self, kind: str) -> list[str]:
         """Messages of the events of a kind."""
         return [event.message for event in self.record.events if event.kind == kind]
 
@@ -140,7 +144,7 @@ def _send(number: signal.Signals, name: str) -> Act:
 
 
 def _ask(request: Request) -> Act:
-    """An act: a request that is to be heard on the next tick."""
+    """An act: a request that the loop takes on its next tick."""
 
     def act(session: Session) -> None:
         session.requests.send(request)
@@ -156,7 +160,7 @@ def shared_memory() -> Callable[[], set[str]]:
 
 @pytest.fixture(scope="session")
 def child_named() -> Callable[..., psutil.Process]:
-    """Function (name, parent=this one) -> the process below it that `ps` calls `name`."""
+    """Function (name, parent=this one) -> its descendant that `ps` calls `name`."""
     return _child_named
 
 

@@ -1,4 +1,4 @@
-"""How a run that a person started ends: by Ctrl-C, by a second one, by force; and what it leaves behind."""
+"""How a run ends: by Ctrl-C, by a second signal, by a kill; and what it leaves behind."""
 
 from __future__ import annotations
 
@@ -184,7 +184,7 @@ def test_a_terminal_that_is_closed_parks_the_robot(walking: Walk) -> None:
 
 
 def test_a_loop_that_hangs_is_ended_and_so_is_everything(walking: Walk, child_named: ChildNamed) -> None:
-    """Two Ctrl-Cs once left it hanging for ever: only the loop itself could take requests."""
+    """Two Ctrl-Cs once left it hanging for ever: only the loop itself took requests."""
     family = walking.family
     os.kill(child_named("fm-loop", walking.pid).pid, signal.SIGSTOP)
     _, err = walking.end()
@@ -193,7 +193,7 @@ def test_a_loop_that_hangs_is_ended_and_so_is_everything(walking: Walk, child_na
 
 
 def test_a_reader_that_goes_away_does_not_stop_the_robot(walking: Walk) -> None:
-    """A message to a pipe that nobody reads any more once killed the loop in mid-walk."""
+    """A message to a pipe without a reader once killed the loop in mid-walk."""
     assert walking.process.stderr is not None and walking.process.stdout is not None
     walking.process.stderr.close()
     walking.process.send_signal(signal.SIGUSR1)

@@ -1,4 +1,4 @@
-"""Every single fault of the emulator ends as `docs/faults.md` says: state, time, message. One run each, in lockstep."""
+"""Each fault of the emulator ends as `docs/faults.md` says: state, time, message. One run each, in lockstep."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def clean(op3: Robot) -> Run:
 
 
 def with_imu(folder: Path, **imu: object) -> Robot:
-    """OP3, some fields of its robot file's `imu` replaced."""
+    """OP3 with some fields of `imu` in its robot file replaced."""
     place = Path(shutil.copytree(ROBOTS / "op3", folder / "op3"))
     content = yaml.safe_load((place / "op3.yaml").read_text(encoding="utf-8"))
     content["imu"] |= imu
@@ -60,19 +60,19 @@ def test_a_bus_that_is_lost_is_a_fault_within_100_ms(op3: Robot, fault: str) -> 
     assert message == "STREAMING -> FAULT: bus lost: no joint has answered for 6 reads"
     assert 0 < run.seconds_since_torque(tick) - AT < 0.1
     assert run.driver.violations == 0
-    # Replies that come late are no proof that the servos hear nothing: these are switched off. Others nobody reaches.
+    # Late replies: the servos still take goals, and are switched off. With the other faults no servo can be reached.
     assert run.body is not None
     assert run.body.plant.enabled.all() != fault.startswith("late")
 
 
-@pytest.mark.parametrize(("fault", "says"), ONE_PART.items())
-def test_what_is_wrong_with_one_part_ends_in_a_parked_robot(op3: Robot, fault: str, says: str) -> None:
+@pytest.mark.parametrize(("fault", "message"), ONE_PART.items())
+def test_a_fault_of_one_part_ends_in_a_parked_robot(op3: Robot, fault: str, message: str) -> None:
     run = through_bytes(op3, f"{fault}@{AT}")
     assert run.states[-3:] == ["STREAMING -> HOLD", "HOLD -> PARK", "PARK -> FAULT"]
-    assert run.record.events[-1].message == f"PARK -> FAULT: {says}"
+    assert run.record.events[-1].message == f"PARK -> FAULT: {message}"
     assert run.driver.violations == 0
     assert run.body is not None and not run.body.fell
-    # Nothing holds any more but the servo that cannot be told.
+    # Only the servo that cannot be reached still holds.
     assert run.body.plant.enabled.sum() == (1 if fault.startswith("dead") else 0)
     stands = next(event.tick for event in run.record.events if "STREAMING -> HOLD" in event.message)
     assert run.seconds_since_torque(stands) - AT < 1.5
@@ -93,7 +93,7 @@ def test_a_leg_that_gives_way_ends_damped_or_parked(op3: Robot) -> None:
 
 
 @pytest.mark.parametrize("fault", PASSES)
-def test_what_passes_is_ridden_out(op3: Robot, clean: Run, fault: str) -> None:
+def test_a_fault_that_passes_does_not_change_the_states(op3: Robot, clean: Run, fault: str) -> None:
     run = through_bytes(op3, fault)
     assert run.states == clean.states and run.driver.violations == 0
 
@@ -113,7 +113,7 @@ def test_an_imu_that_falls_silent_is_open_loop_with_a_warning(tmp_path: Path, cl
 
 
 @pytest.mark.parametrize("sensor", SENSORS)
-def test_one_that_the_robot_file_requires_parks_the_robot(tmp_path: Path, sensor: str) -> None:
+def test_a_silent_imu_that_the_robot_file_requires_parks_the_robot(tmp_path: Path, sensor: str) -> None:
     robot = with_imu(tmp_path, **SENSORS[sensor], required=True)
     run = through_bytes(robot, f"{'dead:200' if sensor == 'opencr' else 'imu'}@{AT}", imu_port="imu")
     assert run.states[-3:] == ["STREAMING -> HOLD", "HOLD -> PARK", "PARK -> FAULT"]
@@ -121,7 +121,7 @@ def test_one_that_the_robot_file_requires_parks_the_robot(tmp_path: Path, sensor
     assert run.body is not None and not run.body.fell and not run.body.plant.enabled.any()
 
 
-def test_a_robot_walks_by_a_serial_imu_as_by_its_boards(tmp_path: Path, clean: Run) -> None:
+def test_a_robot_walks_with_a_serial_imu_as_with_that_of_its_board(tmp_path: Path, clean: Run) -> None:
     robot = with_imu(tmp_path, **SENSORS["witmotion"], quaternion=[0.7071068, 0, 0, 0.7071068])
     run = through_bytes(robot, imu_port="imu")
     assert run.states == clean.states and run.driver.violations == 0 and warned(run) == []

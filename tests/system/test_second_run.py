@@ -1,4 +1,4 @@
-"""One robot, run after run: what the first leaves is where the next begins."""
+"""Two runs of one robot: the second begins in the pose in which the first ended."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The whole system in lockstep, the real driver speaking in bytes to emulated servos that carry the simulated robot."""
+"""The whole system in lockstep: the real driver and emulated servos that move the simulated robot."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def test_it_stays_up_as_the_simulation_does(op3: Robot, clean: Run) -> None:
     assert clean.tracking_rmse < 1.2 * straight.tracking_rmse
 
 
-def test_bad_packets_change_next_to_nothing(op3: Robot, clean: Run) -> None:
+def test_bad_packets_change_tracking_by_less_than_a_tenth(op3: Robot, clean: Run) -> None:
     noisy = through_bytes(op3, bad_packets=0.005)
     assert noisy.states == clean.states and noisy.driver.violations == 0
     assert noisy.tracking_rmse < 1.1 * clean.tracking_rmse

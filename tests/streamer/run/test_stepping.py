@@ -15,6 +15,8 @@ from flexmotion.streamer.motion.sources import ClipSource
 from flexmotion.streamer.run.requests import Request
 from flexmotion.streamer.run.session import Session
 
+from ...virtual_time import virtual_time
+
 STEPS, WAVE = default_clip()[225:290], default_clip()[:120]
 TIMING = {"stamp_ns", "work_s", "lateness_s", "robot_lateness_s", "sample_s", "retarget_s"}
 
@@ -84,8 +86,7 @@ def test_stepping_needs_the_context_and_leaves_the_torque_off() -> None:
         session.step()
 
 
-@pytest.mark.wall_clock
-def test_on_the_real_clock_a_program_reads_the_state_and_sends_targets() -> None:
+def test_in_processes_a_program_reads_the_state_and_sends_targets() -> None:
     session: Session = open_session("op3", source=library(), clock="real", realtime=False, stay=True)
     sent: list[int] = []
 
@@ -97,6 +98,7 @@ def test_on_the_real_clock_a_program_reads_the_state_and_sends_targets() -> None
         return Request.END if session.state.target == sent[0] else None
 
     session.next_request = operate
-    record = session.run()
+    with virtual_time():
+        record = session.run()
     assert sent == [1] and record.rows["target"].max() == 1
     assert record.state[-1] == State.OFF
