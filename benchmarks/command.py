@@ -60,7 +60,8 @@ def _judged(
             console.print(f"{'[green]PASS' if verdict.holds else '[red]FAIL'}[/] {verdict.sentence}")
         if keep:
             given = [option for option in options if option != "--keep"]
-            print(f"kept: {Result.of(benchmark.name, given, commit, seconds, outcome).write().name}")
+            path = Result.of(benchmark.name, given, commit, seconds, outcome).write()
+            print(f"kept: {path}")
         if not outcome.passed:
             raise typer.Exit(1)
 
