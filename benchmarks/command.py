@@ -15,7 +15,7 @@ import typer
 from rich.console import Console
 
 from benchmarks.catalogue import Benchmark
-from benchmarks.results import Result, measured_commit
+from benchmarks.results import Result, check_imported, measured_commit
 from benchmarks.shared.outcome import Outcome
 from flexmotion.configs.errors import FlexMotionError
 
@@ -49,7 +49,10 @@ def _judged(
     @functools.wraps(main)
     def command(*, keep: bool, **values: Any) -> None:
         try:
-            commit = measured_commit() if keep else ""
+            commit = ""
+            if keep:
+                check_imported()
+                commit = measured_commit()
             begin = time.perf_counter()
             outcome = main(**values)
             seconds = time.perf_counter() - begin
@@ -60,7 +63,8 @@ def _judged(
             console.print(f"{'[green]PASS' if verdict.holds else '[red]FAIL'}[/] {verdict.sentence}")
         if keep:
             given = [option for option in options if option != "--keep"]
-            print(f"kept: {Result.of(benchmark.name, given, commit, seconds, outcome).write().name}")
+            path = Result.of(benchmark.name, given, commit, seconds, outcome).write()
+            print(f"kept: {path}")
         if not outcome.passed:
             raise typer.Exit(1)
 

@@ -12,6 +12,7 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
+import flexmotion
 from benchmarks.shared.outcome import Outcome
 from flexmotion.configs.errors import ConfigError
 
@@ -112,6 +113,18 @@ def kept(name: str, folder: Path = FOLDER) -> Result | None:
     if result.name != name:
         raise ConfigError(f"{path.name}: expected the result of {name}, found that of {result.name}")
     return result
+
+
+def check_imported(root: Path = ROOT) -> None:
+    """Check that `flexmotion` is that of the working tree, whose commit a result is kept with.
+
+    Raises:
+        ConfigError: another one is imported.
+    """
+    if not Path(str(flexmotion.__file__)).resolve().is_relative_to(root):
+        raise ConfigError(
+            "--keep records the commit that was measured: run it in the clone's folder, or pip install -e ."
+        )
 
 
 def measured_commit(root: Path = ROOT) -> str:

@@ -59,7 +59,39 @@ BIOMECHANICS = (
         " N·m/kg",
         ".15 / .15 / .18",
     ),
+    Row(
+        "root residual of walking clips, median, Bandai / CMU",
+        "biomechanics/muscles",
+        "{collections[bandai][residual_percent]:.2f} / {collections[cmu][residual_percent]:.2f} % of body weight",
+        "2",
+    ),
+    Row(
+        "torque put back through MuJoCo's muscles within 2 %",
+        "biomechanics/muscles",
+        "{close:.1%} of {frames} frames",
+        "90 %",
+    ),
+    Row("activations outside [0, 1] or too fast", "biomechanics/muscles", "{outside}", "0"),
+    Row(
+        "inverse dynamics against OpenSim",
+        "biomechanics/opensim_reference",
+        "{inverse_dynamics[rms_nm_most]:.3f} N·m, {inverse_dynamics[time_ratio]:.0f} times faster",
+    ),
+    Row(
+        "static optimisation against OpenSim, 80 leg muscles",
+        "biomechanics/opensim_reference",
+        "RMS {static_optimisation[rms]:.3f}, r {static_optimisation[correlation]:.3f},"
+        " {static_optimisation[time_ratio]:.0f} times faster",
+    ),
+    Row(
+        "whole pipeline with muscles, two workers",
+        "biomechanics/speed",
+        "{workers_2[frames_per_s]:.0f} frames/s, {workers_2[frames_per_core_s]:.0f} a second of a core's work,"
+        " {workers_2[memory_gb]:.1f} GB",
+        "350 frames/s",
+    ),
 )
+"""Rows of `docs/biomechanics.md`."""
 
 
 def of_topic(topic: str, results: Results) -> str:
@@ -72,12 +104,13 @@ def of_topic(topic: str, results: Results) -> str:
 
 
 def of_figures(rows: Sequence[Row], results: Results) -> str:
-    """Figures of several benchmarks, one row each."""
+    """Figures of several benchmarks; rows without a kept result are left out."""
     cells = []
     for row in rows:
         result = results(row.benchmark)
-        found = NOT_KEPT if result is None else row.found.format_map(result.figures)
-        cells.append([row.what, f"`{row.benchmark}`", found, row.target, "" if result is None else _when(result)])
+        if result is not None:
+            found = row.found.format_map(result.figures)
+            cells.append([row.what, f"`{row.benchmark}`", found, row.target, _when(result)])
     return markdown(("what", "benchmark", "found", "target", "measured"), cells)
 
 

@@ -38,12 +38,12 @@ def main(
     with tempfile.TemporaryDirectory() as work:
         found = find_clips([folder or data_folder()], Path(work))
         chosen = [found[number * len(found) // clips] for number in range(clips)]
-        figures = {str(count): measure(chosen, count) for count in workers or (1, 2)}
+        figures = {f"workers_{count}": measure(chosen, count) for count in workers or (1, 2)}
     verdicts = []
-    if str(JUDGED_WORKERS) in figures:
-        rate = figures[str(JUDGED_WORKERS)]["frames_per_s"]
+    if judged := figures.get(f"workers_{JUDGED_WORKERS}"):
+        rate = judged["frames_per_s"]
         verdicts.append(Verdict(f"{JUDGED_WORKERS} workers: {rate:.0f} frames/s (>= {TARGET:.0f})", rate >= TARGET))
-    return Outcome(verdicts, {"workers": figures})
+    return Outcome(verdicts, figures)
 
 
 def measure(clips: list[Clip], workers: int) -> dict[str, float]:

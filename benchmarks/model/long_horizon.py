@@ -25,6 +25,7 @@ from benchmarks.model.roll_out import Cue, RollOut, roll_out
 from benchmarks.shared.model import open_sampler
 from benchmarks.shared.options import BundleArgument, CsvOption, PlotsOption, SetOption, StepsOption
 from benchmarks.shared.outcome import Outcome, Verdict, write_csv
+from flexmotion.configs.errors import ConfigError
 from flexmotion.dataset.compact_set import open_set
 from flexmotion.evaluation.interval import Interval
 from flexmotion.evaluation.motions import foot_metrics, jerk
@@ -245,6 +246,8 @@ def main(
     kinds = {sampler.prompt(text).kind for text in PROMPTS}
     clips = real_clips(open_set(data), "validation", sampler.fps, kinds=kinds)
     real = [common_figures(motion) for _, motion in clips]
+    if not real:
+        raise ConfigError(f"{data}: no held-out clips of the kinds of motion that are prompted")
     model = [figures(run, every) for run in found]
     Console(width=160).print(table(model, real))
     if csv_out is not None:

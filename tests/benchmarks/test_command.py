@@ -15,7 +15,7 @@ import typer
 from benchmarks import command, results
 from benchmarks.__main__ import main
 from benchmarks.catalogue import CATALOGUE, Benchmark, find
-from benchmarks.results import Result, kept, measured_commit
+from benchmarks.results import Result, check_imported, kept, measured_commit
 from benchmarks.shared.outcome import Outcome, Verdict, write_csv
 from flexmotion.configs.errors import ConfigError
 
@@ -88,6 +88,7 @@ def example(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Benchmark:
     monkeypatch.setitem(sys.modules, "benchmarks.model.example", module)
     monkeypatch.setattr(results, "FOLDER", tmp_path)
     monkeypatch.setattr(Result.write, "__defaults__", (tmp_path,))
+    monkeypatch.setattr(command, "check_imported", lambda: None)
     monkeypatch.setattr(command, "measured_commit", lambda: "0123456789ab")
     return Benchmark("model/example", "1 s")
 
@@ -165,6 +166,11 @@ def test_only_a_committed_tree_is_measured(tmp_path: Path) -> None:
     (tmp_path / "module.py").write_text("x = 2\n")
     with pytest.raises(ConfigError, match=r"commit your changes first \(module\.py\)"):
         measured_commit(tmp_path)
+
+
+def test_only_the_package_of_the_working_tree_is_measured(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="run it in the clone's folder"):
+        check_imported(tmp_path)
 
 
 def test_csv(tmp_path: Path) -> None:

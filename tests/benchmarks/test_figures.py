@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from benchmarks.model import long_horizon
 from benchmarks.model.agreement import apart
 from benchmarks.model.long_horizon import Run, around, frozen_share, prompts, spanning
 from benchmarks.model.roll_out import RollOut
 from benchmarks.model.window_distance import mean_distance, nearest_distance, windows_of
+from flexmotion.configs.errors import ConfigError
 from flexmotion.human.body import Body
 
 
@@ -68,3 +72,21 @@ def test_a_body_is_frozen_after_a_prompt_to_move(circling) -> None:
     assert frozen_share(Run(("stand still", "bow"), RollOut(still, *no_joins)), every=4.0) == 0.0
     texts = prompts(3, 120.0, 4.0)
     assert len(texts) == 30 and all(one != two for one, two in zip(texts, texts[1:], strict=False))
+
+
+def test_a_set_without_held_out_clips_is_refused(circling, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Went wrong: it ended in an IndexError once all roll-outs were made."""
+
+    class Walker:
+        fps = 30.0
+
+        def prompt(self, text: str) -> SimpleNamespace:
+            return SimpleNamespace(kind=text)
+
+    run = Run(("walk forward",), RollOut(circling(60, 1.0), np.zeros(0, np.intp), np.zeros(0, np.bool_)))
+    monkeypatch.setattr(long_horizon, "open_sampler", lambda _bundle, _steps: Walker())
+    monkeypatch.setattr(long_horizon, "rolled_out", lambda *_arguments: ([run], 0))
+    monkeypatch.setattr(long_horizon, "open_set", lambda _folder: None)
+    monkeypatch.setattr(long_horizon, "real_clips", lambda *_arguments, **_kinds: iter(()))
+    with pytest.raises(ConfigError, match="no held-out clips"):
+        long_horizon.main(tmp_path)

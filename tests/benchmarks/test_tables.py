@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks.results import Machine, Result
-from benchmarks.tables import BEGIN, END, TABLES, documents, main, of_groups, updated
+from benchmarks.tables import BEGIN, BIOMECHANICS, END, TABLES, documents, main, of_figures, of_groups, updated
 from flexmotion.configs.errors import ConfigError
 
 TEXT = "# Title\n\n<!-- figures: bus-cycle-time -->\nold\n<!-- end -->\n\nafter\n"
@@ -59,6 +59,26 @@ def test_a_table_is_written_between_its_markers() -> None:
 
 def test_without_a_result_the_table_says_so() -> None:
     assert of_groups("bus/faults", {}, lambda _name: None) == "`bus/faults`: no result is kept."
+
+
+def test_rows_of_figures_are_those_with_a_result() -> None:
+    figures = {
+        "biomechanics/muscles": {
+            "close": 0.902,
+            "frames": 9821,
+            "outside": 0,
+            "collections": {"bandai": {"residual_percent": 0.351}, "cmu": {"residual_percent": 0.4}},
+        },
+        "biomechanics/opensim_reference": {
+            "inverse_dynamics": {"rms_nm_most": 0.003, "time_ratio": 39.0},
+            "static_optimisation": {"rms": 0.002, "correlation": 0.999, "time_ratio": 264.0},
+        },
+        "biomechanics/speed": {"workers_2": {"frames_per_s": 402.0, "frames_per_core_s": 348.0, "memory_gb": 0.61}},
+    }
+    text = of_figures(BIOMECHANICS, lambda name: result(name, figures[name]) if name in figures else None)
+    assert "0.35 / 0.40 % of body weight" in text and "90.2% of 9821 frames" in text
+    assert "0.003 N·m, 39 times faster" in text and "402 frames/s" in text
+    assert "ground force" not in text and len(text.splitlines()) == 2 + 6
 
 
 @pytest.mark.parametrize(
