@@ -59,7 +59,7 @@ PICTURES_AND_PAGES = {"matplotlib", "jinja2", "viser", "trimesh"}
 
 
 def test_a_run_loads_no_library_for_pictures_pages_or_views() -> None:
-    """They took 2.7 s of processor time at every start."""
+    """Regression: loading them took 2.7 s of processor time at every start."""
     arguments = ["run", "--robot", "op3", "--driver", "sim", "--clock", "lockstep", "--seconds", "0.2", "--json"]
     code = f"""
 import sys
@@ -87,8 +87,8 @@ def test_the_options_of_a_group_are_those_of_the_command() -> None:
 
 
 def test_an_interrupt_before_anything_is_imported_is_quiet() -> None:
-    """It once printed a traceback of whatever was being imported."""
-    # Whoever runs the tests in the background has it ignored; a user at a terminal has not.
+    """Regression: it printed a traceback from the module that was being imported."""
+    # SIGINT may be ignored here, if the tests run in the background; at a terminal it is not.
     code = """
 import importlib.abc, os, signal, sys
 from flexmotion.streamer.__main__ import main
@@ -104,7 +104,7 @@ main()
     listening = "import signal\nsignal.signal(signal.SIGINT, signal.default_int_handler)"
     done = subprocess.run([sys.executable, "-c", listening + code], capture_output=True, text=True)
     assert (done.returncode, done.stdout, done.stderr) == (130, "", "")
-    # Under nohup, or behind & in a script, it is to go on; it once ended there.
+    # Under nohup, or with & in a script, the program must go on. Regression: it ended.
     code = (
         "import signal\nsignal.signal(signal.SIGINT, signal.SIG_IGN)\nimport sys\nsys.argv[1:] = ['--version']" + code
     )
@@ -251,14 +251,14 @@ def test_run_with_the_simulation_in_lockstep(capsys: pytest.CaptureFixture[str])
 
 
 class Unplugged(SimDriver):
-    """A bus that nobody answers on."""
+    """A bus on which no servo answers."""
 
     def open(self) -> None:
         raise DriverError("port /dev/ttyUSB0: no servo answers")
 
 
 class SimulatedSilent(SimDriver):
-    """One servo of it does not answer, from `SILENT_FROM` reads on."""
+    """A robot with one servo that stops answering after `SILENT_FROM` reads."""
 
     SILENT_FROM = 0
     _reads = 0
@@ -271,7 +271,7 @@ class SimulatedSilent(SimDriver):
 
 
 class Silent(SimulatedSilent):
-    """The same of a real robot, as far as anybody can tell."""
+    """The same, with the capabilities of a real robot."""
 
     @property
     def capabilities(self) -> Capabilities:
@@ -279,14 +279,14 @@ class Silent(SimulatedSilent):
 
 
 class SilentLater(Silent):
-    """It does so while the robot stands up."""
+    """The same, while the robot stands up."""
 
     SILENT_FROM = 40
 
 
 @pytest.fixture
 def plug_in(monkeypatch: pytest.MonkeyPatch) -> Callable[[type[SimDriver]], str]:
-    """Function (class) -> the name that it goes by as a driver."""
+    """Function (class) -> name of the class as a driver."""
 
     def plug(driver: type[SimDriver]) -> str:
         name = driver.__name__.lower()
@@ -302,26 +302,26 @@ def plug_in(monkeypatch: pytest.MonkeyPatch) -> Callable[[type[SimDriver]], str]
 @pytest.mark.parametrize(
     ("driver", "fault"), [(Silent, "no start: servo of l_knee"), (SilentLater, "PARK -> FAULT: servo of l_knee")]
 )
-def test_hardware_that_fails_is_exit_code_3_before_the_start_and_on_the_way(
+def test_failing_hardware_is_exit_code_3_before_the_start_and_during_the_run(
     driver: type[SimDriver], fault: str, plug_in: Callable[..., str], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """It was 1, which says that the robot fell or passed a limit."""
+    """Regression: it was 1, which means that the robot fell or exceeded a limit."""
     assert run("run", "-r", "op3", "-d", plug_in(driver), "--clock", "lockstep", "--seconds", "0.3", "--json") == 3
     safety = json.loads(capsys.readouterr().out)["safety"]
     assert safety["hardware_failed"] and safety["faults"][-1].startswith(f"{fault} (id 14) does not answer")
 
 
-def test_a_simulated_robot_that_fails_is_no_hardware(
+def test_a_failing_simulated_robot_is_exit_code_1(
     plug_in: Callable[..., str], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A dry run whose simulated servos overheated said that hardware had failed."""
+    """Regression: a dry run whose simulated servos overheated reported failed hardware."""
     driver = plug_in(SimulatedSilent)
     assert run("run", "-r", "op3", "-d", driver, "--clock", "lockstep", "--seconds", "0.3", "--json") == 1
     assert json.loads(capsys.readouterr().out)["safety"]["hardware_failed"]
 
 
-def test_an_emulated_port_is_known_as_one(tmp_path: Path) -> None:
-    """Runs against an emulator that had no processor were blamed on the servos."""
+def test_an_emulated_port_is_recognised(tmp_path: Path) -> None:
+    """Regression: runs against a late emulator were reported as failures of the servos."""
     ends = os.openpty()
     link = tmp_path / "bus"
     link.symlink_to(os.ttyname(ends[1]))
@@ -422,7 +422,7 @@ def test_a_reader_that_leaves_causes_no_traceback() -> None:
     process.wait()
 
 
-def test_a_version_without_a_model_says_so(
+def test_without_a_model_the_message_says_so(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr("flexmotion.bundles.shipped.FOLDER", tmp_path)

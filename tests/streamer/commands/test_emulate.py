@@ -1,4 +1,4 @@
-"""What `flexmotion emulate` says at its end."""
+"""The text of `flexmotion emulate` at its end."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ def figures(**changed: Any) -> dict[str, Any]:
     return told | changed
 
 
-def test_it_is_said_in_words() -> None:
-    """It once printed dictionaries."""
+def test_the_figures_are_text() -> None:
+    """Regression: it printed dictionaries."""
     assert describe(figures(), 8.0).splitlines() == [
         "robot: did not fall, tilted by 5.7° at most, at its lowest 81 % of its height; 0.35 m from where it began; "
         "goals outside the envelope that arrived: 0",
@@ -37,7 +37,7 @@ def test_it_is_said_in_words() -> None:
     ]
 
 
-def test_an_emulator_that_was_late_says_what_that_means() -> None:
+def test_a_late_emulator_explains_the_consequence() -> None:
     told = describe(figures(lateness_ms=47.0, lost_ms=120.0), 8.0)
     assert "47.0 ms late at worst while torque was on, 120 ms of physics given up" in told
     assert told.splitlines()[-1].startswith(
@@ -45,14 +45,14 @@ def test_an_emulator_that_was_late_says_what_that_means() -> None:
     )
 
 
-def test_servos_on_a_bench_have_nothing_to_fall() -> None:
+def test_servos_on_a_bench_do_not_fall() -> None:
     bench = {key: value for key, value in figures().items() if key in ("violations", "buses", "elapsed_s")}
     bench |= {"processor_share": 0.1, "lateness_ms": 0.1, "lost_ms": 0.0}
     assert describe(bench, 8.0).startswith("servos: goals outside the envelope that arrived: 0")
 
 
-def test_late_is_by_the_tick_of_the_robot_that_is_emulated() -> None:
-    """It was 8 ms, whatever the robot file's rate."""
+def test_lateness_is_compared_with_the_tick_of_the_emulated_robot() -> None:
+    """Regression: it was compared with 8 ms for every robot."""
     told = figures(lateness_ms=12.0)
     assert "later than a tick, 10 ms" in describe(told, 10.0)
     assert "later than" not in describe(told, 20.0)

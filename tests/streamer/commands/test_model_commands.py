@@ -26,9 +26,7 @@ def test_help_has_an_example(command: str, capsys: pytest.CaptureFixture[str]) -
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_without_a_configuration_one_line_says_so(
-    command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_missing_configuration_is_one_line(command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert execute([*command.split(), "--out", str(tmp_path / "new")]) == 2
     error = capsys.readouterr().err.strip()
     assert "\n" not in error and "name a configuration" in error
@@ -54,7 +52,7 @@ def test_stages_name_what_is_missing(tmp_path: Path, capsys: pytest.CaptureFixtu
 
 
 def _trained(folder: Path, capsys: pytest.CaptureFixture[str], *, muscles: bool) -> dict:
-    """What `train autoencoder --json` prints after two steps on two short clips."""
+    """Output of `train autoencoder --json` after two steps on two short clips."""
     motions = folder / "bandai"
     motions.mkdir()
     clip = default_clip()
@@ -79,6 +77,6 @@ def test_train_writes_json(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
 
 
 def test_training_on_muscles_compares_their_torques(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Went wrong: the loss of the muscles' torques was there, and the command never asked for it."""
+    """Regression: the command did not use the loss of the muscles' torques."""
     pytest.importorskip("myo_sim", reason="muscles need the extra 'biomech'")
     assert _trained(tmp_path, capsys, muscles=True)["validation"]["muscle_torques"] > 0

@@ -1,4 +1,4 @@
-"""A logged run that several tests read."""
+"""A logged run for several tests."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Logged:
 
 @pytest.fixture(scope="session")
 def logged_session() -> Callable[..., Logged]:
-    """Function (path, source, clock, session's fields ...) -> a session that is recorded, not run yet."""
+    """Function (path, source, clock, session's fields ...) -> session with a recorder, before its run."""
     robot = load_robot("op3")
 
     def make(path: Path, source: Source | None = None, clock: str = "lockstep", **options: Any) -> Logged:
@@ -53,7 +53,7 @@ def logged_session() -> Callable[..., Logged]:
 
 @pytest.fixture(scope="session")
 def logged(logged_session: Callable[..., Logged], tmp_path_factory: pytest.TempPathFactory) -> Logged:
-    """A finished lockstep run that follows one clip, is sent to another, and is asked for its end; read-only."""
+    """A finished lockstep run with a target and a request for the end; treat as read-only."""
     clips = {"steps": default_clip()[225:400], "wave": default_clip()[:120]}
     made = logged_session(tmp_path_factory.mktemp("log") / "run.mcap", ClipLibrary(clips, "steps"))
     session = made.session

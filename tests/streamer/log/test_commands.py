@@ -1,4 +1,4 @@
-"""`flexmotion log`, as a shell sees it."""
+"""`flexmotion log` from a shell."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A log read back: by us, by another's decoder, when it was cut off, and when it is none."""
+"""Reading logs: whole and cut off, with another decoder, and files that are no logs."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ NUMBERS = {
 }
 
 
-def test_everything_that_the_run_told_is_in_it(logged: Any) -> None:
+def test_the_log_holds_the_whole_record(logged: Any) -> None:
     record, log = logged.session.record, read_log(logged.path)
     assert log.whole and log.gaps == 0
     for name in record.rows.dtype.names:
@@ -61,7 +61,7 @@ def test_another_decoder_reads_the_same_numbers(logged: Any) -> None:
     for row, (_, decoded) in zip(record.rows[::50], messages[::50], strict=True):
         for name in NUMBERS:
             np.testing.assert_array_equal(np.ravel(getattr(decoded, name)), np.ravel(row[name]), err_msg=name)
-    # In lockstep the log's time is the time that the ticks stand for.
+    # In lockstep log time follows the ticks at the robot's rate.
     np.testing.assert_allclose(np.diff([message.log_time for message, _ in messages]) * 1e-9, 1 / 125, rtol=1e-6)
     assert plans[0].rows * plans[0].joints == len(plans[0].q) == len(plans[0].torque)
 
@@ -105,7 +105,7 @@ def damaged(content: bytes) -> bytes:
     ],
     ids=["magic", "header", "empty", "text", "damaged"],
 )
-def test_what_is_no_log_is_one_line(
+def test_a_file_that_is_no_log_is_one_line(
     logged: Any, tmp_path: Path, spoil: Callable[[bytes], bytes], expected: str
 ) -> None:
     file = tmp_path / "spoilt.mcap"

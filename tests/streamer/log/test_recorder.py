@@ -1,4 +1,4 @@
-"""The recorder beside a run: when it fails the run goes on, and when the run fails it is on record."""
+"""The recorder: if it fails the run goes on, and a run that fails is recorded."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ def test_a_full_disk_ends_the_log_and_not_the_run(tmp_path: Path) -> None:
     assert not log.whole and 0 < len(log.rows) < report["loop"]["cycles"]
 
 
-def test_a_file_that_failed_is_cut_back_to_what_is_whole(tmp_path: Path) -> None:
+def test_a_file_with_a_failed_write_is_cut_back_to_its_last_mark(tmp_path: Path) -> None:
     path = tmp_path / "log"
     file = LogFile(path)
     file.write(b"whole")

@@ -1,4 +1,4 @@
-"""A log's run once more."""
+"""Replays of logs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Pictures: drawn from any record, the same bytes each time, and showing what they say."""
+"""Pictures: they can be drawn from any record, and equal records give equal bytes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The report's keys, its verdict, and that equal runs give equal bytes."""
+"""Keys and verdict of the report; equal runs give equal bytes."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def test_keys_of_the_contract(record: RunTrace, figures: RobotFigures, human: Hu
     assert content["ok"] is True
 
 
-def test_unknown_is_null_never_nan(record: RunTrace, figures: RobotFigures) -> None:
+def test_unknown_figures_are_null_and_never_nan(record: RunTrace, figures: RobotFigures) -> None:
     for array in (record.true_base, record.true_torque, record.true_saturated, record.qd, record.work_s):
         array[:] = np.nan
     text = build(record, figures).json_text()
@@ -68,7 +68,7 @@ def test_equal_runs_give_equal_bytes_but_for_timing(
     assert json.dumps(contents[0]) == json.dumps(contents[1])
 
 
-def test_figures_carry_six_digits(record: RunTrace, figures: RobotFigures) -> None:
+def test_figures_have_six_digits(record: RunTrace, figures: RobotFigures) -> None:
     record.true_foot_velocity[..., 0] = 1 / 3000
     assert '"foot_slip_mm_s": 0.333333,' in build(record, figures).json_text()
 

@@ -1,4 +1,4 @@
-"""The page: one file, nothing fetched, verdict first."""
+"""The page: one file without external resources, verdict first."""
 
 from __future__ import annotations
 

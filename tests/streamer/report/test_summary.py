@@ -1,4 +1,4 @@
-"""What a person reads in the terminal."""
+"""The report in a terminal."""
 
 from __future__ import annotations
 
@@ -48,15 +48,15 @@ def test_every_reason_for_failing_is_named(record: RunTrace, figures: RobotFigur
     assert "fell after 4.00 s; fault: l_knee" in verdict(report)
 
 
-def test_a_robot_that_was_left_limp_is_said_whatever_else_failed(record: RunTrace, figures: RobotFigures) -> None:
-    """Beside two missed deadlines a second Ctrl-C was not named."""
+def test_a_run_that_was_cut_short_is_named_beside_other_failures(record: RunTrace, figures: RobotFigures) -> None:
+    """Regression: a second Ctrl-C was not named beside two missed deadlines."""
     record.rows["missed_deadlines"] = 2
     record.rows["state"][-1] = State.STREAMING
     assert failures(build_report(record, INFO, figures))[-1] == "cut short in STREAMING, torque off"
 
 
-def test_a_run_that_never_began_has_no_figures(record: RunTrace, figures: RobotFigures) -> None:
-    """Ctrl-C before the start printed a page of dashes."""
+def test_a_run_without_a_plan_has_no_figures(record: RunTrace, figures: RobotFigures) -> None:
+    """Regression: Ctrl-C before the start printed a page of dashes."""
     record.rows["plan"], record.rows["state"], record.rows["source_s"] = 0, State.OFF, np.nan
     text = text_of(record, figures, None)
     assert text.startswith("FAIL") and "no plan was ever played" in text
@@ -72,10 +72,8 @@ def test_unknown_figures_are_left_out(record: RunTrace, figures: RobotFigures) -
     assert "net path" not in text_of(record, figures, None)
 
 
-def test_the_hardest_worked_joints_come_first_for_what_their_servos_can(
-    record: RunTrace, figures: RobotFigures
-) -> None:
-    """On hardware, where servos measure torque, they once came in any order, and without a figure."""
+def test_joints_are_ordered_by_their_share_of_stall_torque(record: RunTrace, figures: RobotFigures) -> None:
+    """Regression: on hardware, where servos measure torque, joints were unordered and without a figure."""
     record.true_torque[:] = np.nan
     record.effort[:] = [0.1, 0.3, 0.2, 0.5, 0.4, 0.35]
     weak_neck = replace(figures, stall_torque=np.array([4, 4, 4, 4, 4, 0.5]))

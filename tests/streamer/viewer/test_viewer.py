@@ -1,4 +1,4 @@
-"""The viewer: what it draws is what the rows say, and nothing of a run depends on it."""
+"""The viewer: it draws the rows, and the run does not depend on it."""
 
 from __future__ import annotations
 
