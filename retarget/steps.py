@@ -101,7 +101,8 @@ def pack_steps(steps: Sequence[Step], rows: int | None = None) -> StepRecord:
     count = len(steps) if rows is None else rows
     if len(steps) > count:
         raise ValueError(f"{len(steps)} steps, expected at most {count}")
-    packed = StepRecord.over(np.full((count, StepRecord.dtype().itemsize // 8), -1.0))
+    dtype = StepRecord.dtype()
+    packed = np.full((count, dtype.itemsize // 8), -1.0).view(dtype)[:, 0]
     for row, step in enumerate(steps):
-        packed.array[row] = tuple(getattr(step, name) for name in StepRecord.names())
-    return packed
+        packed[row] = tuple(getattr(step, name) for name in StepRecord.names())
+    return StepRecord(packed)
