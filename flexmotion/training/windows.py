@@ -88,7 +88,7 @@ class Windows:
 
     def going_over_to(self, others: Windows, frames: int) -> Windows:
         """The clips of `others`, after these histories, whose motion gives way to theirs over `frames` frames."""
-        passed = np.arange(1, self.future.shape[1] + 1)
+        passed = np.arange(1, self.future.shape[1] + 1, dtype=np.float64)
         share = self.future.new_tensor(smoothstep(passed, 0.0, frames + 1.0))[:, None]
         return replace(
             others,
