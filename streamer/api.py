@@ -1,4 +1,4 @@
-"""What a program builds on, and the command line with it: open a robot, a driver, a model, a session.
+"""The calls that programs and the command line are built on: open a robot, a driver, a model, a session.
 
 `import flexmotion as fm` offers all of it by name (`flexmotion/__init__.py`). SI units, radians; arrays over joints are
 (n,), in the order of the robot file; quaternions w x y z.
@@ -29,7 +29,7 @@ from flexmotion.streamer.motion.intents import Clip, Intent, Stop, Text
 from flexmotion.streamer.motion.model_source import ModelSource
 from flexmotion.streamer.motion.replan_noise import NoisySource
 from flexmotion.streamer.motion.robot_pace import human_pace
-from flexmotion.streamer.motion.script import Item
+from flexmotion.streamer.motion.script import Item, check_script
 from flexmotion.streamer.motion.sequence import sequence
 from flexmotion.streamer.motion.sources import ClipSource, Performance, Source
 from flexmotion.streamer.planning.offline import Trajectory, retarget_offline
@@ -40,10 +40,10 @@ from flexmotion.streamer.run.session import Clock, Session
 from flexmotion.streamer.viewer.service import Viewer
 
 Followed = Motion | Intent | Sequence[Item]
-"""What a robot can be asked to follow: a motion, one intent, or a script of intents."""
+"""What a robot can follow: a motion, one intent, or a script of intents."""
 
 STANDING = Text("stand still")
-"""What a model does until it is sent a target."""
+"""Intent of a model until it receives a target."""
 
 
 def open_robot(name_or_folder: str | Path = "op3") -> Robot:
@@ -124,7 +124,7 @@ def open_source(
         seconds: the source ends after this time; None: a clip with its last frame, a model with a `Stop` [s].
 
     Raises:
-        ConfigError: the model cannot follow an intent, or a bundle is given for clips.
+        ConfigError: the items are no script, the model cannot follow an intent, or a bundle is given for clips.
         MotionFormatError: a clip cannot be read.
     """
     if isinstance(followed, Clip):
@@ -133,6 +133,7 @@ def open_source(
         motion = followed
     else:
         items = [Item(0.0, followed)] if isinstance(followed, Intent) else followed
+        check_script(items)
         if not isinstance(items[0].intent, Clip):
             sampler = open_sampler(bundle)
             return ModelSource(sampler, items, name or "model", seed, seconds, human_pace(robot, sampler.body))
@@ -182,9 +183,9 @@ def open_session(
         robot: from `open_robot`, or its name or folder.
         driver: from `open_driver`, or the name of one that needs no options.
         source: from `open_source`, or what that takes.
-        clock: "lockstep" or "real"; what `run` runs on, and what the log says.
+        clock: "lockstep" or "real", for `run` and for the header of the log.
         settings: stream settings; None: the shipped ones.
-        seed: of a simulation and a source that are given by name; told by log and report.
+        seed: of a simulation that is given by name, and of a source that is opened here; log and report hold it.
         seconds: longest that the source is streamed; None: to its end [s].
         feedback: whether balance feedback acts.
         stay: on the real clock the robot goes on standing when the source is over, until the end is asked for.
@@ -217,7 +218,7 @@ def open_session(
     if view_port is not None:
         session.services += (Viewer(robot, session.telemetry, port=view_port),)
     if isinstance(source, Performance):
-        # Only before the run: a ring has one writer, from the start on the loop.
+        # Before the run only: once it has started, the loop is the ring's one writer.
         for remark in source.remarks:
             session.telemetry.emit(0, "note", remark)
     if log is not None:
@@ -251,10 +252,10 @@ class Outcome:
     """A finished run and its judgement.
 
     Attributes:
-        motion: what the human did; None where it is not known, after targets say.
+        motion: motion of the human; None if unknown, as in a run with targets.
         figures: the robot's sizes that the report measures by.
         record: every tick of the run, or the last of a long one.
-        simulated: the robot was a simulated one; its failures are no hardware's.
+        simulated: whether the robot was simulated; its faults are then no failures of hardware.
     """
 
     robot: Robot
@@ -276,7 +277,7 @@ class Outcome:
 
 
 def outcome(session: Session) -> Outcome:
-    """How a session that has run went."""
+    """The outcome of a session that has run."""
     robot, source, record = session.robot, session.source, session.record
     noise_m = source.size_m if isinstance(source, NoisySource) else 0.0
     performed = source.source if isinstance(source, NoisySource) else source

@@ -12,6 +12,7 @@ or of clips, each with `clip: FILE`.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -55,6 +56,14 @@ def load_script(file: Path) -> list[Item]:
         _check_order(where, item, items)
         items.append(item)
     return items
+
+
+def check_script(items: Sequence[Item]) -> None:
+    """Raise `ConfigError` if items do not make a script: empty, not in order of time, or clips mixed with text."""
+    if not items:
+        raise ConfigError(f"script: has no items, expected {_ITEM}")
+    for number, item in enumerate(items):
+        _check_order(f"script, item {number + 1}", item, list(items[:number]))
 
 
 def _check_order(where: str, item: Item, before: list[Item]) -> None:

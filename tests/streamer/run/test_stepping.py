@@ -10,7 +10,8 @@ from flexmotion.importers.default_clip import default_clip
 from flexmotion.streamer.api import open_session, outcome
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.motion.clip_library import ClipLibrary
-from flexmotion.streamer.motion.intents import Clip
+from flexmotion.streamer.motion.intents import Clip, Stop, Text
+from flexmotion.streamer.motion.script import Item
 from flexmotion.streamer.motion.sources import ClipSource
 from flexmotion.streamer.run.requests import Request
 from flexmotion.streamer.run.session import Session
@@ -73,6 +74,20 @@ def test_a_source_that_follows_no_targets_refuses_them() -> None:
         pytest.raises(ConfigError, match=r"follows no targets; a model or a clip library does"),
     ):
         session.send(Clip("wave"))
+
+
+@pytest.mark.parametrize(
+    ("items", "expected"),
+    [
+        ([], "script: has no items"),
+        ([Item(1.0, Text("walk"))], "script, item 1: a script starts with something to do at: 0"),
+        ([Item(0.0, Text("walk")), Item(0.0, Stop())], "script, item 2: at: 0 does not come after 0"),
+        ([Item(0.0, Text("walk")), Item(1.0, Clip("a.bvh"))], "script, item 2: clip after text"),
+    ],
+)
+def test_items_that_are_no_script_are_refused(items: list[Item], expected: str) -> None:
+    with pytest.raises(ConfigError, match=expected):
+        open_session("op3", source=items)
 
 
 def test_stepping_needs_the_context_and_leaves_the_torque_off() -> None:
