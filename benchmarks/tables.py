@@ -114,20 +114,21 @@ def of_figures(rows: Sequence[Row], results: Results) -> str:
     return markdown(("what", "benchmark", "found", "target", "measured"), cells)
 
 
-def of_groups(name: str, columns: Mapping[str, str], results: Results) -> str:
-    """Figures of one benchmark that has several groups of them, one row a group.
+def of_groups(name: str, key: str, columns: Mapping[str, str], results: Results) -> str:
+    """Figures of one benchmark that has several groups of them, one row a group, and its verdicts.
 
     Args:
-        name: of the benchmark; its figures are groups by name.
-        columns: heading -> a format string over the figures of a group; the group's name is `{name}`.
+        name: of the benchmark.
+        key: a figure that each group of the table has.
+        columns: heading -> a format string over the figures of a group.
         results: kept ones.
     """
     result = results(name)
     if result is None:
         return f"`{name}`: no result is kept."
-    groups = [{"name": group} | figures for group, figures in result.figures.items() if isinstance(figures, dict)]
+    groups = [figures for figures in result.figures.values() if isinstance(figures, dict) and key in figures]
     rows = [[form.format_map(group) for form in columns.values()] for group in groups]
-    return f"{markdown(tuple(columns), rows)}\n\n`{name}`: {_when(result)}; {_where(result)}."
+    return f"{markdown(tuple(columns), rows)}\n\n`{name}`: {_last(result)}; {_where(result)}."
 
 
 def markdown(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
@@ -144,7 +145,8 @@ def _last(result: Result | None) -> str:
 
 
 def _when(result: Result) -> str:
-    return f"{result.date}, {result.commit[:7]}"
+    _, _, options = result.command.partition(f" {result.name}")
+    return f"{result.date}, {result.commit[:7]}{f', with `{options.strip()}`' if options else ''}"
 
 
 def _where(result: Result) -> str:
@@ -158,6 +160,7 @@ TABLES: dict[str, Callable[[Results], str]] = {
     "bus-cycle-time": partial(
         of_groups,
         "bus/cycle_time",
+        "client",
         {
             "client": "{client}",
             "baud": "{baud}",
@@ -171,6 +174,7 @@ TABLES: dict[str, Callable[[Results], str]] = {
     "bus-faults": partial(
         of_groups,
         "bus/faults",
+        "fault",
         {"`--fault`": "`{fault}`", "events, seconds after the fault": "{events}", "violations": "{violations}"},
     ),
 }
