@@ -128,7 +128,7 @@ def of_groups(name: str, key: str, columns: Mapping[str, str], results: Results)
         return f"`{name}`: no result is kept."
     groups = [figures for figures in result.figures.values() if isinstance(figures, dict) and key in figures]
     rows = [[form.format_map(group) for form in columns.values()] for group in groups]
-    return f"{markdown(tuple(columns), rows)}\n\n`{name}`: {_last(result)}; {_where(result)}."
+    return f"{markdown(tuple(columns), rows)}\n\n`{name}`: {_last(result)}; {result.machine.processor}."
 
 
 def markdown(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
@@ -146,11 +146,8 @@ def _last(result: Result | None) -> str:
 
 def _when(result: Result) -> str:
     _, _, options = result.command.partition(f" {result.name}")
-    return f"{result.date}, {result.commit[:7]}{f', with `{options.strip()}`' if options else ''}"
-
-
-def _where(result: Result) -> str:
-    return f"{result.machine.cores} cores {result.machine.processor}, load {result.machine.load:g}"
+    machine = f"load {result.machine.load:g} on {result.machine.cores} cores"
+    return f"{result.date}, {result.commit[:7]}, {machine}{f', with `{options.strip()}`' if options else ''}"
 
 
 TABLES: dict[str, Callable[[Results], str]] = {
