@@ -114,20 +114,21 @@ def of_figures(rows: Sequence[Row], results: Results) -> str:
     return markdown(("what", "benchmark", "found", "target", "measured"), cells)
 
 
-def of_groups(name: str, columns: Mapping[str, str], results: Results) -> str:
-    """Figures of one benchmark that has several groups of them, one row a group.
+def of_groups(name: str, key: str, columns: Mapping[str, str], results: Results) -> str:
+    """Figures of one benchmark that has several groups of them, one row a group, and its verdicts.
 
     Args:
-        name: of the benchmark; its figures are groups by name.
-        columns: heading -> a format string over the figures of a group; the group's name is `{name}`.
+        name: of the benchmark.
+        key: a figure that each group of the table has.
+        columns: heading -> a format string over the figures of a group.
         results: kept ones.
     """
     result = results(name)
     if result is None:
         return f"`{name}`: no result is kept."
-    groups = [{"name": group} | figures for group, figures in result.figures.items() if isinstance(figures, dict)]
+    groups = [figures for figures in result.figures.values() if isinstance(figures, dict) and key in figures]
     rows = [[form.format_map(group) for form in columns.values()] for group in groups]
-    return f"{markdown(tuple(columns), rows)}\n\n`{name}`: {_when(result)}; {_where(result)}."
+    return f"{markdown(tuple(columns), rows)}\n\n`{name}`: {_last(result)}; {result.machine.processor}."
 
 
 def markdown(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
@@ -144,11 +145,9 @@ def _last(result: Result | None) -> str:
 
 
 def _when(result: Result) -> str:
-    return f"{result.date}, {result.commit[:7]}"
-
-
-def _where(result: Result) -> str:
-    return f"{result.machine.cores} cores {result.machine.processor}, load {result.machine.load:g}"
+    _, _, options = result.command.partition(f" {result.name}")
+    machine = f"load {result.machine.load:g} on {result.machine.cores} cores"
+    return f"{result.date}, {result.commit[:7]}, {machine}{f', with `{options.strip()}`' if options else ''}"
 
 
 TABLES: dict[str, Callable[[Results], str]] = {
@@ -158,6 +157,7 @@ TABLES: dict[str, Callable[[Results], str]] = {
     "bus-cycle-time": partial(
         of_groups,
         "bus/cycle_time",
+        "client",
         {
             "client": "{client}",
             "baud": "{baud}",
@@ -171,6 +171,7 @@ TABLES: dict[str, Callable[[Results], str]] = {
     "bus-faults": partial(
         of_groups,
         "bus/faults",
+        "fault",
         {"`--fault`": "`{fault}`", "events, seconds after the fault": "{events}", "violations": "{violations}"},
     ),
 }

@@ -49,16 +49,22 @@ def test_every_table_is_in_one_document() -> None:
 
 
 def test_a_table_is_written_between_its_markers() -> None:
-    kept = result("bus/cycle_time", {"sdk, 1000000": CYCLES, "processor_share_1000000": 0.4})
+    kept = result("bus/cycle_time", {"sdk, 1000000": CYCLES, "processor_share_1000000": 0.4, "others": {"x": 1}})
     text = updated(TEXT, "doc.md", lambda name: kept if name == "bus/cycle_time" else None)
     assert text.startswith("# Title\n\n<!-- figures: bus-cycle-time -->\n") and text.endswith(f"{END}\n\nafter\n")
     assert "| sdk | 1000000 | 4.00 | 5.00 | 6.00 | 1.25 | 0 |" in text and "old" not in text
-    assert "`bus/cycle_time`: 2026-01-31, 0123456; 2 cores Some Processor, load 0.5." in text
+    assert "`bus/cycle_time`: measured (2026-01-31, 0123456, load 0.5 on 2 cores); Some Processor." in text
     assert updated(text, "doc.md", lambda _name: kept) == text
 
 
+def test_options_of_a_result_are_named() -> None:
+    kept = result("bus/faults", {}).model_copy(update={"command": "python -m benchmarks bus/faults --minutes 0.2"})
+    text = of_groups("bus/faults", "fault", {"fault": "{fault}"}, lambda _name: kept)
+    assert "measured (2026-01-31, 0123456, load 0.5 on 2 cores, with `--minutes 0.2`)" in text
+
+
 def test_without_a_result_the_table_says_so() -> None:
-    assert of_groups("bus/faults", {}, lambda _name: None) == "`bus/faults`: no result is kept."
+    assert of_groups("bus/faults", "fault", {}, lambda _name: None) == "`bus/faults`: no result is kept."
 
 
 def test_rows_of_figures_are_those_with_a_result() -> None:
