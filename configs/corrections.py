@@ -23,7 +23,7 @@ class Corrections(Strict):
         catch_up: share of the velocity that the history lacks which is added to the request, forward, and sideways
             where a sideways velocity is asked for.
         catch_up_limit: greatest velocity that `catch_up` adds [m/s].
-        speeds: velocity at which the model moves when it is told a kind of motion and nothing else, by kind. A kind
+        speeds: velocity at which the model moves for a kind of motion without a velocity, by kind. A kind
             without one cannot be slowed to a `Pace`.
     """
 

@@ -27,6 +27,10 @@ class RetargetError(FlexMotionError):
     """A motion cannot be mapped onto the robot at all."""
 
 
+class SessionError(FlexMotionError):
+    """A run is used in a way that it does not allow: stepped before its begin, say, or sent a target after its end."""
+
+
 class DriverError(FlexMotionError):
     """The hardware, a bus or a driver failed."""
 

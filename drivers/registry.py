@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
+from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.robot import Robot
 from flexmotion.configs.schema import parse
 from flexmotion.drivers.interface import Driver
 from flexmotion.drivers.plugins import PlugIns
+from flexmotion.drivers.simulated import LockstepDriver, SimulatedDriver
 
 GROUP = "flexmotion.drivers"
 
@@ -34,7 +36,12 @@ def available() -> dict[str, type[Driver]]:
 def create(name: str, robot: Robot, **options: Any) -> Driver:
     """Create the driver `name` for a robot, not yet open; `options` are the fields of its `Options`.
 
-    Raises `ConfigError` if there is no such driver, it cannot be imported, or an option is wrong.
+    Raises `ConfigError` if there is no such driver, it cannot be imported, an option is wrong, or it promises a
+    capability of a simulated robot without its base class.
     """
-    driver = _DRIVERS.get(name)
-    return driver(robot, options=parse(driver.Options, options, f"options of driver {name!r}"))
+    kind = _DRIVERS.get(name)
+    driver = kind(robot, options=parse(kind.Options, options, f"options of driver {name!r}"))
+    for capability, base in (("truth", SimulatedDriver), ("lockstep", LockstepDriver)):
+        if getattr(driver.capabilities, capability) and not isinstance(driver, base):
+            raise ConfigError(f"driver {name!r}: capability {capability} needs the base class {base.__name__}")
+    return driver

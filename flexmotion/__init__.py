@@ -17,11 +17,20 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from flexmotion.bundles.bundle import Bundle
-    from flexmotion.configs.errors import ConfigError, DriverError, FlexMotionError, MotionFormatError
+    from flexmotion.configs.errors import (
+        ConfigError,
+        DriverError,
+        FlexMotionError,
+        MotionFormatError,
+        RetargetError,
+        SessionError,
+    )
     from flexmotion.configs.robot import Robot
     from flexmotion.configs.stream import StreamSettings, load_stream
     from flexmotion.drivers.interface import Driver
+    from flexmotion.human.concatenate import concatenate
     from flexmotion.human.motion import Motion
+    from flexmotion.human.motion_file import save_motion
     from flexmotion.sampling.sampler import Condition, Sampler
     from flexmotion.streamer.api import (
         Outcome,
@@ -36,22 +45,35 @@ if TYPE_CHECKING:
         retarget_motion,
     )
     from flexmotion.streamer.control.ladder import State
+    from flexmotion.streamer.control.run_trace import RunTrace
+    from flexmotion.streamer.control.telemetry import Event
     from flexmotion.streamer.log.reader import Log, read_log
     from flexmotion.streamer.motion.intents import Clip, Stop, Text, Velocity
     from flexmotion.streamer.motion.script import Item, load_script
     from flexmotion.streamer.motion.sources import Performance, Source
+    from flexmotion.streamer.motion.targets import Target
     from flexmotion.streamer.planning.offline import Trajectory
+    from flexmotion.streamer.report.report import Report
     from flexmotion.streamer.run.requests import Request
     from flexmotion.streamer.run.session import Session
     from flexmotion.streamer.run.session_state import SessionState
 
 _MODULES = {
     "bundles.bundle": ("Bundle",),
-    "configs.errors": ("ConfigError", "DriverError", "FlexMotionError", "MotionFormatError"),
+    "configs.errors": (
+        "ConfigError",
+        "DriverError",
+        "FlexMotionError",
+        "MotionFormatError",
+        "RetargetError",
+        "SessionError",
+    ),
     "configs.robot": ("Robot",),
     "configs.stream": ("StreamSettings", "load_stream"),
     "drivers.interface": ("Driver",),
+    "human.concatenate": ("concatenate",),
     "human.motion": ("Motion",),
+    "human.motion_file": ("save_motion",),
     "sampling.sampler": ("Condition", "Sampler"),
     "streamer.api": (
         "Outcome",
@@ -66,11 +88,15 @@ _MODULES = {
         "retarget_motion",
     ),
     "streamer.control.ladder": ("State",),
+    "streamer.control.run_trace": ("RunTrace",),
+    "streamer.control.telemetry": ("Event",),
     "streamer.log.reader": ("Log", "read_log"),
     "streamer.motion.intents": ("Clip", "Stop", "Text", "Velocity"),
     "streamer.motion.script": ("Item", "load_script"),
     "streamer.motion.sources": ("Performance", "Source"),
+    "streamer.motion.targets": ("Target",),
     "streamer.planning.offline": ("Trajectory",),
+    "streamer.report.report": ("Report",),
     "streamer.run.requests": ("Request",),
     "streamer.run.session": ("Session",),
     "streamer.run.session_state": ("SessionState",),
@@ -85,6 +111,7 @@ __all__ = [
     "ConfigError",
     "Driver",
     "DriverError",
+    "Event",
     "FlexMotionError",
     "Item",
     "Log",
@@ -92,18 +119,24 @@ __all__ = [
     "MotionFormatError",
     "Outcome",
     "Performance",
+    "Report",
     "Request",
+    "RetargetError",
     "Robot",
+    "RunTrace",
     "Sampler",
     "Session",
+    "SessionError",
     "SessionState",
     "Source",
     "State",
     "Stop",
     "StreamSettings",
+    "Target",
     "Text",
     "Trajectory",
     "Velocity",
+    "concatenate",
     "load_motion",
     "load_script",
     "load_stream",
@@ -116,10 +149,15 @@ __all__ = [
     "outcome",
     "read_log",
     "retarget_motion",
+    "save_motion",
 ]
 
 
 def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        from importlib.metadata import version
+
+        return version(__name__)
     if name not in _WHERE:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     value = globals()[name] = getattr(import_module(f"{__name__}.{_WHERE[name]}"), name)

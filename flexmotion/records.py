@@ -34,7 +34,7 @@ def column(kind: str | type[Record], *shape: int | str) -> Any:
 
     Args:
         kind: numpy's name of its type, such as "f8" or "S64"; or a record, whose rows the field holds.
-        shape: its axes; a name stands for a size that `Record.dtype` is told.
+        shape: its axes; a name is an argument of `Record.dtype`.
     """
     return _Column(kind, shape)
 
@@ -69,8 +69,8 @@ class Record:
     `int()`, `float()` and `bool()` read.
 
     Args:
-        array: structured array of `dtype(...)`, any shape; or the fields by name, an array each, all with the same
-            leading axes (fields that are contiguous).
+        array: structured array of `dtype(...)`, any shape, or one row of it; or the fields by name, an array each, all
+            with the same leading axes (fields that are contiguous).
     """
 
     _columns: ClassVar[dict[str, _Column]] = {}
@@ -83,8 +83,16 @@ class Record:
         kinds = (one.kind for one in cls._columns.values())
         cls._floats = all(kind == "f8" if isinstance(kind, str) else kind._floats for kind in kinds)
 
-    def __init__(self, array: NDArray[Any] | Mapping[str, NDArray[Any]]) -> None:
-        self.array = array
+    def __init__(self, array: NDArray[Any] | np.void | Mapping[str, NDArray[Any]]) -> None:
+        self.array: NDArray[Any] | Mapping[str, NDArray[Any]]
+        self.array = np.asarray(array) if isinstance(array, np.void) else array
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if name != "array" and name not in self._columns:
+            raise AttributeError(
+                f"{type(self).__name__} has no field {name!r}, expected one of: {', '.join(self.names())}"
+            )
+        super().__setattr__(name, value)
 
     @classmethod
     def dtype(cls, **sizes: int) -> np.dtype[np.void]:
@@ -94,7 +102,7 @@ class Record:
             sizes: of the axes that have names.
 
         Raises:
-            KeyError: an axis has no size.
+            TypeError: an axis has no size.
         """
         key = tuple(sizes.items())
         if key not in cls._dtypes:
@@ -120,7 +128,9 @@ class Record:
         if not cls._floats:
             raise ValueError(f"{cls.__name__} holds other types than float64")
         if numbers.dtype != np.float64 or numbers.shape[-1] * 8 != dtype.itemsize:
-            raise ValueError(f"{cls.__name__} takes {dtype.itemsize // 8} float64, got {numbers.shape[-1]}")
+            raise ValueError(
+                f"{cls.__name__} takes {dtype.itemsize // 8} float64, got {numbers.shape[-1]} {numbers.dtype}"
+            )
         return cls(numbers.view(dtype)[..., 0])
 
     def __iter__(self) -> Iterator[tuple[str, NDArray[Any]]]:
@@ -156,5 +166,8 @@ class Record:
 
 
 def _spec(one: _Column, sizes: Mapping[str, int]) -> tuple[str | np.dtype[np.void], tuple[int, ...]]:
+    missing = [axis for axis in one.shape if isinstance(axis, str) and axis not in sizes]
+    if missing:
+        raise TypeError(f"field {one.name!r}: no size is given for its axis {missing[0]!r}")
     shape = tuple(sizes[axis] if isinstance(axis, str) else axis for axis in one.shape)
     return one.kind if isinstance(one.kind, str) else one.kind.dtype(**sizes), shape

@@ -13,16 +13,18 @@ from typing import Any
 
 from flexmotion.bundles.bundle import Bundle
 from flexmotion.bundles.shipped import shipped_bundle
-from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.errors import ConfigError, SessionError
 from flexmotion.configs.robot import Robot, load_robot
 from flexmotion.configs.stream import StreamSettings, load_stream
 from flexmotion.drivers.interface import Driver
 from flexmotion.drivers.registry import create
+from flexmotion.drivers.simulated import simulated
 from flexmotion.human.motion import Motion
 from flexmotion.importers import load
 from flexmotion.retarget.human_steps import count_steps
 from flexmotion.sampling.sampler import Sampler
 from flexmotion.streamer.control.run_trace import RunTrace
+from flexmotion.streamer.control.telemetry import Event
 from flexmotion.streamer.log.recorder import Recorder
 from flexmotion.streamer.log.recording import driver_options, record_to
 from flexmotion.streamer.motion.intents import Clip, Intent, Stop, Text
@@ -36,7 +38,8 @@ from flexmotion.streamer.planning.offline import Trajectory, retarget_offline
 from flexmotion.streamer.report.metrics import HumanTrack, RobotFigures
 from flexmotion.streamer.report.report import Report, RunInfo, build_report
 from flexmotion.streamer.run.played_human import human_motion
-from flexmotion.streamer.run.session import Clock, Session
+from flexmotion.streamer.run.requests import Request
+from flexmotion.streamer.run.session import Clock, Phase, Session
 from flexmotion.streamer.viewer.service import Viewer
 
 Followed = Motion | Intent | Sequence[Item]
@@ -103,7 +106,7 @@ def open_source(
     followed: Followed,
     *,
     bundle: str | Path | None = None,
-    mapping: str | None = None,
+    mapping: str | Path | None = None,
     blend_frames: int = 8,
     name: str | None = None,
     seed: int = 0,
@@ -127,6 +130,11 @@ def open_source(
         ConfigError: the items are no script, the model cannot follow an intent, or a bundle is given for clips.
         MotionFormatError: a clip cannot be read.
     """
+    given: Any = followed  # a program without a type checker may give anything
+    if isinstance(given, str) or not isinstance(given, Motion | Intent | Sequence):
+        raise ConfigError(f"{followed!r}: expected a motion, an intent (Text, Velocity, Clip) or a script of items")
+    if isinstance(followed, Stop):
+        raise ConfigError("Stop: nothing is followed before it; expected a motion, Text, Velocity, Clip or a script")
     if isinstance(followed, Clip):
         followed = load_motion(followed.name, mapping)
     if isinstance(followed, Motion):
@@ -144,7 +152,7 @@ def open_source(
     return source if seconds is None or seconds >= source.seconds else source.cut(seconds)
 
 
-def _sequence(items: Sequence[Item], mapping: str | None, blend_frames: int) -> Motion:
+def _sequence(items: Sequence[Item], mapping: str | Path | None, blend_frames: int) -> Motion:
     """The clips of a script, one after another."""
     clips = [(item.at, load(item.intent.name, mapping=mapping)) for item in items if isinstance(item.intent, Clip)]
     end = items[-1].at if isinstance(items[-1].intent, Stop) else None
@@ -161,9 +169,11 @@ def open_session(
     seed: int = 0,
     seconds: float | None = None,
     feedback: bool = True,
-    stay: bool = False,
+    stay: bool | None = None,
     realtime: bool = True,
-    log: Path | None = None,
+    next_request: Callable[[], Request | None] | None = None,
+    on_event: Callable[[Event], None] | None = None,
+    log: str | Path | None = None,
     view_port: int | None = None,
 ) -> Session:
     """A robot, a driver and a source, ready to run.
@@ -176,8 +186,7 @@ def open_session(
             print(session.state.torso)
             session.finish()
 
-    On either clock `session.run()` runs to the end; `session.next_request`, if set, is called meanwhile (each tick, on
-    the real clock every 20 ms) and may read `session.state`, send targets and return a `Request`.
+    On either clock `session.run()` runs to the end.
 
     Args:
         robot: from `open_robot`, or its name or folder.
@@ -188,20 +197,25 @@ def open_session(
         seed: of a simulation that is given by name, and of a source that is opened here; log and report hold it.
         seconds: longest that the source is streamed; None: to its end [s].
         feedback: whether balance feedback acts.
-        stay: on the real clock the robot goes on standing when the source is over, until the end is asked for.
+        stay: keep standing after the source has ended, until END is requested; None: only where a program steps the run
+            and its source follows targets without an end.
         realtime: on the real clock, ask the system for realtime scheduling.
+        next_request: called before each tick (on the real clock every 20 ms); may read `session.state`, send targets
+            and return a `Request`.
+        on_event: called with every event as it happens.
         log: file (.mcap) to record to; None: none.
         view_port: first port to try for the page that shows the run; None: no page.
 
     Raises:
-        ConfigError: robot, driver, option, source or bundle are not what they should be, or the log cannot be written.
+        ConfigError: unknown or invalid robot, driver, option, source or bundle, or the log cannot be written.
+        RetargetError: the robot's legs cannot be solved, or the settings make plans too short for its steps.
         MotionFormatError: a clip cannot be read.
     """
     robot = robot if isinstance(robot, Robot) else open_robot(robot)
     settings = load_stream() if settings is None else settings
     if isinstance(driver, str):
         driver = open_driver(driver, robot, **({"seed": seed} if driver == "sim" else {}))
-    if isinstance(source, Motion | Intent | Sequence):
+    if not isinstance(source, Source):
         source = open_source(robot, source, blend_frames=settings.blend_frames, seed=seed)
     session = Session(
         robot,
@@ -214,7 +228,10 @@ def open_session(
         realtime=realtime,
         seed=seed,
         clock=clock,
+        next_request=next_request,
     )
+    if on_event is not None:
+        session.on_event = on_event
     if view_port is not None:
         session.services += (Viewer(robot, session.telemetry, port=view_port),)
     if isinstance(source, Performance):
@@ -222,7 +239,7 @@ def open_session(
         for remark in source.remarks:
             session.telemetry.emit(0, "note", remark)
     if log is not None:
-        record_to(log, session, clock)
+        record_to(Path(log), session, clock)
     return session
 
 
@@ -265,19 +282,22 @@ class Outcome:
     report: Report
     simulated: bool
 
-    def write(self, folder: Path) -> Path:
+    def write(self, folder: str | Path) -> Path:
         """Write `report.json`, the pictures and `index.html` with all of it into `folder`; returns the page."""
         # matplotlib and jinja2 take a second to load: only where a report is asked for.
         from flexmotion.streamer.plots.pictures import write_plots
         from flexmotion.streamer.report.report_page import write_report_page
 
+        folder = Path(folder)
         self.report.write(folder)
         pictures = write_plots(folder, self.record, self.robot, self.figures, self.motion)
         return write_report_page(folder / "index.html", self.report, pictures)
 
 
 def outcome(session: Session) -> Outcome:
-    """The outcome of a session that has run."""
+    """The outcome of a session that has run. Raises `SessionError` before its end."""
+    if session.phase is not Phase.ENDED:
+        raise SessionError(f"{session!r}: its outcome is known once it has ended, after `with session:`")
     robot, source, record = session.robot, session.source, session.record
     noise_m = source.size_m if isinstance(source, NoisySource) else 0.0
     performed = source.source if isinstance(source, NoisySource) else source
@@ -303,4 +323,4 @@ def outcome(session: Session) -> Outcome:
         log=next((service.result() for service in session.services if isinstance(service, Recorder)), None),
     )
     report = build_report(record, info, figures, human=None if motion is None else HumanTrack.of(motion))
-    return Outcome(robot, motion, figures, record, report, simulated=session.driver.capabilities.truth)
+    return Outcome(robot, motion, figures, record, report, simulated=simulated(session.driver) is not None)

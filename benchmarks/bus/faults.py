@@ -54,7 +54,7 @@ class Result:
         body: the robot, as it was left.
         packets: sent by the host.
         damaged: packets damaged on the way to the servos or back.
-        refused: goals outside the servos' limits that the driver did not send (`drivers/bus/witness.py`).
+        refused: goals outside the servos' limits that the driver did not send (`drivers/bus/goal_guard.py`).
     """
 
     record: RunTrace
@@ -88,7 +88,7 @@ def run(
     real = create("dynamixel", robot, port="main")
     assert isinstance(real, BusDriver)
     driver = LockstepBus(real, world, body)
-    record = Session(robot, driver, ClipSource(motion), settings, None).run("lockstep")
+    record = Session(robot, driver, ClipSource(motion), settings, None).run()
     line = world.emulator.lines[0]
     assert isinstance(line, BusLine)
     return Result(record, body, line.bus.received, sum(line.damage.spoilt.values()), real.violations)

@@ -114,7 +114,7 @@ def trial(task: Task, folder: Path) -> Trial:
         session.planner = silent
     else:
         session.next_request = lambda: request if session.loop is not None and session.loop.tick_count == tick else None
-    record = session.run("lockstep")
+    record = session.run()
     _, x, y, _ = record.true_base[:, 3:].T
     up = 1 - 2 * (x * x + y * y) > UPRIGHT
     goals = record.q_cmd[tick - 1 : tick + 40]

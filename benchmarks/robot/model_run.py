@@ -73,7 +73,7 @@ def follow(
     driver = simulator(robot, perturbed, seed, mass_kg)
     followed = source if forces == PREDICTED else AlteredForces(source, forces)
     session = Session(robot, driver, followed, load_stream(), source.seconds)
-    record = session.run("lockstep")
+    record = session.run()
     human = human_motion(source, record)
     if human is None:
         raise RuntimeError(f"{source.name}: the run played no motion")

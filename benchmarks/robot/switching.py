@@ -81,7 +81,7 @@ def run(seed: int, seconds: float, clips: dict[str, Motion] | None, perturbed: b
             changes.at(session.loop.tick_count / robot.rate_hz)
 
     session.next_request = change
-    record = session.run("lockstep")
+    record = session.run()
     fell = any("fall" in event.message for event in record.events if event.kind == "fault")
     return Run(seed, record.duration_s, changes.sent, fell, record.violations_sent)
 

@@ -77,7 +77,7 @@ def main(
 
         session.services = (viewer,)
         session.progress = look
-        session.run("lockstep")
+        session.run()
         browser.close()
     if not taken:
         raise SystemExit(f"no foot was lifted after {after:g} s")

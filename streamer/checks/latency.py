@@ -64,13 +64,21 @@ def measure(
     """
     longest = seconds if switches is None else switches * BETWEEN_S[1]
     session = Session(
-        robot, driver, source, settings, stay=True, realtime=realtime, wake=wake, kept_s=longest + _MARGIN_S
+        robot,
+        driver,
+        source,
+        settings,
+        stay=True,
+        realtime=realtime,
+        wake=wake,
+        kept_s=longest + _MARGIN_S,
+        clock="real",
     )
     switcher = _Switcher(session, intents, seconds, switches, seed, progress, request)
     session.next_request = switcher.next
     before, witness = _stolen_ms(), Witness()
     with hogs(load), witness if realtime else contextlib.nullcontext():
-        record = session.run("real")
+        record = session.run()
     found = witness.standstills() if session.scheduling == "fifo" else None
     moments = None if found is None else StandstillTimes(record, found, _stolen_ms() - before)
     return _result(record, session, settings.budgets, load, switcher, moments)

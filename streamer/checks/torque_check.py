@@ -26,7 +26,7 @@ class JointTorque(BaseModel):
         over_share: share of the time in which the plan needs more torque than the servo has at that speed.
         peak_excess_nm: largest excess over the limit; negative: smallest margin.
         peak_at_s, peak_torque_nm, peak_limit_nm: time, torque and limit of that tick.
-        settles_at_c: steady-state temperature of the windings if the motion were repeated for ever.
+        settles_at_c: steady-state temperature of the windings if the motion were repeated indefinitely.
         lasts_s: time until the servo would shut itself down; None: never.
     """
 

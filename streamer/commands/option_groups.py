@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import MISSING, dataclass, fields, is_dataclass
 from inspect import Parameter, Signature, signature
-from typing import TYPE_CHECKING, Any, get_type_hints
+from typing import TYPE_CHECKING, Any, get_args, get_type_hints
 
 from flexmotion.streamer.commands.options import (
     BundleOption,
@@ -125,6 +125,9 @@ def grouped(command: Callable[..., None]) -> Callable[..., None]:
     """
     parameters = signature(command, eval_str=True).parameters
     groups: dict[str, Any] = {name: one.annotation for name, one in parameters.items() if is_dataclass(one.annotation)}
+    for name, one in parameters.items():
+        if any(is_dataclass(part) for part in get_args(one.annotation)):
+            raise TypeError(f"{command.__name__}: {name}: a group of options cannot be optional or in a union")
 
     def expanded(**values: Any) -> None:
         built = {
@@ -140,7 +143,8 @@ def grouped(command: Callable[..., None]) -> Callable[..., None]:
             continue
         types = get_type_hints(groups[name], include_extras=True)
         for field in fields(groups[name]):
-            default = Parameter.empty if field.default is MISSING else field.default
+            default = field.default if field.default_factory is MISSING else field.default_factory()
+            default = Parameter.empty if default is MISSING else default
             flat.append(Parameter(field.name, Parameter.KEYWORD_ONLY, default=default, annotation=types[field.name]))
     expanded.__name__, expanded.__doc__ = command.__name__, command.__doc__
     expanded.__annotations__ = {one.name: one.annotation for one in flat}

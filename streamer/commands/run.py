@@ -31,7 +31,7 @@ def run(
     ] = False,
     run: RunOptions,
 ) -> None:
-    """Stream a motion to a robot: stand up, follow, then stay standing until told to end.
+    """Stream a motion to a robot: stand up, follow, then stay standing until stopped.
 
     Ctrl-C or SIGTERM brings the robot to a balanced stop, parks it and ends; a second one ends at once, torque off.
     SIGUSR1 is a stop (the robot stands), SIGUSR2 an emergency stop (it freezes, then parks, the fault latched).

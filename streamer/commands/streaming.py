@@ -32,7 +32,7 @@ def stream(session: Session, signals: OperatorSignals | None = None) -> api.Outc
     seconds = session.source.seconds if isinstance(session.source, Performance) else session.seconds
     if signals is not None:
         session.next_request, session.wake = signals.next, signals.wake
-    session.on_event = partial(_print_event, session.stay)
+    session.on_event = partial(_print_event, bool(session.stay))
     with progress_bar(f"{session.robot.name} follows {session.source.name}") as progress:
 
         def show(source_s: float) -> None:

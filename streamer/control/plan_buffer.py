@@ -233,4 +233,5 @@ def _copy(offer: Offer) -> Offer:
     arrays: dict[str, Any] = {
         name: value.copy() for name, value in vars(offer.plan).items() if isinstance(value, np.ndarray)
     }
-    return replace(offer, plan=replace(offer.plan, **arrays))
+    repairs = {kind: counts.copy() for kind, counts in offer.plan.repairs.items()}
+    return replace(offer, plan=replace(offer.plan, repairs=repairs, **arrays))

@@ -98,7 +98,7 @@ def read_log(path: str | Path) -> Log:
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read ({error.strerror or error})") from error
     except (McapError, ValueError, KeyError, struct.error) as error:
-        raise ConfigError(f"{path}: not a log, or a damaged one ({type(error).__name__}: {error})") from error
+        raise ConfigError(f"{path}: damaged, or not a log of FlexMotion (an .mcap file, as --log writes it)") from error
     return content.log(whole)
 
 

@@ -133,7 +133,7 @@ def _run(log: Log, subject: Subject, progress: Callable[[float], None] | None) -
         return requests.pop(0)[1] if requests and requests[0][0] <= tick else None
 
     session.next_request = operate
-    return session.run("lockstep")
+    return session.run()
 
 
 def _targets(log: Log) -> list[tuple[int, dict[str, Any]]]:

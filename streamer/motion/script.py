@@ -34,12 +34,13 @@ class Item:
     intent: Intent
 
 
-def load_script(file: Path) -> list[Item]:
+def load_script(file: str | Path) -> list[Item]:
     """The items of a script in order of time; relative paths of clips start at the script's folder.
 
     Raises:
         ConfigError: names the line, what is wrong in it, and what would be valid.
     """
+    file = Path(file)
     try:
         text = file.read_text(encoding="utf-8")
         root = yaml.compose(text, Loader=yaml.SafeLoader)

@@ -12,6 +12,7 @@ from flexmotion.human.motion import Motion
 from flexmotion.streamer.motion.targets import Target
 
 
+@runtime_checkable
 class Source(Protocol):
     """Human motion by frame index; frame 0 is at the source's time 0.
 
@@ -42,7 +43,7 @@ class LiveSource(Source, Protocol):
                 first plan, or after a stop.
 
         Returns:
-            A message for the operator, if the target is followed otherwise than it may be meant.
+            A message for the operator, if the intent is changed before it is followed.
 
         Raises:
             ConfigError: this source cannot follow such a target.
@@ -67,7 +68,7 @@ class Performance(Source, Protocol):
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Messages for the operator before the start: what is followed otherwise than it may be meant."""
+        """Messages for the operator before the start: intents that are changed before they are followed."""
         ...
 
     def cut(self, seconds: float) -> Self:

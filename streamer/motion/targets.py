@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
+from threading import Lock
 from typing import Any
 
 import numpy as np
@@ -54,27 +55,29 @@ class TargetMailbox:
     def __init__(self) -> None:
         self._ring = Ring(TargetRow.dtype(), 64)
         self._row = TargetRow(np.zeros((), TargetRow.dtype()))
+        self._sending = Lock()
 
     def send(self, intent: Intent) -> Target:
-        """Publish a target; only one process may do so.
+        """Publish a target; only one process may do so, from any thread.
 
         Raises:
             ConfigError: its text or name is too long.
         """
-        row = self._row
-        row.kind[...], row.text[...], row.velocity[...] = _KINDS.index(word_of(intent)), b"", 0.0
-        match intent:
-            case Clip(text) | Text(text):
-                encoded = text.encode()
-                if len(encoded) > _TEXT_BYTES:
-                    word = word_of(intent)
-                    raise ConfigError(f"target: {word}: {len(encoded)} bytes, expected at most {_TEXT_BYTES}")
-                row.text[...] = encoded
-            case Velocity(forward, left, turning):
-                row.velocity[...] = forward, left, turning
-        target = Target(self._ring.count + 1, time.perf_counter_ns(), intent)
-        row.id[...], row.stamp_ns[...] = target.id, target.stamp_ns
-        self._ring.publish(np.asarray(row.array))
+        with self._sending:
+            row = self._row
+            row.kind[...], row.text[...], row.velocity[...] = _KINDS.index(word_of(intent)), b"", 0.0
+            match intent:
+                case Clip(text) | Text(text):
+                    encoded = text.encode()
+                    if len(encoded) > _TEXT_BYTES:
+                        word = word_of(intent)
+                        raise ConfigError(f"target: {word}: {len(encoded)} bytes, expected at most {_TEXT_BYTES}")
+                    row.text[...] = encoded
+                case Velocity(forward, left, turning):
+                    row.velocity[...] = forward, left, turning
+            target = Target(self._ring.count + 1, time.perf_counter_ns(), intent)
+            row.id[...], row.stamp_ns[...] = target.id, target.stamp_ns
+            self._ring.publish(np.asarray(row.array))
         return target
 
     def newest(self) -> Target:

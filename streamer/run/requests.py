@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from enum import IntEnum
+from threading import Lock
 from typing import Any
 
 import numpy as np
@@ -45,11 +46,13 @@ class RequestChannel:
     def __init__(self) -> None:
         self._ring = Ring(RequestRow.dtype(), 32)
         self._row = RequestRow(np.zeros((), RequestRow.dtype()))
+        self._sending = Lock()
 
     def send(self, request: Request, reason: str = "") -> None:
-        """Publish a request; only one process may do so. A reason longer than 488 bytes is cut."""
-        self._row.request[...], self._row.reason[...] = request, reason.encode()[:_REASON_BYTES]
-        self._ring.publish(np.asarray(self._row.array))
+        """Publish a request; only one process may do so, from any thread. A reason longer than 488 bytes is cut."""
+        with self._sending:
+            self._row.request[...], self._row.reason[...] = request, reason.encode()[:_REASON_BYTES]
+            self._ring.publish(np.asarray(self._row.array))
 
     def reader(self) -> RequestReader:
         """The loop's end."""

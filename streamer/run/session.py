@@ -10,11 +10,12 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
+from enum import Enum
 from functools import partial
 from types import TracebackType
-from typing import Literal, Self
+from typing import Literal, Self, get_args
 
-from flexmotion.configs.errors import ConfigError, FlexMotionError
+from flexmotion.configs.errors import ConfigError, FlexMotionError, SessionError
 from flexmotion.configs.robot import Robot
 from flexmotion.configs.stream import StreamSettings
 from flexmotion.drivers.interface import Driver
@@ -25,8 +26,9 @@ from flexmotion.streamer.control.loop import ControlLoop
 from flexmotion.streamer.control.plan_buffer import PlanBuffer
 from flexmotion.streamer.control.run_trace import KEPT_S, Collector, RunTrace
 from flexmotion.streamer.control.telemetry import Event, Telemetry
-from flexmotion.streamer.motion.intents import Intent
-from flexmotion.streamer.motion.sources import LiveSource, Source
+from flexmotion.streamer.control.tick_row import TickRow, blank
+from flexmotion.streamer.motion.intents import WORDS, Intent
+from flexmotion.streamer.motion.sources import LiveSource, Performance, Source
 from flexmotion.streamer.motion.targets import Target, TargetMailbox
 from flexmotion.streamer.planning.lead import FixedLead, Kind, Lead, MeasuredLead
 from flexmotion.streamer.planning.planner import Planner
@@ -38,30 +40,42 @@ from flexmotion.streamer.run.supervisor import Service, Supervisor
 
 Clock = Literal["real", "lockstep"]
 
+
+class Phase(Enum):
+    """A session is run once."""
+
+    NEW = "has not begun"
+    RUNNING = "is running"
+    ENDED = "has ended"
+
+
 _AT_FIRST_S = {Kind.WHOLE: 0.05, Kind.PARTIAL: 0.02, Kind.STOP: 0.02}
 """Assumed time to make a plan, before any was made [s]."""
 
 
-@dataclass
+@dataclass(eq=False, repr=False)
 class Session:
     """One robot, one source, one run.
 
     Args:
         seconds: how much of the source is streamed at most [s]; None: all of it.
         feedback: whether balance feedback acts.
-        stay: on the real clock: stand on when the source is over, until the end is requested.
+        stay: keep standing after the source has ended, until END is requested. None: only where a program steps the run
+            and its source follows targets without an end.
         realtime: on the real clock: ask the system for realtime scheduling.
         progress: called each tick with the time of the source that plays [s].
-        next_request: called each tick (on the real clock every 20 ms) for an operator's request; None: there is none.
+        next_request: called before each tick (on the real clock every 20 ms) for an operator's request; None: none. It
+            may read `state` and `send` targets.
         wake: file descriptor that becomes readable when `next_request` should be called sooner.
         on_event: called with every event as it happens.
         kept_s: the record keeps this much of the run, its end [s].
         services: recorder, viewer and the like; on the real clock each runs in a process of its own.
         seed: of the driver and the source, for the log and the report.
-        clock: of `run`, where no other is given.
+        clock: "lockstep" or "real".
 
     Attributes:
-        requests: for requests from this process that must act on the next tick; a signal handler may use it.
+        requests: those of `ask`. A signal handler does not use them: it may interrupt one that is being sent.
+        phase: whether the run has begun and ended.
         elapsed_s: wall-clock time that the last run took [s]; None before its end.
     """
 
@@ -71,7 +85,7 @@ class Session:
     settings: StreamSettings
     seconds: float | None = None
     feedback: bool = True
-    stay: bool = False
+    stay: bool | None = None
     realtime: bool = True
     progress: Callable[[float], None] | None = None
     next_request: Callable[[], Request | None] | None = None
@@ -82,6 +96,7 @@ class Session:
     seed: int = 0
     clock: Clock = "lockstep"
     elapsed_s: float | None = field(init=False, default=None)
+    phase: Phase = field(init=False, default=Phase.NEW)
     requests: RequestChannel = field(init=False)
     telemetry: Telemetry = field(init=False)
     plans: PlanBuffer = field(init=False)
@@ -93,11 +108,15 @@ class Session:
     awake: bool = field(init=False, default=False)
     """Whether processors were kept from sleeping in the last run on the real clock."""
     memory_mb: tuple[float, float] | None = field(init=False, default=None)
-    _entered: ExitStack = field(init=False, repr=False)
-    _step: Callable[[], bool] | None = field(init=False, default=None, repr=False)
-    _begin_s: float = field(init=False, default=0.0, repr=False)
+    _entered: ExitStack = field(init=False)
+    _step: Callable[[], bool] | None = field(init=False, default=None)
+    _begin_s: float = field(init=False, default=0.0)
 
     def __post_init__(self) -> None:
+        if self.clock not in get_args(Clock):
+            raise ConfigError(f"clock: {self.clock!r}, expected one of: {', '.join(get_args(Clock))}")
+        if self.seconds is not None and not self.seconds > 0.0:
+            raise ConfigError(f"seconds: {self.seconds!r}, expected a positive number or None")
         robot, rate = self.robot, self.robot.rate_hz
         retargeter = Retargeter(robot, self.settings)
         self.requests = RequestChannel()
@@ -107,40 +126,53 @@ class Session:
         self.planner = Planner(retargeter, self.source, self.settings)
         self.record = RunTrace(rate, robot.joint_names, kept_s=max(self.kept_s, (self.seconds or 0.0) + MARGIN_S))
 
-    def run(self, clock: Clock | None = None) -> RunTrace:
-        """Run to the end and return the record.
+    def __repr__(self) -> str:
+        parts = (self.robot.name, self.driver.name, self.source.name, self.clock)
+        return f"Session({', '.join(map(repr, parts))}: {self.phase.value})"
 
-        Args:
-            clock: "lockstep" or "real"; None: the session's own.
+    def run(self) -> RunTrace:
+        """Run to the end and return the record.
 
         Raises:
             ConfigError: the clock is lockstep and the driver's time cannot be stepped.
+            SessionError: the session has begun already.
             DriverError: the driver failed.
         """
-        clock = self.clock if clock is None else clock
-        if clock == "lockstep":
-            with self:
+        if self.clock == "lockstep":
+            with ExitStack() as ending:
+                ending.push(self._begun(bool(self.stay)).__exit__)
                 while self.step():
                     pass
             return self.record
-        begin_s = time.perf_counter()
+        self._begin()
         try:
             return self._run_real()
         finally:
-            self.elapsed_s = time.perf_counter() - begin_s
+            self._end()
 
     # ---------------------------------------------------------------- stepped by a program, in lockstep
 
     def __enter__(self) -> Self:
-        """Open the driver and begin a lockstep run that `step` and `advance` carry on.
+        """Open the driver and begin a run that `step` and `advance` carry on.
 
         Raises:
-            ConfigError: the driver's time cannot be stepped.
+            ConfigError: the clock is not lockstep, or the driver's time cannot be stepped.
+            SessionError: the session has begun already.
             DriverError: the driver failed.
         """
-        self._begin_s = time.perf_counter()
+        if self.clock != "lockstep":
+            raise ConfigError(f"{self!r}: clock {self.clock!r} passes by itself; call run() instead of stepping")
+        endless = isinstance(self.source, LiveSource) and self.seconds is None and _length(self.source) is None
+        return self._begun(endless if self.stay is None else self.stay)
+
+    def _begun(self, stay: bool) -> Self:
+        self._begin()
         self._entered = ExitStack()
-        self._step = self._entered.enter_context(self._stepped())
+        try:
+            self._step = self._entered.enter_context(self._stepped(stay))
+        except BaseException:
+            self._end()
+            raise
         return self
 
     def __exit__(
@@ -151,22 +183,37 @@ class Session:
         try:
             self._entered.__exit__(kind, error, trace)
         finally:
-            self.elapsed_s = time.perf_counter() - self._begin_s
+            self._end()
+
+    def _begin(self) -> None:
+        if self.phase is not Phase.NEW:
+            raise SessionError(f"{self!r}: a session is run once; open another")
+        self.phase, self._begin_s = Phase.RUNNING, time.perf_counter()
+
+    def _end(self) -> None:
+        self.phase, self.elapsed_s = Phase.ENDED, time.perf_counter() - self._begin_s
 
     def step(self) -> bool:
         """Run one tick; returns whether the run goes on.
 
         Raises:
-            RuntimeError: the session has not been entered (`with session:`).
+            SessionError: the session has not been entered (`with session:`), or has been left.
             DriverError: the driver failed.
         """
         if self._step is None:
-            raise RuntimeError("a session is stepped within its context: with session: session.step()")
+            raise SessionError(f"{self!r}: steps are taken within its context: with session: session.step()")
         return self._step()
 
     def advance(self, seconds: float) -> bool:
-        """Run as many ticks as `seconds` hold, fewer where the run ends; returns whether it goes on. See `step`."""
-        return all(self.step() for _ in range(round(seconds * self.robot.rate_hz)))
+        """Run as many ticks as `seconds` hold, fewer where the run ends; returns whether it goes on. See `step`.
+
+        Raises:
+            ConfigError: less than one tick.
+        """
+        ticks = round(seconds * self.robot.rate_hz)
+        if ticks < 1:
+            raise ConfigError(f"seconds: {seconds!r}, expected at least a tick, {1.0 / self.robot.rate_hz:g} s")
+        return all(self.step() for _ in range(ticks))
 
     def finish(self) -> RunTrace:
         """Request the end and step to it: the robot comes to a balanced stop, parks, torque goes off. See `step`."""
@@ -180,24 +227,43 @@ class Session:
     def send(self, intent: Intent) -> Target:
         """Set the target that the robot follows from now on.
 
+        A target that the source cannot follow, a clip for a model say, is refused when it is to be followed, by a note.
+
         Raises:
-            ConfigError: the source follows no targets, or the target's text is too long.
+            ConfigError: no intent, the source follows no targets, or the target's text is too long.
+            SessionError: the run has ended.
         """
+        if not isinstance(intent, Intent):
+            raise ConfigError(
+                f"target: {intent!r}, expected one of: {', '.join(one.__name__ for one in WORDS.values())}"
+            )
         if not isinstance(self.source, LiveSource):
             raise ConfigError(f"{self.source.name}: a source that follows no targets; a model or a clip library does")
+        self._require_open()
         return self.targets.send(intent)
 
     def ask(self, request: Request) -> None:
-        """Request a stop, an emergency stop or the end; it acts on the next tick."""
-        self.requests.send(request)
+        """Request a stop, an emergency stop or the end; it acts on the next tick.
+
+        Raises:
+            ValueError: no `Request`.
+            SessionError: the run has ended.
+        """
+        self._require_open()
+        self.requests.send(Request(request))
+
+    def _require_open(self) -> None:
+        if self.phase is Phase.ENDED:
+            raise SessionError(f"{self!r}: nothing acts on it any more")
 
     @property
     def state(self) -> SessionState:
-        """The newest tick. Raises `LookupError` before the first."""
+        """The newest tick; before the first one with tick -1 and without values (NaN)."""
         row = self.telemetry.ticks.latest()
         if row is None:
-            raise LookupError("the run has no tick yet")
-        return SessionState.of(row, self.robot.rate_hz)
+            row = blank(TickRow.dtype(joints=self.robot.n))
+            row["tick"] = -1
+        return SessionState.of(TickRow(row), self.robot.rate_hz)
 
     def control_loop(self, driver: Driver) -> ControlLoop:
         """The loop of this run."""
@@ -209,12 +275,11 @@ class Session:
         return Replanner(self.planner, self.plans, self.telemetry.ticks, self.settings, self.targets, lead, on_note)
 
     @contextmanager
-    def _stepped(self) -> Iterator[Callable[[], bool]]:
+    def _stepped(self, stay: bool) -> Iterator[Callable[[], bool]]:
         """A lockstep run: each call of the function runs one tick and returns whether the run goes on."""
         driver = lockstep(self.driver)
         if driver is None:
-            raise ConfigError(f"driver {self.driver.name!r} runs on the real clock only; use --clock real")
-        self.clock = "lockstep"
+            raise ConfigError(f"driver {self.driver.name!r} runs on the real clock only: clock real")
         period = 1.0 / self.robot.rate_hz
         lead = FixedLead(max(round(self.settings.commit_s * self.robot.rate_hz), 1))
         replanner = self._replanner(lead, partial(self.requests.send, Request.NOTE))
@@ -224,7 +289,7 @@ class Session:
             for follow in followers:
                 ending.callback(follow, True)
             loop = self.loop = self.control_loop(driver)
-            lifecycle = Lifecycle(loop, self.settings, seconds=self.seconds, stay=False)
+            lifecycle = Lifecycle(loop, self.settings, seconds=self.seconds, stay=stay)
             requests = self.requests.reader()
 
             def step() -> bool:
@@ -255,7 +320,6 @@ class Session:
             yield step
 
     def _run_real(self) -> RunTrace:
-        self.clock = "real"
         stepped = lockstep(self.driver)
         driver = self.driver if stepped is None else stepped.detached(realtime=self.realtime)
         planner_requests = RequestChannel()
@@ -266,7 +330,7 @@ class Session:
             self.settings,
             (self.requests, planner_requests),
             seconds=self.seconds,
-            stay=self.stay,
+            stay=bool(self.stay),
             realtime=self.realtime,
             services=self.services,
             wake=self.wake,
@@ -276,3 +340,8 @@ class Session:
             self.scheduling = supervisor.run(collector, self.next_request, self.progress, self.on_event)
         self.memory_mb = supervisor.memory_mb
         return self.record
+
+
+def _length(source: Source) -> float | None:
+    """Length of a source [s]; None: without an end."""
+    return source.seconds if isinstance(source, Performance) else None

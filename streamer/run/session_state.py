@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexmotion.streamer.control.ladder import State
+from flexmotion.streamer.control.tick_row import TickRow
 
 Float = NDArray[np.float64]
 
@@ -47,21 +47,21 @@ class SessionState:
     contacts: NDArray[np.bool_]
 
     @classmethod
-    def of(cls, row: np.ndarray[Any, Any], rate_hz: float) -> SessionState:
-        """From a row of `flexmotion.streamer.control.tick_row`, shape ()."""
-        simulated = bool(np.isfinite(row["true_torque"]).any())
+    def of(cls, row: TickRow, rate_hz: float) -> SessionState:
+        """From a single row."""
+        simulated = bool(np.isfinite(row.true_torque).any())
         return cls(
-            tick=int(row["tick"]),
-            time_s=int(row["tick"]) / rate_hz,
-            ladder=State(int(row["state"])),
-            source_s=float(row["source_s"]),
-            target=int(row["target"]),
-            q=row["q"],
-            qd=row["qd"],
-            q_ref=row["q_ref"],
-            q_cmd=row["q_cmd"],
-            torque=row["true_torque"] if simulated else row["effort"],
-            tilt=row["tilt"],
-            torso=row["true_base"],
-            contacts=row["contact_ref"],
+            tick=int(row.tick),
+            time_s=int(row.tick) / rate_hz,
+            ladder=State(int(row.state)),
+            source_s=float(row.source_s),
+            target=int(row.target),
+            q=row.q,
+            qd=row.qd,
+            q_ref=row.q_ref,
+            q_cmd=row.q_cmd,
+            torque=row.true_torque if simulated else row.effort,
+            tilt=row.tilt,
+            torso=row.true_base,
+            contacts=row.contact_ref,
         )

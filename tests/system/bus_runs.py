@@ -66,7 +66,7 @@ class Run:
 def through(robot: Robot, driver: Driver, body: SimBody | None = None) -> Run:
     """A run of the first `SECONDS` of the shipped motion."""
     session = Session(robot, driver, ClipSource(choose_motion()), load_stream(None), SECONDS)
-    return Run(session.run("lockstep"), driver, body)
+    return Run(session.run(), driver, body)
 
 
 def through_bytes(

@@ -109,7 +109,7 @@ def live(op3: Robot, steps: Motion) -> Callable[..., Live]:
 
     def run(acts: list[tuple[float, Act]], *, end_s: float = 3.0, stay: bool = True) -> Live:
         source = ClipSource(steps)
-        session = Session(op3, create("sim", op3), source, load_stream(), None, stay=stay, realtime=False)
+        session = Session(op3, create("sim", op3), source, load_stream(), None, stay=stay, realtime=False, clock="real")
         todo = sorted(acts, key=lambda act: act[0])
         acted: list[int] = []
         begin: list[float] = []
@@ -129,7 +129,7 @@ def live(op3: Robot, steps: Motion) -> Callable[..., Live]:
 
         session.next_request = operate
         with virtual_time():
-            return Live(session, session.run("real"), acted)
+            return Live(session, session.run(), acted)
 
     return run
 

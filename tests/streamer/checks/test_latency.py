@@ -133,7 +133,7 @@ def test_a_tick_that_woke_late_makes_the_next_one_miss_its_deadline() -> None:
 
 
 def test_a_fall_is_told_with_the_standstill_before_it() -> None:
-    """A robot fell after 457 s, and nobody could say whether that was when the machine stood still for 83 ms."""
+    """Regression: a robot fell after 457 s, and the report did not say whether the machine stood still then."""
     ms = 1_000_000
     record = RunTrace(125.0, ("l_knee",))
     rows = np.zeros(500, tick_dtype(1))

@@ -31,7 +31,7 @@ def test_show(logged: Any, capsys: pytest.CaptureFixture[str]) -> None:
     assert target["at_s"] < request["at_s"]
     assert content["topics"]["/tick"]["messages"] == record.used
     assert content["safety"] == {"final_state": "OFF", "faults": [], "hardware_failed": False}
-    assert content["loop"]["wake_lateness_us"] is None  # nobody wakes in lockstep
+    assert content["loop"]["wake_lateness_us"] is None  # lockstep has no wake-ups
     assert execute(["log", "show", str(logged.path)]) == 0
     text = capsys.readouterr().out
     assert "op3 on sim" in text and "wave" in text and "/plan" in text

@@ -97,11 +97,11 @@ def damaged(content: bytes) -> bytes:
 @pytest.mark.parametrize(
     ("spoil", "expected"),
     [
-        (lambda content: content[:4], "not a log, or a damaged one"),
+        (lambda content: content[:4], "damaged, or not a log of FlexMotion"),
         (lambda content: content[:40], "no log of FlexMotion"),
         (lambda content: b"", "no log of FlexMotion"),
-        (lambda content: b"HIERARCHY\nROOT Hips\n" * 20, "not a log, or a damaged one"),
-        (damaged, "not a log, or a damaged one"),
+        (lambda content: b"HIERARCHY\nROOT Hips\n" * 20, "damaged, or not a log of FlexMotion"),
+        (damaged, "damaged, or not a log of FlexMotion"),
     ],
     ids=["magic", "header", "empty", "text", "damaged"],
 )

@@ -40,7 +40,8 @@ RATE = 125
 
 def recorded(path: Path, clock: str) -> tuple[Session, Recorder]:
     robot = load_robot("op3")
-    session = Session(robot, create("sim", robot), ClipSource(default_clip()[:30]), load_stream(), 0.9, realtime=False)
+    clip = ClipSource(default_clip()[:30])
+    session = Session(robot, create("sim", robot), clip, load_stream(), 0.9, realtime=False, clock=clock)
     return session, record_to(path, session, clock)
 
 
@@ -66,7 +67,7 @@ def test_killed_it_changes_nothing_but_its_log(tmp_path: Path) -> None:
     session, recorder = recorded(tmp_path / "run.mcap", "real")
     session.next_request = killing(session, "recorder", after=2 * RATE)
     with virtual_time():
-        record = session.run("real")
+        record = session.run()
     assert record.state[-1] == State.OFF and record.violations_sent == 0
     assert "recorder ended (signal 9); the run goes on" in [e.message for e in record.events if e.kind == "note"]
     assert [e for e in record.events if e.kind == "fault"] == []
@@ -133,7 +134,7 @@ def test_a_killed_loop_is_on_record_to_its_last_tick(tmp_path: Path) -> None:
     session, recorder = recorded(tmp_path / "run.mcap", "real")
     session.next_request = killing(session, "loop", after=RATE)
     with virtual_time(), pytest.raises(DriverError, match=r"the control loop's process died \(signal 9\)"):
-        session.run("real")
+        session.run()
     log = read_log(recorder.path)
     assert log.whole and recorder.result() == str(recorder.path)
     np.testing.assert_array_equal(log.rows["tick"], session.telemetry.ticks.reader().read()["tick"])

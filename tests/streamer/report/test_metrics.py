@@ -95,7 +95,7 @@ def test_heading_error_is_relative_to_each_start() -> None:
 
 
 def test_displacement_is_seen_from_where_one_stood() -> None:
-    """Who faces left at first goes ahead when going left; the report told a length, and not which way."""
+    """Displacement is relative to the first heading. Regression: the report gave a length without a direction."""
     yaw = np.array([np.pi / 2, np.pi])
     went = metrics.Displacement.of(np.array([[1.0, 1.0, 9.0], [0.8, 1.5, 0.0]]), yaw, scale=2.0)
     assert (went.ahead_m, went.left_m, went.turned_rad) == pytest.approx((1.0, 0.4, np.pi / 2))

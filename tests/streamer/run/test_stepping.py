@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 import pytest
 
-from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.errors import ConfigError, SessionError
 from flexmotion.importers.default_clip import default_clip
 from flexmotion.streamer.api import open_session, outcome
 from flexmotion.streamer.control.ladder import State
@@ -41,8 +44,7 @@ def test_a_stepped_run_is_the_run() -> None:
 
 def test_targets_are_followed_and_the_state_tells_of_it() -> None:
     with open_session("op3", source=library(), seed=2) as session:
-        with pytest.raises(LookupError, match="no tick yet"):
-            _ = session.state
+        assert session.state.tick == -1 and np.isnan(session.state.q).all()
         assert session.advance(2.0)
         before = session.state
         assert (before.tick, before.ladder, before.target) == (249, State.STREAMING, 0)
@@ -92,13 +94,17 @@ def test_items_that_are_no_script_are_refused(items: list[Item], expected: str) 
 
 def test_stepping_needs_the_context_and_leaves_the_torque_off() -> None:
     session = open_session("op3", source=library())
-    with pytest.raises(RuntimeError, match="within its context"):
+    with pytest.raises(SessionError, match=r"has not begun\): steps are taken within its context"):
         session.step()
     with pytest.raises(KeyError, match="of the program"), session:
         session.advance(2.0)
         raise KeyError("of the program")
-    with pytest.raises(RuntimeError, match="within its context"):
+    with pytest.raises(SessionError, match=r"has ended\): steps are taken within its context"):
         session.step()
+    with pytest.raises(SessionError, match=r"has ended\): nothing acts on it any more"):
+        session.send(Clip("wave"))
+    with pytest.raises(SessionError, match=r"has ended\): nothing acts on it any more"):
+        session.ask(Request.STOP)
 
 
 def test_in_processes_a_program_reads_the_state_and_sends_targets() -> None:
@@ -106,7 +112,7 @@ def test_in_processes_a_program_reads_the_state_and_sends_targets() -> None:
     sent: list[int] = []
 
     def operate() -> Request | None:
-        if not session.telemetry.ticks.count or session.state.ladder is not State.STREAMING:
+        if session.state.ladder is not State.STREAMING:
             return None
         if not sent:
             sent.append(session.send(Clip("wave")).id)
@@ -117,3 +123,86 @@ def test_in_processes_a_program_reads_the_state_and_sends_targets() -> None:
         record = session.run()
     assert sent == [1] and record.rows["target"].max() == 1
     assert record.state[-1] == State.OFF
+
+
+def test_a_session_is_run_once() -> None:
+    """Regression: a second run read the first one's END and its rows again, and torque never went on."""
+    session = open_session("op3", source=library())
+    with session:
+        session.step()
+        with pytest.raises(SessionError, match=r"is running\): a session is run once"):
+            session.run()
+        with pytest.raises(SessionError, match=r"is running\): a session is run once"), session:
+            pass
+        assert session.step(), "the run that was going on goes on"
+    with pytest.raises(SessionError, match=r"has ended\): a session is run once"):
+        session.run()
+
+
+def test_the_outcome_is_known_after_the_end(tmp_path: Path) -> None:
+    """Regression: asked for within the run, it closed the log, and the next tick failed."""
+    with open_session("op3", source=library(), log=tmp_path / "run.mcap") as session:
+        session.advance(0.5)
+        with pytest.raises(SessionError, match="its outcome is known once it has ended"):
+            outcome(session)
+        session.finish()
+    assert outcome(session).report.log == str(tmp_path / "run.mcap")
+
+
+def test_after_a_stop_the_robot_stands_and_follows_the_next_target() -> None:
+    """Regression: the run parked and ended, and a later target was accepted and did nothing."""
+    with open_session("op3", source=library()) as session:
+        session.advance(3.0)
+        session.send(Stop())
+        session.advance(6.0)
+        assert session.state.ladder is State.HOLD
+        target = session.send(Clip("wave"))
+        session.advance(0.5)
+        assert session.state.ladder is State.STREAMING and session.state.target == target.id
+        session.finish()
+    assert session.state.ladder is State.OFF
+
+
+def test_what_is_asked_before_each_tick_may_read_the_state_of_the_first() -> None:
+    """Regression: before the first tick `state` raised, and the run ended with that."""
+    ticks: list[int] = []
+
+    def operate() -> Request | None:
+        ticks.append(session.state.tick)
+        return Request.END if session.state.ladder is State.STREAMING else None
+
+    session = open_session("op3", source=library(), next_request=operate)
+    session.run()
+    assert ticks[:2] == [-1, 0] and session.state.ladder is State.OFF
+
+
+@pytest.mark.parametrize(
+    ("options", "expected"),
+    [
+        ({"clock": "lock-step"}, "clock: 'lock-step', expected one of: real, lockstep"),
+        ({"seconds": -1.0}, "seconds: -1.0, expected a positive number"),
+        ({"source": "walk"}, "'walk': expected a motion, an intent"),
+        ({"source": 3}, "3: expected a motion, an intent"),
+        ({"source": Stop()}, "Stop: nothing is followed before it"),
+    ],
+)
+def test_arguments_that_are_wrong_are_refused_at_once(options: dict[str, Any], expected: str) -> None:
+    """Regression: a misspelt clock ran on the wall clock, words without Text ended in an AttributeError."""
+    with pytest.raises(ConfigError, match=expected):
+        open_session("op3", **({"source": ClipSource(STEPS)} | options))
+
+
+def test_targets_and_requests_that_are_none_are_refused_before_they_reach_the_loop() -> None:
+    with open_session("op3", source=library()) as session:
+        with pytest.raises(ConfigError, match="target: 'walk', expected one of: Clip, Text, Velocity, Stop"):
+            session.send("walk")  # type: ignore[arg-type]
+        with pytest.raises(ValueError, match="99 is not a valid Request"):
+            session.ask(99)  # type: ignore[arg-type]
+        with pytest.raises(ConfigError, match="at least a tick"):
+            session.advance(0.0)
+
+
+def test_the_real_clock_is_not_stepped() -> None:
+    session = open_session("op3", source=library(), clock="real")
+    with pytest.raises(ConfigError, match="clock 'real' passes by itself; call run"), session:
+        pass

@@ -27,7 +27,7 @@ from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.control.telemetry import Telemetry
 from flexmotion.streamer.motion.sources import ClipSource
-from flexmotion.streamer.run.session import Session
+from flexmotion.streamer.run.session import Clock, Session
 from flexmotion.streamer.viewer.from_above import draw_from_above
 from flexmotion.streamer.viewer.geometry import geom_meshes
 from flexmotion.streamer.viewer.health import Health
@@ -270,16 +270,15 @@ def test_the_next_free_port_is_taken() -> None:
         free_port(65536)
 
 
-def _session(robot: Robot, seconds: float) -> Session:
-    return Session(
-        robot, create("sim", robot, seed=0), ClipSource(choose_motion()), load_stream(), seconds, realtime=False
-    )
+def _session(robot: Robot, seconds: float, clock: Clock = "lockstep") -> Session:
+    driver, source = create("sim", robot, seed=0), ClipSource(choose_motion())
+    return Session(robot, driver, source, load_stream(), seconds, realtime=False, clock=clock)
 
 
 def test_a_run_is_the_same_with_and_without_a_viewer(robot: Robot) -> None:
     plain, viewed = _session(robot, 0.5), _session(robot, 0.5)
     viewed.services = (Viewer(robot, viewed.telemetry, port=18080),)
-    one, other = plain.run("lockstep"), viewed.run("lockstep")
+    one, other = plain.run(), viewed.run()
     for column in ("tick", "state", "q", "q_cmd", "dcm", "true_base"):
         np.testing.assert_array_equal(getattr(one, column), getattr(other, column))
 
@@ -287,12 +286,12 @@ def test_a_run_is_the_same_with_and_without_a_viewer(robot: Robot) -> None:
 def test_nothing_of_the_server_is_on_stdout(robot: Robot, capfd: pytest.CaptureFixture[str]) -> None:
     session = _session(robot, 0.2)
     session.services = (Viewer(robot, session.telemetry, port=18080),)
-    session.run("lockstep")
+    session.run()
     assert capfd.readouterr().out == ""
 
 
 def test_a_viewer_that_is_killed_only_takes_the_view_away(robot: Robot) -> None:
-    session = _session(robot, 1.0)
+    session = _session(robot, 1.0, "real")
     session.services = (Viewer(robot, session.telemetry, port=18080),)
     killed: list[int] = []
 
@@ -305,7 +304,7 @@ def test_a_viewer_that_is_killed_only_takes_the_view_away(robot: Robot) -> None:
 
     session.progress = kill
     with virtual_time():
-        record = session.run("real")
+        record = session.run()
     assert killed
     note = next(event for event in record.events if "viewer" in event.message)
     assert note.message == "viewer ended (signal 9); the run goes on"
