@@ -18,6 +18,7 @@ from flexmotion.drivers.realtime import child, priority
 from flexmotion.drivers.realtime.ring import Reader, Ring
 from flexmotion.drivers.realtime.ticker import Ticker
 from flexmotion.drivers.simulated import LockstepDriver, SimulatedDriver, Truth
+from flexmotion.records import Bool, Float, Int, Record, column
 
 QUANTUM_S = 0.002
 """Step of simulated time, each taken when it is due on the real clock [s]: a quarter of a servo bus's usual cycle."""
@@ -30,32 +31,40 @@ _TRUTH = tuple(field.name for field in fields(Truth))
 _STATE = ("position", "velocity", "effort", "voltage", "temperature", "hardware_error", "gyro", "accel")
 
 
-def _command_dtype(n: int) -> np.dtype[Any]:
-    return np.dtype([("kind", "i8"), ("position", "f8", n), ("torque_bound", "f8", n)])
+class _CommandRow(Record):
+    """A command to the robot's process: goals, or what to do with the torque."""
+
+    kind: Int = column("i8")
+    position: Float = column("f8", "joints")
+    torque_bound: Float = column("f8", "joints")
 
 
-def _state_dtype(n: int) -> np.dtype[Any]:
-    return np.dtype(
-        [
-            ("stamp_ns", "i8"),
-            ("imu_stale", "i8"),
-            ("violations", "i8"),
-            ("late_s", "f8"),
-            ("worst_late_s", "f8"),
-            ("hardware_error", "i8", n),
-            *((name, "f8", n) for name in ("position", "velocity", "effort", "voltage", "temperature")),
-            ("gyro", "f8", 3),
-            ("accel", "f8", 3),
-            ("base_position", "f8", 3),
-            ("base_quaternion", "f8", 4),
-            ("joint_position", "f8", n),
-            *((f"foot_{name}", "f8", (2, 3)) for name in ("position", "velocity", "force")),
-            ("torque", "f8", n),
-            ("saturated", "f8", n),
-            ("com", "f8", 3),
-            ("self_contact", "?"),
-        ]
-    )
+class _StateRow(Record):
+    """What the robot's process publishes: fields of `RobotState` and `Truth`, and its own lateness."""
+
+    stamp_ns: Int = column("i8")
+    imu_stale: Int = column("i8")
+    violations: Int = column("i8")
+    late_s: Float = column("f8")
+    worst_late_s: Float = column("f8")
+    hardware_error: Int = column("i8", "joints")
+    position: Float = column("f8", "joints")
+    velocity: Float = column("f8", "joints")
+    effort: Float = column("f8", "joints")
+    voltage: Float = column("f8", "joints")
+    temperature: Float = column("f8", "joints")
+    gyro: Float = column("f8", 3)
+    accel: Float = column("f8", 3)
+    base_position: Float = column("f8", 3)
+    base_quaternion: Float = column("f8", 4)
+    joint_position: Float = column("f8", "joints")
+    foot_position: Float = column("f8", 2, 3)
+    foot_velocity: Float = column("f8", 2, 3)
+    foot_force: Float = column("f8", 2, 3)
+    torque: Float = column("f8", "joints")
+    saturated: Float = column("f8", "joints")
+    com: Float = column("f8", 3)
+    self_contact: Bool = column("?")
 
 
 class SimProcess(SimulatedDriver):
@@ -76,13 +85,14 @@ class SimProcess(SimulatedDriver):
         self.simulation = simulation
         self._realtime = realtime
         n = self.robot.n
-        self._commands = Ring(_command_dtype(n), 64)
-        self._states = Ring(_state_dtype(n), 16)
-        self._row = np.zeros((), _command_dtype(n))
+        self._commands = Ring(_CommandRow.dtype(joints=n), 64)
+        self._states = Ring(_StateRow.dtype(joints=n), 16)
+        self._command = np.zeros((), self._commands.dtype)
+        self._row = _CommandRow(self._command)
         self._seen = 0
         self._unchanged = 0
         self._patience = max(round(_PAUSE_S * self.robot.rate_hz), 1)
-        self._newest: NDArray[Any] = np.zeros((), _state_dtype(n))
+        self._newest = _StateRow(np.zeros((), self._states.dtype))
         self._process: BaseProcess | None = None
 
     @property
@@ -101,22 +111,17 @@ class SimProcess(SimulatedDriver):
     @property
     def violations(self) -> int:
         """Goals outside the servos' envelope, up to the last `read`."""
-        return int(self._newest["violations"])
+        return int(self._newest.violations)
 
     @property
     def lateness_s(self) -> float:
         """Greatest lateness of the simulation in the tick of the newest state and the one before [s]."""
-        return float(self._newest["worst_late_s"])
+        return float(self._newest.worst_late_s)
 
     @property
     def pid(self) -> int | None:
         """Process id of the robot's process; None while it is not open."""
         return None if self._process is None else self._process.pid
-
-    @property
-    def published(self) -> int:
-        """States that the process has published since the driver was made."""
-        return self._states.count
 
     def open(self) -> None:
         """Start the process and wait for its first state. Raises `DriverError` if none comes."""
@@ -138,11 +143,11 @@ class SimProcess(SimulatedDriver):
         self._unchanged = self._unchanged + 1 if count == self._seen else 0
         self._seen = count
         if newest is not None:
-            self._newest = newest
+            self._newest = _StateRow(newest)
             for name in _STATE:
-                getattr(state, name)[:] = newest[name]
-            state.stamp_ns = int(newest["stamp_ns"])
-            state.imu_stale = int(newest["imu_stale"])
+                getattr(state, name)[:] = getattr(self._newest, name)
+            state.stamp_ns = int(self._newest.stamp_ns)
+            state.imu_stale = int(self._newest.imu_stale)
         state.stale[:] = self._reads_behind()
         if state.imu_stale >= 0:
             state.imu_stale = int(state.stale[0])
@@ -158,7 +163,7 @@ class SimProcess(SimulatedDriver):
 
     def write(self, command: JointCommand) -> None:
         """Send goals."""
-        self._row["position"], self._row["torque_bound"] = command.position, command.torque_bound
+        self._row.position[...], self._row.torque_bound[...] = command.position, command.torque_bound
         self._send(_GOALS)
 
     def set_torque(self, on: bool) -> None:
@@ -171,7 +176,7 @@ class SimProcess(SimulatedDriver):
 
     def truth(self) -> Truth:
         """The true state at the last `read`."""
-        values: dict[str, Any] = {name: self._newest[name] for name in _TRUTH}
+        values: dict[str, Any] = {name: getattr(self._newest, name) for name in _TRUTH}
         return Truth(**values | {"self_contact": bool(values["self_contact"])})
 
     def close(self) -> None:
@@ -183,8 +188,8 @@ class SimProcess(SimulatedDriver):
             self._process = None
 
     def _send(self, kind: int) -> None:
-        self._row["kind"] = kind
-        self._commands.publish(self._row)
+        self._row.kind[...] = kind
+        self._commands.publish(self._command)
 
     # ---------------------------------------------------------------- in the robot's process
 
@@ -221,10 +226,10 @@ class SimProcess(SimulatedDriver):
         """Carry out the commands that came since the last step, in order; True if the process must end."""
         simulation = self.simulation
         command = JointCommand(self.robot.n)
-        for row in commands.read():
-            kind = int(row["kind"])
+        for row in map(_CommandRow, commands.read()):
+            kind = int(row.kind)
             if kind == _GOALS:
-                command.position[:], command.torque_bound[:] = row["position"], row["torque_bound"]
+                command.position[:], command.torque_bound[:] = row.position, row.torque_bound
                 simulation.write(command)
             elif kind in (_TORQUE_ON, _TORQUE_OFF):
                 simulation.set_torque(kind == _TORQUE_ON)
@@ -235,13 +240,13 @@ class SimProcess(SimulatedDriver):
         return False
 
     def _publish(self, sensed: RobotState, row: NDArray[Any], late_s: float, worst_late_s: float) -> None:
-        simulation = self.simulation
+        simulation, state = self.simulation, _StateRow(row)
         simulation.read(sensed)
         for name in _STATE:
-            row[name] = getattr(sensed, name)
-        row["stamp_ns"], row["imu_stale"] = time.perf_counter_ns(), sensed.imu_stale
-        row["violations"], row["late_s"], row["worst_late_s"] = simulation.violations, late_s, worst_late_s
+            setattr(state, name, getattr(sensed, name))
+        state.stamp_ns[...], state.imu_stale[...] = time.perf_counter_ns(), sensed.imu_stale
+        state.violations[...], state.late_s[...], state.worst_late_s[...] = simulation.violations, late_s, worst_late_s
         truth = simulation.truth()
         for name in _TRUTH:
-            row[name] = getattr(truth, name)
+            setattr(state, name, getattr(truth, name))
         self._states.publish(row)

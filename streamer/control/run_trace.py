@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexmotion.streamer.control.telemetry import Event, Telemetry, events
-from flexmotion.streamer.control.tick_row import REPAIRS, TickRow, blank, tick_dtype
+from flexmotion.streamer.control.tick_row import REPAIRS, TickRow, blank
 
 Float = NDArray[np.float64]
 
@@ -56,7 +56,7 @@ class RunTrace:
         self.human_steps = 0
         self.forgotten = 0
         self._most = int(kept_s * rate_hz)
-        self._rows = blank(tick_dtype(len(joint_names)), _FIRST_ROWS)
+        self._rows = blank(TickRow.dtype(joints=len(joint_names)), _FIRST_ROWS)
         self._used = 0
 
     @property

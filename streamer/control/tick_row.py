@@ -127,11 +127,6 @@ class TickRow(Record):
     """A servo, the IMU, the supply or the bus is why the start was refused or a fault is latched."""
 
 
-def tick_dtype(n: int) -> np.dtype[Any]:
-    """The layout of `TickRow` for a robot with `n` joints."""
-    return TickRow.dtype(joints=n)
-
-
 def blank(dtype: np.dtype[Any], shape: int | tuple[int, ...] = ()) -> np.ndarray[Any, Any]:
     """Rows with every float NaN and every other field zero."""
     rows = np.zeros(shape, dtype)

@@ -7,7 +7,7 @@ from typing import Any
 
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.plan_buffer import Offer, Ticket
-from flexmotion.streamer.control.tick_row import tick_dtype
+from flexmotion.streamer.control.tick_row import TickRow
 from flexmotion.streamer.log.cdr import Column, columns_of, encode
 
 TICK, PLAN, TARGET, EVENT = "/tick", "/plan", "/target", "/event"
@@ -44,11 +44,11 @@ _ROWS = (("q", None), ("qd", None), ("torque", None), ("feet", 8), ("com", 3), (
 
 
 def tick_columns(joints: int) -> list[Column]:
-    """Fields of `/tick`: those of `flexmotion.streamer.control.tick_row.tick_dtype`, in its order."""
+    """Fields of `/tick`: those of `flexmotion.streamer.control.tick_row.TickRow`, in its order."""
     states = tuple((state.name, int(state)) for state in State)
     return [
         Column(column.name, column.kind, column.size, column.unit, states) if column.name == "state" else column
-        for column in columns_of(tick_dtype(joints), UNITS)
+        for column in columns_of(TickRow.dtype(joints=joints), UNITS)
     ]
 
 

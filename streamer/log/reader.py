@@ -19,7 +19,7 @@ from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.robot import Robot
 from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.control.telemetry import Event
-from flexmotion.streamer.control.tick_row import blank, tick_dtype
+from flexmotion.streamer.control.tick_row import TickRow, blank
 from flexmotion.streamer.log.cdr import ENCAPSULATION, decode, parse_schema, row_dtype
 from flexmotion.streamer.log.header import SCHEMA, LogHeader, is_header, require_version, robot_files
 from flexmotion.streamer.log.messages import EVENT, PLAN, TARGET, TICK
@@ -42,7 +42,7 @@ class Log:
     """Content of a log.
 
     Attributes:
-        rows: rows of `flexmotion.streamer.control.tick_row.tick_dtype`, one a tick; missing columns are NaN or 0.
+        rows: rows of `flexmotion.streamer.control.tick_row.TickRow`, one a tick; missing columns are NaN or 0.
         events: events in order.
         plans: fields of `flexmotion.streamer.log.messages.PLAN_COLUMNS` by name.
         targets: targets as sent.
@@ -177,7 +177,7 @@ class _Content:
 
     def _rows(self, joints: int) -> NDArray[Any]:
         """The ticks as rows of this version, column by column: an older log may lack some."""
-        dtype = tick_dtype(joints)
+        dtype = TickRow.dtype(joints=joints)
         rows = blank(dtype, len(self.ticks))
         if not self.ticks:
             return rows

@@ -14,7 +14,7 @@ from flexmotion.streamer.commands.choice import choose_motion
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.control.telemetry import Event
-from flexmotion.streamer.control.tick_row import REPAIRS, blank, tick_dtype
+from flexmotion.streamer.control.tick_row import REPAIRS, TickRow, blank
 from flexmotion.streamer.motion.sources import ClipSource
 from flexmotion.streamer.plots.pictures import write_plots
 from flexmotion.streamer.report.metrics import HumanTrack, RobotFigures
@@ -35,7 +35,7 @@ def make_record(seconds: float = 8.0, rate_hz: float = 125.0) -> RunTrace:
     """Stand 0.5 s, walk and turn a little, hold for the last 0.5 s; the measurement lags by `LAG_TICKS`."""
     ticks, n = int(seconds * rate_hz), len(JOINTS)
     record = RunTrace(rate_hz=rate_hz, joint_names=JOINTS)
-    record.append(blank(tick_dtype(n), ticks))
+    record.append(blank(TickRow.dtype(joints=n), ticks))
     record.rows["tick"] = np.arange(ticks)
     t = np.arange(ticks) / rate_hz
     rows, quiet = slice(ticks), int(0.5 * rate_hz)

@@ -60,8 +60,8 @@ def test_it_is_simulated_and_not_in_lockstep(robot: SimProcess) -> None:
 def test_time_passes_without_reads(robot: SimProcess, op3: Robot) -> None:
     state = RobotState(op3.n)
     robot.read(state)
-    first, published = state.stamp_ns, robot.published
-    wait_until(lambda: robot.published > published + 100, "the robot steps on")
+    first, published = state.stamp_ns, robot._states.count
+    wait_until(lambda: robot._states.count > published + 100, "the robot steps on")
     robot.read(state)
     assert state.stamp_ns > first
     assert (state.stale == 0).all() and state.imu_stale == 0
@@ -137,8 +137,8 @@ def test_it_opens_again_after_a_run(robot: SimProcess, op3: Robot) -> None:
     state = RobotState(op3.n)
     robot.close()
     robot.open()
-    published = robot.published
-    wait_until(lambda: robot.published > published + 10, "the robot steps on")
+    published = robot._states.count
+    wait_until(lambda: robot._states.count > published + 10, "the robot steps on")
     robot.read(state)
     assert (state.stale == 0).all()
 

@@ -25,7 +25,7 @@ from flexmotion.streamer.checks.switching import shipped_clips, switched
 from flexmotion.streamer.cli import execute
 from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.control.telemetry import Event
-from flexmotion.streamer.control.tick_row import tick_dtype
+from flexmotion.streamer.control.tick_row import TickRow
 from flexmotion.streamer.plots.latency import write_latency
 from flexmotion.streamer.run.requests import Request
 from flexmotion.streamer.run.session import Session
@@ -97,7 +97,7 @@ def test_what_fell_into_a_standstill_is_told_apart() -> None:
     """Twelve ticks; before the fifth the machine stood still for 20 ms, so that it and the next woke late."""
     ms = 1_000_000
     record = RunTrace(125.0, ("l_knee",))
-    rows = np.zeros(12, tick_dtype(1))
+    rows = np.zeros(12, TickRow.dtype(joints=1))
     rows["stamp_ns"] = 1000 * ms + 8 * ms * np.arange(12)
     rows["stamp_ns"][4:] += 8 * ms * 2  # two ticks left out
     rows["missed_deadlines"][4:] = 3
@@ -119,7 +119,7 @@ def test_a_tick_that_woke_late_makes_the_next_one_miss_its_deadline() -> None:
     """It is counted a tick after the standstill, which ended as the late tick began: it was laid to the program."""
     ms = 1_000_000
     record = RunTrace(125.0, ("l_knee",))
-    rows = np.zeros(6, tick_dtype(1))
+    rows = np.zeros(6, TickRow.dtype(joints=1))
     rows["stamp_ns"] = 1000 * ms + 8 * ms * np.arange(6)
     rows["stamp_ns"][3] += 7 * ms
     rows["stamp_ns"][4] += 1 * ms
@@ -136,7 +136,7 @@ def test_a_fall_is_told_with_the_standstill_before_it() -> None:
     """Regression: a robot fell after 457 s, and the report did not say whether the machine stood still then."""
     ms = 1_000_000
     record = RunTrace(125.0, ("l_knee",))
-    rows = np.zeros(500, tick_dtype(1))
+    rows = np.zeros(500, TickRow.dtype(joints=1))
     rows["tick"], rows["stamp_ns"] = np.arange(500), 1000 * ms + 8 * ms * np.arange(500)
     record.append(rows)
     fall = Event(375, "fault", "fall")

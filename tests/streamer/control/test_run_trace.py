@@ -7,24 +7,24 @@ import pytest
 
 from flexmotion.streamer.control.run_trace import Collector, RunTrace
 from flexmotion.streamer.control.telemetry import KEPT_S, Event, Telemetry
-from flexmotion.streamer.control.tick_row import blank, tick_dtype
+from flexmotion.streamer.control.tick_row import TickRow, blank
 
 JOINTS = ("a", "b")
 
 
 def rows(first: int, count: int) -> np.ndarray:
-    made = blank(tick_dtype(2), count)
+    made = blank(TickRow.dtype(joints=2), count)
     made["tick"] = np.arange(first, first + count)
     return made
 
 
 def test_a_blank_row_has_no_values() -> None:
-    row = blank(tick_dtype(2))
+    row = blank(TickRow.dtype(joints=2))
     assert np.isnan(row["q_cmd"]).all() and np.isnan(row["source_s"]) and row["plan"] == 0
 
 
 def test_a_row_has_no_padding_so_that_its_bytes_are_a_message() -> None:
-    dtype = tick_dtype(3)
+    dtype = TickRow.dtype(joints=3)
     sizes = [dtype[name].base.itemsize for name in dtype.names or ()]
     assert sizes == sorted(sizes, reverse=True)
     assert dtype.itemsize == sum(dtype[name].itemsize for name in dtype.names or ())  # no holes

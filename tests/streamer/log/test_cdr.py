@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from mcap_ros2._dynamic import generate_dynamic
 
 from flexmotion.configs.errors import ConfigError
-from flexmotion.streamer.control.tick_row import tick_dtype
+from flexmotion.streamer.control.tick_row import TickRow
 from flexmotion.streamer.log.cdr import (
     ENCAPSULATION,
     Column,
@@ -60,7 +60,7 @@ def test_what_is_encoded_is_decoded_by_us_and_by_others(message: tuple[list[Colu
 
 
 def test_a_row_is_its_own_message() -> None:
-    dtype = tick_dtype(3)
+    dtype = TickRow.dtype(joints=3)
     row = np.zeros((), dtype)
     rng = np.random.default_rng(0)
     for name in dtype.names or ():

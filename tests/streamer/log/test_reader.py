@@ -81,9 +81,9 @@ def test_a_log_of_an_older_row_is_read_by_name(logged: Any, tmp_path: Path, monk
     from flexmotion.streamer.control import tick_row
     from flexmotion.streamer.log import reader
 
-    full = tick_row.tick_dtype(logged.session.robot.n)
+    full = tick_row.TickRow.dtype(joints=logged.session.robot.n)
     newer = np.dtype([("later", "f8", 2), *((name, full[name]) for name in full.names if name != "tilt")])
-    monkeypatch.setattr(reader, "tick_dtype", lambda n: newer)
+    monkeypatch.setattr(reader.TickRow, "dtype", lambda joints: newer)
     rows = read_log(logged.path).rows
     assert np.isnan(rows["later"]).all()
     np.testing.assert_array_equal(rows["q"], logged.session.record.rows["q"])
