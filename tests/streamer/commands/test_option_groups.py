@@ -1,0 +1,60 @@
+"""A group of options is a dataclass; each of its fields is an option of the command."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Annotated
+
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from flexmotion.streamer.commands.option_groups import grouped
+
+
+@dataclass(frozen=True)
+class Speed:
+    """A group with options of every kind: required, with a default, repeatable."""
+
+    speed: Annotated[float, typer.Option("--speed", min=0.0, help="How fast.")]
+    unit: Annotated[str, typer.Option("--unit")] = "m/s"
+    names: Annotated[list[str], typer.Option("--name")] = field(default_factory=list)
+
+
+def command(options: Speed, loud: Annotated[bool, typer.Option("--loud")] = False) -> None:
+    """Print the options."""
+    typer.echo(f"{options} {loud}")
+
+
+@pytest.fixture(scope="module")
+def app() -> typer.Typer:
+    app = typer.Typer()
+    app.command()(grouped(command))
+    return app
+
+
+def test_fields_are_options_with_their_defaults(app: typer.Typer) -> None:
+    result = CliRunner().invoke(app, ["--speed", "2"])
+    assert result.stdout == "Speed(speed=2.0, unit='m/s', names=[]) False\n"
+    result = CliRunner().invoke(app, ["--loud", "--name", "a", "--unit", "km/h", "--speed", "1", "--name", "b"])
+    assert result.stdout == "Speed(speed=1.0, unit='km/h', names=['a', 'b']) True\n"
+
+
+def test_bounds_and_requirements_of_fields_hold(app: typer.Typer) -> None:
+    assert CliRunner().invoke(app, ["--speed", "-1"]).exit_code == 2
+    assert CliRunner().invoke(app, []).exit_code == 2
+
+
+def test_help_shows_every_field_and_the_commands_text(app: typer.Typer) -> None:
+    shown = CliRunner().invoke(app, ["--help"]).stdout
+    assert "Print the options." in shown and "How fast." in shown
+    assert all(name in shown for name in ("--speed", "--unit", "--name", "--loud"))
+
+
+def test_a_group_in_a_union_is_an_error_where_it_is_declared() -> None:
+    # Went wrong: it was not expanded, and the command had one option of no use.
+    def wrong(options: Speed | None = None) -> None:
+        """Do nothing."""
+
+    with pytest.raises(TypeError, match="wrong: options: a group of options cannot be optional or in a union"):
+        grouped(wrong)
