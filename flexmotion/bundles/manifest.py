@@ -10,7 +10,7 @@ from typing import Any
 
 from flexmotion.configs.corrections import Corrections
 from flexmotion.configs.errors import ConfigError
-from flexmotion.configs.schema import Strict, parse
+from flexmotion.configs.schema import Strict, load, parse
 from flexmotion.human.body import Sex
 
 MANIFEST = "manifest.json"
@@ -117,6 +117,18 @@ def read_manifest(path: Path) -> Manifest:
     if found == 3:
         content = content | {"schema_": SCHEMA, "corrections": CORRECTIONS_OF_3.model_dump()}
     return parse(Manifest, content, path)
+
+
+def read_corrections(source: Path) -> Corrections:
+    """The corrections of a bundle, or those in a YAML file.
+
+    Args:
+        source: folder of a bundle, or a YAML file with fields of `Corrections`.
+
+    Raises:
+        ConfigError: it cannot be read, or is neither.
+    """
+    return read_manifest(source / MANIFEST).corrections if source.is_dir() else load(Corrections, source)
 
 
 def write_manifest(manifest: Manifest, path: Path) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from flexmotion.bundles.bundle import Bundle
-from flexmotion.bundles.manifest import CORRECTIONS_OF_3, MANIFEST, SCHEMA, read_manifest
+from flexmotion.bundles.manifest import CORRECTIONS_OF_3, MANIFEST, SCHEMA, read_corrections, read_manifest
 from flexmotion.bundles.shipped import FOLDER
 from flexmotion.configs.corrections import Corrections
 from flexmotion.configs.errors import ConfigError
@@ -88,6 +88,18 @@ def test_damaged_manifests_are_refused(tmp_path: Path, text: str, message: str) 
     path.write_text(text, encoding="utf-8")
     with pytest.raises(ConfigError, match=message):
         read_manifest(path)
+
+
+def test_corrections_are_read_from_a_bundle_or_a_file(tmp_path: Path) -> None:
+    assert read_corrections(FOLDER) == CORRECTIONS_OF_3
+    path = tmp_path / "corrections.yaml"
+    path.write_text("aside: 1.5\nspeeds: {run: [2.3, 0, 0]}\n", encoding="utf-8")
+    assert read_corrections(path) == Corrections(aside=1.5, speeds={"run": (2.3, 0.0, 0.0)})
+    path.write_text("asides: 1.5\n", encoding="utf-8")
+    with pytest.raises(ConfigError, match=r"corrections\.yaml: field asides: unknown field, expected one of: standing"):
+        read_corrections(path)
+    with pytest.raises(ConfigError, match="no bundle there"):
+        read_corrections(tmp_path)
 
 
 def test_a_bundle_without_corrections_is_sampled_without_them(tmp_path: Path) -> None:

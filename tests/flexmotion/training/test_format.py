@@ -12,6 +12,8 @@ import yaml
 
 torch = pytest.importorskip("torch", reason="training needs the extra 'train'")
 
+from flexmotion.bundles.manifest import CORRECTIONS_OF_3  # noqa: E402
+from flexmotion.configs.corrections import Corrections  # noqa: E402
 from flexmotion.configs.errors import ConfigError  # noqa: E402
 from flexmotion.streamer.cli import execute  # noqa: E402
 from flexmotion.training.autoencoder import Autoencoder  # noqa: E402
@@ -71,9 +73,22 @@ def test_weights_and_settings_without_format_are_read(trained: Run, network: Aut
     torch.save(checkpoint(trained, BEST, format=None), tmp_path / BEST)
     assert load_weights(network, tmp_path) == training_record(tmp_path).best
     content = yaml.safe_load((trained.folder / CONFIG).read_text())
-    del content["format"]
+    del content["format"], content["model"]["corrections"]
     (tmp_path / CONFIG).write_text(yaml.safe_dump(content))
     assert Run(tmp_path).fingerprint() == trained.fingerprint()
+
+
+def test_a_training_without_format_has_the_corrections_of_its_program(
+    trained: Run, stream_config: Path, tmp_path: Path
+) -> None:
+    content = yaml.safe_load((trained.folder / CONFIG).read_text())
+    del content["format"], content["model"]["corrections"]
+    (tmp_path / CONFIG).write_text(yaml.safe_dump(content))
+    assert Run(tmp_path).config.corrections == CORRECTIONS_OF_3
+    # They stay in the folder, and a configuration without corrections leaves them as they are.
+    assert Run(tmp_path, str(stream_config)).config.corrections == CORRECTIONS_OF_3
+    assert Run(tmp_path).config.corrections == CORRECTIONS_OF_3
+    assert trained.config.corrections == Corrections()
 
 
 @pytest.mark.parametrize(
