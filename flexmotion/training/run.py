@@ -19,7 +19,7 @@ from flexmotion.dataset.compact_set import open_set
 from flexmotion.dataset.fields import MUSCLES
 from flexmotion.features.layout import Layout
 from flexmotion.training.feature_store import FeatureStore, build_store
-from flexmotion.training.format import FORMAT, UNVERSIONED, check_format
+from flexmotion.training.format import CONFIG_VERSIONS, FORMAT, UNVERSIONED
 from flexmotion.training.muscle_torques import MuscleTorques, fit_muscle_torques, load_muscle_torques
 
 CONFIG = "config.yaml"
@@ -55,7 +55,7 @@ class Run:
         path = folder / CONFIG
         if path.is_file():
             content = read_yaml(path)
-            check_format(content.get("format"), path, oldest=UNVERSIONED, advice="train again in an empty folder")
+            CONFIG_VERSIONS.check(content.get("format", UNVERSIONED), path)
             saved = _read_saved(content, path)
             asked = saved.model if config is None else load_model_config(config)
             if "corrections" not in asked.model_fields_set:

@@ -96,9 +96,7 @@ def test_a_bundle_that_does_not_match_is_refused(bundle: Bundle, tmp_path: Path)
         Bundle(tmp_path / "none")
 
 
-def test_corrections_are_named_at_the_export(
-    trained: Run, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_corrections_are_named_at_the_export(trained: Run, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Regression: a model that was exported again lost its corrections, without a word."""
     missing = "no corrections: words are not slowed to a robot's pace"
     export = ["export", str(trained.folder), "-o", str(tmp_path / "bundle")]
