@@ -17,6 +17,9 @@ from flexmotion.streamer.log.replay import TOLERANCES, replay
 OLD = Path(__file__).parent / "data" / "version_0.1.0.mcap"
 """Written by FlexMotion 0.1.0: `dry-run --clip steps.npz --seed 3 --perturb noise_scale=0`, its first 160 ticks."""
 
+OLD_MODEL = OLD.with_name("model_0.1.0.mcap")
+"""Likewise: `dry-run --prompt "step to the left" --seed 2 --seconds 1`, its first 145 ticks without `/plan`."""
+
 
 def test_a_log_of_version_0_1_0_opens_and_replays(capsys: pytest.CaptureFixture[str]) -> None:
     log = read_log(OLD)
@@ -29,6 +32,17 @@ def test_a_log_of_version_0_1_0_opens_and_replays(capsys: pytest.CaptureFixture[
             assert figure.difference == pytest.approx(0.0, abs=TOLERANCES.get(figure.name, 0.01)), figure.name
     assert execute(["log", "show", str(OLD)]) == 0
     assert "160 ticks at 125 Hz" in capsys.readouterr().out
+
+
+def test_a_log_of_the_model_of_version_0_1_0_replays(capsys: pytest.CaptureFixture[str]) -> None:
+    """The shipped bundle has another schema since, but makes the same motion."""
+    log = read_log(OLD_MODEL)
+    assert log.header.software == "0.1.0" and len(log.rows) == 145
+    assert State(log.rows["state"][-1]) is State.STREAMING
+    # With the real clock's tolerances: another processor may round differently.
+    for figure in replay(log, Subject.of(log)).figures:
+        if figure.logged is not None:
+            assert figure.difference == pytest.approx(0.0, abs=TOLERANCES.get(figure.name, 0.01)), figure.name
 
 
 @pytest.mark.parametrize(
