@@ -98,6 +98,8 @@ def export(
     """
     if folder.exists() and any(folder.iterdir()) and not (folder / "manifest.json").is_file():
         raise ConfigError(f"{folder}: is not empty and not a bundle")
+    corrections = run.config.corrections if corrections is None else corrections
+    corrections.require_known([*kinds(), *([PERSONAL_KIND] if run.personal_wordings() else [])], "corrections")
     folder.mkdir(parents=True, exist_ok=True)
     autoencoder, denoiser = load_networks(run, distilled=distilled)
     store, config, layout = run.store(), run.config, run.layout
@@ -137,7 +139,7 @@ def export(
         guidance=diffusion.guidance,
         velocity=diffusion.velocity,
         body=BodySize(height=body.height, mass=body.mass, sex=body.sex, segments=asdict(body.segments)),
-        corrections=config.corrections if corrections is None else corrections,
+        corrections=corrections,
         licence="; ".join(store.licences) or UNKNOWN_LICENCE,
         versions={name: version(name) for name in LIBRARIES},
     )

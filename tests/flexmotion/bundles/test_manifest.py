@@ -98,8 +98,18 @@ def test_corrections_are_read_from_a_bundle_or_a_file(tmp_path: Path) -> None:
     path.write_text("asides: 1.5\n", encoding="utf-8")
     with pytest.raises(ConfigError, match=r"corrections\.yaml: field asides: unknown field, expected one of: standing"):
         read_corrections(path)
+    path.write_text("catch_up: 0.3\n", encoding="utf-8")
+    with pytest.raises(ConfigError, match="catch_up 0.3 has no effect with catch_up_limit 0, expected a limit > 0"):
+        read_corrections(path)
     with pytest.raises(ConfigError, match="no bundle there"):
         read_corrections(tmp_path)
+
+
+def test_speeds_of_unknown_kinds_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(
+        ConfigError, match=r"speeds\.runn: unknown kind, expected one of: bow, .*run, .*walk-turn-right, "
+    ):
+        changed(tmp_path / "other", corrections={"speeds": {"runn": [2.3, 0, 0]}})
 
 
 def test_a_bundle_without_corrections_is_sampled_without_them(tmp_path: Path) -> None:

@@ -103,6 +103,10 @@ def test_corrections_are_named_at_the_export(trained: Run, tmp_path: Path, capsy
     assert execute(export) == 0
     assert missing in capsys.readouterr().err
     assert read_corrections(tmp_path / "bundle") == Corrections()
+    unknown = tmp_path / "unknown.yaml"
+    unknown.write_text("speeds: {runn: [2, 0, 0]}\n", encoding="utf-8")
+    assert execute([*export, "--corrections", str(unknown)]) == 2
+    assert "speeds.runn: unknown kind" in capsys.readouterr().err
     assert execute([*export, "--corrections", str(FOLDER)]) == 0
     assert missing not in capsys.readouterr().err
     assert read_corrections(tmp_path / "bundle") == CORRECTIONS_OF_3
