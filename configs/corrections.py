@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
-from pydantic import Field
+from collections.abc import Iterable
+from pathlib import Path
 
+from pydantic import Field, model_validator
+
+from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.schema import Strict
 
 Velocity = tuple[float, float, float]
@@ -22,7 +26,7 @@ class Corrections(Strict):
         turning_per_aside: turning added per sideways velocity, to the same side [rad/m].
         catch_up: share of the velocity that the history lacks which is added to the request, forward, and sideways
             where a sideways velocity is asked for.
-        catch_up_limit: greatest velocity that `catch_up` adds [m/s].
+        catch_up_limit: greatest velocity that `catch_up` adds [m/s]; `catch_up` needs one.
         speeds: velocity at which the model moves for a kind of motion without a velocity, by kind. A kind
             without one cannot be slowed to a `Pace`.
     """
@@ -34,3 +38,23 @@ class Corrections(Strict):
     catch_up: float = Field(default=0.0, ge=0)
     catch_up_limit: float = Field(default=0.0, ge=0)
     speeds: dict[str, Velocity] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _limited(self) -> Corrections:
+        if self.catch_up and not self.catch_up_limit:
+            raise ValueError(
+                f"catch_up {self.catch_up} has no effect with catch_up_limit 0, expected a limit > 0 [m/s]"
+            )
+        return self
+
+    def require_known(self, kinds: Iterable[str], origin: Path | str) -> None:
+        """Raise `ConfigError` if `speeds` names a kind of motion that is not one of the model's `kinds`.
+
+        Args:
+            kinds: that the model knows.
+            origin: file of the corrections, for messages.
+        """
+        known = sorted(set(kinds))
+        for kind in self.speeds:
+            if kind not in known:
+                raise ConfigError(f"{origin}: field speeds.{kind}: unknown kind, expected one of: {', '.join(known)}")

@@ -15,28 +15,31 @@ class FormatVersions:
     Attributes:
         kind: of file, for messages ("robot file").
         oldest, newest: versions that are read.
-        migration: how to migrate an older file to `newest`, for messages.
+        migration: what to do with an older file, for messages.
+        field: of the file that holds the version, for messages.
     """
 
     kind: str
     oldest: int
     newest: int
     migration: str
+    field: str = "version"
 
-    def check(self, version: object, origin: Path | str) -> None:
+    def check(self, version: object, origin: Path | str, writer: str = "the FlexMotion release that wrote it") -> None:
         """Raise `ConfigError` if a file of this version is not read.
 
         Args:
             version: as written in the file.
             origin: the file, for messages.
+            writer: release that wrote the file, for messages; `{writer}` in `migration` is replaced by it.
         """
         read = str(self.newest) if self.oldest == self.newest else f"{self.oldest} to {self.newest}"
         if not isinstance(version, int) or isinstance(version, bool):
             raise ConfigError(
-                f"{origin}: field version: {version!r}, expected a whole number; this release reads {read}"
+                f"{origin}: field {self.field}: {version!r}, expected a whole number; this release reads {read}"
             )
-        found = f"{origin}: field version: {self.kind} of version {version}, this release reads {read}"
+        found = f"{origin}: field {self.field}: {self.kind} of version {version}, this release reads {read}"
         if version > self.newest:
-            raise ConfigError(f"{found}: the file is too new: install the FlexMotion release that wrote it, or newer")
+            raise ConfigError(f"{found}: the file is too new: install {writer}, or newer")
         if version < self.oldest:
-            raise ConfigError(f"{found}: the file is too old: {self.migration}")
+            raise ConfigError(f"{found}: the file is too old: {self.migration.format(writer=writer)}")

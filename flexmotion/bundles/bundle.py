@@ -60,6 +60,8 @@ class Bundle:
                 raise ConfigError(f"{file}: missing")
             if sha256(file) != expected:
                 raise ConfigError(f"{file}: differs from the manifest (hash)")
+        if self.manifest.corrections.speeds:
+            self.manifest.corrections.require_known(self.prompts.kinds, f"{path}: corrections")
 
     @cached_property
     def arrays(self) -> dict[str, np.ndarray]:

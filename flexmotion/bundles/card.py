@@ -46,9 +46,8 @@ class Making:
     seed: int
     stages: Mapping[str, Trained]
 
-    @property
-    def commands(self) -> list[str]:
-        """Commands that make the bundle from the set."""
+    def commands(self, *, corrected: bool) -> list[str]:
+        """Commands that make the bundle from the set; `corrected`: with a file of corrections."""
         found: list[str] = []
         for name, stage in self.stages.items():
             several = f"torchrun --nproc-per-node {stage.processes} -m flexmotion.streamer"
@@ -59,13 +58,16 @@ class Making:
                 begun = ""
             found.append(f"{begin} train {name} {begun}--steps {stage.steps} -o TRAINING")
         found.insert(1, "flexmotion train text -o TRAINING")
-        return [*found, f"flexmotion export TRAINING -o BUNDLE{'' if 'distill' in self.stages else ' --diffusion'}"]
+        options = "" if "distill" in self.stages else " --diffusion"
+        options += " --corrections CORRECTIONS" if corrected else ""
+        return [*found, f"flexmotion export TRAINING -o BUNDLE{options}"]
 
 
 def write_card(folder: Path, manifest: Manifest, made: Making) -> None:
     """Write the card into a bundle's folder."""
     window = f"{manifest.history} frames of history, {manifest.future} of future at {manifest.fps:g} fps"
     kind = f"{manifest.steps} steps, distilled" if manifest.guided else f"{manifest.steps} steps, guided"
+    corrections = manifest.corrections.model_dump(exclude_defaults=True)
     lines = [
         f"# Model card: {manifest.name}",
         "",
@@ -82,7 +84,7 @@ def write_card(folder: Path, manifest: Manifest, made: Making) -> None:
         "## Training",
         "",
         "```",
-        *made.commands,
+        *made.commands(corrected=bool(corrections)),
         "```",
         "",
         "SET is what `flexmotion data build` makes of the collections named above. Batches are those of each",
@@ -95,11 +97,11 @@ def write_card(folder: Path, manifest: Manifest, made: Making) -> None:
         figures = ", ".join(f"{key} {value:.4g}" for key, value in stage.figures.items())
         batch = f"{stage.processes} x {stage.batch}" if stage.processes > 1 else f"{stage.batch}"
         lines.append(f"| {name} | {stage.steps} | {batch} | {stage.best} | {figures} |")
-    corrections = manifest.corrections.model_dump(exclude_defaults=True)
-    if corrections:
-        lines += ["", "## Corrections", "", *(f"- `{name}`: {value}" for name, value in corrections.items())]
     versions = ", ".join(f"{name} {version}" for name, version in manifest.versions.items())
     lines += ["", f"Versions: {versions}.", ""]
+    if corrections:
+        about = "CORRECTIONS is a YAML file of them, or a bundle that has them:"
+        lines += ["## Corrections", "", about, "", *(f"- `{name}`: {value}" for name, value in corrections.items()), ""]
     (folder / CARD).write_text("\n".join(lines), encoding="utf-8")
 
 

@@ -10,13 +10,20 @@ from typing import Any
 
 from flexmotion.configs.corrections import Corrections
 from flexmotion.configs.errors import ConfigError
-from flexmotion.configs.schema import Strict, parse
+from flexmotion.configs.schema import Strict, load, parse
+from flexmotion.configs.versions import FormatVersions
 from flexmotion.human.body import Sex
 
 MANIFEST = "manifest.json"
-OLDEST, NEWEST = 3, 4
-"""Versions of the schema that are read; the newest is written."""
-SCHEMA = f"flexmotion.bundle/{NEWEST}"
+SCHEMA_VERSIONS = FormatVersions(
+    kind="bundle",
+    oldest=3,
+    newest=4,
+    migration="export the bundle anew from its training folder ('flexmotion export')",
+    field="schema_",
+)
+SCHEMA = f"flexmotion.bundle/{SCHEMA_VERSIONS.newest}"
+"""Schema that is written."""
 
 CORRECTIONS_OF_3 = Corrections(
     standing_noise=0.4,
@@ -90,7 +97,7 @@ class Manifest(Strict):
 
 
 def read_manifest(path: Path) -> Manifest:
-    """A manifest of schema `OLDEST` to `NEWEST`, as one of `NEWEST`.
+    """A manifest of a schema in `SCHEMA_VERSIONS`, as one of the newest.
 
     Raises:
         ConfigError: the file cannot be read, is no manifest, or has another schema.
@@ -104,19 +111,22 @@ def read_manifest(path: Path) -> Manifest:
     if not isinstance(content, dict):
         raise ConfigError(f"{path}: damaged (expected an object, found {type(content).__name__})")
     found = _version(content.get("schema_"), path)
-    if found > NEWEST:
-        raise ConfigError(
-            f"{path}: bundle schema {found} is too new, this version of FlexMotion reads {OLDEST} to {NEWEST}: "
-            "update FlexMotion"
-        )
-    if found < OLDEST:
-        raise ConfigError(
-            f"{path}: bundle schema {found} is too old, this version of FlexMotion reads {OLDEST} to {NEWEST}: "
-            "export the bundle anew from its training folder ('flexmotion export')"
-        )
+    SCHEMA_VERSIONS.check(found, path)
     if found == 3:
         content = content | {"schema_": SCHEMA, "corrections": CORRECTIONS_OF_3.model_dump()}
     return parse(Manifest, content, path)
+
+
+def read_corrections(source: Path) -> Corrections:
+    """The corrections of a bundle, or those in a YAML file.
+
+    Args:
+        source: folder of a bundle, or a YAML file with fields of `Corrections`.
+
+    Raises:
+        ConfigError: it cannot be read, or is neither.
+    """
+    return read_manifest(source / MANIFEST).corrections if source.is_dir() else load(Corrections, source)
 
 
 def write_manifest(manifest: Manifest, path: Path) -> None:

@@ -13,7 +13,7 @@ from torch import nn
 
 from flexmotion.bundles.card import Trained
 from flexmotion.configs.errors import ConfigError
-from flexmotion.training.format import FORMAT, UNVERSIONED, check_format
+from flexmotion.training.format import CHECKPOINT_VERSIONS, FORMAT, UNVERSIONED
 
 LAST, BEST = "last.pt", "best.pt"
 
@@ -25,12 +25,11 @@ def write_checkpoint(content: dict[str, Any], path: Path) -> None:
     os.replace(temporary, path)
 
 
-def read_checkpoint(path: Path, *, oldest: int = UNVERSIONED, device: torch.device | None = None) -> dict[str, Any]:
+def read_checkpoint(path: Path, *, device: torch.device | None = None) -> dict[str, Any]:
     """Read a checkpoint.
 
     Args:
         path: of the file.
-        oldest: format that can still be read.
         device: of the tensors; None for the CPU.
 
     Raises:
@@ -41,9 +40,18 @@ def read_checkpoint(path: Path, *, oldest: int = UNVERSIONED, device: torch.devi
     except (pickle.UnpicklingError, RuntimeError, EOFError) as error:
         problem = str(error).partition("\n")[0] or "ends too early"
         raise ConfigError(f"{path}: damaged ({problem})") from error
-    advice = "finish the stage with the version that began it, or train in an empty folder"
-    check_format(content.get("format"), path, oldest=oldest, advice=advice)
+    CHECKPOINT_VERSIONS.check(content.get("format", UNVERSIONED), path)
     return content
+
+
+def read_state(path: Path, *, device: torch.device | None = None) -> dict[str, Any]:
+    """Read the checkpoint that a training resumes from, as one of `FORMAT`; see `read_checkpoint`."""
+    state = read_checkpoint(path, device=device)
+    if state.get("format", UNVERSIONED) < 2:
+        # Every step averaged the weights once.
+        average = {f"module.{name}": value for name, value in state["average"].items()}
+        state["average"] = {"n_averaged": torch.tensor(state["step"])} | average
+    return state
 
 
 def is_trained(folder: Path) -> bool:

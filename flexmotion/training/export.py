@@ -15,6 +15,7 @@ from torch import Tensor, nn
 from flexmotion.bundles.bundle import DECODER, DENOISER, Bundle, write_bundle
 from flexmotion.bundles.card import Making, write_card
 from flexmotion.bundles.manifest import SCHEMA, BodySize, Manifest
+from flexmotion.configs.corrections import Corrections
 from flexmotion.configs.errors import ConfigError
 from flexmotion.features.layout import POINTS, Layout
 from flexmotion.human.body import Body, Segments
@@ -73,7 +74,15 @@ def load_networks(run: Run, *, distilled: bool) -> tuple[Autoencoder, Denoiser]:
     return autoencoder.eval(), denoiser.eval()
 
 
-def export(run: Run, folder: Path, *, distilled: bool, body: Body | None = None, description: str = "") -> Bundle:
+def export(
+    run: Run,
+    folder: Path,
+    *,
+    distilled: bool,
+    body: Body | None = None,
+    description: str = "",
+    corrections: Corrections | None = None,
+) -> Bundle:
     """Write a bundle.
 
     Args:
@@ -82,12 +91,15 @@ def export(run: Run, folder: Path, *, distilled: bool, body: Body | None = None,
         distilled: True exports the student of the distillation, False the diffusion model.
         body: size and mass of the human, with the proportions of the set; None for the default.
         description: for the manifest and the model card.
+        corrections: of the exported model; None for those of the run's configuration.
 
     Raises:
         ConfigError: a stage has not been trained, or the folder is not empty and no bundle.
     """
     if folder.exists() and any(folder.iterdir()) and not (folder / "manifest.json").is_file():
         raise ConfigError(f"{folder}: is not empty and not a bundle")
+    corrections = run.config.corrections if corrections is None else corrections
+    corrections.require_known([*kinds(), *([PERSONAL_KIND] if run.personal_wordings() else [])], "corrections")
     folder.mkdir(parents=True, exist_ok=True)
     autoencoder, denoiser = load_networks(run, distilled=distilled)
     store, config, layout = run.store(), run.config, run.layout
@@ -127,7 +139,7 @@ def export(run: Run, folder: Path, *, distilled: bool, body: Body | None = None,
         guidance=diffusion.guidance,
         velocity=diffusion.velocity,
         body=BodySize(height=body.height, mass=body.mass, sex=body.sex, segments=asdict(body.segments)),
-        corrections=config.corrections,
+        corrections=corrections,
         licence="; ".join(store.licences) or UNKNOWN_LICENCE,
         versions={name: version(name) for name in LIBRARIES},
     )

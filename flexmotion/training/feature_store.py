@@ -23,7 +23,7 @@ from flexmotion.features.statistics import Statistics
 from flexmotion.human.body import Body, Segments
 from flexmotion.human.resample import resample
 from flexmotion.human.signals import resample_signal, same_rate
-from flexmotion.training.format import FORMAT, UNVERSIONED, check_format
+from flexmotion.training.format import FEATURES_VERSIONS, FORMAT, UNVERSIONED
 
 INDEX = "index.json"
 
@@ -71,8 +71,7 @@ class FeatureStore:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         index = json.loads((folder / INDEX).read_text(encoding="utf-8"))
-        advice = "remove the folder and name the training set again"
-        check_format(index.get("format"), folder / INDEX, oldest=UNVERSIONED, advice=advice)
+        FEATURES_VERSIONS.check(index.get("format", UNVERSIONED), folder / INDEX)
         self.layout = Layout(index["fps"], index["muscles"])
         self._clips = index["clips"]
         self.features: np.ndarray = np.load(folder / "features.npy", mmap_mode="r")

@@ -1,10 +1,8 @@
-"""Version of the files in a training folder, and the check of it when they are read."""
+"""Version of the files in a training folder, and which versions of each are read."""
 
 from __future__ import annotations
 
-from pathlib import Path
-
-from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.versions import FormatVersions
 
 FORMAT = 2
 """Version that is written.
@@ -14,29 +12,16 @@ FORMAT = 2
 """
 
 UNVERSIONED = 1
+"""Version of a file that carries none."""
 
 
-def check_format(found: object, path: Path, *, oldest: int, advice: str) -> None:
-    """Check the version of a file.
+def _read_from(oldest: int, kind: str, migration: str) -> FormatVersions:
+    return FormatVersions(kind, oldest, FORMAT, migration, field="format")
 
-    Args:
-        found: version in the file; None where the file carries none.
-        path: of the file, for the message.
-        oldest: version that can still be read.
-        advice: what to do with an older file.
 
-    Raises:
-        ConfigError: the file is too old, too new, or its version is no whole number.
-    """
-    version = UNVERSIONED if found is None else found
-    if not isinstance(version, int):
-        raise ConfigError(f"{path}: format {version!r} is not a whole number; the file is damaged")
-    if version > FORMAT:
-        raise ConfigError(
-            f"{path}: format {version} is too new, this version of flexmotion reads {oldest} to {FORMAT}; "
-            "update flexmotion"
-        )
-    if version < oldest:
-        raise ConfigError(
-            f"{path}: format {version} is too old, this version of flexmotion reads {oldest} to {FORMAT}; {advice}"
-        )
+CONFIG_VERSIONS = _read_from(1, "training configuration", "train again in an empty folder")
+FEATURES_VERSIONS = _read_from(1, "feature store", "remove the folder and name the training set again")
+MUSCLES_VERSIONS = _read_from(1, "fit of muscle torques", "remove the file and name the training set again")
+CHECKPOINT_VERSIONS = _read_from(
+    1, "checkpoint", "finish the stage with the release that began it, or train in an empty folder"
+)

@@ -23,7 +23,7 @@ from flexmotion.features.joint_groups import BALL_COLUMNS, BALL_SIGNS, HINGE_COL
 from flexmotion.features.layout import ACTIVATIONS, Layout
 from flexmotion.human.skeleton import JOINTS
 from flexmotion.spatial.gravity import GRAVITY
-from flexmotion.training.format import FORMAT, UNVERSIONED, check_format
+from flexmotion.training.format import FORMAT, MUSCLES_VERSIONS, UNVERSIONED
 from flexmotion.training.human_tensors import HumanTensors
 from flexmotion.training.kinematics import pose
 
@@ -141,8 +141,7 @@ def load_muscle_torques(path: Path) -> MuscleTorques:
         ConfigError: its format is too old or too new.
     """
     with np.load(path) as found:
-        version = int(found["format"]) if "format" in found else None
-        check_format(version, path, oldest=UNVERSIONED, advice="remove the file and name the training set again")
+        MUSCLES_VERSIONS.check(int(found["format"]) if "format" in found else UNVERSIONED, path)
         limbs = [
             Limb(
                 np.array([JOINTS.index(name) for name in names]),

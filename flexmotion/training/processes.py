@@ -48,6 +48,11 @@ class Processes:
         torch.distributed.all_reduce(flag)
         return float(flag) > 0
 
+    def close(self) -> None:
+        """Leave the process group, at the end of the program."""
+        if torch.distributed.is_available() and torch.distributed.is_initialized():
+            torch.distributed.destroy_process_group()
+
     def synchronised(self, network: nn.Module, losses: Losses) -> Losses:
         """Losses whose backward pass leaves the mean of all processes' gradients in the network's parameters.
 

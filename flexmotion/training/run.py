@@ -11,6 +11,7 @@ from typing import Any
 
 import yaml
 
+from flexmotion.bundles.manifest import CORRECTIONS_OF_3
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.model import ModelConfig, load_model_config
 from flexmotion.configs.schema import Strict, parse, read_yaml
@@ -18,16 +19,18 @@ from flexmotion.dataset.compact_set import open_set
 from flexmotion.dataset.fields import MUSCLES
 from flexmotion.features.layout import Layout
 from flexmotion.training.feature_store import FeatureStore, build_store
-from flexmotion.training.format import FORMAT, UNVERSIONED, check_format
+from flexmotion.training.format import CONFIG_VERSIONS, FORMAT, UNVERSIONED
 from flexmotion.training.muscle_torques import MuscleTorques, fit_muscle_torques, load_muscle_torques
 
 CONFIG = "config.yaml"
+CORRECTIONS_FROM = 2
+"""First format of `CONFIG` with corrections."""
 PERSONAL = "personal.json"
 """Wordings of a personalised run, beside those that every run has."""
 
 
 class _Saved(Strict):
-    """Content of `CONFIG`."""
+    """Content of `CONFIG`; before format `CORRECTIONS_FROM` the corrections were constants of the program."""
 
     format: int = UNVERSIONED
     seed: int
@@ -52,9 +55,11 @@ class Run:
         path = folder / CONFIG
         if path.is_file():
             content = read_yaml(path)
-            check_format(content.get("format"), path, oldest=UNVERSIONED, advice="train again in an empty folder")
-            saved = parse(_Saved, content, path)
+            CONFIG_VERSIONS.check(content.get("format", UNVERSIONED), path)
+            saved = _read_saved(content, path)
             asked = saved.model if config is None else load_model_config(config)
+            if "corrections" not in asked.model_fields_set:
+                asked = asked.model_copy(update={"corrections": saved.model.corrections})
             if _fixed(asked) != _fixed(saved.model) or seed not in (None, saved.seed):
                 raise ConfigError(f"{path}: the training there has other settings or another seed; use another folder")
             self.config, self.seed = asked, saved.seed
@@ -124,6 +129,13 @@ class Run:
         """SHA-256 of what the weights depend on: networks, windows, seed."""
         content = json.dumps([_fixed(self.config), self.seed, self.layout.hash], sort_keys=True)
         return hashlib.sha256(content.encode()).hexdigest()
+
+
+def _read_saved(content: dict[str, Any], path: Path) -> _Saved:
+    saved = parse(_Saved, content, path)
+    if saved.format >= CORRECTIONS_FROM or "corrections" in saved.model.model_fields_set:
+        return saved
+    return saved.model_copy(update={"model": saved.model.model_copy(update={"corrections": CORRECTIONS_OF_3})})
 
 
 def _fixed(config: ModelConfig) -> dict[str, Any]:

@@ -18,8 +18,7 @@ from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
 
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.model import Stage
-from flexmotion.training.checkpoints import BEST, LAST, read_checkpoint, write_checkpoint
-from flexmotion.training.format import FORMAT
+from flexmotion.training.checkpoints import BEST, LAST, read_checkpoint, read_state, write_checkpoint
 from flexmotion.training.processes import Processes
 
 log = logging.getLogger(__name__)
@@ -144,7 +143,7 @@ class _Training:
         last = self._folder / LAST
         if not last.is_file():
             return
-        state = read_checkpoint(last, oldest=FORMAT, device=self._processes.device)
+        state = read_state(last, device=self._processes.device)
         if state["fingerprint"] != self._fingerprint:
             raise ConfigError(f"{self._folder}: holds a training with other settings; use those, or another folder")
         try:

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from flexmotion.streamer.commands.options import JsonOption
-from flexmotion.streamer.commands.output import print_json, print_result
+from flexmotion.streamer.commands.output import print_json, print_note, print_result
 from flexmotion.streamer.commands.train import needs_training
 
 
@@ -21,6 +21,14 @@ def export(
     height: Annotated[float, typer.Option(min=0.5, help="Height of the human \\[m].")] = 1.75,
     mass: Annotated[float, typer.Option(min=5.0, help="Mass of the human \\[kg].")] = 70.0,
     description: Annotated[str, typer.Option(help="Description in the model card.")] = "",
+    corrections: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE|BUNDLE",
+            help="YAML file of corrections, or a bundle that has them; else those of the training's configuration.",
+            show_default=False,
+        ),
+    ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Write a bundle: exported networks, statistics, known wordings, licence, with a hash.
@@ -28,15 +36,26 @@ def export(
     [bold]Examples[/bold]
 
       flexmotion export training -o bundle
+
+      flexmotion export training -o bundle --corrections former_bundle
     """
     needs_training()
+    from flexmotion.bundles.manifest import read_corrections
+    from flexmotion.configs.corrections import Corrections
     from flexmotion.human.body import Body
     from flexmotion.training.export import export as write
     from flexmotion.training.run import Run
 
     bundle = write(
-        Run(training), out, distilled=distilled, body=Body(height=height, mass=mass), description=description
+        Run(training),
+        out,
+        distilled=distilled,
+        body=Body(height=height, mass=mass),
+        description=description,
+        corrections=None if corrections is None else read_corrections(corrections),
     )
+    if bundle.manifest.corrections == Corrections():
+        print_note("no corrections: words are not slowed to a robot's pace")
     size = sum(path.stat().st_size for path in out.iterdir()) / 1e6
     if as_json:
         print_json({"bundle": str(out), "hash": bundle.hash, "megabytes": round(size, 2)})

@@ -266,6 +266,8 @@ def train_and_report(
 ) -> None:
     """Train a stage of a run with a progress bar on stderr, and print the result, in the first process alone.
 
+    The processes leave their group after the training: this is the end of a command.
+
     Args:
         run: of the stage.
         name: of the stage.
@@ -305,6 +307,7 @@ def train_and_report(
             processes=processes,
             pretrained=bool(pretrained),
         )
+    processes.close()
     if not processes.first:
         return
     if as_json:

@@ -11,15 +11,15 @@ from typing import Any, Literal
 
 from pydantic import Field
 
-from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.robot import Robot
 from flexmotion.configs.schema import Strict, parse
 from flexmotion.configs.stream import StreamSettings
+from flexmotion.configs.versions import FormatVersions
 
 _NAME = "flexmotion.log/"
-VERSION, OLDEST = 1, 1
-"""Version of the logs that are written, and the oldest that is read; `docs/log.md` lists what changed."""
-SCHEMA = f"{_NAME}{VERSION}"
+LOG_VERSIONS = FormatVersions(kind="log", oldest=1, newest=1, migration="open it with {writer}", field="flexmotion.log")
+"""Versions that are read, the newest is written; `docs/log.md` lists what changed."""
+SCHEMA = f"{_NAME}{LOG_VERSIONS.newest}"
 """Name of the metadata record that holds the header."""
 
 
@@ -35,17 +35,12 @@ def require_version(name: str, metadata: Mapping[str, str], origin: Path) -> Non
         ConfigError: the log is too old or too new; the message says what to do.
     """
     number = name.removeprefix(_NAME)
-    if number.isdecimal() and OLDEST <= int(number) <= VERSION:
-        return
-    writer = (
-        f"flexmotion {metadata['software'].strip(chr(34))}" if "software" in metadata else "the version of its time"
-    )
-    if number.isdecimal() and int(number) < OLDEST:
-        advice = f"too old for this program; open it with {writer}"
+    found = int(number) if number.isdecimal() else number
+    software = metadata.get("software")
+    if software is None:
+        LOG_VERSIONS.check(found, origin)
     else:
-        advice = f"too new for this program; install {writer} or later"
-    known = f"{OLDEST}" if OLDEST == VERSION else f"{OLDEST} to {VERSION}"
-    raise ConfigError(f"{origin}: log version {number}, expected {known}: {advice}")
+        LOG_VERSIONS.check(found, origin, f"flexmotion {json.loads(software)}")
 
 
 class LogHeader(Strict):

@@ -68,4 +68,6 @@ def test_corrections_are_listed_where_there_are_any(card: Path) -> None:
     manifest = read_manifest(FOLDER / MANIFEST)
     write_card(card.parent, manifest, Making("stream", 6.6, 4992, 3, {}))
     text = card.read_text(encoding="utf-8")
+    assert "flexmotion export TRAINING -o BUNDLE --diffusion --corrections CORRECTIONS\n" in text
+    assert text.index("| stage |") < text.index("Versions:") < text.index("## Corrections")
     assert "- `aside`: 1.5\n" in text and "'walk': (1.3, 0.0, 0.0)" in text

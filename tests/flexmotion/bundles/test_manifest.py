@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from flexmotion.bundles.bundle import Bundle
-from flexmotion.bundles.manifest import CORRECTIONS_OF_3, MANIFEST, SCHEMA, read_manifest
+from flexmotion.bundles.manifest import CORRECTIONS_OF_3, MANIFEST, SCHEMA, read_corrections, read_manifest
 from flexmotion.bundles.shipped import FOLDER
 from flexmotion.configs.corrections import Corrections
 from flexmotion.configs.errors import ConfigError
@@ -62,8 +62,8 @@ def test_a_log_opens_with_the_bundle_of_its_run_only(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("schema", "message"),
     [
-        ("flexmotion.bundle/2", "bundle schema 2 is too old, .* reads 3 to 4: export the bundle anew"),
-        ("flexmotion.bundle/5", "bundle schema 5 is too new, .* reads 3 to 4: update FlexMotion"),
+        ("flexmotion.bundle/2", "of version 2, this release reads 3 to 4: the file is too old: export the bundle anew"),
+        ("flexmotion.bundle/5", "bundle of version 5, this release reads 3 to 4: the file is too new: install"),
         ("flexmotion.motion/1", "no bundle: schema is 'flexmotion.motion/1', expected 'flexmotion.bundle/4'"),
         (7, "no bundle: schema is 7"),
     ],
@@ -88,6 +88,28 @@ def test_damaged_manifests_are_refused(tmp_path: Path, text: str, message: str) 
     path.write_text(text, encoding="utf-8")
     with pytest.raises(ConfigError, match=message):
         read_manifest(path)
+
+
+def test_corrections_are_read_from_a_bundle_or_a_file(tmp_path: Path) -> None:
+    assert read_corrections(FOLDER) == CORRECTIONS_OF_3
+    path = tmp_path / "corrections.yaml"
+    path.write_text("aside: 1.5\nspeeds: {run: [2.3, 0, 0]}\n", encoding="utf-8")
+    assert read_corrections(path) == Corrections(aside=1.5, speeds={"run": (2.3, 0.0, 0.0)})
+    path.write_text("asides: 1.5\n", encoding="utf-8")
+    with pytest.raises(ConfigError, match=r"corrections\.yaml: field asides: unknown field, expected one of: standing"):
+        read_corrections(path)
+    path.write_text("catch_up: 0.3\n", encoding="utf-8")
+    with pytest.raises(ConfigError, match="catch_up 0.3 has no effect with catch_up_limit 0, expected a limit > 0"):
+        read_corrections(path)
+    with pytest.raises(ConfigError, match="no bundle there"):
+        read_corrections(tmp_path)
+
+
+def test_speeds_of_unknown_kinds_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(
+        ConfigError, match=r"speeds\.runn: unknown kind, expected one of: bow, .*run, .*walk-turn-right, "
+    ):
+        changed(tmp_path / "other", corrections={"speeds": {"runn": [2.3, 0, 0]}})
 
 
 def test_a_bundle_without_corrections_is_sampled_without_them(tmp_path: Path) -> None:

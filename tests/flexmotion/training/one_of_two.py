@@ -13,6 +13,7 @@ from flexmotion.training.checkpoints import digest
 from flexmotion.training.diffusion_task import DiffusionTask
 from flexmotion.training.distillation_task import DistillationTask
 from flexmotion.training.evaluator_task import EvaluatorTask
+from flexmotion.training.personal import PersonalTask
 from flexmotion.training.processes import Losses, Processes
 from flexmotion.training.run import Run
 from flexmotion.training.stage import Task, train_stage
@@ -28,14 +29,15 @@ def all_tasks(run: Run, processes: Processes) -> dict[str, Task]:
     def encode(sentence: str) -> np.ndarray:
         return np.random.default_rng(len(sentence)).normal(size=run.config.diffusion.text)
 
-    def diffusion() -> DiffusionTask:
-        return DiffusionTask(run.config, store, load_autoencoder(run), encode, run.seed, processes)
+    def diffusion(*manner: str) -> DiffusionTask:
+        return DiffusionTask(run.config, store, load_autoencoder(run), encode, run.seed, processes, *manner)
 
     return {
         "autoencoder": AutoencoderTask(run.config, store, run.seed, processes),
         "forces": AutoencoderTask(run.config, store, run.seed, processes, trained=run.stage("autoencoder")),
         "diffusion": diffusion(),
         "distill": DistillationTask(run.config, diffusion(), run.seed),
+        "personalize": PersonalTask(diffusion(), diffusion("like Ada", "train")),
         "evaluator": EvaluatorTask(run.config, store, encode, run.seed, processes),
     }
 
@@ -56,7 +58,7 @@ def main(training: Path, out: Path) -> None:
     train_stage(task, run.config.stages.autoencoder, out / "stage", fingerprint="", processes=processes)
     weights = digest(dict(task.network.named_parameters()))
     torch.save({"gradients": found, "weights": weights}, out / f"rank{processes.rank}.pt")
-    torch.distributed.destroy_process_group()
+    processes.close()
 
 
 if __name__ == "__main__":

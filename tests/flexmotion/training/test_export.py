@@ -12,9 +12,14 @@ import pytest
 torch = pytest.importorskip("torch", reason="training needs the extra 'train'")
 
 from flexmotion.bundles.bundle import DECODER, DENOISER, Bundle  # noqa: E402
+from flexmotion.bundles.card import CARD  # noqa: E402
+from flexmotion.bundles.manifest import CORRECTIONS_OF_3, read_corrections  # noqa: E402
+from flexmotion.bundles.shipped import FOLDER  # noqa: E402
+from flexmotion.configs.corrections import Corrections  # noqa: E402
 from flexmotion.configs.errors import ConfigError  # noqa: E402
 from flexmotion.human.kinematics import forward  # noqa: E402
 from flexmotion.sampling.sampler import Condition, Sampler  # noqa: E402
+from flexmotion.streamer.cli import execute  # noqa: E402
 from flexmotion.training.export import Decoder, load_networks  # noqa: E402
 from flexmotion.training.run import Run  # noqa: E402
 
@@ -89,3 +94,20 @@ def test_a_bundle_that_does_not_match_is_refused(bundle: Bundle, tmp_path: Path)
         Bundle(copy)
     with pytest.raises(ConfigError, match="no bundle there"):
         Bundle(tmp_path / "none")
+
+
+def test_corrections_are_named_at_the_export(trained: Run, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Regression: a model that was exported again lost its corrections, without a word."""
+    missing = "no corrections: words are not slowed to a robot's pace"
+    export = ["export", str(trained.folder), "-o", str(tmp_path / "bundle")]
+    assert execute(export) == 0
+    assert missing in capsys.readouterr().err
+    assert read_corrections(tmp_path / "bundle") == Corrections()
+    unknown = tmp_path / "unknown.yaml"
+    unknown.write_text("speeds: {runn: [2, 0, 0]}\n", encoding="utf-8")
+    assert execute([*export, "--corrections", str(unknown)]) == 2
+    assert "speeds.runn: unknown kind" in capsys.readouterr().err
+    assert execute([*export, "--corrections", str(FOLDER)]) == 0
+    assert missing not in capsys.readouterr().err
+    assert read_corrections(tmp_path / "bundle") == CORRECTIONS_OF_3
+    assert "--corrections CORRECTIONS" in (tmp_path / "bundle" / CARD).read_text(encoding="utf-8")

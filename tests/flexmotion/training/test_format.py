@@ -12,6 +12,8 @@ import yaml
 
 torch = pytest.importorskip("torch", reason="training needs the extra 'train'")
 
+from flexmotion.bundles.manifest import CORRECTIONS_OF_3  # noqa: E402
+from flexmotion.configs.corrections import Corrections  # noqa: E402
 from flexmotion.configs.errors import ConfigError  # noqa: E402
 from flexmotion.streamer.cli import execute  # noqa: E402
 from flexmotion.training.autoencoder import Autoencoder  # noqa: E402
@@ -22,7 +24,7 @@ from flexmotion.training.muscle_torques import load_muscle_torques  # noqa: E402
 from flexmotion.training.run import CONFIG, Run  # noqa: E402
 from flexmotion.training.stage import train_stage  # noqa: E402
 
-TOO_NEW = rf"format {FORMAT + 1} is too new, .*update flexmotion"
+TOO_NEW = rf"of version {FORMAT + 1}, this release reads 1 to {FORMAT}: the file is too new: install"
 
 
 @pytest.fixture
@@ -61,25 +63,50 @@ def test_newer_files_are_refused(trained: Run, network: Autoencoder, tmp_path: P
         load_muscle_torques(tmp_path / "muscles.npz")
 
 
-def test_a_state_without_format_is_too_old_to_resume(trained: Run, stages, tmp_path: Path) -> None:
-    torch.save(checkpoint(trained, LAST, format=None), tmp_path / LAST)
-    with pytest.raises(ConfigError, match=r"format 1 is too old, .*finish the stage with the version that began it"):
-        train_stage(stages.autoencoder(trained), trained.config.stages.autoencoder, tmp_path, fingerprint="")
+def test_a_state_without_format_resumes_bit_for_bit(trained: Run, stages, tmp_path: Path) -> None:
+    """Its average has neither the prefix nor the number of weights averaged."""
+    average = checkpoint(trained, LAST)["average"]
+    assert isinstance(average, dict)
+    old = {name.removeprefix("module."): value for name, value in average.items() if name != "n_averaged"}
+    longer = trained.config.stages.autoencoder.model_copy(update={"steps": 8})
+    states = []
+    for name, changes in (("present", {}), ("old", {"format": None, "average": old})):
+        folder = tmp_path / name
+        folder.mkdir()
+        torch.save(checkpoint(trained, LAST, **changes), folder / LAST)
+        train_stage(stages.autoencoder(trained), longer, folder, fingerprint=trained.fingerprint())
+        states.append(torch.load(folder / LAST, weights_only=True))
+    present, resumed = (state["average"] for state in states)
+    assert list(present) == list(resumed) and resumed["n_averaged"] == states[1]["step"] == 8
+    assert all(torch.equal(value, resumed[name]) for name, value in present.items())
 
 
 def test_weights_and_settings_without_format_are_read(trained: Run, network: Autoencoder, tmp_path: Path) -> None:
     torch.save(checkpoint(trained, BEST, format=None), tmp_path / BEST)
     assert load_weights(network, tmp_path) == training_record(tmp_path).best
     content = yaml.safe_load((trained.folder / CONFIG).read_text())
-    del content["format"]
+    del content["format"], content["model"]["corrections"]
     (tmp_path / CONFIG).write_text(yaml.safe_dump(content))
     assert Run(tmp_path).fingerprint() == trained.fingerprint()
+
+
+def test_a_training_without_format_has_the_corrections_of_its_program(
+    trained: Run, stream_config: Path, tmp_path: Path
+) -> None:
+    content = yaml.safe_load((trained.folder / CONFIG).read_text())
+    del content["format"], content["model"]["corrections"]
+    (tmp_path / CONFIG).write_text(yaml.safe_dump(content))
+    assert Run(tmp_path).config.corrections == CORRECTIONS_OF_3
+    # They stay in the folder, and a configuration without corrections leaves them as they are.
+    assert Run(tmp_path, str(stream_config)).config.corrections == CORRECTIONS_OF_3
+    assert Run(tmp_path).config.corrections == CORRECTIONS_OF_3
+    assert trained.config.corrections == Corrections()
 
 
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        ("seed: 1\nmodel: {}\nformat: two\n", "format 'two' is not a whole number"),
+        ("seed: 1\nmodel: {}\nformat: two\n", "field format: 'two', expected a whole number"),
         ("seed: 1\n", "field model: Field required"),
         ("", "expected a mapping"),
     ],

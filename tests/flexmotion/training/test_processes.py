@@ -21,7 +21,7 @@ from flexmotion.training.run import Run  # noqa: E402
 from flexmotion.training.stage import HISTORY, Task  # noqa: E402
 
 PROGRAM = Path(__file__).with_name("one_of_two.py")
-STAGES = ("autoencoder", "forces", "diffusion", "distill", "evaluator")
+STAGES = ("autoencoder", "forces", "diffusion", "distill", "personalize", "evaluator")
 
 
 @pytest.fixture(scope="module")
@@ -81,6 +81,14 @@ def test_both_end_with_the_same_weights_and_the_first_writes_them(trained: Run, 
     before = digest(dict(task.network.named_parameters()))
     load_weights(task.network, two / "stage")
     assert before not in (first, digest(dict(task.network.named_parameters())))
+
+
+def test_a_command_leaves_the_process_group_at_its_end(trained: Run, tmp_path: Path) -> None:
+    """Regression: torch warned of a leak at the exit of every process."""
+    run = copytree(trained.folder, tmp_path / "run")
+    torch.distributed.init_process_group("gloo", store=torch.distributed.HashStore(), rank=0, world_size=1)
+    assert execute(["train", "autoencoder", "-o", str(run), "--steps", "7"]) == 0
+    assert not torch.distributed.is_initialized()
 
 
 @pytest.mark.parametrize(("rank", "prints"), [("0", True), ("1", False)])

@@ -17,6 +17,9 @@ from flexmotion.streamer.log.replay import TOLERANCES, replay
 OLD = Path(__file__).parent / "data" / "version_0.1.0.mcap"
 """Written by FlexMotion 0.1.0: `dry-run --clip steps.npz --seed 3 --perturb noise_scale=0`, its first 160 ticks."""
 
+OLD_MODEL = OLD.with_name("model_0.1.0.mcap")
+"""Likewise: `dry-run --prompt "step to the left" --seed 2 --seconds 1`, its first 145 ticks without `/plan`."""
+
 
 def test_a_log_of_version_0_1_0_opens_and_replays(capsys: pytest.CaptureFixture[str]) -> None:
     log = read_log(OLD)
@@ -31,12 +34,23 @@ def test_a_log_of_version_0_1_0_opens_and_replays(capsys: pytest.CaptureFixture[
     assert "160 ticks at 125 Hz" in capsys.readouterr().out
 
 
+def test_a_log_of_the_model_of_version_0_1_0_replays(capsys: pytest.CaptureFixture[str]) -> None:
+    """The shipped bundle has another schema since, but makes the same motion."""
+    log = read_log(OLD_MODEL)
+    assert log.header.software == "0.1.0" and len(log.rows) == 145
+    assert State(log.rows["state"][-1]) is State.STREAMING
+    # With the real clock's tolerances: another processor may round differently.
+    for figure in replay(log, Subject.of(log)).figures:
+        if figure.logged is not None:
+            assert figure.difference == pytest.approx(0.0, abs=TOLERANCES.get(figure.name, 0.01)), figure.name
+
+
 @pytest.mark.parametrize(
     ("version", "expected"),
     [
-        ("2", r"log version 2, expected 1: too new for this program; install flexmotion 7\.1 or later"),
-        ("0", r"log version 0, expected 1: too old for this program; open it with flexmotion 7\.1"),
-        ("next", "log version next, expected 1: too new for this program"),
+        ("2", "log of version 2, this release reads 1: the file is too new: install flexmotion 7.1, or newer"),
+        ("0", "log of version 0, this release reads 1: the file is too old: open it with flexmotion 7.1"),
+        ("next", "'next', expected a whole number; this release reads 1"),
     ],
 )
 def test_a_log_of_another_version_says_what_to_do(tmp_path: Path, version: str, expected: str) -> None:
@@ -46,5 +60,5 @@ def test_a_log_of_another_version_says_what_to_do(tmp_path: Path, version: str, 
         writer.start()
         writer.add_metadata(f"flexmotion.log/{version}", {"software": '"7.1"'})
         writer.finish()
-    with pytest.raises(ConfigError, match=rf"run\.mcap: {expected}"):
+    with pytest.raises(ConfigError, match=rf"run\.mcap: field flexmotion\.log: {expected}"):
         read_log(file)
