@@ -27,9 +27,11 @@ from flexmotion.streamer.run.session import Session
 from ..virtual_time import Costs, virtual_time
 
 RATE = 125
+NO_PLAN_S = 10.0
+"""A run without a first plan after this time is ended [s of the loop]."""
 
 _ON_THE_WALL_CLOCK = {"bench", "standing", "tab"}
-"""Fixtures of tests that run the program on the wall clock; the others run in lockstep or on virtual time."""
+"""Fixtures of tests on the wall clock."""
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -133,7 +135,8 @@ def live(op3: Robot, steps: Motion) -> Callable[..., Live]:
             if not begin and newest is not None and newest["plan"]:
                 begin.append(time.perf_counter())
             if not begin:
-                return None
+                late = newest is not None and newest["tick"] > NO_PLAN_S * RATE
+                return Request.END if late else None
             passed = time.perf_counter() - begin[0]
             if todo and passed >= todo[0][0]:
                 acted.append(time.perf_counter_ns())
@@ -143,7 +146,9 @@ def live(op3: Robot, steps: Motion) -> Callable[..., Live]:
 
         session.next_request = operate
         with virtual_time(costs=costs):
-            return Live(session, session.run(), acted)
+            record = session.run()
+        assert begin, f"no plan within {NO_PLAN_S:.0f} s"
+        return Live(session, record, acted)
 
     return run
 
