@@ -10,6 +10,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass, replace
 from multiprocessing import connection
 from multiprocessing.process import BaseProcess
 from typing import Any
@@ -20,6 +21,7 @@ import pytest
 from flexmotion.drivers.realtime import child
 from flexmotion.drivers.realtime.ring import shared_array
 from flexmotion.drivers.sim import process as sim_process
+from flexmotion.streamer.planning.planner import Planned, Planner
 from flexmotion.streamer.run import supervisor
 
 _OPENING_S = 240.0
@@ -34,12 +36,25 @@ _POLL_S = 0.002
 _sleep = time.sleep
 
 
+@dataclass(frozen=True)
+class Costs:
+    """Virtual time that making a plan takes [s].
+
+    Attributes:
+        plan_s: before the human motion is retargeted.
+        checkpoint_s: at each checkpoint: about one for each frame of the human motion.
+    """
+
+    plan_s: float = 0.0
+    checkpoint_s: float = 0.0
+
+
 class VirtualTime:
     """`time.perf_counter` and `time.sleep` of this process and of those that `child.start` starts.
 
     Time stands still while any of them computes. When all of them sleep it jumps to the moment at which the first one
     is to wake. A process that was killed or stopped is not waited for. Signals, shared memory and the order of events
-    are those of a run on the real clock; work takes no time.
+    are those of a run on the real clock; work takes no time, unless `virtual_time` is given its cost.
 
     Args:
         fastest: seconds that may pass in a second of the real clock, as far as the machine can.
@@ -160,11 +175,34 @@ def _drain(end: int) -> None:
 
 
 _start = child.start
+_plan = Planner.plan
+
+
+def _charged(costs: Costs) -> Callable[..., Planned]:
+    """`Planner.plan` that takes as long as `costs` says."""
+
+    def plan(planner: Planner, *args: Any, checkpoint: Callable[[], None] = lambda: None, **options: Any) -> Planned:
+        def charged_checkpoint() -> None:
+            time.sleep(costs.checkpoint_s)
+            checkpoint()
+
+        begin = time.perf_counter()
+        time.sleep(costs.plan_s)
+        slept = time.perf_counter() - begin
+        planned = _plan(planner, *args, checkpoint=charged_checkpoint, **options)
+        return replace(planned, sample_s=planned.sample_s + slept)
+
+    return plan
 
 
 @contextmanager
-def virtual_time(fastest: float = math.inf) -> Iterator[VirtualTime]:
-    """Virtual time in this process and in those that it starts, as long as it is open."""
+def virtual_time(fastest: float = math.inf, costs: Costs | None = None) -> Iterator[VirtualTime]:
+    """Virtual time in this process and in those that it starts, as long as it is open.
+
+    Args:
+        fastest: see `VirtualTime`.
+        costs: time that making plans takes; None: none.
+    """
     clock = VirtualTime(fastest)
     # Time passes as well for processes that outlive this one.
     arbiter = _start("time", clock.arbitrate, orphaned=signal.SIGCONT)
@@ -176,6 +214,8 @@ def virtual_time(fastest: float = math.inf) -> Iterator[VirtualTime]:
         patch.setattr(BaseProcess, "join", lambda process, timeout=None: clock.join(process, timeout))
         patch.setattr(supervisor, "wait", clock.wait)
         patch.setattr(sim_process, "_OPEN_PATIENCE_S", _OPENING_S)  # on the real clock
+        if costs is not None:
+            patch.setattr(Planner, "plan", _charged(costs))
         try:
             yield clock
         finally:

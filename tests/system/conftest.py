@@ -20,16 +20,18 @@ from flexmotion.human.motion import Motion
 from flexmotion.importers.default_clip import default_clip
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.run_trace import RunTrace
-from flexmotion.streamer.motion.sources import ClipSource
+from flexmotion.streamer.motion.sources import ClipSource, Source
 from flexmotion.streamer.run.requests import Request
 from flexmotion.streamer.run.session import Session
 
-from ..virtual_time import virtual_time
+from ..virtual_time import Costs, virtual_time
 
 RATE = 125
+NO_PLAN_S = 10.0
+"""A run without a first plan after this time is ended [s of the loop]."""
 
-_ON_THE_WALL_CLOCK = {"walking", "bench", "standing", "tab"}
-"""Fixtures of tests that run the program on the wall clock; the others run in lockstep or on virtual time."""
+_ON_THE_WALL_CLOCK = {"bench", "standing", "tab"}
+"""Fixtures of tests on the wall clock."""
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -104,12 +106,26 @@ Act = Callable[[Session], Request | None]
 def live(op3: Robot, steps: Motion) -> Callable[..., Live]:
     """Function (acts: [(seconds after the first plan, act)], end_s, ...) -> a whole run in processes, on virtual time.
 
-    After the last act the run is ended in `end_s` seconds.
+    After the last act the run is ended in `end_s` seconds. The source is `steps` if none is given.
     """
 
-    def run(acts: list[tuple[float, Act]], *, end_s: float = 3.0, stay: bool = True) -> Live:
-        source = ClipSource(steps)
-        session = Session(op3, create("sim", op3), source, load_stream(), None, stay=stay, realtime=False, clock="real")
+    def run(
+        acts: list[tuple[float, Act]],
+        *,
+        end_s: float = 3.0,
+        stay: bool = True,
+        source: Source | None = None,
+        costs: Costs | None = None,
+    ) -> Live:
+        session = Session(
+            op3,
+            create("sim", op3),
+            ClipSource(steps) if source is None else source,
+            load_stream(),
+            stay=stay,
+            realtime=False,
+            clock="real",
+        )
         todo = sorted(acts, key=lambda act: act[0])
         acted: list[int] = []
         begin: list[float] = []
@@ -119,7 +135,8 @@ def live(op3: Robot, steps: Motion) -> Callable[..., Live]:
             if not begin and newest is not None and newest["plan"]:
                 begin.append(time.perf_counter())
             if not begin:
-                return None
+                late = newest is not None and newest["tick"] > NO_PLAN_S * RATE
+                return Request.END if late else None
             passed = time.perf_counter() - begin[0]
             if todo and passed >= todo[0][0]:
                 acted.append(time.perf_counter_ns())
@@ -128,8 +145,10 @@ def live(op3: Robot, steps: Motion) -> Callable[..., Live]:
             return Request.END if not todo and passed > last + end_s else None
 
         session.next_request = operate
-        with virtual_time():
-            return Live(session, session.run(), acted)
+        with virtual_time(costs=costs):
+            record = session.run()
+        assert begin, f"no plan within {NO_PLAN_S:.0f} s"
+        return Live(session, record, acted)
 
     return run
 

@@ -108,8 +108,12 @@ def gone(processes: list[psutil.Process]) -> bool:
     return not [p for p in alive if p.status() != psutil.STATUS_ZOMBIE]
 
 
+@pytest.mark.wall_clock
 def test_on_the_wall_clock_it_ends_in_a_documented_way() -> None:
-    """A machine that is slow at the wrong moment makes a robot fall or go stale, and never moves a goal too far."""
+    """A machine that is slow at the wrong moment makes a robot fall or go stale, and never moves a goal too far.
+
+    A planner that never makes a plan in time is no such machine: a plan that came late is made again, further ahead.
+    """
     command = [sys.executable, "-m", "flexmotion.streamer", "run", "-r", "op3", "-d", "sim", "--seconds", "1", "--json"]
     done = subprocess.run(command, capture_output=True, text=True)
     assert "Traceback" not in done.stderr
@@ -122,6 +126,9 @@ def test_on_the_wall_clock_it_ends_in_a_documented_way() -> None:
     assert report["clock"] == "real" and report["limits"]["violations_sent"] == 0
     safety = report["safety"]
     assert safety["final_state"] == "OFF" or (safety["final_state"] == "FAULT" and safety["faults"])
+    assert "no plan for" not in done.stderr + str(safety["faults"])
+    if "OFF -> READY" in done.stderr:
+        assert report["planner"]["plans"] > 0, done.stderr
 
 
 PARKED = {"final_state": "OFF", "faults": [], "hardware_failed": False}
@@ -141,12 +148,13 @@ def test_ctrl_c_parks_the_robot_and_ends(walking: Walk) -> None:
 
 def test_a_second_interrupt_ends_at_once(walking: Walk) -> None:
     family = walking.family
-    walking.process.send_signal(signal.SIGSTOP)
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGCONT):  # both are waiting when it goes on
-        walking.process.send_signal(number)
+    walking.process.send_signal(signal.SIGINT)
+    walking.wait_for_message("END")
+    walking.process.send_signal(signal.SIGINT)
     _, err = walking.end()
     assert walking.process.returncode == 130 and gone(family)
-    assert "-> PARK" not in err
+    assert "PARK -> OFF" not in err
+    assert State.OFF not in read_log(walking.log).rows["state"]
 
 
 def test_a_loop_killed_by_force_leaves_nothing_behind(

@@ -34,6 +34,8 @@ from flexmotion.streamer.run.session import Session
 from ..stub_sampler import StubSampler
 
 WALK, TURN = Text("walk forward"), Text("turn left")
+HOLD_WITHIN_S = 2.5
+"""After a target that stops the robot holds within this time [s of the loop]."""
 MOST_TICKS = 5000
 """Bound against hanging."""
 
@@ -122,7 +124,8 @@ def test_targets_are_followed_and_a_stop_can_be_continued_from() -> None:
     changes = np.flatnonzero(np.diff(record.state)) + 1
     states = [State(state) for state in record.state[changes]]
     assert states == [State.STREAMING, State.HOLD, State.STREAMING, State.HOLD, State.PARK, State.OFF]
-    assert stop < changes[1] < third
+    assert stop < changes[1] < third and changes[1] - stop <= HOLD_WITHIN_S * record.rate_hz
+    assert changes[2] - third <= lead
     assert record.underruns == 0 and not [event for event in record.events if event.kind == "fault"]
     assert human_motion(run.source, record) is None  # targets came in between
 

@@ -27,6 +27,9 @@ from flexmotion.streamer.run.session import Session
 STREAMED = [State.READY, State.STREAMING, State.HOLD, State.PARK, State.OFF]
 """States of an undisturbed run."""
 
+PARKED_WITHIN_S = 6.5
+"""After a request for the end the robot is parked and torque is off within this time [s of the loop]."""
+
 When = Callable[[ControlLoop], bool]
 """A moment of a run: looked at before each tick, the first one that fits counts."""
 Spoil = Callable[[ControlLoop, RobotState], None]
@@ -226,6 +229,7 @@ def test_seconds_cut_a_clip_short_with_a_balanced_stop(run: Callable[..., Run]) 
     played, most = np.nanmax(cut.record.source_s), 1.8 + load_stream().horizon_s
     assert 1.8 <= played <= most and played < cut.session.source.motion.duration  # type: ignore[attr-defined]
     assert cut.tilt < 0.6 and cut.record.violations_sent == 0
+    assert cut.record.used < 9.0 * cut.record.rate_hz
 
 
 # ---------------------------------------------------------------- stops
@@ -241,6 +245,7 @@ def test_a_stop_at_any_time_ends_parked_and_upright(run: Callable[..., Run], whe
     followed = np.flatnonzero(np.isfinite(stopped.record.source_s))
     joined = (plan.join_tick for plan in stopped.record.plans if plan.asked_tick >= stopped.acted_tick)
     assert followed.max(initial=0) <= next(joined, stopped.acted_tick)
+    assert stopped.record.used < stopped.acted_tick + PARKED_WITHIN_S * stopped.record.rate_hz
 
 
 @pytest.mark.parametrize("asked", [Request.END, Request.STOP, Request.ESTOP, Request.KILL])
