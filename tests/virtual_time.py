@@ -181,9 +181,7 @@ _plan = Planner.plan
 def _charged(costs: Costs) -> Callable[..., Planned]:
     """`Planner.plan` that takes as long as `costs` says."""
 
-    def plan(
-        planner: Planner, *args: Any, checkpoint: Callable[[], None] = lambda: None, **options: Any
-    ) -> Planned:
+    def plan(planner: Planner, *args: Any, checkpoint: Callable[[], None] = lambda: None, **options: Any) -> Planned:
         def charged_checkpoint() -> None:
             time.sleep(costs.checkpoint_s)
             checkpoint()
