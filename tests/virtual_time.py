@@ -33,7 +33,7 @@ _LOOK_S = 0.002
 _POLL_S = 0.002
 """How often a process that waits for another one looks [s of virtual time]."""
 
-_sleep = time.sleep
+_sleep, _kill = time.sleep, os.kill
 
 
 @dataclass(frozen=True)
@@ -116,6 +116,12 @@ class VirtualTime:
         end = None if timeout is None else self._now[0] + round(timeout * 1e9)
         while process.is_alive() and (end is None or self._now[0] < end):
             self.sleep(_POLL_S)
+
+    def kill(self, pid: int, number: int) -> None:
+        """`os.kill`; no time passes until a process that is killed or stopped has ended or stopped."""
+        _kill(pid, number)
+        while number in (signal.SIGKILL, signal.SIGSTOP) and _runs(pid):
+            select.select([], [], [], _LOOK_S)
 
     def wait(self, sources: Sequence[Any], timeout: float) -> list[Any]:
         """`multiprocessing.connection.wait`; what happens meanwhile is seen at the end of the time."""
@@ -212,6 +218,7 @@ def virtual_time(fastest: float = math.inf, costs: Costs | None = None) -> Itera
         patch.setattr(time, "sleep", clock.sleep)
         patch.setattr(child, "start", clock.start)
         patch.setattr(BaseProcess, "join", lambda process, timeout=None: clock.join(process, timeout))
+        patch.setattr(os, "kill", clock.kill)
         patch.setattr(supervisor, "wait", clock.wait)
         patch.setattr(sim_process, "_OPEN_PATIENCE_S", _OPENING_S)  # on the real clock
         if costs is not None:

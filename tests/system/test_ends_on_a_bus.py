@@ -1,7 +1,8 @@
 """What a run over a servo bus leaves behind, however it ends: the robot's servos are read afterwards, in bytes.
 
 Servos, run and clock are real here, so that a machine without time for them ends a run in one of the ways that
-docs/faults.md lists. Each test accepts these, and no servo that goes on moving.
+docs/faults.md lists. A test accepts these, and no servo that goes on moving, only where it measured that the machine
+was late; else the run must be undisturbed.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -32,17 +34,39 @@ from ..waiting import HANGING_S
 TRIPPED = -1
 STOPPED_S = 1.0
 """Servos that were asked for nothing for so long have stopped: their watchdog trips after 0.16 s [s]."""
-STARTING_S = 60.0
-"""How long a run is started anew that ended before it streamed [s]."""
-STARVED = "this machine has no time for a run on its clock; each one that was tried ended with all servos motionless"
+LATE_S = 0.024
+"""A machine that lets a program sleep this much too long, three ticks, may end a run [s]."""
+STARVED = "this machine has no time for a run on its clock; the one that was tried ended with all servos motionless: "
 TABLE = table_of("XM430-W350")
+
+
+class Lateness(threading.Thread):
+    """Measures how much longer than asked this machine lets a program sleep.
+
+    Attributes:
+        worst_s: greatest lateness since it was set to 0 [s].
+    """
+
+    def __init__(self) -> None:
+        super().__init__(daemon=True)
+        self.worst_s, self.ended = 0.0, False
+
+    def run(self) -> None:
+        due = time.perf_counter()
+        while not self.ended:
+            due += 0.002
+            time.sleep(max(due - time.perf_counter(), 0.0))
+            late = time.perf_counter() - due
+            self.worst_s = max(self.worst_s, late)
+            due += max(late, 0.0)
 
 
 class Bench:
     """`flexmotion emulate`, and `flexmotion run` on the same port.
 
     Attributes:
-        run: the process of the run that was started last.
+        run: the process of the run.
+        starved: evidence that the machine was late during the run; empty: there is none.
     """
 
     def __init__(self, robot: Robot, link: Path, *options: str) -> None:
@@ -52,36 +76,39 @@ class Bench:
         assert self._emulator.stderr is not None
         assert str(robot.name) in self._emulator.stderr.readline()  # its port is there, and signals end it
         self.run: subprocess.Popen[str]
+        self.starved: list[str] = []
+        self._lateness = Lateness()
 
     def start(self, *options: str) -> None:
         """Drive."""
+        self._lateness.start()
         folder = ("--robot", str(self.robot.folder))
         self.run = _start("run", *folder, "-d", "dynamixel", "--port", str(self.link), "--json", *options)
 
-    def start_streaming(self) -> bool:
-        """Drive, and come back once a plan plays; False where the machine has no time for it.
-
-        A start at which servos seemed silent, or that the robot did not survive, is repeated for `STARTING_S`.
-        """
-        end = time.monotonic() + STARTING_S
-        while True:
-            self.start()
-            assert self.run.stderr is not None
-            seen = ""
-            while line := self.run.stderr.readline():
-                seen += line
-                if "READY -> STREAMING" in line:
-                    return True
-            assert self.run.wait(HANGING_S) in (1, 3) and "Traceback" not in seen, seen
-            time.sleep(STOPPED_S)
-            assert self.motionless
-            if time.monotonic() > end:
-                return False
+    def start_streaming(self) -> None:
+        """Drive, and come back once a plan plays. Skips the test where the machine was late and the run ended."""
+        self.start()
+        assert self.run.stderr is not None
+        seen = ""
+        while "READY -> STREAMING" not in seen:
+            line = self.run.stderr.readline()
+            seen += line
+            if not line:
+                report, _ = self.end()
+                self.check_end(report, seen)
+                assert self.starved, seen
+                pytest.skip(STARVED + ", ".join(self.starved))
 
     def end(self) -> tuple[dict[str, Any], str]:
         """The run's report (empty where it printed none) and messages."""
         out, err = self.run.communicate(timeout=HANGING_S)
-        return json.loads(out) if out else {}, err
+        report = json.loads(out) if out else {}
+        self._lateness.ended = True
+        if self._lateness.worst_s > LATE_S:
+            self.starved.append(f"a program slept {1e3 * self._lateness.worst_s:.0f} ms too long")
+        if report and report["loop"]["missed_deadlines"] > report["loop"]["missed_allowed"]:
+            self.starved.append(f"the loop missed {report['loop']['missed_deadlines']} deadlines")
+        return report, err
 
     def servos(self, register: str) -> list[int]:
         """What every servo has in a register now."""
@@ -109,19 +136,26 @@ class Bench:
         return all(torque == 0 or watchdog == TRIPPED for torque, watchdog in states)
 
     def check_end(self, report: dict[str, Any], messages: str) -> None:
-        """The run has ended in a documented way; where no fault was seen, parked, all torque off."""
+        """The run has parked the robot without a fault, all torque off; where the machine was late, a fault will do."""
         assert "Traceback" not in messages
-        if report and not report["safety"]["faults"]:
-            assert report["safety"] == {"final_state": "OFF", "faults": [], "hardware_failed": False}
-            assert set(self.servos("torque_enable")) == {0} and set(self.servos("bus_watchdog")) == {0}
-        else:
+        assert not report or report["limits"]["violations_sent"] == 0
+        if not self.undisturbed(report):
+            assert self.starved, messages
             assert self.run.returncode in (1, 3, 130)
             time.sleep(STOPPED_S)
             assert self.motionless
-        assert not report or report["limits"]["violations_sent"] == 0
+            return
+        assert set(self.servos("torque_enable")) == {0} and set(self.servos("bus_watchdog")) == {0}
+
+    @staticmethod
+    def undisturbed(report: dict[str, Any]) -> bool:
+        """Whether the run has ended parked, without a fault or a fall."""
+        parked = {"final_state": "OFF", "faults": [], "hardware_failed": False}
+        return bool(report) and report["safety"] == parked and not report["motion"]["fell"]
 
     def close(self) -> dict[str, Any]:
         """End what still runs; the emulator's figures."""
+        self._lateness.ended = True
         if hasattr(self, "run"):
             for process in [*_family(self.run), self.run]:
                 process.kill()
@@ -148,10 +182,10 @@ def _family(process: subprocess.Popen[str]) -> list[psutil.Process]:
 
 @pytest.fixture
 def patient(tmp_path: Path) -> Robot:
-    """OP3 that takes a servo for dead after 20 s without an answer."""
+    """OP3 that takes a servo for dead after 0.32 s without an answer."""
     folder = Path(shutil.copytree(ROBOTS / "op3", tmp_path / "op3"))
     content = yaml.safe_load((folder / "op3.yaml").read_text(encoding="utf-8"))
-    content["safety"]["max_stale_reads"] = 2500
+    content["safety"]["max_stale_reads"] = 40
     (folder / "op3.yaml").write_text(yaml.safe_dump(content), encoding="utf-8")
     return load_robot(folder)
 
@@ -176,18 +210,17 @@ def test_a_run_to_its_end_leaves_torque_off(bench: Bench) -> None:
     bench.start("--seconds", "1.5")
     report, messages = bench.end()
     bench.check_end(report, messages)
-    if report:
-        assert bench.run.returncode in ({0} if report["ok"] else {1, 3})
+    if bench.undisturbed(report):  # a busy machine misses deadlines, which is all that may be wrong
+        assert bench.run.returncode == (0 if report["ok"] else 1)
 
 
 def test_ctrl_c_parks_the_robot_and_leaves_torque_off(bench: Bench) -> None:
-    if not bench.start_streaming():
-        pytest.skip(STARVED)
+    bench.start_streaming()
     for process in (psutil.Process(bench.run.pid), *_family(bench.run)):  # a terminal's reaches all of them
         process.send_signal(signal.SIGINT)
     report, messages = bench.end()
     bench.check_end(report, messages)
-    if report and not report["safety"]["faults"]:
+    if bench.undisturbed(report):
         assert bench.run.returncode == 130 and "HOLD -> PARK" in messages
         # The last goals were those of the rest pose, with what it takes to hold it; without torque it sinks from there.
         parked = bench.robot.to_ticks(bench.robot.rest_pose)
@@ -208,12 +241,12 @@ def _crash_the_loop(bench: Bench) -> None:
 @pytest.mark.parametrize("ends", [_kill_all, _crash_the_loop], ids=["kill -9", "crash"])
 def test_a_run_that_is_gone_leaves_a_robot_that_stands_stiff(standing: Bench, ends: Callable[[Bench], None]) -> None:
     """No code of ours runs any more: it is the servos' bus watchdog that stops them."""
-    if not standing.start_streaming():
-        pytest.skip(STARVED)
+    standing.start_streaming()
     ends(standing)
     _, messages = standing.end()
     time.sleep(STOPPED_S)  # nothing is asked meanwhile: what is read feeds the watchdogs
     if any(f"-> {state}" in messages for state in ("PARK", "DAMPED", "FAULT")):
+        assert standing.starved, messages
         assert standing.motionless  # it had fallen, or was given up, before it was killed
         return
     assert set(standing.servos("bus_watchdog")) == {TRIPPED}

@@ -8,8 +8,10 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+import psutil
 import pytest
 
+from flexmotion.configs.errors import DriverError
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.run.requests import Request
 
@@ -17,6 +19,8 @@ Live = Callable[..., Any]
 Send = Callable[..., Any]
 Ask = Callable[..., Any]
 
+LOOKS_S = 0.06
+"""The supervisor looks every 20 ms; three of them."""
 MID_WALK = 1.9
 """Seconds after the first plan at which a foot is in the air, or nearly."""
 
@@ -54,6 +58,28 @@ def test_a_robot_that_dies_is_a_fault_within_200_ms(live: Live, send: Send) -> N
     assert run.states[-1] is State.FAULT
     assert run.ticks_until(State.FAULT) <= 0.2 * run.record.rate_hz
     assert any("no joint has answered" in message for message in run.messages("fault"))
+
+
+@pytest.mark.parametrize(
+    ("number", "within_s", "message"),
+    [(signal.SIGSTOP, 2.0, "it did not tick for 2 s"), (signal.SIGKILL, 0.0, r"died \(signal 9\)")],
+    ids=["hangs", "killed"],
+)
+def test_a_loop_that_is_gone_is_noticed_in_time(
+    live: Live, send: Send, number: signal.Signals, within_s: float, message: str
+) -> None:
+    """Within one look of the supervisor after the time that the loop has; no process is left."""
+    seen: list[str] = []
+    acts = [
+        (MID_WALK, send(number, "fm-loop")),
+        (MID_WALK + within_s - 0.1, lambda _session: seen.append("before")),
+        (MID_WALK + within_s + LOOKS_S, lambda _session: seen.append("after")),
+    ]
+    with pytest.raises(DriverError, match=message):
+        live(acts, end_s=60.0)
+    assert seen == ["before"]
+    left = {process.name() for process in psutil.Process().children(recursive=True)}
+    assert not left & {"fm-loop", "fm-planner", "fm-robot"}
 
 
 def test_an_emergency_stop_freezes_the_goals_within_two_periods(live: Live, ask: Ask) -> None:
