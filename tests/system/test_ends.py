@@ -89,6 +89,12 @@ class Walk:
 
 
 @pytest.fixture
+def unhurried(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Virtual time that passes at half the speed of the real one at most: a test has time to act within it."""
+    monkeypatch.setenv("FASTEST", "0.5")
+
+
+@pytest.fixture
 def walking(tmp_path: Path) -> Iterator[Walk]:
     """A run whose robot walks, or has walked."""
     walk = Walk(tmp_path / "run.mcap")
@@ -146,7 +152,7 @@ def test_ctrl_c_parks_the_robot_and_ends(walking: Walk) -> None:
     assert walking.ticks_between("END", "PARK -> OFF") < PARKED_WITHIN_S * report["loop"]["rate_hz"]
 
 
-def test_a_second_interrupt_ends_at_once(walking: Walk) -> None:
+def test_a_second_interrupt_ends_at_once(unhurried: None, walking: Walk) -> None:
     family = walking.family
     walking.process.send_signal(signal.SIGINT)
     walking.wait_for_message("END")
