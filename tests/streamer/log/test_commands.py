@@ -77,7 +77,7 @@ def test_a_file_that_is_no_log_is_exit_code_2(
     file.write_text("HIERARCHY\n" * 50)
     assert execute(["log", *command, str(file)]) == 2
     err = capsys.readouterr().err
-    assert err.startswith("flexmotion: ") and "clip.mcap: not a log" in err and err.count("\n") == 1
+    assert err.startswith("flexmotion: ") and "clip.mcap: damaged, or not a log" in err and err.count("\n") == 1
 
 
 def test_a_folder_gets_a_log_of_its_own_for_each_run(tmp_path: Path) -> None:
