@@ -10,7 +10,6 @@ from multiprocessing.process import BaseProcess
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexmotion.configs.errors import DriverError
 from flexmotion.drivers.interface import Capabilities, JointCommand, RobotState
@@ -201,10 +200,10 @@ class SimProcess(SimulatedDriver):
         except DriverError as error:
             opened.send(error)
             return
-        sensed, row = RobotState(self.robot.n), np.zeros((), self._states.dtype)
+        sensed, state = RobotState(self.robot.n), _StateRow(np.zeros((), self._states.dtype))
         priority.settle(collect=False)
         priority.claim(priority.ROBOT_PRIORITY, allowed=self._realtime)
-        self._publish(sensed, row, 0.0, 0.0)
+        self._publish(sensed, state, 0.0, 0.0)
         opened.send(None)
         ticker = Ticker(QUANTUM_S)
         steps_a_tick = max(round(1.0 / (self.robot.rate_hz * QUANTUM_S)), 1)
@@ -219,7 +218,7 @@ class SimProcess(SimulatedDriver):
             worst[0] = max(worst[0], late)
             if step % steps_a_tick == 0:
                 worst = [0.0, worst[0]]
-            self._publish(sensed, row, late, max(worst))
+            self._publish(sensed, state, late, max(worst))
         simulation.close()
 
     def _execute(self, commands: Reader) -> bool:
@@ -239,8 +238,8 @@ class SimProcess(SimulatedDriver):
                 return True
         return False
 
-    def _publish(self, sensed: RobotState, row: NDArray[Any], late_s: float, worst_late_s: float) -> None:
-        simulation, state = self.simulation, _StateRow(row)
+    def _publish(self, sensed: RobotState, state: _StateRow, late_s: float, worst_late_s: float) -> None:
+        simulation = self.simulation
         simulation.read(sensed)
         for name in _STATE:
             setattr(state, name, getattr(sensed, name))
@@ -249,4 +248,4 @@ class SimProcess(SimulatedDriver):
         truth = simulation.truth()
         for name in _TRUTH:
             setattr(state, name, getattr(truth, name))
-        self._states.publish(row)
+        self._states.publish(np.asarray(state.array))
