@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -43,10 +43,12 @@ def joint_capture(
     optional = {n for landmark in present if landmark.startswith(OPTIONAL) for n in _names(present, landmark)}
     used = {n for landmark in present for n in _names(present, landmark)} - optional
     used, notes = _without_rare(capture, used)
+    spare = {n for landmark in _spare(present) for n in _names(present, landmark)} & used
+    used -= spare
     segments = [[n for own in carried for n in _names(present, own)] for carried in CARRIERS.values()]
     capture = replace(capture, warnings=(*capture.warnings, *notes))
-    complete, lost = without_gaps(capture, used, optional, segments)
-    known = used | optional - lost
+    complete, lost = without_gaps(capture, used, optional, segments, spare)
+    known = (used | optional | spare) - lost
     column = {name: index for index, name in enumerate(complete.names)}
 
     def mean(names: list[str]) -> Float:
@@ -72,6 +74,20 @@ def joint_capture(
         start=complete.start,
         warnings=(*complete.warnings, *found.warnings),
     )
+
+
+def _spare(present: Collection[str]) -> list[str]:
+    """Landmarks that others of the file can stand for."""
+    found = ["t10", "sternum"]
+    for side in "lr":
+        found += [f"thigh_{side}", f"foot_{side}", f"toe_tip_{side}"]
+        if f"knee_lateral_{side}" in present:
+            found += [f"shank_{side}", f"knee_medial_{side}"]
+        if f"ankle_lateral_{side}" in present:
+            found.append(f"ankle_medial_{side}")
+        if f"toe_{side}" in present:
+            found += [f"metatarsal_1_{side}", f"metatarsal_5_{side}"]
+    return found
 
 
 def _names(present: Mapping[str, list[list[str]]], landmark: str) -> list[str]:
