@@ -202,7 +202,7 @@ FEW = 6
 def _marker_set(
     shipped: Sequence[SkeletonMapping], names: tuple[str, ...], least: int | None = None
 ) -> SkeletonMapping | None:
-    """The set of surface markers with most landmarks in a file that has both anterior iliac spines, or `least` others."""
+    """The set with most landmarks in a file that has both anterior iliac spines, or at least `least` landmarks."""
     counts = {}
     for mapping in shipped:
         found = mapping.landmarks(names)

@@ -85,7 +85,6 @@ READABLE: dict[str, tuple[Callable[[Tracks], Tracks], str]] = {
     "gap in an unused marker": (extra("Hat", 0.3), ""),
     "unused marker without a value": (extra("Hat", 0.0), ""),
     "unlabelled markers": (lambda t: extra("*1", 0.1)(extra("*2", 0.4)(t)), ""),
-    "unused marker named twice": (named(lambda n: n), ""),
     "gap of .8 s in a wrist": (gap("LeftWrist", 2.0, 2.8), "LeftWrist: gaps up to 0.80 s are interpolated"),
     "wrist missing for 4 s": (gap("LeftWrist", 2.0, 6.0), "LeftWrist: missing for 4.00 s, is not used"),
     "shoulder reconstructed from the trunk": (gap("LeftShoulder", 5.0, 7.0), "LeftShoulder: gaps are reconstructed"),
@@ -136,6 +135,14 @@ def test_wrong_header(
     path.write_text(path.read_text().replace(old, new, 1))
     found = read(path)
     assert not warning or any(warning in text for text in found.warnings)
+    same_legs(found, clip_kinematics, 0.015)
+
+
+def test_two_unused_markers_of_one_name(tmp_path: Path, centres: Tracks, clip_kinematics: HumanKinematics) -> None:
+    path = write_trc(tmp_path / "a.trc", extra("Hat", 0.5)(extra("Cap", 0.5)(centres)))
+    path.write_text(path.read_text().replace("Cap", "Hat", 1))
+    found = read(path)
+    assert any("Hat: name of several markers" in text for text in found.warnings)
     same_legs(found, clip_kinematics, 0.015)
 
 
