@@ -59,10 +59,8 @@ def import_(
         return
     for warning in found.warnings:
         print_note(f"{file.name}: {warning}")
-    print_result(
-        f"{out}: {len(found.motion)} frames at {fps:g} Hz, skeleton {found.mapping or 'own format'}, "
-        f"{body.mass:.1f} kg, {body.height:.2f} m"
-    )
+    print_note(f"{file.name}: {body.mass:.1f} kg, {body.height:.2f} m")
+    print_result(f"{out}: {len(found.motion)} frames at {fps:g} Hz, skeleton {found.mapping or 'own format'}")
 
 
 @data.command()

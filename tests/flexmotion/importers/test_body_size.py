@@ -10,7 +10,8 @@ from flexmotion.configs.errors import ConfigError
 from flexmotion.human.motion import Motion
 from flexmotion.human.motion_file import save_motion
 from flexmotion.importers import read
-from tests.flexmotion.importers.surface_markers import joint_centres, write_trc
+
+from .surface_markers import joint_centres, write_trc
 
 
 @pytest.fixture(scope="module")

@@ -15,7 +15,8 @@ from flexmotion.human.kinematics import forward
 from flexmotion.human.motion import Motion
 from flexmotion.importers import read
 from flexmotion.importers.c3d import read_c3d
-from tests.flexmotion.importers.surface_markers import Tracks, surface_markers, write_trc
+
+from .surface_markers import Tracks, surface_markers, write_trc
 
 
 def write_c3d(path: Path, tracks: Tracks, change: Callable[[Any], None] = lambda content: None) -> Path:

@@ -14,7 +14,8 @@ from flexmotion.importers.mapping import find_mapping
 from flexmotion.importers.marker_capture import joint_capture
 from flexmotion.importers.rigid import cluster_pose, common_points
 from flexmotion.importers.trc import read_trc
-from tests.flexmotion.importers.surface_markers import Tracks, joint_centres, surface_markers, write_trc
+
+from .surface_markers import Tracks, joint_centres, surface_markers, write_trc
 
 # Root mean square errors that are accepted [m], by point. The human has the pelvis of the regression's mean; its ankle
 # lies in a foot of other proportions, and its neck and shoulders are placed by means of adults.

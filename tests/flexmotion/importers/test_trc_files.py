@@ -15,7 +15,8 @@ from flexmotion.configs.errors import MotionFormatError
 from flexmotion.human.kinematics import HumanKinematics, forward
 from flexmotion.human.motion import Motion
 from flexmotion.importers import Import, read
-from tests.flexmotion.importers.surface_markers import Tracks, joint_centres, surface_markers, write_trc
+
+from .surface_markers import Tracks, joint_centres, surface_markers, write_trc
 
 LEG = ("knee", "ankle")
 
