@@ -22,6 +22,9 @@ GAP_S = 0.25
 ARM_GAP_S = 1.0
 """Longest gap of a marker of arms or head that is interpolated, relative to the trunk [s]."""
 
+NEIGHBOUR_GAP_S = 1.0
+"""Longest gap of a marker that is approximated with the help of a marker of the next segment [s]."""
+
 KEPT_SHARE = 0.5
 """Least share of a clip that must be left where frames with a missing marker are cut off."""
 
@@ -32,6 +35,7 @@ def without_gaps(
     optional: Collection[str] = (),
     segments: Sequence[Collection[str]] = (),
     spare: Collection[str] = (),
+    anchor: Collection[str] = (),
 ) -> tuple[Capture, frozenset[str]]:
     """A capture whose used points have no gaps, cut to the frames in which all needed ones are known.
 
@@ -41,6 +45,7 @@ def without_gaps(
         optional: names of points of arms and head, which a clip may lack.
         segments: names of points that move as one rigid body, each.
         spare: names of points that others can stand for; used only where they are complete.
+        anchor: names of points in the middle of the body, relative to which optional ones are interpolated.
 
     Returns:
         the capture, with a warning for everything that was reconstructed or cut off, and the optional and spare
@@ -63,6 +68,8 @@ def without_gaps(
         here = [column[name] for name in members if name in column]
         for name in _from_segment(positions, here, scale, capture):
             notes.append(f"{name}: gaps are reconstructed from the other markers of its segment")
+        for name in _from_neighbours(positions, here, [column[name] for name in names], scale, capture):
+            notes.append(f"{name}: gaps are approximated from two markers of its segment and one beside it")
     for name in names:
         _bridge(positions[:, column[name]], GAP_S * capture.fps)
     begin, end = _complete(capture, positions, [column[name] for name in needed if name in column])
@@ -76,7 +83,7 @@ def without_gaps(
         if name in column and not np.isfinite(positions[:, column[name]]).all():
             lost.add(name)
             notes.append(f"{name}: missing for too long, is not used")
-    middle = np.mean([positions[:, column[name]] for name in needed if name in column], axis=0)
+    middle = np.mean([positions[:, column[name]] for name in anchor or needed if name in column], axis=0)
     for name in optional:
         if name not in column:
             continue
@@ -127,25 +134,56 @@ def _bridge(track: Float, frames: float) -> None:
 
 def _from_segment(positions: Float, columns: Sequence[int], scale: float, capture: Capture) -> list[str]:
     """Fill gaps of points of one rigid body in place, from at least three others; names of those filled."""
-    tracks = positions[:, columns]
+    tracks = positions[:, columns].copy()
     seen = np.isfinite(tracks).all(axis=-1)
     if seen.all() or len(columns) < 4:
         return []
-    rotation, origin, shape = cluster_pose(scale * tracks)
+    filled = [
+        index
+        for member, index in enumerate(columns)
+        if not seen[:, member].all() and _moved_with(positions, index, scale * tracks, member, scale)
+    ]
+    return [capture.names[index] for index in filled]
+
+
+def _from_neighbours(
+    positions: Float, columns: Sequence[int], every: Sequence[int], scale: float, capture: Capture
+) -> list[str]:
+    """Fill gaps up to `NEIGHBOUR_GAP_S` in place from two others of the segment and a point beside it; names of those.
+
+    The point beside it is the one whose distance to the missing one changes least.
+    """
     filled = []
-    for member, index in enumerate(columns):
-        model = (origin + rotation @ shape[member]) / scale
-        possible = ~seen[:, member] & np.isfinite(model).all(axis=1)
-        if not possible.any() or not seen[:, member].any():
+    for index in columns:
+        gaps = ~np.isfinite(positions[:, index]).all(axis=1)
+        others = [own for own in columns if own != index and np.isfinite(positions[gaps, own]).all()]
+        if not gaps.any() or gaps.all() or len(others) < 2 or _longest(gaps) > NEIGHBOUR_GAP_S * capture.fps:
             continue
-        # The skin's movement at the edges of a gap is carried into it.
-        known = np.flatnonzero(seen[:, member] & np.isfinite(model).all(axis=1))
-        frames = np.flatnonzero(possible)
-        rest = tracks[known, member] - model[known]
-        shift = np.stack([np.interp(frames, known, rest[:, axis]) for axis in range(3)], axis=1)
-        positions[frames, index] = model[frames] + shift
-        filled.append(capture.names[index])
+        beside = [own for own in every if own not in columns and np.isfinite(positions[gaps, own]).all()]
+        if not beside:
+            continue
+        distance = np.linalg.norm(positions[~gaps][:, beside] - positions[~gaps, None, index], axis=-1)
+        nearest = beside[int(np.argmin(np.nanstd(distance, axis=0)))]
+        tracks = scale * positions[:, [index, *others[:2], nearest]]
+        if _moved_with(positions, index, tracks, 0, scale):
+            filled.append(capture.names[index])
     return filled
+
+
+def _moved_with(positions: Float, index: int, tracks: Float, member: int, scale: float) -> bool:
+    """Fill the gaps of one member of a cluster in place where the cluster has a pose; whether there were any."""
+    rotation, origin, shape = cluster_pose(tracks)
+    model = (origin + rotation @ shape[member]) / scale
+    posed = np.isfinite(model).all(axis=1)
+    seen = np.isfinite(positions[:, index]).all(axis=1)
+    known, frames = np.flatnonzero(seen & posed), np.flatnonzero(~seen & posed)
+    if not len(frames) or not len(known):
+        return False
+    # The skin's movement at the edges of a gap is carried into it.
+    rest = positions[known, index] - model[known]
+    shift = np.stack([np.interp(frames, known, rest[:, axis]) for axis in range(3)], axis=1)
+    positions[frames, index] = model[frames] + shift
+    return True
 
 
 def _complete(capture: Capture, positions: Float, columns: Sequence[int]) -> tuple[int, int]:

@@ -9,6 +9,7 @@ from flexmotion.importers.capture import Capture
 from flexmotion.importers.gaps import without_gaps
 from flexmotion.importers.mapping import REQUIRED_POINTS, SkeletonMapping, markers
 
+PELVIS = ("hip_l", "hip_r", "lumbar")
 TORSO = ("lumbar", "neck", "shoulder_l", "shoulder_r")
 """Points that move nearly as one rigid body."""
 
@@ -28,6 +29,7 @@ def complete_joints(capture: Capture, mapping: SkeletonMapping) -> tuple[Capture
         raise MotionFormatError(f"{capture.path}: {', '.join(empty)}: missing in every frame")
     optional = {name for joint in mapping.joints.values() for name in markers(joint)} - needed
     torso = [name for point in TORSO if point in mapping.joints for name in markers(mapping.joints[point])]
-    complete, lost = without_gaps(capture, needed, optional, [torso])
+    pelvis = [name for point in PELVIS if point in mapping.joints for name in markers(mapping.joints[point])]
+    complete, lost = without_gaps(capture, needed, optional, [torso, pelvis], anchor=pelvis)
     kept = {point: joint for point, joint in mapping.joints.items() if lost.isdisjoint(markers(joint))}
     return complete, mapping.model_copy(update={"joints": kept})

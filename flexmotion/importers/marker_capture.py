@@ -22,8 +22,8 @@ PELVIS_WIDTH = (0.15, 0.42)
 """Range of the distance between the markers on both anterior iliac spines of humans who can walk [m]; it determines the
 units of a file."""
 
-OPTIONAL = ("elbow", "wrist", "head", "vertex")
-"""Landmarks of arms and head, without which a clip can be read."""
+OPTIONAL = ("elbow", "wrist", "head", "vertex", "acromion", "c7", "clavicle")
+"""Landmarks of arms, head and shoulders, without which a clip can be read."""
 
 
 def joint_capture(
@@ -48,7 +48,7 @@ def joint_capture(
     used -= spare
     segments = [[n for own in carried for n in _names(present, own)] for carried in CARRIERS.values()]
     capture = replace(capture, warnings=(*capture.warnings, *notes))
-    complete, lost = without_gaps(capture, used, optional, segments, spare)
+    complete, lost = without_gaps(capture, used, optional, segments, spare, spines)
     known = (used | optional | spare) - lost
     column = {name: index for index, name in enumerate(complete.names)}
 

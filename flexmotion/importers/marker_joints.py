@@ -163,14 +163,16 @@ def _leg(
         ankle = _ankle_beside(hip, knee, outer, toe, pelvis, out)
     if ankle is None or knee is None:
         thigh, shank = clusters.get(f"thigh_{side}"), clusters.get(f"shank_{side}")
-        if knee is None and (thigh is None or shank is None or thigh.shape[1] < 2 or shank.shape[1] < 3):
-            raise MotionFormatError(
-                f"{path}: no marker for the {name} knee, and fewer than two on the thigh and three on the shank"
-            )
+        if knee is None and (thigh is None or shank is None or thigh.shape[1] < 2 or shank.shape[1] < 2):
+            raise MotionFormatError(f"{path}: no marker for the {name} knee, and fewer than two on thigh or shank")
         guess = ankle if ankle is not None else _ankle_of_foot(side, at, toe, foot, hip)
         if knee is None:
             assert thigh is not None and shank is not None
             body = cluster_pose(np.concatenate([thigh, hip[:, None]], axis=1))[:2]
+            if shank.shape[1] == 2:
+                # The ankle is the third point of the shank.
+                ankle = guess
+                shank = np.concatenate([shank, guess[:, None]], axis=1)
             lower = cluster_pose(shank)[:2]
             if ankle is None:
                 ankle = _ankle_of_shank(lower, foot, guess, fps)

@@ -22,7 +22,7 @@ def cluster_pose(tracks: Float) -> tuple[Float, Float, Float]:
         on a line; shape of the cluster about its own origin, (M, 3), NaN for a marker that is never seen with three
         others.
     """
-    seen = np.isfinite(tracks).all(axis=-1)
+    seen: NDArray[np.bool_] = np.isfinite(tracks).all(axis=-1)
     shape = _first_shape(tracks, seen)
     rotation, origin = _align(tracks, seen, shape)
     for _ in range(2):

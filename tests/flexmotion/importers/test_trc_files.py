@@ -89,6 +89,7 @@ READABLE: dict[str, tuple[Callable[[Tracks], Tracks], str]] = {
     "gap of .8 s in a wrist": (gap("LeftWrist", 2.0, 2.8), "LeftWrist: gaps up to 0.80 s are interpolated"),
     "wrist missing for 4 s": (gap("LeftWrist", 2.0, 6.0), "LeftWrist: missing for 4.00 s, is not used"),
     "shoulder reconstructed from the trunk": (gap("LeftShoulder", 5.0, 7.0), "LeftShoulder: gaps are reconstructed"),
+    "gap of .8 s in a hip": (gap("LeftHip", 8.5, 9.3), "LeftHip: gaps are approximated"),
     "prefix of a subject": (named(lambda name: f"Subject 01:{name}"), ""),
     "names in capitals": (named(lambda name: name.replace("Left", "L_").replace("Right", "R_").upper()), ""),
 }
@@ -175,6 +176,10 @@ MARKER_FILES: dict[str, tuple[str, Callable[[Tracks], Tracks], str]] = {
     "unused virtual points": ("plug_in_gait", extra("LHipAngles", 0.5), ""),
     "prefix": ("plug_in_gait", named(lambda name: f"Jim:{name}"), ""),
     "clusters": ("gait2354", lambda tracks: tracks, "left knee: no marker on it"),
+    "two markers on a shank": ("gait2354", without("Shank.Rear"), ""),
+    "gap of .9 s in a shank": ("gait2354", gap("L.Shank.Rear", 8.5, 9.4), "L.Shank.Rear: gaps are approximated"),
+    "gap of .9 s in the sacrum": ("gait2354", gap("V.Sacral", 5.5, 6.4), "V.Sacral: gaps are approximated"),
+    "gap of .9 s in a shoulder": ("gait2354", gap("L.Acromium", 5.5, 6.4), "L.Acromium: gaps"),
     "gap in a cluster": ("gait2354", gap("L.Thigh.Rear", 3.0, 5.0), "L.Thigh.Rear: missing for too long"),
 }
 
