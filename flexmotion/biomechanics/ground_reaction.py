@@ -91,7 +91,12 @@ class GroundReaction:
 
 @dataclass(frozen=True)
 class SlowShare:
-    """Share of the left foot in the vertical force, averaged over time, (T,), and likeness of the feet, (T,), 0 to 1."""
+    """Slow share of the feet in the vertical force.
+
+    Attributes:
+        share: of the left foot, averaged over time, (T,).
+        alike: how much both feet do the same, 0 to 1, (T,).
+    """
 
     share: Float
     alike: Float
