@@ -36,7 +36,7 @@ Float = NDArray[np.float64]
 EDGES = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
 """Horizontal directions of the edges of a friction pyramid."""
 
-NEAR = 1e-3
+NEAR = 5e-4
 """Least nearness of a point within reach of the floor."""
 
 
