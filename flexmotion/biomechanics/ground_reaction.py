@@ -211,7 +211,8 @@ def _share(
     )
     if status < 1:
         raise ArithmeticError(f"ground force: daqp failed with status {status}")
-    shares: Float = solution.reshape(count, edges)
+    # The solver's tolerance lets shares be below zero by millionths.
+    shares: Float = np.maximum(solution, 0.0).reshape(count, edges)
     return shares
 
 
