@@ -84,8 +84,8 @@ def fitted(sources: list[Float], errors: list[Float]) -> Float:
 
 
 def _figures(error: Float, estimate: Float) -> dict[str, float]:
-    wrong = (error > WRONG).any(axis=1)
-    flagged = (estimate > FLAGGED).any(axis=1)
+    wrong = error.max(axis=1) > WRONG
+    flagged = estimate.max(axis=1) > FLAGGED
 
     def share(of: NDArray[np.bool_]) -> float:
         return float(flagged[of].mean()) if of.any() else float("nan")

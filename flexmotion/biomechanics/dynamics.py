@@ -88,6 +88,7 @@ def dynamics(
         if attempt < reductions:
             level = shifted(level, ground.residual[:, :3])
     residual = np.linalg.norm(ground.residual.reshape(-1, 2, 3), axis=-1) / weight
+    assert slow is not None
     sources = error_sources(
         ground.wrenches[..., :3] / weight, slow.alike, removed_content(motion, cutoff), residual[:, 0], level.fps
     )
