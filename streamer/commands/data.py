@@ -209,12 +209,13 @@ def _report(manifest: dict, as_json: bool) -> None:
     for name, row in sorted(manifest["ranges"].items()):
         table.add_row(name, manifest["fields"][name]["unit"], *(f"{row[key]:.4g}" for key in COLUMNS))
     print_result(table)
-    kinds = Table("kind", "clips", "frames", "frames dropped", "good", "residual force", "residual moment")
+    kinds = Table("kind", "clips", "frames", "frames dropped", "good", "flagged", "residual force", "residual moment")
     for name, row in summary["by_kind"].items():
         force, moment = row.get("residual_median", (float("nan"), float("nan")))
         cells = (row["clips"], row["frames"], row["frames_dropped"])
         good = f"{100 * row['kept_share']:.1f} %" if "kept_share" in row else "-"
-        kinds.add_row(name, *map(str, cells), good, f"{100 * force:.2f} % BW", f"{moment:.4f} BW·m")
+        flagged = f"{100 * row['flagged_share']:.1f} %" if "flagged_share" in row else "-"
+        kinds.add_row(name, *map(str, cells), good, flagged, f"{100 * force:.2f} % BW", f"{moment:.4f} BW·m")
     print_result(kinds)
     for clip in manifest["dropped"][:20]:
         print_result(f"dropped {clip['name']}: {clip['reason']}")

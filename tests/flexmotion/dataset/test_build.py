@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from flexmotion.biomechanics.force_error import FLAGGED
 from flexmotion.biomechanics.mirror import mirror
 from flexmotion.biomechanics.plausibility import JointReach
 from flexmotion.configs.errors import MotionFormatError
@@ -96,6 +97,11 @@ def test_set(folder: Path, tmp_path: Path) -> None:
     assert len(found) == sum(clip.frames for clip in found.clips) == len(found["joints"])
     assert [clip.name for clip in found.select(split="validation", variant="original")] == ["wave_happy_001"]
     assert isinstance(found["torques"], np.memmap)
+    assert found["force_error"].shape == (len(found), 2) and found["force_error"].min() > 0
+    for clip in found.clips:
+        flagged = (found["force_error"][clip.rows] > FLAGGED).any(axis=1)
+        assert clip.info["flagged_share"] == pytest.approx(flagged.mean(), abs=1e-4)
+    assert 0 <= manifest["summary"]["flagged_share"] < 1
     assert found.damaged() == []
     (out / "joints.npy").write_bytes(b"")
     assert found.damaged() == ["joints.npy"]
