@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from flexmotion.biomechanics.external_load import ExternalLoad
 from flexmotion.biomechanics.floor_drift import on_level_floor
+from flexmotion.biomechanics.force_error import force_error
 from flexmotion.biomechanics.ground_reaction import GROUND, GroundSettings, ground_reaction
 from flexmotion.biomechanics.inverse_dynamics import effort, joint_torques
 from flexmotion.biomechanics.residual_reduction import shifted
@@ -38,6 +39,8 @@ class Dynamics:
         loads: external forces other than the ground's.
         residual: force [body weights] and moment about the centre of mass [body weights x m] that ground forces cannot
             explain, (T, 2): from stairs, chairs, contact with others, or a bad recording.
+        force_error: estimated standard error of the ground force on left and right foot, (T, 2) [body weights]; one
+            greater than `force_error.FLAGGED` is flagged.
     """
 
     motion: Motion
@@ -45,6 +48,7 @@ class Dynamics:
     centres: Float
     point_forces: Float
     residual: Float
+    force_error: Float
     loads: tuple[ExternalLoad, ...] = ()
 
 
@@ -67,14 +71,16 @@ def dynamics(
     """
     level = on_level_floor(smooth(motion, cutoff))
     pelvis = human_model(level.body).body_index["pelvis"]
+    weight = level.body.mass * GRAVITY
     for attempt in range(1 + reductions):
         segments = segment_motion(level)
         sole = sole_points(level.body, segments, level.fps, nearness)
         needed = effort(segments, level.body, loads)
         ground = ground_reaction(segments, needed, sole, segments.rotation[:, pelvis, :, 1], settings)
+        if attempt == 0:
+            unexplained = ground.residual[:, :3] / weight
         if attempt < reductions:
             level = shifted(level, ground.residual[:, :3])
-    weight = level.body.mass * GRAVITY
     return Dynamics(
         motion=replace(
             level,
@@ -86,5 +92,6 @@ def dynamics(
         centres=ground.centres,
         point_forces=ground.point_forces,
         residual=np.linalg.norm(ground.residual.reshape(-1, 2, 3), axis=-1) / weight,
+        force_error=force_error(ground.wrenches[..., :3] / weight, unexplained),
         loads=tuple(loads),
     )

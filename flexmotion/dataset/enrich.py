@@ -11,6 +11,7 @@ import numpy as np
 from flexmotion.biomechanics.augmentation import varied
 from flexmotion.biomechanics.dynamics import dynamics
 from flexmotion.biomechanics.external_load import ExternalLoad
+from flexmotion.biomechanics.force_error import FLAGGED
 from flexmotion.biomechanics.joint_contact import joint_contact_forces
 from flexmotion.biomechanics.mirror import mirror
 from flexmotion.biomechanics.plausibility import plausible, within_turn
@@ -94,6 +95,8 @@ def _entry(
         "good_share": round(float(good.mean()), 4),
         "implausible_share": round(float((explained & ~good).mean()), 4),
         "residual_median": [round(float(value), 5) for value in medians],
+        "force_error_mean": round(float(found.force_error.mean()), 5),
+        "flagged_share": round(float((found.force_error > FLAGGED).any(axis=1).mean()), 4),
     }
     if explained.mean() < settings.kept_share:
         reason = f"residual: {100 * explained.mean():.0f} % of its frames are explained by ground forces"
@@ -111,6 +114,7 @@ def _entry(
         "contacts": moved.contacts,
         "loads": np.stack([load.force for load in loads], axis=1) if loads else np.zeros((len(moved), 3, 3)),
         "residual": found.residual,
+        "force_error": found.force_error,
         "good": good,
     }
     if settings.muscles:
