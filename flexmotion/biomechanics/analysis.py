@@ -1,4 +1,4 @@
-"""`analyse`: one clip in full: ground forces and their error, joint moments, muscles, joint contact, and its figures."""
+"""`analyse`: one clip in full: ground forces and their error, joint moments, muscles, joint contact, figures."""
 
 from __future__ import annotations
 

@@ -54,7 +54,8 @@ def storage(name: str, times: Float, columns: Mapping[str, Float], *, degrees: b
         columns: values by label, (T,) each.
         degrees: whether angles are in degrees.
     """
-    table = np.column_stack([times, *columns.values()])
+    # Zeros of rounding, such as the force on a foot in the air, are written as zeros.
+    table = np.column_stack([times, *columns.values()]).round(9) + 0.0
     header = [name, "version=1", f"nRows={table.shape[0]}", f"nColumns={table.shape[1]}"]
     header += [f"inDegrees={'yes' if degrees else 'no'}", "endheader", "\t".join(["time", *columns])]
     stream = io.StringIO()

@@ -1,7 +1,7 @@
 """Names and axes of OpenSim, as in the full-body model of Rajagopal et al. (IEEE Trans. Biomed. Eng. 63(10), 2016).
 
-OpenSim's axes are x forward, y up, z right; angles have the signs of that model: knee flexion and dorsiflexion positive.
-Names that the model lacks (neck and head) are the project's own.
+OpenSim's axes are x forward, y up, z right; angles have the signs of that model (knee flexion and dorsiflexion are
+positive). Names that the model lacks (neck and head) are the project's own.
 """
 
 from __future__ import annotations
