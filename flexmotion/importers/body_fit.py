@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexmotion.human.body import Body, Segments
+from flexmotion.human.skeleton import SIDES
 from flexmotion.human.vectors import in_frame
 from flexmotion.importers.foot import FlatFoot
 from flexmotion.importers.landmarks import Landmarks
+from flexmotion.importers.trunk import LEG_SHARE
 
 Float = NDArray[np.float64]
-
-LEG_SHARE = 0.491
-"""Thigh and shank as a share of stature (`data/proportions.yaml`)."""
 
 BALL_HEIGHT = 0.018
 """Toe joint's centre above the sole as a share of stature: about 3 cm with a shoe [assumption]."""
@@ -52,8 +52,13 @@ def fit_body(found: Landmarks, pelvis: Float, flat: tuple[FlatFoot, FlatFoot], m
         lumbar[2] = max(lumbar[2], 0.5 * usual.lumbar_height)
     hips = (points["hip_l"] + points["hip_r"]) / 2
     neck = np.linalg.norm(points["neck"] - hips - pelvis @ lumbar, axis=-1)
-    if found.has_arms:
-        usual = replace(usual, upper_arm=_bone(points, "shoulder", "elbow"), forearm=_bone(points, "elbow", "wrist"))
+    arms = [side for side in SIDES if found.has_arm(side)]
+    if arms:
+        usual = replace(
+            usual,
+            upper_arm=_bone(points, "shoulder", "elbow", arms),
+            forearm=_bone(points, "elbow", "wrist", arms),
+        )
     segments = replace(
         usual,
         hip_width=_distance(points["hip_l"], points["hip_r"]),
@@ -75,7 +80,6 @@ def _distance(first: Float, second: Float) -> float:
     return float(np.median(np.linalg.norm(first - second, axis=-1)))
 
 
-def _bone(points: dict[str, Float], first: str, second: str) -> float:
-    return (
-        _distance(points[f"{first}_l"], points[f"{second}_l"]) + _distance(points[f"{first}_r"], points[f"{second}_r"])
-    ) / 2
+def _bone(points: dict[str, Float], first: str, second: str, sides: Sequence[str] = SIDES) -> float:
+    lengths = [_distance(points[f"{first}_{side}"], points[f"{second}_{side}"]) for side in sides]
+    return sum(lengths) / len(lengths)
