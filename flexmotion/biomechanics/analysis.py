@@ -63,20 +63,22 @@ class ClipAnalysis:
         cutoff: of the low-pass filter [Hz].
         good: whether residual and joints are within their limits (see `plausibility`), (T,) bool.
         muscles: None where not computed.
+        start: time of the first frame [s].
     """
 
     dynamics: Dynamics
     cutoff: float
     good: NDArray[np.bool_]
     muscles: MuscleAnalysis | None = None
+    start: float = 0.0
 
     def __len__(self) -> int:
         return len(self.dynamics.motion)
 
     @property
     def times(self) -> Float:
-        """Time of every frame from the first, (T,) [s]."""
-        return np.arange(len(self)) / self.dynamics.motion.fps
+        """Time of every frame, (T,) [s]."""
+        return self.start + np.arange(len(self)) / self.dynamics.motion.fps
 
     @property
     def weight(self) -> float:
@@ -139,13 +141,14 @@ class ClipAnalysis:
         }
 
 
-def analyse(motion: Motion, cutoff: float = CUTOFF, *, muscles: bool = True) -> ClipAnalysis:
+def analyse(motion: Motion, cutoff: float = CUTOFF, *, muscles: bool = True, start: float = 0.0) -> ClipAnalysis:
     """Forces, moments, muscles and joint contact of one clip.
 
     Args:
         motion: kinematics over a floor at z = 0, and a body with the human's mass.
         cutoff: of the low-pass filter [Hz].
         muscles: with activations and joint contact, which need the extra `biomech`.
+        start: time of the first frame [s].
 
     Raises:
         MotionFormatError: the clip is too short.
@@ -165,7 +168,7 @@ def analyse(motion: Motion, cutoff: float = CUTOFF, *, muscles: bool = True) -> 
         muscle_models()
     found = dynamics(motion, cutoff)
     good = (found.residual <= (RESIDUAL_FORCE, RESIDUAL_MOMENT)).all(axis=1) & plausible(found.motion)
-    return ClipAnalysis(found, cutoff, good, _muscles(found) if muscles else None)
+    return ClipAnalysis(found, cutoff, good, _muscles(found) if muscles else None, start)
 
 
 def _muscles(found: Dynamics) -> MuscleAnalysis:

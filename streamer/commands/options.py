@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from pathlib import Path
 from typing import Annotated, Literal
@@ -16,6 +17,19 @@ def writable_folder(folder: Path | None) -> Path | None:
         if not nearest.is_dir() or not os.access(nearest, os.W_OK):
             raise typer.BadParameter(f"{nearest} is no folder that can be written to")
     return folder
+
+
+def belt_speed(text: str) -> float | Literal["detect"] | None:
+    """Value of `--belt`: a speed [m/s], `detect`, or None for `none`. Raises `typer.BadParameter`."""
+    if text in ("none", "detect"):
+        return "detect" if text == "detect" else None
+    try:
+        speed = float(text)
+    except ValueError:
+        speed = math.nan
+    if not math.isfinite(speed):
+        raise typer.BadParameter(f"--belt is {text!r}, expected a speed in m/s, none, or detect")
+    return speed
 
 
 Clock = Literal["real", "lockstep"]
@@ -52,6 +66,19 @@ MappingOption = Annotated[
         "--mapping",
         help="Skeleton mapping of the clip: a shipped name or a YAML file; else guessed from the joint names.",
     ),
+]
+MassOption = Annotated[
+    float | None, typer.Option("--mass", metavar="KG", help="Mass of the human; else guessed.", show_default=False)
+]
+HeightOption = Annotated[
+    float | None,
+    typer.Option(
+        "--height", metavar="M", help="Stature of the human; else estimated from the legs.", show_default=False
+    ),
+]
+BeltOption = Annotated[
+    str,
+    typer.Option("--belt", metavar="V|none", help="Speed of a treadmill's belt backwards \\[m/s], or none."),
 ]
 SettingsOption = Annotated[
     Path | None, typer.Option("--settings", help="Stream settings (YAML) instead of the shipped ones.")

@@ -196,7 +196,7 @@ def _activations(panels: Sequence[Axes], clip: ClipAnalysis, muscles: MuscleAnal
     colours = colormaps["viridis"].with_extremes(over=WARN)
     rows_of_panels = [(f"{name} leg", _leg_rows(muscles, side)) for name, side in zip(FEET, SIDES, strict=True)]
     rows_of_panels.append(("trunk, mean of each group", _trunk_rows(muscles)))
-    end = clip.times[-1] + 1 / clip.dynamics.motion.fps
+    half = 0.5 / clip.dynamics.motion.fps
     picture = None
     for axes, (title, content) in zip(maps, rows_of_panels, strict=True):
         values = np.array(list(content.values()))
@@ -204,7 +204,7 @@ def _activations(panels: Sequence[Axes], clip: ClipAnalysis, muscles: MuscleAnal
             values,
             aspect="auto",
             interpolation="nearest",
-            extent=(0.0, end, len(values), 0.0),
+            extent=(clip.times[0] - half, clip.times[-1] + half, len(values), 0.0),
             vmin=0.0,
             vmax=SATURATED,
             cmap=colours,
@@ -259,7 +259,7 @@ def _time_panel(axes: Axes, clip: ClipAnalysis, title: str, unit: str) -> None:
     axes.set_title(title)
     axes.set_xlabel("time [s]")
     axes.set_ylabel(unit)
-    axes.set_xlim(0.0, clip.times[-1])
+    axes.set_xlim(clip.times[0], clip.times[-1])
 
 
 def _legend(axes: Axes) -> None:
