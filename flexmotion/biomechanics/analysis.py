@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from flexmotion.biomechanics.differentiation import EDGE
 from flexmotion.biomechanics.dynamics import Dynamics, dynamics
@@ -20,6 +21,7 @@ from flexmotion.configs.errors import ConfigError, MotionFormatError
 from flexmotion.human.motion import Motion
 from flexmotion.human.skeleton import JOINTS, SIDES
 from flexmotion.spatial.gravity import GRAVITY
+from flexmotion.spatial.quaternions import continuous_quaternions
 
 Float = NDArray[np.float64]
 
@@ -28,6 +30,41 @@ SHORTEST_S = 0.6
 
 SATURATED = 0.99
 """Activation of a saturated muscle."""
+
+
+@dataclass(frozen=True)
+class Recording:
+    """Where a motion lies in its recording, for files that are compared with it.
+
+    Attributes:
+        start: time of the first frame [s].
+        turn: about z, from the motion's axes to the recording's, those of which are x forward, y left, z up [rad].
+        origin: of the motion's axes in the recording's, on the floor, (x, y) [m].
+    """
+
+    start: float = 0.0
+    turn: float = 0.0
+    origin: tuple[float, float] = (0.0, 0.0)
+
+    def placed(self, found: Dynamics) -> Dynamics:
+        """The same in the recording's axes: root, ground forces, centres of pressure; all other arrays are kept."""
+        motion = found.motion
+        assert motion.wrenches is not None and motion.torques is not None
+        turn, shift = Rotation.from_euler("z", self.turn), np.array([*self.origin, 0.0])
+
+        def turned(vectors: Float) -> Float:
+            return vectors @ turn.as_matrix().T
+
+        quaternions = turn * Rotation.from_quat(motion.root_quaternion, scalar_first=True)
+        wrenches = np.concatenate([turned(motion.wrenches[..., :3]), turned(motion.wrenches[..., 3:])], axis=-1)
+        placed = replace(
+            motion,
+            root_position=turned(motion.root_position) + shift,
+            root_quaternion=continuous_quaternions(quaternions.as_quat(scalar_first=True)),
+            wrenches=wrenches,
+            torques=np.concatenate([turned(motion.torques[:, :3]), motion.torques[:, 3:]], axis=1),
+        )
+        return replace(found, motion=placed, centres=turned(found.centres) + shift)
 
 
 @dataclass(frozen=True)
@@ -63,14 +100,14 @@ class ClipAnalysis:
         cutoff: of the low-pass filter [Hz].
         good: whether residual and joints are within their limits (see `plausibility`), (T,) bool.
         muscles: None where not computed.
-        start: time of the first frame [s].
+        recording: where the motion lies in its recording.
     """
 
     dynamics: Dynamics
     cutoff: float
     good: NDArray[np.bool_]
     muscles: MuscleAnalysis | None = None
-    start: float = 0.0
+    recording: Recording = Recording()
 
     def __len__(self) -> int:
         return len(self.dynamics.motion)
@@ -78,7 +115,7 @@ class ClipAnalysis:
     @property
     def times(self) -> Float:
         """Time of every frame, (T,) [s]."""
-        return self.start + np.arange(len(self)) / self.dynamics.motion.fps
+        return self.recording.start + np.arange(len(self)) / self.dynamics.motion.fps
 
     @property
     def weight(self) -> float:
@@ -141,14 +178,16 @@ class ClipAnalysis:
         }
 
 
-def analyse(motion: Motion, cutoff: float = CUTOFF, *, muscles: bool = True, start: float = 0.0) -> ClipAnalysis:
+def analyse(
+    motion: Motion, cutoff: float = CUTOFF, *, muscles: bool = True, recording: Recording = Recording()
+) -> ClipAnalysis:
     """Forces, moments, muscles and joint contact of one clip.
 
     Args:
         motion: kinematics over a floor at z = 0, and a body with the human's mass.
         cutoff: of the low-pass filter [Hz].
         muscles: with activations and joint contact, which need the extra `biomech`.
-        start: time of the first frame [s].
+        recording: where the motion lies in its recording.
 
     Raises:
         MotionFormatError: the clip is too short.
@@ -168,7 +207,7 @@ def analyse(motion: Motion, cutoff: float = CUTOFF, *, muscles: bool = True, sta
         muscle_models()
     found = dynamics(motion, cutoff)
     good = (found.residual <= (RESIDUAL_FORCE, RESIDUAL_MOMENT)).all(axis=1) & plausible(found.motion)
-    return ClipAnalysis(found, cutoff, good, _muscles(found) if muscles else None, start)
+    return ClipAnalysis(found, cutoff, good, _muscles(found) if muscles else None, recording)
 
 
 def _muscles(found: Dynamics) -> MuscleAnalysis:

@@ -110,15 +110,19 @@ def quality_columns(clip: ClipAnalysis) -> dict[str, Float]:
 
 
 def opensim_files(path: Path, clip: ClipAnalysis) -> dict[Path, bytes]:
-    """Content of every file of a clip; `path` is that of the ground forces, the others' names begin with its stem."""
-    motion, stem = clip.dynamics.motion, path.stem
+    """Content of every file of a clip; `path` is that of the ground forces, the others' names begin with its stem.
+
+    Times, axes and place are those of the recording, over ground: the belt of a treadmill is removed.
+    """
+    placed, stem = clip.recording.placed(clip.dynamics), path.stem
+    motion = placed.motion
 
     def table(part: str, columns: Mapping[str, Float], *, degrees: bool = False) -> None:
         place = _place(path, part)
         files[place] = storage(place.stem, clip.times, columns, degrees=degrees)
 
     files: dict[Path, bytes] = {}
-    table("", ground_columns(clip.dynamics))
+    table("", ground_columns(placed))
     files[_place(path, "_external_loads.xml")] = external_loads(stem, path.name)
     angles = {
         name: values if name in ROOT_TRANSLATIONS else np.degrees(values)

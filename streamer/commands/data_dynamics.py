@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import io
+from dataclasses import asdict
 from importlib.util import find_spec
+from math import pi
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -21,8 +23,9 @@ from flexmotion.streamer.commands.options import (
 from flexmotion.streamer.commands.output import print_json, print_note, print_result
 
 if TYPE_CHECKING:
-    from flexmotion.biomechanics.analysis import ClipAnalysis
+    from flexmotion.biomechanics.analysis import ClipAnalysis, Recording
     from flexmotion.importers import Import
+    from flexmotion.importers.load import Placement
 
 PAGES = (".png", ".pdf", ".svg", ".html")
 EXPLAINED = 0.5
@@ -103,7 +106,9 @@ def dynamics(
     found = read(file, mapping=mapping, clip=clip, fps=fps, belt=speed, mass=mass, height=height)
     for warning in found.warnings:
         print_note(f"note: {warning}")
-    analysed = analyse(found.motion, CUTOFF if cutoff is None else cutoff, muscles=muscles, start=found.placement.start)
+    analysed = analyse(
+        found.motion, CUTOFF if cutoff is None else cutoff, muscles=muscles, recording=_recording(found.placement)
+    )
     content = analysed.figures() | _of_import(found, mass)
     contents = writer(out, analysed)
     if plots is not None:
@@ -134,13 +139,22 @@ def _check_place(path: Path | None) -> None:
 
 
 def _of_import(found: Import, mass: float | None) -> dict[str, Any]:
-    place = found.placement
     return {
         "mass_is": "given" if mass is not None else "guessed" if found.mapping else "that of the file",
         "belt_m_s": float((found.belt**2).sum() ** 0.5),
-        "placement": {"start_s": place.start, "heading_rad": place.heading, "origin_m": list(place.origin)},
+        "placement": asdict(found.placement),
         "notes": list(found.warnings),
     }
+
+
+def _recording(place: Placement) -> Recording:
+    """The place in axes with x forward, y left, z up: those of a recording with y up are its x, -z, y."""
+    from flexmotion.biomechanics.analysis import Recording
+
+    x, y, _ = place.origin
+    if place.up == "y":
+        return Recording(place.start, place.heading - pi / 2, (y, -x))
+    return Recording(place.start, place.heading, (x, y))
 
 
 def _page(path: Path, analysed: ClipAnalysis, content: dict[str, Any]) -> bytes:
