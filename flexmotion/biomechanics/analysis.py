@@ -67,6 +67,9 @@ class Recording:
         return replace(found, motion=placed, centres=turned(found.centres) + shift)
 
 
+HERE = Recording()
+
+
 @dataclass(frozen=True)
 class MuscleAnalysis:
     """Muscles of a clip.
@@ -107,7 +110,7 @@ class ClipAnalysis:
     cutoff: float
     good: NDArray[np.bool_]
     muscles: MuscleAnalysis | None = None
-    recording: Recording = Recording()
+    recording: Recording = HERE
 
     def __len__(self) -> int:
         return len(self.dynamics.motion)
@@ -179,7 +182,7 @@ class ClipAnalysis:
 
 
 def analyse(
-    motion: Motion, cutoff: float = CUTOFF, *, muscles: bool = True, recording: Recording = Recording()
+    motion: Motion, cutoff: float = CUTOFF, *, muscles: bool = True, recording: Recording = HERE
 ) -> ClipAnalysis:
     """Forces, moments, muscles and joint contact of one clip.
 
