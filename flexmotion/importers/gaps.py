@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -148,18 +148,12 @@ def _complete(capture: Capture, positions: Float, columns: Sequence[int]) -> tup
     runs = _runs(known)
     begin, end = max(runs, key=lambda run: run[1] - run[0], default=(0, 0))
     if end - begin < max(KEPT_SHARE * len(positions), 2):
-        gaps: Mapping[str, int] = {
-            capture.names[c]: _longest(~np.isfinite(positions[:, c]).all(axis=1)) for c in columns
-        }
-        worst = max(gaps, key=lambda name: gaps[name])
-        column = capture.names.index(worst)
-        first = next(
-            run for run in _runs(~np.isfinite(positions[:, column]).all(axis=1)) if run[1] - run[0] == gaps[worst]
-        )
-        when = capture.start + first[0] / capture.fps
+        missing = {capture.names[c]: ~np.isfinite(positions[:, c]).all(axis=1) for c in columns}
+        worst = max(missing, key=lambda name: _longest(missing[name]))
+        first, last = max(_runs(missing[worst]), key=lambda run: run[1] - run[0])
         raise MotionFormatError(
-            f"{capture.path}: marker {worst!r} is missing for {gaps[worst] / capture.fps:.2f} s from {when:.2f} s on; at "
-            f"most {GAP_S} s are interpolated, longer gaps need three other markers of its segment, and half of the "
-            "clip must be left where frames are cut off"
+            f"{capture.path}: marker {worst!r} is missing for {(last - first) / capture.fps:.2f} s from "
+            f"{capture.start + first / capture.fps:.2f} s on; {GAP_S} s are interpolated, more needs three other markers "
+            f"of its segment, and {100 * KEPT_SHARE:.0f} % of the clip must be left where frames are cut off"
         )
     return begin, end

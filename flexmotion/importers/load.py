@@ -21,6 +21,7 @@ from flexmotion.human.resample import resample
 from flexmotion.importers.acclaim import read_acclaim
 from flexmotion.importers.body_size import body_of, sized
 from flexmotion.importers.bvh import read_bvh
+from flexmotion.importers.c3d import read_c3d
 from flexmotion.importers.capture import Capture, without_prefix
 from flexmotion.importers.fit import FitError, fit, fit_errors
 from flexmotion.importers.joint_gaps import complete_joints
@@ -43,6 +44,7 @@ READERS: dict[str, Callable[[Path], Capture]] = {
     ".amc": read_acclaim,
     ".npy": read_joints22,
     ".trc": read_trc,
+    ".c3d": read_c3d,
 }
 Belt = float | Literal["detect"] | None
 """Speed of a belt, backwards [m/s]; `detect`, or None for no belt."""

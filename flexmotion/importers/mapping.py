@@ -117,7 +117,7 @@ class SkeletonMapping(Strict):
         return sorted(used - set(names))
 
     def present(self, names: Iterable[str]) -> SkeletonMapping:
-        """This mapping without the optional points that need a joint the file lacks."""
+        """The mapping without the optional points that need a joint the file lacks."""
         known = set(names)
         kept = {point: joint for point, joint in self.joints.items() if known.issuperset(markers(joint))}
         return self.model_copy(update={"joints": kept})

@@ -5,6 +5,7 @@ A mapping turns markers into joint centres; `A + B` is the mean of two markers, 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -72,12 +73,17 @@ def _split(line: str) -> list[str]:
 
 
 def _names(line: str) -> tuple[tuple[str, ...], list[str]]:
-    """Names of the columns of three, unique, and what was wrong with them."""
+    """Names of the columns of three; they are above the first of the three, or one after the other."""
     fields = [field.strip() for field in _split(line)[2:]]
     while fields and not fields[-1]:
         fields.pop()
-    inner = fields[::3] if all(not field for i, field in enumerate(fields) if i % 3) else [f for f in fields if f]
-    names, notes = [name or f"*{index}" for index, name in enumerate(inner, 1)], []
+    apart = all(not field for index, field in enumerate(fields) if index % 3)
+    return unique_names(fields[::3] if apart else [field for field in fields if field])
+
+
+def unique_names(labels: Sequence[str]) -> tuple[tuple[str, ...], list[str]]:
+    """Names of points, all different, and warnings; points without a name, or with another's, get one that begins with *."""
+    names, notes = [name or f"*{index}" for index, name in enumerate(labels, 1)], []
     for name in sorted({name for name in names if names.count(name) > 1}):
         notes.append(f"{name}: name of several markers, none of them is used")
         names = [f"*{name}/{index}" if own == name else own for index, own in enumerate(names, 1)]

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter1d
+from scipy.ndimage import minimum_filter1d, uniform_filter1d
 
 from flexmotion.human.vectors import unit
 from flexmotion.importers.landmarks import Landmarks
@@ -23,8 +23,9 @@ Bool = NDArray[np.bool_]
 SLOWEST = 0.25
 """Slowest belt that is detected [m/s]; feet of a human who stands and shifts weight slide by less."""
 
-LOW = 0.03
-"""Greatest height of a toe joint above its lowest while the foot may be on the floor [m]."""
+LOW, STRIDE_S = 0.06, 1.2
+"""Greatest height of a toe joint above its lowest within a stride while the foot may be on the floor [m]. Floors of
+recordings are not level, so the lowest is taken over the time of a stride [s], before and after."""
 
 SAME, SAME_SHARE = 0.08, 0.12
 """Greatest difference between velocities of a foot on the belt and of the belt: a constant [m/s] and a share of the
@@ -33,8 +34,12 @@ belt's speed. Feet brake belts by some per cent, and toes roll."""
 STANCE_S = 0.1
 """Shortest contact that counts [s]; runners at 6 m/s have the forefoot down for .15 s."""
 
-REST_SHARE = 0.15
-"""Greatest ratio of the time that a low foot is slower than half of the belt to the time that it moves with it."""
+AT_REST, REST_SHARE = 0.3, 0.15
+"""A low foot is at rest while it is slower than this share of the belt for the time of a contact. Greatest ratio of that
+time to the time that it moves with the belt."""
+
+FLAT_SHARE = 0.6
+"""Share of a contact after which the heel rises and the toe joint rolls forward against the belt."""
 
 COVERED = 0.25
 """Least share of the clip with a foot on the belt; runners spend .3 to .6 of the time on it."""
@@ -72,7 +77,7 @@ def belt_velocity(found: Landmarks) -> Float:
         return none
     toes = {side: _smooth(found.points[f"toe_{side}"], found.fps) for side in "lr"}
     speeds = {side: np.gradient(toe[:, :2], axis=0) * found.fps for side, toe in toes.items()}
-    low = {side: toe[:, 2] - np.quantile(toe[:, 2], 0.02) < LOW for side, toe in toes.items()}
+    low = {side: _low(toe[:, 2], found.fps) for side, toe in toes.items()}
     guess = _common(speeds, low)
     if guess is None or np.linalg.norm(guess) < SLOWEST:
         return none
@@ -108,6 +113,11 @@ def backward_speed(found: Landmarks, velocity: Float) -> float:
 def _smooth(point: Float, fps: float) -> Float:
     smoothed: Float = uniform_filter1d(point, max(1, round(SMOOTH_S * fps)), axis=0, mode="nearest")
     return smoothed
+
+
+def _low(height: Float, fps: float) -> Bool:
+    low: Bool = height - minimum_filter1d(height, 2 * round(STRIDE_S * fps) + 1, mode="nearest") < LOW
+    return low
 
 
 def _tolerance(velocity: Float) -> float:
@@ -146,8 +156,9 @@ def _slopes(contacts: list[Contact], toes: dict[str, Float], fps: float) -> Floa
     """Mean velocity of the foot over the middle of each contact, (contacts, 2) [m/s]."""
     slopes = []
     for contact in contacts:
-        trim = (contact.end - contact.begin) // 5
-        path = toes[contact.side][contact.begin + trim : contact.end - trim, :2]
+        length = contact.end - contact.begin
+        middle = slice(contact.begin + length // 6, contact.begin + max(length // 6 + 2, round(FLAT_SHARE * length)))
+        path = toes[contact.side][middle, :2]
         slopes.append(np.polyfit(np.arange(len(path)) / fps, path, 1)[0])
     return np.array(slopes)
 
@@ -175,8 +186,12 @@ def _is_belt(
     for contact in contacts:
         on[contact.side][contact.begin : contact.end] = True
     either, both = on["l"] | on["r"], on["l"] & on["r"]
-    rest = {side: low[side] & (np.linalg.norm(speeds[side], axis=-1) < speed / 2) for side in speeds}
-    rests = any(rest[side].sum() > REST_SHARE * on[side].sum() for side in speeds)
+    slow = {side: np.linalg.norm(own, axis=-1) < AT_REST * speed for side, own in speeds.items()}
+    rests = any(
+        sum(rest.end - rest.begin for rest in _contacts(side, low[side] & slow[side], fps))
+        > REST_SHARE * on[side].sum()
+        for side in speeds
+    )
     stays = np.linalg.norm(pelvis[-1] - pelvis[0]) * fps / (len(pelvis) - 1) < PELVIS_SHARE * speed
     returns = max(float(np.max(-(own @ along))) for own in speeds.values()) > BACK_SHARE * speed
     return bool(not rests and stays and returns and either.mean() >= COVERED and both.sum() <= TOGETHER * either.sum())

@@ -9,7 +9,8 @@ from typing import Annotated
 import typer
 
 from flexmotion.streamer.commands.exit_codes import CHECK_FAILED
-from flexmotion.streamer.commands.options import JsonOption, MappingOption
+from flexmotion.streamer.commands.option_groups import ImportOptions, grouped
+from flexmotion.streamer.commands.options import JsonOption
 from flexmotion.streamer.commands.output import print_json, print_note, print_result, progress_bar
 
 data = typer.Typer(help="Motion files to a training set with forces, torques and muscle activations.")
@@ -20,11 +21,11 @@ OutOption = Annotated[Path, typer.Option("--out", "-o", help="File or folder to 
 
 
 @data.command("import")
+@grouped
 def import_(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="Motion: .bvh .amc .npy .npz .trc")],
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="Motion: .bvh .amc .npy .npz .trc .c3d")],
+    reading: ImportOptions,
     out: OutOption,
-    mapping: MappingOption = None,
-    clip: Annotated[str | None, typer.Option(help="Name of the clip in a packed file.")] = None,
     fps: Annotated[float, typer.Option(help="Frame rate to write.")] = 30.0,
     as_json: JsonOption = False,
 ) -> None:
@@ -33,17 +34,35 @@ def import_(
     [bold]Examples[/bold]
 
       flexmotion data import walk.bvh -o walk.npz
+      flexmotion data import walk.trc -o walk.npz --mass 72.6 --height 1.80
     """
     from flexmotion.human.motion_file import save_motion
-    from flexmotion.importers import read
 
-    found = read(file, mapping=mapping, clip=clip, fps=fps)
+    found = reading.read(file, fps)
     save_motion(found.motion, out)
     errors = {name: {"rms_m": error.rms, "max_m": error.max} for name, error in found.errors.items()}
+    body = found.motion.body
     if as_json:
-        print_json({"file": str(out), "frames": len(found.motion), "mapping": found.mapping, "fit": errors})
-    else:
-        print_result(f"{out}: {len(found.motion)} frames at {fps:g} Hz, skeleton {found.mapping or 'own format'}")
+        print_json(
+            {
+                "file": str(out),
+                "frames": len(found.motion),
+                "mapping": found.mapping,
+                "fit": errors,
+                "belt": found.belt.tolist(),
+                "mass_kg": body.mass,
+                "height_m": body.height,
+                "start_s": found.placement.start,
+                "warnings": list(found.warnings),
+            }
+        )
+        return
+    for warning in found.warnings:
+        print_note(f"{file.name}: {warning}")
+    print_result(
+        f"{out}: {len(found.motion)} frames at {fps:g} Hz, skeleton {found.mapping or 'own format'}, "
+        f"{body.mass:.1f} kg, {body.height:.2f} m"
+    )
 
 
 @data.command()

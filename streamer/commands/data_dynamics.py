@@ -12,14 +12,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from flexmotion.streamer.commands.exit_codes import CHECK_FAILED
-from flexmotion.streamer.commands.options import (
-    BeltOption,
-    HeightOption,
-    JsonOption,
-    MappingOption,
-    MassOption,
-    belt_speed,
-)
+from flexmotion.streamer.commands.option_groups import ImportOptions, grouped
+from flexmotion.streamer.commands.options import JsonOption
 from flexmotion.streamer.commands.output import print_json, print_note, print_result
 
 if TYPE_CHECKING:
@@ -32,12 +26,11 @@ EXPLAINED = 0.5
 """Least share of good frames of a clip that passes; a training set drops one with fewer."""
 
 
+@grouped
 def dynamics(
     file: Annotated[Path, typer.Argument(metavar="CLIP", help="Motion file of any supported format.")],
     out: Annotated[Path, typer.Option("--out", "-o", help="File to write: .npz, .csv, or .sto for OpenSim.")],
-    mass: MassOption = None,
-    height: HeightOption = None,
-    belt: BeltOption = "detect",
+    reading: ImportOptions,
     cutoff: Annotated[
         float | None,
         typer.Option(metavar="HZ", help="Cut-off of the low-pass filter for motion; else 6.", show_default=False),
@@ -45,8 +38,6 @@ def dynamics(
     fps: Annotated[
         float | None, typer.Option(min=10.0, max=1000.0, help="Frame rate; else that of the file.", show_default=False)
     ] = None,
-    mapping: MappingOption = None,
-    clip: Annotated[str | None, typer.Option(help="Name of the clip in a packed file.", show_default=False)] = None,
     muscles: Annotated[
         bool | None,
         typer.Option(
@@ -92,24 +83,23 @@ def dynamics(
     from flexmotion.biomechanics.analysis import analyse
     from flexmotion.biomechanics.dynamics_files import dynamics_writer, write_files
     from flexmotion.biomechanics.smoothing import CUTOFF
-    from flexmotion.importers import read
     from flexmotion.streamer.report.dynamics_summary import render_dynamics
 
-    speed, writer = belt_speed(belt), dynamics_writer(out)
+    writer = dynamics_writer(out)
     for path in (out, plots):
         _check_place(path)
     if plots is not None and plots.suffix.lower() not in PAGES:
         raise typer.BadParameter(f"{plots}: unknown kind of picture, expected {', '.join(PAGES)}")
     if muscles is None and not (muscles := find_spec("myo_sim") is not None):
-        print_note("note: without muscles and joint contact, which need the extra 'biomech'")
+        print_note("without muscles and joint contact, which need the extra 'biomech'")
 
-    found = read(file, mapping=mapping, clip=clip, fps=fps, belt=speed, mass=mass, height=height)
+    found = reading.read(file, fps)
     for warning in found.warnings:
-        print_note(f"note: {warning}")
+        print_note(f"{file.name}: {warning}")
     analysed = analyse(
         found.motion, CUTOFF if cutoff is None else cutoff, muscles=muscles, recording=_recording(found.placement)
     )
-    content = analysed.figures() | _of_import(found, mass)
+    content = analysed.figures() | _of_import(found, reading.mass)
     contents = writer(out, analysed)
     if plots is not None:
         contents |= {plots: _page(plots, analysed, content)}

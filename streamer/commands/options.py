@@ -19,17 +19,16 @@ def writable_folder(folder: Path | None) -> Path | None:
     return folder
 
 
-def belt_speed(text: str) -> float | Literal["detect"] | None:
-    """Value of `--belt`: a speed [m/s], `detect`, or None for `none`. Raises `typer.BadParameter`."""
-    if text in ("none", "detect"):
-        return "detect" if text == "detect" else None
-    try:
-        speed = float(text)
-    except ValueError:
-        speed = math.nan
-    if not math.isfinite(speed):
-        raise typer.BadParameter(f"--belt is {text!r}, expected a speed in m/s, none, or detect")
-    return speed
+def belt_choice(value: str) -> str:
+    """Check the value of `--belt`. Raises `typer.BadParameter`."""
+    if value not in ("detect", "none"):
+        try:
+            speed = float(value)
+        except ValueError:
+            speed = math.nan
+        if not math.isfinite(speed):
+            raise typer.BadParameter(f"{value!r}, expected a speed in m/s, none or detect")
+    return value
 
 
 Clock = Literal["real", "lockstep"]
@@ -40,7 +39,10 @@ RobotOption = Annotated[
 ClipOption = Annotated[
     Path | None,
     typer.Option(
-        "--clip", "-c", help="Motion file to follow: BVH, AMC, TRC, AMASS, or `data import`'s .npz.", show_default=False
+        "--clip",
+        "-c",
+        help="Motion file to follow: BVH, AMC, TRC, C3D, AMASS, or `data import`'s .npz.",
+        show_default=False,
     ),
 ]
 ScriptOption = Annotated[
@@ -67,18 +69,24 @@ MappingOption = Annotated[
         help="Skeleton mapping of the clip: a shipped name or a YAML file; else guessed from the joint names.",
     ),
 ]
-MassOption = Annotated[
-    float | None, typer.Option("--mass", metavar="KG", help="Mass of the human; else guessed.", show_default=False)
-]
-HeightOption = Annotated[
-    float | None,
-    typer.Option(
-        "--height", metavar="M", help="Stature of the human; else estimated from the legs.", show_default=False
-    ),
+MemberOption = Annotated[
+    str | None, typer.Option("--clip", help="Name of the clip in a packed file.", show_default=False)
 ]
 BeltOption = Annotated[
     str,
-    typer.Option("--belt", metavar="V|none", help="Speed of a treadmill's belt backwards \\[m/s], or none."),
+    typer.Option(
+        "--belt",
+        metavar="V|none",
+        callback=belt_choice,
+        help="Speed of a treadmill's belt, backwards \\[m/s]; none: never remove one; default: detected.",
+    ),
+]
+MassOption = Annotated[
+    float | None, typer.Option("--mass", help="Mass of the human \\[kg]; else guessed.", show_default=False)
+]
+HeightOption = Annotated[
+    float | None,
+    typer.Option("--height", help="Height of the human \\[m]; else estimated from the legs.", show_default=False),
 ]
 SettingsOption = Annotated[
     Path | None, typer.Option("--settings", help="Stream settings (YAML) instead of the shipped ones.")

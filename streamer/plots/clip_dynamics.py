@@ -26,6 +26,9 @@ WIDTH, HEAD, MARGIN = 13.0, 0.45, 0.72
 ROWS, MUSCLE_ROWS = (2.6, 2.8, 2.4, 2.4), (5.4, 2.4)
 """Heights of the rows [inch]: forces, pressure and residuals, moments (two); activations, joint contact."""
 
+MAPS = ((0.85, 4.05), (4.85, 8.05), (9.35, 11.95), (12.1, 12.25))
+"""Left and right edges of the panels of activations, and of their scale; names of muscles beside them [inch]."""
+
 COLOURS, FEET = (LEFT, RIGHT), ("left", "right")
 
 LEG_MOMENTS = {
@@ -84,18 +87,13 @@ def draw_dynamics(clip: ClipAnalysis) -> Figure:
     _moments(_panels(figure, tops[2], tops[3], 3), clip, ("hip_flexion", "hip_adduction", "hip_rotation"))
     _moments(_panels(figure, tops[3], tops[4], 3), clip, ("knee_flexion", "ankle_dorsiflexion", "lumbar"))
     if clip.muscles:
-        _activations(_panels(figure, tops[4], tops[5], 4, (1.0, 1.0, 0.85, 0.05), gap=0.5), clip, clip.muscles)
+        _activations(figure, tops[4], tops[5], clip, clip.muscles)
         _joint_contact(_panels(figure, tops[5], tops[6], len(CONTACTS)), clip, clip.muscles)
     return figure
 
 
-def _panels(
-    figure: Figure, top: float, bottom: float, count: int, widths: Sequence[float] | None = None, gap: float = 0.22
-) -> list[Axes]:
-    """A row of panels between two distances from the figure's top [inch]; margins hold titles and labels.
-
-    `gap` between panels is relative to their mean width.
-    """
+def _panels(figure: Figure, top: float, bottom: float, count: int, widths: Sequence[float] | None = None) -> list[Axes]:
+    """A row of panels between two distances from the figure's top [inch]; margins hold titles and labels."""
     width, height = figure.get_size_inches()
     cells = figure.add_gridspec(
         1,
@@ -104,7 +102,7 @@ def _panels(
         right=1 - 0.45 * MARGIN / width,
         top=1 - (top + 0.3) / height,
         bottom=1 - (bottom - 0.45) / height,
-        wspace=gap,
+        wspace=0.22,
         width_ratios=widths,
     )
     return [figure.add_subplot(cell) for cell in cells]
@@ -191,8 +189,12 @@ def _moments(panels: Sequence[Axes], clip: ClipAnalysis, names: Sequence[str]) -
         _time_panel(axes, clip, f"{LEG_MOMENTS[name]} moment", "N·m/kg")
 
 
-def _activations(panels: Sequence[Axes], clip: ClipAnalysis, muscles: MuscleAnalysis) -> None:
-    *maps, scale = panels
+def _activations(figure: Figure, top: float, bottom: float, clip: ClipAnalysis, muscles: MuscleAnalysis) -> None:
+    width, height = figure.get_size_inches()
+    lower, upper = 1 - (bottom - 0.45) / height, 1 - (top + 0.3) / height
+    *maps, scale = (
+        figure.add_axes((left / width, lower, (right - left) / width, upper - lower)) for left, right in MAPS
+    )
     colours = colormaps["viridis"].with_extremes(over=WARN)
     rows_of_panels = [(f"{name} leg", _leg_rows(muscles, side)) for name, side in zip(FEET, SIDES, strict=True)]
     rows_of_panels.append(("trunk, mean of each group", _trunk_rows(muscles)))
@@ -215,9 +217,6 @@ def _activations(panels: Sequence[Axes], clip: ClipAnalysis, muscles: MuscleAnal
         axes.set_title(f"muscle activations: {title}")
         axes.set_xlabel("time [s]")
     assert picture is not None
-    # matplotlib types the figure of axes as possibly none.
-    figure = scale.get_figure(root=True)
-    assert figure is not None
     figure.colorbar(picture, cax=scale, extend="max").set_label("activation; red: saturated")
 
 

@@ -13,8 +13,8 @@ from flexmotion.streamer.report.summary import show, table
 
 MOMENTS = {
     "hip_flexion": "hip flexion",
-    "hip_adduction": "adduction",
-    "knee_flexion": "knee",
+    "hip_adduction": "hip adduction",
+    "knee_flexion": "knee flexion",
     "ankle_dorsiflexion": "ankle",
 }
 MOST = 4
@@ -51,16 +51,14 @@ def dynamics_rows(content: dict[str, Any]) -> list[Row]:
         ),
     ]
     moments = content["peak_moment_nm_per_kg"]
-    rows.append(
+    rows += [
         (
-            "moments",
-            "N·m/kg",
-            "greatest, left and right: "
-            + ", ".join(
-                f"{label} {moments[f'{name}_l']:.2f} and {moments[f'{name}_r']:.2f}" for name, label in MOMENTS.items()
-            ),
+            f"{label} moment",
+            f"{moments[f'{name}_l']:.2f}, {moments[f'{name}_r']:.2f} N·m/kg",
+            "greatest, left and right",
         )
-    )
+        for name, label in MOMENTS.items()
+    ]
     if "saturated_share" in content:
         rows += _muscle_rows(content)
     return rows
@@ -72,7 +70,14 @@ def _muscle_rows(content: dict[str, Any]) -> list[Row]:
     more = f" and {len(saturated) - MOST} more" if len(saturated) > MOST else ""
     contact = content["peak_joint_contact_bw"]
     return [
-        ("joint contact", "BW", "greatest: " + ", ".join(f"{name} {value:.1f}" for name, value in contact.items())),
+        *(
+            (
+                f"{joint} contact",
+                ", ".join(f"{value:.1f}" for name, value in contact.items() if name.startswith(joint)) + " BW",
+                "greatest, left and right" if joint != "lumbar" else "greatest",
+            )
+            for joint in ("hip", "knee", "ankle", "lumbar")
+        ),
         (
             "saturated",
             f"{100 * content['saturated_share']:.0f} %",
