@@ -6,6 +6,7 @@ before right; joints in the order of `skeleton.JOINTS`. Storages have OpenSim's.
 
 from __future__ import annotations
 
+import errno
 import io
 import json
 import os
@@ -196,6 +197,8 @@ def write_files(contents: Mapping[Path, bytes]) -> None:
     unfinished = {path: path.with_name(f".{path.name}.{os.getpid()}.unfinished") for path in contents}
     try:
         for path, content in contents.items():
+            if path.is_dir():
+                raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
             unfinished[path].write_bytes(content)
         for path, temporary in unfinished.items():
             os.replace(temporary, path)

@@ -109,6 +109,8 @@ def dynamics(
     else:
         print_result(render_dynamics(content))
     print_note(f"wrote {', '.join(str(path) for path in contents)}")
+    if not content["contact_share"]:
+        print_note(f"{file.name}: no foot carries load in any frame, all ground forces are about zero")
     if content["good_share"] < EXPLAINED:
         print_note(
             f"{file}: ground forces explain {100 * content['good_share']:.0f} % of the frames, "
