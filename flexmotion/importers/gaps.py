@@ -31,6 +31,7 @@ def without_gaps(
     needed: Collection[str],
     optional: Collection[str] = (),
     segments: Sequence[Collection[str]] = (),
+    spare: Collection[str] = (),
 ) -> tuple[Capture, frozenset[str]]:
     """A capture whose used points have no gaps, cut to the frames in which all needed ones are known.
 
@@ -39,16 +40,17 @@ def without_gaps(
         needed: names of points without which nothing can be made of the clip.
         optional: names of points of arms and head, which a clip may lack.
         segments: names of points that move as one rigid body, each.
+        spare: names of points that others can stand for; used only where they are complete.
 
     Returns:
-        the capture, with a warning for everything that was reconstructed or cut off, and the optional points that are
-        missing for too long.
+        the capture, with a warning for everything that was reconstructed or cut off, and the optional and spare
+        points that are missing for too long.
 
     Raises:
         MotionFormatError: a needed point is missing for so long that less than half of the clip is left; names the
             point and the time.
     """
-    names = [name for name in capture.names if name in needed or name in optional]
+    names = [name for name in capture.names if name in needed or name in optional or name in spare]
     positions = capture.positions.copy()
     column = {name: index for index, name in enumerate(capture.names)}
     if np.isfinite(positions[:, [column[name] for name in names]]).all():
@@ -69,8 +71,12 @@ def without_gaps(
         first, last = (capture.start + frame / capture.fps for frame in (begin, end - 1))
         notes.append(f"only {first:.2f} to {last:.2f} s are used: {', '.join(sorted(blame))} missing before or after")
     positions = positions[begin:end]
-    middle = np.mean([positions[:, column[name]] for name in needed if name in column], axis=0)
     lost = set()
+    for name in spare:
+        if name in column and not np.isfinite(positions[:, column[name]]).all():
+            lost.add(name)
+            notes.append(f"{name}: missing for too long, is not used")
+    middle = np.mean([positions[:, column[name]] for name in needed if name in column], axis=0)
     for name in optional:
         if name not in column:
             continue
@@ -153,7 +159,7 @@ def _complete(capture: Capture, positions: Float, columns: Sequence[int]) -> tup
         first, last = max(_runs(missing[worst]), key=lambda run: run[1] - run[0])
         raise MotionFormatError(
             f"{capture.path}: marker {worst!r} is missing for {(last - first) / capture.fps:.2f} s from "
-            f"{capture.start + first / capture.fps:.2f} s on; {GAP_S} s are interpolated, more needs three other markers "
-            f"of its segment, and {100 * KEPT_SHARE:.0f} % of the clip must be left where frames are cut off"
+            f"{capture.start + first / capture.fps:.2f} s on; {GAP_S} s are interpolated, more needs three other "
+            f"markers of its segment, and {100 * KEPT_SHARE:.0f} % of the clip must be left where frames are cut off"
         )
     return begin, end

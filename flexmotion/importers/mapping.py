@@ -170,7 +170,14 @@ def find_mapping(names: tuple[str, ...], path: str, wanted: str | Path | None = 
     shipped = shipped_mappings()
     if wanted is None:
         fitting = (mapping for mapping in shipped.values() if mapping.joints and not mapping.missing(names))
-        mapping = next(fitting, None) or _marker_set(list(shipped.values()), names) or guess_mapping(names, path)
+        mapping = next(fitting, None) or _marker_set(list(shipped.values()), names)
+        if mapping is None:
+            try:
+                mapping = guess_mapping(names, path)
+            except MotionFormatError:
+                mapping = _marker_set(list(shipped.values()), names, FEW)
+                if mapping is None:
+                    raise
         return mapping.present(names) if mapping.joints else mapping
     if str(wanted) in shipped:
         mapping = shipped[str(wanted)]
@@ -188,12 +195,18 @@ def find_mapping(names: tuple[str, ...], path: str, wanted: str | Path | None = 
     return mapping.present(names)
 
 
-def _marker_set(shipped: Sequence[SkeletonMapping], names: tuple[str, ...]) -> SkeletonMapping | None:
-    """The set of surface markers with most landmarks in a file that has both anterior iliac spines, if any."""
+FEW = 6
+"""Landmarks that tell a set of surface markers which lacks an anterior iliac spine."""
+
+
+def _marker_set(
+    shipped: Sequence[SkeletonMapping], names: tuple[str, ...], least: int | None = None
+) -> SkeletonMapping | None:
+    """The set with most landmarks in a file that has both anterior iliac spines, or at least `least` landmarks."""
     counts = {}
     for mapping in shipped:
         found = mapping.landmarks(names)
-        if {"asis_l", "asis_r"} <= found.keys():
+        if {"asis_l", "asis_r"} <= found.keys() or (least is not None and len(found) >= least):
             counts[len(found)] = mapping
     return counts[max(counts)] if counts else None
 

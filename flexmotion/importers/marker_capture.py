@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from flexmotion.configs.errors import MotionFormatError
 from flexmotion.importers.capture import Capture
-from flexmotion.importers.gaps import without_gaps
+from flexmotion.importers.gaps import KEPT_SHARE, without_gaps
 from flexmotion.importers.landmarks import METRES, TO_Z_UP
 from flexmotion.importers.mapping import SkeletonMapping, Units, Up
 from flexmotion.importers.marker_joints import marker_joints
@@ -42,11 +42,14 @@ def joint_capture(
         raise MotionFormatError(f"{capture.path}: mapping {mapping.name!r} needs markers that the file lacks: {names}")
     optional = {n for landmark in present if landmark.startswith(OPTIONAL) for n in _names(present, landmark)}
     used = {n for landmark in present for n in _names(present, landmark)} - optional
-    used, notes = _without_rare(capture, used)
+    spines = {n for landmark in ("asis_l", "asis_r") for n in _names(present, landmark)}
+    used, notes = _without_rare(capture, used, spines)
+    spare = {n for landmark in _spare(present) for n in _names(present, landmark)} & used
+    used -= spare
     segments = [[n for own in carried for n in _names(present, own)] for carried in CARRIERS.values()]
     capture = replace(capture, warnings=(*capture.warnings, *notes))
-    complete, lost = without_gaps(capture, used, optional, segments)
-    known = used | optional - lost
+    complete, lost = without_gaps(capture, used, optional, segments, spare)
+    known = (used | optional | spare) - lost
     column = {name: index for index, name in enumerate(complete.names)}
 
     def mean(names: list[str]) -> Float:
@@ -54,8 +57,6 @@ def joint_capture(
 
     present = {own: [m for m in members if known.issuperset(m)] for own, members in present.items()}
     at = {own: np.mean([mean(names) for names in members], axis=0) for own, members in present.items() if members}
-    if not {"asis_l", "asis_r"} <= at.keys():
-        raise MotionFormatError(f"{capture.path}: the markers of both ASIS are missing for most of the clip")
     up = up or mapping.up or _guess_up(at)
     turn = TO_Z_UP[up] * METRES[units or mapping.units or _guess_units(at, capture.path)]
     at = {name: value @ turn.T for name, value in at.items()}
@@ -76,14 +77,28 @@ def joint_capture(
     )
 
 
+def _spare(present: Collection[str]) -> list[str]:
+    """Landmarks that others of the file can stand for."""
+    found = ["t10", "sternum"]
+    for side in "lr":
+        found += [f"thigh_{side}", f"foot_{side}", f"toe_tip_{side}"]
+        if f"knee_lateral_{side}" in present:
+            found += [f"shank_{side}", f"knee_medial_{side}"]
+        if f"ankle_lateral_{side}" in present:
+            found.append(f"ankle_medial_{side}")
+        if f"toe_{side}" in present:
+            found += [f"metatarsal_1_{side}", f"metatarsal_5_{side}"]
+    return found
+
+
 def _names(present: Mapping[str, list[list[str]]], landmark: str) -> list[str]:
     return [name for members in present.get(landmark, ()) for name in members]
 
 
-def _without_rare(capture: Capture, used: set[str]) -> tuple[set[str], list[str]]:
-    """Markers without those that are in less than half of the frames, as medial ones of a static trial."""
+def _without_rare(capture: Capture, used: set[str], kept: set[str]) -> tuple[set[str], list[str]]:
+    """Markers without those in less than half of the frames, as medial ones of a static trial, but with `kept`."""
     share = dict(zip(capture.names, np.isfinite(capture.positions).all(axis=-1).mean(axis=0), strict=True))
-    rare = sorted(name for name in used if share[name] < 0.5)
+    rare = sorted(name for name in used - kept if share[name] < KEPT_SHARE)
     return used - set(rare), [
         f"{name}: missing in {100 - 100 * share[name]:.0f} % of the clip, is not used" for name in rare
     ]

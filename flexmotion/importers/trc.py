@@ -82,7 +82,7 @@ def _names(line: str) -> tuple[tuple[str, ...], list[str]]:
 
 
 def unique_names(labels: Sequence[str]) -> tuple[tuple[str, ...], list[str]]:
-    """Names of points, all different, and warnings; points without a name, or with another's, get one that begins with *."""
+    """Names of points, all different, and warnings; points without a name, or with another's, are named `*NUMBER`."""
     names, notes = [name or f"*{index}" for index, name in enumerate(labels, 1)], []
     for name in sorted({name for name in names if names.count(name) > 1}):
         notes.append(f"{name}: name of several markers, none of them is used")

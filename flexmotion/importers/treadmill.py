@@ -35,8 +35,8 @@ STANCE_S = 0.1
 """Shortest contact that counts [s]; runners at 6 m/s have the forefoot down for .15 s."""
 
 AT_REST, REST_SHARE = 0.3, 0.15
-"""A low foot is at rest while it is slower than this share of the belt for the time of a contact. Greatest ratio of that
-time to the time that it moves with the belt."""
+"""A low foot is at rest while it is slower than this share of the belt for the time of a contact. Greatest ratio of
+that time to the time that it moves with the belt."""
 
 FLAT_SHARE = 0.6
 """Share of a contact after which the heel rises and the toe joint rolls forward against the belt."""

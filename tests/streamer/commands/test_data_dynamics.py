@@ -185,7 +185,7 @@ def test_folder_that_refuses_the_file(clip_file: str, out: Path, capsys: pytest.
 def test_files_for_opensim_are_in_the_axes_of_the_recording(tmp_path: Path, out: Path) -> None:
     """Forces were given in the axes of the pelvis in the first frame: 10° off the plates for a walk that starts turned.
 
-    A clip turned by 40° and moved is written as joint centres, y up, from 1.5 s on; the pelvis is where the file has it.
+    A clip turned by 40° and moved is written as joint centres, y up, from 1.5 s on; the pelvis is where the file says.
     """
     clip = default_clip()[:60]
     turn = Rotation.from_euler("z", 40, degrees=True)
