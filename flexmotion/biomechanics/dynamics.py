@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from flexmotion.biomechanics.external_load import ExternalLoad
 from flexmotion.biomechanics.floor_drift import on_level_floor
 from flexmotion.biomechanics.force_error import force_error
-from flexmotion.biomechanics.ground_reaction import GROUND, GroundSettings, ground_reaction
+from flexmotion.biomechanics.ground_reaction import GROUND, GroundSettings, ground_reaction, slow_share
 from flexmotion.biomechanics.inverse_dynamics import effort, joint_torques
+from flexmotion.biomechanics.landing import landing_cutoff
 from flexmotion.biomechanics.residual_reduction import shifted
 from flexmotion.biomechanics.segment_motion import SegmentMotion, segment_motion
 from flexmotion.biomechanics.smoothing import CUTOFF, smooth
@@ -64,19 +65,24 @@ def dynamics(
 
     Args:
         motion: kinematics, and a body with the human's mass.
-        cutoff: of the low-pass filter [Hz].
+        cutoff: of the low-pass filter, except around landings and take-offs (`landing`) [Hz].
         settings, nearness: of the quadratic programme for the ground forces.
         loads: external forces other than the ground's.
         reductions: number of residual reductions of the path.
     """
     level = on_level_floor(smooth(motion, cutoff))
+    raised = landing_cutoff(level, cutoff)
+    if raised is not None:
+        level = on_level_floor(smooth(motion, raised))
     pelvis = human_model(level.body).body_index["pelvis"]
     weight = level.body.mass * GRAVITY
+    slow = None
     for attempt in range(1 + reductions):
         segments = segment_motion(level)
         sole = sole_points(level.body, segments, level.fps, nearness)
         needed = effort(segments, level.body, loads)
-        ground = ground_reaction(segments, needed, sole, segments.rotation[:, pelvis, :, 1], settings)
+        ground = ground_reaction(segments, needed, sole, segments.rotation[:, pelvis, :, 1], settings, slow)
+        slow = slow_share(ground, sole, level.fps, settings)
         if attempt == 0:
             unexplained = ground.residual[:, :3] / weight
         if attempt < reductions:
