@@ -32,7 +32,11 @@ def dynamics_rows(content: dict[str, Any]) -> list[Row]:
     body, peak, error = content["body"], content["peak_vertical_force_bw"], content["force_error_mean_bw"]
     rows = [
         ("body", f"{body['mass']:.1f} kg", f"{content['mass_is']}; height {body['height']:.2f} m"),
-        ("belt", show(content["belt_m_s"], "m/s", digits=2), "speed of a treadmill, removed"),
+        (
+            "belt",
+            show(content["belt_m_s"], "m/s", digits=2) if content["belt_m_s"] else "none",
+            "speed of a treadmill, removed" if content["belt_m_s"] else "",
+        ),
         (
             "vertical force",
             f"{peak['left']:.2f}, {peak['right']:.2f} BW",
