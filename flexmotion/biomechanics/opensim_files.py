@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import io
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +18,7 @@ from flexmotion.biomechanics.dynamics import Dynamics
 from flexmotion.biomechanics.joint_contact import BEYOND
 from flexmotion.biomechanics.opensim_model import document, model_document
 from flexmotion.biomechanics.opensim_names import (
+    BODIES,
     ROOT_TRANSLATIONS,
     body_name,
     coordinates,
@@ -63,8 +64,13 @@ def storage(name: str, times: Float, columns: Mapping[str, Float], *, degrees: b
     return stream.getvalue().encode()
 
 
-def ground_columns(found: Dynamics) -> dict[str, Float]:
-    """Ground force, centre of pressure and free torque of both feet in the world, (T,) each [N, m, N·m]."""
+def ground_columns(found: Dynamics, axes: Callable[[Float], Float] = y_up) -> dict[str, Float]:
+    """Ground force, centre of pressure and free torque of both feet in the world, (T,) each [N, m, N·m].
+
+    Args:
+        found: the forces.
+        axes: from vectors (T, 3) in the project's axes to those of the columns.
+    """
     assert found.motion.wrenches is not None
     columns: dict[str, Float] = {}
     # Right before left, as OpenSim's examples have it.
@@ -72,24 +78,24 @@ def ground_columns(found: Dynamics) -> dict[str, Float]:
         wrench = found.motion.wrenches[:, foot]
         parts = {"force": wrench[:, :3], "point": found.centres[:, foot], "torque": wrench[:, 3:]}
         for kind, values in parts.items():
-            columns |= _axes(IDENTIFIERS[kind].format(side), values)
+            columns |= _axes(IDENTIFIERS[kind].format(side), axes(values))
     return columns
 
 
-def external_loads(name: str, data_file: str, sides: Sequence[str] = SIDES) -> bytes:
+def external_loads(name: str, data_file: str, foot: str = BODIES["calcaneus"]) -> bytes:
     """Document that applies the ground forces of a storage to the feet.
 
     Args:
         name: of the loads.
         data_file: storage with the columns of `ground_columns`; relative to the document's folder.
-        sides: of the feet on which there are forces.
+        foot: name of the foot's body without its side.
     """
     loads = ET.Element("ExternalLoads", name=name)
     objects = ET.SubElement(loads, "objects")
-    for side in sides:
+    for side in SIDES:
         force = ET.SubElement(objects, "ExternalForce", name=f"ground_{side}")
         content = {
-            "applied_to_body": body_name(f"calcaneus_{side}"),
+            "applied_to_body": f"{foot}_{side}",
             "force_expressed_in_body": "ground",
             "point_expressed_in_body": "ground",
             **{f"{kind}_identifier": prefix.format(side) for kind, prefix in IDENTIFIERS.items()},
@@ -136,7 +142,7 @@ def opensim_files(path: Path, clip: ClipAnalysis) -> dict[Path, bytes]:
         table("_activations.sto", dict(zip(muscles.names, muscles.state.activations.T, strict=True)))
         contact: dict[str, Float] = {}
         for column, crossing in enumerate(muscles.state.crossings):
-            contact |= _axes(contact_label(crossing), muscles.contact[:, column])
+            contact |= _axes(contact_label(crossing), y_up(muscles.contact[:, column]))
         table("_joint_contact.sto", contact)
     files[_place(path, "_model.osim")] = model_document(motion.body)
     return files
@@ -155,5 +161,5 @@ def _place(path: Path, part: str) -> Path:
 
 
 def _axes(prefix: str, values: Float) -> dict[str, Float]:
-    """Columns x, y, z in OpenSim's axes of vectors (T, 3) in the project's."""
-    return dict(zip((f"{prefix}{axis}" for axis in "xyz"), y_up(values).T, strict=True))
+    """Columns x, y, z of vectors (T, 3)."""
+    return dict(zip((f"{prefix}{axis}" for axis in "xyz"), values.T, strict=True))

@@ -90,14 +90,15 @@ def dynamics(
         _check_place(path)
     if plots is not None and plots.suffix.lower() not in PAGES:
         raise typer.BadParameter(f"{plots}: unknown kind of picture, expected {', '.join(PAGES)}")
-    if muscles is None and not (muscles := find_spec("myo_sim") is not None):
+    with_muscles = find_spec("myo_sim") is not None if muscles is None else muscles
+    if muscles is None and not with_muscles:
         print_note("without muscles and joint contact, which need the extra 'biomech'")
 
     found = reading.read(file, fps)
     for warning in found.warnings:
         print_note(f"{file.name}: {warning}")
     analysed = analyse(
-        found.motion, CUTOFF if cutoff is None else cutoff, muscles=muscles, recording=_recording(found.placement)
+        found.motion, CUTOFF if cutoff is None else cutoff, muscles=with_muscles, recording=_recording(found.placement)
     )
     content = analysed.figures() | _of_import(found, reading.mass)
     contents = writer(out, analysed)

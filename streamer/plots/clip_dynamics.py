@@ -105,7 +105,7 @@ def _panels(figure: Figure, top: float, bottom: float, count: int, widths: Seque
         wspace=0.22,
         width_ratios=widths,
     )
-    return [figure.add_subplot(cell) for cell in cells]
+    return [figure.add_subplot(cells[0, column]) for column in range(count)]
 
 
 def _ground_forces(panels: Sequence[Axes], clip: ClipAnalysis) -> None:
@@ -123,7 +123,7 @@ def _ground_forces(panels: Sequence[Axes], clip: ClipAnalysis) -> None:
                 axes.fill_between(
                     clip.times, value - error, value + error, color=colour, alpha=0.2, linewidth=0, label=label
                 )
-        _shade(axes, clip.times, clip.flagged.any(axis=1))
+        _shade(axes, clip.times, np.logical_or(*clip.flagged.T))
         _time_panel(axes, clip, title, "body weights")
     _legend(panels[0])
 
@@ -276,7 +276,7 @@ def _legend(axes: Axes) -> None:
 
 
 def _shade(axes: Axes, times: Float, bad: NDArray[np.bool_]) -> None:
-    """Shade the frames that are bad."""
+    """Shade the frames that are bad, (T,)."""
     half = 0.5 * (times[1] - times[0])
     for start, stop in _runs(bad):
         axes.axvspan(times[start] - half, times[stop - 1] + half, color=WARN, alpha=0.12, linewidth=0)
