@@ -24,20 +24,28 @@ ANKLE_RANGE = (0.03, 0.07)
 """Plausible heights of the ankle above the sole, as shares of stature."""
 
 
-def fit_body(found: Landmarks, pelvis: Float, flat: tuple[FlatFoot, FlatFoot], mass: float = 70.0) -> Body:
+def fit_body(
+    found: Landmarks,
+    pelvis: Float,
+    flat: tuple[FlatFoot, FlatFoot],
+    mass: float = 70.0,
+    height: float | None = None,
+) -> Body:
     """A symmetric body with the bone lengths of a clip (medians over frames, means of both sides).
 
-    Sizes that joint centres do not define (head, heel, toes, hands) and the stature are in proportion to the legs.
+    Sizes that joint centres do not define (head, heel, toes, hands, missing arms) are in proportion to the stature, and
+    a stature that is not given to the legs.
 
     Args:
         found: joint centres.
         pelvis: rotation of the pelvis, (T, 3, 3).
         flat: left and right foot (see `flat_foot`).
         mass: of the human; motion files do not contain it [kg].
+        height: stature, if known [m].
     """
     points = found.points
     thigh, shank = _bone(points, "hip", "knee"), _bone(points, "knee", "ankle")
-    height = (thigh + shank) / LEG_SHARE
+    stature, height = height, height or (thigh + shank) / LEG_SHARE
     usual = Segments.of_height(height)
     foot = _bone(points, "ankle", "toe")
     slope = float(np.mean([side.elevation for side in flat]))
@@ -72,7 +80,9 @@ def fit_body(found: Landmarks, pelvis: Float, flat: tuple[FlatFoot, FlatFoot], m
         neck_height=float(np.median(neck)),
         shoulder_width=_distance(points["shoulder_l"], points["shoulder_r"]),
     )
-    stature = sum((segments.ankle_height, segments.leg, segments.lumbar_height, segments.neck_height, segments.head))
+    if stature is None:
+        trunk = segments.lumbar_height + segments.neck_height
+        stature = segments.ankle_height + segments.leg + trunk + segments.head
     return Body(height=float(stature), mass=mass, fitted=segments)
 
 

@@ -54,8 +54,10 @@ class Fit:
     errors: dict[str, FitError]
 
 
-def fit(found: Landmarks) -> Fit:
+def fit(found: Landmarks, height: float | None = None) -> Fit:
     """Fit a human to a clip; position, heading and floor stay as in the file.
+
+    `height` is the stature [m] if it is known; it determines the sizes that joint centres do not define.
 
     Elbow and wrist of a side may be missing: that arm then hangs beside the torso.
     """
@@ -63,7 +65,7 @@ def fit(found: Landmarks) -> Fit:
     root = (points["hip_l"] + points["hip_r"]) / 2
     pelvis = pelvis_rotation(found)
     flat = (flat_foot(found, "l"), flat_foot(found, "r"))
-    body = fit_body(found, pelvis, flat)
+    body = fit_body(found, pelvis, flat, height=height)
     lumbar = root + pelvis @ np.array([body.segments.lumbar_forward, 0.0, body.segments.lumbar_height])
     chord = points["neck"] - lumbar
     tilt = neck_tilt(found, pelvis, chord)

@@ -130,6 +130,10 @@ def landmarks(
     points = {point: scale * value @ turn.T for point, value in raw.items()}
     _check_leg(points, capture.path)
     points, notes = with_trunk(points)
+    for side, name in (("l", "left"), ("r", "right")):
+        absent = [joint for joint in ("elbow", "wrist") if f"{joint}_{side}" not in points]
+        if absent:
+            notes.append(f"no point for the {name} {' and '.join(absent)}: that arm hangs")
 
     orientations: dict[str, Float] = {}
     attached: dict[str, Float] = {}

@@ -19,7 +19,7 @@ from flexmotion.human.motion import Motion
 from flexmotion.human.motion_file import load_motion
 from flexmotion.human.resample import resample
 from flexmotion.importers.acclaim import read_acclaim
-from flexmotion.importers.body_size import body_of, sized
+from flexmotion.importers.body_size import check_size, with_mass
 from flexmotion.importers.bvh import read_bvh
 from flexmotion.importers.c3d import read_c3d
 from flexmotion.importers.capture import Capture, without_prefix
@@ -138,6 +138,7 @@ def read(
         MotionFormatError: the file is missing, damaged, of an unknown kind, or lacks parts of a human.
         ConfigError: the mapping does not exist, or mass or height are not a human's.
     """
+    check_size(mass, height)
     path = Path(path)
     suffix = path.suffix.lower()
     if suffix in READERS:
@@ -158,9 +159,9 @@ def read(
 
 
 def own_motion(motion: Motion, fps: float | None, mass: float | None, height: float | None) -> Import:
-    """A motion of FlexMotion's own format; it has a body, of which only mass and height that are given change."""
-    body = sized(motion.body, mass if mass is not None else motion.body.mass, height)
-    motion = replace(motion, body=body)
+    """A motion of FlexMotion's own format; it has a body, of which mass and height change where they are given."""
+    given = {name: value for name, value in (("mass", mass), ("height", height)) if value is not None}
+    motion = replace(motion, body=replace(motion.body, **given))
     return Import(motion if fps is None else resample(motion, fps))
 
 
@@ -190,7 +191,7 @@ def fit_capture(
         found = without_belt(found, velocity)
     if fps is not None:
         found = found.resampled(fps)
-    fitted = fit(found)
+    fitted = fit(found, height)
     motion = fitted.motion
     errors = fitted.errors
     if capture.rotations is None:
@@ -200,7 +201,7 @@ def fit_capture(
     if velocity.any():
         way = "given" if belt != "detect" else "detected"
         notes.append(f"a treadmill's belt of {backward_speed(found, velocity):.2f} m/s backwards was removed ({way})")
-    body, guessed = body_of(motion.body, mass, height)
+    body, guessed = with_mass(motion.body, mass, height)
     motion = replace(motion, body=body)
     placed = on_floor(from_origin(motion))
     place = _placement(motion, placed, found)

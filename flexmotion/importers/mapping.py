@@ -169,16 +169,7 @@ def find_mapping(names: tuple[str, ...], path: str, wanted: str | Path | None = 
     """
     shipped = shipped_mappings()
     if wanted is None:
-        fitting = (mapping for mapping in shipped.values() if mapping.joints and not mapping.missing(names))
-        mapping = next(fitting, None) or _marker_set(list(shipped.values()), names)
-        if mapping is None:
-            try:
-                mapping = guess_mapping(names, path)
-            except MotionFormatError:
-                mapping = _marker_set(list(shipped.values()), names, FEW)
-                if mapping is None:
-                    raise
-        return mapping.present(names) if mapping.joints else mapping
+        return _fitting(list(shipped.values()), names, path)
     if str(wanted) in shipped:
         mapping = shipped[str(wanted)]
     elif Path(wanted).suffix in (".yaml", ".yml"):
@@ -193,6 +184,25 @@ def find_mapping(names: tuple[str, ...], path: str, wanted: str | Path | None = 
             f"{path}: mapping {mapping.name!r} needs joints that the file lacks: {', '.join(missing)}"
         )
     return mapping.present(names)
+
+
+def _fitting(shipped: Sequence[SkeletonMapping], names: tuple[str, ...], path: str) -> SkeletonMapping:
+    """The mapping of joints with most points in a file, a shipped one before a guess, else a set of markers."""
+    skeletons = [mapping.present(names) for mapping in shipped if mapping.joints and not mapping.missing(names)]
+    chosen = max(skeletons, key=lambda mapping: len(mapping.joints), default=None)
+    if chosen is not None and set(POINTS) - {"lumbar", "head"} <= chosen.joints.keys():
+        return chosen
+    markers_of = _marker_set(shipped, names)
+    if chosen is None and markers_of is not None:
+        return markers_of
+    try:
+        guess = guess_mapping(names, path)
+    except MotionFormatError:
+        markers_of = chosen or _marker_set(shipped, names, FEW)
+        if markers_of is None:
+            raise
+        return markers_of
+    return guess if chosen is None or len(guess.joints) > len(chosen.joints) else chosen
 
 
 FEW = 6

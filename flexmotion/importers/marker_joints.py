@@ -49,6 +49,12 @@ TOE_DEPTH = 0.02
 """From a marker on top of the second metatarsal's head to the toe joint's centre [m]: marker, skin and half the
 head."""
 
+NECK_SHARE = 0.55
+"""Distance of the joint C7/T1 from the marker on C7 as a share of the distance to the jugular notch (Reed et al.)."""
+
+SHOULDER_SHARE = 0.17
+"""Depth of the shoulder joint below the acromion as a share of the distance between both acromia (Rab et al.)."""
+
 NECK_ABOVE_ACROMIA = 0.0425
 """Height of the neck joint above the acromia as a share of stature: .8605 (de Leva 1996, cervicale) less .818
 (Drillis and Contini 1966)."""
@@ -313,11 +319,12 @@ def _trunk(at: Mapping[str, Float], lumbar: Float, stature: float) -> dict[str, 
     acromia = [at[f"acromion_{side}"] for side in SIDES] if {"acromion_l", "acromion_r"} <= at.keys() else []
     front = at.get("clavicle")
     if "c7" in at and front is not None:
+        # The neck joint of the human is as high as C7 (de Leva 1996), and as far in front of it as Reed's C7/T1.
+        along = unit(at["c7"] - lumbar)
         across = front - at["c7"]
-        x = unit(across)
-        above = unit((at["c7"] - lumbar) - np.sum((at["c7"] - lumbar) * x, axis=-1, keepdims=True) * x)
         depth = float(np.median(np.linalg.norm(across, axis=-1)))
-        points["neck"] = at["c7"] + 0.55 * depth * (np.cos(np.radians(8)) * x + np.sin(np.radians(8)) * above)
+        ahead = unit(across - np.sum(across * along, axis=-1, keepdims=True) * along)
+        points["neck"] = at["c7"] + NECK_SHARE * depth * ahead
     elif acromia:
         middle = (acromia[0] + acromia[1]) / 2
         points["neck"] = middle + NECK_ABOVE_ACROMIA * stature * unit(middle - lumbar)
@@ -326,7 +333,7 @@ def _trunk(at: Mapping[str, Float], lumbar: Float, stature: float) -> dict[str, 
     if acromia:
         breadth = float(np.median(np.linalg.norm(acromia[0] - acromia[1], axis=-1)))
         down = unit(lumbar - (acromia[0] + acromia[1]) / 2)
-        points |= {f"shoulder_{side}": acromia[i] + 0.17 * breadth * down for i, side in enumerate(SIDES)}
+        points |= {f"shoulder_{side}": acromia[i] + SHOULDER_SHARE * breadth * down for i, side in enumerate(SIDES)}
     for side in SIDES:
         for joint, sides in (("elbow", ("lateral", "medial")), ("wrist", ("radial", "ulnar"))):
             found = [at[f"{joint}_{which}_{side}"] for which in sides if f"{joint}_{which}_{side}" in at]

@@ -62,7 +62,7 @@ def surface_markers(motion: Motion) -> dict[str, Tracks]:
         s = side.upper()
         asis, psis = pelvis(front, 0.12 * out), pelvis(back, 0.045 * out)
         heel, fifth = at(f"calcaneus_{side}", -0.06, 0.0, -0.03), at(f"toes_{side}", 0.0, 0.045 * out, 0.02)
-        first, shoulder = at(f"toes_{side}", 0.0, -0.045 * out, 0.02), at(f"humerus_{side}", 0.0, 0.01 * out, 0.06)
+        first, shoulder = at(f"toes_{side}", 0.0, -0.045 * out, 0.02), at(f"humerus_{side}", 0.0, 0.01 * out, 0.045)
         elbow, wrist = at(f"ulna_{side}", 0.0, 0.04 * out, 0.0), at(f"hand_{side}", 0.03, 0.0, 0.0)
         other, head = at(f"hand_{side}", -0.03, 0.0, 0.0), at("head", 0.08, 0.07 * out, 0.12)
         gait |= {
