@@ -96,6 +96,8 @@ CATALOGUE = (
     ),
     Benchmark("model/motion_pictures", "1 min", (Need.SET,)),
     Benchmark("biomechanics/gait", "5 s", (Need.CLIPS,), "a force or moment over its target"),
+    Benchmark("biomechanics/plates", "10 s", (Need.CLIPS,), "a vertical force over its target"),
+    Benchmark("biomechanics/force_error", "10 s", (Need.CLIPS,), "a correlation or a flagged share over its limit"),
     Benchmark("biomechanics/muscles", "2 min", (Need.CLIPS, Need.BIOMECH), "torque within 2 % in below 90 % of frames"),
     Benchmark("biomechanics/speed", "6 min", (Need.CLIPS, Need.BIOMECH), "below 350 frames/s on two workers"),
     Benchmark(

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from flexmotion.biomechanics.external_load import ExternalLoad
 from flexmotion.biomechanics.floor_drift import on_level_floor
-from flexmotion.biomechanics.force_error import force_error
+from flexmotion.biomechanics.force_error import error_sources, force_error, removed_content
 from flexmotion.biomechanics.ground_reaction import GROUND, GroundSettings, ground_reaction, slow_share
 from flexmotion.biomechanics.inverse_dynamics import effort, joint_torques
 from flexmotion.biomechanics.landing import landing_cutoff
@@ -40,8 +40,9 @@ class Dynamics:
         loads: external forces other than the ground's.
         residual: force [body weights] and moment about the centre of mass [body weights x m] that ground forces cannot
             explain, (T, 2): from stairs, chairs, contact with others, or a bad recording.
-        force_error: estimated standard error of the ground force on left and right foot, (T, 2) [body weights]; one
-            greater than `force_error.FLAGGED` is flagged.
+        error_sources: of the ground force on left and right foot, (T, 2, 5) [body weights]; see `force_error`.
+        force_error: estimated standard error of that force, (T, 2) [body weights]; one greater than
+            `force_error.FLAGGED` is flagged.
     """
 
     motion: Motion
@@ -49,6 +50,7 @@ class Dynamics:
     centres: Float
     point_forces: Float
     residual: Float
+    error_sources: Float
     force_error: Float
     loads: tuple[ExternalLoad, ...] = ()
 
@@ -83,10 +85,12 @@ def dynamics(
         needed = effort(segments, level.body, loads)
         ground = ground_reaction(segments, needed, sole, segments.rotation[:, pelvis, :, 1], settings, slow)
         slow = slow_share(ground, sole, level.fps, settings)
-        if attempt == 0:
-            unexplained = ground.residual[:, :3] / weight
         if attempt < reductions:
             level = shifted(level, ground.residual[:, :3])
+    residual = np.linalg.norm(ground.residual.reshape(-1, 2, 3), axis=-1) / weight
+    sources = error_sources(
+        ground.wrenches[..., :3] / weight, slow.alike, removed_content(motion, cutoff), residual[:, 0], level.fps
+    )
     return Dynamics(
         motion=replace(
             level,
@@ -97,7 +101,8 @@ def dynamics(
         segments=segments,
         centres=ground.centres,
         point_forces=ground.point_forces,
-        residual=np.linalg.norm(ground.residual.reshape(-1, 2, 3), axis=-1) / weight,
-        force_error=force_error(ground.wrenches[..., :3] / weight, unexplained),
+        residual=residual,
+        error_sources=sources,
+        force_error=force_error(sources),
         loads=tuple(loads),
     )

@@ -39,7 +39,7 @@ EDGES = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
 NO_FORCE = 1e-3
 """A foot with less vertical force is in the air [N]."""
 
-NEAR = 1e-3
+NEAR = 5e-4
 """Least nearness of a point within reach of the floor."""
 
 
@@ -94,7 +94,12 @@ class GroundReaction:
 
 @dataclass(frozen=True)
 class SlowShare:
-    """Share of the left foot in the vertical force, averaged over time, (T,), and likeness of the feet, (T,), 0 to 1."""
+    """Slow share of the feet in the vertical force.
+
+    Attributes:
+        share: of the left foot, averaged over time, (T,).
+        alike: how much both feet do the same, 0 to 1, (T,).
+    """
 
     share: Float
     alike: Float
