@@ -40,21 +40,27 @@ class Recording:
         start: time of the first frame [s].
         turn: about z, from the motion's axes to the recording's, those of which are x forward, y left, z up [rad].
         origin: of the motion's axes in the recording's, on the floor, (x, y) [m].
+        belt: velocity of a treadmill's belt that was removed from the motion, in its axes, (x, y) [m/s].
     """
 
     start: float = 0.0
     turn: float = 0.0
     origin: tuple[float, float] = (0.0, 0.0)
+    belt: tuple[float, float] = (0.0, 0.0)
 
     def placed(self, found: Dynamics) -> Dynamics:
-        """The same in the recording's axes: root, ground forces, centres of pressure; all other arrays are kept."""
+        """The same as recorded: root, ground forces, centres of pressure; all other arrays are kept.
+
+        On a belt, which moves at a constant velocity, forces are those over ground.
+        """
         motion = found.motion
         assert motion.wrenches is not None and motion.torques is not None
-        turn, shift = Rotation.from_euler("z", self.turn), np.array([*self.origin, 0.0])
+        turn, times = Rotation.from_euler("z", self.turn), np.arange(len(motion))[:, None] / motion.fps
 
         def turned(vectors: Float) -> Float:
             return vectors @ turn.as_matrix().T
 
+        shift = np.array([*self.origin, 0.0]) + turned(times * [*self.belt, 0.0])
         quaternions = turn * Rotation.from_quat(motion.root_quaternion, scalar_first=True)
         wrenches = np.concatenate([turned(motion.wrenches[..., :3]), turned(motion.wrenches[..., 3:])], axis=-1)
         placed = replace(
@@ -64,7 +70,7 @@ class Recording:
             wrenches=wrenches,
             torques=np.concatenate([turned(motion.torques[:, :3]), motion.torques[:, 3:]], axis=1),
         )
-        return replace(found, motion=placed, centres=turned(found.centres) + shift)
+        return replace(found, motion=placed, centres=turned(found.centres) + shift[:, None])
 
 
 HERE = Recording()

@@ -118,7 +118,7 @@ def quality_columns(clip: ClipAnalysis) -> dict[str, Float]:
 def opensim_files(path: Path, clip: ClipAnalysis) -> dict[Path, bytes]:
     """Content of every file of a clip; `path` is that of the ground forces, the others' names begin with its stem.
 
-    Times, axes and place are those of the recording, over ground: the belt of a treadmill is removed.
+    Times, axes and place are those of the recording, on a treadmill too.
     """
     placed, stem = clip.recording.placed(clip.dynamics), path.stem
     motion = placed.motion

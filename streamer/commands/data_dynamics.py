@@ -19,7 +19,6 @@ from flexmotion.streamer.commands.output import print_json, print_note, print_re
 if TYPE_CHECKING:
     from flexmotion.biomechanics.analysis import ClipAnalysis, Recording
     from flexmotion.importers import Import
-    from flexmotion.importers.load import Placement
 
 PAGES = (".png", ".pdf", ".svg", ".html")
 EXPLAINED = 0.5
@@ -98,7 +97,7 @@ def dynamics(
     for warning in found.warnings:
         print_note(f"{file.name}: {warning}")
     analysed = analyse(
-        found.motion, CUTOFF if cutoff is None else cutoff, muscles=with_muscles, recording=_recording(found.placement)
+        found.motion, CUTOFF if cutoff is None else cutoff, muscles=with_muscles, recording=_recording(found)
     )
     content = analysed.figures() | _of_import(found, reading.mass)
     contents = writer(out, analysed)
@@ -140,14 +139,15 @@ def _of_import(found: Import, mass: float | None) -> dict[str, Any]:
     }
 
 
-def _recording(place: Placement) -> Recording:
+def _recording(found: Import) -> Recording:
     """The place in axes with x forward, y left, z up: those of a recording with y up are its x, -z, y."""
     from flexmotion.biomechanics.analysis import Recording
 
+    place, belt = found.placement, (float(found.belt[0]), float(found.belt[1]))
     x, y, _ = place.origin
     if place.up == "y":
-        return Recording(place.start, place.heading - pi / 2, (y, -x))
-    return Recording(place.start, place.heading, (x, y))
+        return Recording(place.start, place.heading - pi / 2, (y, -x), belt)
+    return Recording(place.start, place.heading, (x, y), belt)
 
 
 def _page(path: Path, analysed: ClipAnalysis, content: dict[str, Any]) -> bytes:

@@ -54,10 +54,12 @@ def test_too_short(fps: float, frames: int, least: str, make_standing) -> None:
     assert len(analyse(make_standing(frames=frames + 1, fps=fps), muscles=False)) == frames + 1
 
 
-@given(turn=st.floats(-3.0, 3.0), x=st.floats(-5.0, 5.0), y=st.floats(-5.0, 5.0))
-def test_newton_holds_in_the_axes_of_the_recording(analysed: ClipAnalysis, turn: float, x: float, y: float) -> None:
-    """Centre of mass and forces are moved together: force = mass x (acceleration + g) in any axes."""
-    placed = Recording(turn=turn, origin=(x, y)).placed(analysed.dynamics)
+@given(turn=st.floats(-3.0, 3.0), x=st.floats(-5.0, 5.0), belt=st.tuples(st.floats(-4.0, 4.0), st.floats(-1.0, 1.0)))
+def test_newton_holds_in_the_axes_of_the_recording(
+    analysed: ClipAnalysis, turn: float, x: float, belt: tuple[float, float]
+) -> None:
+    """Centre of mass and forces are moved together: force = mass x (acceleration + g) in any axes, on any belt."""
+    placed = Recording(turn=turn, origin=(x, 0.0), belt=belt).placed(analysed.dynamics)
     motion = placed.motion
     assert motion.wrenches is not None and motion.torques is not None
     acceleration = second_derivative(forward(motion).com, motion.fps)
@@ -66,9 +68,12 @@ def test_newton_holds_in_the_axes_of_the_recording(analysed: ClipAnalysis, turn:
     assert given_force[EDGE:-EDGE] == pytest.approx(needed[EDGE:-EDGE], abs=0.5)
 
 
-@given(turn=st.floats(-3.0, 3.0), x=st.floats(-5.0, 5.0), y=st.floats(-5.0, 5.0))
-def test_centres_of_pressure_stay_under_the_feet(analysed: ClipAnalysis, turn: float, x: float, y: float) -> None:
-    before, after = analysed.dynamics, Recording(turn=turn, origin=(x, y)).placed(analysed.dynamics)
+@given(turn=st.floats(-3.0, 3.0), x=st.floats(-5.0, 5.0), belt=st.tuples(st.floats(-4.0, 4.0), st.floats(-1.0, 1.0)))
+def test_centres_of_pressure_stay_under_the_feet(
+    analysed: ClipAnalysis, turn: float, x: float, belt: tuple[float, float]
+) -> None:
+    before = analysed.dynamics
+    after = Recording(turn=turn, origin=(x, 0.0), belt=belt).placed(before)
     distances = [np.linalg.norm(forward(found.motion).toe - found.centres, axis=-1) for found in (before, after)]
     assert distances[1] == pytest.approx(distances[0], abs=1e-9)
 

@@ -194,14 +194,18 @@ def test_files_for_opensim_are_in_the_axes_of_the_recording(tmp_path: Path, out:
     file = tmp_path / "walk.trc"
     hips = _write_trc(file, moved, start=1.5)
     assert execute(["data", "dynamics", str(file), "-o", str(out / "w.sto"), "--mass", "70", QUICK]) == OK
-    lines = (out / "w_coordinates.sto").read_text().splitlines()
-    end = lines.index("endheader")
-    labels = lines[end + 1].split("\t")
-    values = np.array([[float(value) for value in line.split("\t")] for line in lines[end + 2 :]])
-    at = dict(zip(labels, values.T, strict=True))
+    at = _storage(out / "w_coordinates.sto")
     assert at["time"][0] == pytest.approx(1.5)
     found = np.stack([at["pelvis_tx"], at["pelvis_tz"]], axis=1)
     assert np.abs(found - hips[:, [0, 2]]).max() < 0.03
+
+
+def _storage(file: Path) -> dict[str, np.ndarray]:
+    """Columns of a storage."""
+    lines = file.read_text().splitlines()
+    end = lines.index("endheader")
+    values = np.array([[float(value) for value in line.split("\t")] for line in lines[end + 2 :]])
+    return dict(zip(lines[end + 1].split("\t"), values.T, strict=True))
 
 
 def _write_trc(file: Path, motion: Motion, start: float) -> np.ndarray:
@@ -237,7 +241,10 @@ def _origin(motion: Motion, segment: str) -> np.ndarray:
 
 
 def test_trial_of_a_laboratory(shared_data: Path, out: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Surface markers as recorded on a belt, as they are."""
+    """Surface markers as recorded on a belt, as they are.
+
+    Centres of pressure were over ground, up to a metre from those of the plates under the belt.
+    """
     file = shared_data / "gait2354_markers.trc"
     command = ["data", "dynamics", str(file), "--mass", "72.6", "-o", str(out / "w.sto"), "--json", QUICK]
     assert execute(command) == OK
@@ -245,3 +252,11 @@ def test_trial_of_a_laboratory(shared_data: Path, out: Path, capsys: pytest.Capt
     assert 0.9 < content["belt_m_s"] < 1.3
     assert 1.0 < content["peak_vertical_force_bw"]["left"] < 1.4
     assert content["good_share"] > 0.95
+    ours = _storage(out / "w.sto")
+    plates = np.load(shared_data / "gait2354_walk.npz")
+    for side, name in (("l", "left"), ("r", "right")):
+        measured = plates[f"grf_{name}"]
+        loaded = measured[:, 1] > 200.0
+        for column, axis in ((3, "x"), (5, "z")):
+            found = np.interp(plates["time_s"], ours["time"], ours[f"ground_force_{side}_p{axis}"])
+            assert abs(np.median((found - measured[:, column])[loaded])) < 0.03
