@@ -18,6 +18,7 @@ from flexmotion.configs.errors import FlexMotionError
 from flexmotion.streamer.commands.check import check
 from flexmotion.streamer.commands.check_bus import bus
 from flexmotion.streamer.commands.data import data
+from flexmotion.streamer.commands.data_dynamics import dynamics
 from flexmotion.streamer.commands.drivers import drivers
 from flexmotion.streamer.commands.dry_run import dry_run
 from flexmotion.streamer.commands.emulate import emulate
@@ -47,6 +48,7 @@ app.command("run")(run)
 app.command("retarget")(retarget)
 check.command("bus")(bus)
 app.add_typer(check, name="check")
+data.command("dynamics")(dynamics)
 app.add_typer(data, name="data")
 servo.command("calibrate")(calibrate)
 servo.command("calibrate-imu")(calibrate_imu)

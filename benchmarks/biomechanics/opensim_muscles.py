@@ -22,9 +22,10 @@ from numpy.typing import NDArray
 from flexmotion.biomechanics.box_least_norm import box_least_norm
 from flexmotion.biomechanics.dynamics import Dynamics
 from flexmotion.biomechanics.muscle_geometry import MuscleModel, muscle_models
+from flexmotion.biomechanics.opensim_files import external_loads, ground_columns, storage
 from flexmotion.biomechanics.static_optimisation import strength
 from flexmotion.human.motion import Motion
-from flexmotion.human.skeleton import DOF_COUNT, JOINTS, SIDES
+from flexmotion.human.skeleton import DOF_COUNT, JOINTS
 
 Float = NDArray[np.float64]
 
@@ -167,8 +168,10 @@ def opensim_activations(
     motion = found.motion
     times = np.arange(len(motion)) / motion.fps
     model.printToXML(str(folder / "human.osim"))
-    _write_table(folder / "motion.sto", times, coordinates)
-    _write_loads(folder, times, found)
+    (folder / "motion.sto").write_bytes(storage("motion", times, coordinates))
+    # The exported model has the project's axes and names.
+    (folder / "ground.sto").write_bytes(storage("ground", times, ground_columns(found, axes=np.asarray)))
+    (folder / "loads.xml").write_bytes(external_loads("ground", "ground.sto", foot="calcaneus"))
     analysis = opensim.StaticOptimization()
     analysis.setStartTime(0.0)
     analysis.setEndTime(float(times[-1]))
@@ -196,32 +199,3 @@ def opensim_activations(
     at = np.array(table.getIndependentColumn())
     columns = [np.interp(times, at, table.getDependentColumn(name).to_numpy()) for name in names]
     return np.stack(columns, axis=1), seconds
-
-
-def _write_table(path: Path, times: Float, columns: dict[str, Float]) -> None:
-    rows = np.column_stack([times, *columns.values()])
-    header = f"{path.stem}\nversion=1\nnRows={len(rows)}\nnColumns={rows.shape[1]}\ninDegrees=no\nendheader\n"
-    body = "\n".join("\t".join(f"{value:.10g}" for value in row) for row in rows)
-    path.write_text(header + "\t".join(["time", *columns]) + "\n" + body + "\n")
-
-
-def _write_loads(folder: Path, times: Float, found: Dynamics) -> None:
-    assert found.motion.wrenches is not None
-    columns: dict[str, Float] = {}
-    loads = opensim.ExternalLoads()
-    for foot, side in enumerate(SIDES):
-        wrench = found.motion.wrenches[:, foot]
-        for kind, values in (("force", wrench[:, :3]), ("point", found.centres[:, foot]), ("moment", wrench[:, 3:])):
-            columns |= {f"{side}_{kind}_{axis}": values[:, i] for i, axis in enumerate("xyz")}
-        load = opensim.ExternalForce()
-        load.setName(f"ground_{side}")
-        load.set_applied_to_body(f"calcaneus_{side}")
-        load.set_force_expressed_in_body("ground")
-        load.set_point_expressed_in_body("ground")
-        load.set_force_identifier(f"{side}_force_")
-        load.set_point_identifier(f"{side}_point_")
-        load.set_torque_identifier(f"{side}_moment_")
-        loads.cloneAndAppend(load)
-    _write_table(folder / "ground.sto", times, columns)
-    loads.setDataFileName(str(folder / "ground.sto"))
-    loads.printToXML(str(folder / "loads.xml"))

@@ -36,6 +36,9 @@ Float = NDArray[np.float64]
 EDGES = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
 """Horizontal directions of the edges of a friction pyramid."""
 
+NO_FORCE = 1e-3
+"""A foot with less vertical force is in the air [N]."""
+
 NEAR = 5e-4
 """Least nearness of a point within reach of the floor."""
 
@@ -219,7 +222,8 @@ def _share(
 def _collect(forces: Float, sole: SolePoints, centre: Float, wanted: Float) -> GroundReaction:
     total = forces.sum(axis=2)
     vertical = forces[..., 2]
-    share = np.where(total[..., 2:] > 0, vertical / np.maximum(total[..., 2:], 1e-9), 1 / POINTS)
+    # What a solver leaves of a foot in the air has no centre of pressure.
+    share = np.where(total[..., 2:] > NO_FORCE, vertical / np.maximum(total[..., 2:], NO_FORCE), 1 / POINTS)
     centres = np.einsum("tsp,tspi->tsi", share, sole.position)
     moment = np.cross(sole.position - centres[:, :, None], forces).sum(axis=2)
     about_com = np.concatenate([total, np.cross(centres - centre[:, None], total) + moment], axis=-1)

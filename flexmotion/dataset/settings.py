@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass
 
 from flexmotion.biomechanics.augmentation import Ranges
 from flexmotion.biomechanics.ground_reaction import GroundSettings
-from flexmotion.biomechanics.plausibility import JointReach
+from flexmotion.biomechanics.plausibility import RESIDUAL_FORCE, RESIDUAL_MOMENT, JointReach
 from flexmotion.biomechanics.smoothing import CUTOFF
 from flexmotion.biomechanics.sole import Nearness
 
@@ -41,8 +41,8 @@ class BuildSettings:
     variants: int = 0
     seed: int = 0
     muscles: bool = True
-    residual_force: float = 0.1
-    residual_moment: float = 0.1
+    residual_force: float = RESIDUAL_FORCE
+    residual_moment: float = RESIDUAL_MOMENT
     kept_share: float = 0.5
     shortest: float = 0.6
     ground: GroundSettings = GroundSettings()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,7 @@ class Capture:
             has no such pose.
         start: time of the first frame in the file [s].
         warnings: what a user should know about how the file was read.
+        up: upward axis of the file, of positions that are turned to z up already; None of those that are not.
     """
 
     path: str
@@ -37,6 +39,7 @@ class Capture:
     zero_positions: Float | None = None
     start: float = 0.0
     warnings: tuple[str, ...] = ()
+    up: Literal["y", "z"] | None = None
 
     def __len__(self) -> int:
         return len(self.positions)

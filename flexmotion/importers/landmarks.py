@@ -65,6 +65,7 @@ class Landmarks:
             `shoulder_r`), (T, 3, 3); empty for formats without rotations.
         start: time of the first frame in the file [s].
         warnings: what a user should know about how the file was read.
+        up: upward axis of the file.
     """
 
     path: str
@@ -74,6 +75,7 @@ class Landmarks:
     attached: dict[str, Float] = field(default_factory=dict)
     start: float = 0.0
     warnings: tuple[str, ...] = ()
+    up: Up = "z"
 
     def __len__(self) -> int:
         return len(self.points["hip_l"])
@@ -144,7 +146,14 @@ def landmarks(
         for point in ATTACHED & columns.keys():
             attached[point] = turn @ capture.rotations[:, columns[point][0]]
     found = Landmarks(
-        capture.path, capture.fps, points, orientations, attached, capture.start, (*capture.warnings, *notes)
+        capture.path,
+        capture.fps,
+        points,
+        orientations,
+        attached,
+        capture.start,
+        (*capture.warnings, *notes),
+        capture.up or up,
     )[_zero_frames(capture) :]
     return found[_settled(found) :]
 

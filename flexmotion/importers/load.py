@@ -25,7 +25,7 @@ from flexmotion.importers.c3d import read_c3d
 from flexmotion.importers.capture import Capture, without_prefix
 from flexmotion.importers.fit import FitError, fit, fit_errors
 from flexmotion.importers.joint_gaps import complete_joints
-from flexmotion.importers.landmarks import landmarks
+from flexmotion.importers.landmarks import Landmarks, landmarks
 from flexmotion.importers.mapping import SkeletonMapping, Units, Up, find_mapping
 from flexmotion.importers.marker_capture import joint_capture
 from flexmotion.importers.packed import is_packed, read_packed
@@ -61,11 +61,13 @@ class Placement:
         start: time of the motion's first frame in the file [s].
         heading: of the pelvis in the file's first frame, about z [rad].
         origin: of the motion in the file, (x, y, z) [m]: a point p of the motion is origin + Rz(heading) p.
+        up: upward axis of the file; one with y up is turned so that its z, x, y become x, y, z.
     """
 
     start: float = 0.0
     heading: float = 0.0
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    up: Up = "z"
 
 
 @dataclass(frozen=True)
@@ -202,18 +204,17 @@ def fit_capture(
     body, guessed = with_mass(motion.body, mass, height)
     motion = replace(motion, body=body)
     placed = on_floor(from_origin(motion))
-    place = _placement(motion, placed, found.start)
+    place = _placement(motion, placed, found)
     turned = Rotation.from_euler("z", -place.heading).apply([*velocity, 0.0])[:2]
     return Import(placed, chosen.name, errors, turned, (*notes, *guessed), place)
 
 
-def _placement(before: Motion, after: Motion, start: float) -> Placement:
+def _placement(before: Motion, after: Motion, found: Landmarks) -> Placement:
     """Placement of a motion (`after`) that was moved from where its file has it (`before`)."""
     heading = _heading(before)
     x, y = before.root_position[0, :2]
-    return Placement(
-        start, heading, (float(x), float(y), float(before.root_position[0, 2] - after.root_position[0, 2]))
-    )
+    height = before.root_position[0, 2] - after.root_position[0, 2]
+    return Placement(found.start, heading, (float(x), float(y), float(height)), found.up)
 
 
 def _heading(motion: Motion) -> float:

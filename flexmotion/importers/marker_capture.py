@@ -57,7 +57,8 @@ def joint_capture(
 
     present = {own: [m for m in members if known.issuperset(m)] for own, members in present.items()}
     at = {own: np.mean([mean(names) for names in members], axis=0) for own, members in present.items() if members}
-    turn = TO_Z_UP[up or mapping.up or _guess_up(at)] * METRES[units or mapping.units or _guess_units(at, capture.path)]
+    up = up or mapping.up or _guess_up(at)
+    turn = TO_Z_UP[up] * METRES[units or mapping.units or _guess_units(at, capture.path)]
     at = {name: value @ turn.T for name, value in at.items()}
     clusters = {
         segment: np.stack([mean(names) @ turn.T for own in carried for names in present.get(own, ())], axis=1)
@@ -72,6 +73,7 @@ def joint_capture(
         positions=np.stack(list(found.points.values()), axis=1),
         start=complete.start,
         warnings=(*complete.warnings, *found.warnings),
+        up=up,
     )
 
 
