@@ -1,4 +1,4 @@
-"""Metrics on the consistency of a motion's torques, forces and activations with its kinematics."""
+"""Metrics on the consistency of a motion's torques, forces, activations and joint contact with its kinematics."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from flexmotion.biomechanics.differentiation import EDGE
 from flexmotion.biomechanics.dynamics import dynamics
 from flexmotion.biomechanics.inverse_dynamics import joint_torques
+from flexmotion.biomechanics.joint_contact import joint_contact_forces
 from flexmotion.biomechanics.segment_motion import segment_motion
 from flexmotion.biomechanics.static_optimisation import infeasible, static_optimisation
 from flexmotion.human.motion import Motion
@@ -67,6 +68,25 @@ def beyond_muscles(motion: Motion) -> float:
         ValueError: the motion has no torques.
     """
     return 100 * float(infeasible(static_optimisation(motion), motion).any(axis=1).mean())
+
+
+def joint_contact_error(motion: Motion) -> float:
+    """Mean distance of joint contact forces from those that the motion's dynamics and muscles need [body weights].
+
+    Excludes `EDGE` frames at each end.
+
+    Raises:
+        ConfigError: `myo-sim` is not installed.
+        ValueError: the motion has no joint contact forces, or too few frames.
+    """
+    if motion.joint_contact is None:
+        raise ValueError("the motion has no joint contact forces")
+    if len(motion) <= 2 * EDGE:
+        raise ValueError(f"physics metrics need more than {2 * EDGE} frames, got {len(motion)}")
+    found = dynamics(motion)
+    expected = joint_contact_forces(found, static_optimisation(found.motion))
+    missing = (motion.joint_contact - expected)[EDGE:-EDGE]
+    return _mean(missing) / (motion.body.mass * GRAVITY)
 
 
 def _mean(vectors: Float) -> float:

@@ -130,6 +130,7 @@ def export(
         layout=layout.hash,
         fps=window.fps,
         muscles=layout.muscles,
+        joint_contact=layout.joint_contact,
         history=window.history,
         future=window.future,
         latent=autoencoder.latent,
