@@ -35,8 +35,8 @@ AXIAL = -POLAR
 def mirror(motion: Motion) -> Motion:
     """A motion mirrored in the plane y = 0, with its dynamics.
 
-    Activations are dropped: the two sides' muscle paths are not exact mirror images. Joint contact forces are
-    mirrored; those computed from the mirrored motion differ by as much as those muscle paths.
+    Activations are dropped: the two sides' muscle paths are not exact mirror images. Joint contact forces are mirrored;
+    those computed from the mirrored motion are the same in the legs and differ by .02 body weights at the lumbar joint.
     """
     torques, wrenches, contacts, joint_contact = motion.torques, motion.wrenches, motion.contacts, motion.joint_contact
     if torques is not None:

@@ -12,10 +12,13 @@ from flexmotion.biomechanics.joint_contact import joint_contact_forces
 from flexmotion.biomechanics.segment_motion import segment_motion
 from flexmotion.biomechanics.static_optimisation import infeasible, static_optimisation
 from flexmotion.human.motion import Motion
-from flexmotion.human.skeleton import JOINTS
+from flexmotion.human.skeleton import CONTACT_JOINTS, JOINTS
 from flexmotion.spatial.gravity import GRAVITY
 
 Float = NDArray[np.float64]
+
+COMPRESSION = np.array([1.0 if joint == "lumbar" else -1.0 for joint in CONTACT_JOINTS])
+"""Sign of a compressing force along the segment beyond each of `CONTACT_JOINTS`; the torso is above its joint."""
 
 ROUNDING = 1e-3
 """Tolerance of the bounds of activations: rounding to half precision."""
@@ -27,9 +30,10 @@ def physics_metrics(motion: Motion, centres: Float) -> dict[str, float]:
     Keys: `contact_force`, mean distance of the forces from those recomputed from the kinematics [% of body weight];
     `actuation`, mean distance of the torques from inverse dynamics under the motion's own forces [N·m/kg];
     `euler_force`, `euler_moment`, generalised forces of the root [% of body weight, N·m/kg];
-    `muscle_limit`, share of muscle-frames outside [0, 1] [%], absent without activations.
+    `muscle_limit`, share of muscle-frames outside [0, 1] [%], absent without activations;
+    `joint_tension`, share of joint contact forces that pull a joint apart [%], absent without such forces.
 
-    All but the last exclude `EDGE` frames at each end, where accelerations are extrapolated.
+    All but the last two exclude `EDGE` frames at each end, where accelerations are extrapolated.
 
     Args:
         motion: with torques and wrenches, (T,).
@@ -57,6 +61,8 @@ def physics_metrics(motion: Motion, centres: Float) -> dict[str, float]:
     if motion.activations is not None:
         beyond = (motion.activations < -ROUNDING) | (motion.activations > 1 + ROUNDING)
         figures["muscle_limit"] = 100 * float(beyond.mean())
+    if motion.joint_contact is not None:
+        figures["joint_tension"] = 100 * float((motion.joint_contact[..., 2] * COMPRESSION < 0).mean())
     return figures
 
 
