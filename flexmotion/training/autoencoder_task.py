@@ -99,8 +99,11 @@ class AutoencoderTask:
         return weighted(terms, self.config.losses, physics), terms
 
     def validate(self) -> dict[str, float]:
-        """Losses; mean distance of points from the true ones [mm], of joint contact forces [body weights]."""
-        windows = self._held_out
+        """See `measure`, of the held-out windows."""
+        return self.measure(self._held_out)
+
+    def measure(self, windows: Windows) -> dict[str, float]:
+        """Losses of windows; mean distance of points from the true ones [mm], of joint contact forces [body weights]."""
         noise = torch.zeros(len(windows.future), self.config.autoencoder.latent, device=windows.future.device)
         total, terms = self._losses(windows, noise, 1.0)
         figures = {name: float(value.detach()) for name, value in terms.items()} | {"loss": float(total.detach())}

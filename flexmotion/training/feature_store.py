@@ -6,6 +6,7 @@ import hashlib
 import json
 import os
 from collections.abc import Callable, Iterator
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -108,6 +109,13 @@ class FeatureStore:
             StoredClip(**{**item, "captions": tuple(item["captions"]), "body": _body(item["body"])})
             for item in self._clips
         )
+
+    def without_variants(self) -> FeatureStore:
+        """The same store without variants in its training split."""
+        other = copy(self)
+        vars(other).pop("clips", None)  # the cached property
+        other._clips = [item for item in self._clips if item["variant"] in RECORDED or item["split"] != "train"]
+        return other
 
     @cached_property
     def licences(self) -> tuple[str, ...]:
