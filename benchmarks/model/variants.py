@@ -2,8 +2,8 @@
 
 SET is built with `flexmotion data build --variants N`. Reduced autoencoders are trained on all of its clips, and on the
 recorded ones alone, with the same features, steps and seeds. Compared are errors on held-out recorded clips, and on
-held-out clips with their variants, for motion unlike the recorded. A run that was stopped continues when it is started again.
-Fails where the mean ratio of the errors on recorded clips is above 1.
+held-out clips with their variants, for motion unlike the recorded. A run that was stopped continues when it is started
+again. Fails where the mean ratio of the errors on recorded clips is above 1.
 """
 
 from __future__ import annotations

@@ -103,7 +103,7 @@ class AutoencoderTask:
         return self.measure(self._held_out)
 
     def measure(self, windows: Windows) -> dict[str, float]:
-        """Losses of windows; mean distance of points from the true ones [mm], of joint contact forces [body weights]."""
+        """Losses of windows; mean distances of points [mm] and of joint contact forces [body weights]."""
         noise = torch.zeros(len(windows.future), self.config.autoencoder.latent, device=windows.future.device)
         total, terms = self._losses(windows, noise, 1.0)
         figures = {name: float(value.detach()) for name, value in terms.items()} | {"loss": float(total.detach())}
