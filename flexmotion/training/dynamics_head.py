@@ -12,7 +12,7 @@ from torch import Tensor, nn
 from flexmotion.biomechanics.differentiation import FIRST, HALF, SECOND
 from flexmotion.features.layout import JOINT_CONTACT, Layout
 from flexmotion.training.differentiation import of_neighbours
-from flexmotion.training.human_tensors import LOADED
+from flexmotion.training.human_tensors import LOADS
 
 UNIT_S = 0.1
 """Unit of time of the rates [s]: rates of normalised features are then of the size of the features."""
@@ -45,7 +45,7 @@ class DynamicsHead(nn.Module):
         motion = len(self._speeds) + len(self._places)
         self.read = nn.Linear(2 * motion + len(self._inputs), 2 * hidden)
         # Without a bias: without loads it adds nothing, and is no part of an exported network.
-        self.carry = nn.Linear(3 * len(LOADED), 2 * hidden, bias=False) if loads else None
+        self.carry = nn.Linear(3 * LOADS, 2 * hidden, bias=False) if loads else None
         self.write = nn.Linear(hidden, len(self._forces))
         nn.init.zeros_(self.write.weight)
         nn.init.zeros_(self.write.bias)
@@ -56,8 +56,7 @@ class DynamicsHead(nn.Module):
         Args:
             history: normalised, (N, H, F).
             frames: decoded, normalised, (N, W, F).
-            loads: external forces on torso, left hand and right hand, heading frame, (N, W, 3, 3) [body weights]; None
-                for none.
+            loads: external forces, see `physics.external_wrenches`, (N, W, LOADS, 3) [body weights]; None for none.
         """
         motion, past = frames.detach(), history.shape[1]
         whole = _extended(torch.cat([history, motion], dim=1), HALF, HALF + 1)[:, past:]

@@ -16,16 +16,18 @@ import numpy as np
 
 from flexmotion.configs.errors import MotionFormatError
 from flexmotion.dataset.compact_set import MotionSet
-from flexmotion.dataset.fields import LOADS
 from flexmotion.dataset.training_set import SetClip
 from flexmotion.features.encode import encode, encode_loads
 from flexmotion.features.joint_groups import BALL_COLUMNS
 from flexmotion.features.layout import Layout
+from flexmotion.features.slope import levelled
 from flexmotion.features.statistics import Statistics
 from flexmotion.human.body import Body, Segments
 from flexmotion.human.resample import resample
 from flexmotion.human.signals import resample_signal, same_rate
+from flexmotion.spatial.gravity import GRAVITY
 from flexmotion.training.format import FEATURES_VERSIONS, FORMAT, UNVERSIONED
+from flexmotion.training.human_tensors import LOADS
 
 INDEX = "index.json"
 
@@ -75,7 +77,7 @@ class FeatureStore:
         features: half precision, not normalised, memory-mapped, (rows, F).
         branches: sign of the cosine of each ball joint's second angle, (rows, 6).
         good: frames whose motion the ground reaction explains, (rows,).
-        loads: external forces on torso, left hand and right hand, heading frame, (rows, 3, 3) [body weights].
+        loads: external forces, see `physics.external_wrenches`, (rows, LOADS, 3) [body weights].
         force_error: estimated standard error of the ground forces on both feet together, (rows,) [body weights].
         statistics: mean and standard deviation of the training clips' features.
 
@@ -206,7 +208,11 @@ def _of_clip(source: MotionSet, clip: SetClip, layout: Layout) -> tuple[np.ndarr
             f"{clip.name}: this set has no joint contact forces; build it with muscles, or set window.joint_contact to"
             " false"
         )
-    centres, good, loads = source.centres(clip), source.good(clip), source.loads(clip)
+    good = source.good(clip)
+    level = levelled(motion, source.centres(clip), source.loads(clip), clip.info.get("slope", (0.0, 0.0)))
+    motion, centres = level.motion, level.centres
+    weight = motion.body.mass * GRAVITY * level.gravity
+    loads = np.concatenate([level.loads, np.broadcast_to(weight, (len(motion), 1, 3))], axis=1)
     error = np.linalg.norm(source.force_error(clip), axis=1).clip(0.0, float(np.finfo(np.float16).max))
     if not same_rate(motion.fps, layout.fps):
         frames = np.arange(_frames(clip, layout.fps)) * motion.fps / layout.fps

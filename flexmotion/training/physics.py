@@ -14,7 +14,7 @@ from torch import Tensor
 from flexmotion.biomechanics.differentiation import EDGE
 from flexmotion.features.layout import Layout
 from flexmotion.spatial.gravity import GRAVITY
-from flexmotion.training.human_tensors import LOADED, PARENTS, HumanTensors
+from flexmotion.training.human_tensors import LOADED, LOADS, HumanTensors
 from flexmotion.training.kinematics import Segments, about_z, path, pose, segments
 from flexmotion.training.newton_euler import generalised_forces, rates
 
@@ -42,8 +42,7 @@ def euler_residual(
         layout: of the features.
         humans: N of them.
         branches: see `newton_euler.generalised_forces`.
-        loads: external forces at the centres of mass of `LOADED`, heading frame, (N, T, 3, 3) [body weights]; None for
-            no loads.
+        loads: external forces, see `external_wrenches`; None for none.
     """
     weight = humans.mass.sum(dim=1) * GRAVITY
     motion = features.detach()
@@ -52,7 +51,7 @@ def euler_residual(
     middle = Segments(here.rotation[:, inner], here.origin[:, inner], here.com[:, inner])
     _, yaw = path(motion[..., layout.blocks["root"]], layout.fps)
     wrenches = world_wrenches(features, yaw, layout, weight, humans.leg)[:, inner]
-    external = None if loads is None else external_wrenches(loads, yaw, weight)[:, inner]
+    external = None if loads is None else external_wrenches(loads, yaw, humans)[:, inner]
     moving = rates(here, humans, layout.fps)
     root, needed = generalised_forces(middle, moving, humans, wrenches, branches[:, inner], external)
     force, moment = weight[:, None, None], (weight * humans.leg)[:, None, None]
@@ -78,15 +77,17 @@ def world_wrenches(features: Tensor, yaw: Tensor, layout: Layout, weight: Tensor
     return (turned * scale).flatten(-2)
 
 
-def external_wrenches(loads: Tensor, yaw: Tensor, weight: Tensor) -> Tensor:
+def external_wrenches(loads: Tensor, yaw: Tensor, humans: HumanTensors) -> Tensor:
     """Wrenches on all segments about their centres of mass, world axes, (N, T, 21, 6) [N, N·m].
 
     Args:
-        loads: forces on `LOADED`, heading frame, (N, T, 3, 3) [body weights].
+        loads: forces on the centres of mass of `LOADED`, and one that all segments share by their mass, heading frame,
+            (N, T, LOADS, 3) [body weights].
         yaw: heading, (N, T) [rad].
-        weight: body weights, (N,) [N].
+        humans: N of them.
     """
-    found = loads.new_zeros((*loads.shape[:2], len(PARENTS), 6))
+    gravity = humans.mass[:, None, :, None] * GRAVITY
     turned = torch.einsum("ntij,ntbj->ntbi", about_z(yaw), loads)
-    found[:, :, list(LOADED), :3] = turned * weight[:, None, None, None]
-    return found
+    force = gravity * turned[:, :, LOADS - 1 :]
+    force[:, :, list(LOADED)] += gravity.sum(dim=2, keepdim=True) * turned[:, :, : LOADS - 1]
+    return torch.cat([force, torch.zeros_like(force)], dim=-1)

@@ -28,8 +28,8 @@ class Windows:
         first: frame of the clip at which the future begins, (N,).
         branches: (N, H + W, 6), see `newton_euler.generalised_forces`.
         good: frames whose motion the ground reaction explains, (N, H + W).
-        loads: external forces on torso, left hand and right hand, heading frame, (N, H + W, 3, 3) [body weights]. They
-            are known, not decoded.
+        loads: external forces, see `physics.external_wrenches`, (N, H + W, LOADS, 3) [body weights]. They are known,
+            not decoded.
         force_error: estimated standard error of the ground forces, (N, H + W) [body weights].
     """
 
@@ -46,7 +46,7 @@ class Windows:
 
     @property
     def future_loads(self) -> Tensor:
-        """Loads of the frames of the future, (N, W, 3, 3) [body weights]."""
+        """Loads of the frames of the future, (N, W, LOADS, 3) [body weights]."""
         return self.loads[:, self.history.shape[1] :]
 
     def to(self, device: torch.device) -> Windows:

@@ -15,11 +15,13 @@ from flexmotion.biomechanics.dynamics import dynamics  # noqa: E402
 from flexmotion.features.encode import body_points, encode, encode_loads  # noqa: E402
 from flexmotion.features.joint_groups import BALL_COLUMNS, BALL_SIGNS, HINGE_COLUMNS  # noqa: E402
 from flexmotion.features.layout import Layout  # noqa: E402
+from flexmotion.features.slope import levelled  # noqa: E402
 from flexmotion.human.body import Body  # noqa: E402
 from flexmotion.human.human_model import SEGMENTS, human_model  # noqa: E402
 from flexmotion.human.kinematics import forward  # noqa: E402
 from flexmotion.human.motion import Motion  # noqa: E402
 from flexmotion.human.skeleton import JOINTS  # noqa: E402
+from flexmotion.spatial.gravity import GRAVITY  # noqa: E402
 from flexmotion.training.human_tensors import HumanTensors  # noqa: E402
 from flexmotion.training.kinematics import Pose, path, points, pose, segments  # noqa: E402
 from flexmotion.training.newton_euler import Rates, angular_momentum, generalised_forces, rates  # noqa: E402
@@ -147,6 +149,7 @@ def test_known_loads_leave_a_small_residual(clip: Motion) -> None:
     features = torch.tensor(encode(motion, layout, found.centres))[None]
     branches = torch.tensor(np.sign(np.cos(motion.joints[None, :, BALL_COLUMNS[:, 1]])), dtype=torch.float32)
     humans = HumanTensors.of([motion.body])
+    forces = np.concatenate([forces, np.zeros((len(motion), 1, 3))], axis=1)
     known = torch.tensor(encode_loads(forces, motion).astype(np.float32))[None]
     with_loads, without = (euler_residual(features, layout, humans, branches, given) for given in (known, None))
     force, missing = (found.root[..., :3].norm(dim=-1).mean() for found in (with_loads, without))
@@ -157,6 +160,33 @@ def test_known_loads_leave_a_small_residual(clip: Motion) -> None:
     turned[:, 0, layout.blocks["root"].start + 2] += layout.fps  # by 1 rad
     again = euler_residual(turned, layout, humans, branches, known).root[..., :3].norm(dim=-1).mean()
     assert float(again) == pytest.approx(float(force), rel=0.05)
+
+
+def test_a_slope_is_gravity_in_another_direction(clip: Motion) -> None:
+    """The equations of motion hold on the levelled floor as they do in the world."""
+    found = dynamics(clip[240:300])
+    layout, humans = Layout(found.motion.fps), HumanTensors.of([found.motion.body])
+    weight = found.motion.body.mass * GRAVITY
+    loads = np.random.default_rng(2).normal(0.0, 20.0, (len(found.motion), 3, 3))
+    residuals = []
+    for slope in ((0.0, 0.0), (0.06, -0.04)):
+        level = levelled(found.motion, found.centres, loads, slope)
+        motion = level.motion
+        gravity = np.broadcast_to(weight * level.gravity, (len(motion), 1, 3))
+        forces = np.concatenate([level.loads, gravity], axis=1)
+        features = torch.tensor(encode(motion, layout, level.centres))[None]
+        branches = torch.tensor(np.sign(np.cos(motion.joints[None, :, BALL_COLUMNS[:, 1]])), dtype=torch.float32)
+        known = torch.tensor(encode_loads(forces, motion).astype(np.float32))[None]
+        residuals.append(euler_residual(features, layout, humans, branches, known))
+        if any(slope):
+            without = known * torch.tensor([1.0, 1.0, 1.0, 0.0])[:, None]
+            unknown = euler_residual(features, layout, humans, branches, without)
+    flat, sloping = residuals
+    for name in ("joints", "root"):
+        size, expected = (getattr(one, name)[..., :3].norm(dim=-1) for one in (sloping, flat))
+        assert size.numpy() == pytest.approx(expected.numpy(), abs=3e-3), name
+    # Without it the force of the slope is missing: its angle, of the body weight.
+    assert (unknown.root - sloping.root)[..., :3].norm(dim=-1).mean() == pytest.approx(np.hypot(0.06, 0.04), rel=0.02)
 
 
 def test_the_loss_has_gradients_for_torques_and_forces_but_not_for_the_motion(clip: Motion) -> None:
