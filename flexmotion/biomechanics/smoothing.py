@@ -60,7 +60,7 @@ def smoothing_spline(signal: Float, fps: float, cutoff: float) -> Float:
 def smooth(motion: Motion, cutoff: float = CUTOFF) -> Motion:
     """Kinematics low-passed at a cut-off frequency [Hz] without delay; all other fields are dropped."""
     if cutoff >= motion.fps / 2 or len(motion) < 2:
-        return replace(motion, torques=None, wrenches=None, activations=None, joint_contact=None)
+        return replace(motion, torques=None, wrenches=None, activations=None)
 
     def filtered(quaternions: Float) -> Float:
         result = smoothing_spline(continuous_quaternions(quaternions), motion.fps, cutoff)
