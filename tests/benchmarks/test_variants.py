@@ -14,7 +14,7 @@ def rows(better: float) -> dict[str, dict[str, list[dict[str, float]]]]:
     recorded, others = HELD_OUT
 
     def seeds(scale: float) -> list[dict[str, float]]:
-        return [{"points_mm": 20.0, **{name: scale * error for name in FORCES}} for error in (0.5, 1.5)]
+        return [{"points_mm": 20.0, **dict.fromkeys(FORCES, scale * error)} for error in (0.5, 1.5)]
 
     return {
         WITHOUT: {recorded: seeds(1.0), others: seeds(1.0)},
