@@ -94,6 +94,7 @@ CATALOGUE = (
         (Need.TRAIN, Need.TRAINING),
         "own metrics less than 20 % better, Fréchet distance above 1.1 x",
     ),
+    Benchmark("model/variants", "40 min", (Need.TRAIN, Need.SET), "held-out forces worse with variants than without"),
     Benchmark("model/motion_pictures", "1 min", (Need.SET,)),
     Benchmark("biomechanics/gait", "5 s", (Need.CLIPS,), "a force or moment over its target"),
     Benchmark("biomechanics/plates", "10 s", (Need.CLIPS,), "a vertical force over its target"),

@@ -85,4 +85,5 @@ def smooth(motion: Motion, cutoff: float | Float = CUTOFF) -> Motion:
         torques=None,
         wrenches=None,
         activations=None,
+        joint_contact=None,
     )

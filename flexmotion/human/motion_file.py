@@ -18,7 +18,7 @@ from flexmotion.human.skeleton import JOINTS
 
 SCHEMA = "flexmotion.motion/1"
 REQUIRED = ("root_position", "root_quaternion", "joints")
-OPTIONAL = ("torques", "wrenches", "activations", "contacts")
+OPTIONAL = ("torques", "wrenches", "activations", "joint_contact", "contacts")
 
 
 def save_motion(motion: Motion, path: str | Path) -> None:
