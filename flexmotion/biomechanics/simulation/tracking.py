@@ -66,7 +66,7 @@ class TrackingCost:
     foot: float = 0.02
     foot_speed: float = 0.3
     torque: float = 0.4
-    assistance: float = 1.0
+    assistance: float = 2.0
     last: float = 30.0
 
 

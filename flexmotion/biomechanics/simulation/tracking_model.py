@@ -2,7 +2,7 @@
 
 It is the model of `human.human_model` with these differences:
 
-- Joints of three coordinates are ball joints, which have no gimbal lock. Degrees of freedom keep their number and order.
+- Joints of three coordinates are ball joints, which have no gimbal lock; the degrees of freedom keep their number.
 - Each foot touches the floor by four spheres at the corners of its sole, whose radius lets the foot roll over heel and
   toes.
 - Every degree of freedom has an actuator: ideal torques at the joints, bounded by strength, and the assistance at the

@@ -53,13 +53,13 @@ class WindowLimits:
         position: root mean square distance of the pelvis from the reference [m].
         tilt: greatest rotation of the pelvis from the reference [rad].
         joints: root mean square deviation of joint angles [rad].
-        assisted: share of the steps with the assistance at a bound.
+        assisted: share of the steps in which a component of the assistance is at its bound.
     """
 
     position: float = 0.15
     tilt: float = 0.5
     joints: float = 0.25
-    assisted: float = 0.5
+    assisted: float = 0.9
 
 
 WINDOW_LIMITS = WindowLimits()
@@ -72,7 +72,7 @@ class PerturbedMotion:
     Attributes:
         dynamics: motion, forces and loads at the frame rate; its `residual` is what the assistance leaves.
         perturbation: what it met.
-        assistance: force on the root, and moment per metre of leg, (T, 2) [body weights], unfiltered largest of each frame.
+        assistance: largest force on the root in each frame, and moment per metre of leg, (T, 2) [body weights].
         windows: whether each window of the whole simulation was tracked.
         simulation: every step of the frames that were kept.
         applied: joint torques of the actuators, low-passed, in the order of the tracking model, (T, 26) [N·m].
@@ -272,10 +272,7 @@ def _at_centres(about_origin: Float, floor: Floor, soles: Float, weight: float) 
 
 
 def _point_forces(grid: Float, force: Float, centres: Float) -> Float:
-    """Forces at the points of the soles, shared by the corners so that their centre is as near as it can be to that given.
-
-    (T, 2, 12, 3) [N].
-    """
+    """Forces at the points of the soles, shared by the corners so that they act at the centre, (T, 2, 12, 3) [N]."""
     heel, toe, across = grid[:, :, 0], grid[:, :, -COLUMNS], grid[:, :, COLUMNS - 1]
     shares = []
     for end in (toe, across):
