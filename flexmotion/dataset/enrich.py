@@ -150,3 +150,10 @@ def _entry(
             "infeasible": infeasible(muscles, moved),
         }
     return Entry(name, info, {field: np.asarray(value).astype(FIELDS[field].dtype) for field, value in arrays.items()})
+
+
+def _stacked(found: Dynamics) -> np.ndarray:
+    """Forces of the loads on torso, left and right hand, (T, 3, 3) [N]."""
+    if not found.loads:
+        return np.zeros((len(found.motion), 3, 3))
+    return np.stack([load.force for load in found.loads], axis=1)
