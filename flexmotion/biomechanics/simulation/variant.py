@@ -6,6 +6,7 @@ them: what is left is the assistance at the root.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -42,7 +43,15 @@ WINDOW_S = 0.5
 
 
 class TrackingFailedError(FlexMotionError):
-    """The simulated human fell, or lost the motion, before it recovered from the perturbation."""
+    """The simulated human fell, or lost the motion, before it recovered from the perturbation.
+
+    Attributes:
+        windows: whether each window was tracked.
+    """
+
+    def __init__(self, message: str, windows: Sequence[bool]) -> None:
+        super().__init__(message)
+        self.windows = tuple(windows)
 
 
 @dataclass(frozen=True)
@@ -140,7 +149,7 @@ def perturbed(
     last = len(steps) if windows.all() else whole * round(WINDOW_S * settings.rate)
     if not whole or last / settings.rate < perturbation.end_s + (ranges.settle_s if perturbation.push else 0.0):
         lost = windows.argmin() * WINDOW_S if not windows.all() else len(steps) / settings.rate
-        raise TrackingFailedError(f"perturbed: the simulated human lost the motion at {lost:.1f} s")
+        raise TrackingFailedError(f"perturbed: the simulated human lost the motion at {lost:.1f} s", windows.tolist())
     kept = Tracked(**{name: value[:last] for name, value in vars(steps).items()})
     labels, applied = _labels(tracked, found.motion, floor, kept, perturbation, cutoff, followed.substeps)
     return PerturbedMotion(
