@@ -201,7 +201,7 @@ def verdicts(runs: Sequence[Run]) -> list[Verdict]:
 
 def main(
     clips: Annotated[Path, typer.Option(help="YAML list of clips by kind and collection.")] = CLIPS,
-    seconds: Annotated[float, typer.Option(min=2.5, help="Length that is simulated of each clip [s].")] = 3.5,
+    seconds: Annotated[float, typer.Option(min=2.5, help="Length that is simulated of each clip [s].")] = 3.0,
     jobs: JobsOption = 1,
 ) -> Outcome:
     """Simulate every clip under every condition."""

@@ -57,10 +57,10 @@ class TrackingCost:
         last: weight of the deviation at the end of the reference, in steps of simulation.
     """
 
-    position: float = 0.03
+    position: float = 0.1
     rotation: float = 0.05
     joint: float = 0.1
-    velocity: float = 0.5
+    velocity: float = 1.0
     spin: float = 1.0
     joint_speed: float = 1.5
     foot: float = 0.02
