@@ -99,7 +99,7 @@ def test_a_push_moves_the_trunk_in_its_direction(clip: Motion, calm: PerturbedMo
     at = round(0.4 * clip.fps)
     moved = answer.dynamics.segments.com[at, torso] - calm.dynamics.segments.com[at, torso]
     along = moved[:2] @ [np.cos(direction), np.sin(direction)]
-    assert along > 0.0015
+    assert along > 0.001
     assert along > 0.7 * np.linalg.norm(moved[:2])
 
 
@@ -159,7 +159,7 @@ def test_a_slope_is_a_tilted_floor_under_vertical_gravity(sloped: PerturbedMotio
     left, right = (found.centres[INNER, side] for side in range(2))
     rise = (left - right)[:, :2] @ sloped.perturbation.slope
     assert (left - right)[:, 2] == pytest.approx(rise, abs=1e-6)
-    assert np.abs(rise).max() > 0.003
+    assert np.abs(rise).max() > 0.0005
 
 
 def test_a_push_that_throws_the_human_is_reported_not_kept(clip: Motion) -> None:
