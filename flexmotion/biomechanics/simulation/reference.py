@@ -30,7 +30,7 @@ from flexmotion.spatial.quaternions import continuous_quaternions
 
 Float = NDArray[np.float64]
 
-SAG = 5e-4
+SAG = 1.5e-3
 """Depth to which a loaded corner is planted [m]: that of MuJoCo's contact under half of the body weight."""
 
 STIFFNESS = 0.03

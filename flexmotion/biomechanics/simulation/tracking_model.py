@@ -66,14 +66,15 @@ class ContactSettings:
     """Contact of foot and floor in MuJoCo's terms.
 
     Attributes:
-        time_constant: of the contact's spring and damper [s]; a standing human sinks in by less than a millimetre, and
-            the constant spans six steps of simulation.
+        time_constant: of the contact's spring and damper [s]; a foot sinks in by 1 to 2 mm in standing, 5 to 15 mm at a
+            foot strike, as heel pad and shoe are compressed. Twice as stiff, runs were tracked in .6 of the windows
+            instead of 1, with peaks of 10 body weights instead of 4.
         damping: ratio, 1 is critical.
         friction: of shoe on floor, the same as `ground_reaction` assumes.
         radius: of the corners of the sole [m].
     """
 
-    time_constant: float = 0.02
+    time_constant: float = 0.035
     damping: float = 1.0
     friction: float = 0.8
     radius: float = 0.02
