@@ -67,8 +67,8 @@ class ContactSettings:
 
     Attributes:
         time_constant: of the contact's spring and damper [s]; a foot sinks in by 1 to 2 mm in standing, 5 to 15 mm at a
-            foot strike, as heel pad and shoe are compressed. Twice as stiff, runs were tracked in .6 of the windows
-            instead of 1, with peaks of 10 body weights instead of 4.
+            foot strike, as heel pad and shoe are compressed. At .02 s two runs were tracked in .6 of the windows
+            instead of 1, with peaks of 10 body weights instead of 4; walking and standing were alike.
         damping: ratio, 1 is critical.
         friction: of shoe on floor, the same as `ground_reaction` assumes.
         radius: of the corners of the sole [m].
