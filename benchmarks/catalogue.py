@@ -101,6 +101,7 @@ CATALOGUE = (
     Benchmark("biomechanics/force_error", "10 s", (Need.CLIPS,), "a correlation or a flagged share over its limit"),
     Benchmark("biomechanics/muscles", "2 min", (Need.CLIPS, Need.BIOMECH), "torque within 2 % in below 90 % of frames"),
     Benchmark("biomechanics/speed", "6 min", (Need.CLIPS, Need.BIOMECH), "below 350 frames/s on two workers"),
+    Benchmark("biomechanics/perturbed", "10 min", (Need.CLIPS,), "walking tracked below 75 %, assistance above 5 %"),
     Benchmark(
         "biomechanics/opensim_reference",
         "5 min",

@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 
 from flexmotion.biomechanics.augmentation import varied
-from flexmotion.biomechanics.dynamics import dynamics
+from flexmotion.biomechanics.dynamics import Dynamics, dynamics
 from flexmotion.biomechanics.external_load import ExternalLoad
 from flexmotion.biomechanics.force_error import FLAGGED
 from flexmotion.biomechanics.joint_contact import joint_contact_forces
 from flexmotion.biomechanics.mirror import mirror
 from flexmotion.biomechanics.plausibility import plausible, within_turn
+from flexmotion.biomechanics.simulation.variant import TrackingFailedError, perturbed
 from flexmotion.biomechanics.static_optimisation import infeasible, static_optimisation
 from flexmotion.configs.errors import FlexMotionError
 from flexmotion.dataset.clips import Clip
@@ -31,7 +32,7 @@ class Entry:
     """A clip, its mirror image or a variant, for the set, or the reason for dropping it.
 
     Attributes:
-        name: of the clip, with suffix `~mirror` or `~N`.
+        name: of the clip, with suffix `~mirror`, `~N` or `~perturbedN`.
         info: its entry in the manifest.
         arrays: by field; empty if dropped.
         dropped: reason; empty if kept.
@@ -71,7 +72,27 @@ def enrich(clip: Clip, settings: BuildSettings) -> list[Entry]:
         changed, loads = varied(motion, seed, settings.ranges)
         info = about | {"variant": "varied", "seed": seed}
         entries.append(_entry(f"{clip.name}~{number}", info, changed, loads, settings))
+    if _chosen(clip.name, settings):
+        for number in range(1, settings.perturbed + 1):
+            seed = _seed(clip.name, -number, settings.seed)
+            info = about | {"variant": "perturbed", "seed": seed}
+            entries.append(_perturbed_entry(f"{clip.name}~perturbed{number}", info, motion, settings))
     return entries
+
+
+def _chosen(name: str, settings: BuildSettings) -> bool:
+    """Whether a clip has simulated copies; independent of the order in which clips are built."""
+    return _seed(name, 0, settings.seed) < settings.perturbed_share * 2**32
+
+
+def _perturbed_entry(name: str, info: dict[str, Any], motion: Motion, settings: BuildSettings) -> Entry:
+    if motion.duration < settings.shortest:
+        return Entry(name, info, {}, f"short: {motion.duration:.2f} s")
+    try:
+        found = perturbed(motion, info["seed"], settings.perturbations, cutoff=settings.cutoff)
+    except TrackingFailedError as error:
+        return Entry(name, info | {"frames": len(motion), "fps": motion.fps}, {}, str(error))
+    return _entry(name, info | found.description(), found.dynamics.motion, (), settings, found.dynamics)
 
 
 def _seed(name: str, number: int, seed: int) -> int:
@@ -80,12 +101,18 @@ def _seed(name: str, number: int, seed: int) -> int:
 
 
 def _entry(
-    name: str, info: dict[str, Any], motion: Motion, loads: tuple[ExternalLoad, ...], settings: BuildSettings
+    name: str,
+    info: dict[str, Any],
+    motion: Motion,
+    loads: tuple[ExternalLoad, ...],
+    settings: BuildSettings,
+    known: Dynamics | None = None,
 ) -> Entry:
+    """Entry of a motion under loads, with its dynamics if they are known."""
     info = info | {"frames": len(motion), "fps": motion.fps}
     if motion.duration < settings.shortest:
         return Entry(name, info, {}, f"short: {motion.duration:.2f} s")
-    found = dynamics(motion, settings.cutoff, settings.ground, settings.nearness, loads=loads)
+    found = known or dynamics(motion, settings.cutoff, settings.ground, settings.nearness, loads=loads)
     moved = replace(found.motion, joints=within_turn(found.motion.joints))
     explained = (found.residual[:, 0] <= settings.residual_force) & (found.residual[:, 1] <= settings.residual_moment)
     good = explained & plausible(moved, settings.reach)
@@ -112,7 +139,9 @@ def _entry(
         "wrenches": moved.wrenches,
         "centres": found.centres,
         "contacts": moved.contacts,
-        "loads": np.stack([load.force for load in loads], axis=1) if loads else np.zeros((len(moved), 3, 3)),
+        "loads": np.stack([load.force for load in found.loads], axis=1)
+        if found.loads
+        else np.zeros((len(moved), 3, 3)),
         "residual": found.residual,
         "force_error": found.force_error,
         "good": good,
@@ -125,3 +154,10 @@ def _entry(
             "infeasible": infeasible(muscles, moved),
         }
     return Entry(name, info, {field: np.asarray(value).astype(FIELDS[field].dtype) for field, value in arrays.items()})
+
+
+def _stacked(found: Dynamics) -> np.ndarray:
+    """Forces of the loads on torso, left and right hand, (T, 3, 3) [N]."""
+    if not found.loads:
+        return np.zeros((len(found.motion), 3, 3))
+    return np.stack([load.force for load in found.loads], axis=1)

@@ -69,13 +69,29 @@ def augment(
     out: OutOption,
     seed: Annotated[int, typer.Option(help="Seed of the variants.")] = 0,
     mirrored: Annotated[bool, typer.Option("--mirror", help="Only mirror the motion.")] = False,
+    perturbed: Annotated[
+        bool, typer.Option("--perturbed", help="Simulate the human under a push, load and slope drawn from the seed.")
+    ] = False,
+    push: Annotated[
+        float | None, typer.Option(min=0.0, help="Simulate: peak force of a push on the trunk [body weights].")
+    ] = None,
+    push_direction: Annotated[float, typer.Option(help="Direction of the push, from x to y [degrees].")] = 0.0,
+    push_at: Annotated[float, typer.Option(min=0.0, help="Start of the push, which lasts .2 s [s].")] = 1.0,
+    load: Annotated[float | None, typer.Option(min=0.0, help="Simulate: mass carried in both hands [kg].")] = None,
+    slope: Annotated[
+        float | None,
+        typer.Option(min=-5.0, max=5.0, help="Simulate: angle at which the floor rises along x [degrees]."),
+    ] = None,
+    plot: Annotated[Path | None, typer.Option(help="Picture of a simulated variant (.png).")] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Write a variant of a motion: another body, tempo, start and loads, with its dynamics.
+    """Write a variant of a motion: another body, tempo, start and loads, or a simulated answer to a perturbation.
 
     [bold]Examples[/bold]
 
       flexmotion data augment walk.bvh -o other.npz --seed 3
+
+      flexmotion data augment walk.bvh -o pushed.npz --push 0.1 --push-direction 90 --plot pushed.png
     """
     from dataclasses import asdict
 
@@ -85,21 +101,53 @@ def augment(
     from flexmotion.biomechanics.dynamics import dynamics
     from flexmotion.biomechanics.mirror import mirror
     from flexmotion.human.motion_file import save_motion
-    from flexmotion.importers import load
+    from flexmotion.importers import load as load_motion
 
-    motion = load(file)
-    changed, loads = (mirror(motion), ()) if mirrored else varied(motion, seed)
-    found = dynamics(changed, loads=loads)
+    asked = {"--push": push, "--load": load, "--slope": slope}
+    given = [name for name, value in asked.items() if value is not None]
+    simulated = perturbed or bool(given)
+    if mirrored and simulated:
+        raise typer.BadParameter(f"--mirror cannot be combined with {', '.join(given) or '--perturbed'}")
+    if perturbed and given:
+        raise typer.BadParameter(f"--perturbed draws what {', '.join(given)} would set: give one of the two")
+    if plot is not None and not simulated:
+        raise typer.BadParameter("--plot draws a simulated variant: add --perturbed, --push, --load or --slope")
+    motion = load_motion(file)
+    about: dict = {"file": str(out), "seed": seed}
+    if simulated:
+        from flexmotion.biomechanics.simulation.perturbation import Perturbation
+        from flexmotion.biomechanics.simulation.variant import perturbed as simulate
+
+        wanted = None
+        if given:
+            wanted = Perturbation(
+                push=push or 0.0,
+                direction=float(np.radians(push_direction)),
+                start_s=push_at if push else 0.0,
+                duration_s=0.2 if push else 0.0,
+                carried=(("hand_l", load / 2), ("hand_r", load / 2)) if load else (),
+                slope=(float(np.tan(np.radians(slope or 0.0))), 0.0),
+            )
+        answer = simulate(motion, seed, perturbation=wanted)
+        found = answer.dynamics
+        about |= answer.description()
+        if plot is not None:
+            from flexmotion.streamer.plots.perturbed import plot_perturbed
+
+            plot_perturbed(answer, plot)
+    else:
+        changed, loads = (mirror(motion), ()) if mirrored else varied(motion, seed)
+        found = dynamics(changed, loads=loads)
     save_motion(found.motion, out)
     residual = np.median(found.residual, axis=0)
     if as_json:
-        body = asdict(found.motion.body)
-        print_json({"file": str(out), "seed": seed, "body": body, "residual_median": residual.tolist()})
-    else:
-        body_text = f"{found.motion.body.height:.2f} m, {found.motion.body.mass:.1f} kg"
-        print_result(
-            f"{out}: {len(found.motion)} frames, {body_text}, residual {100 * residual[0]:.2f} % of body weight"
-        )
+        print_json(about | {"body": asdict(found.motion.body), "residual_median": residual.tolist()})
+        return
+    body_text = f"{found.motion.body.height:.2f} m, {found.motion.body.mass:.1f} kg"
+    print_result(f"{out}: {len(found.motion)} frames, {body_text}, residual {100 * residual[0]:.2f} % of body weight")
+    if simulated:
+        mean, largest = (100 * about["assistance"][name] for name in ("force_mean_bw", "force_max_bw"))
+        print_result(f"assistance at the root: {mean:.2f} % of body weight in the mean, {largest:.2f} % at most")
 
 
 @data.command()
@@ -112,6 +160,12 @@ def build(
     ] = "process",
     fps: Annotated[float, typer.Option(min=10.0, help="Frame rate of the set.")] = 30.0,
     variants: Annotated[int, typer.Option(min=0, help="Varied copies of every clip.")] = 0,
+    perturbed: Annotated[
+        int, typer.Option(min=0, help="Simulated copies of a clip: pushed, loaded, on a slope; slow.")
+    ] = 0,
+    perturbed_share: Annotated[
+        float, typer.Option(min=0.0, max=1.0, help="Share of the clips that have simulated copies.")
+    ] = 1.0,
     mirrored: Annotated[bool, typer.Option("--mirror/--no-mirror", help="With mirror images.")] = True,
     muscles: Annotated[bool, typer.Option("--muscles/--no-muscles", help="With muscle activations.")] = True,
     seed: Annotated[int, typer.Option(help="Seed of the variants.")] = 0,
@@ -138,7 +192,15 @@ def build(
 
         # Missing models are reported now, not by every process after its first clip.
         muscle_models()
-    settings = BuildSettings(fps=fps, variants=variants, mirrored=mirrored, muscles=muscles, seed=seed)
+    settings = BuildSettings(
+        fps=fps,
+        variants=variants,
+        perturbed=perturbed,
+        perturbed_share=perturbed_share,
+        mirrored=mirrored,
+        muscles=muscles,
+        seed=seed,
+    )
     with progress_bar(f"builds {out}") as progress:
         manifest = build_set(folders, out, settings, engine=engine, workers=workers, limit=limit, progress=progress)
     _report(manifest, as_json)

@@ -12,6 +12,7 @@ import pytest
 from flexmotion.biomechanics.force_error import FLAGGED
 from flexmotion.biomechanics.mirror import mirror
 from flexmotion.biomechanics.plausibility import JointReach
+from flexmotion.biomechanics.simulation.perturbation import PerturbationRanges
 from flexmotion.configs.errors import MotionFormatError
 from flexmotion.dataset import engines
 from flexmotion.dataset.build import build
@@ -268,3 +269,39 @@ def test_faults(tmp_path: Path) -> None:
     (tmp_path / "empty" / "a.tar.xz").write_bytes(b"no archive")
     with pytest.raises(MotionFormatError, match="cannot be unpacked"):
         find_clips([tmp_path / "empty"], tmp_path / "work")
+
+
+def test_perturbed_variants_are_stored_with_their_loads(tmp_path: Path, clip: Motion, write_bvh) -> None:
+    (tmp_path / "in").mkdir()
+    write_bvh(tmp_path / "in" / "stand_001.bvh", clip[:60])
+    gentle = PerturbationRanges(push=(0.03, 0.04), carried=0.04, carrying=1.0, sloping=0.0)
+    settings = BuildSettings(muscles=False, mirrored=False, perturbed=1, perturbations=gentle)
+    manifest = build([tmp_path / "in"], tmp_path / "set", settings)
+    found = {entry["variant"]: entry for entry in manifest["clips"]}
+    assert set(found) == {"original", "perturbed"}
+    entry = found["perturbed"]
+    assert entry["name"] == "stand_001~perturbed1"
+    assert 0 < entry["assistance"]["force_max_bw"] <= 0.05
+    assert 0.03 <= entry["push"]["peak_bw"] <= 0.04
+    loads = np.load(tmp_path / "set" / "loads.npy")[entry["start"] : entry["start"] + entry["frames"]]
+    assert np.linalg.norm(loads[:, 0, :2], axis=1).max() > 0.02 * entry["body"]["mass"] * 9.81
+    assert entry["residual_median"][0] < 0.02
+
+
+def test_a_variant_that_falls_is_dropped_with_its_reason(tmp_path: Path, clip: Motion, write_bvh) -> None:
+    (tmp_path / "in").mkdir()
+    write_bvh(tmp_path / "in" / "stand_001.bvh", clip[:60])
+    rough = PerturbationRanges(push=(1.5, 1.5), push_s=(0.3, 0.3), carrying=0.0, sloping=0.0)
+    settings = BuildSettings(muscles=False, mirrored=False, perturbed=1, perturbations=rough)
+    manifest = build([tmp_path / "in"], tmp_path / "set", settings)
+    assert [entry["variant"] for entry in manifest["clips"]] == ["original"]
+    assert [entry["name"] for entry in manifest["dropped"]] == ["stand_001~perturbed1"]
+    assert manifest["dropped"][0]["reason"].startswith("perturbed: the simulated human lost the motion")
+
+
+def test_a_share_of_the_clips_has_perturbed_variants(tmp_path: Path, clip: Motion, write_bvh) -> None:
+    (tmp_path / "in").mkdir()
+    write_bvh(tmp_path / "in" / "stand_001.bvh", clip[:60])
+    settings = BuildSettings(muscles=False, mirrored=False, perturbed=1, perturbed_share=0.0)
+    manifest = build([tmp_path / "in"], tmp_path / "set", settings)
+    assert [entry["variant"] for entry in manifest["clips"]] == ["original"]

@@ -138,3 +138,34 @@ def test_faults(
     monkeypatch.chdir(tmp_path)
     assert execute(["data", *arguments]) == BAD_USAGE
     assert message in capsys.readouterr().err
+
+
+def test_augment_simulates_a_push_and_draws_it(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out, picture = tmp_path / "pushed.npz", tmp_path / "pushed.png"
+    command = ["data", "augment", str(folder / "wave.npz"), "-o", str(out), "--push", "0.04", "--push-at", "0.4"]
+    assert execute([*command, "--load", "2", "--plot", str(picture), "--json"]) == OK
+    report = json.loads(capsys.readouterr().out)
+    assert report["push"]["peak_bw"] == 0.04
+    assert report["carried_kg"] == {"hand_l": 1.0, "hand_r": 1.0}
+    assert 0 < report["assistance"]["force_max_bw"] <= 0.05
+    assert picture.stat().st_size > 20_000
+    assert load_motion(out).wrenches is not None
+
+
+@pytest.mark.parametrize(
+    ("options", "named"),
+    [
+        (["--mirror", "--push", "0.1"], "--mirror"),
+        (["--perturbed", "--slope", "2"], "--slope"),
+        (["--plot", "x.png"], "--plot"),
+    ],
+)
+def test_augment_refuses_options_that_contradict(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], options: list[str], named: str
+) -> None:
+    out = tmp_path / "out.npz"
+    assert execute(["data", "augment", str(folder / "wave.npz"), "-o", str(out), *options]) == BAD_USAGE
+    assert named in capsys.readouterr().err
+    assert not out.exists()
