@@ -105,7 +105,14 @@ def forward_torques(motion: Motion, state: MuscleState) -> Float:
         for frame in range(len(motion)):
             qpos, slopes = muscles.pose(motion.joints[frame, muscles.columns])
             data.qpos[:], data.qvel[:] = qpos, slopes @ rates[frame]
-            data.ctrl[:] = data.act[:] = state.activations[frame, column : column + model.nu]
+            activations = state.activations[frame, column : column + model.nu]
+            if muscles.hill is None:
+                data.act[:] = activations
+            else:
+                # MuJoCo's own lengths and speeds.
+                mujoco.mj_forward(model, data)
+                activations = activations * muscles.hill.tension(data.actuator_length, data.actuator_velocity)
+            data.ctrl[:] = activations
             mujoco.mj_forward(model, data)
             made[frame] = slopes.T @ data.qfrc_actuator
         columns.append(strength(motion) * made)
@@ -117,8 +124,7 @@ def outside_dynamics(motion: Motion, state: MuscleState) -> int:
     """Number of activations outside [0, 1], or out of reach from the frame before with excitations of 0 to 1."""
     count, column = 0, 0
     for muscles in muscle_models():
-        rise, fall = muscles.model.actuator_dynprm[0, :2]
-        limits = activation_limits(1.0 / motion.fps, float(rise), float(fall))
+        limits = activation_limits(1.0 / motion.fps, *muscles.time_constants)
         mine = state.activations[:, column : column + muscles.model.nu]
         lower, upper = limits.bounds(mine[:-1])
         count += int(((mine < 0) | (mine > 1)).sum())

@@ -59,8 +59,7 @@ def test_activations_keep_their_limits(enriched) -> None:
     assert state.activations.min() >= 0 and state.activations.max() <= 1
     column = 0
     for muscles in muscle_models():
-        rise, fall = muscles.model.actuator_dynprm[0, :2]
-        limits = activation_limits(1 / 30, float(rise), float(fall))
+        limits = activation_limits(1 / 30, *muscles.time_constants)
         mine = state.activations[:, column : column + muscles.model.nu]
         for before, after in zip(mine, mine[1:], strict=False):
             lower, upper = limits.bounds(before)
@@ -86,8 +85,13 @@ def test_round_trip_through_mujocos_muscles(enriched) -> None:
         for frame in range(0, len(motion), 5):
             qpos, slopes = muscles.pose(motion.joints[frame, muscles.columns])
             data.qpos[:], data.qvel[:] = qpos, slopes @ rates[frame]
-            data.act[:] = state.activations[frame, column : column + model.nu]
-            data.ctrl[:] = data.act
+            control = state.activations[frame, column : column + model.nu]
+            if muscles.hill is None:
+                data.act[:] = control
+            else:
+                mujoco.mj_forward(model, data)
+                control = control * muscles.hill.tension(data.actuator_length, data.actuator_velocity)
+            data.ctrl[:] = control
             mujoco.mj_forward(model, data)
             made.append(scale * slopes.T @ data.qfrc_actuator)
             wanted.append(motion.torques[frame, 6 + muscles.columns])
@@ -122,3 +126,18 @@ def test_contact_forces_are_compressive(enriched) -> None:
         # In standing the joints of a leg carry a third of body weight plus muscle forces; the torso compresses the
         # lumbar joint. (Passive forces of MyoTorso alone exceed body weight.)
         assert 0.2 < (value if crossing == "lumbar" else -value) < 4.5, crossing
+
+
+def test_cost_of_compression_relieves_hip_and_knee(enriched, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Σ a² alone loaded hip and knee by up to twice what instrumented implants measure."""
+    from flexmotion.biomechanics import static_optimisation
+
+    found, state = enriched
+    motion = found.motion[:120]
+    monkeypatch.setattr(static_optimisation, "COMPRESSION_COST", 0.0)
+    without = static_optimisation.static_optimisation(motion)
+    for name in ("hip_l", "hip_r", "knee_l", "knee_r"):
+        at = state.crossings.index(name)
+        # The pull along the segment of the first frames, in which both start from free activations.
+        with_cost, free = (np.abs(item.muscle_pull[:120, at, 1]) for item in (state, without))
+        assert with_cost.mean() < free.mean(), name
