@@ -20,7 +20,7 @@ import opensim
 from numpy.typing import NDArray
 
 from benchmarks.biomechanics.opensim_model import ModelMuscle
-from flexmotion.biomechanics.box_least_norm import box_least_norm
+from flexmotion.biomechanics.box_least_norm import Cost, box_least_norm
 from flexmotion.biomechanics.dynamics import Dynamics
 from flexmotion.biomechanics.muscle_geometry import MuscleModel, muscle_models
 from flexmotion.biomechanics.static_optimisation import strength
@@ -83,7 +83,7 @@ def own_activations(motion: Motion, legs: tuple[Muscles, ...]) -> Float:
         lower, upper, price = np.zeros(len(leg.force)), np.ones(len(leg.force)), np.zeros(wanted.shape[1])
         rows = []
         for arms, target in zip(leg.arms, wanted, strict=True):
-            row, price = box_least_norm(-arms * leg.force, target, lower, upper, price, WEIGHT)
+            row, price = box_least_norm(-arms * leg.force, target, lower, upper, price, Cost(WEIGHT))
             rows.append(row)
         found.append(np.array(rows))
     return np.concatenate(found, axis=1)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flexmotion.biomechanics.activation import activation_limits
-from flexmotion.biomechanics.box_least_norm import box_least_norm
+from flexmotion.biomechanics.box_least_norm import Cost, box_least_norm
 from flexmotion.human.motion import Motion
 from flexmotion.human.skeleton import JOINTS
 
@@ -34,11 +34,31 @@ def test_box_least_norm_against_a_general_solver(seed: int) -> None:
     matrix = 30 * generator.standard_normal((5, 40))
     lower, upper = np.zeros(40), generator.uniform(0.2, 1.0, 40)
     target = matrix @ generator.uniform(0, 1.5, 40)
-    found, _ = box_least_norm(matrix, target, lower, upper, np.zeros(5), weight=10.0)
+    found, _ = box_least_norm(matrix, target, lower, upper, np.zeros(5), Cost(weight=10.0))
     stacked = np.vstack([np.sqrt(10.0) * matrix, np.eye(40)])
     wanted = np.concatenate([np.sqrt(10.0) * target, np.zeros(40)])
     best = lsq_linear(stacked, wanted, (lower, upper), tol=1e-14)
     assert found == pytest.approx(best.x, abs=1e-4)
+
+
+def test_soft_bound_against_a_general_solver() -> None:
+    """A muscle was driven to its limit while others that could help rested."""
+    from scipy.optimize import minimize
+
+    generator = np.random.default_rng(3)
+    matrix = generator.standard_normal((2, 8))
+    target = matrix @ generator.uniform(0.3, 1.0, 8) * 1.5
+    cost = Cost(weight=10.0, soft=0.6, steepness=9.0)
+    found, _ = box_least_norm(matrix, target, np.zeros(8), np.ones(8), np.zeros(2), cost)
+
+    def total(x: np.ndarray) -> float:
+        over = np.maximum(x - 0.6, 0.0)
+        return float(x @ x / 2 + 4.5 * over @ over + 5.0 * np.sum((target - matrix @ x) ** 2))
+
+    best = minimize(total, np.full(8, 0.5), bounds=[(0.0, 1.0)] * 8, method="L-BFGS-B", options={"ftol": 1e-14})
+    assert total(found) <= best.fun + 1e-6
+    hard, _ = box_least_norm(matrix, target, np.zeros(8), np.ones(8), np.zeros(2), Cost(weight=10.0))
+    assert found.max() < hard.max()
 
 
 @pytest.fixture(scope="module")
