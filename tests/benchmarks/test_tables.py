@@ -73,6 +73,8 @@ def test_rows_of_figures_are_those_with_a_result() -> None:
             "close": 0.902,
             "frames": 9821,
             "outside": 0,
+            "saturated": 0.02,
+            "contact_bw": {"hip": 4.2, "knee": 3.0},
             "collections": {"bandai": {"residual_percent": 0.351}, "cmu": {"residual_percent": 0.4}},
         },
         "biomechanics/opensim_reference": {
