@@ -116,7 +116,7 @@ def examined(clip: Clip) -> Result:
         outside=outside_dynamics(motion, state),
         peaks=compression.max(axis=0),
         stance_peaks=stance_peaks(found, state, compression),
-        saturated=(state.activations[:, :legs] >= SATURATED).any(axis=1),
+        saturated=state.activations[:, :legs].max(axis=1) >= SATURATED,
         residual=np.median(found.residual, axis=0),
     )
 
@@ -125,7 +125,7 @@ def stance_peaks(found: Dynamics, state: MuscleState, compression: Float) -> Flo
     """Peak of compression (T, 7) as mean over the stance phases of its leg, (7,)."""
     contacts, fps = found.motion.contacts, found.motion.fps
     assert contacts is not None
-    good = (found.residual <= GOOD).all(axis=1)
+    good = found.residual.max(axis=1) <= GOOD
     peaks: list[float] = []
     for column, name in enumerate(state.crossings):
         foot = SIDES.index(name[-1]) if name[-2] == "_" else 0
