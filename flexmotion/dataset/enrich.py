@@ -139,9 +139,7 @@ def _entry(
         "wrenches": moved.wrenches,
         "centres": found.centres,
         "contacts": moved.contacts,
-        "loads": np.stack([load.force for load in found.loads], axis=1)
-        if found.loads
-        else np.zeros((len(moved), 3, 3)),
+        "loads": _stacked(found),
         "residual": found.residual,
         "force_error": found.force_error,
         "good": good,
