@@ -11,7 +11,7 @@ from scipy.interpolate import CubicSpline
 
 from flexmotion.configs.errors import MotionFormatError
 from flexmotion.importers.capture import Capture
-from flexmotion.importers.rigid import cluster_pose
+from flexmotion.importers.rigid import cluster_pose, visible
 
 Float = NDArray[np.float64]
 Bool = NDArray[np.bool_]
@@ -88,7 +88,7 @@ def without_gaps(
         if name not in column:
             continue
         track = positions[:, column[name]]
-        seen = np.isfinite(track).all(axis=1)
+        seen = visible(track)
         if seen.all():
             continue
         if _longest(~seen) > ARM_GAP_S * capture.fps or seen.sum() < 4:
@@ -122,7 +122,7 @@ def _longest(mask: Bool) -> int:
 
 def _bridge(track: Float, frames: float) -> None:
     """Fill the gaps of one point, (T, 3), in place, between known frames and up to that many frames long."""
-    seen = np.isfinite(track).all(axis=1)
+    seen = visible(track)
     known = np.flatnonzero(seen)
     if seen.all() or len(known) < 4:
         return
@@ -135,7 +135,7 @@ def _bridge(track: Float, frames: float) -> None:
 def _from_segment(positions: Float, columns: Sequence[int], scale: float, capture: Capture) -> list[str]:
     """Fill gaps of points of one rigid body in place, from at least three others; names of those filled."""
     tracks = positions[:, columns].copy()
-    seen = np.isfinite(tracks).all(axis=-1)
+    seen = visible(tracks)
     if seen.all() or len(columns) < 4:
         return []
     filled = [
@@ -155,7 +155,7 @@ def _from_neighbours(
     """
     filled = []
     for index in columns:
-        gaps = ~np.isfinite(positions[:, index]).all(axis=1)
+        gaps = ~visible(positions[:, index])
         others = [own for own in columns if own != index and np.isfinite(positions[gaps, own]).all()]
         if not gaps.any() or gaps.all() or len(others) < 2 or _longest(gaps) > NEIGHBOUR_GAP_S * capture.fps:
             continue
@@ -174,8 +174,8 @@ def _moved_with(positions: Float, index: int, tracks: Float, member: int, scale:
     """Fill the gaps of one member of a cluster in place where the cluster has a pose; whether there were any."""
     rotation, origin, shape = cluster_pose(tracks)
     model = (origin + rotation @ shape[member]) / scale
-    posed = np.isfinite(model).all(axis=1)
-    seen = np.isfinite(positions[:, index]).all(axis=1)
+    posed = visible(model)
+    seen = visible(positions[:, index])
     known, frames = np.flatnonzero(seen & posed), np.flatnonzero(~seen & posed)
     if not len(frames) or not len(known):
         return False
@@ -188,11 +188,11 @@ def _moved_with(positions: Float, index: int, tracks: Float, member: int, scale:
 
 def _complete(capture: Capture, positions: Float, columns: Sequence[int]) -> tuple[int, int]:
     """The longest stretch of frames in which these points are known."""
-    known = np.isfinite(positions[:, columns]).all(axis=(1, 2))
+    known: Bool = np.asarray(visible(positions[:, columns]).all(axis=1))
     runs = _runs(known)
     begin, end = max(runs, key=lambda run: run[1] - run[0], default=(0, 0))
     if end - begin < max(KEPT_SHARE * len(positions), 2):
-        missing = {capture.names[c]: ~np.isfinite(positions[:, c]).all(axis=1) for c in columns}
+        missing = {capture.names[c]: ~visible(positions[:, c]) for c in columns}
         worst = max(missing, key=lambda name: _longest(missing[name]))
         first, last = max(_runs(missing[worst]), key=lambda run: run[1] - run[0])
         raise MotionFormatError(

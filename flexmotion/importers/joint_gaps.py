@@ -8,6 +8,7 @@ from flexmotion.configs.errors import MotionFormatError
 from flexmotion.importers.capture import Capture
 from flexmotion.importers.gaps import without_gaps
 from flexmotion.importers.mapping import REQUIRED_POINTS, SkeletonMapping, markers
+from flexmotion.importers.rigid import visible
 
 PELVIS = ("hip_l", "hip_r", "lumbar")
 TORSO = ("lumbar", "neck", "shoulder_l", "shoulder_r")
@@ -23,7 +24,7 @@ def complete_joints(capture: Capture, mapping: SkeletonMapping) -> tuple[Capture
     if capture.rotations is not None or np.isfinite(capture.positions).all():
         return capture, mapping
     needed = {name for point in REQUIRED_POINTS for name in markers(mapping.joints[point])}
-    seen = np.isfinite(capture.positions).all(axis=-1)
+    seen = visible(capture.positions)
     empty = [name for name in sorted(needed) if not seen[:, capture.names.index(name)].any()]
     if empty:
         raise MotionFormatError(f"{capture.path}: {', '.join(empty)}: missing in every frame")

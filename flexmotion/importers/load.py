@@ -160,8 +160,9 @@ def read(
 
 def own_motion(motion: Motion, fps: float | None, mass: float | None, height: float | None) -> Import:
     """A motion of FlexMotion's own format; it has a body, of which mass and height change where they are given."""
-    given = {name: value for name, value in (("mass", mass), ("height", height)) if value is not None}
-    motion = replace(motion, body=replace(motion.body, **given))
+    body = motion.body
+    body = replace(body, mass=body.mass if mass is None else mass, height=body.height if height is None else height)
+    motion = replace(motion, body=body)
     return Import(motion if fps is None else resample(motion, fps))
 
 

@@ -6,9 +6,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 Float = NDArray[np.float64]
+Bool = NDArray[np.bool_]
 
 PLANAR = 0.005
 """Least spread of a cluster across its longest direction, RMS [m]; below it the markers lie on a line."""
+
+
+def visible(points: Float) -> Bool:
+    """Which points have all three coordinates, (..., 3) -> (...,)."""
+    return np.asarray(np.isfinite(points).all(axis=-1))
 
 
 def cluster_pose(tracks: Float) -> tuple[Float, Float, Float]:
@@ -22,19 +28,19 @@ def cluster_pose(tracks: Float) -> tuple[Float, Float, Float]:
         on a line; shape of the cluster about its own origin, (M, 3), NaN for a marker that is never seen with three
         others.
     """
-    seen: NDArray[np.bool_] = np.isfinite(tracks).all(axis=-1)
+    seen = visible(tracks)
     shape = _first_shape(tracks, seen)
     rotation, origin = _align(tracks, seen, shape)
     for _ in range(2):
         local = np.einsum("tji,tmj->tmi", rotation, tracks - origin[:, None])
-        known = np.isfinite(local).all(axis=-1)
+        known = visible(local)
         shape = np.where(known[..., None], local, 0.0).sum(axis=0)
-        shape = np.where(known.any(axis=0)[:, None], shape / np.maximum(known.sum(axis=0), 1)[:, None], np.nan)
+        shape = np.where((known.sum(axis=0) > 0)[:, None], shape / np.maximum(known.sum(axis=0), 1)[:, None], np.nan)
         rotation, origin = _align(tracks, seen, shape)
     return rotation, origin, shape
 
 
-def _first_shape(tracks: Float, seen: NDArray[np.bool_]) -> Float:
+def _first_shape(tracks: Float, seen: Bool) -> Float:
     """Shape of the cluster in the first frame with most of its markers."""
     best = int(np.argmax(seen.sum(axis=1)))
     shape = np.where(seen[best][:, None], tracks[best], np.nan)
@@ -43,8 +49,8 @@ def _first_shape(tracks: Float, seen: NDArray[np.bool_]) -> Float:
     return found
 
 
-def _align(tracks: Float, seen: NDArray[np.bool_], shape: Float) -> tuple[Float, Float]:
-    used = seen & np.isfinite(shape).all(axis=-1)
+def _align(tracks: Float, seen: Bool, shape: Float) -> tuple[Float, Float]:
+    used = seen & visible(shape)
     weight = used / np.maximum(used.sum(axis=1), 1)[:, None]
     points, model = np.where(used[..., None], tracks, 0.0), np.nan_to_num(shape)
     middle, own = np.einsum("tm,tmi->ti", weight, points), weight @ model
