@@ -22,7 +22,7 @@ from flexmotion.dataset.clips import Clip
 from flexmotion.dataset.fields import FIELDS
 from flexmotion.dataset.settings import BuildSettings
 from flexmotion.human.motion import Motion
-from flexmotion.importers import load
+from flexmotion.importers import read
 
 MEAN_HEIGHT = 1.75
 
@@ -57,11 +57,14 @@ def enrich(clip: Clip, settings: BuildSettings) -> list[Entry]:
         "captions": [asdict(caption) for caption in clip.captions],
     }
     try:
-        motion = load(clip.path, fps=settings.fps, clip=clip.member or None)
+        imported = read(clip.path, fps=settings.fps, clip=clip.member or None)
     except FlexMotionError as error:
         # The path of the file is removed from the message: it differs between machines.
         reason = str(error).replace(str(clip.path), clip.path.name)
         return [Entry(clip.name, about, {}, f"unreadable: {reason}")]
+    motion = imported.motion
+    if np.any(imported.belt):
+        about |= {"belt": [round(float(speed), 4) for speed in imported.belt]}
     mass = settings.mass * (motion.body.height / MEAN_HEIGHT) ** 2
     motion = replace(motion, body=replace(motion.body, mass=mass), source=source)
     entries = [_entry(clip.name, about | {"variant": "original"}, motion, (), settings)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import tarfile
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -9,11 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.shared.clips import data_folder
 from flexmotion.biomechanics.force_error import FLAGGED
 from flexmotion.biomechanics.mirror import mirror
 from flexmotion.biomechanics.plausibility import JointReach
 from flexmotion.biomechanics.simulation.perturbation import PerturbationRanges
-from flexmotion.configs.errors import MotionFormatError
+from flexmotion.configs.errors import ConfigError, MotionFormatError
 from flexmotion.dataset import engines
 from flexmotion.dataset.build import build
 from flexmotion.dataset.clips import Clip, find_clips
@@ -305,3 +307,17 @@ def test_a_share_of_the_clips_has_perturbed_variants(tmp_path: Path, clip: Motio
     settings = BuildSettings(muscles=False, mirrored=False, perturbed=1, perturbed_share=0.0)
     manifest = build([tmp_path / "in"], tmp_path / "set", settings)
     assert [entry["variant"] for entry in manifest["clips"]] == ["original"]
+
+
+def test_manifest_says_which_belt_was_removed(tmp_path: Path) -> None:
+    """A set did not say from which of its clips a belt had been removed."""
+    try:
+        source = data_folder() / "gait2354_joint_centres.trc"
+    except ConfigError:
+        pytest.skip("needs the shared motion data")
+    motions = tmp_path / "lab"
+    motions.mkdir()
+    shutil.copy(source, motions)
+    manifest = build([motions], tmp_path / "set", PLAIN)
+    backwards = [clip["belt"][0] for clip in manifest["clips"]]
+    assert len(backwards) == 2 and backwards == pytest.approx([-1.13, -1.13], abs=0.03)
