@@ -47,7 +47,7 @@ class Entry:
 def enrich(clip: Clip, settings: BuildSettings) -> list[Entry]:
     """Entries of a clip and everything derived from it."""
     source = clip.path.name + (f":{clip.member}" if clip.member else "")
-    about = {
+    about: dict[str, Any] = {
         "source": source,
         "source_sha256": hashlib.sha256(clip.path.read_bytes()).hexdigest(),
         "collection": clip.collection,

@@ -28,8 +28,9 @@ def save_motion(motion: Motion, path: str | Path) -> None:
     body and source.
     """
     header, arrays = motion_content(motion)
+    content: dict[str, Any] = {"header": np.array(json.dumps(header)), **arrays}
     with open(path, "wb") as file:
-        np.savez_compressed(file, header=np.array(json.dumps(header)), **arrays)
+        np.savez_compressed(file, **content)
 
 
 def motion_content(motion: Motion) -> tuple[dict[str, Any], dict[str, NDArray]]:
