@@ -8,6 +8,7 @@ from inspect import Parameter, Signature, signature
 from typing import TYPE_CHECKING, Any, get_args, get_type_hints
 
 from flexmotion.streamer.commands.options import (
+    AllowRefusedOption,
     BundleOption,
     ClipOption,
     FeedbackOption,
@@ -76,6 +77,7 @@ class RunOptions:
     log: LogOption = None
     view: ViewOption = False
     view_port: ViewPortOption = 8080
+    allow_refused: AllowRefusedOption = False
     as_json: JsonOption = False
 
     def session(
@@ -106,6 +108,7 @@ class RunOptions:
             realtime=self.realtime,
             log=log_file(self.log, self.report),
             view_port=self.view_port if self.view else None,
+            allow_refused=self.allow_refused,
         )
 
 

@@ -31,6 +31,7 @@ _UNITS = {
         *("hand_error", "true_foot", "true_com"),
     ),
     "m, m, m, rad; left then right": ("foot_ref", "feet"),
+    "m, m, rad": ("odometry",),
     "m, w x y z": ("base_ref", "true_base"),
     "m/s": ("true_foot_velocity",),
     "N": ("true_foot_force",),
