@@ -291,6 +291,9 @@ def _clause(part: _Part, forbidding: bool) -> Clause | None:
     if condition is not None and not plain_stop:
         dropped += [condition] if condition not in known.words("allowed_conditions") else []
         tokens = _without_tail(tokens, condition.split()[0])
+    uncountable = next((t for t in tokens if isinstance(t, Amount) and not _is_count(t)), None)
+    if uncountable is not None:
+        return Clause(said, sentence, refusal=f"{uncountable.said!r} is no number of times")
     amount, times, counted, tokens, extra = _amounts(tokens)
     dropped += extra
     if amount is not None and amount.rough:
@@ -315,6 +318,11 @@ def _clause(part: _Part, forbidding: bool) -> Clause | None:
     return Clause(
         said, text, Asks.MOTION, amount, times, counted, speed, False, refusal, tuple(dropped), tuple(notes), manner
     )
+
+
+def _is_count(amount: Amount) -> bool:
+    """Whether an amount of times is a whole number from 1 on; other amounts always are fine."""
+    return amount.quantity != "times" or (amount.value >= 1 and amount.value == int(amount.value))
 
 
 def _stripped(tokens: list[Token]) -> list[Token]:
@@ -389,10 +397,8 @@ def _amounts(tokens: list[Token]) -> tuple[Amount | None, int, bool, list[Token]
         while rest and rest[-1] in hedges and len(rest) > (1 if amount is None and rest[-1] == "only" else 0):
             rest.pop()
         if token.quantity == "times":
-            whole = token.value >= 1 and token.value == int(token.value)
-            times, counted = (int(token.value), True) if whole and not counted else (times, counted)
-            if not whole:
-                extra.append(token.said)
+            extra += [token.said] if counted else []
+            times, counted = (times, counted) if counted else (int(token.value), True)
         elif amount is None or (turns and token.quantity == "angle" and amount.quantity != "angle"):
             extra += [] if amount is None else [amount.said]
             amount = token
@@ -425,6 +431,8 @@ def _relative(sentence: str, amount: Amount | None, joint: str) -> Asks:
     known = vocabulary()
     if change := _CHANGE.fullmatch(sentence):
         return Asks.FASTER if change["faster"] else Asks.SLOWER
+    for phrase in known.phrases("amplifiers"):
+        sentence = sentence.removesuffix(f" {phrase}").removeprefix(f"{phrase} ")
     for asks in (Asks.FASTER, Asks.SLOWER, Asks.AGAIN):
         if sentence in known.words(asks.value):
             return asks

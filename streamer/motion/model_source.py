@@ -76,7 +76,8 @@ class ModelSource:
             self._programs.append((frame, program))
             # A change of speed acts on the step that is then under way, which is not known yet (`change`).
             self._schedule.append((frame, program.steps[-1 if self._continues() else 0].intent))
-        self.heard_items = tuple(program.heard for _, program in self._programs)
+        self._item_programs = tuple(program for _, program in self._programs)
+        self.heard_items = tuple(program.heard for program in self._item_programs)
         # Sampled motion: frames from `_first` on, in the pieces in which they were sampled, so that a piece without
         # forces does not remove those of the others. Before frame 0 the human stands.
         self._pieces = [sampler.standing()]
@@ -96,12 +97,12 @@ class ModelSource:
     @property
     def is_measured(self) -> bool:
         """Whether a step of a script ends when the robot has done it, so that its motion is known in the run alone."""
-        return not all(program.is_open for _, program in self._programs)
+        return not all(program.is_open for program in self._item_programs)
 
     @property
     def limit_s(self) -> float | None:
         """The longest time that the script's last item takes [s]; None: without an end."""
-        return self._programs[-1][1].limit_s
+        return self._item_programs[-1].limit_s
 
     def human(self) -> Motion:
         """See `flexmotion.streamer.motion.sources.Performance.human`.
@@ -173,7 +174,7 @@ class ModelSource:
     def remarks(self) -> tuple[str, ...]:
         """See `flexmotion.streamer.motion.sources.Performance.remarks`."""
         found = [
-            self._remark(item.intent, program) for item, (_, program) in zip(self.items, self._programs, strict=False)
+            self._remark(item.intent, program) for item, program in zip(self.items, self._item_programs, strict=True)
         ]
         if self.pace is not None and not self.sampler.follows_velocity:
             found.append(

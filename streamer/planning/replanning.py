@@ -252,8 +252,7 @@ class Replanner:
             heard = heard.model_copy(update={"at_s": followed.at_s, "tick": followed.tick})
         last = [step for step in heard.steps if step.end is not None][-1:]
         for step in last:
-            if step.end == "time limit":
-                self.on_note(f"{step.text!r} of {heard.asked!r} is not done within its time: {step.done}")
+            self.on_note(f"{step.text!r} of {heard.asked!r}: {step.end}, {step.done}")
         self._publish(heard)
 
     def _publish(self, heard: Heard) -> None:
