@@ -13,6 +13,7 @@ from flexmotion.human.concatenate import concatenate
 from flexmotion.human.motion import Motion
 from flexmotion.sampling.pace import Pace
 from flexmotion.sampling.sampler import Condition, Sampler
+from flexmotion.streamer.motion.answers import Heard
 from flexmotion.streamer.motion.intents import Intent, Stop, Text, Velocity, word_of
 from flexmotion.streamer.motion.script import Item
 from flexmotion.streamer.motion.targets import Target
@@ -119,6 +120,18 @@ class ModelSource:
                 f"model {self.sampler.name} follows no velocity: its motion is not slowed to the robot's speed"
             )
         return tuple(dict.fromkeys(remark for remark in found if remark is not None))
+
+    def heard(self, intent: Intent) -> Heard:
+        """See `LiveSource.heard`."""
+        asked = self.condition(intent)
+        slowed, meant = self.sampler.meant(asked).velocity, self.sampler.meant(replace(asked, pace=None)).velocity
+        unchanged = slowed is None or (meant is not None and np.allclose(slowed, meant))
+        if not isinstance(intent, Text):
+            return Heard(slowed_to=None if unchanged else slowed)
+        prompt = self.sampler.prompt(intent.text)
+        if prompt.warning is not None:
+            return Heard(prompt.kind, prompt.likeness, refusal=prompt.warning)
+        return Heard(prompt.kind, prompt.likeness, None if unchanged else slowed)
 
     def remark(self, intent: Intent) -> str | None:
         """Message about an intent: the prompt that words are taken for, a slower velocity; None: there is none."""

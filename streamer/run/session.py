@@ -27,6 +27,7 @@ from flexmotion.streamer.control.plan_buffer import PlanBuffer
 from flexmotion.streamer.control.run_trace import KEPT_S, Collector, RunTrace
 from flexmotion.streamer.control.telemetry import Event, Telemetry
 from flexmotion.streamer.control.tick_row import TickRow, blank
+from flexmotion.streamer.motion.answers import AnswerChannel
 from flexmotion.streamer.motion.intents import WORDS, Intent
 from flexmotion.streamer.motion.sources import LiveSource, Performance, Source
 from flexmotion.streamer.motion.targets import Target, TargetMailbox
@@ -101,6 +102,7 @@ class Session:
     telemetry: Telemetry = field(init=False)
     plans: PlanBuffer = field(init=False)
     targets: TargetMailbox = field(init=False)
+    answers: AnswerChannel = field(init=False)
     planner: Planner = field(init=False)
     record: RunTrace = field(init=False)
     loop: ControlLoop | None = field(init=False, default=None)
@@ -122,7 +124,7 @@ class Session:
         self.requests = RequestChannel()
         self.telemetry = Telemetry(robot.n, rate)
         self.plans = PlanBuffer(robot.n, retargeter.layout.size, retargeter.horizon, rate)
-        self.targets = TargetMailbox()
+        self.targets, self.answers = TargetMailbox(), AnswerChannel()
         self.planner = Planner(retargeter, self.source, self.settings)
         self.record = RunTrace(rate, robot.joint_names, kept_s=max(self.kept_s, (self.seconds or 0.0) + MARGIN_S))
 
@@ -272,7 +274,17 @@ class Session:
         return ControlLoop(self.robot, driver, retargeter, self.plans, self.telemetry, feedback=self.feedback)
 
     def _replanner(self, lead: Lead, on_note: Callable[[str], None]) -> Replanner:
-        return Replanner(self.planner, self.plans, self.telemetry.ticks, self.settings, self.targets, lead, on_note)
+        return Replanner(
+            self.planner,
+            self.plans,
+            self.telemetry.ticks,
+            self.settings,
+            self.targets,
+            lead,
+            on_note,
+            self.answers,
+            lockstep=self.clock == "lockstep",
+        )
 
     @contextmanager
     def _stepped(self, stay: bool) -> Iterator[Callable[[], bool]]:
