@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import errno
 import logging
+import math
 import os
 import time
 from collections.abc import Callable, Mapping
@@ -148,6 +149,8 @@ class _Following:
         self._record_ticks()
         for target in arrived(self._targets):
             content = {"id": target.id, "stamp_ns": target.stamp_ns, **to_content(target.intent)}
+            if math.isfinite(target.holds_s):
+                content["holds_s"] = target.holds_s
             self._writer.target(content, self._time(self._tick, target.stamp_ns))
         for row in self._events.read():
             message = row["message"].decode(errors="replace")

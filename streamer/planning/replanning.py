@@ -205,7 +205,7 @@ class Replanner:
         return ledger.wanted
 
     def _start_of(self, row: TickRow, target: int) -> int:
-        """First tick of the plan by which the loop follows a target: of the one that plays, or of the one that waits."""
+        """First tick of the plan by which the loop follows a target: the one that plays, or the one that waits."""
         plan = int(row.plan) if int(row.target) >= target else int(row.pending)
         return self._made[plan][1].start_tick if plan in self._made else int(row.plan_start)
 
