@@ -1,7 +1,7 @@
 """`Desk`: the gateway's one place where messages become targets and requests, and every message gets its answer.
 
-Transports (WebSocket, HTTP, lines) call `receive` with a message's bytes and a function that takes the answer, and `pump`
-every few milliseconds. Nothing here waits.
+Transports (WebSocket, HTTP, lines) call `receive` with a message's bytes and a function that takes the answer, and
+`pump` every few milliseconds. Nothing here waits.
 """
 
 from __future__ import annotations

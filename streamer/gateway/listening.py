@@ -48,7 +48,7 @@ def listen(session: Session, listening: Listening) -> None:
         if port == stop_port:
             raise ConfigError(f"port: {port} is that of the stop process, expected another")
         page = Admission(listening.address, listening.token, page_port=port)
-        stops = (StopService(settings, telemetry, page, port=stop_port),)
+        stops = (StopService(settings, telemetry, page, port=stop_port, realtime=session.realtime),)
     gateway = GatewayService(
         session.robot.name,
         session.driver.name,

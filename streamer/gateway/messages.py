@@ -50,8 +50,8 @@ class _Message(BaseModel):
         sequence: number of the message among those of its source; one that does not ascend is refused.
         stamp_s: when it was sent, seconds since 1970 by the sender's clock. One that is older than its time to live has
             expired; without a stamp it counts from its arrival.
-        ttl_s: time to live [s]. A target ends after it: the robot comes to a stand. None: a velocity and a heading hold as
-            long as the stream settings say, all others until the next target.
+        ttl_s: time to live [s]. A target ends after it: the robot comes to a stand. None: a velocity and a heading hold
+            as long as the stream settings say, all others until the next target.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
@@ -200,7 +200,8 @@ class Answer(BaseModel):
         tick: of the loop, from which on it acts.
         heard_as: kind of motion that the words were taken for.
         certainty: cosine of the words with the nearest wording that the model knows.
-        slowed_to: velocity that it was slowed to, so that the robot keeps up: forward, left [m/s], turning left [rad/s].
+        slowed_to: velocity that the human is slowed to, so that the robot keeps up: forward, left [m/s], turning left
+            [rad/s].
         reason: why it is not done, or not as asked.
         took_lease_from: operator from whom this message took the lease over.
     """

@@ -1,4 +1,7 @@
-"""The JSON Schema of the messages: `python -m flexmotion.streamer.gateway.schema docs/messages.schema.json` writes it."""
+"""The JSON Schema of the messages.
+
+python -m flexmotion.streamer.gateway.schema docs/messages.schema.json
+"""
 
 from __future__ import annotations
 

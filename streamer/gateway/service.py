@@ -115,7 +115,7 @@ class _Server:
     def close(self) -> None:
         """End the server, its connections with it."""
         if self._server is not None:
-            self._server.should_exit = True
+            self._server.should_exit = self._server.force_exit = True
             self._thread.join(_CLOSE_S)
 
     def _run(self) -> None:
@@ -166,7 +166,6 @@ class _Server:
             ws_max_queue=8,
             ws_per_message_deflate=False,
             limit_concurrency=4 * service.settings.most_connections,
-            timeout_graceful_shutdown=0,
             server_header=False,
         )
         self._server = uvicorn.Server(config)
