@@ -113,7 +113,7 @@ class _Server:
 
     async def _serve(self) -> None:
         self._loop = asyncio.get_running_loop()
-        # Of this thread, which the handling of a stop runs in: on a busy machine it waited for other programs for 50 ms.
+        # Of this thread, which handles the stops: on a busy machine one waited 50 ms for other programs.
         priority.claim(priority.STOP_PRIORITY, allowed=self.service.realtime)
         with bound(self.service.admission.address, self.service.port) as listening:
             server = await asyncio.start_server(self._accept, sock=listening, limit=_MOST_BYTES)

@@ -48,7 +48,8 @@ class Run:
         return self.inbox.read()
 
     def answer(self, target: int, state: TargetState = TargetState.ACCEPTED, reason: str = "", heard: str = "") -> None:
-        self.answers.publish(TargetAnswer(target, state, self.tick, Heard(heard), reason))
+        tick = self.tick if state is TargetState.ACCEPTED else -1
+        self.answers.publish(TargetAnswer(target, state, tick, Heard(heard), reason))
 
     def take(self, request: Request) -> None:
         """As the loop takes a request."""

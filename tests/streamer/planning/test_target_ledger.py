@@ -8,7 +8,6 @@ import pytest
 
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.telemetry import Telemetry
-from flexmotion.streamer.control.tick_row import TickRow
 from flexmotion.streamer.motion.answers import AnswerChannel, Heard, TargetAnswer, TargetState, answers
 from flexmotion.streamer.motion.intents import Text, Velocity
 from flexmotion.streamer.motion.targets import NO_TARGET, TargetMailbox
@@ -16,6 +15,7 @@ from flexmotion.streamer.planning.target_ledger import TargetLedger
 
 RATE = 100.0
 WALK, WAVE = Velocity(0.3, 0.0, 0.0), Text("wave")
+HEARD = Heard()
 
 
 class Bench:
@@ -34,14 +34,14 @@ class Bench:
         for name, value in {"state": State.STREAMING, "must_stop": False, **row}.items():
             getattr(self._telemetry.row, name)[...] = value
         self.ledger.take(tick)
-        self.ledger.settle(TickRow(self._telemetry.row), self.taken, lambda target: 1000 + target)
+        self.ledger.settle(self._telemetry.row, self.taken, lambda target: 1000 + target)
         self.told += answers(self._reader)
 
     @property
     def states(self) -> list[tuple[int, str]]:
         return [(answer.target, answer.state.name) for answer in self.told]
 
-    def follow(self, tick: int, heard: Heard = Heard()) -> None:
+    def follow(self, tick: int, heard: Heard = HEARD) -> None:
         """The source turns to the wanted target, and the loop takes the plan."""
         target = self.ledger.wanted
         self.ledger.turned(target, heard)
