@@ -18,6 +18,7 @@ from flexmotion.sampling.sampler import Sampler
 from flexmotion.streamer import api
 from flexmotion.streamer.checks.switching import shipped_clips, switched
 from flexmotion.streamer.motion.intents import Clip, Intent, Text
+from flexmotion.streamer.motion.model_source import ModelSource
 from flexmotion.streamer.motion.script import Item, load_script
 from flexmotion.streamer.motion.sources import LiveSource, Performance
 
@@ -35,7 +36,9 @@ SWITCHED_PROMPTS = (
 """Prompts for a measurement of latency. None of them walks: a gait that changes every half second may make the robot
 fall, and a fall ends the measurement."""
 LAST_S = 10.0
-"""Length of a prompt, and of the last item of a script, without `--seconds` [s]."""
+"""Length of a prompt, and of the last item of a script, without `--seconds` and without an amount [s]."""
+SETTLE_S = 3.0
+"""Time beyond its limits that a prompt with amounts is given to come to a stand [s]."""
 
 
 def choose_source(
@@ -179,7 +182,10 @@ def _model(
     seconds: float | None,
     endless: bool,
 ) -> Performance:
-    if seconds is None and not endless:
-        seconds = items[-1].at + LAST_S
     _needs_model(bundle, asker)
-    return api.open_source(robot, items, bundle=bundle, name=name, seed=seed, seconds=seconds)
+    source = api.open_source(robot, items, bundle=bundle, name=name, seed=seed, seconds=seconds)
+    if seconds is not None or endless or not isinstance(source, ModelSource):
+        return source
+    # A program ends when the robot has done it, at the latest with the time limits of its steps.
+    last_s = LAST_S if source.limit_s is None else source.limit_s + SETTLE_S
+    return source.cut(items[-1].at + last_s)

@@ -40,14 +40,17 @@ def dry_run(
 
     With no option the robot follows what comes with the project: a script of words for its model, or a short clip where
     it has none. A prompt, and the last item of a script that does not stop, is followed for 10 s, or for --seconds.
-    Exit code 1 where the robot fell or a limit was passed. With --web it stands and follows what other programs send,
-    until it is interrupted.
+    A prompt that says how much ("turn 90 degrees, then wave twice") ends when the robot has done it. Exit code 1 where
+    the robot fell or a limit was passed, and where a prompt was refused or not done whole (--allow-refused). With --web
+    the robot stands and follows what other programs send, until it is interrupted.
 
     [bold]Examples[/bold]
 
       flexmotion dry-run
 
       flexmotion dry-run --prompt "wave with the right hand" --seconds 5
+
+      flexmotion dry-run --prompt "two steps back, then turn 90 degrees to the left and wave twice"
 
       flexmotion dry-run --clip walk.bvh --report report
 

@@ -8,6 +8,7 @@ from inspect import Parameter, Signature, signature
 from typing import TYPE_CHECKING, Any, get_args, get_type_hints
 
 from flexmotion.streamer.commands.options import (
+    AllowRefusedOption,
     BundleOption,
     ClipOption,
     FeedbackOption,
@@ -96,6 +97,7 @@ class RunOptions:
     listen: ListenOption = "127.0.0.1"
     token_file: TokenFileOption = None
     stdin: StdinOption = False
+    allow_refused: AllowRefusedOption = False
     as_json: JsonOption = False
 
     @property
@@ -150,6 +152,7 @@ class RunOptions:
             log=log_file(self.log, self.report),
             view_port=self.view_port if self.view else None,
             listening=self._listening(),
+            allow_refused=self.allow_refused,
         )
 
 

@@ -85,6 +85,12 @@ LogOption = Annotated[
         show_default=False,
     ),
 ]
+AllowRefusedOption = Annotated[
+    bool,
+    typer.Option(
+        "--allow-refused", help="Pass although something that was asked was refused, dropped or not finished in time."
+    ),
+]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")]
 RealtimeOption = Annotated[
     bool,

@@ -37,7 +37,7 @@ def _present(answer: Answer, as_json: bool) -> None:
         print_json(answer.model_dump_json(exclude_none=True, indent=2))
     else:
         print_result(_line(answer))
-    if answer.state != "accepted":
+    if answer.state not in ("accepted", "slowed"):
         raise typer.Exit(CHECK_FAILED)
 
 
@@ -45,8 +45,11 @@ def _line(answer: Answer) -> str:
     parts: list[str] = [answer.state]
     if answer.heard_as is not None:
         parts.append(f"heard as {answer.heard_as}")
-    if answer.slowed_to is not None:
-        parts.append(f"slowed to {', '.join(f'{value:.2g}' for value in answer.slowed_to)}")
+    if answer.slowed is not None:
+        parts.append(f"slowed to {answer.slowed}")
+    if answer.dropped:
+        parts.append(f"not done: {', '.join(answer.dropped)}")
+    parts += answer.notes or ()
     if answer.tick is not None:
         parts.append(f"from tick {answer.tick}")
     if answer.took_lease_from is not None:

@@ -36,7 +36,7 @@ from flexmotion.streamer.gateway.messages import (
     decode,
     intent_of,
 )
-from flexmotion.streamer.motion.answers import AnswerChannel, TargetAnswer, TargetState, answers
+from flexmotion.streamer.motion.heard import Heard, HeardChannel, heard_since
 from flexmotion.streamer.motion.intents import Intent, to_content
 from flexmotion.streamer.motion.targets import TargetSender
 from flexmotion.streamer.run.requests import Request, RequestChannel
@@ -59,12 +59,7 @@ _REQUESTS: dict[type, Request] = {
     KillMessage: Request.KILL,
 }
 _WITHOUT_LEASE = (StopMessage, EmergencyStopMessage)
-_STATES: dict[TargetState, AnswerState] = {
-    TargetState.ACCEPTED: "accepted",
-    TargetState.SUPERSEDED: "superseded",
-    TargetState.EXPIRED: "expired",
-    TargetState.REFUSED: "refused",
-}
+_FOLLOWED: tuple[AnswerState, ...] = ("accepted", "slowed", "partly")
 _NOT_YET = "the loop cannot follow it yet: it needs closed-loop control of the robot's odometry"
 
 
@@ -108,7 +103,7 @@ class Desk:
         settings: of the gateway.
         telemetry: of the loop.
         targets: the gateway's end of the mailbox.
-        target_answers: of the planner.
+        heard: the planner's answers.
         requests: the gateway's channel to the loop.
         on_lease: called with the operator before and the one now, when the lease goes over.
 
@@ -122,7 +117,7 @@ class Desk:
         settings: Gateway,
         telemetry: Telemetry,
         targets: TargetSender,
-        target_answers: AnswerChannel,
+        heard: HeardChannel,
         requests: RequestChannel,
         on_lease: Callable[[str | None, str | None], None] = lambda _before, _now: None,
     ) -> None:
@@ -132,7 +127,7 @@ class Desk:
         self.following: Following | None = None
         self._ticks: Ring = telemetry.ticks
         self._events = telemetry.events.reader(new_only=True)
-        self._answers = target_answers.reader()
+        self._heard = heard.reader()
         self._waiting: _Asked | None = None  # the target that is sent when the interval of coalescing is over
         self._open: dict[int, _Asked] = {}  # targets that the planner has not answered, by id, ascending
         self._asked: deque[_Asked] = deque()  # requests that the loop has not taken
@@ -177,8 +172,8 @@ class Desk:
         if self._waiting is not None and now - self._sent_s >= self.settings.coalesce_s:
             waiting, self._waiting = self._waiting, None
             self._send(waiting, now)
-        for answer in answers(self._answers):
-            self._answered(answer)
+        for heard in heard_since(self._heard):
+            self._answered(heard)
         self._match(events(self._events))
         self._time_out(now)
         self.lease.lapse(now)
@@ -276,27 +271,28 @@ class Desk:
 
     # ---------------------------------------------------------------- answers
 
-    def _answered(self, answer: TargetAnswer) -> None:
+    def _answered(self, heard: Heard) -> None:
         """Reply to a target; older ones that the planner has never seen are superseded."""
-        for number in [number for number in self._open if number < answer.target]:
+        for number in [number for number in self._open if number < heard.id]:
             # The planner looks at the newest target; one that it answers now is newer.
-            if answer.state is not TargetState.SUPERSEDED:
+            if heard.state != "superseded":
                 self._reply(self._open.pop(number), "superseded", "a newer target came first", target=number)
-        asked = self._open.pop(answer.target, None)
+        asked = self._open.pop(heard.id, None)
         if asked is None:
-            return
-        heard = answer.heard
+            return  # of another sender, of a script, or a later version: a step has ended
         told = self._reply(
             asked,
-            _STATES[answer.state],
-            answer.reason or None,
-            target=answer.target,
-            tick=answer.tick if answer.tick >= 0 else None,
-            heard_as=heard.kind or None,
-            certainty=None if math.isnan(heard.certainty) else round(heard.certainty, 3),
-            slowed_to=heard.slowed_to,
+            heard.state,
+            heard.reason,
+            target=heard.id,
+            tick=heard.tick,
+            heard_as=heard.heard_as,
+            certainty=None if heard.certainty is None else round(heard.certainty, 3),
+            slowed=heard.slowed,
+            dropped=heard.dropped or None,
+            notes=heard.notes or None,
         )
-        if answer.state is TargetState.ACCEPTED and asked.intent is not None:
+        if told.state in _FOLLOWED and asked.intent is not None:
             self.following = Following(asked.message.source, to_content(asked.intent), told, time.perf_counter())
 
     def _match(self, new: list[Event]) -> None:

@@ -56,7 +56,7 @@ def listen(session: Session, listening: Listening) -> None:
         settings,
         telemetry,
         session.targets,
-        session.answers,
+        session.heard_channel,
         Admission(listening.address, listening.token) if listening.network else None,
         port=port,
         stop_port=stop_port if listening.network else None,

@@ -185,7 +185,7 @@ KINDS: dict[str, type[_Message]] = {
 
 MESSAGE: TypeAdapter[Message] = TypeAdapter(Annotated[Message, Field(discriminator="type")])
 
-AnswerState = Literal["accepted", "superseded", "expired", "refused"]
+AnswerState = Literal["accepted", "slowed", "partly", "superseded", "expired", "refused"]
 
 
 class Answer(BaseModel):
@@ -194,14 +194,16 @@ class Answer(BaseModel):
     Attributes:
         id, source, sequence: of the message, as far as they could be read.
         asked: its type.
-        state: accepted: the robot does it from `tick` on. superseded: a newer target came before a plan followed it.
-            expired: its time was over before. refused: it is not done, for `reason`.
+        state: accepted: the robot does it from `tick` on. slowed: to what the robot can follow. partly: without what
+            `dropped` names. superseded: a newer target came before a plan followed it. expired: its time was over
+            before. refused: it is not done, for `reason`.
         target: number of the target in the log.
         tick: of the loop, from which on it acts.
-        heard_as: kind of motion that the words were taken for.
-        certainty: cosine of the words with the nearest wording that the model knows.
-        slowed_to: velocity that the human is slowed to, so that the robot keeps up: forward, left [m/s], turning left
-            [rad/s].
+        heard_as: kinds of motion that the words were taken for, in the order in which they are done.
+        certainty: share of that kind in what the listener heard, in [0, 1].
+        slowed: speeds that the human is slowed to, so that the robot keeps up.
+        dropped: parts that are not done.
+        notes: what was taken for words that say no number.
         reason: why it is not done, or not as asked.
         took_lease_from: operator from whom this message took the lease over.
     """
@@ -219,7 +221,9 @@ class Answer(BaseModel):
     tick: int | None = None
     heard_as: str | None = None
     certainty: float | None = None
-    slowed_to: tuple[float, float, float] | None = None
+    slowed: str | None = None
+    dropped: tuple[str, ...] | None = None
+    notes: tuple[str, ...] | None = None
     reason: str | None = None
     took_lease_from: str | None = None
 

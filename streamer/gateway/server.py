@@ -25,7 +25,7 @@ from flexmotion.streamer.gateway.status import Status
 _FASTEST_STATUS_HZ = 50.0
 _ANSWER_S = 30.0
 """Longest time that a POST waits for its answer [s]; the desk answers far earlier."""
-_HTTP_STATUS = {"accepted": 200, "superseded": 200, "expired": 409, "refused": 409}
+_NOT_DONE = ("expired", "refused")
 _HEADERS = {
     "content-security-policy": "default-src 'self'; frame-ancestors 'none'",
     "x-content-type-options": "nosniff",
@@ -161,7 +161,7 @@ def build_app(
         desk.receive(data, reply)
         wake()
         answer = await asyncio.wait_for(answered, _ANSWER_S)
-        return _answer(answer, 422 if answer.asked is None else _HTTP_STATUS[answer.state])
+        return _answer(answer, 422 if answer.asked is None else 409 if answer.state in _NOT_DONE else 200)
 
     _add_post(app, "/targets", ask, "One message of any type.", Message, "targets")
     for word, kind in KINDS.items():

@@ -15,7 +15,7 @@ from flexmotion.configs.stream import Gateway
 from flexmotion.streamer.control.telemetry import Telemetry
 from flexmotion.streamer.gateway.admission import Admission
 from flexmotion.streamer.gateway.ports import bound, check_free
-from flexmotion.streamer.motion.answers import AnswerChannel
+from flexmotion.streamer.motion.heard import HeardChannel
 from flexmotion.streamer.motion.targets import TargetMailbox
 from flexmotion.streamer.run.requests import RequestChannel
 
@@ -59,7 +59,7 @@ class GatewayService:
         settings: Gateway,
         telemetry: Telemetry,
         targets: TargetMailbox,
-        answers: AnswerChannel,
+        heard: HeardChannel,
         admission: Admission | None,
         *,
         port: int | None = None,
@@ -67,7 +67,7 @@ class GatewayService:
         lines: tuple[int, int] | None = None,
     ) -> None:
         self.robot, self.driver, self.rate_hz = robot, driver, rate_hz
-        self.settings, self.telemetry, self.answers, self.admission = settings, telemetry, answers, admission
+        self.settings, self.telemetry, self.heard, self.admission = settings, telemetry, heard, admission
         self.port, self.stop_port = settings.port if port is None else port, stop_port
         self.lines = lines
         if admission is not None:
@@ -143,7 +143,7 @@ class _Server:
                 connections.tell(f'{{"type":"lease","operator":{_quoted(now)},"before":{_quoted(before)}}}')
 
         desk = Desk(
-            service.settings, service.telemetry, service.targets, service.answers, service.requests, on_lease=on_lease
+            service.settings, service.telemetry, service.targets, service.heard, service.requests, on_lease=on_lease
         )
 
         def status() -> Status:

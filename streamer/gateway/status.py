@@ -21,7 +21,7 @@ class Followed(BaseModel):
     source: str
     asked: dict[str, Any]
     heard_as: str | None
-    slowed_to: tuple[float, float, float] | None
+    slowed: str | None
     target: int | None
     tick: int | None
 
@@ -78,7 +78,7 @@ def status_of(desk: Desk, robot: str, driver: str, rate_hz: float, stop_port: in
             source=followed.source,
             asked=followed.asked,
             heard_as=answer.heard_as,
-            slowed_to=answer.slowed_to,
+            slowed=answer.slowed,
             target=answer.target,
             tick=answer.tick,
         )

@@ -6,8 +6,7 @@ from collections.abc import Mapping
 
 from flexmotion.configs.errors import ConfigError
 from flexmotion.human.motion import Motion
-from flexmotion.streamer.motion.answers import Heard
-from flexmotion.streamer.motion.intents import Clip, Intent, word_of
+from flexmotion.streamer.motion.intents import Clip, word_of
 from flexmotion.streamer.motion.sequence import placed, poses_only
 from flexmotion.streamer.motion.targets import Target
 
@@ -30,10 +29,6 @@ class ClipLibrary:
         self.clips, self.first = dict(clips), first
         self.name, self.fps = f"clips:{len(clips)}", self._clip(first).fps
         self._start, self._playing = 0, poses_only(self._clip(first))
-
-    def heard(self, intent: Intent) -> Heard:
-        """See `LiveSource.heard`: clips are played as they are."""
-        return Heard(intent.name) if isinstance(intent, Clip) else Heard()
 
     def turn_to(self, target: Target, frame: int, played: Motion | None) -> None:
         """See `LiveSource.turn_to`. Raises `ConfigError` unless the target names one of the clips."""

@@ -9,8 +9,6 @@ import numpy as np
 from flexmotion.configs.errors import MotionFormatError
 from flexmotion.human.body import Body
 from flexmotion.human.motion import Motion
-from flexmotion.streamer.motion.answers import Heard
-from flexmotion.streamer.motion.intents import Intent
 from flexmotion.streamer.motion.targets import Target
 
 
@@ -34,10 +32,6 @@ class Source(Protocol):
 @runtime_checkable
 class LiveSource(Source, Protocol):
     """A source that follows targets."""
-
-    def heard(self, intent: Intent) -> Heard:
-        """How this source understands an intent that it can follow."""
-        ...
 
     def turn_to(self, target: Target, frame: int, played: Motion | None) -> str | None:
         """Follow `target` from `frame` on.

@@ -11,19 +11,27 @@ import numpy as np
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.stream import StreamSettings
 from flexmotion.drivers.realtime.ring import Ring
+from flexmotion.human.motion import Motion
 from flexmotion.retarget.plan import Plan
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.plan_buffer import PlanBuffer, Ticket
 from flexmotion.streamer.control.tick_row import TickRow
-from flexmotion.streamer.motion.answers import AnswerChannel
+from flexmotion.streamer.motion.heard import Heard, HeardChannel
+from flexmotion.streamer.motion.model_source import ModelSource
+from flexmotion.streamer.motion.replan_noise import NoisySource
 from flexmotion.streamer.motion.sources import LiveSource
 from flexmotion.streamer.motion.targets import NO_TARGET, Target, TargetMailbox
 from flexmotion.streamer.planning.lead import Kind, Lead
 from flexmotion.streamer.planning.planner import Planner
+from flexmotion.streamer.planning.step_runner import StepRunner
 from flexmotion.streamer.planning.target_ledger import TargetLedger
 
 EFFECT_RAD = np.radians(2.0)
 """A joint that is sent this much elsewhere shows a target's effect (the report's definition)."""
+
+
+_REST_S = 0.8
+"""A source whose last program is done ends after this time of standing [s]."""
 
 
 class Superseded(Exception):  # noqa: N818 - no error: a newer plan is needed
@@ -38,7 +46,7 @@ class Replanner:
         targets: of the operators; refused where the source follows none.
         lead: how far ahead plans join.
         on_note: called with a message about a target that cannot be followed, or not as meant.
-        answers: what became of every target; None: nobody reads it.
+        heard: is sent the answer to every target, to every item of a script, and later versions of them as steps end.
         lockstep: ages of targets are counted in ticks, not by the clock.
     """
 
@@ -51,21 +59,22 @@ class Replanner:
         targets: TargetMailbox,
         lead: Lead,
         on_note: Callable[[str], None] = lambda _message: None,
-        answers: AnswerChannel | None = None,
+        heard: HeardChannel | None = None,
         *,
         lockstep: bool = False,
     ) -> None:
         self.planner, self.plans, self.ticks, self.settings = planner, plans, ticks, settings
         self.lead, self.on_note = lead, on_note
-        self.ledger = TargetLedger(
-            targets.reader(), answers or AnswerChannel(), on_note, rate_hz=planner.rate, lockstep=lockstep
-        )
+        self.ledger = TargetLedger(targets.reader(), self._publish, on_note, rate_hz=planner.rate, lockstep=lockstep)
         self._follows = isinstance(planner.source, LiveSource)
         self._replan_ticks = round(settings.replan_s * planner.rate)
         self._least_unplayed = round(settings.min_unplayed_s * planner.rate)
         self._commit_ticks = max(round(settings.commit_s * planner.rate), 1)
         self._made: dict[int, tuple[Ticket, Plan]] = {}  # by id: plans from the one that plays on
         self._asked_tick = 0
+        self._heard = heard
+        source = planner.source.source if isinstance(planner.source, NoisySource) else planner.source
+        self._runner = StepRunner(source, planner.rate, self._ended) if isinstance(source, ModelSource) else None
 
     def step(self, tick: int) -> bool:
         """Make and publish a plan if one is due.
@@ -82,6 +91,8 @@ class Replanner:
         row = self._newest_row()
         if row is None:
             return False
+        if self._runner is not None:
+            self._runner.update(row)
         target = self._newest_target(row, tick)
         if not self._due(row, target):
             return False
@@ -95,8 +106,11 @@ class Replanner:
             join = max(join, current.start_tick + (self._commit_ticks if kind is Kind.WHOLE else 1))
         if kind is Kind.STOP:
             target = NO_TARGET
-        elif self._is_new(target, row) and not self._turn_to(target, current, join):
-            return False
+        elif self._is_new(target, row):
+            if not self._turn_to(target, current, join):
+                return False
+        elif self._runner is not None and self._runner.wanted is not None:
+            self._change_step(self._runner, current, join)
         try:
             planned = self.planner.plan(
                 join,
@@ -153,6 +167,8 @@ class Replanner:
             return not (ticket.stops or ticket.source_over or row.plan_over)
         if row.pending:
             return False
+        if self._runner is not None and self._runner.wanted is not None:
+            return True
         if ticket.partial:
             return True
         if ticket.source_over:
@@ -178,7 +194,8 @@ class Replanner:
         new = self._is_new(target, row)
         if row.must_stop or (self.ledger.halted and not new):
             return Kind.STOP
-        return Kind.PARTIAL if row.plan and new else Kind.WHOLE
+        changes = new or (self._runner is not None and self._runner.wanted is not None)
+        return Kind.PARTIAL if row.plan and changes else Kind.WHOLE
 
     def _check_urgency(self, kind: Kind, target: Target) -> None:
         """Raise `Superseded` if a more urgent plan is needed than the one that is being made."""
@@ -213,21 +230,48 @@ class Replanner:
         """Let the source follow a new target from the join on; returns whether it can."""
         source = self.planner.source
         assert isinstance(source, LiveSource)
-        frame = self.planner.first_frame(join, current)
-        played = None
-        if current is not None and current.human is not None:
-            place = frame - current.human_first_frame
-            played = current.human[: place + 1] if 0 <= place < len(current.human) else None
+        frame, played = self._played(current, join)
         try:
             remark = source.turn_to(target, frame, played)
         except ConfigError as error:
             self.ledger.refuse(target, str(error))
             self.on_note(str(error))
             return False
-        self.ledger.turned(target, source.heard(target.intent))
         if remark is not None:
             self.on_note(remark)
+        self.ledger.turned(target, source.answer if isinstance(source, ModelSource) else None)
         return True
+
+    def _change_step(self, runner: StepRunner, current: Plan | None, join: int) -> None:
+        """Let the source go on with what the program has next, from the join on."""
+        assert runner.wanted is not None
+        frame, played = self._played(current, join)
+        runner.source.change(runner.wanted, frame, played)
+        runner.changed()
+        if runner.done:
+            runner.source.finish(frame + round(_REST_S * runner.source.fps))
+
+    def _played(self, current: Plan | None, join: int) -> tuple[int, Motion | None]:
+        """Last frame of the motion as it was before a join, and the human as played up to it; None: it stands."""
+        frame = self.planner.first_frame(join, current)
+        if current is None or current.human is None:
+            return frame, None
+        place = frame - current.human_first_frame
+        return frame, current.human[: place + 1] if 0 <= place < len(current.human) else None
+
+    def _ended(self, heard: Heard) -> None:
+        """A step of a program has ended."""
+        followed = self.ledger.answer
+        if followed is not None and followed.id == heard.id:
+            heard = heard.model_copy(update={"at_s": followed.at_s, "tick": followed.tick})
+        last = [step for step in heard.steps if step.end is not None][-1:]
+        for step in last:
+            self.on_note(f"{step.text!r} of {heard.asked!r}: {step.end}, {step.done}")
+        self._publish(heard)
+
+    def _publish(self, heard: Heard) -> None:
+        if self._heard is not None:
+            self._heard.publish(heard)
 
 
 def _effect_row(before: Plan, after: Plan) -> int:

@@ -8,7 +8,9 @@ from dataclasses import dataclass, replace
 
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.tick_row import TickRow
-from flexmotion.streamer.motion.answers import AnswerChannel, Heard, TargetAnswer, TargetState
+from flexmotion.streamer.motion.heard import Heard
+from flexmotion.streamer.motion.heard import State as Fate
+from flexmotion.streamer.motion.intents import Velocity, to_content, word_of
 from flexmotion.streamer.motion.targets import NO_TARGET, Target, TargetReader
 
 _ENDED = (State.PARK, State.DAMPED, State.FAULT)
@@ -21,7 +23,8 @@ class _Entry:
 
     target: Target
     born_s: float
-    heard: Heard = Heard()
+    heard: Heard | None = None
+    """How the source understands it; None: as it is."""
 
     def age_s(self, now_s: float) -> float:
         return now_s - self.born_s
@@ -35,7 +38,7 @@ class TargetLedger:
 
     Args:
         inbox: targets of all senders.
-        answers: what became of every target.
+        publish: is given the answer to every target, once.
         on_note: called with a message for the operator.
         rate_hz: ticks a second.
         lockstep: ages are counted in ticks, not by the clock.
@@ -43,18 +46,20 @@ class TargetLedger:
     Attributes:
         halted: a stop was in force, or the time of the followed target is over: the robot comes to a stand, and stands
             until a new target arrives. What was asked for before does not go on by itself.
+        answer: to the target that the robot follows; None: none yet.
     """
 
     def __init__(
         self,
         inbox: TargetReader,
-        answers: AnswerChannel,
+        publish: Callable[[Heard], None],
         on_note: Callable[[str], None],
         *,
         rate_hz: float,
         lockstep: bool,
     ) -> None:
-        self.answers, self.on_note, self.halted = answers, on_note, False
+        self.publish, self.on_note, self.halted = publish, on_note, False
+        self.answer: Heard | None = None
         self._inbox, self._rate_hz, self._lockstep = inbox, rate_hz, lockstep
         self._tick = 0
         self._open: _Entry | None = None
@@ -76,7 +81,7 @@ class TargetLedger:
         self._tick = self._tick if tick is None else tick
         for target in self._inbox.read():
             if self._open is not None:
-                self._publish(self._open, TargetState.SUPERSEDED, "a newer target came before a plan followed it")
+                self._publish(self._open, "superseded", "a newer target came before a plan followed it")
             born_s = self._tick / self._rate_hz if self._lockstep else target.stamp_ns * 1e-9
             self._open = _Entry(target, born_s)
 
@@ -92,26 +97,26 @@ class TargetLedger:
         if bool(row.must_stop) or state in _ENDED:
             self.halted = True
             why = f"the robot is in {state.name}" if state in _ENDED else "a stop is in force (clear releases a STOP)"
-            self._drop(TargetState.REFUSED, why)
+            self.refuse_all(why)
             return
         planned, opened, followed = self._planned, self._open, self._followed
         if planned is not None and planned.target.id <= taken:
-            state_now = TargetState.REFUSED if planned.heard.refusal else TargetState.ACCEPTED
-            self._publish(planned, state_now, tick=start_of(planned.target.id))
+            self.answer = self._publish(planned, None, tick=start_of(planned.target.id))
             self._followed, self._planned, planned = planned, None, None
             followed = self._followed
         if planned is not None and self._too_old(planned, now_s):
             # The loop has refused every plan that follows it; the source has turned to it all the same.
-            self._publish(planned, TargetState.EXPIRED, _late(planned.target))
+            self._publish(planned, "expired", _late(planned.target))
             self._planned, self.halted = None, True
         if opened is not None and self._too_old(opened, now_s):
-            self._publish(opened, TargetState.EXPIRED, _late(opened.target))
+            self._publish(opened, "expired", _late(opened.target))
             self._open = opened = None
         if followed is None or self.halted or self._planned is not None:
             return
-        if opened is not None and opened.target.intent == followed.target.intent:
+        again = opened is not None and isinstance(opened.target.intent, Velocity)
+        if opened is not None and again and opened.target.intent == followed.target.intent:
             # Sent again, as by a stick that is held: it holds longer, and no plan is cut short for it.
-            self._publish(replace(opened, heard=followed.heard), TargetState.ACCEPTED, "goes on as before", self._tick)
+            self._publish(replace(opened, heard=followed.heard), None, "goes on as before", self._tick)
             self._followed = replace(
                 followed,
                 target=replace(followed.target, holds_s=opened.target.holds_s),
@@ -122,11 +127,11 @@ class TargetLedger:
             self.halted = True
             self.on_note(f"target {followed.target.id} is over after {followed.target.holds_s:g} s: coming to a stand")
 
-    def turned(self, target: Target, heard: Heard) -> None:
-        """The source follows a target from now on."""
+    def turned(self, target: Target, heard: Heard | None) -> None:
+        """The source follows a target from now on, which it understands like this (None: as it is)."""
         self.halted = False
         if self._planned is not None and self._planned.target.id != target.id:
-            self._publish(self._planned, TargetState.SUPERSEDED, "a newer target came before its plan was played")
+            self._publish(self._planned, "superseded", "a newer target came before its plan was played")
             self._planned = None
         if self._open is not None and self._open.target.id == target.id:
             self._planned, self._open = replace(self._open, heard=heard), None
@@ -134,17 +139,14 @@ class TargetLedger:
     def refuse(self, target: Target, reason: str) -> None:
         """The source cannot follow a target."""
         if self._open is not None and self._open.target.id == target.id:
-            self._publish(self._open, TargetState.REFUSED, reason)
+            self._publish(self._open, "refused", reason)
             self._open = None
 
     def refuse_all(self, reason: str) -> None:
         """No target can be followed."""
-        self._drop(TargetState.REFUSED, reason)
-
-    def _drop(self, state: TargetState, reason: str) -> None:
         for entry in (self._planned, self._open):
             if entry is not None:
-                self._publish(entry, state, reason)
+                self._publish(entry, "refused", reason)
         self._planned = self._open = None
 
     def _too_old(self, entry: _Entry, now_s: float) -> bool:
@@ -153,8 +155,22 @@ class TargetLedger:
     def _now_s(self) -> float:
         return self._tick / self._rate_hz if self._lockstep else time.perf_counter_ns() * 1e-9
 
-    def _publish(self, entry: _Entry, state: TargetState, reason: str = "", tick: int = -1) -> None:
-        self.answers.publish(TargetAnswer(entry.target.id, state, tick, entry.heard, reason))
+    def _publish(self, entry: _Entry, fate: Fate | None, reason: str | None = None, tick: int | None = None) -> Heard:
+        """Answer a target.
+
+        Args:
+            fate: what became of it; None: it is followed, as it was heard.
+            tick: from which on it is followed.
+        """
+        target, asked = entry.target, str(to_content(entry.target.intent)[word_of(entry.target.intent)])
+        heard = Heard(asked=asked, state="accepted", heard_as=asked) if entry.heard is None else entry.heard
+        if fate is not None:
+            heard = Heard(asked=asked, state=fate)
+        at_s = None if tick is None else tick / self._rate_hz
+        known = {"id": target.id, "tick": tick, "at_s": at_s, "reason": reason or heard.reason}
+        heard = heard.model_copy(update=known)
+        self.publish(heard)
+        return heard
 
 
 def _late(target: Target) -> str:

@@ -14,7 +14,8 @@ from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.telemetry import Telemetry
 from flexmotion.streamer.gateway.desk import Desk
 from flexmotion.streamer.gateway.messages import Answer
-from flexmotion.streamer.motion.answers import AnswerChannel, Heard, TargetAnswer, TargetState
+from flexmotion.streamer.motion.heard import Heard, HeardChannel
+from flexmotion.streamer.motion.heard import State as Fate
 from flexmotion.streamer.motion.intents import Text
 from flexmotion.streamer.motion.targets import Target, TargetMailbox
 from flexmotion.streamer.run.requests import Request, RequestChannel
@@ -28,7 +29,7 @@ class Run:
 
     telemetry: Telemetry = field(default_factory=lambda: Telemetry(JOINTS, RATE))
     targets: TargetMailbox = field(default_factory=TargetMailbox)
-    answers: AnswerChannel = field(default_factory=AnswerChannel)
+    heard: HeardChannel = field(default_factory=HeardChannel)
     tick: int = 0
     state: State = State.STREAMING
     stopped: bool = False
@@ -47,9 +48,11 @@ class Run:
     def arrived(self) -> list[Target]:
         return self.inbox.read()
 
-    def answer(self, target: int, state: TargetState = TargetState.ACCEPTED, reason: str = "", heard: str = "") -> None:
-        tick = self.tick if state is TargetState.ACCEPTED else -1
-        self.answers.publish(TargetAnswer(target, state, tick, Heard(heard), reason))
+    def answer(
+        self, target: int, state: Fate = "accepted", reason: str | None = None, heard: str | None = None
+    ) -> None:
+        tick = self.tick if state == "accepted" else None
+        self.heard.publish(Heard(id=target, asked="?", state=state, tick=tick, reason=reason, heard_as=heard))
 
     def take(self, request: Request) -> None:
         """As the loop takes a request."""
@@ -88,7 +91,7 @@ def make_office(run: Run) -> Callable[..., Office]:
     def make(**fields: object) -> Office:
         settings = Gateway.model_validate({"coalesce_s": 0.0, **fields})
         requests = RequestChannel()
-        desk = Desk(settings, run.telemetry, run.targets.sender(), run.answers, requests)
+        desk = Desk(settings, run.telemetry, run.targets.sender(), run.heard, requests)
         return Office(run, desk, requests)
 
     return make
@@ -125,12 +128,12 @@ class Answering:
             arrived = self.run.arrived()
             self.seen += arrived
             for target in arrived[:-1]:
-                self.run.answer(target.id, TargetState.SUPERSEDED)
+                self.run.answer(target.id, "superseded")
             for target in arrived[-1:]:
                 if self.run.stopped:
-                    self.run.answer(target.id, TargetState.REFUSED, "a stop is in force")
+                    self.run.answer(target.id, "refused", "a stop is in force")
                 else:
-                    self.run.answer(target.id, heard="wave" if isinstance(target.intent, Text) else "")
+                    self.run.answer(target.id, heard="wave" if isinstance(target.intent, Text) else None)
 
 
 @pytest.fixture

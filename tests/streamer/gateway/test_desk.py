@@ -11,7 +11,6 @@ import pytest
 
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.gateway import desk as desk_module
-from flexmotion.streamer.motion.answers import TargetState
 from flexmotion.streamer.motion.intents import Stop, Text, Velocity
 from flexmotion.streamer.run.requests import Request
 
@@ -229,7 +228,7 @@ def test_a_message_that_is_too_large_is_refused_and_counted(make_office: Make) -
 def test_the_planners_reason_is_the_answers(make_office: Make) -> None:
     office = make_office()
     office.ask(WAVE)
-    office.run.answer(office.run.arrived()[0].id, TargetState.REFUSED, "target: a model cannot follow clip")
+    office.run.answer(office.run.arrived()[0].id, "refused", "target: a model cannot follow clip")
     office.desk.pump()
     assert office.told[0].state == "refused" and office.told[0].reason == "target: a model cannot follow clip"
     assert office.desk.following is None

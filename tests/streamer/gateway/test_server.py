@@ -44,7 +44,7 @@ def begin(run: Run) -> Iterator[Begin]:
             Gateway.model_validate(fields),
             run.telemetry,
             run.targets,
-            run.answers,
+            run.heard,
             Admission("127.0.0.1", token),
             port=any_free(),
             stop_port=1,
@@ -239,7 +239,7 @@ def test_a_port_that_is_taken_is_told_before_the_run(begin: Begin, run: Run) -> 
     gateway = begin()
     with pytest.raises(ConfigError, match=rf"--web-port: 127.0.0.1:{gateway.port} cannot be listened on"):
         GatewayService(
-            "op3", "sim", 125.0, Gateway(), run.telemetry, run.targets, run.answers, Admission(), port=gateway.port
+            "op3", "sim", 125.0, Gateway(), run.telemetry, run.targets, run.heard, Admission(), port=gateway.port
         )
 
 
