@@ -25,6 +25,7 @@ from flexmotion.retarget.human_steps import count_steps
 from flexmotion.sampling.sampler import Sampler
 from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.control.telemetry import Event
+from flexmotion.streamer.gateway.listening import Listening, listen
 from flexmotion.streamer.log.recorder import Recorder
 from flexmotion.streamer.log.recording import driver_options, record_to
 from flexmotion.streamer.motion.intents import Clip, Intent, Stop, Text
@@ -175,6 +176,7 @@ def open_session(
     on_event: Callable[[Event], None] | None = None,
     log: str | Path | None = None,
     view_port: int | None = None,
+    listening: Listening | None = None,
     allow_refused: bool = False,
 ) -> Session:
     """A robot, a driver and a source, ready to run.
@@ -206,6 +208,7 @@ def open_session(
         on_event: called with every event as it happens.
         log: file (.mcap) to record to; None: none.
         view_port: first port to try for the page that shows the run; None: no page.
+        listening: on the real clock, how the run listens for targets of other programs; None: it does not.
         allow_refused: the report is ok although something that was asked was refused, dropped or not finished.
 
     Raises:
@@ -235,6 +238,8 @@ def open_session(
     )
     if on_event is not None:
         session.on_event = on_event
+    if listening is not None:
+        listen(session, listening)
     if view_port is not None:
         session.services += (Viewer(robot, session.telemetry, port=view_port),)
     if isinstance(source, Performance):

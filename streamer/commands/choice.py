@@ -53,6 +53,7 @@ def choose_source(
     seed: int = 0,
     seconds: float | None = None,
     endless: bool = False,
+    listens: bool = False,
 ) -> Performance:
     """The source that a clip, a script or a prompt asks for, or the shipped one; the report says its name.
 
@@ -63,6 +64,7 @@ def choose_source(
         seed: of all that a model draws.
         seconds: longest that the source is followed [s].
         endless: a model goes on with its last item until the run is ended.
+        listens: the run listens for targets: where nothing is asked for, the robot stands and waits for one.
 
     Raises:
         typer.BadParameter: options exclude each other, or the model that they need is missing.
@@ -83,6 +85,8 @@ def choose_source(
         if not prompt.strip():
             raise typer.BadParameter('--prompt is empty: say in words what to do, such as "walk forward"')
         return _model(robot, [Item(0.0, Text(prompt))], f"prompt:{prompt}", "--prompt", bundle, seed, seconds, endless)
+    if listens:
+        return _model(robot, [Item(0.0, api.STANDING)], "model:live", "--web", bundle, seed, seconds, endless)
     if bundle is None and shipped_bundle() is None:
         return _clips(robot, choose_motion(), None, None, seconds)
     with as_file(files("flexmotion") / "data" / DEFAULT_SCRIPT) as path:

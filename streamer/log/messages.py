@@ -121,6 +121,7 @@ TARGET_SCHEMA = {
             "items": {"type": "number"},
             "description": "forward, left [m/s], turning [rad/s]",
         },
+        "holds_s": {"type": "number", "description": "the robot comes to a stand when the target is this old [s]"},
         "stop": {"type": "boolean", "description": "come to a stop"},
     },
     "required": ["id", "stamp_ns"],

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import errno
 import logging
+import math
 import os
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -155,6 +156,8 @@ class _Following:
         self._record_ticks()
         for target in arrived(self._targets):
             content = {"id": target.id, "stamp_ns": target.stamp_ns, **to_content(target.intent)}
+            if math.isfinite(target.holds_s):
+                content["holds_s"] = target.holds_s
             self._writer.target(content, self._time(self._tick, target.stamp_ns))
         self._items, heard = [], [*self._items, *heard_since(self._heard)]
         for answer in heard:

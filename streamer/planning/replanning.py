@@ -17,7 +17,6 @@ from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.plan_buffer import PlanBuffer, Ticket
 from flexmotion.streamer.control.tick_row import TickRow
 from flexmotion.streamer.motion.heard import Heard, HeardChannel
-from flexmotion.streamer.motion.intents import to_content, word_of
 from flexmotion.streamer.motion.model_source import ModelSource
 from flexmotion.streamer.motion.replan_noise import NoisySource
 from flexmotion.streamer.motion.sources import LiveSource
@@ -25,6 +24,7 @@ from flexmotion.streamer.motion.targets import NO_TARGET, Target, TargetMailbox
 from flexmotion.streamer.planning.lead import Kind, Lead
 from flexmotion.streamer.planning.planner import Planner
 from flexmotion.streamer.planning.step_runner import StepRunner
+from flexmotion.streamer.planning.target_ledger import TargetLedger
 
 EFFECT_RAD = np.radians(2.0)
 """A joint that is sent this much elsewhere shows a target's effect (the report's definition)."""
@@ -43,10 +43,11 @@ class Replanner:
 
     Args:
         ticks: the loop's rows.
-        targets: of the operator; ignored where the source follows none.
+        targets: of the operators; refused where the source follows none.
         lead: how far ahead plans join.
         on_note: called with a message about a target that cannot be followed, or not as meant.
-        heard: is sent the answer to every target that is followed or refused, and to every item of a script.
+        heard: is sent the answer to every target, to every item of a script, and later versions of them as steps end.
+        lockstep: ages of targets are counted in ticks, not by the clock.
     """
 
     def __init__(
@@ -59,10 +60,12 @@ class Replanner:
         lead: Lead,
         on_note: Callable[[str], None] = lambda _message: None,
         heard: HeardChannel | None = None,
+        *,
+        lockstep: bool = False,
     ) -> None:
         self.planner, self.plans, self.ticks, self.settings = planner, plans, ticks, settings
-        self.targets, self.lead, self.on_note = targets, lead, on_note
-        self._refused = 0  # id of the last target that the source refused
+        self.lead, self.on_note = lead, on_note
+        self.ledger = TargetLedger(targets.reader(), self._publish, on_note, rate_hz=planner.rate, lockstep=lockstep)
         self._follows = isinstance(planner.source, LiveSource)
         self._replan_ticks = round(settings.replan_s * planner.rate)
         self._least_unplayed = round(settings.min_unplayed_s * planner.rate)
@@ -70,7 +73,6 @@ class Replanner:
         self._made: dict[int, tuple[Ticket, Plan]] = {}  # by id: plans from the one that plays on
         self._asked_tick = 0
         self._heard = heard
-        self._followed: Heard | None = None  # answer to the target that is followed
         source = planner.source.source if isinstance(planner.source, NoisySource) else planner.source
         self._runner = StepRunner(source, planner.rate, self._ended) if isinstance(source, ModelSource) else None
 
@@ -86,10 +88,13 @@ class Replanner:
         Raises:
             FlexMotionError, ArithmeticError, ValueError, LookupError: source or retargeter failed.
         """
-        row, target = self._newest_row(), self._newest_target()
-        if row is not None and self._runner is not None:
+        row = self._newest_row()
+        if row is None:
+            return False
+        if self._runner is not None:
             self._runner.update(row)
-        if row is None or not self._due(row, target):
+        target = self._newest_target(row, tick)
+        if not self._due(row, target):
             return False
         begin = time.perf_counter()
         kind = self._kind(row, target)
@@ -148,7 +153,8 @@ class Replanner:
             return False  # the loop has not examined the last one
         must_stop = bool(row.must_stop)
         if not plan:
-            return bool(row.ready and not row.pending and not must_stop)
+            halted = self.ledger.halted and not self._is_new(target, row)
+            return bool(row.ready and not row.pending and not must_stop and not halted)
         last = int(row.pending) or plan
         if int(row.state) not in (State.STREAMING, State.HOLD) or last not in self._made:
             return False
@@ -157,6 +163,8 @@ class Replanner:
             return not (ticket.stops or row.plan_over)
         if self._is_new(target, row):
             return True
+        if self.ledger.halted:
+            return not (ticket.stops or ticket.source_over or row.plan_over)
         if row.pending:
             return False
         if self._runner is not None and self._runner.wanted is not None:
@@ -183,9 +191,10 @@ class Replanner:
         return pending if waits else int(row.plan)
 
     def _kind(self, row: TickRow, target: Target) -> Kind:
-        if row.must_stop:
+        new = self._is_new(target, row)
+        if row.must_stop or (self.ledger.halted and not new):
             return Kind.STOP
-        changes = self._is_new(target, row) or (self._runner is not None and self._runner.wanted is not None)
+        changes = new or (self._runner is not None and self._runner.wanted is not None)
         return Kind.PARTIAL if row.plan and changes else Kind.WHOLE
 
     def _check_urgency(self, kind: Kind, target: Target) -> None:
@@ -193,7 +202,8 @@ class Replanner:
         row = self._newest_row()
         stop = row is not None and bool(row.must_stop) and kind is not Kind.STOP
         # A plan for a target is made quickly; if it was dropped too, frequent targets would leave no plan at all.
-        newer = kind is Kind.WHOLE and self._newest_target().id > target.id
+        self.ledger.take()
+        newer = kind is Kind.WHOLE and self.ledger.wanted.id > target.id
         if stop or newer:
             raise Superseded
 
@@ -201,31 +211,35 @@ class Replanner:
         latest = self.ticks.latest()
         return None if latest is None else TickRow(latest)
 
-    def _newest_target(self) -> Target:
-        """The newest target; `NO_TARGET` if it was refused."""
-        target = self.targets.newest() if self._follows else NO_TARGET
-        return NO_TARGET if target.id == self._refused else target
+    def _newest_target(self, row: TickRow, tick: int) -> Target:
+        """The target that plans should follow, after the answers that are due; `NO_TARGET` if there is none."""
+        ledger = self.ledger
+        ledger.take(tick)
+        if not self._follows:
+            ledger.refuse_all(f"{self.planner.source.name}: a source that follows no targets")
+        pending = int(row.pending)
+        ledger.settle(row, max(int(row.target), self._target_of(pending)), partial(self._start_of, row))
+        return ledger.wanted
+
+    def _start_of(self, row: TickRow, target: int) -> int:
+        """First tick of the plan by which the loop follows a target: the one that plays, or the one that waits."""
+        plan = int(row.plan) if int(row.target) >= target else int(row.pending)
+        return self._made[plan][1].start_tick if plan in self._made else int(row.plan_start)
 
     def _turn_to(self, target: Target, current: Plan | None, join: int) -> bool:
         """Let the source follow a new target from the join on; returns whether it can."""
         source = self.planner.source
         assert isinstance(source, LiveSource)
         frame, played = self._played(current, join)
-        about = {"id": target.id, "at_s": join / self.planner.rate, "tick": join}
-        asked = str(to_content(target.intent)[word_of(target.intent)])
         try:
             remark = source.turn_to(target, frame, played)
         except ConfigError as error:
-            self._refused = target.id
+            self.ledger.refuse(target, str(error))
             self.on_note(str(error))
-            self._publish(Heard(**about, asked=asked, state="refused", reason=str(error)))
             return False
         if remark is not None:
             self.on_note(remark)
-        answer = source.answer if isinstance(source, ModelSource) else None
-        answer = Heard(asked=asked, state="accepted", heard_as=asked) if answer is None else answer
-        self._followed = answer.model_copy(update=about)
-        self._publish(self._followed)
+        self.ledger.turned(target, source.answer if isinstance(source, ModelSource) else None)
         return True
 
     def _change_step(self, runner: StepRunner, current: Plan | None, join: int) -> None:
@@ -247,7 +261,7 @@ class Replanner:
 
     def _ended(self, heard: Heard) -> None:
         """A step of a program has ended."""
-        followed = self._followed
+        followed = self.ledger.answer
         if followed is not None and followed.id == heard.id:
             heard = heard.model_copy(update={"at_s": followed.at_s, "tick": followed.tick})
         last = [step for step in heard.steps if step.end is not None][-1:]

@@ -6,6 +6,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
@@ -40,7 +41,7 @@ from flexmotion.streamer.planning.replanning import Replanner
 from flexmotion.streamer.run.lifecycle import MARGIN_S, Lifecycle
 from flexmotion.streamer.run.requests import Request, RequestChannel
 from flexmotion.streamer.run.session_state import SessionState
-from flexmotion.streamer.run.supervisor import Service, Supervisor
+from flexmotion.streamer.run.supervisor import Service, Supervisor, requests_of
 
 Clock = Literal["real", "lockstep"]
 
@@ -238,10 +239,14 @@ class Session:
 
     # ---------------------------------------------------------------- on either clock
 
-    def send(self, intent: Intent) -> Target:
+    def send(self, intent: Intent, *, holds_s: float = math.inf) -> Target:
         """Set the target that the robot follows from now on.
 
         A target that the source cannot follow, a clip for a model say, is refused when it is to be followed, by a note.
+
+        Args:
+            intent: what to do.
+            holds_s: the robot comes to a stand after this time [s]; infinite: it follows until the next target.
 
         Raises:
             ConfigError: no intent, the source follows no targets, or the target's text is too long.
@@ -254,7 +259,7 @@ class Session:
         if not isinstance(self.source, LiveSource):
             raise ConfigError(f"{self.source.name}: a source that follows no targets; a model or a clip library does")
         self._require_open()
-        return self.targets.send(intent)
+        return self.targets.send(intent, holds_s=holds_s)
 
     def ask(self, request: Request) -> None:
         """Request a stop, an emergency stop or the end; it acts on the next tick.
@@ -312,6 +317,7 @@ class Session:
             lead,
             on_note,
             self.heard_channel,
+            lockstep=self.clock == "lockstep",
         )
 
     @contextmanager
@@ -330,7 +336,7 @@ class Session:
                 ending.callback(follow, True)
             loop = self.loop = self.control_loop(driver)
             lifecycle = Lifecycle(loop, self.settings, seconds=self.seconds, stay=stay)
-            requests = self.requests.reader()
+            channels = [channel.reader() for channel in (*requests_of(self.services), self.requests)]
 
             def step() -> bool:
                 if lifecycle.finished:
@@ -338,8 +344,9 @@ class Session:
                 request = None if self.next_request is None else self.next_request()
                 if request is not None:
                     lifecycle.request(request)
-                for sent, reason in requests.read():
-                    lifecycle.request(sent, reason)
+                for channel in channels:
+                    for sent, reason in channel.read():
+                        lifecycle.request(sent, reason)
                 lifecycle.step()
                 if lifecycle.broken is None:
                     try:
