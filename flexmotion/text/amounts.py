@@ -63,7 +63,7 @@ def words_of(sentence: str) -> list[str]:
         text = text.replace(symbol, name)
     # "1,000" is a number, "1, 2" are two.
     text = re.sub(r"(?<=\d),(?=\d{3}\b)", "", text)
-    numbers, words = vocabulary().table["numbers"], []
+    numbers, words = vocabulary().table["numbers"], list[str]()
     for word in _WORD.findall(text):
         parts = word.split("-")
         # "forty-five", "two-step": numbers are read word by word.

@@ -399,8 +399,8 @@ def _stripped(tokens: list[Token]) -> list[Token]:
             if tokens and tokens[-len(words) :] == words:
                 tokens, changed = tokens[: -len(words)], True
     first = vocabulary().phrases("first")
-    while tokens and (phrase := _begins(tokens, 0, first)):
-        tokens = tokens[len(phrase.split()) :]
+    while tokens and (opening := _begins(tokens, 0, first)):
+        tokens = tokens[len(opening.split()) :]
     if tokens and isinstance(tokens[0], str):
         tokens = [_stem(tokens[0]), *tokens[1:]]
     return tokens
@@ -537,8 +537,8 @@ def _shaped(
         return ["turn", *(["to", "the", min(side)] if len(side) == 1 else ["around"])], given, None
     if any(text == phrase or text.startswith(phrase + " ") for phrase in known.phrases("around")):
         side = sides(text)
-        given = amount if quantity in ("angle", "time") else Amount(pi, "angle", "around")
-        return ["turn", *(["to", "the", min(side)] if len(side) == 1 else ["around"])], given, None
+        wanted = amount if quantity in ("angle", "time") else Amount(pi, "angle", "around")
+        return ["turn", *(["to", "the", min(side)] if len(side) == 1 else ["around"])], wanted, None
     verb = words[0] if words and words[0] in known.verbs else None
     if quantity == "angle" and (verb is None or verb in known.words("walk_verbs") | known.words("turn_verbs")):
         side = sides(text)

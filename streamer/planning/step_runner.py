@@ -141,9 +141,10 @@ class StepRunner:
             self._ends = [*self._ends[: self._index], *program.heard.steps[self._index :]]
         if self._phase is _Phase.OVER or self._at is None or not np.isfinite(row.odometry).all():
             return
-        self._measure(self._at, row)
+        step = program.steps[self._index]
+        self._measure(self._at, step, row)
         if self.wanted is None:
-            self._advance(self._at, self._program.steps[self._index], row)
+            self._advance(self._at, step, row)
 
     # ------------------------------------------------------------ programs and steps
 
@@ -194,7 +195,8 @@ class StepRunner:
 
     # ------------------------------------------------------------ one step
 
-    def _measure(self, at: _Progress, row: TickRow) -> None:
+    @staticmethod
+    def _measure(at: _Progress, step: Step, row: TickRow) -> None:
         """Add what the robot did since the last row."""
         place = np.array(row.odometry, float)
         dx, dy, turn = place - at.place
@@ -203,8 +205,7 @@ class StepRunner:
         at.aside += math.cos(yaw) * dy - math.sin(yaw) * dx
         at.turned += turn
         at.place = place
-        assert self._program is not None
-        _count_footsteps(at, self._program.steps[self._index], row)
+        _count_footsteps(at, step, row)
         if np.isfinite(row.q).all():
             at.deviation = float(np.abs(row.q - at.joints).max())
 

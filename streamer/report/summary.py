@@ -121,7 +121,7 @@ def timing_rows(report: Report) -> list[tuple[str, ...]]:
 
 def asked_rows(report: Report) -> list[tuple[str, str, str, str]]:
     """What was asked, its state, what it was heard as with the listener's share, and what the robot did of it."""
-    rows = []
+    rows: list[tuple[str, str, str, str]] = []
     for heard in report.targets:
         share = "" if heard.certainty is None or heard.heard_as is None else f" ({100 * heard.certainty:.0f} %)"
         done = [
