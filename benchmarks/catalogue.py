@@ -81,6 +81,7 @@ CATALOGUE = (
     Benchmark("robot/switching", "5 min", (Need.CLIPS,), "more than 1 fall in 200 changes"),
     Benchmark("robot/faults", "15 min", (Need.CLIPS,), "upright below 90 % (silent planner), 95 % (stops)"),
     Benchmark("model/hearing", "5 s", (), "below 95 %, a kind below 85 %, left taken for right"),
+    Benchmark("model/grammar", "30 min", (), "done or plainly refused below 90 %, an impossible one moves, a fall"),
     Benchmark("model/prompts", "1 min", (), "below 90 %, a kind below 70 %"),
     Benchmark("model/long_horizon", "10 min", (Need.SET,), "feet 3 cm off in 2 % of frames, jerk at joins 1.5 x"),
     Benchmark("model/velocity", "5 min", (Need.SET,), "mean error above .15 m/s, .2 rad/s"),

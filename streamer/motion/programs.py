@@ -420,8 +420,9 @@ def _covers(forbidden: str, kind: str) -> bool:
 
 
 def _ignores(clause: Clause, step: Step) -> bool:
-    """Whether a motion has no speed that an adverb could change."""
-    return bool(clause.manner) and clause.asks is Asks.MOTION and not step.turn and step.axis == (0, 0)
+    """Whether a motion has no speed that an adverb could change; standing has none to speak of."""
+    gesture = not step.turn and step.axis == (0, 0) and step.kind != STAND
+    return bool(clause.manner) and clause.asks is Asks.MOTION and gesture
 
 
 def _clipped(velocity: tuple[float, float, float], factor: float) -> tuple[float, float, float]:

@@ -1,7 +1,8 @@
 """`StepRunner`: measures at the robot how far a step of a program is, and says what the human does next.
 
 The planner's process calls it with the newest row of the loop. What the robot has done comes from that row alone: way
-and turn from the loop's odometry, footsteps from its count, arms from the measured joints, time from its ticks.
+and turn from the loop's odometry, footsteps from the feet that it lifts, arms from the measured joints, time from its
+ticks.
 """
 
 from __future__ import annotations
@@ -43,6 +44,8 @@ _LEAST_WAY_M = 0.03
 """A way that is shorter is not worth another attempt [m]."""
 _MOVED_RAD, _HOME_RAD = 0.35, 0.25
 """A gesture moves a joint from where it was by the first, and is over when all are back within the second [rad]."""
+_STEP_M = 0.015
+"""A step carries its foot at least this far in the direction of the walk [m]."""
 _LONGEST_REST_S = 3.0
 """Longest time in which the arms come back after a gesture [s]."""
 
@@ -62,14 +65,17 @@ class _Progress:
         place: last odometry.
         ahead, aside, turned: way in the torso's own directions [m], turn [rad].
         joints: measured angles at the step's begin (n,) [rad].
-        footsteps: count at its begin.
+        footsteps: of the walk in its direction so far, those included whose foot is on its way.
+        lifted: where each foot lifted off, planned, x and y [m]; None: it stands.
     """
 
     begin_tick: int
     place: Float
     joints: Float
-    footsteps: int
     act_tick: int
+    footsteps: int = 0
+    lifted: list[Float | None] = field(default_factory=lambda: [None, None])
+    counts: list[bool] = field(default_factory=lambda: [False, False])
     acted_from: float = 0.0
     ahead: float = 0.0
     aside: float = 0.0
@@ -150,7 +156,6 @@ class StepRunner:
             acted_from=0.0,
             place=place,
             joints=np.array(row.q, float),
-            footsteps=_footsteps(row),
         )
 
     def _abandon(self, end: End) -> None:
@@ -190,6 +195,8 @@ class StepRunner:
         at.aside += math.cos(yaw) * dy - math.sin(yaw) * dx
         at.turned += turn
         at.place = place
+        assert self._program is not None
+        _count_footsteps(at, self._program.steps[self._index], row)
         if np.isfinite(row.q).all():
             at.deviation = float(np.abs(row.q - at.joints).max())
 
@@ -232,7 +239,7 @@ class StepRunner:
                     return math.hypot(at.ahead, at.aside)
                 return at.ahead * step.axis[0] + at.aside * step.axis[1]
             case "steps":
-                return float(_footsteps(row) - at.footsteps)
+                return float(at.footsteps)
             case "times":
                 return float(at.counted)
         return (int(row.tick) - at.begin_tick) / self.rate_hz
@@ -306,6 +313,22 @@ class StepRunner:
                 self._phase, self.wanted, at.act_tick, at.acted_from = _Phase.ACT, step.intent, tick, 0.0
 
 
-def _footsteps(row: TickRow) -> int:
-    """Footsteps so far that the human asked for; those that correct the feet are not counted."""
-    return int(row.steps_planned) - int(row.steps_inserted)
+def _count_footsteps(at: _Progress, step: Step, row: TickRow) -> None:
+    """Count the steps that carry a foot in the direction of the walk; those of a turn count all.
+
+    Most steps of a robot that comes to a stand only correct its feet. A step counts as soon as its foot is on its way:
+    the one after it is fixed soon after.
+    """
+    for side in (0, 1):
+        if bool(row.contact_ref[side]):
+            at.lifted[side], at.counts[side] = None, False
+            continue
+        foot = np.array(row.foot_ref[side], float)
+        lifted = at.lifted[side]
+        if lifted is None:
+            at.lifted[side] = lifted = foot[:2]
+        dx, dy = foot[:2] - lifted
+        cos, sin = math.cos(foot[3]), math.sin(foot[3])
+        carried = step.axis[0] * (cos * dx + sin * dy) + step.axis[1] * (cos * dy - sin * dx)
+        if not at.counts[side] and (step.axis == (0, 0) or carried > _STEP_M):
+            at.footsteps, at.counts[side] = at.footsteps + 1, True
