@@ -2,17 +2,17 @@
 
 Every sentence runs on the simulated robot, in lockstep, after two seconds of standing or six of the motion that it is
 said in. What the robot did is judged by its true motion, request by request, between the moments at which its own
-measurement ended them: a turn within 15° (long ones 12 %), a way within a quarter and 5 cm, footsteps that carry a foot in the right
-direction (one more may close the stance), seconds within half a second, arms that go up and come back as often as was
-said, a speed that changes by a tenth. A sentence counts as answered if it is done or plainly refused; nothing may move
-for one that is to be refused. Without `does` in the file a sentence is judged by what its own answer says.
+measurement ended them: a turn within 15° (long ones 12 %), a way within a quarter and 5 cm, footsteps that carry a foot
+in the right direction (one more may close the stance), seconds within half a second, arms that go up and come back as
+often as was said, a speed that changes by a tenth. A sentence counts as answered if it is done or plainly refused;
+nothing may move for one that is to be refused. Without `does` in the file a sentence is judged by what its own answer
+says, and a reader compares that with what was meant (--show).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
-from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -63,7 +63,7 @@ _CHANGE = 0.1
 
 @dataclass(frozen=True)
 class Task:
-    """One sentence: what it says, what it is said in, and what should happen (see `tests/.../requests.yaml`)."""
+    """One sentence, what it is said in, and what should happen (see `tests/.../requests.yaml`; `expect`: in words)."""
 
     say: str
     after: str | None = None
@@ -72,6 +72,7 @@ class Task:
     goes_on: bool = False
     dropped: tuple[str, ...] = ()
     speed: str | None = None
+    expect: tuple[str, ...] = ()
     bundle: str | None = None
     seed: int = 1
 
@@ -88,6 +89,7 @@ class Judged:
     moved: bool
     upright: bool
     faults: list[str] = field(default_factory=list)
+    figures: list[str] = field(default_factory=list)
 
     @property
     def answered(self) -> bool:
@@ -109,7 +111,7 @@ def tasks_of(file: Path, bundle: Path | None, seed: int) -> list[Task]:
     for row in rows:
         row = {"say": row} if isinstance(row, str) else dict(row)
         row["does"] = None if "does" not in row else tuple(tuple(map(str, one)) for one in row["does"])
-        row["dropped"] = tuple(row.get("dropped", ()))
+        row |= {name: tuple(row.get(name, ())) for name in ("dropped", "expect")}
         try:
             found.append(Task(**row, bundle=None if bundle is None else str(bundle), seed=seed))
         except TypeError as error:
@@ -167,6 +169,8 @@ def _judge(task: Task, session: Session, heard: Heard, begin: int, end: int, end
     moved = seen.walked > _STILL_M or abs(seen.turned) > _STILL_RAD
     refused = heard.state == "refused"
     judged = Judged(task.say, heard.state, heard.heard_as or "-", False, refused, moved, not fell)
+    judged.figures = [seen.text()] if refused else []
+    judged.figures += [str(heard.reason)] if heard.reason else []
     if task.refused or (task.does is None and not task.goes_on and refused):
         judged.done = refused and not (moved and task.after is None)
         judged.faults += [] if refused else ["was not refused"]
@@ -195,6 +199,7 @@ def _judge(task: Task, session: Session, heard: Heard, begin: int, end: int, end
             judged.faults.append(f"{kind}: never came to it")
             continue
         part = _Seen(record, bounds[number], bounds[number + 1])
+        judged.figures.append(f"{kind}: {part.text()}")
         judged.faults += [f"{kind}: {fault}" for fault in part.faults(kind, amount[0] if amount else None)]
     judged.done = not judged.faults
     return judged
@@ -231,6 +236,13 @@ class _Seen:
         self.deviation = np.abs(rows["true_q"] - rows["true_q"][0]).max(axis=1)
         self._feet, self._contacts, self._yaw = rows["true_foot"], rows["contact_ref"], yaw
 
+    def text(self) -> str:
+        """Its figures in words."""
+        return (
+            f"{self.ahead:.2f} m ahead, {self.aside:.2f} m left, {np.degrees(self.turned):.0f}° left, "
+            f"arms up {self.gestures()} times, {self.seconds:.1f} s"
+        )
+
     def faults(self, kind: str, amount: str | None) -> list[str]:
         """What is wrong with a request's motion, in words."""
         table = vocabulary().table
@@ -266,7 +278,10 @@ class _Seen:
             return [] if near else [f"went {went:.2f} m of {value:g} m"]
         if unit == "steps" and value is not None:
             steps = self.steps(axis)
-            return [] if value <= steps <= value + 1 else [f"{steps} steps of {value:g}"]
+            # A step sideways, and a single one, is one of each foot.
+            fewest = 2 * value if axis[1] else value
+            wrong = [] if fewest <= steps <= fewest + 1 else [f"{steps} footsteps for {value:g} steps"]
+            return wrong + ([] if went > 0.01 else [f"went {went:.2f} m"])
         return [] if went > 0.02 else [f"went {went:.2f} m"]
 
     def steps(self, axis: Sequence[int]) -> int:
@@ -286,13 +301,18 @@ class _Seen:
                 count += int(axis[0] * ahead + axis[1] * aside > _STEP_M)
         return count
 
-    def _gesture_faults(self, times: float | None) -> list[str]:
+    def gestures(self) -> int:
+        """How often a joint moved away from where it was, and back."""
         count, up = 0, False
         for deviation in self.deviation:
             if not up and deviation > _UP_RAD:
                 count, up = count + 1, True
             elif up and deviation < _DOWN_RAD:
                 up = False
+        return count
+
+    def _gesture_faults(self, times: float | None) -> list[str]:
+        count = self.gestures()
         if times is None:
             return [] if count else ["the arms and the trunk did not move"]
         return [] if count == times else [f"{count} of {times:g} times"]
@@ -314,12 +334,13 @@ def main(
     sentences: Annotated[Path, typer.Option(help="YAML: sentences, with what should happen.")] = SENTENCES,
     only: Annotated[str | None, typer.Option(help="Only sentences that contain this.")] = None,
     seed: Annotated[int, typer.Option(help="Of model and simulation.")] = 1,
+    show: Annotated[bool, typer.Option("--show", help="Show what the robot did, request by request.")] = False,
     jobs: JobsOption = 1,
     csv_out: CsvOption = None,
 ) -> Outcome:
     """Run all sentences."""
     tasks = [task for task in tasks_of(sentences, bundle, seed) if only is None or only in task.say]
-    results = in_order(partial(run), tasks, jobs)
+    results = in_order(run, tasks, jobs)
     table = Table(title="Sentences with sequences, amounts, changes of speed, and impossible ones")
     for column in ("sentence", "state", "heard as", "", "what was wrong"):
         table.add_column(column)
@@ -327,6 +348,9 @@ def main(
         mark = "done" if judged.done else "refused" if judged.answered else "WRONG"
         said = task.say if task.after is None else f"{task.after} … {task.say}"
         table.add_row(said, judged.state, judged.heard_as, mark, "; ".join(judged.faults))
+        if show:
+            told = [*(f"expected: {one}" for one in task.expect), *judged.figures]
+            table.add_row("", "", "", "", "\n".join(told))
     Console(width=150).print(table)
     if csv_out is not None:
         write_csv(csv_out, [asdict(judged) for judged in results])

@@ -169,6 +169,8 @@ class Replanner:
             return False
         if self._runner is not None and self._runner.wanted is not None:
             return True
+        if self._rests:
+            return not (ticket.stops or row.plan_over)
         if ticket.partial:
             return True
         if ticket.source_over:
@@ -192,10 +194,15 @@ class Replanner:
 
     def _kind(self, row: TickRow, target: Target) -> Kind:
         new = self._is_new(target, row)
-        if row.must_stop or (self.ledger.halted and not new):
-            return Kind.STOP
         changes = new or (self._runner is not None and self._runner.wanted is not None)
+        if row.must_stop or (self.ledger.halted and not new) or (self._rests and not changes):
+            return Kind.STOP
         return Kind.PARTIAL if row.plan and changes else Kind.WHOLE
+
+    @property
+    def _rests(self) -> bool:
+        """Whether a program has the robot stand until it is measured."""
+        return self._runner is not None and self._runner.resting
 
     def _check_urgency(self, kind: Kind, target: Target) -> None:
         """Raise `Superseded` if a more urgent plan is needed than the one that is being made."""
@@ -239,6 +246,8 @@ class Replanner:
             return False
         if remark is not None:
             self.on_note(remark)
+        if self._runner is not None:
+            self._runner.changed()
         self.ledger.turned(target, source.answer if isinstance(source, ModelSource) else None)
         return True
 

@@ -27,17 +27,15 @@ Float = NDArray[np.float64]
 
 STANDING = Text("stand still")
 
-_TURN_AHEAD_S = 0.35
-"""A human that is told to stand turns on for this long at its speed, and the robot follows it [s]."""
-_WALK_AHEAD_S = 0.5
-"""A robot that is told to stand walks on for this long at its speed [s]."""
+_TURN_AHEAD_S, _WALK_AHEAD_S = 0.05, 0.2
+"""A robot that is to stop turns and walks on for about this long at its speed [s]."""
 _SPEED_S = 1.0
 """The speed is the mean over this time [s]: the torso sways with every step."""
 _SETTLE_S, _LONGEST_SETTLE_S = 1.0, 4.0
 """After a walk or a turn the robot stands at least and at most this long before it is measured [s]."""
 _STILL_S, _STILL_M, _STILL_RAD = 0.5, 0.008, np.radians(1.5)
 """It stands still when it has moved less than this in this time [s, m, rad]."""
-_TURN_TOLERANCE, _WAY_TOLERANCE = np.radians(7.0), 0.12
+_TURN_TOLERANCE, _WAY_TOLERANCE = np.radians(12.0), 0.12
 """What is missing of a turn [rad], or of a way (share of it), is done in another attempt."""
 _ATTEMPTS = 4
 _LEAST_WAY_M = 0.03
@@ -97,32 +95,37 @@ class StepRunner:
 
     Attributes:
         wanted: the intent that the human changes to; None: it goes on. `changed` confirms it.
+        resting: the robot is to come to its balanced stop, and stands until something is wanted. A human that is told
+            to stand takes seconds, in which the robot walks on.
         done: whether the newest program is done.
     """
 
     def __init__(self, source: ModelSource, rate_hz: float, on_heard: Callable[[Heard], None]) -> None:
         self.source, self.rate_hz, self.on_heard = source, rate_hz, on_heard
         self.wanted: Intent | None = None
-        self.done = False
+        self.done = self.resting = False
         self._program: Program | None = None
         self._index, self._phase = 0, _Phase.OVER
         self._ends: list[HeardStep] = []
         self._at: _Progress | None = None
-        self._source_s = 0.0
+        self._source_s, self._source_tick = math.nan, 0
 
     def changed(self) -> None:
-        """The human changes to what is wanted."""
-        self.wanted = None
+        """The human changes to what is wanted, or to a new target."""
+        self.wanted, self.resting = None, False
 
     def update(self, row: TickRow) -> None:
         """Take the newest row of the loop."""
-        source_s = float(row.source_s)
+        source_s, tick = float(row.source_s), int(row.tick)
         if bool(row.must_stop) or int(row.state) not in (State.STREAMING, State.HOLD):
             self._abandon("stopped")
             return
+        if math.isfinite(source_s):
+            self._source_s, self._source_tick = source_s, tick
+        elif self.resting:
+            source_s = self._source_s + (tick - self._source_tick) / self.rate_hz
         if not math.isfinite(source_s):
             return
-        self._source_s = source_s
         found = self.source.program_at(int(source_s * self.source.fps))
         if found is None:
             return
@@ -142,7 +145,9 @@ class StepRunner:
     # ------------------------------------------------------------ programs and steps
 
     def _begin(self, program: Program, row: TickRow) -> None:
-        self._program, self._index, self.wanted, self.done = program, 0, None, False
+        self._program, self._index, self.done = program, 0, False
+        # While the robot rests nobody follows the script.
+        self.wanted = program.steps[0].intent if self.resting else None
         self._ends = list(program.heard.steps)
         self._phase = _Phase.OVER if program.is_open else _Phase.ACT
         self._at = None if program.is_open else self._fresh(row)
@@ -163,7 +168,7 @@ class StepRunner:
         if self._program is not None and self._phase is not _Phase.OVER:
             self._ends = [step if step.end is not None else step.model_copy(update={"end": end}) for step in self._ends]
             self._publish()
-        self._phase, self.wanted = _Phase.OVER, None
+        self._phase, self.wanted, self.resting = _Phase.OVER, None, self.resting and end == "superseded"
 
     def _next(self, row: TickRow, end: End, measured: float) -> None:
         """A step has ended."""
@@ -219,14 +224,15 @@ class StepRunner:
             while at.recent[0][0] < tick - _SPEED_S * self.rate_hz:
                 at.recent.popleft()
             if self._reached(at, step, value, tick):
-                self._settle(at, tick)
+                self._settle(at, step, tick)
         elif self._is_settled(at, tick):
             missing = amount - value
-            if at.attempts < _ATTEMPTS and self._is_missing(step, missing):
+            again = self._is_missing(step, missing) and not (step.amount.quantity == "steps" and missing < 0.0)
+            if at.attempts < _ATTEMPTS and again:
                 at.attempts += 1
                 self._act(at, step, value, tick)
             else:
-                self._next(row, "done" if not self._is_missing(step, abs(missing)) else "time limit", value)
+                self._next(row, "time limit" if self._is_missing(step, missing) else "done", value)
 
     def _value(self, at: _Progress, step: Step, row: TickRow) -> float:
         """What is done of the amount, in its unit."""
@@ -239,31 +245,34 @@ class StepRunner:
                     return math.hypot(at.ahead, at.aside)
                 return at.ahead * step.axis[0] + at.aside * step.axis[1]
             case "steps":
-                return float(at.footsteps)
+                return float(self._steps(at, step))
             case "times":
                 return float(at.counted)
         return (int(row.tick) - at.begin_tick) / self.rate_hz
 
+    @staticmethod
+    def _steps(at: _Progress, step: Step) -> int:
+        """Steps of a walk; each one sideways, and a single one, is a step of one foot and one of the other."""
+        assert step.amount is not None
+        if step.axis[1]:
+            return at.footsteps // 2
+        return max(at.footsteps - 1, 0) if step.amount.value < 1.5 and step.axis[0] else at.footsteps
+
     def _reached(self, at: _Progress, step: Step, value: float, tick: int) -> bool:
         """Whether the robot will have done the amount if its human stands from now on."""
         assert step.amount is not None
-        amount, acting_s = step.amount.value, (tick - at.act_tick) / self.rate_hz
+        amount = step.amount.value
         if step.amount.quantity == "steps":
             return value >= amount
-        if step.amount.quantity == "length":
-            (first, before), (last, now) = at.recent[0], at.recent[-1]
-            speed = max((now - before) * self.rate_hz / max(last - first, 1), 0.0)
-            return value + _WALK_AHEAD_S * speed >= amount
-        if not isinstance(step.intent, Velocity):
-            return value >= amount
-        # The robot's torso follows the human's turn with more than a second's delay.
-        rate = abs(step.intent.turning)
-        turning = abs(amount - at.acted_from)
-        return (
-            value >= amount
-            if amount > at.acted_from and value >= amount
-            else rate * (acting_s + _TURN_AHEAD_S) >= turning
-        )
+        (first, before), (last, now) = at.recent[0], at.recent[-1]
+        speed = (now - before) * self.rate_hz / max(last - first, 1)
+        ahead = value + speed * (_TURN_AHEAD_S if step.amount.quantity == "angle" else _WALK_AHEAD_S)
+        if self._is_corrected_turn(at, step):
+            # A stop would take a small turn back; the robot turns as far as its human, with more than a second's delay.
+            assert isinstance(step.intent, Velocity)
+            turned = abs(step.intent.turning) * (tick - at.act_tick) / self.rate_hz
+            return turned >= abs(amount - at.acted_from)
+        return ahead <= amount if at.acted_from > amount else ahead >= amount
 
     def _is_missing(self, step: Step, missing: float) -> bool:
         assert step.amount is not None
@@ -271,11 +280,22 @@ class StepRunner:
             case "angle":
                 return abs(missing) > _TURN_TOLERANCE
             case "length":
-                return missing > max(_WAY_TOLERANCE * step.amount.value, _LEAST_WAY_M)
-        return missing > 0.5
+                return missing > max(_WAY_TOLERANCE * step.amount.value, _LEAST_WAY_M)  # walks do not go back
+        # The other foot may close the stance.
+        return not -1.5 < missing < 0.5
 
-    def _settle(self, at: _Progress, tick: int) -> None:
-        self._phase, self.wanted = _Phase.SETTLE, STANDING
+    @staticmethod
+    def _is_corrected_turn(at: _Progress, step: Step) -> bool:
+        """Whether this is another attempt at a turn, of what was missing."""
+        assert step.amount is not None
+        return at.attempts > 1 and step.amount.quantity == "angle" and isinstance(step.intent, Velocity)
+
+    def _settle(self, at: _Progress, step: Step, tick: int) -> None:
+        self._phase = _Phase.SETTLE
+        if self._is_corrected_turn(at, step):
+            self.wanted = STANDING
+        else:
+            self.resting = True
         at.act_tick, at.still = tick, (tick, at.place.copy())
 
     def _act(self, at: _Progress, step: Step, value: float, tick: int) -> None:
