@@ -64,7 +64,8 @@ async def drive(port: int, targets: int, burst: int, interval_s: float, seed: in
         waiting = []
         for _ in range(targets):
             waiting.append(asyncio.create_task(one(client, drawn())))
-            await asyncio.sleep(0.0 if random.random() < 0.1 else float(random.exponential(interval_s)))
+            # Closer ones would wait for the shortest time between two changes of what is followed.
+            await asyncio.sleep(0.0 if random.random() < 0.1 else float(random.uniform(0.5, 1.5)) * interval_s)
         told = list(await asyncio.gather(*waiting))
         return told + list(await asyncio.gather(*(one(client, drawn()) for _ in range(burst))))
 
@@ -88,7 +89,7 @@ def wait_until_streaming(port: int, run: subprocess.Popen[str]) -> None:
 def main(
     targets: Annotated[int, typer.Option(min=1, help="Number of targets at random intervals.")] = 1000,
     burst: Annotated[int, typer.Option(min=0, help="Number of targets at once, after them.")] = 1000,
-    interval_s: Annotated[float, typer.Option(min=0.0, help="Mean interval [s].")] = 0.1,
+    interval_s: Annotated[float, typer.Option(min=0.0, help="Mean interval [s].")] = 0.5,
     seed: Annotated[int, typer.Option(help="Of targets and intervals.")] = 0,
     csv_out: CsvOption = None,
 ) -> Outcome:
