@@ -52,6 +52,7 @@ if TYPE_CHECKING:
     from flexmotion.streamer.gateway.listening import Listening
     from flexmotion.streamer.gateway.messages import Answer
     from flexmotion.streamer.log.reader import Log, read_log
+    from flexmotion.streamer.motion.heard import Heard
     from flexmotion.streamer.motion.intents import Clip, Stop, Text, Velocity
     from flexmotion.streamer.motion.script import Item, load_script
     from flexmotion.streamer.motion.sources import Performance, Source
@@ -99,6 +100,7 @@ _MODULES = {
     "streamer.control.run_trace": ("RunTrace",),
     "streamer.control.telemetry": ("Event",),
     "streamer.log.reader": ("Log", "read_log"),
+    "streamer.motion.heard": ("Heard",),
     "streamer.motion.intents": ("Clip", "Stop", "Text", "Velocity"),
     "streamer.motion.script": ("Item", "load_script"),
     "streamer.motion.sources": ("Performance", "Source"),
@@ -125,6 +127,7 @@ __all__ = [
     "Event",
     "FlexMotionError",
     "GatewayError",
+    "Heard",
     "Item",
     "Listening",
     "Log",

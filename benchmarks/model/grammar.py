@@ -22,6 +22,8 @@ import yaml
 from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
+from scipy.ndimage import uniform_filter1d
+from scipy.signal import find_peaks
 
 from benchmarks.shared.cells import share
 from benchmarks.shared.options import BundleOption, CsvOption, JobsOption
@@ -53,8 +55,8 @@ _WAY_SHARE, _WAY_M = 0.25, 0.05
 _TIME_S = 0.5
 _STEP_M = 0.015
 """Way that a foot is carried in a step, in its direction [m]."""
-_UP_RAD, _DOWN_RAD = 0.3, 0.28
-"""A gesture moves a joint away by the first, and back to within the second [rad]."""
+_UP_RAD, _SWING_S = 0.3, 0.8
+"""A gesture moves a joint away and back by this, in the mean over the second [rad, s]."""
 _STILL_M, _STILL_RAD = 0.06, np.radians(12.0)
 """Greatest way and turn of a robot that stands."""
 _CHANGE = 0.1
@@ -191,7 +193,7 @@ def _judge(task: Task, session: Session, heard: Heard, begin: int, end: int, end
         judged.faults += _speed_fault(record, begin, end, task.speed)
     missing = [part for part in task.dropped if part not in heard.dropped]
     judged.faults += [f"does not say that it dropped {part!r}" for part in missing]
-    bounds = [begin, *ends[: len(wanted) - 1]]
+    bounds = [begin, *ends[: len(wanted)]]
     bounds += [end] * (len(wanted) + 1 - len(bounds))
     for number, (kind, *amount) in enumerate(wanted):
         # The arms of the request before may still come down; the robot's own measurement ends it when it stands.
@@ -233,7 +235,9 @@ class _Seen:
         self.aside = float((np.cos(middle) * step[:, 1] - np.sin(middle) * step[:, 0]).sum())
         self.turned, self.walked = float(yaw[-1] - yaw[0]), float(np.hypot(*(base[-1] - base[0])[:2]))
         self.seconds = (end - begin) / self.rate
-        self.deviation = np.abs(rows["true_q"] - rows["true_q"][0]).max(axis=1)
+        # The swings of a wave are shorter than the mean is long; a hand that comes down is longer down.
+        deviation = np.abs(rows["true_q"] - rows["true_q"][0]).max(axis=1)
+        self.deviation = uniform_filter1d(deviation, round(_SWING_S * self.rate))
         self._feet, self._contacts, self._yaw = rows["true_foot"], rows["contact_ref"], yaw
 
     def text(self) -> str:
@@ -303,13 +307,8 @@ class _Seen:
 
     def gestures(self) -> int:
         """How often a joint moved away from where it was, and back."""
-        count, up = 0, False
-        for deviation in self.deviation:
-            if not up and deviation > _UP_RAD:
-                count, up = count + 1, True
-            elif up and deviation < _DOWN_RAD:
-                up = False
-        return count
+        peaks, _ = find_peaks(np.concatenate([[0.0], self.deviation, [0.0]]), prominence=_UP_RAD)
+        return len(peaks)
 
     def _gesture_faults(self, times: float | None) -> list[str]:
         count = self.gestures()

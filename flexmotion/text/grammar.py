@@ -15,7 +15,7 @@ from math import pi
 
 from flexmotion.text.amounts import Amount, Bare, Token, is_mark, tokens_of
 from flexmotion.text.phrases import STAND
-from flexmotion.text.prompt_reader import FORBIDS, FORBIDS_NOTHING
+from flexmotion.text.prompt_reader import FORBIDS, FORBIDS_NOTHING, WITHOUT_TURNING
 from flexmotion.text.sayings import sayings
 from flexmotion.text.sides import sides
 from flexmotion.text.vocabulary import vocabulary
@@ -62,6 +62,7 @@ class Clause:
         forbidden: the clause says what not to do.
         refusal: why it cannot be done, as far as the words alone tell; None: they do not.
         dropped: parts of it that are not done.
+        joint: what joins it to the one before: "then" for an order of doing.
         notes: what was taken for rough words.
         manner: the adverbs of `speed`.
     """
@@ -78,6 +79,7 @@ class Clause:
     dropped: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     manner: str = ""
+    joint: str = "then"
 
 
 @dataclass
@@ -93,10 +95,10 @@ def parse(sentence: str) -> tuple[Clause, ...]:
     """The requests of a sentence, at least one, in the order in which they are to be done."""
     tokens = tokens_of(sentence)
     words = _plain(tokens)
-    whole = _taught().get(words)
-    if whole == STAND:
+    kind = _taught().get(words)
+    if kind == STAND:
         return (Clause(sentence, sentence),)  # "look out", "never mind the walking, quit it"
-    parts = [_Part(tokens)] if whole is not None else _parts(tokens)
+    parts = [_Part(tokens)] if kind is not None else _parts(tokens)
     clauses: list[Clause] = []
     forbidding = False
     for number, part in enumerate(parts):
@@ -108,7 +110,7 @@ def parse(sentence: str) -> tuple[Clause, ...]:
         if clause is None:
             continue
         forbidding = clause.forbidden
-        clauses.append(clause)
+        clauses.append(replace(clause, joint=part.joint if clauses else ","))
     if not clauses:
         return (Clause(sentence, sentence),)
     if len(clauses) == 1 and clauses[0].said == words and _is_plain(clauses[0]):
@@ -122,10 +124,25 @@ def _is_plain(clause: Clause) -> bool:
     return clause.asks is Asks.MOTION and clause.amount is None and clause.speed == 1.0 and not clause.counted
 
 
+def whole(sentence: str) -> Clause | None:
+    """The sentence as one request, joints or not; None where it asks for nothing."""
+    tokens = tokens_of(sentence)
+    clause = _clause(_Part(tokens), False)
+    if clause is not None and _is_plain(clause) and not clause.dropped:
+        return replace(clause, said=sentence, text=sentence)
+    return clause
+
+
 @lru_cache
 def _taught() -> dict[str, str]:
     """Kind of motion by taught sentence."""
     return {_plain(tokens_of(sentence)): kind for kind, sentence in sayings()}
+
+
+@lru_cache
+def _taught_words() -> frozenset[str]:
+    """Words of the taught sentences."""
+    return frozenset(word for sentence in _taught() for word in sentence.split())
 
 
 def _plain(tokens: list[Token]) -> str:
@@ -142,7 +159,7 @@ def _said(token: Token) -> str:
 def _parts(tokens: list[Token]) -> list[_Part]:
     """The tokens at every joint, in the order in which the parts are to be done."""
     known = vocabulary()
-    then, after = known.phrases("then"), known.phrases("after")
+    then, after, before = known.phrases("then"), known.phrases("after"), known.phrases("before")
     together, at_once = known.phrases("together"), known.phrases("at_once")
     parts = [_Part([])]
     swap = False  # the part that begins is to be done before the one before it
@@ -150,6 +167,10 @@ def _parts(tokens: list[Token]) -> list[_Part]:
 
     def open_part(joint: str) -> None:
         nonlocal swap
+        if parts[-1].joint == "before" and parts[-1].tokens:
+            parts[-1].joint, swap = "then", True
+            parts.append(_Part([], joint))
+            return
         if swap and len(parts) >= 2 and parts[-1].tokens:
             parts[-2], parts[-1] = parts[-1], parts[-2]
             parts[-2].joint, parts[-1].joint = "after", "then"
@@ -161,11 +182,20 @@ def _parts(tokens: list[Token]) -> list[_Part]:
 
     while place < len(tokens):
         token = tokens[place]
-        if phrase := _begins(tokens, place, then):
+        phrase = _begins(tokens, place, then)
+        # "the next left" and "one after another" join nothing.
+        if phrase and (phrase != "next" or (place and tokens[place - 1] != "the")):
             open_part("then")
             place += len(phrase.split())
             continue
-        if phrase := _begins(tokens, place, after):
+        if (phrase := _begins(tokens, place, before)) and _names_request(tokens, place + len(phrase.split())):
+            # "walk before you wave" is in the order of the words, "before you wave, walk" is not.
+            leading = not parts[-1].tokens and len(parts) == 1
+            open_part("then")
+            parts[-1].joint = "before" if leading else parts[-1].joint
+            place += len(phrase.split())
+            continue
+        if (phrase := _begins(tokens, place, after)) and _names_request(tokens, place + len(phrase.split())):
             length = len(phrase.split())
             open_part("then")
             if len(parts) == 1:
@@ -190,17 +220,16 @@ def _parts(tokens: list[Token]) -> list[_Part]:
             place = end
             continue
         if is_mark(token):
-            if token in (".", ";", "!", "?", ":"):
-                open_part("then")
-            elif _begins_request(tokens, place + 1, parts[-1].tokens):
-                open_part(",")
+            if _begins_request(tokens, place + 1, parts[-1].tokens):
+                open_part("then" if token in (".", ";", "!", "?") else ",")
             place += 1
             continue
-        if token in ("and", "or", "nor") and _begins_request(tokens, place + 1, parts[-1].tokens):
+        if token in ("and", "or", "nor", "but", "plus") and _begins_request(tokens, place + 1, parts[-1].tokens):
             open_part(str(token))
             place += 1
             continue
-        if parts[-1].joint == "after" and parts[-1].tokens and _begins_request(tokens, place, []):
+        waits = parts[-1].joint in ("after", "before") and _names_request(parts[-1].tokens, 0)
+        if waits and _begins_request(tokens, place, []):
             # "after five seconds wave": no comma tells where the second begins.
             open_part("then")
         parts[-1].tokens.append(token)
@@ -237,14 +266,17 @@ def _begins_request(tokens: list[Token], place: int, before: list[Token]) -> boo
     rest = tokens[place:]
     while rest and (phrase := _begins(rest, 0, known.phrases("fillers"))):
         rest = rest[len(phrase.split()) :]
-    if not rest or not any(not is_mark(token) for token in before) and before:
-        return False
+    own = [token for token in before if token not in known.words("directions")]
+    if not rest or (before and not _names_request(own, 0)):
+        return False  # "oh, run along", "left hand, wave", "backward, march": what comes before is no request
     first = rest[0]
     if isinstance(first, Amount):
         # "two steps forward and one step back"; not "wave for ten seconds, twice".
         return first.quantity != "times" and any(isinstance(token, Amount) for token in before)
     if not isinstance(first, str):
         return False
+    if _NEGATES.match(first):
+        return FORBIDS_NOTHING.match(_plain(rest)) is None  # "no rush"
     if FORBIDS.match(first) or _begins(rest, 0, known.phrases("faster") + known.phrases("slower")):
         return True
     if _begins(rest, 0, tuple(p for p in known.phrases("again") if p not in ("again", "once again", "once more"))):
@@ -254,7 +286,28 @@ def _begins_request(tokens: list[Token], place: int, before: list[Token]) -> boo
     things = [thing.split()[-1] for thing in known.table["things"].values()]
     if first in ("a", "another") and rest[1:2] and rest[1] in things:
         return True
-    return first in known.verbs or _stem(first) in known.verbs
+    return first in known.verbs  # "…, facing me" belongs to what is before it
+
+
+def _names_request(tokens: list[Token], place: int) -> bool:
+    """Whether the words from a place on are a request, or name one: a verb, an amount, a direction, "you wave"."""
+    known = vocabulary()
+    rest = _stripped([token for token in tokens[place:] if not is_mark(token)])
+    if rest and rest[0] in ("you", "have", "having", "you've"):
+        rest = rest[1:] if rest[0] != "you" or rest[1:2] != ["have"] else rest[2:]
+    if not rest:
+        return False
+    first = rest[0]
+    if not isinstance(first, str):
+        return True
+    words = known.verbs | known.words("directions")
+    past = {first.removesuffix("ed"), first.removesuffix("d"), first.removesuffix("ed") + "e"}
+    return (
+        _stem(first) in words
+        or bool(past & known.verbs)
+        or FORBIDS.match(first) is not None
+        or _begins(rest, 0, known.phrases("faster") + known.phrases("slower") + known.phrases("again")) is not None
+    )
 
 
 def _stem(word: str) -> str:
@@ -279,7 +332,9 @@ def _clause(part: _Part, forbidding: bool) -> Clause | None:
     tokens = _stripped(tokens)
     words = [token for token in tokens if isinstance(token, str)]
     sentence = " ".join(words)
-    if forbidding or _NEGATES.search(FORBIDS_NOTHING.sub(" ", sentence)):
+    rest = FORBIDS_NOTHING.sub(" ", sentence)
+    rest = rest if words[:1] and words[0] in known.words("turn_verbs") else WITHOUT_TURNING.sub(" ", rest)
+    if forbidding or _NEGATES.search(rest):
         rest = _plain(_stripped([*_NEGATES.sub(" ", sentence).split()]))
         return Clause(said, rest, forbidden=True, dropped=tuple(dropped))
     plain_stop = _taught().get(_plain(tokens)) == STAND
@@ -287,6 +342,10 @@ def _clause(part: _Part, forbidding: bool) -> Clause | None:
         return Clause(said, sentence, refusal=refusal, dropped=tuple(dropped))
     if not tokens:
         return Clause(said, "", dropped=tuple(dropped), refusal="nothing else is asked for") if dropped else None
+    if words and not any(word in _taught_words() or word in known.verbs for word in words):
+        asked = _relative(" ".join(words), None, part.joint) is Asks.MOTION
+        if asked and not set(words) <= known.words("directions") | known.words("hedges"):
+            return Clause(said, sentence, refusal="none of its words is known; the model hears English")
     condition = _condition(words)
     if condition is not None and not plain_stop:
         dropped += [condition] if condition not in known.words("allowed_conditions") else []
@@ -310,7 +369,9 @@ def _clause(part: _Part, forbidding: bool) -> Clause | None:
     words = [word for word in words if word not in ("again",)] if len(words) > 1 else words
     things: dict[str, str] = known.table["things"]
     words = [part for word in words for part in (things[word].split() if counted and word in things else [word])]
-    words, amount, refusal = _shaped(words, amount)
+    words, amount, refusal = _shaped(words, amount, times, counted)
+    if amount is not None and amount.said.endswith("times around"):
+        times, counted = 1, False
     if counted and amount is None and words[:1] in (["step"], ["sidestep"]):
         amount, times, counted = Amount(float(times), "steps", f"{times} times"), 1, False
     dropped += _destinations(words)
@@ -358,6 +419,8 @@ def _refusal(words: list[str]) -> str | None:
     if named and verb in ("turn", "move", "tilt", "shake", "rotate", "swivel", "nod", "twist", "roll", "close", "open"):
         return "moving the head: this model has no motion of the head or the eyes"
     text = f" {' '.join(words)} "
+    if " where " in text and verb in known.words("walk_verbs") | known.words("turn_verbs"):
+        return "a place: the robot knows none"
     for phrase in known.phrases("impossible"):
         if f" {phrase} " in text:
             return f"{phrase!r}: no model and no robot of this project does that"
@@ -394,7 +457,12 @@ def _amounts(tokens: list[Token]) -> tuple[Amount | None, int, bool, list[Token]
         if not isinstance(token, Amount):
             rest.append(token)
             continue
-        while rest and rest[-1] in hedges and len(rest) > (1 if amount is None and rest[-1] == "only" else 0):
+        while (
+            rest
+            and rest[-1] in hedges
+            and (token.quantity != "times" or rest[-1] not in ("around", "through"))
+            and len(rest) > (1 if amount is None and rest[-1] == "only" else 0)
+        ):
             rest.pop()
         if token.quantity == "times":
             extra += [token.said] if counted else []
@@ -451,7 +519,9 @@ def _change(said: str, asks: Asks) -> float:
     return 0.5 if much else 0.85 if little else 0.7
 
 
-def _shaped(words: list[str], amount: Amount | None) -> tuple[list[str], Amount | None, str | None]:
+def _shaped(
+    words: list[str], amount: Amount | None, times: int, counted: bool
+) -> tuple[list[str], Amount | None, str | None]:
     """Words as a listener knows them: verbless requests get their verb, "turn around" its angle.
 
     Returns:
@@ -460,6 +530,11 @@ def _shaped(words: list[str], amount: Amount | None) -> tuple[list[str], Amount 
     known = vocabulary()
     text = " ".join(words)
     quantity = None if amount is None else amount.quantity
+    spins = words[:1] in (["spin"], ["rotate"], ["turn"], ["revolve"]) and {"around", "round"} & set(words)
+    if counted and amount is None and spins:
+        side = sides(text)  # "spin around once" is a whole turn
+        given = Amount(2 * pi * times, "angle", f"{times} times around")
+        return ["turn", *(["to", "the", min(side)] if len(side) == 1 else ["around"])], given, None
     if any(text == phrase or text.startswith(phrase + " ") for phrase in known.phrases("around")):
         side = sides(text)
         given = amount if quantity in ("angle", "time") else Amount(pi, "angle", "around")
@@ -474,7 +549,7 @@ def _shaped(words: list[str], amount: Amount | None) -> tuple[list[str], Amount 
     direction = [word for word in words if word in known.words("directions")]
     if verb == "back" and quantity in ("steps", "length"):
         words = ["step", *words]
-    elif verb is None and (amount is not None or text in known.words("directions")):
+    elif not _has_verb(words) and (amount is not None or text in known.words("directions")):
         start = "step" if quantity == "steps" else "walk"
         words = [start, *(words or ["forward"])]
     elif verb in ("take", "make", "do") and quantity in ("steps", "length"):
@@ -486,6 +561,12 @@ def _shaped(words: list[str], amount: Amount | None) -> tuple[list[str], Amount 
         elif named and " ".join(words[1:]) == named[0]:
             words = [words[0], "forward", *words[1:]]
     return words, amount, None
+
+
+def _has_verb(words: list[str]) -> bool:
+    """Whether a word is a verb, also in the third person ("the subject advances")."""
+    verbs = vocabulary().verbs
+    return any({word, word.removesuffix("s"), word.removesuffix("es"), _stem(word)} & verbs for word in words)
 
 
 def _destinations(words: list[str]) -> list[str]:

@@ -8,12 +8,15 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from flexmotion.configs.errors import ConfigError
 from flexmotion.human.concatenate import concatenate
 from flexmotion.human.motion import Motion
 from flexmotion.sampling.pace import Pace
 from flexmotion.sampling.sampler import Condition, Sampler
+from flexmotion.spatial.heading import heading
+from flexmotion.spatial.quaternions import continuous_quaternions
 from flexmotion.streamer.motion.heard import Heard
 from flexmotion.streamer.motion.intents import Intent, Stop, Text, Velocity, word_of
 from flexmotion.streamer.motion.programs import Hearing, Program
@@ -153,13 +156,17 @@ class ModelSource:
         """The program that is followed at a frame, and its first frame; None before the first."""
         return next((one for one in reversed(self._programs) if one[0] <= frame), None)
 
-    def change(self, intent: Intent, frame: int, played: Motion | None) -> None:
+    def change(self, intent: Intent, frame: int, played: Motion | None, yaw: float | None = None) -> None:
         """Follow another intent of the program from `frame` on; what the script has later stays.
 
         Args:
             intent, frame, played: see `turn_to`.
+            yaw: heading of the human where it stands [rad]: that of a robot that rested, so that it does not make up
+                for what it lagged behind when it came to rest; None: its own.
         """
-        self._replace_after(frame, played)
+        self._replace_after(frame, None if yaw is not None else played)
+        if yaw is not None:
+            self._pieces = [_turned_to(piece, yaw) for piece in self._pieces]
         later = [one for one in self._schedule if one[0] > frame + 1]
         self._schedule = [(frame + 1, intent), *later]
 
@@ -315,3 +322,19 @@ class ModelSource:
             case Velocity(forward, left, turning):
                 return Condition(velocity=(forward, left, turning), pace=self.pace)
         return Condition()
+
+
+def _turned_to(standing: Motion, yaw: float) -> Motion:
+    """A human that stands, turned on the spot to a heading [rad]."""
+    turn = Rotation.from_euler("z", yaw - heading(standing.root_quaternion[-1]))
+    place = standing.root_position[-1]
+    turned = turn * Rotation.from_quat(standing.root_quaternion, scalar_first=True)
+    return replace(
+        standing,
+        root_position=place + turn.apply(standing.root_position - place),
+        root_quaternion=continuous_quaternions(turned.as_quat(scalar_first=True)),
+        torques=None,
+        wrenches=None,
+        activations=None,
+        contacts=None,
+    )

@@ -19,7 +19,7 @@ from flexmotion.sampling.sampler import Condition
 from flexmotion.streamer.motion.heard import Heard, HeardStep
 from flexmotion.streamer.motion.intents import FASTEST, Intent, Stop, Text, Velocity
 from flexmotion.text.amounts import Amount
-from flexmotion.text.grammar import Asks, Clause, parse
+from flexmotion.text.grammar import Asks, Clause, parse, whole
 from flexmotion.text.phrases import STAND
 from flexmotion.text.prompt_reader import Prompt
 from flexmotion.text.vocabulary import Quantity, vocabulary
@@ -154,7 +154,7 @@ class Hearing:
         return f"a human's {velocity_text(found)}, so that the robot can follow"
 
     def _sentence(self, sentence: str, under_way: Program | None, last: Program | None) -> Program:
-        clauses = parse(sentence)
+        clauses = self._requests(sentence)
         dropped = tuple(part for clause in clauses for part in clause.dropped)
         notes = tuple(note for clause in clauses for note in clause.notes)
         try:
@@ -187,6 +187,20 @@ class Hearing:
             steps=tuple(step.told for step in steps),
         )
         return Program(tuple(steps), heard)
+
+    def _requests(self, sentence: str) -> tuple[Clause, ...]:
+        """The requests of a sentence; a sentence whose parts only qualify each other is one, for the listener.
+
+        "Step to the left, keep facing me": no motion is known for the second part, and no order is said.
+        """
+        clauses = parse(sentence)
+        if len(clauses) < 2 or any(clause.joint == "then" or clause.forbidden for clause in clauses):
+            return clauses
+        qualifiers = vocabulary().phrases("qualifiers")
+        if not any(_begins_with(clause, qualifiers) for clause in clauses):
+            return clauses
+        one = whole(sentence)
+        return clauses if one is None or not self.model.prompt(one.text).known else (one,)
 
     def _refused(self, sentence: str, reason: str, dropped: tuple[str, ...]) -> Program:
         """The robot stands still."""
@@ -299,6 +313,8 @@ class Hearing:
                 raise _RefusedError("nothing was done before that could be repeated")
             return repeated * clause.times
         if clause.asks is Asks.CONTINUE:
+            if clause.amount is None and in_sequence:
+                return []
             return self._continued(clause, before, under_way)
         if clause.asks is not Asks.MOTION:
             if not before:
@@ -381,6 +397,12 @@ class Hearing:
             update={"amount": round(amount.value, 6), "unit": amount.quantity, "limit_s": limit}
         )
         return replace(step, amount=amount, limit_s=limit, told=told)
+
+
+def _begins_with(clause: Clause, phrases: Sequence[str]) -> bool:
+    """Whether a motion without an amount begins with one of some phrases."""
+    motion = clause.asks is Asks.MOTION and clause.amount is None and clause.refusal is None
+    return motion and any(f"{clause.text} ".startswith(f"{phrase} ") for phrase in phrases)
 
 
 def _usual(step: Step, times: int) -> Amount:

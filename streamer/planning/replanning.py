@@ -262,7 +262,8 @@ class Replanner:
         """Let the source go on with what the program has next, from the join on."""
         assert runner.wanted is not None
         frame, played = self._played(current, join)
-        runner.source.change(runner.wanted, frame, played)
+        yaw = self.planner.human_yaw(join, current) if runner.resting else None
+        runner.source.change(runner.wanted, frame, played, yaw)
         runner.changed()
         if runner.done:
             runner.source.finish(frame + round(_REST_S * runner.source.fps))

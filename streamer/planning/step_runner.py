@@ -37,9 +37,11 @@ _STILL_S, _STILL_M, _STILL_RAD = 0.5, 0.008, np.radians(1.5)
 """It stands still when it has moved less than this in this time [s, m, rad]."""
 _TURN_TOLERANCE, _WAY_TOLERANCE = np.radians(12.0), 0.12
 """What is missing of a turn [rad], or of a way (share of it), is done in another attempt."""
-_ATTEMPTS = 4
+_ATTEMPTS = 3
 _LEAST_WAY_M = 0.03
 """A way that is shorter is not worth another attempt [m]."""
+_REST_RAD = 0.08
+"""Joints that move less than this within `_STILL_S` are at rest [rad]."""
 _MOVED_RAD, _HOME_RAD = 0.35, 0.25
 """A gesture moves a joint from where it was by the first, and is over when all are back within the second [rad]."""
 _STEP_M = 0.015
@@ -83,6 +85,7 @@ class _Progress:
     deviation: float = 0.0
     recent: deque[tuple[int, float]] = field(default_factory=deque)
     still: tuple[int, Float] | None = None
+    rested: tuple[int, Float] | None = None
 
 
 class StepRunner:
@@ -224,7 +227,7 @@ class StepRunner:
             while at.recent[0][0] < tick - _SPEED_S * self.rate_hz:
                 at.recent.popleft()
             if self._reached(at, step, value, tick):
-                self._settle(at, step, tick)
+                self._settle(at, tick)
         elif self._is_settled(at, tick):
             missing = amount - value
             again = self._is_missing(step, missing) and not (step.amount.quantity == "steps" and missing < 0.0)
@@ -267,11 +270,6 @@ class StepRunner:
         (first, before), (last, now) = at.recent[0], at.recent[-1]
         speed = (now - before) * self.rate_hz / max(last - first, 1)
         ahead = value + speed * (_TURN_AHEAD_S if step.amount.quantity == "angle" else _WALK_AHEAD_S)
-        if self._is_corrected_turn(at, step):
-            # A stop would take a small turn back; the robot turns as far as its human, with more than a second's delay.
-            assert isinstance(step.intent, Velocity)
-            turned = abs(step.intent.turning) * (tick - at.act_tick) / self.rate_hz
-            return turned >= abs(amount - at.acted_from)
         return ahead <= amount if at.acted_from > amount else ahead >= amount
 
     def _is_missing(self, step: Step, missing: float) -> bool:
@@ -284,18 +282,8 @@ class StepRunner:
         # The other foot may close the stance.
         return not -1.5 < missing < 0.5
 
-    @staticmethod
-    def _is_corrected_turn(at: _Progress, step: Step) -> bool:
-        """Whether this is another attempt at a turn, of what was missing."""
-        assert step.amount is not None
-        return at.attempts > 1 and step.amount.quantity == "angle" and isinstance(step.intent, Velocity)
-
-    def _settle(self, at: _Progress, step: Step, tick: int) -> None:
-        self._phase = _Phase.SETTLE
-        if self._is_corrected_turn(at, step):
-            self.wanted = STANDING
-        else:
-            self.resting = True
+    def _settle(self, at: _Progress, tick: int) -> None:
+        self._phase, self.resting = _Phase.SETTLE, True
         at.act_tick, at.still = tick, (tick, at.place.copy())
 
     def _act(self, at: _Progress, step: Step, value: float, tick: int) -> None:
@@ -326,11 +314,19 @@ class StepRunner:
             if phase_s >= GESTURE_S:
                 at.counted += int(at.acted_from > _MOVED_RAD)
                 self._phase, self.wanted, at.act_tick = _Phase.SETTLE, STANDING, tick
-        elif (phase_s >= _SETTLE_S and at.deviation < _HOME_RAD) or phase_s >= _LONGEST_REST_S:
+        elif phase_s >= _LONGEST_REST_S or (phase_s >= _SETTLE_S and _arms_rest(at, row, self.rate_hz)):
             if at.counted >= step.amount.value:
                 self._next(row, "done", at.counted)
             else:
                 self._phase, self.wanted, at.act_tick, at.acted_from = _Phase.ACT, step.intent, tick, 0.0
+
+
+def _arms_rest(at: _Progress, row: TickRow, rate_hz: float) -> bool:
+    """Whether all joints are back where they were, or have not moved for a while."""
+    tick, joints = int(row.tick), np.array(row.q, float)
+    if at.rested is None or np.abs(joints - at.rested[1]).max() > _REST_RAD:
+        at.rested = (tick, joints)
+    return at.deviation < _HOME_RAD or (tick - at.rested[0]) / rate_hz >= _STILL_S
 
 
 def _count_footsteps(at: _Progress, step: Step, row: TickRow) -> None:
