@@ -72,6 +72,13 @@ BIOMECHANICS = (
         "90 %",
     ),
     Row("activations outside [0, 1] or too fast", "biomechanics/muscles", "{outside}", "0"),
+    Row("frames with a saturated leg muscle", "biomechanics/muscles", "{saturated:.1%}", "5 %"),
+    Row(
+        "compression of hip / knee, peak of a stance phase",
+        "biomechanics/muscles",
+        "{contact_bw[hip]:.1f} / {contact_bw[knee]:.1f} body weights",
+        "4.5 / 3.2",
+    ),
     Row(
         "inverse dynamics against OpenSim",
         "biomechanics/opensim_reference",

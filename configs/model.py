@@ -22,6 +22,7 @@ class Window(Strict):
         future: frames that are generated.
         patch: frames per token.
         muscles: whether muscle activations are part of a frame.
+        joint_contact: whether joint contact forces are part of a frame.
         padded: whether clips shorter than a window are extended by their last frame (whole clips); else left out.
     """
 
@@ -30,6 +31,7 @@ class Window(Strict):
     future: int = Field(gt=0)
     patch: int = Field(gt=0)
     muscles: bool = True
+    joint_contact: bool = False
     padded: bool = False
 
     @model_validator(mode="after")
@@ -61,10 +63,13 @@ class AutoencoderConfig(Strict):
     Attributes:
         shortcut: whether principal components of windows are added to each network, which learns the residual. For
             short windows; the size of the components is that of a window times that of the latent.
+        loads: whether the decoder of forces is told the external loads of a set's variants. It learns forces for every
+            load; an exported model has none. Else it learns the forces of the mean load.
     """
 
     latent: int = Field(gt=0)
     shortcut: bool = False
+    loads: bool = False
     encoder: Transformer
     decoder: Transformer
 
@@ -74,6 +79,9 @@ class LossWeights(Strict):
 
     Attributes:
         blocks: each block of features: mean square of the normalised error; wrenches: mean absolute error.
+        force_error: estimated error of the ground forces at which the labels of forces, torques, contacts, joint
+            contact and activations count half in a frame [body weights]; 0: every `good` frame counts alike. About the
+            error of a model in frames with good labels (`training/losses.py` has the rule).
         path: path of the root over the window, from the first frame on.
         points: points of the body from forward kinematics.
         change: change from frame to frame, including the join with the history.
@@ -87,6 +95,7 @@ class LossWeights(Strict):
     """
 
     blocks: dict[str, float]
+    force_error: float = Field(default=0.1, ge=0)
     path: float = Field(default=0.0, ge=0)
     points: float = Field(default=0.0, ge=0)
     change: float = Field(default=0.0, ge=0)

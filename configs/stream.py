@@ -79,6 +79,7 @@ class StreamSettings(Strict):
         replan_s: time between plans without a new target.
         commit_s: first part of a running plan that a periodic replan must not change; a new target or a stop may.
         min_unplayed_s: least part of a plan that must be left to play.
+        change_s: shortest time between two changes of the target that is followed, a stop apart; the newest one counts.
         lead_in_s: time from the first plan to the source's first frame, in which the robot moves to its pose.
         dcm_absorb_s: time over which a new plan absorbs the jump of the divergent component of motion.
         blend_frames: frames of human motion over which a new plan is blended in.
@@ -93,6 +94,7 @@ class StreamSettings(Strict):
     replan_s: float = Field(default=0.25, gt=0)
     commit_s: float = Field(default=0.04, ge=0)
     min_unplayed_s: float = Field(default=0.6, ge=0)
+    change_s: float = Field(default=0.2, ge=0)
     lead_in_s: float = Field(default=0.6, ge=0)
     dcm_absorb_s: float = Field(default=0.15, gt=0)
     blend_frames: int = Field(default=8, ge=0)

@@ -18,6 +18,7 @@ from flexmotion.configs.errors import FlexMotionError
 from flexmotion.streamer.commands.check import check
 from flexmotion.streamer.commands.check_bus import bus
 from flexmotion.streamer.commands.data import data
+from flexmotion.streamer.commands.data_dynamics import dynamics
 from flexmotion.streamer.commands.drivers import drivers
 from flexmotion.streamer.commands.dry_run import dry_run
 from flexmotion.streamer.commands.emulate import emulate
@@ -50,6 +51,7 @@ for _command in (send, status, stop, estop, clear, kill):
 app.command("retarget")(retarget)
 check.command("bus")(bus)
 app.add_typer(check, name="check")
+data.command("dynamics")(dynamics)
 app.add_typer(data, name="data")
 servo.command("calibrate")(calibrate)
 servo.command("calibrate-imu")(calibrate_imu)

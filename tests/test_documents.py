@@ -33,6 +33,7 @@ OF_A_USER = {
     "index.html",
     "ours.yaml",
     "robot.yaml",
+    "walk_external_loads.xml",
 }
 """Files that the documents speak of and that are not part of the project."""
 OTHER = {"flexmotion.drivers", "flexmotion.imus", "work/"}

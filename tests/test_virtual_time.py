@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
+import platform
 import signal
+import threading
 import time
 
 import numpy as np
@@ -17,6 +20,8 @@ from .virtual_time import virtual_time
 from .waiting import wait_until
 
 HOUR_S = 3600.0
+_EXIT = {"x86_64": 60, "aarch64": 93}
+"""Number of the system call that ends one thread, by machine."""
 
 
 def count(ticks: np.ndarray, period_s: float) -> None:
@@ -40,6 +45,34 @@ def test_an_hour_passes_at_once_and_alike_for_all_processes() -> None:
             process.join()
         assert clock.perf_counter() - begin == pytest.approx(HOUR_S, abs=30.0)
     assert seen == [(10 * k, k) for k in range(1, 7)]
+
+
+@pytest.mark.skipif(platform.machine() not in _EXIT, reason="the number of the system call is unknown here")
+def test_a_process_is_waited_for_until_its_last_thread_has_ended() -> None:
+    """A starved loop's first thread had ended, its others had not: time passed, and it was taken for hung."""
+    ready, go_on = os.pipe()
+    ended = shared_array(1, np.int64)
+
+    def lose_the_first_thread() -> None:
+        def outlive() -> None:
+            os.read(ready, 1)
+            ended[0] = 1
+            os._exit(0)
+
+        threading.Thread(target=outlive).start()
+        ctypes.CDLL(None).syscall(_EXIT[platform.machine()], 0)
+
+    with virtual_time() as clock:
+        process = child.start("threads", lose_the_first_thread)
+        assert process.pid is not None
+        while psutil.Process(process.pid).status() != psutil.STATUS_ZOMBIE:
+            os.sched_yield()  # on the real clock: virtual time stands still for the thread that is left
+        threading.Timer(0.2, os.write, (go_on, b".")).start()
+        begin = clock.perf_counter()
+        time.sleep(HOUR_S)
+        assert ended[0] == 1
+        assert clock.perf_counter() - begin == pytest.approx(HOUR_S)
+        process.join()
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP])

@@ -161,13 +161,17 @@ def _runs(pid: int) -> bool:
 
 
 def _state(pid: int) -> str:
-    """State of a process as `ps` shows it; empty where it has ended."""
+    """State of a process as `ps` shows it; empty where it has ended.
+
+    A process whose first thread has ended is a zombie to `ps`; its parent can only wait for it when all have.
+    """
     try:
         with open(f"/proc/{pid}/stat", encoding="utf-8", errors="replace") as file:
-            state = file.read().rpartition(")")[2].split()[0]
+            fields = file.read().rpartition(")")[2].split()
     except (FileNotFoundError, ProcessLookupError):
         return ""
-    return "" if state in "ZXx" else state
+    state, threads = fields[0], int(fields[17])
+    return "" if state in "ZXx" and threads <= 1 else state
 
 
 def _write(end: int) -> None:

@@ -86,12 +86,15 @@ def main(
         Path | None, typer.Argument(metavar="TRIAL", help="`.npz` of a trial; default: that of the motion data.")
     ] = None,
     fps: Annotated[float, typer.Option(min=1.0, help="Frame rate to work at.")] = 30.0,
-    belt: Annotated[float | None, typer.Option(help="Treadmill speed [m/s]; default: estimated from the feet.")] = None,
+    belt: Annotated[float | None, typer.Option(help="Treadmill speed [m/s]; default: detected.")] = None,
+    motion: Annotated[
+        Path | None, typer.Option(help="TRC or C3D file of the same recording, instead of the trial's joint centres.")
+    ] = None,
     plots: PlotsOption = None,
 ) -> Outcome:
     """Compute the dynamics of a trial and compare."""
     file = trial_file or default_path()
-    trial = load_trial(file, fps, belt)
+    trial = load_trial(file, fps, belt, motion)
     begin = time.perf_counter()
     found = dynamics(trial.motion)
     seconds = time.perf_counter() - begin

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from benchmarks.shared.clips import data_folder
 from flexmotion.human.motion import Motion
+from flexmotion.importers import read
 from flexmotion.importers.fit import fit
 from flexmotion.importers.landmarks import Landmarks
 from flexmotion.importers.refine import refine
 from flexmotion.importers.treadmill import belt_velocity, without_belt
+from flexmotion.spatial.quaternions import continuous_quaternions
 
 Float = NDArray[np.float64]
 
@@ -62,16 +66,42 @@ def default_path() -> Path:
     return data_folder() / "gait2354_walk.npz"
 
 
-def load_trial(path: Path, fps: float, belt: float | None = None) -> GaitTrial:
-    """Read a trial and fit a human to its joint centres.
+def load_trial(path: Path, fps: float, belt: float | None = None, motion_file: Path | None = None) -> GaitTrial:
+    """Read a trial and fit a human to its joint centres, or to a motion file of the same recording.
 
     Args:
         path: `.npz` with `time_s`, `joint_names`, `joint_centres_m` (y up), `grf_left`, `grf_right`, `mass_kg`,
             `inverse_dynamics` and their names, `valid_window_s`.
         fps: frame rate to work at.
-        belt: speed of a treadmill's belt, backwards [m/s]; None: estimated from the feet.
+        belt: speed of a treadmill's belt, backwards [m/s]; None: detected.
+        motion_file: TRC or C3D file with y up, in the axes of the plates; its times are those of the trial.
     """
     content = np.load(path)
+    mass = float(content["mass_kg"])
+    motion, velocity, start = (
+        _of_file(motion_file, fps, belt, mass) if motion_file is not None else _of_centres(path, content, fps, belt)
+    )
+    motion = replace(motion, body=replace(motion.body, mass=mass))
+    return _with_plates(motion, velocity, content, start)
+
+
+def _of_file(path: Path, fps: float, belt: float | None, mass: float) -> tuple[Motion, Float, float]:
+    """Motion of a file in the axes of the trial, velocity of its belt (2,) [m/s], and time of the first frame [s]."""
+    found = read(path, fps=fps, mass=mass, belt="detect" if belt is None else belt)
+    # The importer takes z of a file with y up as x, the trial takes x as x: a quarter turn apart.
+    turn = Rotation.from_euler("z", found.placement.heading - np.pi / 2)
+    root = turn * Rotation.from_quat(found.motion.root_quaternion, scalar_first=True)
+    motion = replace(
+        found.motion,
+        root_position=turn.apply(found.motion.root_position),
+        root_quaternion=continuous_quaternions(root.as_quat(scalar_first=True)),
+    )
+    return motion, turn.apply([*found.belt, 0.0])[:2], found.placement.start
+
+
+def _of_centres(
+    path: Path, content: Mapping[str, Float], fps: float, belt: float | None
+) -> tuple[Motion, Float, float]:
     times, names = content["time_s"], list(content["joint_names"])
     centres = content["joint_centres_m"] @ TURN.T
     points = {
@@ -81,10 +111,12 @@ def load_trial(path: Path, fps: float, belt: float | None = None) -> GaitTrial:
     found = Landmarks(str(path), float((len(times) - 1) / (times[-1] - times[0])), points)
     velocity = belt_velocity(found) if belt is None else np.array([-belt, 0.0])
     found = without_belt(found, velocity).resampled(fps)
-    motion = refine(fit(found).motion, found)
-    motion = replace(motion, body=replace(motion.body, mass=float(content["mass_kg"])))
+    return refine(fit(found).motion, found), velocity, float(times[0])
 
-    at = times[0] + np.arange(len(motion)) / fps
+
+def _with_plates(motion: Motion, velocity: Float, content: Mapping[str, Float], start: float) -> GaitTrial:
+    times = content["time_s"]
+    at = start + np.arange(len(motion)) / motion.fps
     first, last = content["valid_window_s"]
     torques, columns = content["inverse_dynamics"], list(content["inverse_dynamics_names"])
     return GaitTrial(

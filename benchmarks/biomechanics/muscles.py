@@ -1,8 +1,11 @@
-"""Do the estimated muscle activations of walking clips give the joint torques in MuJoCo's own actuators?
+"""Do the muscle activations of walking clips give the joint torques, without overload of muscles and joints?
 
 Walking clips are taken evenly from each collection of a folder of motion data. A forward pass of MuJoCo with a frame's
-activations must give the frame's torques within 2 %. Fails below 90 % of all frames, or where an activation leaves
-[0, 1] or changes faster than activation dynamics allow. Prints the joint contact forces too.
+activations (of the legs: with their forces at MuJoCo's own lengths and speeds) must give the frame's torques within
+2 %. Fails below 90 % of all frames, where an activation leaves [0, 1] or changes faster than activation dynamics allow,
+where a leg muscle is saturated in more than 5 % of the frames, or where hip or knee carry more than implants measure:
+4.5 and 3.2 body weights, as peak of a stance phase, in the mean over all walks (Bergmann et al., PLoS ONE 9(1), 2014;
+Fregly et al., J. Orthop. Res. 30(4), 2012).
 """
 
 from __future__ import annotations
@@ -11,6 +14,7 @@ import tempfile
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -23,14 +27,14 @@ from benchmarks.shared.clips import data_folder
 from benchmarks.shared.outcome import Outcome, Verdict
 from flexmotion.biomechanics.activation import activation_limits
 from flexmotion.biomechanics.differentiation import derivative
-from flexmotion.biomechanics.dynamics import dynamics
+from flexmotion.biomechanics.dynamics import Dynamics, dynamics
 from flexmotion.biomechanics.joint_contact import joint_contact_forces
 from flexmotion.biomechanics.muscle_geometry import muscle_models
 from flexmotion.biomechanics.static_optimisation import MuscleState, infeasible, static_optimisation, strength
 from flexmotion.configs.errors import ConfigError
 from flexmotion.dataset.clips import Clip, find_clips
 from flexmotion.human.motion import Motion
-from flexmotion.human.skeleton import DOF_COUNT, JOINTS
+from flexmotion.human.skeleton import DOF_COUNT, JOINTS, SIDES
 from flexmotion.importers import load
 from flexmotion.spatial.gravity import GRAVITY
 
@@ -38,6 +42,21 @@ Float = NDArray[np.float64]
 
 CLOSE = 0.02
 TARGET = 0.9
+
+SATURATED = 0.99
+"""Activation of a saturated muscle; a bound of activation dynamics is below 1 by some thousandths."""
+
+MOST_SATURATED = 0.05
+"""Most frames with a saturated leg muscle, as a share."""
+
+MOST_PEAK = {"hip": 4.5, "knee": 3.2}
+"""Greatest peak compression of a stance phase, mean over walks [body weights]."""
+
+STANCE = (0.3, 1.2)
+"""Duration of a stance phase of walking [s]."""
+
+GOOD = 0.1
+"""Residuals of frames whose contact forces count, as in a set [body weights, body weights x m]."""
 
 
 @dataclass(frozen=True)
@@ -50,6 +69,8 @@ class Result:
         missing: frames whose torque the muscles cannot give, by joint, (T, 13).
         outside: activations beyond [0, 1] or faster than allowed.
         peaks: greatest compression along the segment at each crossing, (7,) [body weights].
+        stance_peaks: the same as mean over stance phases, (7,) [body weights]; NaN without one.
+        saturated: frames with a saturated leg muscle, (T,).
         residual: median force and moment of the root, (2,) [body weights, body weights x m].
     """
 
@@ -58,6 +79,8 @@ class Result:
     missing: NDArray[np.bool_]
     outside: int
     peaks: Float
+    stance_peaks: Float
+    saturated: NDArray[np.bool_]
     residual: Float
 
 
@@ -84,15 +107,38 @@ def examined(clip: Clip) -> Result:
     error = made - wanted
     # The lumbar joint carries the segment above it, every other joint the segment below.
     up = np.array([1.0 if name == "lumbar" else -1.0 for name in state.crossings])
-    compression = up * joint_contact_forces(found, state)[..., 2]
+    compression = up * joint_contact_forces(found, state)[..., 2] / (motion.body.mass * GRAVITY)
+    legs = sum(model.model.nu for model in muscle_models()[:2])
     return Result(
         whole=np.linalg.norm(error, axis=1) / np.linalg.norm(wanted, axis=1),
         each=np.max(np.abs(error) / np.abs(wanted).max(axis=0), axis=1),
         missing=infeasible(state, motion),
         outside=outside_dynamics(motion, state),
-        peaks=compression.max(axis=0) / (motion.body.mass * GRAVITY),
+        peaks=compression.max(axis=0),
+        stance_peaks=stance_peaks(found, state, compression),
+        saturated=state.activations[:, :legs].max(axis=1) >= SATURATED,
         residual=np.median(found.residual, axis=0),
     )
+
+
+def stance_peaks(found: Dynamics, state: MuscleState, compression: Float) -> Float:
+    """Peak of compression (T, 7) as mean over the stance phases of its leg, (7,)."""
+    contacts, fps = found.motion.contacts, found.motion.fps
+    assert contacts is not None
+    good = found.residual.max(axis=1) <= GOOD
+    peaks: list[float] = []
+    for column, name in enumerate(state.crossings):
+        foot = SIDES.index(name[-1]) if name[-2] == "_" else 0
+        edges = np.flatnonzero(np.diff(contacts[:, foot].astype(int)))
+        # Stance phases begin and end within the clip.
+        phases = [
+            slice(first + 1, last + 1)
+            for first, last in pairwise(edges)
+            if contacts[first + 1, foot] and STANCE[0] <= (last - first) / fps <= STANCE[1]
+        ]
+        own = [float(compression[phase, column].max()) for phase in phases if good[phase].all()]
+        peaks.append(float(np.mean(own)) if own else np.nan)
+    return np.array(peaks)
 
 
 def forward_torques(motion: Motion, state: MuscleState) -> Float:
@@ -105,7 +151,14 @@ def forward_torques(motion: Motion, state: MuscleState) -> Float:
         for frame in range(len(motion)):
             qpos, slopes = muscles.pose(motion.joints[frame, muscles.columns])
             data.qpos[:], data.qvel[:] = qpos, slopes @ rates[frame]
-            data.ctrl[:] = data.act[:] = state.activations[frame, column : column + model.nu]
+            activations = state.activations[frame, column : column + model.nu]
+            if muscles.hill is None:
+                data.act[:] = activations
+            else:
+                # MuJoCo's own lengths and speeds.
+                mujoco.mj_forward(model, data)
+                activations = activations * muscles.hill.tension(data.actuator_length, data.actuator_velocity)
+            data.ctrl[:] = activations
             mujoco.mj_forward(model, data)
             made[frame] = slopes.T @ data.qfrc_actuator
         columns.append(strength(motion) * made)
@@ -117,8 +170,7 @@ def outside_dynamics(motion: Motion, state: MuscleState) -> int:
     """Number of activations outside [0, 1], or out of reach from the frame before with excitations of 0 to 1."""
     count, column = 0, 0
     for muscles in muscle_models():
-        rise, fall = muscles.model.actuator_dynprm[0, :2]
-        limits = activation_limits(1.0 / motion.fps, float(rise), float(fall))
+        limits = activation_limits(1.0 / motion.fps, *muscles.time_constants)
         mine = state.activations[:, column : column + muscles.model.nu]
         lower, upper = limits.bounds(mine[:-1])
         count += int(((mine < 0) | (mine > 1)).sum())
@@ -131,11 +183,11 @@ def figures_of(results: Sequence[Result]) -> dict[str, Any]:
     """Figures of a collection."""
     muscles = muscle_models()
     joints = [joint for model in muscles for joint in model.joints]
-    crossings = [crossing for model in muscles for crossing in model.crossings]
     whole, each = (np.concatenate([getattr(item, name) for item in results]) for name in ("whole", "each"))
     missing = np.concatenate([item.missing for item in results])
     force, moment = np.median([item.residual for item in results], axis=0)
-    peaks = np.median([item.peaks for item in results], axis=0)
+    peaks = np.mean([item.peaks for item in results], axis=0)
+    stance = np.nanmean([item.stance_peaks for item in results], axis=0)
     return {
         "clips": len(results),
         "frames": len(whole),
@@ -144,16 +196,21 @@ def figures_of(results: Sequence[Result]) -> dict[str, Any]:
         "infeasible": float(missing.any(axis=1).mean()),
         "infeasible_by_joint": dict(zip(joints, map(int, missing.sum(axis=0)), strict=True)),
         "outside": sum(item.outside for item in results),
+        "saturated": float(np.concatenate([item.saturated for item in results]).mean()),
         "residual_percent": 100 * float(force),
         "residual_bw_m": float(moment),
-        "compression_bw": dict(zip(crossings, map(float, peaks), strict=True)),
+        "compression_bw": dict(zip(crossings(), map(float, peaks), strict=True)),
+        "stance_peaks_bw": dict(zip(crossings(), map(float, stance), strict=True)),
     }
 
 
 def summary(name: str, found: dict[str, Any]) -> str:
     """Figures of a collection in words."""
     counts = ", ".join(f"{joint} {count}" for joint, count in found["infeasible_by_joint"].items())
-    peaks = ", ".join(f"{crossing} {peak:.1f}" for crossing, peak in found["compression_bw"].items())
+    peaks, stance = (
+        ", ".join(f"{crossing} {peak:.1f}" for crossing, peak in found[kind].items())
+        for kind in ("compression_bw", "stance_peaks_bw")
+    )
     return "\n".join(
         [
             f"{name}: {found['clips']} clips, {found['frames']} frames",
@@ -163,7 +220,9 @@ def summary(name: str, found: dict[str, Any]) -> str:
             f"  activations outside [0, 1] or too fast: {found['outside']}",
             f"  root residual, median of medians: {found['residual_percent']:.2f} % of body weight,"
             f" {found['residual_bw_m']:.4f} BW·m",
-            f"  largest compression of a joint, median over clips [body weights]: {peaks}",
+            f"  a leg muscle at {SATURATED} or more: {100 * found['saturated']:.1f} % of the frames",
+            f"  largest compression of a joint, mean over clips [body weights]: {peaks}",
+            f"  peak of a stance phase, mean over clips [body weights]: {stance}",
         ]
     )
 
@@ -178,19 +237,42 @@ def main(
     place = folder or data_folder()
     with tempfile.TemporaryDirectory() as work:
         collections = walking(find_clips([place], Path(work)), clips)
-        figures = {}
+        figures, results = {}, {}
         for name, own in collections.items():
-            figures[name] = figures_of([examined(clip) for clip in own])
+            results[name] = [examined(clip) for clip in own]
+            figures[name] = figures_of(results[name])
             print(summary(name, figures[name]), flush=True)
     if not figures:
         raise ConfigError(f"{place}: no walking clips")
     frames = sum(found["frames"] for found in figures.values())
     close = sum(found["close"] * found["frames"] for found in figures.values()) / frames
     outside = sum(found["outside"] for found in figures.values())
+    saturated = sum(found["saturated"] * found["frames"] for found in figures.values()) / frames
     verdicts = [
         Verdict(
             f"torque within 2 %: {100 * close:.1f} % of {frames} frames (>= {100 * TARGET:.0f} %)", close >= TARGET
         ),
         Verdict(f"activations outside [0, 1] or too fast: {outside} (0)", outside == 0),
+        Verdict(
+            f"a leg muscle saturated: {100 * saturated:.1f} % (<= {100 * MOST_SATURATED:.0f} %)",
+            saturated <= MOST_SATURATED,
+        ),
     ]
-    return Outcome(verdicts, {"close": close, "frames": frames, "outside": outside, "collections": figures})
+    walks = [item for own in results.values() for item in own]
+    contact = {}
+    for joint, most in MOST_PEAK.items():
+        columns = [at for at, name in enumerate(crossings()) if name.startswith(joint)]
+        contact[joint] = float(np.nanmean([item.stance_peaks[columns] for item in walks]))
+        verdicts.append(
+            Verdict(
+                f"peak compression of the {joint}: {contact[joint]:.1f} body weights (<= {most})",
+                contact[joint] <= most,
+            )
+        )
+    found = {"close": close, "frames": frames, "outside": outside, "saturated": saturated, "contact_bw": contact}
+    return Outcome(verdicts, found | {"collections": figures})
+
+
+def crossings() -> list[str]:
+    """Joints whose contact force is computed."""
+    return [crossing for model in muscle_models() for crossing in model.crossings]

@@ -1,10 +1,10 @@
 """Static optimisation of the 80 leg muscles by OpenSim, for `opensim_reference.py`.
 
-Muscle paths are exported as lengths and moment arms: polynomials of the joint angles, fitted to MuJoCo's values around
-the poses of the trial (not beyond, since paths are valid within their model's joint ranges). Both sides then solve the
-same problem: activation times greatest force, without the force curves (OpenSim's option `use_muscle_physiology` off),
-the same cost of torque that muscles do not give, the same ground forces. Ideal actuators hold the trunk, the arms and
-the root.
+Muscle paths of the project are exported as lengths and moment arms: polynomials of the joint angles, fitted to MuJoCo's
+values around the poses of the trial (not beyond, since paths are valid within their model's joint ranges). Both sides
+then solve the same problem: activation times greatest force, without the force curves (OpenSim's option
+`use_muscle_physiology` off), the same cost of torque that muscles do not give, the same ground forces. Ideal actuators
+hold the trunk, the arms and the root.
 """
 
 from __future__ import annotations
@@ -19,12 +19,14 @@ import numpy as np
 import opensim
 from numpy.typing import NDArray
 
-from flexmotion.biomechanics.box_least_norm import box_least_norm
+from benchmarks.biomechanics.opensim_model import ModelMuscle
+from flexmotion.biomechanics.box_least_norm import Cost, box_least_norm
 from flexmotion.biomechanics.dynamics import Dynamics
 from flexmotion.biomechanics.muscle_geometry import MuscleModel, muscle_models
+from flexmotion.biomechanics.opensim_files import external_loads, ground_columns, storage
 from flexmotion.biomechanics.static_optimisation import strength
 from flexmotion.human.motion import Motion
-from flexmotion.human.skeleton import DOF_COUNT, JOINTS, SIDES
+from flexmotion.human.skeleton import DOF_COUNT, JOINTS
 
 Float = NDArray[np.float64]
 
@@ -55,8 +57,8 @@ def leg_muscles(motion: Motion) -> tuple[Muscles, ...]:
     for muscles in muscle_models()[:2]:
         lengths_and_arms = [_lengths_and_arms(muscles, pose) for pose in motion.joints[:, muscles.columns]]
         arms = np.stack([arms.T for _, arms in lengths_and_arms])
-        # A muscle pulls: MuJoCo's greatest force, counted positive.
-        found.append(Muscles(muscles, strength(motion) * muscles.model.actuator_gainprm[:, 2], arms))
+        assert muscles.hill is not None
+        found.append(Muscles(muscles, strength(motion) * muscles.hill.force, arms))
     return tuple(found)
 
 
@@ -82,7 +84,7 @@ def own_activations(motion: Motion, legs: tuple[Muscles, ...]) -> Float:
         lower, upper, price = np.zeros(len(leg.force)), np.ones(len(leg.force)), np.zeros(wanted.shape[1])
         rows = []
         for arms, target in zip(leg.arms, wanted, strict=True):
-            row, price = box_least_norm(-arms * leg.force, target, lower, upper, price, WEIGHT)
+            row, price = box_least_norm(-arms * leg.force, target, lower, upper, price, Cost(WEIGHT))
             rows.append(row)
         found.append(np.array(rows))
     return np.concatenate(found, axis=1)
@@ -90,24 +92,11 @@ def own_activations(motion: Motion, legs: tuple[Muscles, ...]) -> Float:
 
 def add_actuators(model: opensim.Model, motion: Motion, legs: tuple[Muscles, ...]) -> float:
     """Leg muscles, reserves and ideal actuators for all other coordinates; returns the fit's RMS error in arms [m]."""
-    moved = [joint for leg in legs for joint in leg.model.joints]
-    paths = {item.getName(): item.getAbsolutePathString() for item in model.getComponentsList()}
-    for coordinate in model.getCoordinateSet():
-        name = coordinate.getName()
-        paths[name] = coordinate.getAbsolutePathString()
-        actuator = opensim.CoordinateActuator(name)
-        actuator.setName(f"hold_{name}")
-        actuator.setOptimalForce(WEIGHT**-0.5 if name in moved else HELD)
-        actuator.setMinControl(-np.inf)
-        actuator.setMaxControl(np.inf)
-        model.addForce(actuator)
+    paths = _hold(model, [joint for leg in legs for joint in leg.model.joints])
     errors = []
-    generator = np.random.default_rng(0)
     for leg in legs:
-        angles = motion.joints[:, leg.model.columns]
-        poses = generator.uniform(angles.min(axis=0) - MARGIN, angles.max(axis=0) + MARGIN, (SAMPLES, angles.shape[1]))
-        sampled = [_lengths_and_arms(leg.model, pose) for pose in np.concatenate([poses, angles])]
-        poses = np.concatenate([poses, angles])
+        poses = sample_poses(motion.joints[:, leg.model.columns])
+        sampled = [_lengths_and_arms(leg.model, pose) for pose in poses]
         lengths, arms = (np.stack(items) for items in zip(*sampled, strict=True))
         terms: dict[tuple[int, ...], Float] = {}
         for number, name in enumerate(leg.model.muscles):
@@ -115,18 +104,9 @@ def add_actuators(model: opensim.Model, motion: Motion, legs: tuple[Muscles, ...
             if crossed not in terms:
                 terms[crossed] = _terms(poses[:, crossed])
             # OpenSim's moment arms are positive where a pull turns the joint on.
-            wanted: Float = np.column_stack([lengths[:, number], -arms[:, number, crossed]])
-            coefficients, *_ = np.linalg.lstsq(terms[crossed], wanted, rcond=None)
-            errors.append((terms[crossed] @ coefficients - wanted)[:, 1:].ravel())
-            length, *turns = (
-                opensim.MultivariatePolynomialFunction(_vector(column), len(crossed), ORDER)
-                for column in coefficients.T
-            )
-            path = opensim.FunctionBasedPath()
-            path.setLengthFunction(length)
-            for column, function in zip(crossed, turns, strict=True):
-                path.appendCoordinatePath(paths[leg.model.joints[column]])
-                path.appendMomentArmFunction(function)
+            joints = [paths[leg.model.joints[column]] for column in crossed]
+            path, error = _path(terms[crossed], lengths[:, number], -arms[:, number, crossed], joints)
+            errors.append(error.ravel())
             actuator = opensim.PathActuator()
             actuator.setName(name)
             actuator.set_path(path)
@@ -136,6 +116,65 @@ def add_actuators(model: opensim.Model, motion: Motion, legs: tuple[Muscles, ...
             model.addForce(actuator)
     model.finalizeConnections()
     return float(np.sqrt(np.mean(np.square(np.concatenate(errors)))))
+
+
+def add_muscles(model: opensim.Model, muscles: list[ModelMuscle], poses: dict[str, Float]) -> float:
+    """Muscles of another model, reserves and ideal actuators; returns the fit's RMS error in arms [m].
+
+    Args:
+        model: to add to.
+        muscles: with lengths and arms in the sample poses.
+        poses: joint -> its angle in the sample poses, (N,).
+    """
+    paths = _hold(model, list(poses))
+    errors = []
+    terms: dict[tuple[str, ...], Float] = {}
+    for item in muscles:
+        if item.joints not in terms:
+            terms[item.joints] = _terms(np.column_stack([poses[joint] for joint in item.joints]))
+        path, error = _path(terms[item.joints], item.length, item.arms, [paths[joint] for joint in item.joints])
+        errors.append(error.ravel())
+        item.muscle.set_path(path)
+        model.addForce(item.muscle)
+    model.finalizeConnections()
+    return float(np.sqrt(np.mean(np.square(np.concatenate(errors)))))
+
+
+def sample_poses(angles: Float, samples: int = SAMPLES) -> Float:
+    """Poses to fit polynomials to: random ones around those of a trial (T, J), and the trial's own, (N, J)."""
+    generator = np.random.default_rng(0)
+    low, high = angles.min(axis=0) - MARGIN, angles.max(axis=0) + MARGIN
+    return np.concatenate([generator.uniform(low, high, (samples, angles.shape[1])), angles])
+
+
+def _hold(model: opensim.Model, moved: list[str]) -> dict[str, str]:
+    """Add reserves to joints that muscles move, and ideal actuators to all others; paths of coordinates by name."""
+    paths = {}
+    for coordinate in model.getCoordinateSet():
+        name = coordinate.getName()
+        paths[name] = coordinate.getAbsolutePathString()
+        actuator = opensim.CoordinateActuator(name)
+        actuator.setName(f"hold_{name}")
+        actuator.setOptimalForce(WEIGHT**-0.5 if name in moved else HELD)
+        actuator.setMinControl(-np.inf)
+        actuator.setMaxControl(np.inf)
+        model.addForce(actuator)
+    return paths
+
+
+def _path(terms: Float, length: Float, arms: Float, joints: list[str]) -> tuple[opensim.FunctionBasedPath, Float]:
+    """Path of polynomials for lengths (N,) and moment arms (N, J), and their errors in moment arms."""
+    wanted: Float = np.column_stack([length, arms])
+    coefficients, *_ = np.linalg.lstsq(terms, wanted, rcond=None)
+    first, *turns = (
+        opensim.MultivariatePolynomialFunction(_vector(column), len(joints), ORDER) for column in coefficients.T
+    )
+    path = opensim.FunctionBasedPath()
+    path.setLengthFunction(first)
+    for joint, function in zip(joints, turns, strict=True):
+        path.appendCoordinatePath(joint)
+        path.appendMomentArmFunction(function)
+    return path, (terms @ coefficients - wanted)[:, 1:]
 
 
 def _terms(poses: Float) -> Float:
@@ -153,27 +192,35 @@ def _vector(values: Float) -> opensim.Vector:
 
 
 def opensim_activations(
-    model: opensim.Model, coordinates: dict[str, Float], found: Dynamics, legs: tuple[Muscles, ...], folder: Path
+    model: opensim.Model,
+    coordinates: dict[str, Float],
+    found: Dynamics,
+    names: list[str],
+    folder: Path,
+    physiology: bool = False,
 ) -> tuple[Float, float]:
-    """Activations of OpenSim's static optimisation (T, 80), and how long it took [s].
+    """Activations of OpenSim's static optimisation (T, M), and how long it took [s].
 
     Args:
         model: with actuators.
         coordinates: value of every coordinate over time, (T,) each [m, rad].
         found: ground forces.
-        legs: with the muscles.
+        names: of the M muscles.
         folder: for the files that OpenSim's tool works with.
+        physiology: whether force curves limit the muscles.
     """
     motion = found.motion
     times = np.arange(len(motion)) / motion.fps
     model.printToXML(str(folder / "human.osim"))
-    _write_table(folder / "motion.sto", times, coordinates)
-    _write_loads(folder, times, found)
+    (folder / "motion.sto").write_bytes(storage("motion", times, coordinates))
+    # The exported model has the project's axes and names.
+    (folder / "ground.sto").write_bytes(storage("ground", times, ground_columns(found, axes=np.asarray)))
+    (folder / "loads.xml").write_bytes(external_loads("ground", "ground.sto", foot="calcaneus"))
     analysis = opensim.StaticOptimization()
     analysis.setStartTime(0.0)
     analysis.setEndTime(float(times[-1]))
     analysis.setUseModelForceSet(True)
-    analysis.setUseMusclePhysiology(False)
+    analysis.setUseMusclePhysiology(physiology)
     analysis.setActivationExponent(2.0)
     tool = opensim.AnalyzeTool()
     tool.setName("reference")
@@ -192,36 +239,6 @@ def opensim_activations(
         raise RuntimeError("OpenSim's static optimisation failed")
     seconds = time.perf_counter() - start
     table = opensim.TimeSeriesTable(str(folder / "reference_StaticOptimization_activation.sto"))
-    names = [name for leg in legs for name in leg.model.muscles]
     at = np.array(table.getIndependentColumn())
     columns = [np.interp(times, at, table.getDependentColumn(name).to_numpy()) for name in names]
     return np.stack(columns, axis=1), seconds
-
-
-def _write_table(path: Path, times: Float, columns: dict[str, Float]) -> None:
-    rows = np.column_stack([times, *columns.values()])
-    header = f"{path.stem}\nversion=1\nnRows={len(rows)}\nnColumns={rows.shape[1]}\ninDegrees=no\nendheader\n"
-    body = "\n".join("\t".join(f"{value:.10g}" for value in row) for row in rows)
-    path.write_text(header + "\t".join(["time", *columns]) + "\n" + body + "\n")
-
-
-def _write_loads(folder: Path, times: Float, found: Dynamics) -> None:
-    assert found.motion.wrenches is not None
-    columns: dict[str, Float] = {}
-    loads = opensim.ExternalLoads()
-    for foot, side in enumerate(SIDES):
-        wrench = found.motion.wrenches[:, foot]
-        for kind, values in (("force", wrench[:, :3]), ("point", found.centres[:, foot]), ("moment", wrench[:, 3:])):
-            columns |= {f"{side}_{kind}_{axis}": values[:, i] for i, axis in enumerate("xyz")}
-        load = opensim.ExternalForce()
-        load.setName(f"ground_{side}")
-        load.set_applied_to_body(f"calcaneus_{side}")
-        load.set_force_expressed_in_body("ground")
-        load.set_point_expressed_in_body("ground")
-        load.set_force_identifier(f"{side}_force_")
-        load.set_point_identifier(f"{side}_point_")
-        load.set_torque_identifier(f"{side}_moment_")
-        loads.cloneAndAppend(load)
-    _write_table(folder / "ground.sto", times, columns)
-    loads.setDataFileName(str(folder / "ground.sto"))
-    loads.printToXML(str(folder / "loads.xml"))

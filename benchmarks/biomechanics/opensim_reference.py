@@ -2,15 +2,18 @@
 
 Exports the human model as `.osim` (segments, inertia, joints, leg muscles). Inverse dynamics: both sides get the
 smoothed motion and the time derivatives of its coordinates, without ground forces. Static optimisation: see
-`opensim_muscles.py`. Prints the agreement of both and the ratios of the times.
+`opensim_muscles.py`; it shows that the solver is right. With `--model` the project's activations are compared with
+those that OpenSim finds with the muscles of another model, for the same motion and ground forces: see
+`opensim_model.py`. Prints the agreement and the ratios of the times.
 """
 
 from __future__ import annotations
 
 import tempfile
 import time
+from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import opensim
@@ -19,15 +22,26 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from benchmarks.biomechanics.gait_trial import default_path, load_trial
-from benchmarks.biomechanics.opensim_muscles import add_actuators, leg_muscles, opensim_activations, own_activations
+from benchmarks.biomechanics.opensim_model import model_muscles
+from benchmarks.biomechanics.opensim_muscles import (
+    add_actuators,
+    add_muscles,
+    leg_muscles,
+    opensim_activations,
+    own_activations,
+    sample_poses,
+)
 from benchmarks.shared.outcome import Outcome, Verdict
 from flexmotion.biomechanics.differentiation import derivative, second_derivative
 from flexmotion.biomechanics.dynamics import Dynamics, dynamics
 from flexmotion.biomechanics.inverse_dynamics import joint_torques
+from flexmotion.biomechanics.muscle_geometry import LEG_COORDINATES, muscle_names
 from flexmotion.biomechanics.segment_motion import segment_motion
+from flexmotion.biomechanics.static_optimisation import static_optimisation
 from flexmotion.human.human_model import human_model
 from flexmotion.human.motion import Motion
-from flexmotion.human.skeleton import DOF_COUNT, JOINTS
+from flexmotion.human.skeleton import DOF_COUNT, JOINTS, SIDES
+from flexmotion.importers import load
 from flexmotion.spatial.gravity import GRAVITY
 
 Float = NDArray[np.float64]
@@ -39,6 +53,15 @@ AGREE = 0.01
 ACTIVE = 0.02
 """A muscle whose activation never exceeds this is not active."""
 
+ACTIVE_MODEL = 0.05
+"""The same for the muscles of another model, whose small activations are below OpenSim's convergence."""
+
+AGREE_MODEL = 0.8
+"""Least median correlation with another model's muscles."""
+
+MODEL_SAMPLES = 200
+"""Random poses in which another model's paths are sampled."""
+
 AGREE_ACTIVATION = 0.02
 """Largest root mean square difference of activations."""
 
@@ -48,10 +71,14 @@ def main(
         Path | None, typer.Argument(metavar="TRIAL", help="`.npz` of a trial; default: that of the motion data.")
     ] = None,
     osim: Annotated[Path | None, typer.Option(help="Write the exported model to this file.")] = None,
+    other: Annotated[
+        Path | None,
+        typer.Option("--model", help="`.osim` with muscles, such as Rajagopal2016.osim: compare with its muscles too."),
+    ] = None,
 ) -> Outcome:
     """Compute the dynamics of a trial with both tools and compare."""
     opensim.Logger.setLevelString("Error")
-    found = dynamics(load_trial(trial or default_path(), 60.0).motion)
+    found = dynamics(_motion(trial or default_path()))
     motion = found.motion
     model = export(motion)
     start = time.perf_counter()
@@ -74,7 +101,18 @@ def main(
     muscles, figures = compare_muscles(model, found, osim)
     torques = Verdict(f"torques: difference {worst:.4f} of the largest (<= {AGREE})", worst <= AGREE)
     inverse = {"rms_nm_most": float(error.max()), "time_ratio": reference_time / own_time}
-    return Outcome([torques, muscles], {"inverse_dynamics": inverse, "static_optimisation": figures})
+    verdicts, kept = [torques, muscles], {"inverse_dynamics": inverse, "static_optimisation": figures}
+    if other:
+        more, kept["model"] = compare_model(other, found)
+        verdicts += more
+    return Outcome(verdicts, kept)
+
+
+def _motion(path: Path) -> Motion:
+    """Motion of a gait trial (`.npz`), or of any file that the importers read."""
+    if path.suffix == ".npz" and "joint_centres_m" in np.load(path):
+        return load_trial(path, 60.0).motion
+    return load(path)
 
 
 def compare_muscles(model: opensim.Model, found: Dynamics, osim: Path | None) -> tuple[Verdict, dict[str, float]]:
@@ -89,7 +127,8 @@ def compare_muscles(model: opensim.Model, found: Dynamics, osim: Path | None) ->
     own_time = time.perf_counter() - start
     with tempfile.TemporaryDirectory() as folder:
         values = dict(zip((*ROOT, *JOINTS), coordinate_values(motion).T, strict=True))
-        reference, reference_time = opensim_activations(model, values, found, legs, Path(folder))
+        names = [name for leg in legs for name in leg.model.muscles]
+        reference, reference_time = opensim_activations(model, values, found, names, Path(folder))
     inner = slice(4, -4)
     error = float(np.sqrt(np.mean((own - reference)[inner] ** 2)))
     active = reference[inner].max(axis=0) > ACTIVE
@@ -104,6 +143,47 @@ def compare_muscles(model: opensim.Model, found: Dynamics, osim: Path | None) ->
     return Verdict(
         f"activations: RMS difference {error:.4f} (<= {AGREE_ACTIVATION})", error <= AGREE_ACTIVATION
     ), figures
+
+
+def compare_model(path: Path, found: Dynamics) -> tuple[list[Verdict], dict[str, Any]]:
+    """Print the project's activations beside OpenSim's of another model's muscles; return verdicts and figures."""
+    motion = found.motion
+    muscles, sampled = model_muscles(path, motion, partial(sample_poses, samples=MODEL_SAMPLES))
+    human = export(motion)
+    poses = {
+        f"{joint}_{side}": angles[:, column]
+        for side, angles in zip(SIDES, sampled, strict=True)
+        for column, joint in enumerate(LEG_COORDINATES)
+    }
+    fit_error = add_muscles(human, muscles, poses)
+    start = time.perf_counter()
+    own = static_optimisation(motion).activations
+    own_time = time.perf_counter() - start
+    names = [item.name for item in muscles]
+    with tempfile.TemporaryDirectory() as folder:
+        values = dict(zip((*ROOT, *JOINTS), coordinate_values(motion).T, strict=True))
+        reference, reference_time = opensim_activations(human, values, found, names, Path(folder), physiology=True)
+    inner = slice(4, -4)
+    known = muscle_names()
+    likeness, ours, theirs = [], {}, {}
+    for column, name in enumerate(names):
+        if name not in known or reference[inner, column].max() <= ACTIVE_MODEL:
+            continue
+        pair = own[inner, known.index(name)], reference[inner, column]
+        ours[name], theirs[name] = (float(item.max()) for item in pair)
+        likeness.append(float(np.corrcoef(*pair)[0, 1]) if pair[0].std() > 0 else 0.0)
+        print(f"  {name:14s} r {likeness[-1]:5.2f}, peak {ours[name]:.2f}, OpenSim {theirs[name]:.2f}")
+    median = float(np.median(likeness))
+    print(f"{path.name}: median r {median:.3f} over {len(likeness)} active muscles (arms fitted to", end=" ")
+    print(f"{1e3 * fit_error:.2f} mm); own {own_time:.2f} s with paths and trunk, OpenSim {reference_time:.1f} s")
+    figures = {
+        "median_r": median,
+        "muscles": len(likeness),
+        "peaks": ours,
+        "peaks_opensim": theirs,
+        "time_ratio": reference_time / own_time,
+    }
+    return [Verdict(f"activations, median r {median:.3f} (>= {AGREE_MODEL})", median >= AGREE_MODEL)], figures
 
 
 def export(motion: Motion) -> opensim.Model:

@@ -86,6 +86,7 @@ def time_warped(motion: Motion, generator: np.random.Generator, ranges: Ranges =
         torques=None,
         wrenches=None,
         activations=None,
+        joint_contact=None,
         contacts=None,
     )
 

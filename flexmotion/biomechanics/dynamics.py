@@ -10,8 +10,10 @@ from numpy.typing import NDArray
 
 from flexmotion.biomechanics.external_load import ExternalLoad
 from flexmotion.biomechanics.floor_drift import on_level_floor
-from flexmotion.biomechanics.ground_reaction import GROUND, GroundSettings, ground_reaction
+from flexmotion.biomechanics.force_error import error_sources, force_error, removed_content
+from flexmotion.biomechanics.ground_reaction import GROUND, GroundSettings, ground_reaction, slow_share
 from flexmotion.biomechanics.inverse_dynamics import effort, joint_torques
+from flexmotion.biomechanics.landing import landing_cutoff
 from flexmotion.biomechanics.residual_reduction import shifted
 from flexmotion.biomechanics.segment_motion import SegmentMotion, segment_motion
 from flexmotion.biomechanics.smoothing import CUTOFF, smooth
@@ -38,6 +40,9 @@ class Dynamics:
         loads: external forces other than the ground's.
         residual: force [body weights] and moment about the centre of mass [body weights x m] that ground forces cannot
             explain, (T, 2): from stairs, chairs, contact with others, or a bad recording.
+        error_sources: of the ground force on left and right foot, (T, 2, 5) [body weights]; see `force_error`.
+        force_error: estimated standard error of that force, (T, 2) [body weights]; one greater than
+            `force_error.FLAGGED` is flagged.
     """
 
     motion: Motion
@@ -45,6 +50,8 @@ class Dynamics:
     centres: Float
     point_forces: Float
     residual: Float
+    error_sources: Float
+    force_error: Float
     loads: tuple[ExternalLoad, ...] = ()
 
 
@@ -60,21 +67,31 @@ def dynamics(
 
     Args:
         motion: kinematics, and a body with the human's mass.
-        cutoff: of the low-pass filter [Hz].
+        cutoff: of the low-pass filter, except around landings and take-offs (`landing`) [Hz].
         settings, nearness: of the quadratic programme for the ground forces.
         loads: external forces other than the ground's.
         reductions: number of residual reductions of the path.
     """
     level = on_level_floor(smooth(motion, cutoff))
+    raised = landing_cutoff(level, cutoff)
+    if raised is not None:
+        level = on_level_floor(smooth(motion, raised))
     pelvis = human_model(level.body).body_index["pelvis"]
+    weight = level.body.mass * GRAVITY
+    slow = None
     for attempt in range(1 + reductions):
         segments = segment_motion(level)
         sole = sole_points(level.body, segments, level.fps, nearness)
         needed = effort(segments, level.body, loads)
-        ground = ground_reaction(segments, needed, sole, segments.rotation[:, pelvis, :, 1], settings)
+        ground = ground_reaction(segments, needed, sole, segments.rotation[:, pelvis, :, 1], settings, slow)
+        slow = slow_share(ground, sole, level.fps, settings)
         if attempt < reductions:
             level = shifted(level, ground.residual[:, :3])
-    weight = level.body.mass * GRAVITY
+    residual = np.linalg.norm(ground.residual.reshape(-1, 2, 3), axis=-1) / weight
+    assert slow is not None
+    sources = error_sources(
+        ground.wrenches[..., :3] / weight, slow.alike, removed_content(motion, cutoff), residual[:, 0], level.fps
+    )
     return Dynamics(
         motion=replace(
             level,
@@ -85,6 +102,8 @@ def dynamics(
         segments=segments,
         centres=ground.centres,
         point_forces=ground.point_forces,
-        residual=np.linalg.norm(ground.residual.reshape(-1, 2, 3), axis=-1) / weight,
+        residual=residual,
+        error_sources=sources,
+        force_error=force_error(sources),
         loads=tuple(loads),
     )

@@ -2,12 +2,18 @@
 
 A quadratic programme per frame over the edges of friction pyramids, λ >= 0, in units of body weight and metres:
 
-    min  |G λ - w|²  +  ridge Σ λ² / nearness  +  pivot Σ_feet (sagittal moment of the foot's force about the pivot)²
+    min  |G λ - w|²  +  ridge Σ λ² / nearness  +  Σ_feet (pivot M_p² + side_pivot M_s²)
+                     +  steady e (f_l - s (f_l + f_r))²
 
 The first term fits the forces to the motion's wrench w about the centre of mass. The second prefers points that are low
-and still. The third determines what kinematics do not: in double support any pair of opposed forces could be added. In
-walking the force on each foot passes, in the sagittal plane, near a point above the centre of mass (the virtual pivot
-point: Maus et al., Nature Communications 1:70, 2010), so the forces are drawn to such a point.
+and still. The others determine what kinematics do not: in double support any pair of opposed forces could be added.
+
+- In walking the force on each foot passes, in the sagittal plane, near a point above the centre of mass (the virtual
+  pivot point: Maus et al., Nature Communications 1:70, 2010): M_p is its moment about that point. In the frontal plane
+  the feet push outwards, the more the wider the stance: their forces pass near a higher point (M_s).
+- Where both feet do the same (e near 1: standing, squats, jumps with both legs) their vertical forces f follow the
+  body's sway from side to side, of which accelerations tell less than their noise. Their share s changes slowly there
+  (`slow_share`). In walking, where one foot stands on its heel and the other on its toes, e is near 0.
 """
 
 from __future__ import annotations
@@ -17,6 +23,7 @@ from dataclasses import dataclass
 import daqp
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
 
 from flexmotion.biomechanics.inverse_dynamics import Effort
 from flexmotion.biomechanics.segment_motion import SegmentMotion
@@ -29,7 +36,10 @@ Float = NDArray[np.float64]
 EDGES = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
 """Horizontal directions of the edges of a friction pyramid."""
 
-NEAR = 1e-3
+NO_FORCE = 1e-3
+"""A foot with less vertical force is in the air [N]."""
+
+NEAR = 5e-4
 """Least nearness of a point within reach of the floor."""
 
 
@@ -41,18 +51,28 @@ class GroundSettings:
         friction: coefficient of friction of shoe on floor.
         pivot_height: of the virtual pivot point above the centre of mass [m].
         pivot: weight of the moments of the feet's forces about it, around the body's left axis.
+        side_pivot_height, side_pivot: the same in the frontal plane, around the body's forward axis.
+        steady: weight of the deviation from the slow share where both feet do the same.
+        steady_s: standard deviation of the average over time that is the slow share [s].
         ridge: weight of the squared forces.
         moment: weight of the total moment relative to the total force.
     """
 
     friction: float = 0.8
     pivot_height: float = 0.25
-    pivot: float = 0.03
-    ridge: float = 1e-3
+    pivot: float = 0.06
+    side_pivot_height: float = 1.0
+    side_pivot: float = 0.003
+    steady: float = 1.0
+    steady_s: float = 0.1
+    ridge: float = 2e-3
     moment: float = 1.0
 
 
 GROUND = GroundSettings()
+
+ALIKE = 4
+"""Exponent of the feet's overlap: the nearness that they have in common at equal points of the sole."""
 
 
 @dataclass(frozen=True)
@@ -72,12 +92,36 @@ class GroundReaction:
     residual: Float
 
 
+@dataclass(frozen=True)
+class SlowShare:
+    """Slow share of the feet in the vertical force.
+
+    Attributes:
+        share: of the left foot, averaged over time, (T,).
+        alike: how much both feet do the same, 0 to 1, (T,).
+    """
+
+    share: Float
+    alike: Float
+
+
+def slow_share(ground: GroundReaction, sole: SolePoints, fps: float, settings: GroundSettings = GROUND) -> SlowShare:
+    """Average of the share of earlier ground forces over the time in which both feet do the same."""
+    near = sole.nearness
+    overlap = near.min(axis=1).sum(axis=-1) / np.maximum(near.max(axis=1).sum(axis=-1), NEAR)
+    alike = overlap**ALIKE
+    vertical = ground.wrenches[..., 2] * alike[:, None] + np.finfo(np.float64).tiny
+    average = gaussian_filter1d(vertical, settings.steady_s * fps, axis=0, mode="nearest")
+    return SlowShare(average[:, 0] / average.sum(axis=1), alike)
+
+
 def ground_reaction(
     segments: SegmentMotion,
     needed: Effort,
     sole: SolePoints,
     left: Float,
     settings: GroundSettings = GROUND,
+    slow: SlowShare | None = None,
 ) -> GroundReaction:
     """Ground forces on both feet that fit best the wrench of the motion.
 
@@ -87,6 +131,7 @@ def ground_reaction(
         sole: points at which the ground may act.
         left: the body's left axis, of which the horizontal part is used, (T, 3).
         settings: weights.
+        slow: share of the feet in an earlier solution; None: nothing is known of it.
     """
     frames = len(segments)
     weight = float(segments.mass.sum()) * GRAVITY
@@ -94,9 +139,18 @@ def ground_reaction(
     wanted = needed.about(centre) / weight
     pyramid = np.concatenate([settings.friction * EDGES, np.ones((len(EDGES), 1))], axis=1)
     wrenches = _edge_wrenches(sole.position - centre[:, None, None], pyramid)
-    below = np.cross([0.0, 0.0, settings.pivot_height], pyramid)
     lateral = unit(left * [1.0, 1.0, 0.0])
-    about_pivot = np.einsum("tpei,ti->tpe", wrenches[..., 3:] - below, lateral)
+    ahead = np.cross(lateral, [0.0, 0.0, 1.0])
+    pivots = np.stack(
+        [
+            np.sqrt(factor) * _about_pivot(wrenches, pyramid, height, axis)
+            for factor, height, axis in (
+                (settings.pivot, settings.pivot_height, lateral),
+                (settings.side_pivot, settings.side_pivot_height, ahead),
+            )
+        ],
+        axis=-1,
+    )
     near = sole.nearness.reshape(frames, -1)
 
     forces = np.zeros((frames, 2 * POINTS, 3))
@@ -106,10 +160,11 @@ def ground_reaction(
             edges = _share(
                 wanted[frame],
                 wrenches[frame, used],
-                about_pivot[frame, used],
+                pivots[frame, used],
                 near[frame, used],
                 used // POINTS,
                 settings,
+                (0.0, 0.0) if slow is None else (slow.share[frame], slow.alike[frame]),
             )
             forces[frame, used] = weight * edges @ pyramid
     return _collect(forces.reshape(frames, 2, POINTS, 3), sole, centre, wanted * weight)
@@ -122,20 +177,35 @@ def _edge_wrenches(arms: Float, pyramid: Float) -> Float:
     return np.concatenate([np.broadcast_to(pyramid, moments.shape), moments], axis=-1)
 
 
+def _about_pivot(wrenches: Float, pyramid: Float, height: float, axis: Float) -> Float:
+    """Moment of every edge about a point above the centre of mass, around an axis per frame, (T, 24, 4)."""
+    moments = wrenches[..., 3:] - np.cross([0.0, 0.0, height], pyramid)
+    found: Float = np.einsum("tpei,ti->tpe", moments, axis)
+    return found
+
+
 def _share(
     wanted: Float,
     wrenches: Float,
-    about_pivot: Float,
+    pivots: Float,
     near: Float,
     foot: NDArray[np.intp],
     settings: GroundSettings,
+    slow: tuple[float, float],
 ) -> Float:
-    """Shares of the edges at N points in one frame, (N, 4) [body weights]."""
-    count, edges = about_pivot.shape
-    whole, pivot, owner = wrenches.reshape(-1, 6), about_pivot.ravel(), np.repeat(foot, edges)
+    """Shares of the edges at N points in one frame, (N, 4) [body weights].
+
+    `pivots` are the weighted moments about both pivots, (N, 4, 2); `slow` is the slow share and the feet's likeness.
+    """
+    count, edges, _ = pivots.shape
+    whole, about, owner = wrenches.reshape(-1, 6), pivots.reshape(-1, 2), np.repeat(foot, edges)
     weighted = whole * [1.0, 1.0, 1.0, *3 * [settings.moment]]
-    same_foot = owner[:, None] == owner
-    hessian = weighted @ whole.T + settings.pivot * same_foot * np.outer(pivot, pivot)
+    hessian = weighted @ whole.T + (owner[:, None] == owner) * (about @ about.T)
+    share, alike = slow
+    if settings.steady * alike > 0:
+        # Every edge carries a vertical force of 1: this is (1 - s) f_l - s f_r.
+        departure = np.where(owner == 0, 1 - share, -share)
+        hessian += settings.steady * alike * np.outer(departure, departure)
     linear = -weighted @ wanted
     hessian[np.diag_indices(len(hessian))] += settings.ridge * np.repeat(1 / np.maximum(near, NEAR), edges)
     size = count * edges
@@ -144,14 +214,16 @@ def _share(
     )
     if status < 1:
         raise ArithmeticError(f"ground force: daqp failed with status {status}")
-    shares: Float = solution.reshape(count, edges)
+    # The solver's tolerance lets shares be below zero by millionths.
+    shares: Float = np.maximum(solution, 0.0).reshape(count, edges)
     return shares
 
 
 def _collect(forces: Float, sole: SolePoints, centre: Float, wanted: Float) -> GroundReaction:
     total = forces.sum(axis=2)
     vertical = forces[..., 2]
-    share = np.where(total[..., 2:] > 0, vertical / np.maximum(total[..., 2:], 1e-9), 1 / POINTS)
+    # What a solver leaves of a foot in the air has no centre of pressure.
+    share = np.where(total[..., 2:] > NO_FORCE, vertical / np.maximum(total[..., 2:], NO_FORCE), 1 / POINTS)
     centres = np.einsum("tsp,tspi->tsi", share, sole.position)
     moment = np.cross(sole.position - centres[:, :, None], forces).sum(axis=2)
     about_com = np.concatenate([total, np.cross(centres - centre[:, None], total) + moment], axis=-1)

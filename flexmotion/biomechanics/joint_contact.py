@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from flexmotion.biomechanics.dynamics import Dynamics
 from flexmotion.biomechanics.inverse_dynamics import effort
+from flexmotion.biomechanics.opensim_names import FROM_Y_UP
 from flexmotion.biomechanics.segment_motion import carried
 from flexmotion.biomechanics.static_optimisation import MuscleState
 from flexmotion.human.human_model import human_model
@@ -25,9 +26,6 @@ BEYOND = {
     "lumbar": ("torso", "lumbar_extension"),
 }
 """Joint -> segment beyond it, and one of its joint coordinates."""
-
-# The muscle models' segments have x forward, y up, z right.
-FROM_Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 
 
 def joint_contact_forces(found: Dynamics, muscles: MuscleState) -> Float:
@@ -50,5 +48,6 @@ def joint_contact_forces(found: Dynamics, muscles: MuscleState) -> Float:
         segment, coordinate = BEYOND[base]
         rotation = segments.rotation[:, index[segment + suffix]]
         needed = np.einsum("tji,tj->ti", rotation, across[:, JOINTS.index(coordinate + suffix)])
+        # The muscle models' segments have OpenSim's axes.
         contact[:, column] = needed - muscles.muscle_pull[:, column] @ FROM_Y_UP.T
     return contact

@@ -1,9 +1,12 @@
 """Muscle geometry and strength of legs and trunk, from the models of `myo-sim` (extra `biomech`).
 
-MyoLegs (80 muscles) and MyoTorso (210) are from MIT-licensed sources; only muscle paths and force curves are used, not
-the dynamics. Their coordinates are proportional to those of `JOINTS`: a lumbar angle is the sum of five vertebral
-angles. Dependent coordinates (kneecap, vertebrae) follow the equality constraints of the models, and moment arms are
-projected through the slopes of these. Coordinates that `JOINTS` lacks (subtalar, toes) are zero.
+MyoLegs (80 muscles) and MyoTorso (210) are from MIT-licensed sources. Of the legs only muscle paths are used, corrected
+to those of the published model (A. Rajagopal et al., IEEE Trans. Biomed. Eng. 63(10), 2016: "2016 model" below);
+strengths and force curves are those of `hill_muscle`. Of the trunk paths and force curves are used. No dynamics are.
+
+Coordinates of the models are proportional to those of `JOINTS`: a lumbar angle is the sum of five vertebral angles.
+Dependent coordinates (kneecap, vertebrae) follow the equality constraints of the models, and moment arms are projected
+through the slopes of these. Coordinates that `JOINTS` lacks (subtalar, toes) are zero.
 """
 
 from __future__ import annotations
@@ -14,7 +17,9 @@ from functools import cached_property, lru_cache
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
+from flexmotion.biomechanics.hill_muscle import HillMuscles, leg_muscles
 from flexmotion.configs.errors import ConfigError
 from flexmotion.human.skeleton import JOINTS
 
@@ -40,8 +45,66 @@ VERTEBRAE = {"flex_extension": "_FE", "lat_bending": "_LB", "axial_rotation": "_
 CROSSED = {"hip": "femur", "knee": "tibia", "ankle": "talus"}
 """Joints whose contact force is computed, and the segment below."""
 
+UP = 1
+"""Of the three slides of a crossing in a leg: that along the segment, towards its proximal joint."""
+
 MODEL_MASS, MODEL_HEIGHT = 75.0, 1.70
 """Mass and height of the adult of the models [kg, m] (Rajagopal et al., IEEE Trans. Biomed. Eng. 63(10), 2016)."""
+
+KNEE_AXIS = np.array([-0.00808954, -0.0035348, 0.00148474])
+"""Place of the left knee's axis in the tibia [m]; the right one's is its mirror image (Rajagopal et al., 2016).
+
+MyoLegs 0.2 has it at the tibia's origin, 8 mm farther forward: moment arms of the hamstrings are 8 mm too long.
+"""
+
+
+@dataclass(frozen=True)
+class Wrapping:
+    """A cylinder of the right leg around which a muscle's path bends.
+
+    Attributes:
+        segment: that it is fixed to.
+        centre: in the segment [m].
+        turn: of its axis z, intrinsic rotations about x, y, z [rad].
+        radius: [m].
+        side: direction in the cylinder's frame in which the path passes it.
+        after: number of the path's point before it, from 1.
+        points: number of the path's points.
+    """
+
+    segment: str
+    centre: tuple[float, float, float]
+    turn: tuple[float, float, float]
+    radius: float
+    side: tuple[float, float, float]
+    after: int
+    points: int
+
+
+WRAPPINGS = {
+    "psoas": Wrapping("pelvis", (-0.074, -0.06, 0.0656), (-0.25, -0.27, 0.1), 0.05, (1.0, 0.0, 0.0), 2, 4),
+    "glmax1": Wrapping("pelvis", (-0.077, -0.099, 0.061), (-0.6, 0.45, 0.0), 0.04, (-0.7, -0.72, 0.0), 2, 4),
+    "glmax2": Wrapping("pelvis", (-0.08, -0.083, 0.068), (-0.75, 0.39, 0.0), 0.04, (-0.36, -0.93, 0.0), 2, 4),
+    "iliacus": Wrapping("pelvis", (-0.071, -0.065, 0.0756), (-0.32, -0.24, 0.9), 0.0549, (0.87, -0.48, 0.0), 2, 4),
+    "gasmed": Wrapping(
+        "tibia",
+        (0.0707, -0.0915, -0.0033),
+        (-3.0675, -0.1184, -1.4855),
+        0.1291,
+        (0.49, -0.88, 0.0),
+        1,
+        2,
+    ),
+}
+"""Wrapping surfaces of the 2016 model that MyoLegs 0.2 lacks, or has as a sphere (iliacus).
+
+Without them the moment arm of psoas at 20 degrees of hip extension is 12 mm instead of 26, and that of the medial
+gastrocnemius at the straight knee 10 mm instead of 18. The latter has two surfaces in the 2016 model, which MuJoCo
+cannot take in a row: its one is fitted to moment arms of that model (RMS .4 mm in walking; lengths 1.4 mm).
+"""
+
+RISE, FALL = 0.010, 0.040
+"""Time constants of activation of the leg muscles (2016 model) [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +118,7 @@ class MuscleModel:
         share: such a coordinate as a share of the joint angle, (J,).
         slides: three perpendicular slides at each crossing, (C, 3).
         crossings: names of the C joints whose contact force is computed.
+        hill: strengths and force curves of its muscles; None: MuJoCo's muscles have them.
     """
 
     model: mujoco.MjModel
@@ -63,6 +127,15 @@ class MuscleModel:
     share: Float
     slides: NDArray[np.intp]
     crossings: tuple[str, ...]
+    hill: HillMuscles | None = None
+
+    @property
+    def time_constants(self) -> tuple[float, float]:
+        """Time constants of rising and falling activation [s]."""
+        if self.hill is not None:
+            return RISE, FALL
+        rise, fall = self.model.actuator_dynprm[0, :2]
+        return float(rise), float(fall)
 
     @property
     def muscles(self) -> tuple[str, ...]:
@@ -136,16 +209,55 @@ def _leg(spec: mujoco.MjSpec, side: str) -> MuscleModel:
     for tendon in list(spec.tendons):
         if tendon.name.endswith(f"_{other}_tendon") or tendon.name.endswith(f"_{other}"):
             spec.delete(tendon)
+    for joint in spec.body(f"tibia_{side}").joints:
+        if joint.type == mujoco.mjtJoint.mjJNT_HINGE:
+            joint.pos = KNEE_AXIS * (1.0, 1.0, 1.0 if side == "l" else -1.0)
+    for name, wrapping in WRAPPINGS.items():
+        _wrap(spec, name, wrapping, side)
+    for actuator in spec.actuators:
+        # Its control is the tension [N].
+        actuator.set_to_motor()
+        actuator.gainprm[0] = -1.0
+        actuator.ctrllimited = mujoco.mjtLimited.mjLIMITED_FALSE
     crossed = {f"{joint}_{side}": f"{segment}_{side}" for joint, segment in CROSSED.items()}
     joints = {f"{ours}_{side}": f"{theirs}_{side}" for ours, theirs in LEG_COORDINATES.items()}
-    return _compiled(spec, joints, crossed)
+    names = tuple(actuator.name.removesuffix(f"_{side}") for actuator in spec.actuators)
+    return _compiled(spec, joints, crossed, leg_muscles(names))
+
+
+def _wrap(spec: mujoco.MjSpec, name: str, wrapping: Wrapping, side: str) -> None:
+    """Replace a muscle's path by one that bends around a cylinder."""
+    mirror = np.array([1.0, 1.0, 1.0 if side == "r" else -1.0])
+    # A mirror image in z turns the other way about x and y.
+    turn = Rotation.from_euler("XYZ", np.array(wrapping.turn) * (mirror[2], mirror[2], 1.0))
+    centre = np.array(wrapping.centre) * mirror
+    segment = spec.body(wrapping.segment if wrapping.segment == "pelvis" else f"{wrapping.segment}_{side}")
+    surface, guide = f"{name}_surface_{side}", f"{name}_guide_{side}"
+    segment.add_geom(
+        name=surface,
+        type=mujoco.mjtGeom.mjGEOM_CYLINDER,
+        size=[wrapping.radius, 0.05, 0.0],
+        pos=centre,
+        quat=turn.as_quat(scalar_first=True),
+        mass=0.0,
+    )
+    segment.add_site(name=guide, pos=centre + turn.apply(1.5 * wrapping.radius * np.array(wrapping.side) * mirror))
+    tendon = spec.tendon(f"{name}_{side}_tendon")
+    spec.delete(tendon)
+    tendon = spec.add_tendon(name=f"{name}_{side}_tendon")
+    for point in range(1, wrapping.points + 1):
+        tendon.wrap_site(f"{name}-P{point}_{side}")
+        if point == wrapping.after:
+            tendon.wrap_geom(surface, guide)
 
 
 def _trunk(spec: mujoco.MjSpec) -> MuscleModel:
     return _compiled(spec, TRUNK_COORDINATES, {"lumbar": "lumbar5"})
 
 
-def _compiled(spec: mujoco.MjSpec, joints: dict[str, str], crossed: dict[str, str]) -> MuscleModel:
+def _compiled(
+    spec: mujoco.MjSpec, joints: dict[str, str], crossed: dict[str, str], hill: HillMuscles | None = None
+) -> MuscleModel:
     slides = {joint: _slides(spec.body(segment), joint) for joint, segment in crossed.items()}
     spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
     model = spec.compile()
@@ -157,6 +269,7 @@ def _compiled(spec: mujoco.MjSpec, joints: dict[str, str], crossed: dict[str, st
         share=np.array([_share(model, name) for name in joints.values()]),
         slides=np.array([[model.joint(name).id for name in names] for names in slides.values()], np.intp),
         crossings=tuple(crossed),
+        hill=hill,
     )
 
 

@@ -36,6 +36,9 @@ class JointReach:
 
 REACH = JointReach()
 
+RESIDUAL_FORCE, RESIDUAL_MOMENT = 0.1, 0.1
+"""Greatest residual that ground forces leave in a good frame [body weights, body weights x m]."""
+
 
 def within_turn(joints: Float) -> Float:
     """Angles of the same poses within half a turn of the middle of each joint's range, (T, 26) [rad].

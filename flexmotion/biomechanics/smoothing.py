@@ -38,13 +38,18 @@ DIFFERENCES = np.array([-1.0, 3.0, -3.0, 1.0])
 """Third difference, whose square the spline penalises."""
 
 
-def smoothing_spline(signal: Float, fps: float, cutoff: float) -> Float:
-    """The signal low-passed at a cut-off frequency [Hz], where its gain is one half, (T, ...) -> (T, ...)."""
+def smoothing_spline(signal: Float, fps: float, cutoff: float | Float) -> Float:
+    """The signal low-passed at a cut-off frequency [Hz], where its gain is one half, (T, ...) -> (T, ...).
+
+    The cut-off may be one of each frame, (T,).
+    """
     frames, order = len(signal), len(DIFFERENCES) - 1
     if frames <= order:
         return signal
     # Whittaker-Henderson: minimise |x - signal|² + penalty |D x|², a banded system.
-    penalty = (2 * np.sin(np.pi * cutoff / fps)) ** (-2 * order)
+    # Every third difference is penalised by the cut-off at its middle.
+    local = np.broadcast_to(cutoff, frames)[order // 2 : order // 2 + frames - order]
+    penalty = (2 * np.sin(np.pi * np.minimum(local / fps, 0.5))) ** (-2 * order)
     bands = np.zeros((order + 1, frames))
     for first in range(order + 1):
         for second in range(first, order + 1):
@@ -57,10 +62,10 @@ def smoothing_spline(signal: Float, fps: float, cutoff: float) -> Float:
     return solved.reshape(signal.shape)
 
 
-def smooth(motion: Motion, cutoff: float = CUTOFF) -> Motion:
-    """Kinematics low-passed at a cut-off frequency [Hz] without delay; all other fields are dropped."""
-    if cutoff >= motion.fps / 2 or len(motion) < 2:
-        return replace(motion, torques=None, wrenches=None, activations=None)
+def smooth(motion: Motion, cutoff: float | Float = CUTOFF) -> Motion:
+    """Kinematics low-passed at a cut-off frequency [Hz], or one of each frame, without delay; no other fields."""
+    if np.min(cutoff) >= motion.fps / 2 or len(motion) < 2:
+        return replace(motion, torques=None, wrenches=None, activations=None, joint_contact=None)
 
     def filtered(quaternions: Float) -> Float:
         result = smoothing_spline(continuous_quaternions(quaternions), motion.fps, cutoff)
@@ -80,4 +85,5 @@ def smooth(motion: Motion, cutoff: float = CUTOFF) -> Motion:
         torques=None,
         wrenches=None,
         activations=None,
+        joint_contact=None,
     )

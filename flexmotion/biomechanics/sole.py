@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
 
 from flexmotion.biomechanics.differentiation import derivative
 from flexmotion.biomechanics.segment_motion import SegmentMotion
@@ -32,7 +33,8 @@ class SolePoints:
 
     Attributes:
         position: on the floor below the point, (T, 2, 12, 3) [m].
-        nearness: 1 for a point at rest on the floor, decreasing to 0 with height and speed, (T, 2, 12).
+        nearness: 1 for a point that rests on the floor for some time, decreasing to 0 with height and speed,
+            (T, 2, 12).
     """
 
     position: Float
@@ -41,14 +43,23 @@ class SolePoints:
 
 @dataclass(frozen=True)
 class Nearness:
-    """Widths of the Gaussian of a point's height [m] and speed [m/s] that is its nearness.
+    """Nearness of a point is a Gaussian of its height and speed, times its own average over time.
 
-    The height is the error of joint centres and fitted soles; the speed is that of a heel at a low-passed strike. Both
-    are soft, so that a single foot near the floor carries the load at any speed.
+    The average follows the load from heel to toe: a heel that rests while the toe comes down carries more than the toe,
+    and a toe that stays while the heel leaves carries more than the heel. Height and speed are soft, so that a single
+    foot near the floor carries the load at any speed.
+
+    Attributes:
+        height: width, the error of joint centres and fitted soles [m].
+        speed: width, the speed of a heel at a low-passed strike [m/s].
+        spell: standard deviation of the average, the time in which load passes along the sole [s].
+        impact: a point with a greater vertical speed is in the air as soon as it is above `height` [m/s].
     """
 
     height: float = 0.02
     speed: float = 0.5
+    spell: float = 0.1
+    impact: float = 1.5
 
 
 NEARNESS = Nearness()
@@ -70,8 +81,11 @@ def sole_points(body: Body, segments: SegmentMotion, fps: float, limits: Nearnes
     position = segments.position[:, feet, None] + np.einsum(
         "tsij,pj->tspi", segments.rotation[:, feet], sole_grid(body)
     )
-    speed = np.linalg.norm(derivative(position, fps), axis=-1)
+    velocity = derivative(position, fps)
+    speed = np.linalg.norm(velocity, axis=-1)
     height = np.maximum(position[..., 2], 0.0)
-    nearness = np.exp(-((height / limits.height) ** 2) - (speed / limits.speed) ** 2) * (height < REACH)
+    reach = np.where(np.abs(velocity[..., 2]) > limits.impact, limits.height, REACH)
+    nearness = np.exp(-((height / limits.height) ** 2) - (speed / limits.speed) ** 2) * (height < reach)
+    nearness *= gaussian_filter1d(nearness, limits.spell * fps, axis=0, mode="nearest")
     position[..., 2] = 0.0
     return SolePoints(position, nearness)

@@ -1,9 +1,10 @@
 """Static optimisation: the muscle activations that produce the joint torques with the least effort.
 
-For every frame    min Σ a²    subject to    torque = R (gain a + bias),    fall(a⁻) <= a <= rise(a⁻)
+For every frame    min Σ a² + w Σ c²    subject to    torque = R (gain a + bias),    fall(a⁻) <= a <= rise(a⁻)
 
-with moment arms R, gain and bias of MuJoCo's muscles at this length and speed, and the activation a⁻ of the frame
-before. Torque that the muscles cannot produce is penalised and reported.
+with moment arms R, active force per activation (gain) and passive force (bias) of the muscles at this length and speed,
+the activation a⁻ of the frame before, and the compression c of hip and knee by the leg's muscles [body weights]. High
+activations of leg muscles cost more. Torque that the muscles cannot produce is penalised and reported.
 """
 
 from __future__ import annotations
@@ -15,21 +16,41 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexmotion.biomechanics.activation import activation_limits
-from flexmotion.biomechanics.box_least_norm import box_least_norm
+from flexmotion.biomechanics.box_least_norm import Cost, box_least_norm
 from flexmotion.biomechanics.differentiation import derivative
 from flexmotion.biomechanics.muscle_geometry import (
     MODEL_HEIGHT,
     MODEL_MASS,
+    UP,
     MuscleModel,
     muscle_models,
 )
 from flexmotion.human.motion import Motion
 from flexmotion.human.skeleton import DOF_COUNT, JOINTS
+from flexmotion.spatial.gravity import GRAVITY
 
 Float = NDArray[np.float64]
 
 FEASIBLE = 0.02
 """Greatest error of the torque at a joint in a feasible frame, relative to the joint's greatest torque in the clip."""
+
+ERROR_COST = 10.0
+"""Cost of torque that muscles do not give, relative to squared activation [1/(N·m)²]."""
+
+COMPRESSION_COST = 0.1
+"""Cost w of squared compression, relative to squared activation [1/(body weight)²].
+
+With it hip and knee carry .3 to .4 body weights less at their peaks; the correlation with pure Σ a² is .98.
+"""
+
+SUSTAINED, STEEPNESS = 0.8, 30.0
+"""Activation from which a leg muscle costs more, and cost of the squared part above it, relative to squared activation.
+
+Load passes to other muscles before one is saturated: frames with a saturated leg muscle halve, correlation is .99.
+"""
+
+RELIEVED = ("hip", "knee")
+"""Joints whose compression has a cost."""
 
 
 @dataclass(frozen=True)
@@ -116,13 +137,13 @@ def muscle_moments(muscles: MuscleModel, motion: Motion) -> tuple[Float, Float]:
 
 
 def _actuation(muscles: MuscleModel, motion: Motion) -> _Actuation:
+    """Moments and forces at crossings of a model's muscles over a clip."""
     model, data = muscles.model, mujoco.MjData(muscles.model)
     angles = motion.joints[:, muscles.columns]
     rates = derivative(np.unwrap(angles, axis=0), motion.fps)
-    frames, count, joints = len(motion), model.nu, len(muscles.joints)
-    slides = muscles.slides.ravel()
-    active, passive = np.empty((frames, joints, count)), np.empty((frames, joints))
-    pull_active, pull_passive = np.empty((frames, len(slides), count)), np.empty((frames, len(slides)))
+    frames, count, slides = len(motion), model.nu, muscles.slides.ravel()
+    arms, crossing = np.empty((frames, count, len(muscles.joints))), np.empty((frames, count, len(slides)))
+    length, active, passive = (np.zeros((frames, count)) for _ in range(3))
     dense = np.zeros((count, model.nv))
     for frame in range(frames):
         qpos, slopes = muscles.pose(angles[frame])
@@ -134,31 +155,41 @@ def _actuation(muscles: MuscleModel, motion: Motion) -> _Actuation:
         mujoco.mju_sparse2dense(
             dense, data.actuator_moment.ravel(), data.moment_rownnz, data.moment_rowadr, data.moment_colind
         )
-        arms = dense @ slopes
-        data.actuator_velocity[:] = arms @ rates[frame]
-        data.act[:] = 0.0
-        mujoco.mj_fwdActuation(model, data)
-        bias = data.actuator_force.copy()
-        data.act[:] = 1.0
-        mujoco.mj_fwdActuation(model, data)
-        gain = data.actuator_force - bias
-        active[frame], passive[frame] = arms.T * gain, arms.T @ bias
-        crossing = dense[:, slides].T
-        pull_active[frame], pull_passive[frame] = crossing * gain, crossing @ bias
-    return _Actuation(active, passive, pull_active, pull_passive)
+        arms[frame], crossing[frame], length[frame] = dense @ slopes, dense[:, slides], data.actuator_length
+        if muscles.hill is None:
+            data.actuator_velocity[:] = arms[frame] @ rates[frame]
+            data.act[:] = 0.0
+            mujoco.mj_fwdActuation(model, data)
+            passive[frame] = -data.actuator_force
+            data.act[:] = 1.0
+            mujoco.mj_fwdActuation(model, data)
+            active[frame] = -data.actuator_force - passive[frame]
+    if muscles.hill is not None:
+        active = muscles.hill.tension(length, np.einsum("tmj,tj->tm", arms, rates))
+    # Tension shortens the path.
+    return _Actuation(
+        active=-np.swapaxes(arms * active[..., None], 1, 2),
+        passive=-np.einsum("tmj,tm->tj", arms, passive),
+        pull_active=-np.swapaxes(crossing * active[..., None], 1, 2),
+        pull_passive=-np.einsum("tmc,tm->tc", crossing, passive),
+    )
 
 
 def _solve(muscles: MuscleModel, actuation: _Actuation, wanted: Float, fps: float) -> tuple[Float, Float]:
     """Activations (T, M), and the missing part of the required moments (T, J) [N·m of the model]."""
-    rise, fall = muscles.model.actuator_dynprm[0, :2]
-    limits = activation_limits(1.0 / fps, float(rise), float(fall))
-    frames, count = len(wanted), muscles.model.nu
+    limits = activation_limits(1.0 / fps, *muscles.time_constants)
+    frames, count, joints = len(wanted), muscles.model.nu, len(muscles.joints)
     activations, missing = np.empty((frames, count)), np.empty(wanted.shape)
     lower, upper = np.zeros(count), np.ones(count)
-    price = np.zeros(len(muscles.joints))
-    for frame in range(frames):
-        target = wanted[frame] - actuation.passive[frame]
-        activations[frame], price = box_least_norm(actuation.active[frame], target, lower, upper, price)
-        missing[frame] = target - actuation.active[frame] @ activations[frame]
-        lower, upper = limits.bounds(activations[frame])
+    # A cost of squared compression is an equation with target 0 and a weight of its own.
+    rows = [UP + 3 * at for at, name in enumerate(muscles.crossings) if name.partition("_")[0] in RELIEVED]
+    weight = np.sqrt(COMPRESSION_COST / ERROR_COST) / (MODEL_MASS * GRAVITY)
+    matrices = np.concatenate([actuation.active, weight * actuation.pull_active[:, rows]], axis=1)
+    targets = np.concatenate([wanted - actuation.passive, np.zeros((frames, len(rows)))], axis=1)
+    cost = Cost(ERROR_COST, SUSTAINED, STEEPNESS if muscles.hill is not None else 0.0)
+    price = np.zeros(joints + len(rows))
+    for frame, (matrix, target) in enumerate(zip(matrices, targets, strict=True)):
+        found, price = box_least_norm(matrix, target, lower, upper, price, cost)
+        activations[frame], missing[frame] = found, (target - matrix @ found)[:joints]
+        lower, upper = limits.bounds(found)
     return activations, missing

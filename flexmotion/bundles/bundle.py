@@ -48,7 +48,7 @@ class Bundle:
         self.folder = Path(folder)
         path = self.folder / MANIFEST
         self.manifest = read_manifest(path)
-        self.layout = Layout(self.manifest.fps, self.manifest.muscles)
+        self.layout = Layout(self.manifest.fps, self.manifest.muscles, joint_contact=self.manifest.joint_contact)
         if self.layout.hash != self.manifest.layout:
             raise ConfigError(
                 f"{path}: made for layout {self.manifest.layout}, this version has {self.layout.hash}: "

@@ -18,7 +18,7 @@ MANIFEST = "manifest.json"
 SCHEMA_VERSIONS = FormatVersions(
     kind="bundle",
     oldest=3,
-    newest=4,
+    newest=5,
     migration="export the bundle anew from its training folder ('flexmotion export')",
     field="schema_",
 )
@@ -60,7 +60,7 @@ class Manifest(Strict):
         schema_: version of the manifest, `SCHEMA`.
         name, description: for people.
         layout: hash of the feature layout.
-        fps, muscles: of that layout.
+        fps, muscles, joint_contact: of that layout; before schema 5 without joint contact forces.
         history, future: frames of input and output.
         latent: size of the latent vector.
         steps: default number of sampling steps.
@@ -81,6 +81,7 @@ class Manifest(Strict):
     layout: str
     fps: float
     muscles: int
+    joint_contact: bool = False
     history: int
     future: int
     latent: int
@@ -113,7 +114,8 @@ def read_manifest(path: Path) -> Manifest:
     found = _version(content.get("schema_"), path)
     SCHEMA_VERSIONS.check(found, path)
     if found == 3:
-        content = content | {"schema_": SCHEMA, "corrections": CORRECTIONS_OF_3.model_dump()}
+        content = content | {"corrections": CORRECTIONS_OF_3.model_dump()}
+    content = content | {"schema_": SCHEMA}
     return parse(Manifest, content, path)
 
 
@@ -141,9 +143,12 @@ def equivalent_hashes(manifest: Manifest) -> tuple[str, ...]:
     that names one of these hashes was recorded with the same model.
     """
     texts = [_text(manifest.model_dump())]
-    if manifest.corrections == CORRECTIONS_OF_3:
-        content = manifest.model_dump(exclude={"corrections"}) | {"schema_": "flexmotion.bundle/3"}
+    if not manifest.joint_contact:
+        content = manifest.model_dump(exclude={"joint_contact"}) | {"schema_": "flexmotion.bundle/4"}
         texts.append(_text(content))
+        if manifest.corrections == CORRECTIONS_OF_3:
+            del content["corrections"]
+            texts.append(_text(content | {"schema_": "flexmotion.bundle/3"}))
     return tuple(hashlib.sha256(text.encode()).hexdigest() for text in texts)
 
 

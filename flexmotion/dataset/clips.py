@@ -1,6 +1,6 @@
 """Clips in a folder of motion data: single files, archives, packed files, and their index tables.
 
-*.bvh *.amc *.npy *.npz *.trc      clips
+*.bvh *.amc *.npy *.npz *.trc *.c3d clips
 *.tar.xz, *.tar.gz, *.zip …        unpacked beside the set, then searched
 *_index.csv                        `file` or `trial` -> split, content and style, or action
 *_captions.csv                     see `captions`
@@ -24,7 +24,7 @@ from flexmotion.importers.acclaim import find_skeleton
 from flexmotion.importers.packed import is_packed
 from flexmotion.importers.smpl import is_amass
 
-LOOSE = (".bvh", ".amc", ".npy", ".trc")
+LOOSE = (".bvh", ".amc", ".npy", ".trc", ".c3d")
 """Suffixes of files with one clip, the most informative first: rotations before joint centres."""
 
 ARCHIVES = (".tar.xz", ".tar.gz", ".tgz", ".tar", ".zip")

@@ -1,4 +1,4 @@
-"""Compact form of a set, for transfer to a training machine: half precision, no muscles, no mirror images.
+"""Compact form of a set, for transfer to a training machine: half precision, no activations, no mirror images.
 
 Mirror images are exact (`biomechanics.mirror`) and computed where the set is used. Paths keep single precision: half
 precision is too coarse ten metres from the origin.
@@ -19,21 +19,20 @@ from flexmotion.dataset.training_set import TrainingSet
 
 MAGIC = b"FMSET1\n\0"
 FULL = ("root_position",)
-LEFT_OUT = ("loads", "good")
-"""Fields left out: loads are zero in originals, good frames follow from residuals."""
+LEFT_OUT = ("activations", "infeasible")
+"""Fields left out: activations are twice as many numbers as all other fields together."""
+
+COMPUTED = ("mirror",)
+"""Variants that are computed where the set is used."""
 
 RELATIVE = ("centres",)
 """Positions written relative to the root, where half precision suffices."""
 
 
 def export_compact(source: TrainingSet, path: Path) -> int:
-    """Write the originals of a set; return the size of the file [bytes]."""
-    clips = list(source.select(variant="original"))
-    fields = {
-        name: field
-        for name, field in source.manifest["fields"].items()
-        if not field["muscles"] and name not in LEFT_OUT
-    }
+    """Write the originals and the augmented clips of a set; return the size of the file [bytes]."""
+    clips = [clip for clip in source.clips if clip.variant not in COMPUTED]
+    fields = {name: field for name, field in source.manifest["fields"].items() if name not in LEFT_OUT}
     start, table = 0, []
     for clip in clips:
         table.append(clip.info | {"start": start})

@@ -1,4 +1,4 @@
-"""`CompactSet`: the compact form of a set as a set without muscles, with computed mirror images."""
+"""`CompactSet`: the compact form of a set as a set without activations, with computed mirror images."""
 
 from __future__ import annotations
 
@@ -11,12 +11,13 @@ from typing import Protocol
 
 import numpy as np
 
-from flexmotion.biomechanics.mirror import POLAR, mirror
+from flexmotion.biomechanics.mirror import POLAR, mirror, mirrored_loads
 from flexmotion.dataset.compact import read_compact
+from flexmotion.dataset.fields import LOADS
 from flexmotion.dataset.training_set import SetClip, TrainingSet
 from flexmotion.human.motion import Motion
 
-MIRROR = "mirror"
+ORIGINAL, MIRROR = "original", "mirror"
 
 
 class MotionSet(Protocol):
@@ -48,6 +49,14 @@ class MotionSet(Protocol):
         """Whether ground forces explain its frames, (T,)."""
         ...
 
+    def loads(self, clip: SetClip) -> np.ndarray:
+        """External forces on torso, left hand and right hand, world axes, (T, 3, 3) [N]."""
+        ...
+
+    def force_error(self, clip: SetClip) -> np.ndarray:
+        """Estimated standard error of the ground force on left and right foot, (T, 2) [body weights]."""
+        ...
+
 
 def open_set(path: Path) -> MotionSet:
     """A set from the folder of `data build` or the file of `data export`. Raises `MotionFormatError`."""
@@ -70,13 +79,13 @@ class CompactSet:
 
     @cached_property
     def clips(self) -> tuple[SetClip, ...]:
-        """Every clip, followed by its mirror image if the set was built with them."""
+        """Every clip; originals are followed by their mirror images if the set was built with them."""
         keys = ("name", "start", "frames", "fps", "split", "variant")
         clips = []
         for item in self._header["clips"]:
             clip = SetClip(**{key: item[key] for key in keys}, info=item)
             clips.append(clip)
-            if self._header["settings"]["mirrored"]:
+            if self._header["settings"]["mirrored"] and clip.variant == ORIGINAL:
                 clips.append(replace(clip, name=f"{clip.name}~{MIRROR}", variant=MIRROR))
         return tuple(clips)
 
@@ -102,6 +111,7 @@ class CompactSet:
             joints=rows("joints"),
             torques=rows("torques"),
             wrenches=rows("wrenches"),
+            joint_contact=rows("joint_contact") if "joint_contact" in self._arrays else None,
             contacts=np.array(self._arrays["contacts"][clip.rows]),
         )
         return mirror(motion) if clip.variant == MIRROR else motion
@@ -113,5 +123,23 @@ class CompactSet:
 
     def good(self, clip: SetClip) -> np.ndarray:
         """See `MotionSet`."""
+        if "good" in self._arrays:
+            return np.array(self._arrays["good"][clip.rows])
+        # Files of 0.1.0 have residuals alone.
         settings, residual = self._header["settings"], self._arrays["residual"][clip.rows]
         return (residual[:, 0] <= settings["residual_force"]) & (residual[:, 1] <= settings["residual_moment"])
+
+    def loads(self, clip: SetClip) -> np.ndarray:
+        """See `MotionSet`."""
+        loads = self._optional("loads", clip, (LOADS, 3))
+        return mirrored_loads(loads) if clip.variant == MIRROR else loads
+
+    def force_error(self, clip: SetClip) -> np.ndarray:
+        """See `MotionSet`."""
+        error = self._optional("force_error", clip, (2,))
+        return error[:, ::-1] if clip.variant == MIRROR else error
+
+    def _optional(self, field: str, clip: SetClip, shape: tuple[int, ...]) -> np.ndarray:
+        if field not in self._arrays:
+            return np.zeros((clip.frames, *shape))
+        return np.asarray(self._arrays[field][clip.rows], np.float64)

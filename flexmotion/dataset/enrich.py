@@ -9,18 +9,20 @@ from typing import Any
 import numpy as np
 
 from flexmotion.biomechanics.augmentation import varied
-from flexmotion.biomechanics.dynamics import dynamics
+from flexmotion.biomechanics.dynamics import Dynamics, dynamics
 from flexmotion.biomechanics.external_load import ExternalLoad
+from flexmotion.biomechanics.force_error import FLAGGED
 from flexmotion.biomechanics.joint_contact import joint_contact_forces
 from flexmotion.biomechanics.mirror import mirror
 from flexmotion.biomechanics.plausibility import plausible, within_turn
+from flexmotion.biomechanics.simulation.variant import TrackingFailedError, perturbed
 from flexmotion.biomechanics.static_optimisation import infeasible, static_optimisation
 from flexmotion.configs.errors import FlexMotionError
 from flexmotion.dataset.clips import Clip
 from flexmotion.dataset.fields import FIELDS
 from flexmotion.dataset.settings import BuildSettings
 from flexmotion.human.motion import Motion
-from flexmotion.importers import load
+from flexmotion.importers import read
 
 MEAN_HEIGHT = 1.75
 
@@ -30,7 +32,7 @@ class Entry:
     """A clip, its mirror image or a variant, for the set, or the reason for dropping it.
 
     Attributes:
-        name: of the clip, with suffix `~mirror` or `~N`.
+        name: of the clip, with suffix `~mirror`, `~N` or `~perturbedN`.
         info: its entry in the manifest.
         arrays: by field; empty if dropped.
         dropped: reason; empty if kept.
@@ -55,11 +57,14 @@ def enrich(clip: Clip, settings: BuildSettings) -> list[Entry]:
         "captions": [asdict(caption) for caption in clip.captions],
     }
     try:
-        motion = load(clip.path, fps=settings.fps, clip=clip.member or None)
+        imported = read(clip.path, fps=settings.fps, clip=clip.member or None)
     except FlexMotionError as error:
         # The path of the file is removed from the message: it differs between machines.
         reason = str(error).replace(str(clip.path), clip.path.name)
         return [Entry(clip.name, about, {}, f"unreadable: {reason}")]
+    motion = imported.motion
+    if np.any(imported.belt):
+        about |= {"belt": [round(float(speed), 4) for speed in imported.belt]}
     mass = settings.mass * (motion.body.height / MEAN_HEIGHT) ** 2
     motion = replace(motion, body=replace(motion.body, mass=mass), source=source)
     entries = [_entry(clip.name, about | {"variant": "original"}, motion, (), settings)]
@@ -70,7 +75,27 @@ def enrich(clip: Clip, settings: BuildSettings) -> list[Entry]:
         changed, loads = varied(motion, seed, settings.ranges)
         info = about | {"variant": "varied", "seed": seed}
         entries.append(_entry(f"{clip.name}~{number}", info, changed, loads, settings))
+    if _chosen(clip.name, settings):
+        for number in range(1, settings.perturbed + 1):
+            seed = _seed(clip.name, -number, settings.seed)
+            info = about | {"variant": "perturbed", "seed": seed}
+            entries.append(_perturbed_entry(f"{clip.name}~perturbed{number}", info, motion, settings))
     return entries
+
+
+def _chosen(name: str, settings: BuildSettings) -> bool:
+    """Whether a clip has simulated copies; independent of the order in which clips are built."""
+    return _seed(name, 0, settings.seed) < settings.perturbed_share * 2**32
+
+
+def _perturbed_entry(name: str, info: dict[str, Any], motion: Motion, settings: BuildSettings) -> Entry:
+    if motion.duration < settings.shortest:
+        return Entry(name, info, {}, f"short: {motion.duration:.2f} s")
+    try:
+        found = perturbed(motion, info["seed"], settings.perturbations, cutoff=settings.cutoff)
+    except TrackingFailedError as error:
+        return Entry(name, info | {"frames": len(motion), "fps": motion.fps}, {}, str(error))
+    return _entry(name, info | found.description(), found.dynamics.motion, (), settings, found.dynamics)
 
 
 def _seed(name: str, number: int, seed: int) -> int:
@@ -79,12 +104,18 @@ def _seed(name: str, number: int, seed: int) -> int:
 
 
 def _entry(
-    name: str, info: dict[str, Any], motion: Motion, loads: tuple[ExternalLoad, ...], settings: BuildSettings
+    name: str,
+    info: dict[str, Any],
+    motion: Motion,
+    loads: tuple[ExternalLoad, ...],
+    settings: BuildSettings,
+    known: Dynamics | None = None,
 ) -> Entry:
+    """Entry of a motion under loads, with its dynamics if they are known."""
     info = info | {"frames": len(motion), "fps": motion.fps}
     if motion.duration < settings.shortest:
         return Entry(name, info, {}, f"short: {motion.duration:.2f} s")
-    found = dynamics(motion, settings.cutoff, settings.ground, settings.nearness, loads=loads)
+    found = known or dynamics(motion, settings.cutoff, settings.ground, settings.nearness, loads=loads)
     moved = replace(found.motion, joints=within_turn(found.motion.joints))
     explained = (found.residual[:, 0] <= settings.residual_force) & (found.residual[:, 1] <= settings.residual_moment)
     good = explained & plausible(moved, settings.reach)
@@ -94,6 +125,8 @@ def _entry(
         "good_share": round(float(good.mean()), 4),
         "implausible_share": round(float((explained & ~good).mean()), 4),
         "residual_median": [round(float(value), 5) for value in medians],
+        "force_error_mean": round(float(found.force_error.mean()), 5),
+        "flagged_share": round(float((found.force_error > FLAGGED).any(axis=1).mean()), 4),
     }
     if explained.mean() < settings.kept_share:
         reason = f"residual: {100 * explained.mean():.0f} % of its frames are explained by ground forces"
@@ -109,8 +142,9 @@ def _entry(
         "wrenches": moved.wrenches,
         "centres": found.centres,
         "contacts": moved.contacts,
-        "loads": np.stack([load.force for load in loads], axis=1) if loads else np.zeros((len(moved), 3, 3)),
+        "loads": _stacked(found),
         "residual": found.residual,
+        "force_error": found.force_error,
         "good": good,
     }
     if settings.muscles:
@@ -121,3 +155,10 @@ def _entry(
             "infeasible": infeasible(muscles, moved),
         }
     return Entry(name, info, {field: np.asarray(value).astype(FIELDS[field].dtype) for field, value in arrays.items()})
+
+
+def _stacked(found: Dynamics) -> np.ndarray:
+    """Forces of the loads on torso, left and right hand, (T, 3, 3) [N]."""
+    if not found.loads:
+        return np.zeros((len(found.motion), 3, 3))
+    return np.stack([load.force for load in found.loads], axis=1)

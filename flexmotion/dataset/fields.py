@@ -42,6 +42,7 @@ FIELDS: dict[str, Field] = {
     "contacts": Field((2,), "bool", "foot carries load"),
     "loads": Field((LOADS, 3), "float32", "N on torso, left hand, right hand"),
     "residual": Field((2,), "float32", "body weights, body weights x m"),
+    "force_error": Field((2,), "float32", "body weights, standard error of the ground force on each foot"),
     "good": Field((), "bool", "residual and joints within limits"),
     "activations": Field((MUSCLES,), "float16", "0 to 1", muscles=True),
     "joint_contact": Field((CROSSINGS, 3), "float32", "N", muscles=True),

@@ -41,7 +41,7 @@ class Ranges:
 
 
 def summary(kept: list[dict[str, Any]], dropped: list[dict[str, Any]], settings: BuildSettings) -> dict[str, Any]:
-    """Hours by split and collection, kept frames, reasons for dropping, medians of residuals by kind of motion."""
+    """Hours by split and collection, kept frames, dropped clips by reason; residuals and force errors by kind."""
     hours: Counter[str] = Counter()
     kinds: dict[str, list[dict[str, Any]]] = {}
     for clip in kept:
@@ -61,6 +61,7 @@ def summary(kept: list[dict[str, Any]], dropped: list[dict[str, Any]], settings:
         "hours": {key: round(value, 4) for key, value in sorted(hours.items())},
         "clips_kept": len(kept),
         "clips_dropped": dict(sorted(Counter(clip["reason"].partition(":")[0] for clip in dropped).items())),
+        "flagged_share": round(_mean(kept, "flagged_share"), 4) if kept else 0.0,
         "by_kind": {kind: _kind(clips, lost[kind]) for kind, clips in sorted(kinds.items())},
     }
 
@@ -73,4 +74,11 @@ def _kind(clips: list[dict[str, Any]], lost: int) -> dict[str, Any]:
         row["kept_share"] = round(good / (frames + lost), 4)
         medians = np.median([clip["residual_median"] for clip in clips], axis=0)
         row["residual_median"] = [round(float(value), 5) for value in medians]
+        row["force_error_mean"] = round(_mean(clips, "force_error_mean"), 5)
+        row["flagged_share"] = round(_mean(clips, "flagged_share"), 4)
     return row
+
+
+def _mean(clips: list[dict[str, Any]], key: str) -> float:
+    """Mean over frames of what clips say of theirs."""
+    return float(np.average([clip[key] for clip in clips], weights=[clip["frames"] for clip in clips]))

@@ -14,6 +14,7 @@ import numpy as np
 
 from flexmotion.configs.errors import MotionFormatError
 from flexmotion.dataset.build import MANIFEST, SCHEMA
+from flexmotion.dataset.fields import LOADS
 from flexmotion.human.body import Body, Segments
 from flexmotion.human.motion import Motion
 
@@ -108,9 +109,25 @@ class TrainingSet:
         """Whether ground forces explain a clip's frames, (T,)."""
         return np.asarray(self["good"][clip.rows])
 
+    def loads(self, clip: SetClip) -> np.ndarray:
+        """External forces on torso, left hand and right hand, world axes, (T, 3, 3) [N]; zero where there are none."""
+        return self._optional("loads", clip, (LOADS, 3))
+
+    def force_error(self, clip: SetClip) -> np.ndarray:
+        """Estimated standard error of the ground force on left and right foot, (T, 2) [body weights].
+
+        Zero in sets that were built without it.
+        """
+        return self._optional("force_error", clip, (2,))
+
+    def _optional(self, field: str, clip: SetClip, shape: tuple[int, ...]) -> np.ndarray:
+        if field not in self.manifest["fields"]:
+            return np.zeros((clip.frames, *shape))
+        return np.asarray(self[field][clip.rows], np.float64)
+
     def motion(self, clip: SetClip) -> Motion:
         """One clip with all its fields."""
-        names = ("root_position", "root_quaternion", "joints", "torques", "wrenches", "activations")
+        names = ("root_position", "root_quaternion", "joints", "torques", "wrenches", "activations", "joint_contact")
         present = [name for name in names if name in self.manifest["fields"]]
         return Motion(
             fps=clip.fps,

@@ -1,4 +1,4 @@
-"""Metrics on the consistency of a motion's torques, forces and activations with its kinematics."""
+"""Metrics on the consistency of a motion's torques, forces, activations and joint contact with its kinematics."""
 
 from __future__ import annotations
 
@@ -8,13 +8,17 @@ from numpy.typing import NDArray
 from flexmotion.biomechanics.differentiation import EDGE
 from flexmotion.biomechanics.dynamics import dynamics
 from flexmotion.biomechanics.inverse_dynamics import joint_torques
+from flexmotion.biomechanics.joint_contact import joint_contact_forces
 from flexmotion.biomechanics.segment_motion import segment_motion
 from flexmotion.biomechanics.static_optimisation import infeasible, static_optimisation
 from flexmotion.human.motion import Motion
-from flexmotion.human.skeleton import JOINTS
+from flexmotion.human.skeleton import CONTACT_JOINTS, JOINTS
 from flexmotion.spatial.gravity import GRAVITY
 
 Float = NDArray[np.float64]
+
+COMPRESSION = np.array([1.0 if joint == "lumbar" else -1.0 for joint in CONTACT_JOINTS])
+"""Sign of a compressing force along the segment beyond each of `CONTACT_JOINTS`; the torso is above its joint."""
 
 ROUNDING = 1e-3
 """Tolerance of the bounds of activations: rounding to half precision."""
@@ -26,9 +30,10 @@ def physics_metrics(motion: Motion, centres: Float) -> dict[str, float]:
     Keys: `contact_force`, mean distance of the forces from those recomputed from the kinematics [% of body weight];
     `actuation`, mean distance of the torques from inverse dynamics under the motion's own forces [N·m/kg];
     `euler_force`, `euler_moment`, generalised forces of the root [% of body weight, N·m/kg];
-    `muscle_limit`, share of muscle-frames outside [0, 1] [%], absent without activations.
+    `muscle_limit`, share of muscle-frames outside [0, 1] [%], absent without activations;
+    `joint_tension`, share of joint contact forces that pull a joint apart [%], absent without such forces.
 
-    All but the last exclude `EDGE` frames at each end, where accelerations are extrapolated.
+    All but the last two exclude `EDGE` frames at each end, where accelerations are extrapolated.
 
     Args:
         motion: with torques and wrenches, (T,).
@@ -56,6 +61,8 @@ def physics_metrics(motion: Motion, centres: Float) -> dict[str, float]:
     if motion.activations is not None:
         beyond = (motion.activations < -ROUNDING) | (motion.activations > 1 + ROUNDING)
         figures["muscle_limit"] = 100 * float(beyond.mean())
+    if motion.joint_contact is not None:
+        figures["joint_tension"] = 100 * float((motion.joint_contact[..., 2] * COMPRESSION < 0).mean())
     return figures
 
 
@@ -67,6 +74,25 @@ def beyond_muscles(motion: Motion) -> float:
         ValueError: the motion has no torques.
     """
     return 100 * float(infeasible(static_optimisation(motion), motion).any(axis=1).mean())
+
+
+def joint_contact_error(motion: Motion) -> float:
+    """Mean distance of joint contact forces from those that the motion's dynamics and muscles need [body weights].
+
+    Excludes `EDGE` frames at each end.
+
+    Raises:
+        ConfigError: `myo-sim` is not installed.
+        ValueError: the motion has no joint contact forces, or too few frames.
+    """
+    if motion.joint_contact is None:
+        raise ValueError("the motion has no joint contact forces")
+    if len(motion) <= 2 * EDGE:
+        raise ValueError(f"physics metrics need more than {2 * EDGE} frames, got {len(motion)}")
+    found = dynamics(motion)
+    expected = joint_contact_forces(found, static_optimisation(found.motion))
+    missing = (motion.joint_contact - expected)[EDGE:-EDGE]
+    return _mean(missing) / (motion.body.mass * GRAVITY)
 
 
 def _mean(vectors: Float) -> float:

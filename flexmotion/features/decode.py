@@ -17,10 +17,10 @@ from flexmotion.features.joint_groups import (
     ball_angles,
     matrix,
 )
-from flexmotion.features.layout import ACTIVATIONS, POINTS, Layout
+from flexmotion.features.layout import ACTIVATIONS, JOINT_CONTACT, POINTS, Layout
 from flexmotion.human.body import Body
 from flexmotion.human.motion import Motion
-from flexmotion.human.skeleton import DOF_COUNT, JOINTS, SIDES
+from flexmotion.human.skeleton import CONTACT_JOINTS, DOF_COUNT, JOINTS, SIDES
 from flexmotion.spatial.gravity import GRAVITY
 from flexmotion.spatial.heading import continuous_matrix_heading
 from flexmotion.spatial.quaternions import continuous_quaternions
@@ -61,9 +61,9 @@ class Anchor:
 def decode(features: NDArray, layout: Layout, body: Body, anchor: Anchor, source: str = "") -> Motion:
     """Motion of T frames from features that are not normalised, (T, layout.size).
 
-    Root path, rotations, torques, wrenches, contacts and activations come from their blocks. Generalised forces of the
-    root are zero. Moments of the wrenches are about the centre of pressure of a foot that carries load, else about the
-    point below the ankle.
+    Root path, rotations, torques, wrenches, joint contact forces, contacts and activations come from their blocks.
+    Generalised forces of the root are zero. Moments of the wrenches are about the centre of pressure of a foot that
+    carries load, else about the point below the ankle.
     """
     values = np.asarray(features, np.float64)
     blocks, leg, frames = layout.blocks, body.leg, len(values)
@@ -92,6 +92,7 @@ def decode(features: NDArray, layout: Layout, body: Body, anchor: Anchor, source
         wrenches=_wrenches(values, layout, yaw, weight, leg),
         contacts=values[:, blocks["contacts"]] > 0.5,
         activations=values[:, blocks[ACTIVATIONS]].clip(0.0, 1.0) if layout.muscles else None,
+        joint_contact=_joint_contact(values, layout, weight),
         source=source,
     )
 
@@ -112,6 +113,13 @@ def pressure_centres(features: NDArray, layout: Layout, motion: Motion) -> Float
     ankles = turned(_ankles(values, layout), yaw) * leg + (motion.root_position * [1.0, 1.0, 0.0])[:, None]
     force, moment, height = _ankle_wrenches(values, layout, yaw, weight, leg)
     return ankles + _levers(force, moment, height, weight)
+
+
+def _joint_contact(values: Float, layout: Layout, weight: float) -> Float | None:
+    """Contact forces, (T, 7, 3) [N]; None where the layout has none."""
+    if not layout.joint_contact:
+        return None
+    return values[:, layout.blocks[JOINT_CONTACT]].reshape(len(values), len(CONTACT_JOINTS), 3) * weight
 
 
 def _wrenches(values: Float, layout: Layout, yaw: Float, weight: float, leg: float) -> Float:

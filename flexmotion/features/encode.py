@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from flexmotion.features.heading_frame import turned, yaw_matrix
 from flexmotion.features.joint_groups import HINGE_COLUMNS, ball_matrices, six
-from flexmotion.features.layout import ACTIVATIONS, POINTS, Layout
+from flexmotion.features.layout import ACTIVATIONS, JOINT_CONTACT, POINTS, Layout
 from flexmotion.human.kinematics import HumanKinematics, forward
 from flexmotion.human.motion import Motion
 from flexmotion.human.skeleton import JOINTS
@@ -25,7 +25,7 @@ def encode(motion: Motion, layout: Layout, centres: Float | None = None) -> NDAr
     """Features of every frame, (T, layout.size), in the units of `Layout`, not normalised.
 
     Velocities and accelerations are backward differences; motion before the first frame is taken as even. Torques,
-    wrenches, contacts and activations that the motion lacks are zero.
+    wrenches, joint contact forces, contacts and activations that the motion lacks are zero.
 
     Args:
         motion: at the layout's frame rate.
@@ -68,11 +68,19 @@ def encode(motion: Motion, layout: Layout, centres: Float | None = None) -> NDAr
         features[:, blocks["torques"]] = motion.torques[:, -len(JOINTS) :] / (weight * leg)
     if motion.wrenches is not None:
         features[:, blocks["wrenches"]] = _ankle_wrenches(motion.wrenches, centres, human, yaw, weight, leg)
+    if motion.joint_contact is not None and layout.joint_contact:
+        features[:, blocks[JOINT_CONTACT]] = _flat(motion.joint_contact) / weight
     if motion.contacts is not None:
         features[:, blocks["contacts"]] = motion.contacts
     if motion.activations is not None and layout.muscles:
         features[:, blocks[ACTIVATIONS]] = motion.activations
     return features
+
+
+def encode_loads(loads: Float, motion: Motion) -> NDArray[np.float16]:
+    """External forces (T, B, 3) [N], world axes, in the heading frame of their own frame [body weights]."""
+    yaw = continuous_matrix_heading(Rotation.from_quat(motion.root_quaternion, scalar_first=True).as_matrix())
+    return (turned(loads, -yaw) / (motion.body.mass * GRAVITY)).astype(np.float16)
 
 
 def body_points(human: HumanKinematics) -> Float:

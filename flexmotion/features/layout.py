@@ -13,7 +13,7 @@ from dataclasses import asdict, dataclass
 from functools import cached_property
 
 from flexmotion.features.joint_groups import ROTATION_SIZE
-from flexmotion.human.skeleton import JOINTS, SIDES
+from flexmotion.human.skeleton import CONTACT_JOINTS, JOINTS, SIDES
 
 POINTS: tuple[str, ...] = tuple(
     f"{point}_{side}"
@@ -34,12 +34,18 @@ BLOCKS: dict[str, int] = {
 }
 """Sizes of the blocks of every layout, in order."""
 
+JOINT_CONTACT = "joint_contact"
+"""Name of an optional block behind the wrenches: contact forces of `CONTACT_JOINTS`, in segment axes [weight]."""
+
 KINEMATIC = ("root", "rotations", "positions", "velocities")
 """Inputs of the model (of its history) and of the evaluator: at run time kinematics are known, torques and forces are
 not."""
 
 ACTIVATIONS = "activations"
 """Name of the last block: muscle activations in [0, 1]; absent for sets without muscles."""
+
+FORCES = ("torques", "wrenches", JOINT_CONTACT, "contacts", ACTIVATIONS)
+"""Blocks that are estimated from the motion by `biomechanics`, not recorded."""
 
 
 @dataclass(frozen=True)
@@ -49,6 +55,7 @@ class Layout:
     Attributes:
         fps: frames per second.
         muscles: number of activations.
+        joint_contact: whether joint contact forces are part of a frame.
         joints, points: names in the order of the blocks that depend on them.
     """
 
@@ -56,11 +63,18 @@ class Layout:
     muscles: int = 0
     joints: tuple[str, ...] = JOINTS
     points: tuple[str, ...] = POINTS
+    joint_contact: bool = False
 
     @cached_property
     def blocks(self) -> dict[str, slice]:
         """Block -> its columns."""
-        sizes = BLOCKS | ({ACTIVATIONS: self.muscles} if self.muscles else {})
+        sizes = {}
+        for name, size in BLOCKS.items():
+            sizes[name] = size
+            if name == "wrenches" and self.joint_contact:
+                sizes[JOINT_CONTACT] = 3 * len(CONTACT_JOINTS)
+        if self.muscles:
+            sizes[ACTIVATIONS] = self.muscles
         slices, start = {}, 0
         for name, size in sizes.items():
             slices[name] = slice(start, start + size)
@@ -79,6 +93,11 @@ class Layout:
 
     @cached_property
     def hash(self) -> str:
-        """Hash of everything that must agree between a model and its users."""
+        """Hash of everything that must agree between a model and its users.
+
+        The blocks tell whether there are joint contact forces: layouts without them have the hash that they had before
+        the block existed.
+        """
         content = {**asdict(self), "blocks": {name: [cut.start, cut.stop] for name, cut in self.blocks.items()}}
+        del content["joint_contact"]
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]

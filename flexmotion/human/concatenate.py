@@ -10,13 +10,13 @@ import numpy as np
 
 from flexmotion.human.motion import Motion
 
-_OPTIONAL = ("torques", "wrenches", "activations", "contacts")
+_OPTIONAL = ("torques", "wrenches", "activations", "joint_contact", "contacts")
 
 
 def concatenate(parts: Sequence[Motion]) -> Motion:
     """All frames of `parts` as one motion with the body of the first.
 
-    Torques, wrenches, activations and contacts are kept where all parts have them.
+    Torques, wrenches, activations, joint contact and contacts are kept where all parts have them.
 
     Raises:
         ValueError: there are no parts, or their frame rates differ.

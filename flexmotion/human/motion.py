@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexmotion.human.body import Body
-from flexmotion.human.skeleton import DOF_COUNT, JOINTS
+from flexmotion.human.skeleton import CONTACT_JOINTS, DOF_COUNT, JOINTS
 
 Float = NDArray[np.float64]
 
@@ -29,6 +29,8 @@ class Motion:
         wrenches: ground reaction on the left and right foot in the world, (T, 2, 6) [N, N·m]: force, then moment
             about the centre of pressure; None where not computed.
         activations: muscle activations, (T, M) in [0, 1]; None where not computed.
+        joint_contact: force on the segment beyond each of `skeleton.CONTACT_JOINTS`, in that segment's axes,
+            (T, 7, 3) [N]; None where not computed.
         contacts: whether the left and right foot carry load, (T, 2) bool; None where not computed.
         source: a file name or `model:NAME`.
     """
@@ -43,6 +45,7 @@ class Motion:
     activations: Float | None = None
     contacts: NDArray[np.bool_] | None = None
     source: str = ""
+    joint_contact: Float | None = None
 
     def __post_init__(self) -> None:
         frames = len(self.root_position)
@@ -51,7 +54,12 @@ class Motion:
             "root_quaternion": (frames, 4),
             "joints": (frames, len(JOINTS)),
         }
-        optional = {"torques": (frames, DOF_COUNT), "wrenches": (frames, 2, 6), "contacts": (frames, 2)}
+        optional = {
+            "torques": (frames, DOF_COUNT),
+            "wrenches": (frames, 2, 6),
+            "joint_contact": (frames, len(CONTACT_JOINTS), 3),
+            "contacts": (frames, 2),
+        }
         for name, shape in (expected | optional).items():
             value = getattr(self, name)
             if value is None and name in optional:
@@ -78,6 +86,8 @@ class Motion:
         return self._map(lambda value: value[frames])
 
     def _map(self, function: Callable[[NDArray], NDArray]) -> Motion:
-        arrays = ("root_position", "root_quaternion", "joints", "torques", "wrenches", "activations", "contacts")
-        changed: dict[str, Any] = {n: function(getattr(self, n)) for n in arrays if getattr(self, n) is not None}
+        names = ("root_position", "root_quaternion", "joints")
+        forces = ("torques", "wrenches", "activations", "joint_contact", "contacts")
+        present = (name for name in (*names, *forces) if getattr(self, name) is not None)
+        changed: dict[str, Any] = {name: function(getattr(self, name)) for name in present}
         return replace(self, **changed)

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexmotion.configs.errors import MotionFormatError
 from flexmotion.human.body import Body, Segments
@@ -17,7 +18,7 @@ from flexmotion.human.skeleton import JOINTS
 
 SCHEMA = "flexmotion.motion/1"
 REQUIRED = ("root_position", "root_quaternion", "joints")
-OPTIONAL = ("torques", "wrenches", "activations", "contacts")
+OPTIONAL = ("torques", "wrenches", "activations", "joint_contact", "contacts")
 
 
 def save_motion(motion: Motion, path: str | Path) -> None:
@@ -26,6 +27,13 @@ def save_motion(motion: Motion, path: str | Path) -> None:
     The file is a compressed NumPy archive: arrays as in `Motion`, and `header`, JSON with schema, fps, joint names,
     body and source.
     """
+    header, arrays = motion_content(motion)
+    with open(path, "wb") as file:
+        np.savez_compressed(file, header=np.array(json.dumps(header)), **arrays)
+
+
+def motion_content(motion: Motion) -> tuple[dict[str, Any], dict[str, NDArray]]:
+    """Header and arrays of a motion file; a file may have more of both, which `load_motion` ignores."""
     header = {
         "schema": SCHEMA,
         "fps": motion.fps,
@@ -34,9 +42,7 @@ def save_motion(motion: Motion, path: str | Path) -> None:
         "source": motion.source,
     }
     arrays = {name: getattr(motion, name) for name in (*REQUIRED, *OPTIONAL)}
-    present = {name: value for name, value in arrays.items() if value is not None}
-    with open(path, "wb") as file:
-        np.savez_compressed(file, header=np.array(json.dumps(header)), **present)
+    return header, {name: value for name, value in arrays.items() if value is not None}
 
 
 def load_motion(path: str | Path) -> Motion:

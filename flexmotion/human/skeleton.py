@@ -33,3 +33,9 @@ ROOT_DOFS = ("pelvis_tx", "pelvis_ty", "pelvis_tz", "pelvis_list", "pelvis_tilt"
 """Linear, then angular degrees of freedom of the root, in the order of `Motion.torques`."""
 
 DOF_COUNT = len(ROOT_DOFS) + len(JOINTS)
+
+CONTACT_JOINTS: tuple[str, ...] = (
+    *(f"{joint}_{side}" for side in SIDES for joint in ("hip", "knee", "ankle")),
+    "lumbar",
+)
+"""The joints whose contact force is computed, in the order of `Motion.joint_contact`."""

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,11 +20,14 @@ class Capture:
         path: of the file, for messages.
         fps: frames per second.
         names: of the J points.
-        positions: in the file's world, (T, J, 3) [file units].
+        positions: in the file's world, (T, J, 3) [file units]; NaN where a marker is missing.
         rotations: of each point's own frame in the file's world, (T, J, 3, 3); None for formats of points only.
         parents: index of each point's parent, -1 for a root; None where the format has no hierarchy.
         zero_positions: positions with every rotation at zero and the root at the origin, (J, 3); None where the format
             has no such pose.
+        start: time of the first frame in the file [s].
+        warnings: what a user should know about how the file was read.
+        up: upward axis of the file, of positions that are turned to z up already; None of those that are not.
     """
 
     path: str
@@ -33,6 +37,9 @@ class Capture:
     rotations: Float | None = None
     parents: tuple[int, ...] | None = None
     zero_positions: Float | None = None
+    start: float = 0.0
+    warnings: tuple[str, ...] = ()
+    up: Literal["y", "z"] | None = None
 
     def __len__(self) -> int:
         return len(self.positions)
@@ -56,3 +63,9 @@ class Capture:
 
         others = set(ancestors(second))
         return self.names[next(joint for joint in ancestors(first) if joint in others)]
+
+
+def without_prefix(capture: Capture) -> Capture:
+    """The same with `Subject:` taken off the names of its points, unless two names would then be equal."""
+    plain = tuple(name.rsplit(":", 1)[-1].strip() for name in capture.names)
+    return replace(capture, names=plain) if len(set(plain)) == len(plain) else capture

@@ -54,16 +54,18 @@ class Fit:
     errors: dict[str, FitError]
 
 
-def fit(found: Landmarks) -> Fit:
+def fit(found: Landmarks, height: float | None = None) -> Fit:
     """Fit a human to a clip; position, heading and floor stay as in the file.
 
-    Elbows and wrists of both sides may be missing: the arms then hang beside the torso.
+    `height` is the stature [m] if it is known; it determines the sizes that joint centres do not define.
+
+    Elbow and wrist of a side may be missing: that arm then hangs beside the torso.
     """
     points = found.points
     root = (points["hip_l"] + points["hip_r"]) / 2
     pelvis = pelvis_rotation(found)
     flat = (flat_foot(found, "l"), flat_foot(found, "r"))
-    body = fit_body(found, pelvis, flat)
+    body = fit_body(found, pelvis, flat, height=height)
     lumbar = root + pelvis @ np.array([body.segments.lumbar_forward, 0.0, body.segments.lumbar_height])
     chord = points["neck"] - lumbar
     tilt = neck_tilt(found, pelvis, chord)
@@ -78,7 +80,7 @@ def fit(found: Landmarks) -> Fit:
     for side, sign, tibia, foot in zip(SIDES, (1.0, -1.0), tibiae, flat, strict=True):
         line = points[f"toe_{side}"] - points[f"ankle_{side}"]
         angles[f"ankle_dorsiflexion_{side}"] = dorsiflexion(tibia, line, foot.elevation, sign * size.toe_out)
-        if found.has_arms:
+        if found.has_arm(side):
             _arm(angles, found, side, lumbar, torso, size)
         else:
             _hang_arm(angles, side, len(found))
@@ -187,9 +189,13 @@ def _store(
 
 def fit_errors(found: Landmarks, human: HumanKinematics) -> dict[str, FitError]:
     """Distances between a fitted human and the points of its file."""
+    arms = [side for side in SIDES if found.has_arm(side)]
     pairs = {
-        name: np.stack([found.points[f"{name}_l"], found.points[f"{name}_r"]], axis=1) - getattr(human, name)
-        for name in (("ankle", "wrist") if found.has_arms else ("ankle",))
+        name: np.stack(
+            [found.points[f"{name}_{side}"] - getattr(human, name)[:, SIDES.index(side)] for side in sides], axis=1
+        )
+        for name, sides in (("ankle", SIDES), ("wrist", arms))
+        if sides
     }
     if "head" in found.points:
         # The file's point may lie anywhere in the head: the reference is its median position.

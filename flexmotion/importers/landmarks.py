@@ -12,6 +12,7 @@ from flexmotion.configs.errors import MotionFormatError
 from flexmotion.human.signals import resample_rotations, resample_signal
 from flexmotion.importers.capture import Capture
 from flexmotion.importers.mapping import SkeletonMapping, Units, Up, markers
+from flexmotion.importers.trunk import with_trunk
 from flexmotion.importers.zero_pose import zero_pose_orientations
 
 Float = NDArray[np.float64]
@@ -29,6 +30,9 @@ TO_Z_UP: dict[Up, Float] = {
     # y up, z forward, x left becomes z up, x forward, y left.
     "y": np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]),
 }
+
+ATTACHED = frozenset({"hip_l", "hip_r", "shoulder_l", "shoulder_r"})
+"""Points whose joint moves rigidly with the thigh or upper arm."""
 
 ZERO = 1e-6
 """Greatest difference of equal rotation matrices."""
@@ -59,6 +63,9 @@ class Landmarks:
             hand: x out of the palm, z towards the elbow), (T, 3, 3).
         attached: a frame that moves rigidly with the thigh (`hip_l`, `hip_r`) or upper arm (`shoulder_l`,
             `shoulder_r`), (T, 3, 3); empty for formats without rotations.
+        start: time of the first frame in the file [s].
+        warnings: what a user should know about how the file was read.
+        up: upward axis of the file.
     """
 
     path: str
@@ -66,14 +73,21 @@ class Landmarks:
     points: dict[str, Float]
     orientations: dict[str, Float] = field(default_factory=dict)
     attached: dict[str, Float] = field(default_factory=dict)
+    start: float = 0.0
+    warnings: tuple[str, ...] = ()
+    up: Up = "z"
 
     def __len__(self) -> int:
         return len(self.points["hip_l"])
 
     @property
     def has_arms(self) -> bool:
-        """Whether the file has elbows and wrists."""
-        return all(f"{point}_{side}" in self.points for point in ("elbow", "wrist") for side in "lr")
+        """Whether the file has elbows and wrists of both sides."""
+        return self.has_arm("l") and self.has_arm("r")
+
+    def has_arm(self, side: str) -> bool:
+        """Whether the file has elbow and wrist of a side."""
+        return all(f"{point}_{side}" in self.points for point in ("elbow", "wrist"))
 
     def __getitem__(self, frames: slice) -> Landmarks:
         return replace(
@@ -81,6 +95,7 @@ class Landmarks:
             points={name: value[frames] for name, value in self.points.items()},
             orientations={name: value[frames] for name, value in self.orientations.items()},
             attached={name: value[frames] for name, value in self.attached.items()},
+            start=self.start + (frames.start or 0) / self.fps,
         )
 
     def resampled(self, fps: float) -> Landmarks:
@@ -114,6 +129,11 @@ def landmarks(
     turn = TO_Z_UP[up]
     points = {point: scale * value @ turn.T for point, value in raw.items()}
     _check_leg(points, capture.path)
+    points, notes = with_trunk(points)
+    for side, name in (("l", "left"), ("r", "right")):
+        absent = [joint for joint in ("elbow", "wrist") if f"{joint}_{side}" not in points]
+        if absent:
+            notes.append(f"no point for the {name} {' and '.join(absent)}: that arm hangs")
 
     orientations: dict[str, Float] = {}
     attached: dict[str, Float] = {}
@@ -123,15 +143,24 @@ def landmarks(
             aligned = zero_pose_orientations(capture, mapping.joints, turn)
         for segment, (joint, axes) in aligned.items():
             orientations[segment] = turn @ capture.rotations[:, capture.names.index(joint)] @ axes
-        for point in ("hip_l", "hip_r", "shoulder_l", "shoulder_r"):
+        for point in ATTACHED & columns.keys():
             attached[point] = turn @ capture.rotations[:, columns[point][0]]
-    found = Landmarks(capture.path, capture.fps, points, orientations, attached)[_zero_frames(capture) :]
+    found = Landmarks(
+        capture.path,
+        capture.fps,
+        points,
+        orientations,
+        attached,
+        capture.start,
+        (*capture.warnings, *notes),
+        capture.up or up,
+    )[_zero_frames(capture) :]
     return found[_settled(found) :]
 
 
 def _guess_up(raw: dict[str, Float]) -> Up:
-    """The axis along which the neck is above the feet for most of the time."""
-    rise = raw["neck"] - (raw["ankle_l"] + raw["ankle_r"]) / 2
+    """The axis along which neck, else hips, are above the feet for most of the time."""
+    rise = raw.get("neck", (raw["hip_l"] + raw["hip_r"]) / 2) - (raw["ankle_l"] + raw["ankle_r"]) / 2
     return "y" if np.median(rise[:, 1]) >= np.median(rise[:, 2]) else "z"
 
 

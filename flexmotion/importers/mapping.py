@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from functools import lru_cache
 from importlib import resources
 from pathlib import Path
@@ -12,18 +12,20 @@ from typing import Literal
 import numpy as np
 import yaml
 from numpy.typing import NDArray
-from pydantic import Field, field_validator
+from pydantic import Field, field_validator, model_validator
 
 from flexmotion.configs.errors import ConfigError, MotionFormatError
 from flexmotion.configs.schema import Strict, load
 from flexmotion.human.skeleton import SIDES
+from flexmotion.importers.marker_landmarks import LANDMARKS
 
 Units = Literal["m", "cm", "mm", "inch"]
 Up = Literal["y", "z"]
 
-SIDED_POINTS = ("hip", "knee", "ankle", "toe", "shoulder", "elbow", "wrist")
-REQUIRED_POINTS: tuple[str, ...] = ("neck", *(f"{point}_{side}" for side in SIDES for point in SIDED_POINTS))
-OPTIONAL_POINTS = ("lumbar", "head")
+LEG_POINTS, ARM_POINTS = ("hip", "knee", "ankle", "toe"), ("shoulder", "elbow", "wrist")
+SIDED_POINTS = LEG_POINTS + ARM_POINTS
+REQUIRED_POINTS: tuple[str, ...] = tuple(f"{point}_{side}" for side in SIDES for point in LEG_POINTS)
+OPTIONAL_POINTS = ("neck", "lumbar", "head", *(f"{point}_{side}" for side in SIDES for point in ARM_POINTS))
 POINTS = REQUIRED_POINTS + OPTIONAL_POINTS
 """Points of a mapping: joint centres. `toe` is the toe joint, or the end of a foot without toes, `lumbar` the lowest
 joint of the spine above the pelvis, `neck` its uppermost joint below the head."""
@@ -60,15 +62,19 @@ class Orientation(Strict):
 
 
 class SkeletonMapping(Strict):
-    """A named mapping; a joint is a name, or the mean of several, `A + B`.
+    """A named mapping: either `joints`, point -> joint of the file, or `markers`, landmark -> surface markers.
 
+    A joint is a name, or the mean of several, `A + B`. A landmark is the same, or the first of several in the file,
+    `A | B`, or a cluster of any of them, `A, B`. Names are compared without case, `.`, `_`, `-` and spaces. A file may
+    lack optional points and any landmark that `marker_joints` can do without.
     `up` and `units` are guessed from the motion if left out.
     """
 
     name: str
     up: Up | None = None
     units: Units | None = None
-    joints: dict[str, str]
+    joints: dict[str, str] = Field(default_factory=dict)
+    markers: dict[str, str] = Field(default_factory=dict)
     orientations: dict[str, Orientation] = Field(default_factory=dict)
 
     @field_validator("joints")
@@ -77,9 +83,17 @@ class SkeletonMapping(Strict):
         unknown = sorted(set(value) - set(POINTS))
         if unknown:
             raise ValueError(f"unknown point {unknown[0]!r}, expected one of {', '.join(POINTS)}")
-        missing = [point for point in REQUIRED_POINTS if point not in value]
+        missing = [point for point in REQUIRED_POINTS if point not in value] if value else []
         if missing:
             raise ValueError(f"missing {', '.join(missing)}")
+        return value
+
+    @field_validator("markers")
+    @classmethod
+    def _has_landmarks(cls, value: dict[str, str]) -> dict[str, str]:
+        unknown = sorted(set(value) - set(LANDMARKS))
+        if unknown:
+            raise ValueError(f"unknown landmark {unknown[0]!r}, expected one of {', '.join(LANDMARKS)}")
         return value
 
     @field_validator("orientations")
@@ -90,16 +104,47 @@ class SkeletonMapping(Strict):
             raise ValueError(f"unknown segment {unknown[0]!r}, expected one of {', '.join(SEGMENTS)}")
         return value
 
+    @model_validator(mode="after")
+    def _is_one_kind(self) -> SkeletonMapping:
+        if bool(self.joints) == bool(self.markers):
+            raise ValueError("expected either 'joints' or 'markers'")
+        return self
+
     def missing(self, names: Iterable[str]) -> list[str]:
-        """Joints of this mapping that are not among the names."""
-        used = {name for joint in self.joints.values() for name in markers(joint)}
+        """Joints of required points and orientations of this mapping that are not among the names."""
+        used = {name for point in REQUIRED_POINTS for name in markers(self.joints.get(point, point))}
         used |= {item.joint for item in self.orientations.values()}
         return sorted(used - set(names))
+
+    def present(self, names: Iterable[str]) -> SkeletonMapping:
+        """The mapping without the optional points that need a joint the file lacks."""
+        known = set(names)
+        kept = {point: joint for point, joint in self.joints.items() if known.issuperset(markers(joint))}
+        return self.model_copy(update={"joints": kept})
+
+    def landmarks(self, names: Iterable[str]) -> dict[str, list[list[str]]]:
+        """Landmark -> its markers in the file: a list of clusters' members, each the markers whose mean it is."""
+        own = {_plain(name): name for name in reversed(list(names))}
+        found = {}
+        for landmark, text in self.markers.items():
+            members = []
+            for member in text.split(","):
+                choices = ([_plain(name) for name in markers(choice)] for choice in member.split(" | "))
+                chosen = next((choice for choice in choices if own.keys() >= set(choice)), None)
+                if chosen:
+                    members.append([own[name] for name in chosen])
+            if members:
+                found[landmark] = members
+        return found
 
 
 def markers(joint: str) -> list[str]:
     """Points whose mean is the joint: two for `LKneeLateral + LKneeMedial`, one for a plain name."""
     return [name.strip() for name in joint.split(" + ")]
+
+
+def _plain(name: str) -> str:
+    return re.sub(r"[\s._-]", "", name).lower()
 
 
 def shipped_mappings() -> dict[str, SkeletonMapping]:
@@ -124,20 +169,56 @@ def find_mapping(names: tuple[str, ...], path: str, wanted: str | Path | None = 
     """
     shipped = shipped_mappings()
     if wanted is None:
-        fitting = (mapping for mapping in shipped.values() if not mapping.missing(names))
-        return next(fitting, None) or guess_mapping(names, path)
+        return _fitting(list(shipped.values()), names, path)
     if str(wanted) in shipped:
         mapping = shipped[str(wanted)]
     elif Path(wanted).suffix in (".yaml", ".yml"):
         mapping = load(SkeletonMapping, Path(wanted))
     else:
         raise ConfigError(f"skeleton mapping {str(wanted)!r}: expected {', '.join(shipped)} or the path of a YAML file")
+    if mapping.markers:
+        return mapping
     missing = mapping.missing(names)
     if missing:
         raise MotionFormatError(
             f"{path}: mapping {mapping.name!r} needs joints that the file lacks: {', '.join(missing)}"
         )
-    return mapping
+    return mapping.present(names)
+
+
+def _fitting(shipped: Sequence[SkeletonMapping], names: tuple[str, ...], path: str) -> SkeletonMapping:
+    """The mapping of joints with most points in a file, a shipped one before a guess, else a set of markers."""
+    skeletons = [mapping.present(names) for mapping in shipped if mapping.joints and not mapping.missing(names)]
+    chosen = max(skeletons, key=lambda mapping: len(mapping.joints), default=None)
+    if chosen is not None and set(POINTS) - {"lumbar", "head"} <= chosen.joints.keys():
+        return chosen
+    markers_of = _marker_set(shipped, names)
+    if chosen is None and markers_of is not None:
+        return markers_of
+    try:
+        guess = guess_mapping(names, path)
+    except MotionFormatError:
+        markers_of = chosen or _marker_set(shipped, names, FEW)
+        if markers_of is None:
+            raise
+        return markers_of
+    return guess if chosen is None or len(guess.joints) > len(chosen.joints) else chosen
+
+
+FEW = 6
+"""Landmarks that tell a set of surface markers which lacks an anterior iliac spine."""
+
+
+def _marker_set(
+    shipped: Sequence[SkeletonMapping], names: tuple[str, ...], least: int | None = None
+) -> SkeletonMapping | None:
+    """The set with most landmarks in a file that has both anterior iliac spines, or at least `least` landmarks."""
+    counts = {}
+    for mapping in shipped:
+        found = mapping.landmarks(names)
+        if {"asis_l", "asis_r"} <= found.keys() or (least is not None and len(found) >= least):
+            counts[len(found)] = mapping
+    return counts[max(counts)] if counts else None
 
 
 def guess_mapping(names: tuple[str, ...], path: str) -> SkeletonMapping:

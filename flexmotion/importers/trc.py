@@ -5,11 +5,11 @@ A mapping turns markers into joint centres; `A + B` is the mean of two markers, 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
 from flexmotion.configs.errors import MotionFormatError
 from flexmotion.importers.capture import Capture
@@ -17,61 +17,89 @@ from flexmotion.importers.landmarks import METRES
 
 Float = NDArray[np.float64]
 
-GAP_S = 0.25
-"""Longest gap of a marker that is interpolated [s]."""
-
-UNITS = {"m": 1.0, "cm": METRES["cm"], "mm": METRES["mm"], "meters": 1.0, "millimeters": METRES["mm"]}
+UNITS = {
+    "m": 1.0,
+    "cm": METRES["cm"],
+    "mm": METRES["mm"],
+    "in": METRES["inch"],
+    "inch": METRES["inch"],
+    "inches": METRES["inch"],
+    "meters": 1.0,
+    "millimeters": METRES["mm"],
+    "centimeters": METRES["cm"],
+}
 
 
 def read_trc(path: Path) -> Capture:
-    """Positions of every marker in metres; gaps up to `GAP_S` are interpolated by a cubic spline.
+    """Positions of every marker in metres, NaN where a marker is missing: an empty field, `nan`, or three zeros.
 
     Raises:
-        MotionFormatError: not a TRC file, or a marker is missing for longer; names the line or marker.
+        MotionFormatError: not a TRC file; names the line and what was expected.
     """
     try:
-        lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
+        lines = path.read_text(encoding="utf-8-sig", errors="replace").splitlines()
     except OSError as error:
         raise MotionFormatError(f"{path}: cannot be read ({error.strerror})") from error
-    if len(lines) < 6 or not lines[0].startswith("PathFileType"):
+    if len(lines) < 6 or not lines[0].lstrip().startswith("PathFileType"):
         raise MotionFormatError(f"{path}: not a TRC file: line 1 does not begin with PathFileType")
     header = dict(zip(lines[1].split(), lines[2].split(), strict=False))
     try:
-        fps, scale = float(header["DataRate"]), UNITS[header["Units"].lower()]
+        fps, scale = float(header["DataRate"].replace(",", ".")), UNITS[header["Units"].lower()]
         count, frames = int(header["NumMarkers"]), int(header["NumFrames"])
     except (KeyError, ValueError) as error:
         raise MotionFormatError(f"{path}, line 3: {error} missing or invalid in the header") from error
     if not fps > 0:
         raise MotionFormatError(f"{path}, line 3: DataRate is {fps}, expected a positive number")
-    names = tuple(name.strip() for name in lines[3].split("\t")[2:] if name.strip())
-    if len(names) != count or len(set(names)) != count:
-        raise MotionFormatError(f"{path}, line 4: {len(set(names))} different markers, NumMarkers says {count}")
-    rows = [_row(path, number, line, count) for number, line in enumerate(lines[5:], 6) if line.strip()]
+    names, notes = _names(lines[3])
+    if not names:
+        raise MotionFormatError(f"{path}, line 4: no names of markers")
+    if len(names) != count:
+        notes.append(f"{len(names)} names of markers, NumMarkers says {count}")
+    rows = [_row(path, number, line, len(names)) for number, line in enumerate(lines[5:], 6) if line.strip()]
+    if not rows:
+        raise MotionFormatError(f"{path}: no frames")
     if len(rows) != frames:
-        raise MotionFormatError(f"{path}: {len(rows)} frames, NumFrames says {frames} (truncated?)")
-    positions = np.array(rows).reshape(frames, count, 3)
-    for marker, name in enumerate(names):
-        _bridge(path, name, positions[:, marker], fps)
-    return Capture(str(path), fps, names, scale * positions)
+        notes.append(f"{len(rows)} frames, NumFrames says {frames}: the file may be cut off")
+    table = np.array(rows)
+    positions = table[:, 1:].reshape(len(rows), len(names), 3)
+    positions[(positions == 0.0).all(axis=-1) | ~np.isfinite(positions).all(axis=-1)] = np.nan
+    start = float(table[0, 0]) if np.isfinite(table[0, 0]) else 0.0
+    return Capture(str(path), fps, names, scale * positions, start=start, warnings=tuple(notes))
+
+
+def _split(line: str) -> list[str]:
+    line = line.rstrip("\r\n")
+    return line.split("\t") if "\t" in line else line.split()
+
+
+def _names(line: str) -> tuple[tuple[str, ...], list[str]]:
+    """Names of the columns of three; they are above the first of the three, or one after the other."""
+    fields = [field.strip() for field in _split(line)[2:]]
+    while fields and not fields[-1]:
+        fields.pop()
+    apart = all(not field for index, field in enumerate(fields) if index % 3)
+    return unique_names(fields[::3] if apart else [field for field in fields if field])
+
+
+def unique_names(labels: Sequence[str]) -> tuple[tuple[str, ...], list[str]]:
+    """Names of points, all different, and warnings; points without a name, or with another's, are named `*NUMBER`."""
+    names, notes = [name or f"*{index}" for index, name in enumerate(labels, 1)], []
+    for name in sorted({name for name in names if names.count(name) > 1}):
+        notes.append(f"{name}: name of several markers, none of them is used")
+        names = [f"*{name}/{index}" if own == name else own for index, own in enumerate(names, 1)]
+    return tuple(names), notes
 
 
 def _row(path: Path, number: int, line: str, count: int) -> list[float]:
-    """Coordinates in one line, NaN where a field is empty."""
-    fields = line.rstrip("\r\n").split("\t")[2 : 2 + 3 * count]
-    fields += [""] * (3 * count - len(fields))
+    """Time and coordinates in one line, NaN where a field is empty."""
+    fields = _split(line)[1 : 2 + 3 * count]
+    fields += [""] * (1 + 3 * count - len(fields))
     try:
         return [float(field) if field.strip() else np.nan for field in fields]
     except ValueError as error:
+        comma = next((field for field in fields if "," in field), None)
+        if comma is not None:
+            raise MotionFormatError(
+                f"{path}, line {number}: {comma!r} has a decimal comma, expected a point"
+            ) from error
         raise MotionFormatError(f"{path}, line {number}: {error}") from error
-
-
-def _bridge(path: Path, name: str, track: Float, fps: float) -> None:
-    """Fill the gaps of one marker in place."""
-    seen = np.isfinite(track).all(axis=1)
-    if seen.all():
-        return
-    known = np.flatnonzero(seen)
-    gap = max(np.diff(np.concatenate([[-1], known, [len(track)]])) - 1) if len(known) else len(track)
-    if gap > GAP_S * fps or len(known) < 4:
-        raise MotionFormatError(f"{path}: marker {name!r} is missing for {gap / fps:.2f} s, at most {GAP_S} s allowed")
-    track[~seen] = CubicSpline(known, track[known])(np.flatnonzero(~seen))

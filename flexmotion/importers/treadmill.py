@@ -1,33 +1,94 @@
-"""Velocity of a treadmill's belt, which is removed from a recording before it is differentiated."""
+"""Velocity of a treadmill's belt: detected in a recording, and removed before it is differentiated.
+
+On a belt both feet move with one constant horizontal velocity whenever they are on it, take turns, come back in swing,
+and are never at rest while they are low; the pelvis stays where it is. Feet that slide over the ground move with the
+pelvis, and rest at other times. All of it is required: a velocity of the ground that is not there falsifies every
+force, a belt that is missed only that clip.
+"""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import minimum_filter1d, uniform_filter1d
 
+from flexmotion.human.vectors import unit
 from flexmotion.importers.landmarks import Landmarks
 
 Float = NDArray[np.float64]
+Bool = NDArray[np.bool_]
 
-STANCE_SHARE = 0.35
-"""Share of lowest frames in which a toe joint is certainly in stance: stance is 0.6 of the time in walking, 0.35 in
-running."""
+SLOWEST = 0.25
+"""Slowest belt that is detected [m/s]; feet of a human who stands and shifts weight slide by less."""
+
+LOW, STRIDE_S = 0.06, 1.2
+"""Greatest height of a toe joint above its lowest within a stride while the foot may be on the floor [m]. Floors of
+recordings are not level, so the lowest is taken over the time of a stride [s], before and after."""
+
+SAME, SAME_SHARE = 0.08, 0.12
+"""Greatest difference between velocities of a foot on the belt and of the belt: a constant [m/s] and a share of the
+belt's speed. Feet brake belts by some per cent, and toes roll."""
+
+STANCE_S = 0.1
+"""Shortest contact that counts [s]; runners at 6 m/s have the forefoot down for .15 s."""
+
+AT_REST, REST_SHARE = 0.3, 0.15
+"""A low foot is at rest while it is slower than this share of the belt for the time of a contact. Greatest ratio of
+that time to the time that it moves with the belt."""
+
+FLAT_SHARE = 0.6
+"""Share of a contact after which the heel rises and the toe joint rolls forward against the belt."""
+
+COVERED = 0.25
+"""Least share of the clip with a foot on the belt; runners spend .3 to .6 of the time on it."""
+
+TOGETHER = 0.6
+"""Greatest share of the contact time in which both feet move with the belt at once; walkers spend .15 to .4 so."""
+
+PELVIS_SHARE = 0.4
+"""Greatest mean speed of the pelvis as a share of the belt's: it drifts on a belt, and cannot leave it."""
+
+BACK_SHARE = 0.3
+"""Least speed of a foot in swing against the belt, as a share of the belt's."""
+
+SMOOTH_S = 0.05
+"""Time over which positions are averaged before they are differentiated [s]."""
+
+
+@dataclass(frozen=True)
+class Contact:
+    """Time for which one foot moves with the belt: frames from `begin` to before `end`."""
+
+    side: str
+    begin: int
+    end: int
 
 
 def belt_velocity(found: Landmarks) -> Float:
-    """Horizontal velocity of the floor under the feet, (2,) [m/s]; zero up to rounding without a belt.
+    """Horizontal velocity of a treadmill's belt in a recording, (2,) [m/s]; zero where none is detected.
 
-    Median over both feet of the toe joint's velocity in the frames in which it is lowest.
+    Args:
+        found: joint centres at the rate of the file, at least about 20 Hz.
     """
-    velocities = []
-    for side in "lr":
-        toe = found.points[f"toe_{side}"]
-        low = toe[:, 2] <= np.quantile(toe[:, 2], STANCE_SHARE)
-        velocities.append((np.gradient(toe[:, :2], axis=0) * found.fps)[low])
-    middle: Float = np.median(np.concatenate(velocities), axis=0)
-    return middle
+    none = np.zeros(2)
+    if len(found) < 4 or len(found) < 3 * STANCE_S * found.fps:
+        return none
+    toes = {side: _smooth(found.points[f"toe_{side}"], found.fps) for side in "lr"}
+    speeds = {side: np.gradient(toe[:, :2], axis=0) * found.fps for side, toe in toes.items()}
+    low = {side: _low(toe[:, 2], found.fps) for side, toe in toes.items()}
+    guess = _common(speeds, low)
+    if guess is None or np.linalg.norm(guess) < SLOWEST:
+        return none
+    contacts = [
+        contact for side in "lr" for contact in _contacts(side, low[side] & _near(speeds[side], guess), found.fps)
+    ]
+    velocity = _measured(contacts, toes, found.fps)
+    if velocity is None or np.linalg.norm(velocity) < SLOWEST:
+        return none
+    pelvis = _smooth((found.points["hip_l"] + found.points["hip_r"]) / 2, found.fps)[:, :2]
+    return velocity if _is_belt(velocity, contacts, speeds, low, pelvis, found.fps) else none
 
 
 def without_belt(found: Landmarks, velocity: Float) -> Landmarks:
@@ -35,3 +96,102 @@ def without_belt(found: Landmarks, velocity: Float) -> Landmarks:
     away = np.zeros((len(found), 3))
     away[:, :2] = np.arange(len(found))[:, None] / found.fps * velocity
     return replace(found, points={name: point - away for name, point in found.points.items()})
+
+
+def backwards(found: Landmarks, speed: float) -> Float:
+    """Velocity of a belt of this speed that runs opposite to the median heading of the pelvis, (2,) [m/s]."""
+    left = unit((found.points["hip_l"] - found.points["hip_r"])[:, :2])
+    forward = unit(np.median(np.stack([left[:, 1], -left[:, 0]], axis=1), axis=0))
+    return -speed * forward
+
+
+def backward_speed(found: Landmarks, velocity: Float) -> float:
+    """Speed of a belt opposite to the median heading of the pelvis [m/s]; negative where it runs forwards."""
+    return float(velocity @ backwards(found, 1.0))
+
+
+def _smooth(point: Float, fps: float) -> Float:
+    smoothed: Float = uniform_filter1d(point, max(1, round(SMOOTH_S * fps)), axis=0, mode="nearest")
+    return smoothed
+
+
+def _low(height: Float, fps: float) -> Bool:
+    low: Bool = height - minimum_filter1d(height, 2 * round(STRIDE_S * fps) + 1, mode="nearest") < LOW
+    return low
+
+
+def _tolerance(velocity: Float) -> float:
+    return float(SAME + SAME_SHARE * np.linalg.norm(velocity))
+
+
+def _near(speeds: Float, velocity: Float) -> Bool:
+    near: Bool = np.linalg.norm(speeds - velocity, axis=-1) < _tolerance(velocity)
+    return near
+
+
+def _common(speeds: dict[str, Float], low: dict[str, Bool]) -> Float | None:
+    """The velocity that low feet have most often, on the side where it is rarer, (2,) [m/s]."""
+    own = {side: speeds[side][low[side]] for side in speeds}
+    if not all(len(values) for values in own.values()):
+        return None
+    pooled = np.concatenate(list(own.values()))
+    candidates = pooled[:: max(1, len(pooled) // 300)]
+    width = SAME + SAME_SHARE * np.linalg.norm(candidates, axis=-1)
+    counts = [
+        (np.linalg.norm(values[None] - candidates[:, None], axis=-1) < width[:, None]).sum(axis=1)
+        for values in own.values()
+    ]
+    best = candidates[int(np.argmax(np.minimum(*counts)))]
+    for _ in range(3):
+        best = np.median(pooled[_near(pooled, best)], axis=0)
+    return best
+
+
+def _contacts(side: str, on: Bool, fps: float) -> list[Contact]:
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], on, [False]]).astype(int))).reshape(-1, 2)
+    return [Contact(side, int(a), int(b)) for a, b in edges if b - a >= max(3, STANCE_S * fps)]
+
+
+def _slopes(contacts: list[Contact], toes: dict[str, Float], fps: float) -> Float:
+    """Mean velocity of the foot over the middle of each contact, (contacts, 2) [m/s]."""
+    slopes = []
+    for contact in contacts:
+        length = contact.end - contact.begin
+        middle = slice(contact.begin + length // 6, contact.begin + max(length // 6 + 2, round(FLAT_SHARE * length)))
+        path = toes[contact.side][middle, :2]
+        slopes.append(np.polyfit(np.arange(len(path)) / fps, path, 1)[0])
+    return np.array(slopes)
+
+
+def _measured(contacts: list[Contact], toes: dict[str, Float], fps: float) -> Float | None:
+    """Velocity of the belt as the mean over contacts, weighted by their length, (2,) [m/s]."""
+    if {contact.side for contact in contacts} != {"l", "r"}:
+        return None
+    weights = np.array([contact.end - contact.begin for contact in contacts], float)
+    mean: Float = np.average(_slopes(contacts, toes, fps), axis=0, weights=weights)
+    return mean
+
+
+def _is_belt(
+    velocity: Float,
+    contacts: list[Contact],
+    speeds: dict[str, Float],
+    low: dict[str, Bool],
+    pelvis: Float,
+    fps: float,
+) -> bool:
+    speed = float(np.linalg.norm(velocity))
+    along = velocity / speed
+    on = {side: np.zeros(len(pelvis), bool) for side in speeds}
+    for contact in contacts:
+        on[contact.side][contact.begin : contact.end] = True
+    either, both = on["l"] | on["r"], on["l"] & on["r"]
+    slow = {side: np.linalg.norm(own, axis=-1) < AT_REST * speed for side, own in speeds.items()}
+    rests = any(
+        sum(rest.end - rest.begin for rest in _contacts(side, low[side] & slow[side], fps))
+        > REST_SHARE * on[side].sum()
+        for side in speeds
+    )
+    stays = np.linalg.norm(pelvis[-1] - pelvis[0]) * fps / (len(pelvis) - 1) < PELVIS_SHARE * speed
+    returns = max(float(np.max(-(own @ along))) for own in speeds.values()) > BACK_SHARE * speed
+    return bool(not rests and stays and returns and either.mean() >= COVERED and both.sum() <= TOGETHER * either.sum())

@@ -2,17 +2,68 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import NDArray
 
 from flexmotion.human.angles import rotation_about
+from flexmotion.human.body import Segments
 from flexmotion.human.vectors import frame, in_frame, unit
-from flexmotion.importers.landmarks import Landmarks
+
+if TYPE_CHECKING:
+    from flexmotion.importers.landmarks import Landmarks
 
 Float = NDArray[np.float64]
 
 SPINE_SHARE = 0.8
 """Tilt of the line from lumbar joint to neck as a share of the chest's, for a spine that bends over its length."""
+
+
+LEG_SHARE = 0.491
+"""Thigh and shank as a share of stature (`data/proportions.yaml`)."""
+
+
+def with_trunk(points: Mapping[str, Float]) -> tuple[dict[str, Float], list[str]]:
+    """Points with neck and shoulders, guessed where the file lacks them, and a warning for each guess.
+
+    The neck of a trunk without points is above the lumbar joint, else the hips: a trunk stays nearer to the vertical
+    than to any axis of the pelvis. Shoulders lie beside it along the line of the hips.
+    """
+    found, notes = dict(points), []
+    sides = [f"shoulder_{side}" for side in "lr"]
+    left = unit((points["hip_l"] - points["hip_r"]) * [1.0, 1.0, 0.0])
+    legs = [
+        np.median(np.linalg.norm(points[f"{b}_{side}"] - points[f"{a}_{side}"], axis=-1))
+        for a, b in (("hip", "knee"), ("knee", "ankle"))
+        for side in "lr"
+    ]
+    mean = Segments.of_height(float(sum(legs)) / 2 / LEG_SHARE)
+    rise = np.array([0.0, 0.0, 1.0])
+    hips = (points["hip_l"] + points["hip_r"]) / 2
+    lumbar = points.get("lumbar", hips + mean.lumbar_height * rise)
+    present = [side for side in sides if side in points]
+    if "neck" not in points:
+        if present:
+            beside = [points[side] - (0.5 - sides.index(side)) * mean.shoulder_width * left for side in present]
+            found["neck"] = np.mean([points[s] for s in sides] if len(present) == 2 else beside, axis=0)
+            found["neck"] = found["neck"] + (mean.neck_height - mean.shoulder_height) * unit(found["neck"] - lumbar)
+            notes.append("no point for the neck: it is placed above the shoulders")
+        else:
+            above = found["head"] - lumbar if "head" in found else rise
+            found["neck"] = lumbar + mean.neck_height * unit(above)
+            guess = "below the head" if "head" in found else "above the pelvis, so the trunk does not lean"
+            notes.append(f"no point for neck or shoulders: the neck is placed {guess}")
+    along = unit(found["neck"] - lumbar)
+    for index, side in enumerate(sides):
+        if side not in points:
+            across = unit(left - np.sum(left * along, axis=-1, keepdims=True) * along)
+            height, width = mean.shoulder_height - mean.neck_height, (0.5 - index) * mean.shoulder_width
+            found[side] = found["neck"] + height * along + width * across
+    if not present:
+        notes.append("no point for the shoulders: they are placed beside the neck and turn with the hips")
+    return found, notes
 
 
 def pelvis_rotation(found: Landmarks) -> Float:

@@ -37,13 +37,14 @@ def zero_pose_orientations(capture: Capture, joints: Mapping[str, str], turn: Fl
     forward /= np.linalg.norm(forward)
 
     figure = turn.T @ np.stack([forward, np.cross(UP, forward), UP], axis=1)
-    axes = {
-        "pelvis": (capture.common_ancestor(joints["hip_l"], joints["hip_r"]), figure),
-        "chest": (capture.common_ancestor(joints["shoulder_l"], joints["shoulder_r"]), figure),
-    }
+    axes = {"pelvis": (capture.common_ancestor(joints["hip_l"], joints["hip_r"]), figure)}
+    if {"shoulder_l", "shoulder_r"} <= at.keys():
+        axes["chest"] = (capture.common_ancestor(joints["shoulder_l"], joints["shoulder_r"]), figure)
     if "head" in joints:
         axes["head"] = (joints["head"], figure)
     for side, inward in (("l", -1.0), ("r", 1.0)):
+        if not {f"elbow_{side}", f"wrist_{side}"} <= at.keys():
+            continue
         # Palms face down with arms raised sideways, and inwards with hanging arms: the palm's normal is the forearm's
         # direction rotated by 90° about the fore-aft axis.
         arm = at[f"wrist_{side}"] - at[f"elbow_{side}"]
@@ -60,6 +61,8 @@ def zero_pose_orientations(capture: Capture, joints: Mapping[str, str], turn: Fl
 
 def _stands(at: Mapping[str, Float], forward: Float) -> bool:
     hips = (at["hip_l"] + at["hip_r"]) / 2
-    upright = (at["neck"] - hips, at["hip_l"] - at["ankle_l"], at["hip_r"] - at["ankle_r"])
+    upright = [at["hip_l"] - at["ankle_l"], at["hip_r"] - at["ankle_r"]]
+    if "neck" in at:
+        upright.append(at["neck"] - hips)
     toes = (at[f"toe_{side}"] - at[f"ankle_{side}"] for side in "lr")
     return all(part[2] > UPRIGHT * np.linalg.norm(part) for part in upright) and all(toe @ forward > 0 for toe in toes)

@@ -42,6 +42,7 @@ def take_over(old: Motion, old_first: int, new: Motion, first: int, frames: int)
         torques=_both(before.torques, new.torques, weight),
         wrenches=_both(before.wrenches, new.wrenches, weight),
         activations=_both(before.activations, new.activations, weight),
+        joint_contact=_both(before.joint_contact, new.joint_contact, weight),
         contacts=_nearer(before.contacts, new.contacts, weight),
     )
 

@@ -161,7 +161,7 @@ class Sampler:
             raise ValueError(f"the history is of {history.body}, the bundle's human is {self.body}")
         last = history[max(0, len(history) - self.history - LEAD) :]
         # The inputs of the networks are kinematic.
-        moved = replace(last, torques=None, wrenches=None, activations=None, contacts=None)
+        moved = replace(last, torques=None, wrenches=None, activations=None, joint_contact=None, contacts=None)
         features = encode(moved, self.layout)[-self.history :] if self.history else np.zeros((0, self.layout.size))
         if len(features) < self.history:
             first = np.repeat(features[:1], self.history - len(features), axis=0)

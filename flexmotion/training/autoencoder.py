@@ -85,7 +85,7 @@ class Autoencoder(nn.Module):
         self.decoder_place = parameter(1, 1 + self.past + ahead, width)
         self.decoder = Stack(config.decoder)
         self.write = Frames(layout.blocks, window.patch, width)
-        self.dynamics = DynamicsHead(width, layout)
+        self.dynamics = DynamicsHead(width, layout, loads=config.loads)
         self.register_load_state_dict_pre_hook(_without_dynamics)
         # A pose changes little in a second: the decoder learns the difference from the last known frame.
         self.persistence = nn.Parameter(torch.ones(layout.size)) if self.past else None
@@ -115,7 +115,7 @@ class Autoencoder(nn.Module):
                 value.zero_()
 
     def motion(self) -> dict[str, nn.Parameter]:
-        """Parameters of latents and motion, by name; the others are of torques, forces, contacts and activations."""
+        """Parameters of latents and motion, by name; the others are of estimated forces."""
         return {name: value for name, value in self.named_parameters() if not self._beside_motion(name)}
 
     def hold_motion(self) -> None:
@@ -137,8 +137,14 @@ class Autoencoder(nn.Module):
             mean = mean + self.read_straight(ahead[..., self.columns].flatten(1))
         return mean, spread.clamp(-12.0, 4.0)
 
-    def decode(self, history: Tensor, latent: Tensor) -> Tensor:
-        """Future (N, W, F), normalised, from the history (N, H, F) and a latent (N, latent)."""
+    def decode(self, history: Tensor, latent: Tensor, loads: Tensor | None = None) -> Tensor:
+        """Future (N, W, F), normalised.
+
+        Args:
+            history: normalised, (N, H, F).
+            latent: (N, latent).
+            loads: external forces of the future, see `DynamicsHead`; None for none.
+        """
         unfolded = self.unfold(latent)[:, None]
         ahead = self.decoder_place.shape[1] - 1 - self.past
         parts = [unfolded, unfolded.expand(-1, ahead, -1)]
@@ -152,12 +158,14 @@ class Autoencoder(nn.Module):
                 frames = frames + nn.functional.pad(straight, (0, frames.shape[2] - straight.shape[2]))
             if self.persistence is not None:
                 frames = frames + self.persistence * self.known * history[:, -1:]
-            return self.dynamics(history, frames)
+            return self.dynamics(history, frames, loads)
 
-    def forward(self, history: Tensor, future: Tensor, noise: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    def forward(
+        self, history: Tensor, future: Tensor, noise: Tensor, loads: Tensor | None = None
+    ) -> tuple[Tensor, Tensor, Tensor]:
         """Decoded future, mean and logarithm of the variance; `noise` is standard normal, (N, latent)."""
         mean, spread = self.encode(history, future)
-        return self.decode(history, mean + torch.exp(0.5 * spread) * noise), mean, spread
+        return self.decode(history, mean + torch.exp(0.5 * spread) * noise, loads), mean, spread
 
 
 def _in_full_precision(device: torch.device) -> AbstractContextManager[object]:

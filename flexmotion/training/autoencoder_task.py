@@ -9,6 +9,7 @@ from torch import Tensor
 
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.model import ModelConfig
+from flexmotion.features.layout import JOINT_CONTACT
 from flexmotion.training.autoencoder import Autoencoder
 from flexmotion.training.checkpoints import digest, is_trained, load_weights
 from flexmotion.training.draws import normal
@@ -86,7 +87,7 @@ class AutoencoderTask:
         self, windows: Windows, noise: Tensor, physics_share: float, physics: float = 1.0
     ) -> tuple[Tensor, dict[str, Tensor]]:
         with self.processes.mixed_precision():
-            decoded, mean, spread = self.network(windows.history, windows.future, noise)
+            decoded, mean, spread = self.network(windows.history, windows.future, noise, windows.future_loads)
         decoded = decoded.float()
         terms = self.loss.kinematic(decoded, windows) | self.loss.muscular(decoded)
         terms["divergence"] = divergence(mean.float(), spread.float())
@@ -98,18 +99,27 @@ class AutoencoderTask:
         return weighted(terms, self.config.losses, physics), terms
 
     def validate(self) -> dict[str, float]:
-        """Losses, and the mean distance of the body's points from the true ones [mm]."""
-        windows = self._held_out
+        """See `measure`, of the held-out windows."""
+        return self.measure(self._held_out)
+
+    def measure(self, windows: Windows) -> dict[str, float]:
+        """Losses of windows; mean distances of points [mm] and of joint contact forces [body weights]."""
         noise = torch.zeros(len(windows.future), self.config.autoencoder.latent, device=windows.future.device)
         total, terms = self._losses(windows, noise, 1.0)
         figures = {name: float(value.detach()) for name, value in terms.items()} | {"loss": float(total.detach())}
-        decoded = self.network.decode(windows.history, self.network.encode(windows.history, windows.future)[0])
+        latent = self.network.encode(windows.history, windows.future)[0]
+        decoded = self.network.decode(windows.history, latent, windows.future_loads)
         humans = self._humans[torch.from_numpy(windows.clip).to(decoded.device)]
         layout = self.loss.layout
         found, expected = (
             points(segments(pose(self.loss.restore(frames.float()), layout, humans), humans), humans)
             for frames in (decoded, windows.future)
         )
+        if layout.joint_contact:
+            columns = layout.blocks[JOINT_CONTACT]
+            missing = [self.loss.restore(frames.float())[..., columns] for frames in (decoded, windows.future)]
+            distance = (missing[0] - missing[1]).detach().unflatten(-1, (-1, 3)).norm(dim=-1)
+            figures["joint_contact_bw"] = float(distance[windows.good[:, -distance.shape[1] :]].mean())
         figures["points_mm"] = 1e3 * float((found - expected).detach().norm(dim=-1)[windows.mask].mean())
         return figures
 

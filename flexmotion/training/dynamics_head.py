@@ -1,4 +1,4 @@
-"""`DynamicsHead`: torques and ground forces from the accelerations of the decoded motion.
+"""`DynamicsHead`: torques, ground forces and joint contact forces from the accelerations of the decoded motion.
 
 A patch's token contains its own frames only; accelerations depend on neighbouring patches and on the principal
 components too. Without this head the Euler-Lagrange loss lowered the residual of forces by 9 % only.
@@ -10,17 +10,19 @@ import torch
 from torch import Tensor, nn
 
 from flexmotion.biomechanics.differentiation import FIRST, HALF, SECOND
-from flexmotion.features.layout import Layout
+from flexmotion.features.layout import JOINT_CONTACT, Layout
 from flexmotion.training.differentiation import of_neighbours
+from flexmotion.training.human_tensors import LOADS
 
 UNIT_S = 0.1
 """Unit of time of the rates [s]: rates of normalised features are then of the size of the features."""
 
-FORCES = ("torques", "wrenches")
+LOAD_UNIT = 0.1
+"""Unit of external loads [body weight]: of their size in the variants of a set."""
 
 
 class DynamicsHead(nn.Module):
-    """Adds a function of the decoded motion's accelerations to the decoded torques and wrenches.
+    """Adds a function of the decoded motion's accelerations to the decoded torques, wrenches and joint contact forces.
 
     Gated linear: how a force depends on an acceleration changes with the loaded foot. No gradient reaches the motion,
     as in the Euler-Lagrange loss. Adds nothing before training.
@@ -28,24 +30,34 @@ class DynamicsHead(nn.Module):
     Args:
         hidden: width of the hidden layer.
         layout: of the features.
+        loads: whether external loads are an input.
     """
 
-    def __init__(self, hidden: int, layout: Layout) -> None:
+    def __init__(self, hidden: int, layout: Layout, *, loads: bool = False) -> None:
         super().__init__()
         root, points = layout.blocks["root"], layout.blocks["positions"]
         self._speeds = list(range(root.start, root.start + 3))
         self._places = [root.start + 3, *range(points.start, points.stop)]
-        self._inputs = [at for name in (*FORCES, "contacts") for at in _columns(layout, name)]
-        self._forces = [at for name in FORCES for at in _columns(layout, name)]
+        forces = ("torques", "wrenches", *([JOINT_CONTACT] if layout.joint_contact else []))
+        self._inputs = [at for name in (*forces, "contacts") for at in _columns(layout, name)]
+        self._forces = [at for name in forces for at in _columns(layout, name)]
         self._unit = layout.fps * UNIT_S
         motion = len(self._speeds) + len(self._places)
         self.read = nn.Linear(2 * motion + len(self._inputs), 2 * hidden)
+        # Without a bias: without loads it adds nothing, and is no part of an exported network.
+        self.carry = nn.Linear(3 * LOADS, 2 * hidden, bias=False) if loads else None
         self.write = nn.Linear(hidden, len(self._forces))
         nn.init.zeros_(self.write.weight)
         nn.init.zeros_(self.write.bias)
 
-    def forward(self, history: Tensor, frames: Tensor) -> Tensor:
-        """Decoded frames (N, W, F), normalised, after their history (N, H, F), with corrected torques and wrenches."""
+    def forward(self, history: Tensor, frames: Tensor, loads: Tensor | None = None) -> Tensor:
+        """Decoded frames with corrected forces.
+
+        Args:
+            history: normalised, (N, H, F).
+            frames: decoded, normalised, (N, W, F).
+            loads: external forces, see `physics.external_wrenches`, (N, W, LOADS, 3) [body weights]; None for none.
+        """
         motion, past = frames.detach(), history.shape[1]
         whole = _extended(torch.cat([history, motion], dim=1), HALF, HALF + 1)[:, past:]
         # A speed is that since the frame before: the acceleration at a frame lies between two of them.
@@ -59,7 +71,10 @@ class DynamicsHead(nn.Module):
             motion[..., self._places],
             frames[..., self._inputs],
         ]
-        added = self.write(nn.functional.glu(self.read(torch.cat(inputs, dim=-1))))
+        hidden = self.read(torch.cat(inputs, dim=-1))
+        if self.carry is not None and loads is not None:
+            hidden = hidden + self.carry(loads.flatten(2) / LOAD_UNIT)
+        added = self.write(nn.functional.glu(hidden))
         first, last = self._forces[0], self._forces[-1]
         return frames + nn.functional.pad(added, (first, frames.shape[-1] - 1 - last))
 

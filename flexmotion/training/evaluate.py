@@ -25,7 +25,7 @@ from flexmotion.evaluation.embeddings import (
 )
 from flexmotion.evaluation.interval import Interval, repeated
 from flexmotion.evaluation.motions import foot_metrics, jerk
-from flexmotion.evaluation.physics import beyond_muscles, physics_metrics
+from flexmotion.evaluation.physics import beyond_muscles, joint_contact_error, physics_metrics
 from flexmotion.features.decode import Anchor, decode, pressure_centres
 from flexmotion.features.encode import encode
 from flexmotion.features.layout import ACTIVATIONS
@@ -217,8 +217,11 @@ class Judge:
             raw = np.asarray(future[:, self.layout.blocks[ACTIVATIONS]], np.float64)
             motion = replace(motion, activations=raw)
         figures = physics_metrics(motion, pressure_centres(future, self.layout, motion))
-        if self.layout.muscles and find_spec("myo_sim") is not None:
-            figures["muscle_torque"] = beyond_muscles(motion)
+        if find_spec("myo_sim") is not None:
+            if self.layout.muscles:
+                figures["muscle_torque"] = beyond_muscles(motion)
+            if self.layout.joint_contact:
+                figures["joint_contact"] = joint_contact_error(motion)
         return figures
 
     def _from_motions(

@@ -130,6 +130,7 @@ def export(
         layout=layout.hash,
         fps=window.fps,
         muscles=layout.muscles,
+        joint_contact=layout.joint_contact,
         history=window.history,
         future=window.future,
         latent=autoencoder.latent,
@@ -174,7 +175,8 @@ def with_proportions(body: Body, store: FeatureStore) -> Body:
 
     With other proportions the same joint angles would put the feet above or below the floor.
     """
-    clips = [clip for clip in store.clips if clip.split == "train"]
+    # Variants have bodies that nobody recorded.
+    clips = [clip for clip in store.clips if clip.split == "train" and clip.recorded]
     seconds = np.maximum(np.array([clip.frames for clip in clips]) // round(store.layout.fps), 1)
     segments = {}
     for name in (item.name for item in fields(Segments)):
@@ -188,7 +190,7 @@ def with_proportions(body: Body, store: FeatureStore) -> Body:
 def standing_features(store: FeatureStore, run: Run) -> np.ndarray:
     """Features of a human who stands still, arms hanging, not normalised, (H, F): the stretch nearest to the median."""
     window = run.config.window.model_copy(update={"history": 0, "future": max(run.config.window.history, 1)})
-    windows = WindowSet(store, window, "train").draw((run.seed, 41), 4096)
+    windows = WindowSet(store, window, "train", variants=False).draw((run.seed, 41), 4096)
     features = store.statistics.restore(windows.future.numpy())
     speed = features[..., layout_columns(store.layout, ("velocities",))]
     still = np.abs(speed).mean(axis=(1, 2)) < STILL / 4

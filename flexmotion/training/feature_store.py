@@ -6,6 +6,7 @@ import hashlib
 import json
 import os
 from collections.abc import Callable, Iterator
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -16,16 +17,25 @@ import numpy as np
 from flexmotion.configs.errors import MotionFormatError
 from flexmotion.dataset.compact_set import MotionSet
 from flexmotion.dataset.training_set import SetClip
-from flexmotion.features.encode import encode
+from flexmotion.features.encode import encode, encode_loads
 from flexmotion.features.joint_groups import BALL_COLUMNS
 from flexmotion.features.layout import Layout
+from flexmotion.features.slope import levelled
 from flexmotion.features.statistics import Statistics
 from flexmotion.human.body import Body, Segments
 from flexmotion.human.resample import resample
 from flexmotion.human.signals import resample_signal, same_rate
+from flexmotion.spatial.gravity import GRAVITY
 from flexmotion.training.format import FEATURES_VERSIONS, FORMAT, UNVERSIONED
+from flexmotion.training.human_tensors import LOADS
 
 INDEX = "index.json"
+
+RECORDED = ("original", "mirror")
+"""Variants of a clip that were recorded; the others are made from it by augmentation."""
+
+CONTENT = 2
+"""Increased when a store of the same set holds more; 2: with external loads and error estimates."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +46,7 @@ class StoredClip:
         name: of the clip.
         start, frames: first row and number of rows.
         split: `train` or `validation`.
-        variant: `original` or `mirror`.
+        variant: `original`, `mirror`, or the name of an augmentation.
         labels, captions: of its source.
         body: size and proportions of the human.
     """
@@ -50,6 +60,11 @@ class StoredClip:
     captions: tuple[str, ...]
     body: Body
 
+    @property
+    def recorded(self) -> bool:
+        """Whether it is a recording or its mirror image, not a variant."""
+        return self.variant in RECORDED
+
 
 class FeatureStore:
     """Features of every frame of a set, in the order of its clips.
@@ -62,6 +77,8 @@ class FeatureStore:
         features: half precision, not normalised, memory-mapped, (rows, F).
         branches: sign of the cosine of each ball joint's second angle, (rows, 6).
         good: frames whose motion the ground reaction explains, (rows,).
+        loads: external forces, see `physics.external_wrenches`, (rows, LOADS, 3) [body weights].
+        force_error: estimated standard error of the ground forces on both feet together, (rows,) [body weights].
         statistics: mean and standard deviation of the training clips' features.
 
     Raises:
@@ -72,13 +89,20 @@ class FeatureStore:
         self.folder = folder
         index = json.loads((folder / INDEX).read_text(encoding="utf-8"))
         FEATURES_VERSIONS.check(index.get("format", UNVERSIONED), folder / INDEX)
-        self.layout = Layout(index["fps"], index["muscles"])
+        self.layout = Layout(index["fps"], index["muscles"], joint_contact=index.get("joint_contact", False))
         self._clips = index["clips"]
         self.features: np.ndarray = np.load(folder / "features.npy", mmap_mode="r")
         self.branches: np.ndarray = np.load(folder / "branches.npy")
         self.good: np.ndarray = np.load(folder / "good.npy")
+        self.loads, self.force_error = self._optional("loads", (LOADS, 3)), self._optional("force_error", ())
         with np.load(folder / "statistics.npz") as found:
             self.statistics = Statistics(found["mean"], found["spread"])
+
+    def _optional(self, name: str, shape: tuple[int, ...]) -> np.ndarray:
+        """An array that stores of earlier formats lack: zeros, which need no memory."""
+        path = self.folder / f"{name}.npy"
+        zero = np.zeros((), np.float16)
+        return np.load(path) if path.is_file() else np.broadcast_to(zero, (len(self.good), *shape))
 
     @cached_property
     def clips(self) -> tuple[StoredClip, ...]:
@@ -87,6 +111,13 @@ class FeatureStore:
             StoredClip(**{**item, "captions": tuple(item["captions"]), "body": _body(item["body"])})
             for item in self._clips
         )
+
+    def without_variants(self) -> FeatureStore:
+        """The same store without variants in its training split."""
+        other = copy(self)
+        vars(other).pop("clips", None)  # the cached property
+        other._clips = [item for item in self._clips if item["variant"] in RECORDED or item["split"] != "train"]
+        return other
 
     @cached_property
     def licences(self) -> tuple[str, ...]:
@@ -106,7 +137,7 @@ def build_store(
         progress: called with the share done, 0 to 1.
 
     Raises:
-        MotionFormatError: the set lacks a field, or muscles that the layout has.
+        MotionFormatError: the set lacks a field, or muscles or joint contact forces that the layout has.
     """
     key = _key(source, layout)
     index = folder / INDEX
@@ -119,11 +150,18 @@ def build_store(
     features = np.lib.format.open_memmap(
         folder / "features.npy", mode="w+", dtype=np.float16, shape=(total, layout.size)
     )
-    branches, good = np.empty((total, len(BALL_COLUMNS)), np.int8), np.empty(total, np.bool_)
+    beside = {
+        "branches": np.empty((total, len(BALL_COLUMNS)), np.int8),
+        "good": np.empty(total, np.bool_),
+        "loads": np.empty((total, LOADS, 3), np.float16),
+        "force_error": np.empty(total, np.float16),
+    }
     clips, start = [], 0
     for clip, count in zip(source.clips, counts, strict=True):
         rows = slice(start, start + count)
-        features[rows], branches[rows], good[rows] = _of_clip(source, clip, layout)
+        features[rows], found = _of_clip(source, clip, layout)
+        for name, values in found.items():
+            beside[name][rows] = values
         clips.append(
             {
                 "name": clip.name,
@@ -139,8 +177,8 @@ def build_store(
         start += count
         progress(start / total)
     features.flush()
-    np.save(folder / "branches.npy", branches)
-    np.save(folder / "good.npy", good)
+    for name, values in beside.items():
+        np.save(folder / f"{name}.npy", values)
     statistics = Statistics.of(_training_sample(features, clips), layout)
     np.savez(folder / "statistics.npz", mean=statistics.mean, spread=statistics.spread)
     content = {
@@ -148,6 +186,7 @@ def build_store(
         "key": key,
         "fps": layout.fps,
         "muscles": layout.muscles,
+        "joint_contact": layout.joint_contact,
         "licences": sorted({clip.info["licence"] for clip in source.clips if clip.info["licence"]}),
         "clips": clips,
     }
@@ -157,20 +196,37 @@ def build_store(
     return FeatureStore(folder)
 
 
-def _of_clip(source: MotionSet, clip: SetClip, layout: Layout) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _of_clip(source: MotionSet, clip: SetClip, layout: Layout) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """Features of a clip, and the arrays beside them."""
     motion = source.motion(clip)
     if not layout.muscles:
         motion = replace(motion, activations=None)
     elif motion.activations is None:
         raise MotionFormatError(f"{clip.name}: this set has no muscle activations; set window.muscles to false")
-    centres, good = source.centres(clip), source.good(clip)
+    if layout.joint_contact and motion.joint_contact is None:
+        raise MotionFormatError(
+            f"{clip.name}: this set has no joint contact forces; build it with muscles, or set window.joint_contact to"
+            " false"
+        )
+    good = source.good(clip)
+    level = levelled(motion, source.centres(clip), source.loads(clip), clip.info.get("slope", (0.0, 0.0)))
+    motion, centres = level.motion, level.centres
+    weight = motion.body.mass * GRAVITY * level.gravity
+    loads = np.concatenate([level.loads, np.broadcast_to(weight, (len(motion), 1, 3))], axis=1)
+    error = np.linalg.norm(source.force_error(clip), axis=1).clip(0.0, float(np.finfo(np.float16).max))
     if not same_rate(motion.fps, layout.fps):
-        nearest = np.arange(_frames(clip, layout.fps)) * motion.fps / layout.fps
-        good = good[np.minimum(np.round(nearest).astype(int), len(motion) - 1)]
-        centres = resample_signal(centres, motion.fps, layout.fps)
+        frames = np.arange(_frames(clip, layout.fps)) * motion.fps / layout.fps
+        nearest = np.minimum(np.round(frames).astype(int), len(motion) - 1)
+        good, error = good[nearest], error[nearest]
+        centres, loads = (resample_signal(values, motion.fps, layout.fps) for values in (centres, loads))
         motion = resample(motion, layout.fps)
-    branches = np.where(np.cos(motion.joints[:, BALL_COLUMNS[:, 1]]) < 0, -1, 1)
-    return encode(motion, layout, centres), branches, good
+    beside = {
+        "branches": np.where(np.cos(motion.joints[:, BALL_COLUMNS[:, 1]]) < 0, -1, 1),
+        "good": good,
+        "loads": encode_loads(loads, motion),
+        "force_error": error,
+    }
+    return encode(motion, layout, centres), beside
 
 
 def _frames(clip: SetClip, fps: float) -> int:
@@ -192,7 +248,7 @@ def _parts(features: np.ndarray, clips: list[dict[str, Any]]) -> Iterator[np.nda
 
 
 def _key(source: MotionSet, layout: Layout) -> str:
-    content = json.dumps([source.hashes, layout.hash], sort_keys=True)
+    content = json.dumps([source.hashes, layout.hash, CONTENT], sort_keys=True)
     return hashlib.sha256(content.encode()).hexdigest()
 
 

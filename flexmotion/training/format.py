@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from flexmotion.configs.versions import FormatVersions
 
-FORMAT = 2
+FORMAT = 3
 """Version that is written.
 
 1: files without a version. `last.pt` held the averaged weights without the number of weights averaged.
 2: every file carries the version; `last.pt` holds the state of torch's `AveragedModel`.
+3: features with joint contact forces, external loads and error estimates.
 """
 
 UNVERSIONED = 1

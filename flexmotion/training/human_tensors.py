@@ -45,6 +45,13 @@ HINGE_AXES = np.array(
 
 JOINT_SEGMENTS = tuple(_moved_by(joint) for joint in JOINTS)
 FEET = tuple(SEGMENTS.index(f"calcaneus_{side}") for side in ("l", "r"))
+LOADED = tuple(SEGMENTS.index(name) for name in ("torso", "hand_l", "hand_r"))
+"""Segments on which external loads act, in the order of a set's field `loads`."""
+
+LOADS = len(LOADED) + 1
+"""Forces of a frame: on each of `LOADED`, and the difference of gravity from that of a level floor, on all segments by
+their mass."""
+
 ANKLES = tuple(SEGMENTS.index(f"talus_{side}") for side in ("l", "r"))
 
 

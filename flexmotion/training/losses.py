@@ -1,4 +1,14 @@
-"""The autoencoder's losses by name, not weighted."""
+"""The autoencoder's losses by name, not weighted.
+
+Which frames count:
+
+- recorded motion (root, rotations, positions, velocities, accelerations, and all that follows from them): every frame;
+- estimated forces (`layout.FORCES`): `good` frames, by the inverse variance of their error. With an estimated standard
+  error e of the ground forces, and a variance s² of what a model trained on perfect labels would still be off, a frame
+  counts s² / (s² + e²) = 1 / (1 + (e/s)²);
+- equations of motion and muscle torques: `good` frames alike. They compare decoded quantities with each other, so that
+  errors of the labels do not matter; in other frames forces act that are not known (a chair, a stair).
+"""
 
 from __future__ import annotations
 
@@ -9,7 +19,7 @@ from torch import Tensor
 
 from flexmotion.biomechanics.differentiation import EDGE
 from flexmotion.configs.model import LossWeights
-from flexmotion.features.layout import ACTIVATIONS, Layout
+from flexmotion.features.layout import ACTIVATIONS, FORCES, Layout
 from flexmotion.features.statistics import Statistics
 from flexmotion.training.human_tensors import HumanTensors
 from flexmotion.training.kinematics import path, points, pose, segments
@@ -53,12 +63,13 @@ class Reconstruction:
     def kinematic(self, decoded: Tensor, windows: Windows) -> dict[str, Tensor]:
         """Errors of blocks (N, W, F), of their change, and of the root's path."""
         blocks, mask = self.layout.blocks, windows.mask
+        known = self.certainty(windows)
         losses = {}
         for name in self.weights.blocks:
             if name in blocks:
                 error = decoded[..., blocks[name]] - windows.future[..., blocks[name]]
                 size = error.abs() if name == "wrenches" else error.square()
-                losses[name] = _mean(size.mean(dim=-1), mask)
+                losses[name] = _mean(size.mean(dim=-1), known if name in FORCES else mask)
         if self.weights.change:
             columns = [at for name in CHANGING for at in range(blocks[name].start, blocks[name].stop)]
             last = windows.history[:, -1:]
@@ -77,6 +88,12 @@ class Reconstruction:
             error = (place - true_place).square().sum(dim=-1) + (yaw - true_yaw).square()
             losses["path"] = 10 * _mean(error, mask)
         return losses
+
+    def certainty(self, windows: Windows) -> Tensor:
+        """Weight of the estimated forces in every frame of the futures, (N, W), 0 to 1."""
+        past, scale = windows.history.shape[1], self.weights.force_error
+        known = (windows.good[:, past:] & windows.mask).to(windows.force_error.dtype)
+        return known / (1.0 + (windows.force_error[:, past:] / scale).square()) if scale else known
 
     def physical(self, decoded: Tensor, windows: Windows, humans: HumanTensors) -> dict[str, Tensor]:
         """Errors of points by forward kinematics, and residuals of the equations of motion, of N windows.
@@ -101,7 +118,8 @@ class Reconstruction:
         if weights.euler_joints or weights.euler_root:
             # Heights in the store have half precision: differentiated twice, those of a history are noise of 6 % of
             # body weight, so histories are left out.
-            residual = euler_residual(whole[:, past:], self.layout, humans, windows.branches[:, past:])
+            branches, loads = windows.branches[:, past:], windows.future_loads
+            residual = euler_residual(whole[:, past:], self.layout, humans, branches, loads)
             good = windows.good[:, past + EDGE : -EDGE or None]
             for name, value in (("euler_joints", residual.joints), ("euler_root", residual.root)):
                 size = torch.nn.functional.huber_loss(value, torch.zeros_like(value), reduction="none", delta=WHOLE)
@@ -140,6 +158,6 @@ def divergence(mean: Tensor, spread: Tensor) -> Tensor:
 
 
 def _mean(value: Tensor, mask: Tensor) -> Tensor:
-    """Mean over the frames of the mask."""
+    """Mean over the frames of a mask, or weighted."""
     share = mask.to(value.dtype)
     return (value * share).sum() / share.sum().clamp(min=1.0)

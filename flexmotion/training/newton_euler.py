@@ -1,8 +1,9 @@
-"""Differentiable inverse dynamics: Newton-Euler equations over the tree, with ground reaction at the feet.
+"""Differentiable inverse dynamics: Newton-Euler equations over the tree, with ground reaction and external loads.
 
-For a hinge through o with axis a that carries the segments S, and ground reaction (f, n) about p at the feet F in S:
+For a hinge through o with axis a that carries the segments S, ground reaction (f, n) about p at the feet F in S, and
+external wrenches (e, k) about the centres of mass c:
 
-    τ = a · ( Σ_S [ (c - o) x m (c̈ - g) + L̇ ] - Σ_F [ (p - o) x f + n ] )
+    τ = a · ( Σ_S [ (c - o) x (m (c̈ - g) - e) + L̇ - k ] - Σ_F [ (p - o) x f + n ] )
 
 as `biomechanics.inverse_dynamics` computes it in NumPy; only the chain of rotations is sequential.
 """
@@ -78,7 +79,12 @@ def rates(found: Segments, humans: HumanTensors, fps: float) -> Rates:
 
 
 def generalised_forces(
-    found: Segments, moving: Rates, humans: HumanTensors, wrenches: Tensor, branches: Tensor
+    found: Segments,
+    moving: Rates,
+    humans: HumanTensors,
+    wrenches: Tensor,
+    branches: Tensor,
+    external: Tensor | None = None,
 ) -> tuple[Tensor, Tensor]:
     """Residual wrench on the root, and joint torques.
 
@@ -89,6 +95,8 @@ def generalised_forces(
         wrenches: ground reaction about the ankles, world axes, (N, T, 2, 6) [N, N·m].
         branches: sign of the cosine of each ball joint's second angle, (N, T, 6); it selects one of the two triples
             of angles of the same rotation.
+        external: other wrenches on all segments about their centres of mass, world axes, (N, T, 21, 6) [N, N·m]; None
+            for none. Gravity in another direction is one such force, m (g' - g), on every segment.
 
     Returns:
         Force [N] and moment about the pelvis' origin [N·m] that the root needs, world axes, (N, T, 6); joint torques in
@@ -96,7 +104,11 @@ def generalised_forces(
     """
     gravity = found.com.new_tensor([0.0, 0.0, GRAVITY])
     force = humans.mass[:, None, :, None] * (moving.acceleration + gravity)
+    if external is not None:
+        force = force - external[..., :3]
     moment = torch.linalg.cross(found.com, force) + moving.angular_momentum_rate
+    if external is not None:
+        moment = moment - external[..., 3:]
     ground = torch.zeros_like(force)
     twist = torch.zeros_like(moment)
     feet = list(FEET)

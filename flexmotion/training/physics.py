@@ -14,7 +14,7 @@ from torch import Tensor
 from flexmotion.biomechanics.differentiation import EDGE
 from flexmotion.features.layout import Layout
 from flexmotion.spatial.gravity import GRAVITY
-from flexmotion.training.human_tensors import HumanTensors
+from flexmotion.training.human_tensors import LOADED, LOADS, HumanTensors
 from flexmotion.training.kinematics import Segments, about_z, path, pose, segments
 from flexmotion.training.newton_euler import generalised_forces, rates
 
@@ -32,8 +32,18 @@ class EulerResidual:
     joints: Tensor
 
 
-def euler_residual(features: Tensor, layout: Layout, humans: HumanTensors, branches: Tensor) -> EulerResidual:
-    """Residual of features (N, T, F), not normalised; `branches` as in `newton_euler.generalised_forces`."""
+def euler_residual(
+    features: Tensor, layout: Layout, humans: HumanTensors, branches: Tensor, loads: Tensor | None = None
+) -> EulerResidual:
+    """Residual of the equations of motion under decoded ground forces and known external loads.
+
+    Args:
+        features: not normalised, (N, T, F).
+        layout: of the features.
+        humans: N of them.
+        branches: see `newton_euler.generalised_forces`.
+        loads: external forces, see `external_wrenches`; None for none.
+    """
     weight = humans.mass.sum(dim=1) * GRAVITY
     motion = features.detach()
     here = segments(pose(motion, layout, humans), humans)
@@ -41,7 +51,9 @@ def euler_residual(features: Tensor, layout: Layout, humans: HumanTensors, branc
     middle = Segments(here.rotation[:, inner], here.origin[:, inner], here.com[:, inner])
     _, yaw = path(motion[..., layout.blocks["root"]], layout.fps)
     wrenches = world_wrenches(features, yaw, layout, weight, humans.leg)[:, inner]
-    root, needed = generalised_forces(middle, rates(here, humans, layout.fps), humans, wrenches, branches[:, inner])
+    external = None if loads is None else external_wrenches(loads, yaw, humans)[:, inner]
+    moving = rates(here, humans, layout.fps)
+    root, needed = generalised_forces(middle, moving, humans, wrenches, branches[:, inner], external)
     force, moment = weight[:, None, None], (weight * humans.leg)[:, None, None]
     return EulerResidual(
         root=torch.cat([root[..., :3] / force, root[..., 3:] / moment], dim=-1),
@@ -63,3 +75,19 @@ def world_wrenches(features: Tensor, yaw: Tensor, layout: Layout, weight: Tensor
     turned = torch.einsum("ntij,ntfkj->ntfki", about_z(yaw), parts)
     scale = torch.stack([weight, weight * leg], dim=-1)[:, None, None, :, None]
     return (turned * scale).flatten(-2)
+
+
+def external_wrenches(loads: Tensor, yaw: Tensor, humans: HumanTensors) -> Tensor:
+    """Wrenches on all segments about their centres of mass, world axes, (N, T, 21, 6) [N, N·m].
+
+    Args:
+        loads: forces on the centres of mass of `LOADED`, and one that all segments share by their mass, heading frame,
+            (N, T, LOADS, 3) [body weights].
+        yaw: heading, (N, T) [rad].
+        humans: N of them.
+    """
+    gravity = humans.mass[:, None, :, None] * GRAVITY
+    turned = torch.einsum("ntij,ntbj->ntbi", about_z(yaw), loads)
+    force = gravity * turned[:, :, LOADS - 1 :]
+    force[:, :, list(LOADED)] += gravity.sum(dim=2, keepdim=True) * turned[:, :, : LOADS - 1]
+    return torch.cat([force, torch.zeros_like(force)], dim=-1)

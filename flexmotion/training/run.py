@@ -78,7 +78,7 @@ class Run:
     def layout(self) -> Layout:
         """Layout of the features."""
         window = self.config.window
-        return Layout(window.fps, MUSCLES if window.muscles else 0)
+        return Layout(window.fps, MUSCLES if window.muscles else 0, joint_contact=window.joint_contact)
 
     def stage(self, name: str) -> Path:
         """Folder of a stage."""
@@ -143,4 +143,8 @@ def _fixed(config: ModelConfig) -> dict[str, Any]:
     content = config.model_dump(exclude={"stages", "losses", "corrections"})
     free = set(type(config.diffusion).model_fields) - {"denoiser", "steps", "text", "velocity"}
     content["diffusion"] = {name: value for name, value in content["diffusion"].items() if name not in free}
+    # Trainings from before these settings existed resume as without them.
+    for part, name in (("window", "joint_contact"), ("autoencoder", "loads")):
+        if not content[part][name]:
+            del content[part][name]
     return content

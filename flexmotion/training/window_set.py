@@ -26,24 +26,27 @@ class WindowSet:
     """All windows of one split.
 
     The probability of a clip is its number of windows over a power of its kind's share: rare kinds are drawn more often
-    than they occur, but less often than common ones.
+    than they occur, but less often than common ones. Variants of clips are for training: held-out figures are of
+    recorded clips and their mirror images alone, and so comparable between sets with and without variants.
 
     Args:
         store: features of a set.
         window: sizes.
         split: `train` or `validation`.
+        variants: whether windows are of variants too; None: in the split `train`.
 
     Raises:
         MotionFormatError: no clip of the split is long enough.
     """
 
-    def __init__(self, store: FeatureStore, window: Window, split: str) -> None:
+    def __init__(self, store: FeatureStore, window: Window, split: str, *, variants: bool | None = None) -> None:
+        variants = split == "train" if variants is None else variants
         self.store, self.window, self.split = store, window, split
         length = window.history + window.future
         chosen = [
             number
             for number, clip in enumerate(store.clips)
-            if clip.split == split and (window.padded or clip.frames >= length)
+            if clip.split == split and (variants or clip.recorded) and (window.padded or clip.frames >= length)
         ]
         if not chosen:
             raise MotionFormatError(f"{store.folder}: no clip of split {split!r} has the {length} frames of a window")
@@ -118,6 +121,8 @@ class WindowSet:
             first=offset + window.history,
             branches=torch.from_numpy(self.store.branches[rows[:, :length]].astype(np.float32)),
             good=torch.from_numpy(self.store.good[rows[:, :length]]) & inside[:, :length],
+            loads=torch.from_numpy(self.store.loads[rows[:, :length]].astype(np.float32)),
+            force_error=torch.from_numpy(self.store.force_error[rows[:, :length]].astype(np.float32)),
         )
 
     def _held(self, values: Tensor, inside: Tensor) -> Tensor:

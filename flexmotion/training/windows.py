@@ -12,6 +12,8 @@ from torch import Tensor
 
 from flexmotion.spatial.transitions import smoothstep
 
+TENSORS = ("history", "future", "following", "mask", "branches", "good", "loads", "force_error")
+
 
 @dataclass(frozen=True)
 class Windows:
@@ -26,6 +28,9 @@ class Windows:
         first: frame of the clip at which the future begins, (N,).
         branches: (N, H + W, 6), see `newton_euler.generalised_forces`.
         good: frames whose motion the ground reaction explains, (N, H + W).
+        loads: external forces, see `physics.external_wrenches`, (N, H + W, LOADS, 3) [body weights]. They are known,
+            not decoded.
+        force_error: estimated standard error of the ground forces, (N, H + W) [body weights].
     """
 
     history: Tensor
@@ -36,6 +41,13 @@ class Windows:
     first: np.ndarray
     branches: Tensor
     good: Tensor
+    loads: Tensor
+    force_error: Tensor
+
+    @property
+    def future_loads(self) -> Tensor:
+        """Loads of the frames of the future, (N, W, LOADS, 3) [body weights]."""
+        return self.loads[:, self.history.shape[1] :]
 
     def to(self, device: torch.device) -> Windows:
         """On another device."""
@@ -70,7 +82,10 @@ class Windows:
             following=None,
             first=self.first + self.future.shape[1],
             mask=torch.ones_like(self.mask),
-            good=torch.zeros_like(self.good),  # not drawn for the frames that follow
+            # Not drawn for the frames that follow.
+            good=torch.zeros_like(self.good),
+            loads=torch.zeros_like(self.loads),
+            force_error=torch.zeros_like(self.force_error),
         )
 
     def blended_into(self, others: Windows, frames: int) -> Windows:
@@ -88,13 +103,11 @@ class Windows:
     def joined(self, others: Windows) -> Windows:
         """These windows, then others, both without `following`."""
         both = {
-            name: torch.cat([getattr(self, name), getattr(others, name)])
-            for name in ("history", "future", "mask", "branches", "good")
+            name: torch.cat([getattr(self, name), getattr(others, name)]) for name in TENSORS if name != "following"
         }
         clip, first = np.concatenate([self.clip, others.clip]), np.concatenate([self.first, others.first])
         return Windows(clip=clip, first=first, following=None, **both)
 
     def _each(self, function: Callable[[Tensor], Tensor]) -> dict[str, Any]:
-        names = ("history", "future", "following", "mask", "branches", "good")
-        values = {name: getattr(self, name) for name in names}
+        values = {name: getattr(self, name) for name in TENSORS}
         return {name: None if value is None else function(value) for name, value in values.items()}

@@ -9,7 +9,8 @@ from typing import Annotated
 import typer
 
 from flexmotion.streamer.commands.exit_codes import CHECK_FAILED
-from flexmotion.streamer.commands.options import JsonOption, MappingOption
+from flexmotion.streamer.commands.option_groups import ImportOptions, grouped
+from flexmotion.streamer.commands.options import JsonOption
 from flexmotion.streamer.commands.output import print_json, print_note, print_result, progress_bar
 
 data = typer.Typer(help="Motion files to a training set with forces, torques and muscle activations.")
@@ -20,11 +21,11 @@ OutOption = Annotated[Path, typer.Option("--out", "-o", help="File or folder to 
 
 
 @data.command("import")
+@grouped
 def import_(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="Motion: .bvh .amc .npy .npz .trc")],
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="Motion: .bvh .amc .npy .npz .trc .c3d")],
+    reading: ImportOptions,
     out: OutOption,
-    mapping: MappingOption = None,
-    clip: Annotated[str | None, typer.Option(help="Name of the clip in a packed file.")] = None,
     fps: Annotated[float, typer.Option(help="Frame rate to write.")] = 30.0,
     as_json: JsonOption = False,
 ) -> None:
@@ -33,17 +34,33 @@ def import_(
     [bold]Examples[/bold]
 
       flexmotion data import walk.bvh -o walk.npz
+      flexmotion data import walk.trc -o walk.npz --mass 72.6 --height 1.80
     """
     from flexmotion.human.motion_file import save_motion
-    from flexmotion.importers import read
 
-    found = read(file, mapping=mapping, clip=clip, fps=fps)
+    found = reading.read(file, fps)
     save_motion(found.motion, out)
     errors = {name: {"rms_m": error.rms, "max_m": error.max} for name, error in found.errors.items()}
+    body = found.motion.body
     if as_json:
-        print_json({"file": str(out), "frames": len(found.motion), "mapping": found.mapping, "fit": errors})
-    else:
-        print_result(f"{out}: {len(found.motion)} frames at {fps:g} Hz, skeleton {found.mapping or 'own format'}")
+        print_json(
+            {
+                "file": str(out),
+                "frames": len(found.motion),
+                "mapping": found.mapping,
+                "fit": errors,
+                "belt": found.belt.tolist(),
+                "mass_kg": body.mass,
+                "height_m": body.height,
+                "start_s": found.placement.start,
+                "warnings": list(found.warnings),
+            }
+        )
+        return
+    for warning in found.warnings:
+        print_note(f"{file.name}: {warning}")
+    print_note(f"{file.name}: {body.mass:.1f} kg, {body.height:.2f} m")
+    print_result(f"{out}: {len(found.motion)} frames at {fps:g} Hz, skeleton {found.mapping or 'own format'}")
 
 
 @data.command()
@@ -52,13 +69,29 @@ def augment(
     out: OutOption,
     seed: Annotated[int, typer.Option(help="Seed of the variants.")] = 0,
     mirrored: Annotated[bool, typer.Option("--mirror", help="Only mirror the motion.")] = False,
+    perturbed: Annotated[
+        bool, typer.Option("--perturbed", help="Simulate the human under a push, load and slope drawn from the seed.")
+    ] = False,
+    push: Annotated[
+        float | None, typer.Option(min=0.0, help="Simulate: peak force of a push on the trunk [body weights].")
+    ] = None,
+    push_direction: Annotated[float, typer.Option(help="Direction of the push, from x to y [degrees].")] = 0.0,
+    push_at: Annotated[float, typer.Option(min=0.0, help="Start of the push, which lasts .2 s [s].")] = 1.0,
+    load: Annotated[float | None, typer.Option(min=0.0, help="Simulate: mass carried in both hands [kg].")] = None,
+    slope: Annotated[
+        float | None,
+        typer.Option(min=-5.0, max=5.0, help="Simulate: angle at which the floor rises along x [degrees]."),
+    ] = None,
+    plot: Annotated[Path | None, typer.Option(help="Picture of a simulated variant (.png).")] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Write a variant of a motion: another body, tempo, start and loads, with its dynamics.
+    """Write a variant of a motion: another body, tempo, start and loads, or a simulated answer to a perturbation.
 
     [bold]Examples[/bold]
 
       flexmotion data augment walk.bvh -o other.npz --seed 3
+
+      flexmotion data augment walk.bvh -o pushed.npz --push 0.1 --push-direction 90 --plot pushed.png
     """
     from dataclasses import asdict
 
@@ -68,21 +101,53 @@ def augment(
     from flexmotion.biomechanics.dynamics import dynamics
     from flexmotion.biomechanics.mirror import mirror
     from flexmotion.human.motion_file import save_motion
-    from flexmotion.importers import load
+    from flexmotion.importers import load as load_motion
 
-    motion = load(file)
-    changed, loads = (mirror(motion), ()) if mirrored else varied(motion, seed)
-    found = dynamics(changed, loads=loads)
+    asked = {"--push": push, "--load": load, "--slope": slope}
+    given = [name for name, value in asked.items() if value is not None]
+    simulated = perturbed or bool(given)
+    if mirrored and simulated:
+        raise typer.BadParameter(f"--mirror cannot be combined with {', '.join(given) or '--perturbed'}")
+    if perturbed and given:
+        raise typer.BadParameter(f"--perturbed draws what {', '.join(given)} would set: give one of the two")
+    if plot is not None and not simulated:
+        raise typer.BadParameter("--plot draws a simulated variant: add --perturbed, --push, --load or --slope")
+    motion = load_motion(file)
+    about: dict = {"file": str(out), "seed": seed}
+    if simulated:
+        from flexmotion.biomechanics.simulation.perturbation import Perturbation
+        from flexmotion.biomechanics.simulation.variant import perturbed as simulate
+
+        wanted = None
+        if given:
+            wanted = Perturbation(
+                push=push or 0.0,
+                direction=float(np.radians(push_direction)),
+                start_s=push_at if push else 0.0,
+                duration_s=0.2 if push else 0.0,
+                carried=(("hand_l", load / 2), ("hand_r", load / 2)) if load else (),
+                slope=(float(np.tan(np.radians(slope or 0.0))), 0.0),
+            )
+        answer = simulate(motion, seed, perturbation=wanted)
+        found = answer.dynamics
+        about |= answer.description()
+        if plot is not None:
+            from flexmotion.streamer.plots.perturbed import plot_perturbed
+
+            plot_perturbed(answer, plot)
+    else:
+        changed, loads = (mirror(motion), ()) if mirrored else varied(motion, seed)
+        found = dynamics(changed, loads=loads)
     save_motion(found.motion, out)
     residual = np.median(found.residual, axis=0)
     if as_json:
-        body = asdict(found.motion.body)
-        print_json({"file": str(out), "seed": seed, "body": body, "residual_median": residual.tolist()})
-    else:
-        body_text = f"{found.motion.body.height:.2f} m, {found.motion.body.mass:.1f} kg"
-        print_result(
-            f"{out}: {len(found.motion)} frames, {body_text}, residual {100 * residual[0]:.2f} % of body weight"
-        )
+        print_json(about | {"body": asdict(found.motion.body), "residual_median": residual.tolist()})
+        return
+    body_text = f"{found.motion.body.height:.2f} m, {found.motion.body.mass:.1f} kg"
+    print_result(f"{out}: {len(found.motion)} frames, {body_text}, residual {100 * residual[0]:.2f} % of body weight")
+    if simulated:
+        mean, largest = (100 * about["assistance"][name] for name in ("force_mean_bw", "force_max_bw"))
+        print_result(f"assistance at the root: {mean:.2f} % of body weight in the mean, {largest:.2f} % at most")
 
 
 @data.command()
@@ -95,6 +160,12 @@ def build(
     ] = "process",
     fps: Annotated[float, typer.Option(min=10.0, help="Frame rate of the set.")] = 30.0,
     variants: Annotated[int, typer.Option(min=0, help="Varied copies of every clip.")] = 0,
+    perturbed: Annotated[
+        int, typer.Option(min=0, help="Simulated copies of a clip: pushed, loaded, on a slope; slow.")
+    ] = 0,
+    perturbed_share: Annotated[
+        float, typer.Option(min=0.0, max=1.0, help="Share of the clips that have simulated copies.")
+    ] = 1.0,
     mirrored: Annotated[bool, typer.Option("--mirror/--no-mirror", help="With mirror images.")] = True,
     muscles: Annotated[bool, typer.Option("--muscles/--no-muscles", help="With muscle activations.")] = True,
     seed: Annotated[int, typer.Option(help="Seed of the variants.")] = 0,
@@ -121,7 +192,15 @@ def build(
 
         # Missing models are reported now, not by every process after its first clip.
         muscle_models()
-    settings = BuildSettings(fps=fps, variants=variants, mirrored=mirrored, muscles=muscles, seed=seed)
+    settings = BuildSettings(
+        fps=fps,
+        variants=variants,
+        perturbed=perturbed,
+        perturbed_share=perturbed_share,
+        mirrored=mirrored,
+        muscles=muscles,
+        seed=seed,
+    )
     with progress_bar(f"builds {out}") as progress:
         manifest = build_set(folders, out, settings, engine=engine, workers=workers, limit=limit, progress=progress)
     _report(manifest, as_json)
@@ -192,12 +271,13 @@ def _report(manifest: dict, as_json: bool) -> None:
     for name, row in sorted(manifest["ranges"].items()):
         table.add_row(name, manifest["fields"][name]["unit"], *(f"{row[key]:.4g}" for key in COLUMNS))
     print_result(table)
-    kinds = Table("kind", "clips", "frames", "frames dropped", "good", "residual force", "residual moment")
+    kinds = Table("kind", "clips", "frames", "frames dropped", "good", "flagged", "residual force", "residual moment")
     for name, row in summary["by_kind"].items():
         force, moment = row.get("residual_median", (float("nan"), float("nan")))
         cells = (row["clips"], row["frames"], row["frames_dropped"])
         good = f"{100 * row['kept_share']:.1f} %" if "kept_share" in row else "-"
-        kinds.add_row(name, *map(str, cells), good, f"{100 * force:.2f} % BW", f"{moment:.4f} BW·m")
+        flagged = f"{100 * row['flagged_share']:.1f} %" if "flagged_share" in row else "-"
+        kinds.add_row(name, *map(str, cells), good, flagged, f"{100 * force:.2f} % BW", f"{moment:.4f} BW·m")
     print_result(kinds)
     for clip in manifest["dropped"][:20]:
         print_result(f"dropped {clip['name']}: {clip['reason']}")

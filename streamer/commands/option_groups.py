@@ -5,17 +5,22 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import MISSING, dataclass, fields, is_dataclass
 from inspect import Parameter, Signature, signature
-from typing import TYPE_CHECKING, Any, get_args, get_type_hints
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, get_args, get_type_hints
 
 from flexmotion.streamer.commands.options import (
     AllowRefusedOption,
+    BeltOption,
     BundleOption,
     ClipOption,
     FeedbackOption,
+    HeightOption,
     JsonOption,
     ListenOption,
     LogOption,
     MappingOption,
+    MassOption,
+    MemberOption,
     PromptOption,
     RealtimeOption,
     ReportOption,
@@ -36,6 +41,7 @@ if TYPE_CHECKING:
     from flexmotion.configs.robot import Robot
     from flexmotion.configs.stream import StreamSettings
     from flexmotion.drivers.interface import Driver
+    from flexmotion.importers import Import
     from flexmotion.streamer.gateway.listening import Listening
     from flexmotion.streamer.motion.sources import Performance, Source
     from flexmotion.streamer.run.session import Clock, Session
@@ -77,6 +83,26 @@ class MotionOptions:
             endless=endless,
             listens=listens,
         )
+
+
+@dataclass(frozen=True)
+class ImportOptions:
+    """How a motion file is read, and whose motion it is."""
+
+    mapping: MappingOption = None
+    clip: MemberOption = None
+    belt: BeltOption = "detect"
+    mass: MassOption = None
+    height: HeightOption = None
+
+    def read(self, file: Path, fps: float | None) -> Import:
+        """The motion in a file; see `flexmotion.importers.read`."""
+        from flexmotion.importers import read
+
+        belt: float | Literal["detect"] | None = None
+        if self.belt != "none":
+            belt = "detect" if self.belt == "detect" else float(self.belt)
+        return read(file, mapping=self.mapping, clip=self.clip, fps=fps, belt=belt, mass=self.mass, height=self.height)
 
 
 @dataclass(frozen=True)

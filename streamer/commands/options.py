@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from pathlib import Path
 from typing import Annotated, Literal
@@ -18,6 +19,18 @@ def writable_folder(folder: Path | None) -> Path | None:
     return folder
 
 
+def belt_choice(value: str) -> str:
+    """Check the value of `--belt`. Raises `typer.BadParameter`."""
+    if value not in ("detect", "none"):
+        try:
+            speed = float(value)
+        except ValueError:
+            speed = math.nan
+        if not math.isfinite(speed):
+            raise typer.BadParameter(f"{value!r}, expected a speed in m/s, none or detect")
+    return value
+
+
 Clock = Literal["real", "lockstep"]
 
 RobotOption = Annotated[
@@ -26,7 +39,10 @@ RobotOption = Annotated[
 ClipOption = Annotated[
     Path | None,
     typer.Option(
-        "--clip", "-c", help="Motion file to follow: BVH, AMC, TRC, AMASS, or `data import`'s .npz.", show_default=False
+        "--clip",
+        "-c",
+        help="Motion file to follow: BVH, AMC, TRC, C3D, AMASS, or `data import`'s .npz.",
+        show_default=False,
     ),
 ]
 ScriptOption = Annotated[
@@ -52,6 +68,25 @@ MappingOption = Annotated[
         "--mapping",
         help="Skeleton mapping of the clip: a shipped name or a YAML file; else guessed from the joint names.",
     ),
+]
+MemberOption = Annotated[
+    str | None, typer.Option("--clip", help="Name of the clip in a packed file.", show_default=False)
+]
+BeltOption = Annotated[
+    str,
+    typer.Option(
+        "--belt",
+        metavar="V|none",
+        callback=belt_choice,
+        help="Speed of a treadmill's belt, backwards \\[m/s]; none: never remove one; default: detected.",
+    ),
+]
+MassOption = Annotated[
+    float | None, typer.Option("--mass", help="Mass of the human \\[kg]; else guessed.", show_default=False)
+]
+HeightOption = Annotated[
+    float | None,
+    typer.Option("--height", help="Height of the human \\[m]; else estimated from the legs.", show_default=False),
 ]
 SettingsOption = Annotated[
     Path | None, typer.Option("--settings", help="Stream settings (YAML) instead of the shipped ones.")

@@ -17,7 +17,7 @@ from pydantic import BaseModel, ConfigDict, Field, StringConstraints, TypeAdapte
 from flexmotion.configs.errors import ConfigError
 from flexmotion.streamer.motion.intents import FASTEST, LONGEST_TEXT, Clip, Intent, Stop, Text, Velocity
 
-VERSION = 1
+VERSION: Literal[1] = 1
 
 LONGEST_HOLD_S = 600.0
 """Longest time to live of a target [s]."""

@@ -25,6 +25,8 @@ from flexmotion.streamer.gateway.status import Status
 _FASTEST_STATUS_HZ = 50.0
 _ANSWER_S = 30.0
 """Longest time that a POST waits for its answer [s]; the desk answers far earlier."""
+_BODY_S = 10.0
+"""A POST whose body is not complete after this time is refused [s]."""
 _NOT_DONE = ("expired", "refused")
 _HEADERS = {
     "content-security-policy": "default-src 'self'; frame-ancestors 'none'",
@@ -121,6 +123,8 @@ class Connections:
             data = event.get("bytes") if text is None else text.encode()
             self.desk.receive(data or b"", reply, key)
             self.wake()
+            # A socket that always has a message does not keep the loop from the others.
+            await asyncio.sleep(0)
 
     @staticmethod
     async def _send(socket: WebSocket, queue: asyncio.Queue[str]) -> None:
@@ -146,7 +150,12 @@ def build_app(
     connections = Connections(desk, status, wake)
 
     async def ask(request: Request, kind: str | None = None) -> Response:
-        data = await _body(request, desk.settings.most_bytes)
+        try:
+            async with asyncio.timeout(_BODY_S):
+                data = await _body(request, desk.settings.most_bytes)
+        except TimeoutError:
+            desk.reject("slow sender")
+            return _answer(Answer(state="refused", reason=f"the message was not complete after {_BODY_S:g} s"), 408)
         if data is not None and kind is not None:
             data = _typed(data, kind)
         answered: asyncio.Future[Answer] = asyncio.get_running_loop().create_future()

@@ -21,7 +21,8 @@ from flexmotion.streamer.run.requests import RequestChannel
 
 _BUSY_S, _IDLE_S = 0.002, 0.02
 """Time between two looks of the desk at the answers, while a message waits for one and else [s]."""
-_CLOSE_S = 1.0
+_CLOSE_S, _PING_S = 1.0, 120.0
+"""Time for the server to end; a connection that does not answer a ping for this long is dead [s]."""
 _NICENESS = 5
 """The gateway uses the time that the run leaves, before log and view."""
 
@@ -164,6 +165,8 @@ class _Server:
             lifespan="off",
             ws_max_size=16 * service.settings.most_bytes,
             ws_max_queue=8,
+            # In a flood the answer to a ping waits behind the messages before it.
+            ws_ping_timeout=_PING_S,
             ws_per_message_deflate=False,
             limit_concurrency=4 * service.settings.most_connections,
             server_header=False,

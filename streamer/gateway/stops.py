@@ -161,7 +161,7 @@ class _Server:
             ],
         )
         for part in (head, h11.Data(data=body), h11.EndOfMessage()):
-            writer.write(connection.send(part) or b"")  # type: ignore[call-overload]
+            writer.write(connection.send(part) or b"")
         await writer.drain()
         # Closed in order: an abort could drop what the other side has not read yet.
         writer.close()

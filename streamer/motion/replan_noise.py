@@ -114,5 +114,6 @@ def _at(motion: Motion, places: Float) -> Motion:
         torques=None,
         wrenches=None,
         activations=None,
+        joint_contact=None,
         contacts=None,
     )

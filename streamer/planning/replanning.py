@@ -65,7 +65,14 @@ class Replanner:
     ) -> None:
         self.planner, self.plans, self.ticks, self.settings = planner, plans, ticks, settings
         self.lead, self.on_note = lead, on_note
-        self.ledger = TargetLedger(targets.reader(), self._publish, on_note, rate_hz=planner.rate, lockstep=lockstep)
+        self.ledger = TargetLedger(
+            targets.reader(),
+            self._publish,
+            on_note,
+            rate_hz=planner.rate,
+            change_s=settings.change_s,
+            lockstep=lockstep,
+        )
         self._follows = isinstance(planner.source, LiveSource)
         self._replan_ticks = round(settings.replan_s * planner.rate)
         self._least_unplayed = round(settings.min_unplayed_s * planner.rate)

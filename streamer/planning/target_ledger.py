@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -10,7 +11,7 @@ from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.tick_row import TickRow
 from flexmotion.streamer.motion.heard import Heard
 from flexmotion.streamer.motion.heard import State as Fate
-from flexmotion.streamer.motion.intents import Velocity, to_content, word_of
+from flexmotion.streamer.motion.intents import Stop, Velocity, to_content, word_of
 from flexmotion.streamer.motion.targets import NO_TARGET, Target, TargetReader
 
 _ENDED = (State.PARK, State.DAMPED, State.FAULT)
@@ -41,6 +42,7 @@ class TargetLedger:
         publish: is given the answer to every target, once.
         on_note: called with a message for the operator.
         rate_hz: ticks a second.
+        change_s: shortest time between two changes of what is followed [s]; a stop does not wait for it.
         lockstep: ages are counted in ticks, not by the clock.
 
     Attributes:
@@ -56,12 +58,13 @@ class TargetLedger:
         on_note: Callable[[str], None],
         *,
         rate_hz: float,
+        change_s: float,
         lockstep: bool,
     ) -> None:
         self.publish, self.on_note, self.halted = publish, on_note, False
         self.answer: Heard | None = None
         self._inbox, self._rate_hz, self._lockstep = inbox, rate_hz, lockstep
-        self._tick = 0
+        self._tick, self._change_s, self._turned_s = 0, change_s, -math.inf
         self._open: _Entry | None = None
         self._planned: _Entry | None = None
         self._followed: _Entry | None = None
@@ -69,8 +72,20 @@ class TargetLedger:
     @property
     def wanted(self) -> Target:
         """The target that plans should follow; `NO_TARGET` if there is none."""
-        entry = self._open or self._planned or (None if self.halted else self._followed)
+        entry = self._planned or (None if self.halted else self._followed)
+        if self._open is not None and self._may_change(self._open.target):
+            entry = self._open
         return NO_TARGET if entry is None else entry.target
+
+    def _may_change(self, target: Target) -> bool:
+        """Whether the source may turn to a target now.
+
+        Targets that came faster felled the robot: each cuts the motion and gets a short plan first, and steps are
+        settled further ahead than that reaches.
+        """
+        if self.halted or isinstance(target.intent, Stop):
+            return True
+        return self._now_s() - self._turned_s >= self._change_s
 
     def take(self, tick: int | None = None) -> None:
         """Take the targets that have arrived; of those that are still open the newest counts.
@@ -130,6 +145,8 @@ class TargetLedger:
     def turned(self, target: Target, heard: Heard | None) -> None:
         """The source follows a target from now on, which it understands like this (None: as it is)."""
         self.halted = False
+        if self._open is not None and self._open.target.id == target.id:
+            self._turned_s = self._now_s()
         if self._planned is not None and self._planned.target.id != target.id:
             self._publish(self._planned, "superseded", "a newer target came before its plan was played")
             self._planned = None

@@ -8,6 +8,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from flexmotion.dataset.training_set import TrainingSet
+from flexmotion.spatial.gravity import GRAVITY
 
 STEP = 10
 """Distributions use every `STEP`-th frame."""
@@ -47,15 +48,20 @@ def _clip(found: TrainingSet, path: Path) -> None:
     times = np.arange(clip.frames) / clip.fps
     joints = found.manifest["joints"]
     legs = [6 + joints.index(f"{name}_r") for name in ("hip_flexion", "knee_flexion", "ankle_dorsiflexion")]
+    forces = found["wrenches"][clip.rows][:, :, 2]
     panels = [
-        ("vertical ground force [N]", found["wrenches"][clip.rows][:, :, 2], ("left foot", "right foot")),
+        ("vertical ground force,\nstandard error [N]", forces, ("left foot", "right foot")),
         ("right leg [N·m]", found["torques"][clip.rows][:, legs], ("hip flexion", "knee flexion", "ankle")),
         ("residual", found["residual"][clip.rows], ("force [body weights]", "moment [body weights x m]")),
     ]
     muscles = "activations" in found.manifest["fields"]
     figure, axes = plt.subplots(len(panels) + muscles, 1, figsize=(11, 9), sharex=True, layout="constrained")
     for place, (title, values, names) in zip(axes, panels, strict=False):
-        place.plot(times, values, label=names)
+        lines = place.plot(times, values, label=names)
+        if values is forces and "force_error" in found.manifest["fields"]:
+            error = found["force_error"][clip.rows] * clip.body.mass * GRAVITY
+            for line, middle, width in zip(lines, forces.T, error.T, strict=True):
+                place.fill_between(times, middle - width, middle + width, color=line.get_color(), alpha=0.25, lw=0)
         place.set_ylabel(title)
         place.legend(loc="upper right", ncols=len(names), fontsize="small")
         place.grid(alpha=0.3)

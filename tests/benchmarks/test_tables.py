@@ -73,6 +73,8 @@ def test_rows_of_figures_are_those_with_a_result() -> None:
             "close": 0.902,
             "frames": 9821,
             "outside": 0,
+            "saturated": 0.02,
+            "contact_bw": {"hip": 4.2, "knee": 3.0},
             "collections": {"bandai": {"residual_percent": 0.351}, "cmu": {"residual_percent": 0.4}},
         },
         "biomechanics/opensim_reference": {
@@ -84,7 +86,7 @@ def test_rows_of_figures_are_those_with_a_result() -> None:
     text = of_figures(BIOMECHANICS, lambda name: result(name, figures[name]) if name in figures else None)
     assert "0.35 / 0.40 % of body weight" in text and "90.2% of 9821 frames" in text
     assert "0.003 N·m, 39 times faster" in text and "402 frames/s" in text
-    assert "ground force" not in text and len(text.splitlines()) == 2 + 6
+    assert "ground force" not in text and len(text.splitlines()) == 2 + 8
 
 
 @pytest.mark.parametrize(

@@ -14,6 +14,7 @@ from typing import Any
 import psutil
 import pytest
 
+from flexmotion.configs.errors import GatewayError
 from flexmotion.configs.robot import Robot
 from flexmotion.configs.stream import load_stream
 from flexmotion.drivers.registry import create
@@ -55,7 +56,7 @@ class Outside:
             try:
                 self.told = self._act()
                 return
-            except OSError:
+            except (OSError, GatewayError):
                 threading.Event().wait(0.1)
 
 

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from flexmotion.biomechanics.augmentation import Ranges, time_warped, varied
 from flexmotion.biomechanics.dynamics import dynamics
 from flexmotion.biomechanics.external_load import ExternalLoad
-from flexmotion.biomechanics.mirror import mirror
+from flexmotion.biomechanics.joint_contact import joint_contact_forces
+from flexmotion.biomechanics.mirror import mirror, mirrored_loads
+from flexmotion.biomechanics.static_optimisation import static_optimisation
 from flexmotion.human.angles import rotation_about, three_angle_rotation, three_angles
 from flexmotion.human.joint_limits import joint_limits
 from flexmotion.human.kinematics import HumanKinematics, forward
 from flexmotion.human.motion import Motion
-from flexmotion.human.skeleton import JOINTS
+from flexmotion.human.skeleton import CONTACT_JOINTS, JOINTS
 from flexmotion.spatial.gravity import GRAVITY
 
 FLIP = [1.0, -1.0, 1.0]
@@ -37,6 +41,28 @@ def test_mirrored_forces_are_the_mirror_image(clip: Motion) -> None:
     expected = mirror(found)
     assert image.wrenches == pytest.approx(expected.wrenches, abs=0.5)
     assert image.torques == pytest.approx(expected.torques, abs=0.5)
+
+
+def test_mirrored_joint_contact_is_that_of_the_mirrored_motion(clip: Motion) -> None:
+    """In the legs exactly; at the lumbar joint as far as the trunk's muscle paths are symmetrical."""
+    pytest.importorskip("myo_sim", reason="extra 'biomech' is not installed")
+    found, image = dynamics(clip[240:264]), dynamics(mirror(clip[240:264]))
+    muscles = static_optimisation(found.motion)
+    assert muscles.crossings == CONTACT_JOINTS
+    expected = mirror(replace(found.motion, joint_contact=joint_contact_forces(found, muscles))).joint_contact
+    computed = joint_contact_forces(image, static_optimisation(image.motion))
+    assert expected is not None
+    error = np.linalg.norm(expected - computed, axis=-1).mean(axis=0) / (clip.body.mass * GRAVITY)
+    assert error[:-1].max() < 1e-3 and error[-1] < 0.1
+    size = np.linalg.norm(computed, axis=-1).mean(axis=0) / (clip.body.mass * GRAVITY)
+    assert size.min() > 0.5
+
+
+def test_mirrored_loads_swap_hands_and_sides() -> None:
+    loads = np.arange(18.0).reshape(2, 3, 3)
+    image = mirrored_loads(loads)
+    assert np.array_equal(image[:, 1], loads[:, 2] * FLIP) and np.array_equal(image[:, 0], loads[:, 0] * FLIP)
+    assert np.array_equal(mirrored_loads(image), loads)
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])

@@ -10,15 +10,17 @@ import pytest
 
 from benchmarks.biomechanics.gait import force_errors, moment_errors, verdicts
 from benchmarks.biomechanics.gait_trial import load_trial
+from benchmarks.biomechanics.plate_trials import TRIALS, force_difference, load_plates
 from flexmotion.biomechanics.dynamics import dynamics
 from flexmotion.biomechanics.floor_drift import on_level_floor
-from flexmotion.biomechanics.ground_reaction import GroundReaction, ground_reaction
+from flexmotion.biomechanics.ground_reaction import GROUND, GroundReaction, ground_reaction
 from flexmotion.biomechanics.inverse_dynamics import effort
 from flexmotion.biomechanics.segment_motion import segment_motion
 from flexmotion.biomechanics.sole import sole_points
 from flexmotion.human.body import Body
 from flexmotion.human.kinematics import forward
 from flexmotion.human.motion import Motion
+from flexmotion.human.skeleton import JOINTS
 from flexmotion.importers import load
 from flexmotion.spatial.gravity import GRAVITY
 
@@ -107,3 +109,58 @@ def test_force_plates(shared_data: Path) -> None:
     limits = {"vertical": 4.5, "fore-aft": 2.5, "side": 2.5}
     assert all((forces[name] <= limit).all() for name, limit in limits.items())
     assert all(verdict.holds for verdict in verdicts(forces, moments))
+
+
+def test_feet_of_a_wide_stance_push_outwards(make_standing) -> None:
+    """The side force of squats was left out: 6 % of body weight between the feet were put at zero."""
+    wide = dynamics(make_standing(frames=30, hip_adduction_l=-0.2, hip_adduction_r=-0.2)).motion
+    close = dynamics(make_standing(frames=30)).motion
+    assert wide.wrenches is not None and close.wrenches is not None
+    side = wide.wrenches[15, :, 1] / (wide.body.mass * GRAVITY)
+    assert -0.12 < side[0] < -0.03 and 0.03 < side[1] < 0.12
+    assert abs(close.wrenches[15, 0, 1]) < abs(wide.wrenches[15, 0, 1]) / 1.5
+
+
+def test_a_stand_keeps_its_share(make_standing) -> None:
+    """Side accelerations that are noise of the recording moved the load from foot to foot."""
+    motion = make_standing(frames=60)
+    path = motion.root_position.copy()
+    path[:, 1] += 0.002 * np.sin(2 * np.pi * 4.0 * np.arange(60) / 30)
+    noisy = replace(motion, root_position=path)
+
+    def spread(steady: float) -> float:
+        found = dynamics(noisy, settings=replace(GROUND, steady=steady)).motion
+        assert found.wrenches is not None
+        return float(np.std(found.wrenches[10:-10, 0, 2])) / (found.body.mass * GRAVITY)
+
+    assert spread(0.0) > 0.05
+    assert spread(GROUND.steady) < 0.4 * spread(0.0)
+
+
+@pytest.mark.parametrize("frequency", [0.25, 0.8])
+def test_the_steady_share_follows_a_lean(make_standing, frequency: float) -> None:
+    """What keeps noise out of a stand's share must not hold back a lean from foot to foot."""
+    motion = make_standing(frames=150)
+    lean = 0.03 * np.sin(2 * np.pi * frequency * np.arange(150) / 30)
+    hip = forward(motion).hip[0, 0, 2] - forward(motion).ankle[0, 0, 2]
+    joints, path = motion.joints.copy(), motion.root_position.copy()
+    path[:, 1] += lean
+    joints[:, JOINTS.index("hip_adduction_l")] = lean / hip
+    joints[:, JOINTS.index("hip_adduction_r")] = -lean / hip
+    leaning = replace(motion, joints=joints, root_position=path)
+    shares = []
+    for steady in (0.0, GROUND.steady):
+        found = dynamics(leaning, settings=replace(GROUND, steady=steady)).motion
+        assert found.wrenches is not None
+        shares.append(found.wrenches[30:-30, 0, 2] / found.wrenches[30:-30, :, 2].sum(axis=1))
+    free, held = shares
+    assert np.ptp(free) > 0.2
+    assert np.corrcoef(free, held)[0, 1] > 0.98
+    assert np.ptp(held) > 0.75 * np.ptp(free)
+
+
+@pytest.mark.parametrize(("name", "limit"), [("treadmill walk", 3.8), ("ground walk", 3.2), ("drop jump", 12.0)])
+def test_vertical_forces_of_three_people(shared_data: Path, name: str, limit: float) -> None:
+    trial = load_plates(shared_data / f"{TRIALS[name]}.npz", 30.0)
+    difference = force_difference(trial, dynamics(trial.motion))[trial.valid, :, 2]
+    assert 100 * np.sqrt(np.mean(difference**2, axis=0)).max() <= limit

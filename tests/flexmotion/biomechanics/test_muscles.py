@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flexmotion.biomechanics.activation import activation_limits
-from flexmotion.biomechanics.box_least_norm import box_least_norm
+from flexmotion.biomechanics.box_least_norm import Cost, box_least_norm
 from flexmotion.human.motion import Motion
 from flexmotion.human.skeleton import JOINTS
 
@@ -34,11 +34,31 @@ def test_box_least_norm_against_a_general_solver(seed: int) -> None:
     matrix = 30 * generator.standard_normal((5, 40))
     lower, upper = np.zeros(40), generator.uniform(0.2, 1.0, 40)
     target = matrix @ generator.uniform(0, 1.5, 40)
-    found, _ = box_least_norm(matrix, target, lower, upper, np.zeros(5), weight=10.0)
+    found, _ = box_least_norm(matrix, target, lower, upper, np.zeros(5), Cost(weight=10.0))
     stacked = np.vstack([np.sqrt(10.0) * matrix, np.eye(40)])
     wanted = np.concatenate([np.sqrt(10.0) * target, np.zeros(40)])
     best = lsq_linear(stacked, wanted, (lower, upper), tol=1e-14)
     assert found == pytest.approx(best.x, abs=1e-4)
+
+
+def test_soft_bound_against_a_general_solver() -> None:
+    """A muscle was driven to its limit while others that could help rested."""
+    from scipy.optimize import minimize
+
+    generator = np.random.default_rng(3)
+    matrix = generator.standard_normal((2, 8))
+    target = matrix @ generator.uniform(0.3, 1.0, 8) * 1.5
+    cost = Cost(weight=10.0, soft=0.6, steepness=9.0)
+    found, _ = box_least_norm(matrix, target, np.zeros(8), np.ones(8), np.zeros(2), cost)
+
+    def total(x: np.ndarray) -> float:
+        over = np.maximum(x - 0.6, 0.0)
+        return float(x @ x / 2 + 4.5 * over @ over + 5.0 * np.sum((target - matrix @ x) ** 2))
+
+    best = minimize(total, np.full(8, 0.5), bounds=[(0.0, 1.0)] * 8, method="L-BFGS-B", options={"ftol": 1e-14})
+    assert total(found) <= best.fun + 1e-6
+    hard, _ = box_least_norm(matrix, target, np.zeros(8), np.ones(8), np.zeros(2), Cost(weight=10.0))
+    assert found.max() < hard.max()
 
 
 @pytest.fixture(scope="module")
@@ -59,8 +79,7 @@ def test_activations_keep_their_limits(enriched) -> None:
     assert state.activations.min() >= 0 and state.activations.max() <= 1
     column = 0
     for muscles in muscle_models():
-        rise, fall = muscles.model.actuator_dynprm[0, :2]
-        limits = activation_limits(1 / 30, float(rise), float(fall))
+        limits = activation_limits(1 / 30, *muscles.time_constants)
         mine = state.activations[:, column : column + muscles.model.nu]
         for before, after in zip(mine, mine[1:], strict=False):
             lower, upper = limits.bounds(before)
@@ -86,8 +105,13 @@ def test_round_trip_through_mujocos_muscles(enriched) -> None:
         for frame in range(0, len(motion), 5):
             qpos, slopes = muscles.pose(motion.joints[frame, muscles.columns])
             data.qpos[:], data.qvel[:] = qpos, slopes @ rates[frame]
-            data.act[:] = state.activations[frame, column : column + model.nu]
-            data.ctrl[:] = data.act
+            control = state.activations[frame, column : column + model.nu]
+            if muscles.hill is None:
+                data.act[:] = control
+            else:
+                mujoco.mj_forward(model, data)
+                control = control * muscles.hill.tension(data.actuator_length, data.actuator_velocity)
+            data.ctrl[:] = control
             mujoco.mj_forward(model, data)
             made.append(scale * slopes.T @ data.qfrc_actuator)
             wanted.append(motion.torques[frame, 6 + muscles.columns])
@@ -122,3 +146,18 @@ def test_contact_forces_are_compressive(enriched) -> None:
         # In standing the joints of a leg carry a third of body weight plus muscle forces; the torso compresses the
         # lumbar joint. (Passive forces of MyoTorso alone exceed body weight.)
         assert 0.2 < (value if crossing == "lumbar" else -value) < 4.5, crossing
+
+
+def test_cost_of_compression_relieves_hip_and_knee(enriched, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Σ a² alone loaded hip and knee by up to twice what instrumented implants measure."""
+    from flexmotion.biomechanics import static_optimisation
+
+    found, state = enriched
+    motion = found.motion[:120]
+    monkeypatch.setattr(static_optimisation, "COMPRESSION_COST", 0.0)
+    without = static_optimisation.static_optimisation(motion)
+    relieved = [state.crossings.index(name) for name in ("hip_l", "hip_r", "knee_l", "knee_r")]
+    # Squared pull along the segments, which the cost adds up: one joint may carry more for another to carry less.
+    # Of the first frames, in which both start from free activations.
+    with_cost, free = (np.square(item.muscle_pull[:120, relieved, 1]).sum(axis=1) for item in (state, without))
+    assert with_cost.mean() < free.mean()

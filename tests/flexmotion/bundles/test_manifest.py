@@ -11,10 +11,19 @@ import numpy as np
 import pytest
 
 from flexmotion.bundles.bundle import Bundle
-from flexmotion.bundles.manifest import CORRECTIONS_OF_3, MANIFEST, SCHEMA, read_corrections, read_manifest
+from flexmotion.bundles.manifest import (
+    CORRECTIONS_OF_3,
+    MANIFEST,
+    SCHEMA,
+    equivalent_hashes,
+    read_corrections,
+    read_manifest,
+    write_manifest,
+)
 from flexmotion.bundles.shipped import FOLDER
 from flexmotion.configs.corrections import Corrections
 from flexmotion.configs.errors import ConfigError
+from flexmotion.features.layout import Layout
 from flexmotion.sampling.pace import Pace
 from flexmotion.sampling.sampler import Condition, Sampler
 from flexmotion.streamer.log.source import pack, unpack
@@ -40,7 +49,27 @@ def test_the_shipped_bundle_is_the_one_of_schema_3(tmp_path: Path) -> None:
     shipped, former = Bundle(FOLDER), changed(tmp_path / "3", schema_="flexmotion.bundle/3", corrections=None)
     assert former.hash == SHIPPED_IN_SCHEMA_3
     assert former.manifest == shipped.manifest and former.manifest.corrections == CORRECTIONS_OF_3
-    assert set(former.hashes) == set(shipped.hashes) == {shipped.hash, SHIPPED_IN_SCHEMA_3}
+    write_manifest(shipped.manifest, tmp_path / "3" / MANIFEST)
+    newest = Bundle(tmp_path / "3")
+    assert newest.manifest == shipped.manifest and newest.manifest.schema_ == SCHEMA
+    expected = {newest.hash, shipped.hash, SHIPPED_IN_SCHEMA_3}
+    assert set(former.hashes) == set(shipped.hashes) == set(newest.hashes) == expected
+
+
+def test_a_bundle_without_joint_contact_keeps_its_layout(tmp_path: Path) -> None:
+    """Regression: a new field of the layout entered its hash, and the shipped bundle was refused."""
+    shipped = Bundle(FOLDER)
+    assert not shipped.layout.joint_contact and "joint_contact" not in shipped.layout.blocks
+    assert shipped.layout.hash == Layout(30.0, muscles=290).hash == "156da119297434f2"
+    with pytest.raises(ConfigError, match="made for layout"):
+        changed(tmp_path / "other", schema_=SCHEMA, joint_contact=True)
+
+
+def test_manifests_with_joint_contact_are_of_the_newest_schema_alone() -> None:
+    """An older release would sample another layout, so none of its schemas can describe such a bundle."""
+    manifest = Bundle(FOLDER).manifest
+    assert len(equivalent_hashes(manifest)) == 3
+    assert len(equivalent_hashes(manifest.model_copy(update={"joint_contact": True}))) == 1
 
 
 def test_another_correction_is_another_bundle(tmp_path: Path) -> None:
@@ -62,9 +91,9 @@ def test_a_log_opens_with_the_bundle_of_its_run_only(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("schema", "message"),
     [
-        ("flexmotion.bundle/2", "of version 2, this release reads 3 to 4: the file is too old: export the bundle anew"),
-        ("flexmotion.bundle/5", "bundle of version 5, this release reads 3 to 4: the file is too new: install"),
-        ("flexmotion.motion/1", "no bundle: schema is 'flexmotion.motion/1', expected 'flexmotion.bundle/4'"),
+        ("flexmotion.bundle/2", "of version 2, this release reads 3 to 5: the file is too old: export the bundle anew"),
+        ("flexmotion.bundle/6", "bundle of version 6, this release reads 3 to 5: the file is too new: install"),
+        ("flexmotion.motion/1", "no bundle: schema is 'flexmotion.motion/1', expected 'flexmotion.bundle/5'"),
         (7, "no bundle: schema is 7"),
     ],
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import tarfile
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -9,9 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.shared.clips import data_folder
+from flexmotion.biomechanics.force_error import FLAGGED
 from flexmotion.biomechanics.mirror import mirror
 from flexmotion.biomechanics.plausibility import JointReach
-from flexmotion.configs.errors import MotionFormatError
+from flexmotion.biomechanics.simulation.perturbation import PerturbationRanges
+from flexmotion.configs.errors import ConfigError, MotionFormatError
 from flexmotion.dataset import engines
 from flexmotion.dataset.build import build
 from flexmotion.dataset.clips import Clip, find_clips
@@ -96,6 +100,11 @@ def test_set(folder: Path, tmp_path: Path) -> None:
     assert len(found) == sum(clip.frames for clip in found.clips) == len(found["joints"])
     assert [clip.name for clip in found.select(split="validation", variant="original")] == ["wave_happy_001"]
     assert isinstance(found["torques"], np.memmap)
+    assert found["force_error"].shape == (len(found), 2) and found["force_error"].min() > 0
+    for clip in found.clips:
+        flagged = (found["force_error"][clip.rows] > FLAGGED).any(axis=1)
+        assert clip.info["flagged_share"] == pytest.approx(flagged.mean(), abs=1e-4)
+    assert 0 <= manifest["summary"]["flagged_share"] < 1
     assert found.damaged() == []
     (out / "joints.npy").write_bytes(b"")
     assert found.damaged() == ["joints.npy"]
@@ -221,6 +230,36 @@ def test_compact_form(folder: Path, tmp_path: Path) -> None:
         read_compact(tmp_path / "bad.fms")
 
 
+def test_compact_form_carries_variants_with_their_loads(folder: Path, tmp_path: Path) -> None:
+    """Regression: loads were left out as zero, and variants with them."""
+    build([folder], tmp_path / "set", BuildSettings(muscles=False, variants=1))
+    found = TrainingSet(tmp_path / "set")
+    export_compact(found, tmp_path / "set.fms")
+    compact = open_set(tmp_path / "set.fms")
+    assert [clip.name for clip in compact.clips] == [clip.name for clip in found.clips]
+    for clip, other in zip(found.clips, compact.clips, strict=True):
+        loads = compact.loads(other)
+        assert loads == pytest.approx(found.loads(clip), rel=2e-3, abs=1e-2)
+        assert bool(loads.any()) == (clip.variant == "varied")
+        assert compact.force_error(other) == pytest.approx(found.force_error(clip), rel=0.05, abs=5e-3)
+        np.testing.assert_array_equal(compact.good(other), found.good(clip))
+
+
+def test_compact_form_carries_joint_contact(folder: Path, tmp_path: Path) -> None:
+    pytest.importorskip("myo_sim", reason="extra 'biomech' is not installed")
+    build([folder], tmp_path / "set", BuildSettings())
+    found = TrainingSet(tmp_path / "set")
+    export_compact(found, tmp_path / "set.fms")
+    compact = open_set(tmp_path / "set.fms")
+    for clip, other in zip(found.clips, compact.clips, strict=True):
+        expected, motion = found.motion(clip), compact.motion(other)
+        assert expected.joint_contact is not None and motion.activations is None
+        # Those of the built mirror image are of its own muscles: at the lumbar joint not quite symmetrical.
+        error = np.abs(motion.joint_contact - expected.joint_contact)[..., 2] / (expected.body.mass * 9.81)
+        assert error.mean(axis=0).max() < 0.05
+        assert np.abs(expected.joint_contact).max() > 500.0
+
+
 def test_faults(tmp_path: Path) -> None:
     with pytest.raises(MotionFormatError, match="no such folder"):
         find_clips([tmp_path / "nowhere"], tmp_path)
@@ -232,3 +271,53 @@ def test_faults(tmp_path: Path) -> None:
     (tmp_path / "empty" / "a.tar.xz").write_bytes(b"no archive")
     with pytest.raises(MotionFormatError, match="cannot be unpacked"):
         find_clips([tmp_path / "empty"], tmp_path / "work")
+
+
+def test_perturbed_variants_are_stored_with_their_loads(tmp_path: Path, clip: Motion, write_bvh) -> None:
+    (tmp_path / "in").mkdir()
+    write_bvh(tmp_path / "in" / "stand_001.bvh", clip[:60])
+    gentle = PerturbationRanges(push=(0.03, 0.04), carried=0.04, carrying=1.0, sloping=0.0)
+    settings = BuildSettings(muscles=False, mirrored=False, perturbed=1, perturbations=gentle)
+    manifest = build([tmp_path / "in"], tmp_path / "set", settings)
+    found = {entry["variant"]: entry for entry in manifest["clips"]}
+    assert set(found) == {"original", "perturbed"}
+    entry = found["perturbed"]
+    assert entry["name"] == "stand_001~perturbed1"
+    assert 0 < entry["assistance"]["force_max_bw"] <= 0.05
+    assert 0.03 <= entry["push"]["peak_bw"] <= 0.04
+    loads = np.load(tmp_path / "set" / "loads.npy")[entry["start"] : entry["start"] + entry["frames"]]
+    assert np.linalg.norm(loads[:, 0, :2], axis=1).max() > 0.02 * entry["body"]["mass"] * 9.81
+    assert entry["residual_median"][0] < 0.02
+
+
+def test_a_variant_that_falls_is_dropped_with_its_reason(tmp_path: Path, clip: Motion, write_bvh) -> None:
+    (tmp_path / "in").mkdir()
+    write_bvh(tmp_path / "in" / "stand_001.bvh", clip[:60])
+    rough = PerturbationRanges(push=(1.5, 1.5), push_s=(0.3, 0.3), carrying=0.0, sloping=0.0)
+    settings = BuildSettings(muscles=False, mirrored=False, perturbed=1, perturbations=rough)
+    manifest = build([tmp_path / "in"], tmp_path / "set", settings)
+    assert [entry["variant"] for entry in manifest["clips"]] == ["original"]
+    assert [entry["name"] for entry in manifest["dropped"]] == ["stand_001~perturbed1"]
+    assert manifest["dropped"][0]["reason"].startswith("perturbed: the simulated human lost the motion")
+
+
+def test_a_share_of_the_clips_has_perturbed_variants(tmp_path: Path, clip: Motion, write_bvh) -> None:
+    (tmp_path / "in").mkdir()
+    write_bvh(tmp_path / "in" / "stand_001.bvh", clip[:60])
+    settings = BuildSettings(muscles=False, mirrored=False, perturbed=1, perturbed_share=0.0)
+    manifest = build([tmp_path / "in"], tmp_path / "set", settings)
+    assert [entry["variant"] for entry in manifest["clips"]] == ["original"]
+
+
+def test_manifest_says_which_belt_was_removed(tmp_path: Path) -> None:
+    """A set did not say from which of its clips a belt had been removed."""
+    try:
+        source = data_folder() / "gait2354_joint_centres.trc"
+    except ConfigError:
+        pytest.skip("needs the shared motion data")
+    motions = tmp_path / "lab"
+    motions.mkdir()
+    shutil.copy(source, motions)
+    manifest = build([motions], tmp_path / "set", PLAIN)
+    backwards = [clip["belt"][0] for clip in manifest["clips"]]
+    assert len(backwards) == 2 and backwards == pytest.approx([-1.13, -1.13], abs=0.03)

@@ -12,14 +12,15 @@ from scipy.spatial.transform import Rotation
 
 from flexmotion.biomechanics.dynamics import dynamics
 from flexmotion.features.decode import Anchor, decode, pressure_centres
-from flexmotion.features.encode import LEAD, encode
+from flexmotion.features.encode import LEAD, encode, encode_loads
 from flexmotion.features.joint_groups import BALL_COLUMNS, BALLS, ball_angles, ball_matrices, matrix, six
-from flexmotion.features.layout import Layout
+from flexmotion.features.layout import JOINT_CONTACT, Layout
 from flexmotion.features.statistics import Statistics
 from flexmotion.human.body import Body
 from flexmotion.human.kinematics import forward
 from flexmotion.human.motion import Motion
-from flexmotion.human.skeleton import JOINTS
+from flexmotion.human.skeleton import CONTACT_JOINTS, JOINTS
+from flexmotion.spatial.gravity import GRAVITY
 
 
 @pytest.fixture(scope="module")
@@ -53,6 +54,35 @@ def test_round_trip_of_dynamics(clip: Motion) -> None:
     np.testing.assert_array_equal(back.contacts, motion.contacts[1:])
     centres = pressure_centres(encode(motion, layout, found.centres)[1:], layout, back)
     assert centres[loaded] == pytest.approx(found.centres[1:][loaded], abs=1e-3)
+
+
+def test_round_trip_of_joint_contact(clip: Motion) -> None:
+    forces = np.random.default_rng(0).normal(0.0, 1500.0, (len(clip), len(CONTACT_JOINTS), 3))
+    motion = replace(clip, joint_contact=forces)
+    layout = Layout(clip.fps, joint_contact=True)
+    features = encode(motion, layout)
+    first = features[:, layout.blocks[JOINT_CONTACT]].reshape(forces.shape)
+    assert first == pytest.approx(forces / (clip.body.mass * GRAVITY), rel=1e-5)
+    back = decode(features[1:], layout, clip.body, Anchor.after(clip[:1]))
+    assert back.joint_contact == pytest.approx(forces[1:], rel=1e-4)
+    # Other blocks are the same as without them.
+    plain = Layout(clip.fps)
+    assert decode(encode(motion, plain), plain, clip.body, Anchor.origin()).joint_contact is None
+    for name, columns in plain.blocks.items():
+        assert np.array_equal(encode(motion, plain)[:, columns], features[:, layout.blocks[name]])
+
+
+def test_loads_turn_with_the_heading(clip: Motion) -> None:
+    loads = np.random.default_rng(1).normal(0.0, 30.0, (len(clip), 3, 3))
+    turn = Rotation.from_euler("z", 2.0)
+    moved = replace(
+        clip,
+        root_quaternion=(turn * Rotation.from_quat(clip.root_quaternion, scalar_first=True)).as_quat(scalar_first=True),
+    )
+    turned = turn.apply(loads.reshape(-1, 3)).reshape(loads.shape)
+    assert encode_loads(turned, moved) == pytest.approx(encode_loads(loads, clip), abs=1e-3)
+    weight = clip.body.mass * GRAVITY
+    assert encode_loads(loads, clip)[..., 2] == pytest.approx(loads[..., 2] / weight, abs=1e-3)
 
 
 def test_features_do_not_depend_on_position_and_heading(clip: Motion, layout: Layout) -> None:
@@ -103,7 +133,8 @@ def test_wrong_frame_rate_is_refused(clip: Motion) -> None:
 
 def test_layouts_have_different_hashes() -> None:
     assert Layout(30.0).hash == Layout(30.0).hash
-    assert len({Layout(30.0).hash, Layout(20.0).hash, Layout(30.0, muscles=290).hash}) == 3
+    others = (Layout(20.0), Layout(30.0, muscles=290), Layout(30.0, joint_contact=True))
+    assert len({Layout(30.0).hash, *(layout.hash for layout in others)}) == 4
 
 
 def test_statistics(clip: Motion, layout: Layout) -> None:

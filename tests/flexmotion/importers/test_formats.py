@@ -249,7 +249,6 @@ def test_trc_markers_become_joints(tmp_path: Path, positions: np.ndarray, clip_k
     [
         ("PathFileType", "Path", "does not begin with PathFileType"),
         ("\tmm\t", "\tparsec\t", "missing or invalid"),
-        ("pelvis", "head", "different markers"),
         ("NumFrames", "Frames", "missing or invalid"),
     ],
 )
@@ -263,9 +262,9 @@ def test_bad_trc(tmp_path: Path, positions: np.ndarray, old: str, new: str, mess
 
 def test_trc_with_a_long_gap(tmp_path: Path, positions: np.ndarray) -> None:
     gappy = positions.copy()
-    gappy[50:150, NAMES.index("left_wrist")] = np.nan
+    gappy[100:250, NAMES.index("left_ankle")] = np.nan
     write_trc(tmp_path / "a.trc", list(NAMES), gappy)
-    with pytest.raises(MotionFormatError, match=r"'left_wrist' is missing for 1\.00 s"):
+    with pytest.raises(MotionFormatError, match=r"'left_ankle' is missing for 1\.50 s from 1\.00 s on"):
         load(tmp_path / "a.trc")
 
 

@@ -166,7 +166,7 @@ def test_our_own_files(clip, tmp_path):
 @pytest.mark.parametrize("name", ["clip.fbx", "clip"])
 def test_unknown_kinds(tmp_path, name):
     with pytest.raises(
-        MotionFormatError, match=r"unknown kind of motion file, expected \.bvh, \.amc, \.npy, \.trc, \.npz"
+        MotionFormatError, match=r"unknown kind of motion file, expected \.bvh, \.amc, \.npy, \.trc, \.c3d, \.npz"
     ):
         load(tmp_path / name)
 

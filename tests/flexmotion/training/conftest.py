@@ -45,7 +45,7 @@ def small_set(tmp_path_factory: pytest.TempPathFactory, clip: Motion, write_bvh:
 
 def _small(name: str, changes: dict[str, object], path: Path) -> Path:
     content = yaml.safe_load((FOLDER / f"{name}.yaml").read_text())
-    content["window"] |= {"muscles": False, **changes}
+    content["window"] |= {"muscles": False, "joint_contact": False, **changes}
     content["autoencoder"] |= {"latent": 16, "encoder": SMALL, "decoder": SMALL}
     content["diffusion"] |= {"denoiser": SMALL, "text": 24, "roll_out_from": 2, "roll_out_grown": 3}
     content["distillation"]["grid"] = 10

@@ -18,6 +18,7 @@ from flexmotion.importers.default_clip import default_clip
 from flexmotion.streamer.cli import execute
 from flexmotion.streamer.commands.exit_codes import BAD_USAGE, CHECK_FAILED, OK
 
+from ...flexmotion.importers.surface_markers import joint_centres, write_trc
 from ...waiting import wait_until
 
 
@@ -97,9 +98,31 @@ def test_import_and_augment(folder: Path, tmp_path: Path, capsys: pytest.Capture
     assert np.max(json.loads(capsys.readouterr().out.partition("\n")[2])["residual_median"]) < 0.02
 
 
+def test_import_says_what_was_guessed_and_removed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A mass that was off by 29 % and a belt that was taken as ground were nowhere to be seen."""
+    tracks = {name: track[:90] for name, track in joint_centres(default_clip()).items() if "Wrist" not in name}
+    file, out = write_trc(tmp_path / "a.trc", tracks), tmp_path / "out.npz"
+    assert execute(["data", "import", str(file), "-o", str(out)]) == OK
+    said = capsys.readouterr()
+    assert "mass of" in said.err
+    assert "arm hangs" in said.err
+    assert "belt" not in said.err
+    options = ["--mass", "61.5", "--height", "1.7", "--belt", "0.8", "--json"]
+    assert execute(["data", "import", str(file), "-o", str(out), *options]) == OK
+    found = json.loads(capsys.readouterr().out)
+    assert found["belt"] == pytest.approx([-0.8, 0.0], abs=0.02)
+    assert (found["mass_kg"], found["height_m"]) == (61.5, 1.7)
+    assert any("belt of 0.80 m/s backwards was removed (given)" in text for text in found["warnings"])
+    motion = load_motion(out)
+    assert motion.body.mass == 61.5
+    assert motion.root_position[-1, 0] > 0.8 * motion.duration - 0.3
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
+        (["import", "a.trc", "-o", "b.npz", "--belt", "fast"], "'fast', expected a speed in m/s, none or detect"),
+        (["import", "a.trc", "-o", "b.npz", "--mass", "0"], "mass is 0 kg, expected 10 to 300 kg"),
         (["build", "nowhere", "-o", "set"], "no such folder"),
         (["inspect", "nowhere"], "no set there"),
         (["build", "nowhere", "-o", "set", "--engine", "cloud"], "expected process or ray"),
@@ -115,3 +138,34 @@ def test_faults(
     monkeypatch.chdir(tmp_path)
     assert execute(["data", *arguments]) == BAD_USAGE
     assert message in capsys.readouterr().err
+
+
+def test_augment_simulates_a_push_and_draws_it(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out, picture = tmp_path / "pushed.npz", tmp_path / "pushed.png"
+    command = ["data", "augment", str(folder / "wave.npz"), "-o", str(out), "--push", "0.04", "--push-at", "0.4"]
+    assert execute([*command, "--load", "2", "--plot", str(picture), "--json"]) == OK
+    report = json.loads(capsys.readouterr().out)
+    assert report["push"]["peak_bw"] == 0.04
+    assert report["carried_kg"] == {"hand_l": 1.0, "hand_r": 1.0}
+    assert 0 < report["assistance"]["force_max_bw"] <= 0.05
+    assert picture.stat().st_size > 20_000
+    assert load_motion(out).wrenches is not None
+
+
+@pytest.mark.parametrize(
+    ("options", "named"),
+    [
+        (["--mirror", "--push", "0.1"], "--mirror"),
+        (["--perturbed", "--slope", "2"], "--slope"),
+        (["--plot", "x.png"], "--plot"),
+    ],
+)
+def test_augment_refuses_options_that_contradict(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], options: list[str], named: str
+) -> None:
+    out = tmp_path / "out.npz"
+    assert execute(["data", "augment", str(folder / "wave.npz"), "-o", str(out), *options]) == BAD_USAGE
+    assert named in capsys.readouterr().err
+    assert not out.exists()

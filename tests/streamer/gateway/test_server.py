@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import socket
+import threading
 from collections.abc import Callable, Iterator
 from http.client import HTTPConnection
 from typing import Any
@@ -117,6 +118,30 @@ def test_a_thousand_targets_are_all_answered(begin: Begin, answering: Callable[.
     assert sorted(answer["id"] for answer in answers) == sorted(ids)
     assert {answer["state"] for answer in answers} == {"accepted", "superseded"}
     assert next(answer for answer in answers if answer["id"] == ids[-1])["state"] == "accepted"
+
+
+def test_a_sender_without_a_pause_keeps_no_other_out(begin: Begin, answering: Callable[..., Answering]) -> None:
+    """Messages of one socket that is never empty kept the gateway from answering anyone."""
+    gateway = begin(most_unread=100_000, priorities={"quick": 1})
+    loop = answering(gateway.requests)
+    ended = threading.Event()
+
+    def flood() -> None:
+        with connect(f"ws://127.0.0.1:{gateway.port}/targets", max_queue=None) as client:
+            while not ended.is_set():
+                client.send('{"type":"velocity","velocity":[0.3,0,0]}')
+
+    flooding = threading.Thread(target=flood)
+    flooding.start()
+    try:
+        wait_until(lambda: len(loop.seen) > 5, "the first targets")
+        with Client(port=gateway.port, source="quick") as client:
+            assert client.ask({"type": "stop"}).state == "accepted"
+        assert http(gateway.port, "GET", "/status")[1]["loop"] == "ticks"
+    finally:
+        ended.set()
+        flooding.join()
+    assert loop.requested == [Request.STOP]
 
 
 def test_the_status_and_the_documents(begin: Begin, run: Run, answering: Callable[..., Answering]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
 import pytest
@@ -9,7 +10,7 @@ import pytest
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.telemetry import Telemetry
 from flexmotion.streamer.motion.heard import Heard
-from flexmotion.streamer.motion.intents import Text, Velocity
+from flexmotion.streamer.motion.intents import Stop, Text, Velocity
 from flexmotion.streamer.motion.targets import NO_TARGET, TargetMailbox
 from flexmotion.streamer.planning.target_ledger import TargetLedger
 
@@ -20,12 +21,14 @@ WALK, WAVE = Velocity(0.3, 0.0, 0.0), Text("wave")
 class Bench:
     """A ledger in lockstep; the test is source and loop."""
 
-    def __init__(self) -> None:
+    def __init__(self, change_s: float = 0.0) -> None:
         self.mailbox = TargetMailbox()
         self.notes: list[str] = []
         self.told: list[Heard] = []
         inbox = self.mailbox.reader()
-        self.ledger = TargetLedger(inbox, self.told.append, self.notes.append, rate_hz=RATE, lockstep=True)
+        self.ledger = TargetLedger(
+            inbox, self.told.append, self.notes.append, rate_hz=RATE, change_s=change_s, lockstep=True
+        )
         self._telemetry = Telemetry(1, RATE)
         self.taken = 0
 
@@ -131,6 +134,25 @@ def test_a_stick_that_is_held_goes_on_without_a_new_plan(bench: Bench) -> None:
     assert [state for _, state in bench.states] == ["accepted"] * 10 and not bench.ledger.halted
     bench.look(460 + 51)
     assert bench.ledger.halted
+
+
+def test_a_flood_changes_what_is_followed_no_faster_than_the_robot_can_and_a_stop_does_not_wait() -> None:
+    """25 changes a second felled the robot: steps are settled further ahead than its short plans reached."""
+    bench = Bench(change_s=0.2)
+    turned = []
+    for tick in range(100, 200, 2):
+        bench.mailbox.send(Velocity(0.0, 0.0, tick / 1000.0))
+        bench.look(tick)
+        if bench.ledger.wanted.id > bench.taken:
+            turned.append(tick)
+            bench.follow(tick + 1)
+    gaps = [after - before for before, after in pairwise(turned)]
+    assert len(turned) == 5 and min(gaps) >= 0.2 * RATE and max(gaps) <= 0.2 * RATE + 2
+    newest = bench.mailbox.send(Stop())
+    bench.look(200)
+    assert bench.ledger.wanted == newest
+    bench.follow(201)
+    assert len(bench.told) == 51 and bench.states[-1] == (51, "accepted")
 
 
 def test_a_stop_refuses_what_is_asked_meanwhile_and_what_was_asked_before_does_not_go_on(bench: Bench) -> None:

@@ -1,0 +1,122 @@
+"""From a capture of surface markers to one of joint centres, in metres, z up."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexmotion.configs.errors import MotionFormatError
+from flexmotion.importers.capture import Capture
+from flexmotion.importers.gaps import KEPT_SHARE, without_gaps
+from flexmotion.importers.landmarks import METRES, TO_Z_UP
+from flexmotion.importers.mapping import SkeletonMapping, Units, Up
+from flexmotion.importers.marker_joints import marker_joints
+from flexmotion.importers.marker_landmarks import CARRIERS
+
+Float = NDArray[np.float64]
+
+PELVIS_WIDTH = (0.15, 0.42)
+"""Range of the distance between the markers on both anterior iliac spines of humans who can walk [m]; it determines the
+units of a file."""
+
+OPTIONAL = ("elbow", "wrist", "head", "vertex", "acromion", "c7", "clavicle")
+"""Landmarks of arms, head and shoulders, without which a clip can be read."""
+
+
+def joint_capture(
+    capture: Capture, mapping: SkeletonMapping, *, units: Units | None = None, up: Up | None = None
+) -> Capture:
+    """Joint centres, named as `mapping.POINTS`, of a capture of surface markers; see `marker_joints`.
+
+    Raises:
+        MotionFormatError: markers of a joint are missing from the file, or for too long; or the distance between both
+            ASIS is not a human's in any unit.
+    """
+    present = mapping.landmarks(capture.names)
+    absent = [name for name in ("asis_l", "asis_r") if name not in present]
+    if absent:
+        names = ", ".join(mapping.markers.get(name, name) for name in absent)
+        raise MotionFormatError(f"{capture.path}: mapping {mapping.name!r} needs markers that the file lacks: {names}")
+    optional = {n for landmark in present if landmark.startswith(OPTIONAL) for n in _names(present, landmark)}
+    used = {n for landmark in present for n in _names(present, landmark)} - optional
+    spines = {n for landmark in ("asis_l", "asis_r") for n in _names(present, landmark)}
+    used, notes = _without_rare(capture, used, spines)
+    spare = {n for landmark in _spare(present) for n in _names(present, landmark)} & used
+    used -= spare
+    segments = [[n for own in carried for n in _names(present, own)] for carried in CARRIERS.values()]
+    capture = replace(capture, warnings=(*capture.warnings, *notes))
+    complete, lost = without_gaps(capture, used, optional, segments, spare, spines)
+    known = (used | optional | spare) - lost
+    column = {name: index for index, name in enumerate(complete.names)}
+
+    def mean(names: list[str]) -> Float:
+        return complete.positions[:, [column[name] for name in names]].mean(axis=1)
+
+    present = {own: [m for m in members if known.issuperset(m)] for own, members in present.items()}
+    at = {own: np.mean([mean(names) for names in members], axis=0) for own, members in present.items() if members}
+    up = up or mapping.up or _guess_up(at)
+    turn = TO_Z_UP[up] * METRES[units or mapping.units or _guess_units(at, capture.path)]
+    at = {name: value @ turn.T for name, value in at.items()}
+    clusters = {
+        segment: np.stack([mean(names) @ turn.T for own in carried for names in present.get(own, ())], axis=1)
+        for segment, carried in CARRIERS.items()
+        if any(present.get(own) for own in carried)
+    }
+    found = marker_joints(at, clusters, complete.fps, capture.path)
+    return Capture(
+        path=complete.path,
+        fps=complete.fps,
+        names=tuple(found.points),
+        positions=np.stack(list(found.points.values()), axis=1),
+        start=complete.start,
+        warnings=(*complete.warnings, *found.warnings),
+        up=up,
+    )
+
+
+def _spare(present: Collection[str]) -> list[str]:
+    """Landmarks that others of the file can stand for."""
+    found = ["t10", "sternum"]
+    for side in "lr":
+        found += [f"thigh_{side}", f"foot_{side}", f"toe_tip_{side}"]
+        if f"knee_lateral_{side}" in present:
+            found += [f"shank_{side}", f"knee_medial_{side}"]
+        if f"ankle_lateral_{side}" in present:
+            found.append(f"ankle_medial_{side}")
+        if f"toe_{side}" in present:
+            found += [f"metatarsal_1_{side}", f"metatarsal_5_{side}"]
+    return found
+
+
+def _names(present: Mapping[str, list[list[str]]], landmark: str) -> list[str]:
+    return [name for members in present.get(landmark, ()) for name in members]
+
+
+def _without_rare(capture: Capture, used: set[str], kept: set[str]) -> tuple[set[str], list[str]]:
+    """Markers without those in less than half of the frames, as medial ones of a static trial, but with `kept`."""
+    share = dict(zip(capture.names, np.isfinite(capture.positions).all(axis=-1).mean(axis=0), strict=True))
+    rare = sorted(name for name in used - kept if share[name] < KEPT_SHARE)
+    return used - set(rare), [
+        f"{name}: missing in {100 - 100 * share[name]:.0f} % of the clip, is not used" for name in rare
+    ]
+
+
+def _guess_up(at: Mapping[str, Float]) -> Up:
+    """The axis along which the pelvis is above the feet for most of the time."""
+    feet = [value for name, value in at.items() if name.startswith(("heel", "toe", "ankle", "metatarsal"))]
+    rise = (at["asis_l"] + at["asis_r"]) / 2 - np.mean(feet or [0 * at["asis_l"]], axis=0)
+    return "y" if np.median(rise[:, 1]) >= np.median(rise[:, 2]) else "z"
+
+
+def _guess_units(at: Mapping[str, Float], path: str) -> Units:
+    width = float(np.median(np.linalg.norm(at["asis_l"] - at["asis_r"], axis=-1)))
+    low, high = PELVIS_WIDTH
+    for unit, metres in METRES.items():
+        if low <= width * metres <= high:
+            return unit
+    raise MotionFormatError(
+        f"{path}: {width:.4g} between both ASIS is not a human's in any of {', '.join(METRES)}; is the mapping right?"
+    )

@@ -1,0 +1,166 @@
+"""`flexmotion data dynamics`: forces, moments, muscles and joint contact of one clip, for other tools."""
+
+from __future__ import annotations
+
+import io
+from dataclasses import asdict
+from importlib.util import find_spec
+from math import pi
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from flexmotion.streamer.commands.exit_codes import CHECK_FAILED
+from flexmotion.streamer.commands.option_groups import ImportOptions, grouped
+from flexmotion.streamer.commands.options import JsonOption
+from flexmotion.streamer.commands.output import print_json, print_note, print_result
+
+if TYPE_CHECKING:
+    from flexmotion.biomechanics.analysis import ClipAnalysis, Recording
+    from flexmotion.importers import Import
+
+PAGES = (".png", ".pdf", ".svg", ".html")
+EXPLAINED = 0.5
+"""Least share of good frames of a clip that passes; a training set drops one with fewer."""
+
+
+@grouped
+def dynamics(
+    file: Annotated[Path, typer.Argument(metavar="CLIP", help="Motion file of any supported format.")],
+    out: Annotated[Path, typer.Option("--out", "-o", help="File to write: .npz, .csv, or .sto for OpenSim.")],
+    reading: ImportOptions,
+    cutoff: Annotated[
+        float | None,
+        typer.Option(metavar="HZ", help="Cut-off of the low-pass filter for motion; else 6.", show_default=False),
+    ] = None,
+    fps: Annotated[
+        float | None, typer.Option(min=10.0, max=1000.0, help="Frame rate; else that of the file.", show_default=False)
+    ] = None,
+    muscles: Annotated[
+        bool | None,
+        typer.Option(
+            "--muscles/--no-muscles",
+            help="With muscles and joint contact; else where the extra 'biomech' is installed.",
+            show_default=False,
+        ),
+    ] = None,
+    plots: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Page of plots: .png, .pdf, .svg, .html.", show_default=False)
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Compute ground forces with their error, joint moments, muscles and joint contact of one clip.
+
+    .npz holds arrays, and is a motion file too; .csv is one table. For OpenSim, -o walk.sto writes
+
+      walk.sto                  ground forces, centres of pressure, free torques
+
+      walk_external_loads.xml   applies them to the feet calcn_l and calcn_r
+
+      walk_coordinates.sto      pelvis and joint angles
+
+      walk_moments.sto          joint moments
+
+      walk_quality.sto          force error, residuals, flags
+
+      walk_activations.sto      muscle activations
+
+      walk_joint_contact.sto    joint contact forces
+
+      walk_model.osim           the human with these coordinates and bodies
+
+    Exit code 1: the files are written, but ground forces explain fewer than half of the frames.
+
+    [bold]Examples[/bold]
+
+      flexmotion data dynamics walk.trc --mass 72.6 -o walk.csv --plots walk.png
+
+      flexmotion data dynamics walk.trc --mass 72.6 -o walk.sto
+    """
+    # Heavy imports wait until the command runs: help and completion answer at once.
+    from flexmotion.biomechanics.analysis import analyse
+    from flexmotion.biomechanics.dynamics_files import dynamics_writer, write_files
+    from flexmotion.biomechanics.smoothing import CUTOFF
+    from flexmotion.streamer.report.dynamics_summary import render_dynamics
+
+    writer = dynamics_writer(out)
+    for path in (out, plots):
+        _check_place(path)
+    if plots is not None and plots.suffix.lower() not in PAGES:
+        raise typer.BadParameter(f"{plots}: unknown kind of picture, expected {', '.join(PAGES)}")
+    with_muscles = find_spec("myo_sim") is not None if muscles is None else muscles
+    if muscles is None and not with_muscles:
+        print_note("without muscles and joint contact, which need the extra 'biomech'")
+
+    found = reading.read(file, fps)
+    for warning in found.warnings:
+        print_note(f"{file.name}: {warning}")
+    analysed = analyse(
+        found.motion, CUTOFF if cutoff is None else cutoff, muscles=with_muscles, recording=_recording(found)
+    )
+    content = analysed.figures() | _of_import(found, reading.mass)
+    contents = writer(out, analysed)
+    if plots is not None:
+        contents |= {plots: _page(plots, analysed, content)}
+    write_files(contents)
+    if as_json:
+        print_json(content | {"files": [str(path) for path in contents]})
+    else:
+        print_result(render_dynamics(content))
+    print_note(f"wrote {', '.join(str(path) for path in contents)}")
+    if not content["contact_share"]:
+        print_note(f"{file.name}: no foot carries load in any frame, all ground forces are about zero")
+    if content["good_share"] < EXPLAINED:
+        print_note(
+            f"{file}: ground forces explain {100 * content['good_share']:.0f} % of the frames, "
+            f"expected at least {100 * EXPLAINED:.0f} %: contact with something else than a level floor, or a bad "
+            "recording"
+        )
+        raise typer.Exit(CHECK_FAILED)
+
+
+def _check_place(path: Path | None) -> None:
+    """Check that a file can be written, before any work is done."""
+    if path is None:
+        return
+    if path.is_dir():
+        raise typer.BadParameter(f"{path}: a folder, expected a file")
+    if not path.parent.is_dir():
+        raise typer.BadParameter(f"{path.parent}: no such folder to write {path.name} into")
+
+
+def _of_import(found: Import, mass: float | None) -> dict[str, Any]:
+    return {
+        "mass_is": "given" if mass is not None else "guessed" if found.mapping else "that of the file",
+        "belt_m_s": float((found.belt**2).sum() ** 0.5),
+        "placement": asdict(found.placement),
+        "notes": list(found.warnings),
+    }
+
+
+def _recording(found: Import) -> Recording:
+    """The place in axes with x forward, y left, z up: those of a recording with y up are its x, -z, y."""
+    from flexmotion.biomechanics.analysis import Recording
+
+    place, belt = found.placement, (float(found.belt[0]), float(found.belt[1]))
+    x, y, _ = place.origin
+    if place.up == "y":
+        return Recording(place.start, place.heading - pi / 2, (y, -x), belt)
+    return Recording(place.start, place.heading, (x, y), belt)
+
+
+def _page(path: Path, analysed: ClipAnalysis, content: dict[str, Any]) -> bytes:
+    """The page of plots in the format of a path's suffix."""
+    from flexmotion.streamer.plots.clip_dynamics import draw_dynamics
+    from flexmotion.streamer.plots.style import styled
+    from flexmotion.streamer.report.dynamics_summary import dynamics_page
+
+    suffix = path.suffix.lower()
+    drawn = io.BytesIO()
+    with styled():
+        picture = "png" if suffix == ".html" else suffix.removeprefix(".")
+        # No date and no version, so that equal clips give equal files.
+        metadata = {"png": {"Software": None}, "pdf": {"CreationDate": None}, "svg": {"Date": None}}[picture]
+        draw_dynamics(analysed).savefig(drawn, format=picture, metadata=metadata)
+    return dynamics_page(content, drawn.getvalue()) if suffix == ".html" else drawn.getvalue()
