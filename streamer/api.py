@@ -25,6 +25,7 @@ from flexmotion.retarget.human_steps import count_steps
 from flexmotion.sampling.sampler import Sampler
 from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.control.telemetry import Event
+from flexmotion.streamer.gateway.listening import Listening, listen
 from flexmotion.streamer.log.recorder import Recorder
 from flexmotion.streamer.log.recording import driver_options, record_to
 from flexmotion.streamer.motion.intents import Clip, Intent, Stop, Text
@@ -175,6 +176,8 @@ def open_session(
     on_event: Callable[[Event], None] | None = None,
     log: str | Path | None = None,
     view_port: int | None = None,
+    listening: Listening | None = None,
+    allow_refused: bool = False,
 ) -> Session:
     """A robot, a driver and a source, ready to run.
 
@@ -205,6 +208,8 @@ def open_session(
         on_event: called with every event as it happens.
         log: file (.mcap) to record to; None: none.
         view_port: first port to try for the page that shows the run; None: no page.
+        listening: on the real clock, how the run listens for targets of other programs; None: it does not.
+        allow_refused: the report is ok although something that was asked was refused, dropped or not finished.
 
     Raises:
         ConfigError: unknown or invalid robot, driver, option, source or bundle, or the log cannot be written.
@@ -229,9 +234,12 @@ def open_session(
         seed=seed,
         clock=clock,
         next_request=next_request,
+        allow_refused=allow_refused,
     )
     if on_event is not None:
         session.on_event = on_event
+    if listening is not None:
+        listen(session, listening)
     if view_port is not None:
         session.services += (Viewer(robot, session.telemetry, port=view_port),)
     if isinstance(source, Performance):
@@ -308,6 +316,7 @@ def outcome(session: Session) -> Outcome:
     options = driver_options(session.driver)
     options |= {} if session.feedback else {"feedback": False}
     options |= {"replan_noise_m": noise_m} if noise_m else {}
+    options |= {"allow_refused": True} if session.allow_refused else {}
     budgets = session.settings.budgets
     info = RunInfo(
         robot=robot.name,
@@ -320,6 +329,8 @@ def outcome(session: Session) -> Outcome:
         realtime=session.scheduling,
         missed_allowed=budgets.missed_deadlines,
         underruns_allowed=budgets.underruns,
+        targets=tuple(session.heard),
+        allow_refused=session.allow_refused,
         log=next((service.result() for service in session.services if isinstance(service, Recorder)), None),
     )
     report = build_report(record, info, figures, human=None if motion is None else HumanTrack.of(motion))

@@ -120,6 +120,12 @@ LogOption = Annotated[
         show_default=False,
     ),
 ]
+AllowRefusedOption = Annotated[
+    bool,
+    typer.Option(
+        "--allow-refused", help="Pass although something that was asked was refused, dropped or not finished in time."
+    ),
+]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")]
 RealtimeOption = Annotated[
     bool,
@@ -140,3 +146,42 @@ ViewPortOption = Annotated[
     typer.Option("--view-port", min=1, max=65535, help="Port of that page on this machine, or the next free one."),
 ]
 FeedbackOption = Annotated[bool, typer.Option("--feedback/--no-feedback", help="Balance feedback.")]
+WebOption = Annotated[
+    bool, typer.Option("--web/--no-web", help="Listen for targets of other programs (`flexmotion send`), see /docs.")
+]
+WebPortOption = Annotated[
+    int | None,
+    typer.Option(
+        "--web-port",
+        min=1,
+        max=65535,
+        help="Port for targets; else that of the stream settings (8790).",
+        show_default=False,
+    ),
+]
+StopPortOption = Annotated[
+    int | None,
+    typer.Option(
+        "--stop-port",
+        min=1,
+        max=65535,
+        help="Port that takes stops alone; else that of the stream settings (8791).",
+        show_default=False,
+    ),
+]
+ListenOption = Annotated[
+    str,
+    typer.Option("--listen", metavar="ADDRESS", help="Address to listen on; others than this machine's need a token."),
+]
+TokenFileOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--token-file",
+        help="File with the token of the run; else the environment variable FLEXMOTION_TOKEN.",
+        show_default=False,
+    ),
+]
+StdinOption = Annotated[
+    bool,
+    typer.Option("--stdin", help="Read targets from standard input, a JSON object a line; answers go to stdout."),
+]

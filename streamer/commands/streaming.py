@@ -15,6 +15,7 @@ from flexmotion.streamer.commands.exit_codes import CHECK_FAILED, HARDWARE_FAILE
 from flexmotion.streamer.commands.output import print_json, print_note, print_result, progress_bar
 from flexmotion.streamer.commands.signals import OperatorSignals
 from flexmotion.streamer.control.telemetry import Event
+from flexmotion.streamer.gateway.service import GatewayService
 from flexmotion.streamer.log.recorder import Recorder
 from flexmotion.streamer.motion.sources import Performance
 from flexmotion.streamer.report.summary import render
@@ -43,6 +44,8 @@ def stream(session: Session, signals: OperatorSignals | None = None) -> api.Outc
         for service in session.services:
             if isinstance(service, Viewer):
                 print_note(f"view: {service.url}")
+            if isinstance(service, GatewayService) and service.url is not None:
+                print_note(f"web: {service.url}")
         try:
             session.run()
         finally:

@@ -53,6 +53,7 @@ class Subject:
             missed_allowed=budgets.missed_deadlines,
             underruns_allowed=budgets.underruns,
             log=str(log.path),
+            targets=tuple(log.heard),
         )
         human = None if self.motion is None else HumanTrack.of(self.motion)
         return build_report(record, info, self.figures, human=human)

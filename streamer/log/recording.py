@@ -38,7 +38,9 @@ def record_to(file: Path, session: Session, clock: Literal["real", "lockstep"]) 
         feedback=session.feedback,
     )
     files = motions | robot_files(robot)
-    recorder = Recorder(file, header, files, session.telemetry, session.plans, session.targets)
+    recorder = Recorder(
+        file, header, files, session.telemetry, session.plans, session.targets, session.heard_channel, session.heard
+    )
     session.services += (recorder,)
     return recorder
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -127,7 +128,8 @@ def _run(log: Log, subject: Subject, progress: Callable[[float], None] | None) -
     def operate() -> Request | None:
         tick = 0 if session.loop is None else session.loop.tick_count
         while targets and targets[0][0] <= tick:
-            session.targets.send(from_content(targets.pop(0)[1]))
+            content = targets.pop(0)[1]
+            session.targets.send(from_content(content), holds_s=content.get("holds_s", math.inf))
         if progress is not None:
             progress(min(tick / end, 1.0))
         return requests.pop(0)[1] if requests and requests[0][0] <= tick else None

@@ -29,7 +29,10 @@ from flexmotion.streamer.commands.streaming import emulated_port
 from flexmotion.streamer.report.report import TIMING_KEYS
 from flexmotion.streamer.run.requests import Request
 
-COMMANDS = ["dry-run", "run", "retarget", "check torque", "robots", "drivers"]
+COMMANDS = [
+    *("dry-run", "run", "send", "status", "stop", "estop", "clear", "kill"),
+    *("retarget", "check torque", "robots", "drivers"),
+]
 
 
 def run(*arguments: str) -> int:
