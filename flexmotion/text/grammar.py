@@ -33,6 +33,9 @@ _CHANGE = re.compile(
     r"(?:(?P<faster>faster|quicker|more quickly)|(?P<slower>slower|more slowly|less fast))"
 )
 
+NO_KNOWN_WORD = "none of its words is known; the model hears English"
+"""Refusal of words that a listener may still take for something."""
+
 LEAST_BARE_DEGREES = 15.0
 """A number without a unit behind "turn" is an angle from here on [degrees]."""
 
@@ -345,7 +348,7 @@ def _clause(part: _Part, forbidding: bool) -> Clause | None:
     if words and not any(word in _taught_words() or word in known.verbs for word in words):
         asked = _relative(" ".join(words), None, part.joint) is Asks.MOTION
         if asked and not set(words) <= known.words("directions") | known.words("hedges"):
-            return Clause(said, sentence, refusal="none of its words is known; the model hears English")
+            return Clause(said, sentence, refusal=NO_KNOWN_WORD)
     condition = _condition(words)
     if condition is not None and not plain_stop:
         dropped += [condition] if condition not in known.words("allowed_conditions") else []

@@ -19,7 +19,7 @@ from flexmotion.sampling.sampler import Condition
 from flexmotion.streamer.motion.heard import Heard, HeardStep
 from flexmotion.streamer.motion.intents import FASTEST, Intent, Stop, Text, Velocity
 from flexmotion.text.amounts import Amount
-from flexmotion.text.grammar import Asks, Clause, parse, whole
+from flexmotion.text.grammar import NO_KNOWN_WORD, Asks, Clause, parse, whole
 from flexmotion.text.phrases import STAND
 from flexmotion.text.prompt_reader import Prompt
 from flexmotion.text.vocabulary import Quantity, vocabulary
@@ -306,7 +306,9 @@ class Hearing:
         self, clause: Clause, in_sequence: bool, before: list[Step], under_way: Program | None, last: Program | None
     ) -> list[Step]:
         if clause.refusal is not None:
-            raise _RefusedError(f"{clause.said!r}: {clause.refusal}")
+            prompt = self.model.prompt(clause.text)
+            told = prompt.warning if clause.refusal == NO_KNOWN_WORD and not prompt.known else None
+            raise _RefusedError(told or f"{clause.said!r}: {clause.refusal}")
         if clause.asks is Asks.AGAIN:
             repeated = before[-1:] if before else list(last.steps) if last is not None else []
             if not repeated:

@@ -99,7 +99,7 @@ class Replanner:
         if row is None:
             return False
         if self._runner is not None:
-            self._runner.update(row)
+            self._runner.update(row, halted=self.ledger.halted)
         target = self._newest_target(row, tick)
         if not self._due(row, target):
             return False

@@ -117,10 +117,10 @@ class StepRunner:
         """The human changes to what is wanted, or to a new target."""
         self.wanted, self.resting = None, False
 
-    def update(self, row: TickRow) -> None:
-        """Take the newest row of the loop."""
+    def update(self, row: TickRow, *, halted: bool = False) -> None:
+        """Take the newest row of the loop; `halted`: what was asked for has ended by a stop, or by its age."""
         source_s, tick = float(row.source_s), int(row.tick)
-        if bool(row.must_stop) or int(row.state) not in (State.STREAMING, State.HOLD):
+        if halted or bool(row.must_stop) or int(row.state) not in (State.STREAMING, State.HOLD):
             self._abandon("stopped")
             return
         if math.isfinite(source_s):

@@ -152,6 +152,15 @@ def test_another_target_and_a_stop_end_a_program_and_say_so() -> None:
     assert robot.heard[-1].id == 2 and robot.ends == ["stopped"] and not robot.runner.resting
 
 
+def test_a_target_that_is_over_ends_its_program() -> None:
+    """A program went on by itself after the target that had asked for it was too old."""
+    robot = Robot((0, program(TURN, WAIT)))
+    robot.run(2.9, turn=0.6)
+    assert robot.runner.resting
+    robot.runner.update(robot.row, halted=True)
+    assert robot.ends == ["stopped"] * 2 and not robot.runner.resting and robot.runner.wanted is None
+
+
 def test_a_script_goes_on_while_the_robot_rests() -> None:
     """While a plan's stop plays no frame of the source does, and the next item of a script never came."""
     robot = Robot((0, program(TURN)), (120, program(WAIT, number=2)))
