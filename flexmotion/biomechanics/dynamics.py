@@ -91,7 +91,7 @@ def dynamics(
     assert slow is not None
     sources = error_sources(
         ground.wrenches[..., :3] / weight,
-        (sole.nearness > 0).any(axis=-1),
+        np.any(sole.nearness > 0, axis=-1),
         slow.alike,
         above_cutoff(motion, cutoff if raised is None else raised),
         residual[:, 0],
