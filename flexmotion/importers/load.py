@@ -34,7 +34,7 @@ from flexmotion.importers.packed import is_packed, read_packed
 from flexmotion.importers.refine import refine
 from flexmotion.importers.smpl import is_amass, read_amass, read_joints22
 from flexmotion.importers.trc import read_trc
-from flexmotion.importers.treadmill import backward_speed, backwards, belt_velocity, without_belt
+from flexmotion.importers.treadmill import backward_speed, backwards, belt_suspected, belt_velocity, without_belt
 from flexmotion.spatial.heading import matrix_heading
 from flexmotion.spatial.quaternions import continuous_quaternions
 
@@ -245,6 +245,7 @@ def fit_capture(
         capture, chosen = complete_joints(capture, chosen)
         found = landmarks(capture, chosen, units=units, up=up)
     velocity = np.zeros(2) if belt is None else belt_velocity(found) if belt == "detect" else backwards(found, belt)
+    suspected = belt == "detect" and not velocity.any() and belt_suspected(found)
     if velocity.any():
         found = without_belt(found, velocity)
     if fps is not None:
@@ -259,6 +260,11 @@ def fit_capture(
     if velocity.any():
         way = "given" if belt != "detect" else "detected"
         notes.append(f"a treadmill's belt of {backward_speed(found, velocity):.2f} m/s backwards was removed ({way})")
+    elif suspected:
+        notes.append(
+            "this may be a treadmill: one foot moves steadily under a pelvis that stays, but the clip is too short to "
+            "prove it, and nothing was removed: give the belt (--belt V, or none)"
+        )
     body, guessed = with_mass(motion.body, mass, height)
     motion = replace(motion, body=body, mass_given=mass is not None)
     placed = on_floor(from_origin(motion))
