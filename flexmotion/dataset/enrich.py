@@ -24,8 +24,6 @@ from flexmotion.dataset.settings import BuildSettings
 from flexmotion.human.motion import Motion
 from flexmotion.importers import read
 
-MEAN_HEIGHT = 1.75
-
 
 @dataclass(frozen=True)
 class Entry:
@@ -65,8 +63,10 @@ def enrich(clip: Clip, settings: BuildSettings) -> list[Entry]:
     motion = imported.motion
     if np.any(imported.belt):
         about |= {"belt": [round(float(speed), 4) for speed in imported.belt]}
-    mass = settings.mass * (motion.body.height / MEAN_HEIGHT) ** 2
-    motion = replace(motion, body=replace(motion.body, mass=mass), source=source)
+    if imported.warnings:
+        about |= {"warnings": list(imported.warnings)}
+    about |= {"mass_given": bool(motion.mass_given)}
+    motion = replace(motion, source=source)
     entries = [_entry(clip.name, about | {"variant": "original"}, motion, (), settings)]
     if settings.mirrored:
         entries.append(_entry(f"{clip.name}~mirror", about | {"variant": "mirror"}, mirror(motion), (), settings))

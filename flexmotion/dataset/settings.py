@@ -23,7 +23,6 @@ class BuildSettings:
 
     Attributes:
         fps: frame rate.
-        mass: of humans of unknown mass at a stature of 1.75 m; at others in proportion to its square [kg].
         cutoff: of the low-pass filter [Hz].
         mirrored: whether every clip is followed by its mirror image.
         variants: number of augmented copies of every clip.
@@ -39,7 +38,6 @@ class BuildSettings:
     """
 
     fps: float = 30.0
-    mass: float = 70.0
     cutoff: float = CUTOFF
     mirrored: bool = True
     variants: int = 0

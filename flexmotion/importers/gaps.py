@@ -61,7 +61,7 @@ def without_gaps(
     if np.isfinite(positions[:, [column[name] for name in names]]).all():
         return capture, frozenset()
     notes = list(capture.warnings)
-    scale = _scale(positions)
+    scale = _scale(positions[:, [column[name] for name in names]])
     for name in names:
         _bridge(positions[:, column[name]], GAP_S * capture.fps)
     for members in segments:
@@ -105,9 +105,15 @@ def without_gaps(
 
 
 def _scale(positions: Float) -> float:
-    """Metres per unit of the file, nearly: a human's markers spread over about a metre and a half vertically."""
-    spread = np.nanmax(np.nanpercentile(positions, 98, axis=1) - np.nanpercentile(positions, 2, axis=1))
-    return 1.5 / max(float(spread), 1e-9)
+    """Metres per unit of the file, nearly: the used points of a human spread over about a metre and a half.
+
+    Other points, which may be angles or forces in columns of points, have another scale.
+    """
+    seen = positions[visible(positions).any(axis=1)]
+    if not len(seen):
+        return 1.0
+    spread = (np.nanpercentile(seen, 98, axis=1) - np.nanpercentile(seen, 2, axis=1)).max(axis=1)
+    return 1.5 / max(float(np.median(spread)), 1e-9)
 
 
 def _runs(mask: Bool) -> list[tuple[int, int]]:

@@ -132,7 +132,7 @@ def _check_place(path: Path | None) -> None:
 
 def _of_import(found: Import, mass: float | None) -> dict[str, Any]:
     return {
-        "mass_is": "given" if mass is not None else "guessed" if found.mapping else "that of the file",
+        "mass_is": "given" if mass is not None else "that of the file" if found.motion.mass_given else "guessed",
         "belt_m_s": float((found.belt**2).sum() ** 0.5),
         "placement": asdict(found.placement),
         "notes": list(found.warnings),

@@ -36,7 +36,7 @@ def write(tmp_path: Path) -> Write:
 
 @pytest.fixture
 def clip_file(write: Write) -> str:
-    return str(write(default_clip()[:45]))
+    return str(write(replace(default_clip()[:45], mass_given=True)))
 
 
 @pytest.fixture
