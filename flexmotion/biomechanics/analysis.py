@@ -14,7 +14,7 @@ from flexmotion.biomechanics.dynamics import Dynamics, dynamics
 from flexmotion.biomechanics.force_error import FLAGGED
 from flexmotion.biomechanics.joint_contact import joint_contact_forces
 from flexmotion.biomechanics.muscle_geometry import muscle_models, muscle_names
-from flexmotion.biomechanics.plausibility import RESIDUAL_FORCE, RESIDUAL_MOMENT, plausible
+from flexmotion.biomechanics.plausibility import explained, plausible
 from flexmotion.biomechanics.smoothing import CUTOFF
 from flexmotion.biomechanics.static_optimisation import MuscleState, infeasible, static_optimisation
 from flexmotion.configs.errors import ConfigError, MotionFormatError
@@ -215,7 +215,7 @@ def analyse(
         # Missing models are reported before anything is computed.
         muscle_models()
     found = dynamics(motion, cutoff)
-    good = (found.residual <= (RESIDUAL_FORCE, RESIDUAL_MOMENT)).all(axis=1) & plausible(found.motion)
+    good = explained(found.residual) & plausible(found.motion)
     return ClipAnalysis(found, cutoff, good, _muscles(found) if muscles else None, recording)
 
 
