@@ -138,7 +138,7 @@ def forward_torques(motion: Motion, state: MuscleState) -> Float:
             data.ctrl[:] = activations
             mujoco.mj_forward(model, data)
             made[frame] = slopes.T @ data.qfrc_actuator
-        columns.append(strength(motion) * made)
+        columns.append(strength(motion.body) * made)
         column += model.nu
     return np.concatenate(columns, axis=1)
 
