@@ -76,7 +76,7 @@ class Placement:
         Of a file with y up these are its x, -z, y, a quarter turn from those above.
         """
         x, y, _ = self.origin
-        return (self.heading - pi / 2, (y, -x)) if self.up == "y" else (self.heading, (x, y))
+        return (self.heading - np.pi / 2, (y, -x)) if self.up == "y" else (self.heading, (x, y))
 
 
 @dataclass(frozen=True)
