@@ -28,7 +28,7 @@ class BuildSettings:
         variants: number of augmented copies of every clip.
         perturbed: number of simulated copies of a clip, pushed, loaded, on a slope.
         perturbed_share: share of the clips that have those; simulation is slower than everything else.
-        perturbations: ranges of what they meet.
+        perturbations: ranges of pushes, loads and slopes.
         seed: of the augmentation.
         muscles: whether activations are computed.
         residual_force, residual_moment: greatest values of a `good` frame [body weights, body weights x m].

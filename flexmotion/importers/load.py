@@ -73,6 +73,15 @@ class Placement:
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
     up: Up = "z"
 
+    @property
+    def on_floor(self) -> tuple[float, tuple[float, float]]:
+        """Heading [rad] and origin (x, y) [m] in axes with z up whose x is that of the file.
+
+        Of a file with y up these are its x, -z, y, a quarter turn from those above.
+        """
+        x, y, _ = self.origin
+        return (self.heading - np.pi / 2, (y, -x)) if self.up == "y" else (self.heading, (x, y))
+
 
 @dataclass(frozen=True)
 class Import:

@@ -282,7 +282,8 @@ def _report(manifest: dict, as_json: bool) -> None:
         table.add_row(name, manifest["fields"][name]["unit"], *(f"{row[key]:.4g}" for key in COLUMNS))
     print_result(table)
     kinds = Table("kind", "clips", "frames", "frames dropped", "good", "flagged", "residual force", "residual moment")
-    for name, row in summary["by_kind"].items():
+    variants = {f"variant {name}": row for name, row in summary.get("by_variant", {}).items()}
+    for name, row in (summary["by_kind"] | variants).items():
         force, moment = row.get("residual_median", (float("nan"), float("nan")))
         cells = (row["clips"], row["frames"], row["frames_dropped"])
         good = f"{100 * row['kept_share']:.1f} %" if "kept_share" in row else "-"

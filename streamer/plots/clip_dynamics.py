@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from flexmotion.biomechanics.analysis import SATURATED, ClipAnalysis, MuscleAnalysis
+from flexmotion.biomechanics.differentiation import EDGE
 from flexmotion.biomechanics.plausibility import RESIDUAL_FORCE, RESIDUAL_MOMENT
 from flexmotion.biomechanics.sole import COLUMNS, POINTS, sole_grid
 from flexmotion.human.human_model import human_model
@@ -77,7 +78,8 @@ def draw_dynamics(clip: ClipAnalysis) -> Figure:
     subtitle = (
         f"{len(clip)} frames at {motion.fps:g} Hz, low-pass filter {clip.cutoff:g} Hz; "
         f"human of {motion.body.mass:.1f} kg and {motion.body.height:.2f} m; left blue, right orange; "
-        "shaded red: a force is flagged as uncertain, or the residual or a joint is beyond its limit"
+        "red: a force is flagged as uncertain, or the residual or a joint is beyond its limit; "
+        "grey: ends, where accelerations are known from one side"
     )
     title = f"Dynamics of {Path(motion.source).name or 'a motion'}"
     figure = new_figure(WIDTH, height, title, subtitle, layout=False)
@@ -244,14 +246,14 @@ def _trunk_rows(muscles: MuscleAnalysis) -> dict[str, Float]:
 
 
 def _joint_contact(panels: Sequence[Axes], clip: ClipAnalysis, muscles: MuscleAnalysis) -> None:
-    size = np.linalg.norm(muscles.contact, axis=-1) / clip.weight
+    pressed = clip.compression
     for axes, (joint, title) in zip(panels, CONTACTS.items(), strict=True):
         for column, crossing in enumerate(muscles.state.crossings):
             base, _, side = crossing.partition("_")
             if base == joint:
-                axes.plot(clip.times, size[:, column], color=COLOURS[SIDES.index(side)] if side else MIDDLE)
-        _time_panel(axes, clip, f"joint contact force, {title}", "body weights")
-        axes.set_ylim(bottom=0.0)
+                axes.plot(clip.times, pressed[:, column], color=COLOURS[SIDES.index(side)] if side else MIDDLE)
+        _time_panel(axes, clip, f"compression, {title}", "body weights")
+        axes.set_ylim(bottom=min(0.0, float(pressed[clip.inner].min())))
 
 
 def _time_panel(axes: Axes, clip: ClipAnalysis, title: str, unit: str) -> None:
@@ -259,6 +261,9 @@ def _time_panel(axes: Axes, clip: ClipAnalysis, title: str, unit: str) -> None:
     axes.set_xlabel("time [s]")
     axes.set_ylabel(unit)
     axes.set_xlim(clip.times[0], clip.times[-1])
+    # Peaks of these frames do not count.
+    for first, last in ((0, EDGE), (-EDGE - 1, -1)):
+        axes.axvspan(clip.times[first], clip.times[last], color=MUTED, alpha=0.12, linewidth=0)
 
 
 def _legend(axes: Axes) -> None:
