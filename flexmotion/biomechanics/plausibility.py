@@ -58,7 +58,7 @@ def explained(residual: Float, force: float = RESIDUAL_FORCE, moment: float = RE
         residual: of force and moment, (T, 2) [body weights, body weights x m].
         force, moment: greatest residual.
     """
-    result: NDArray[np.bool_] = (residual <= (force, moment)).all(axis=1)
+    result: NDArray[np.bool_] = np.all(residual <= (force, moment), axis=1)
     return result
 
 

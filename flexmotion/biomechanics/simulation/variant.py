@@ -17,7 +17,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from flexmotion.biomechanics.dynamics import LOADED, Dynamics, dynamics
 from flexmotion.biomechanics.external_load import ExternalLoad
-from flexmotion.biomechanics.force_error import BAND, SMALLEST, SPREAD_S, force_error
+from flexmotion.biomechanics.force_error import BAND, SPREAD_S, force_error
 from flexmotion.biomechanics.ground_reaction import GROUND, NO_FORCE, GroundSettings
 from flexmotion.biomechanics.inverse_dynamics import effort, joint_torques
 from flexmotion.biomechanics.segment_motion import segment_motion
@@ -259,7 +259,7 @@ def _labels(
     if cutoff < BAND:
         removed = _root_mean_power((low(steps.wrenches, BAND) - about_origin)[..., :3] / weight, like.fps)
     sources = _error_sources(wrenches[..., :3] / weight, removed, residual[:, 0])
-    pulled = (about_origin[..., :3] @ floor.normal < -PULL * weight).any(axis=1)
+    pulled: NDArray[np.bool_] = np.any(about_origin[..., :3] @ floor.normal < -PULL * weight, axis=1)
     return (
         Dynamics(
             motion=replace(
@@ -282,19 +282,19 @@ def _labels(
 
 
 def _error_sources(forces: Float, removed: Float, residual: Float) -> Float:
-    """Size of every source of error, (T, 2, 5), in the order of `FACTORS` [body weights].
+    """Size of every source of error, (T, 2, 6), in the order of `FACTORS` [body weights].
 
     The simulation knows the share of the feet and the masses. It does not know a human's impacts, nor the ground
     forces of a human without assistance.
     """
-    size = np.linalg.norm(forces, axis=-1)
-    part = size / (size.sum(axis=1, keepdims=True) + SMALLEST)
-    nothing = np.zeros_like(part)
-    return np.stack([nothing, nothing, removed, nothing, residual[:, None] * np.sqrt(part)], axis=-1)
+    loaded = np.linalg.norm(forces, axis=-1) > 0
+    charged = np.where(loaded.any(axis=1, keepdims=True), loaded, np.sqrt(0.5))
+    nothing = np.zeros_like(removed)
+    return np.stack([nothing, nothing, removed, nothing, nothing, residual[:, None] * charged], axis=-1)
 
 
 def _root_mean_power(signal: Float, fps: float) -> Float:
-    """Length of vectors (T, 2, 3), averaged as `force_error.removed_content` does, (T, 2)."""
+    """Length of vectors (T, 2, 3), averaged as `force_error.above_cutoff` does, (T, 2)."""
     power = gaussian_filter1d(np.sum(signal**2, axis=-1), SPREAD_S * fps, axis=0, mode="nearest")
     found: Float = np.sqrt(power)
     return found
