@@ -10,9 +10,9 @@ from scipy.spatial import ConvexHull
 
 from flexmotion.biomechanics.differentiation import EDGE
 from flexmotion.biomechanics.external_load import ExternalLoad
+from flexmotion.biomechanics.force_error import SMALLEST
 from flexmotion.biomechanics.ground_reaction import GROUND
 from flexmotion.biomechanics.inverse_dynamics import effort
-from flexmotion.biomechanics.force_error import SMALLEST
 from flexmotion.biomechanics.simulation.perturbation import LOADED_SEGMENTS, Perturbation, PerturbationRanges, drawn
 from flexmotion.biomechanics.simulation.reference import Floor
 from flexmotion.biomechanics.simulation.tracking_model import STRENGTH, TRACKING, tracking_model
