@@ -77,13 +77,25 @@ def above_cutoff(motion: Motion, cutoff: float | Float) -> Float:
     path = forward(motion).com
     highest, lowest = np.maximum(used, min(BAND, 0.45 * motion.fps)), np.minimum(used, CUTOFF)
     above, kept, common = (smoothing_spline(path, motion.fps, edge) for edge in (highest, used, lowest))
-    return np.stack([_acceleration(above - kept, motion.fps), _acceleration(kept - common, motion.fps)], axis=-1)
+    content = np.stack([above - kept, kept - common], axis=1)
+    return over_impact(second_derivative(content, motion.fps), motion.fps) / GRAVITY
 
 
-def _acceleration(path: Float, fps: float) -> Float:
-    """Root mean square over the width of an impact, (T,) [g]."""
-    power = np.sum(second_derivative(path, fps) ** 2, axis=-1)
-    found: Float = np.sqrt(gaussian_filter1d(power, SPREAD_S * fps, mode="nearest")) / GRAVITY
+def over_impact(vectors: Float, fps: float) -> Float:
+    """Root mean square length of vectors over the width of a filtered impact, (T, ..., 3) -> (T, ...)."""
+    power = np.sum(vectors**2, axis=-1)
+    found: Float = np.sqrt(gaussian_filter1d(power, SPREAD_S * fps, axis=0, mode="nearest"))
+    return found
+
+
+def charged(residual: Float, near: NDArray[np.bool_]) -> Float:
+    """Residual that counts as an error of each foot, (T,) -> (T, 2): see the source `Residual` above.
+
+    Args:
+        residual: force that the ground forces do not explain, (T,).
+        near: whether the ground may act on a foot, (T, 2).
+    """
+    found: Float = residual[:, None] * np.where(near.any(axis=1, keepdims=True), near, np.sqrt(0.5))
     return found
 
 
@@ -106,7 +118,6 @@ def error_sources(
     split = 2 * total * np.sqrt(part * (1 - part))
     frame = np.arange(len(forces))
     end = np.exp(-((np.minimum(frame, frame[::-1]) / fps / END_S) ** 2))
-    charged = np.where(near.any(axis=1, keepdims=True), near, np.sqrt(0.5))
     return np.stack(
         [
             split * (1 - alike[:, None]),
@@ -114,7 +125,7 @@ def error_sources(
             content[:, :1] * np.sqrt(part),
             content[:, 1:] * np.sqrt(part),
             size * (1 + end[:, None]),
-            residual[:, None] * charged,
+            charged(residual, near),
         ],
         axis=-1,
     )

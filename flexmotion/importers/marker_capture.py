@@ -19,7 +19,7 @@ from flexmotion.importers.marker_landmarks import CARRIERS
 Float = NDArray[np.float64]
 
 PELVIS_WIDTH = (0.15, 0.42)
-"""Range of the distance between the markers on both anterior iliac spines of humans who can walk [m]; it determines the
+"""Range of the distance between the markers on both anterior iliac spines of children and adults [m]; it determines the
 units of a file."""
 
 OPTIONAL = ("elbow", "wrist", "head", "vertex", "acromion", "c7", "clavicle")

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import minimum_filter1d, uniform_filter1d
 
+from flexmotion.human.signals import runs
 from flexmotion.human.vectors import unit
 from flexmotion.importers.landmarks import Landmarks
 
@@ -22,7 +23,7 @@ Float = NDArray[np.float64]
 Bool = NDArray[np.bool_]
 
 SLOWEST = 0.25
-"""Slowest belt that is detected [m/s]; feet of a human who stands and shifts weight slide by less."""
+"""Slowest belt that is detected [m/s]; the feet of a standing human slide more slowly."""
 
 LOW, STRIDE_S = 0.06, 1.2
 """Greatest height of a toe joint above its lowest within a stride while the foot may be on the floor [m]. Floors of
@@ -176,8 +177,7 @@ def _common(speeds: dict[str, Float], low: dict[str, Bool], side_of: np.ufunc) -
 
 
 def _contacts(side: str, on: Bool, fps: float) -> list[Contact]:
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], on, [False]]).astype(int))).reshape(-1, 2)
-    return [Contact(side, int(a), int(b)) for a, b in edges if b - a >= max(3, STANCE_S * fps)]
+    return [Contact(side, begin, end) for begin, end in runs(on) if end - begin >= max(3, STANCE_S * fps)]
 
 
 def _slopes(contacts: list[Contact], toes: dict[str, Float], fps: float) -> Float:

@@ -16,6 +16,7 @@ from flexmotion.biomechanics.differentiation import EDGE
 from flexmotion.biomechanics.plausibility import RESIDUAL_FORCE, RESIDUAL_MOMENT
 from flexmotion.biomechanics.sole import COLUMNS, POINTS, sole_grid
 from flexmotion.human.human_model import human_model
+from flexmotion.human.signals import runs
 from flexmotion.human.skeleton import JOINTS, SIDES
 from flexmotion.streamer.plots.palette import INK, LEFT, MIDDLE, MUTED, RIGHT, WARN
 from flexmotion.streamer.plots.style import new_figure
@@ -164,7 +165,7 @@ def _centre_of_pressure(axes: Axes, clip: ClipAnalysis) -> None:
         corners = segments.position[:, segment, None] + np.einsum("tij,pj->tpi", segments.rotation[:, segment], outline)
         axes.plot(*corners.mean(axis=1)[:, :2].T, color=colour, alpha=0.3, linewidth=0.8)
         loaded = motion.contacts[:, foot]
-        for start, stop in _runs(loaded):
+        for start, stop in runs(loaded):
             axes.fill(*corners[(start + stop) // 2, :, :2].T, color=colour, alpha=0.15, linewidth=0)
         pressure = np.where(loaded[:, None], clip.dynamics.centres[:, foot, :2], np.nan)
         axes.plot(*pressure.T, color=colour, marker=".", markersize=3, label=name)
@@ -283,11 +284,5 @@ def _legend(axes: Axes) -> None:
 def _shade(axes: Axes, times: Float, bad: NDArray[np.bool_]) -> None:
     """Shade the frames that are bad, (T,)."""
     half = 0.5 * (times[1] - times[0])
-    for start, stop in _runs(bad):
+    for start, stop in runs(bad):
         axes.axvspan(times[start] - half, times[stop - 1] + half, color=WARN, alpha=0.12, linewidth=0)
-
-
-def _runs(found: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Start and end of every run of true values."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], found, [False]]).astype(np.int8)))
-    return [(int(start), int(stop)) for start, stop in edges.reshape(-1, 2)]

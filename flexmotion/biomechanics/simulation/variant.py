@@ -13,11 +13,10 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter1d
 
 from flexmotion.biomechanics.dynamics import LOADED, Dynamics, dynamics
 from flexmotion.biomechanics.external_load import ExternalLoad
-from flexmotion.biomechanics.force_error import BAND, SPREAD_S, force_error
+from flexmotion.biomechanics.force_error import BAND, charged, force_error, over_impact
 from flexmotion.biomechanics.ground_reaction import GROUND, NO_FORCE, GroundSettings
 from flexmotion.biomechanics.inverse_dynamics import effort, joint_torques
 from flexmotion.biomechanics.segment_motion import segment_motion
@@ -131,7 +130,7 @@ def perturbed(
     ground: GroundSettings = GROUND,
     nearness: Nearness = NEARNESS,
 ) -> PerturbedMotion:
-    """Simulate a human who does the motion under a perturbation.
+    """Simulate the motion of a human under a perturbation.
 
     Args:
         motion: kinematics, and a body with the human's mass.
@@ -257,7 +256,7 @@ def _labels(
     clipped = np.linalg.norm(about_origin[..., :3] - wrenches[..., :3], axis=-1) / weight
     removed = np.zeros_like(clipped)
     if cutoff < BAND:
-        removed = _root_mean_power((low(steps.wrenches, BAND) - about_origin)[..., :3] / weight, like.fps)
+        removed = over_impact((low(steps.wrenches, BAND) - about_origin)[..., :3] / weight, like.fps)
     sources = _error_sources(wrenches[..., :3] / weight, removed, residual[:, 0])
     pulled: NDArray[np.bool_] = np.any(about_origin[..., :3] @ floor.normal < -PULL * weight, axis=1)
     return (
@@ -288,16 +287,8 @@ def _error_sources(forces: Float, removed: Float, residual: Float) -> Float:
     forces of a human without assistance.
     """
     loaded = np.linalg.norm(forces, axis=-1) > 0
-    charged = np.where(loaded.any(axis=1, keepdims=True), loaded, np.sqrt(0.5))
     nothing = np.zeros_like(removed)
-    return np.stack([nothing, nothing, removed, nothing, nothing, residual[:, None] * charged], axis=-1)
-
-
-def _root_mean_power(signal: Float, fps: float) -> Float:
-    """Length of vectors (T, 2, 3), averaged as `force_error.above_cutoff` does, (T, 2)."""
-    power = gaussian_filter1d(np.sum(signal**2, axis=-1), SPREAD_S * fps, axis=0, mode="nearest")
-    found: Float = np.sqrt(power)
-    return found
+    return np.stack([nothing, nothing, removed, nothing, nothing, charged(residual, loaded)], axis=-1)
 
 
 def _loads(tracked: TrackingModel, segments_loads: tuple[ExternalLoad, ...], push: Float) -> tuple[ExternalLoad, ...]:
