@@ -99,7 +99,7 @@ CATALOGUE = (
     Benchmark("model/motion_pictures", "1 min", (Need.SET,)),
     Benchmark("biomechanics/gait", "5 s", (Need.CLIPS,), "a force or moment over its target"),
     Benchmark("biomechanics/plates", "10 s", (Need.CLIPS,), "a vertical force over its target"),
-    Benchmark("biomechanics/force_error", "10 s", (Need.CLIPS,), "a correlation or a flagged share over its limit"),
+    Benchmark("biomechanics/force_error", "30 s", (Need.CLIPS,), "a correlation or a flagged share over its limit"),
     Benchmark(
         "biomechanics/muscles",
         "2 min",

@@ -92,6 +92,8 @@ def open_sampler(folder: str | Path | None = None, steps: int | None = None) -> 
 def load_motion(path: str | Path, mapping: str | Path | None = None) -> Motion:
     """Human motion from a file: BVH, AMC, TRC, AMASS, or the project's own .npz.
 
+    What is guessed or removed, such as the mass or a treadmill's belt, is logged as warnings.
+
     Args:
         mapping: skeleton mapping, a shipped name or a YAML file; None: guessed from the joints' names.
 

@@ -14,7 +14,6 @@ import tempfile
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -27,14 +26,14 @@ from benchmarks.shared.clips import data_folder
 from benchmarks.shared.outcome import Outcome, Verdict
 from flexmotion.biomechanics.activation import activation_limits
 from flexmotion.biomechanics.differentiation import derivative
-from flexmotion.biomechanics.dynamics import Dynamics, dynamics
-from flexmotion.biomechanics.joint_contact import joint_contact_forces
+from flexmotion.biomechanics.dynamics import dynamics
+from flexmotion.biomechanics.joint_contact import compression, joint_contact_forces, stance_peaks
 from flexmotion.biomechanics.muscle_geometry import muscle_models
 from flexmotion.biomechanics.static_optimisation import MuscleState, infeasible, static_optimisation, strength
 from flexmotion.configs.errors import ConfigError
 from flexmotion.dataset.clips import Clip, find_clips
 from flexmotion.human.motion import Motion
-from flexmotion.human.skeleton import DOF_COUNT, JOINTS, SIDES
+from flexmotion.human.skeleton import DOF_COUNT, JOINTS
 from flexmotion.importers import load
 from flexmotion.spatial.gravity import GRAVITY
 
@@ -51,9 +50,6 @@ MOST_SATURATED = 0.05
 
 MOST_PEAK = {"hip": 4.5, "knee": 3.2}
 """Greatest peak compression of a stance phase, mean over walks [body weights]."""
-
-STANCE = (0.3, 1.2)
-"""Duration of a stance phase of walking [s]."""
 
 GOOD = 0.1
 """Residuals of frames whose contact forces count, as in a set [body weights, body weights x m]."""
@@ -105,40 +101,21 @@ def examined(clip: Clip) -> Result:
     columns = [DOF_COUNT - len(JOINTS) + JOINTS.index(joint) for joint in state.joints]
     wanted, made = motion.torques[:, columns], forward_torques(motion, state)
     error = made - wanted
-    # The lumbar joint carries the segment above it, every other joint the segment below.
-    up = np.array([1.0 if name == "lumbar" else -1.0 for name in state.crossings])
-    compression = up * joint_contact_forces(found, state)[..., 2] / (motion.body.mass * GRAVITY)
+    assert motion.contacts is not None
+    pressed = compression(joint_contact_forces(found, state), state.crossings, motion.body.mass * GRAVITY)
     legs = sum(model.model.nu for model in muscle_models()[:2])
     return Result(
         whole=np.linalg.norm(error, axis=1) / np.linalg.norm(wanted, axis=1),
         each=np.max(np.abs(error) / np.abs(wanted).max(axis=0), axis=1),
         missing=infeasible(state, motion),
         outside=outside_dynamics(motion, state),
-        peaks=compression.max(axis=0),
-        stance_peaks=stance_peaks(found, state, compression),
+        peaks=pressed.max(axis=0),
+        stance_peaks=stance_peaks(
+            pressed, state.crossings, motion.contacts, found.residual.max(axis=1) <= GOOD, motion.fps
+        ),
         saturated=state.activations[:, :legs].max(axis=1) >= SATURATED,
         residual=np.median(found.residual, axis=0),
     )
-
-
-def stance_peaks(found: Dynamics, state: MuscleState, compression: Float) -> Float:
-    """Peak of compression (T, 7) as mean over the stance phases of its leg, (7,)."""
-    contacts, fps = found.motion.contacts, found.motion.fps
-    assert contacts is not None
-    good = found.residual.max(axis=1) <= GOOD
-    peaks: list[float] = []
-    for column, name in enumerate(state.crossings):
-        foot = SIDES.index(name[-1]) if name[-2] == "_" else 0
-        edges = np.flatnonzero(np.diff(contacts[:, foot].astype(int)))
-        # Stance phases begin and end within the clip.
-        phases = [
-            slice(first + 1, last + 1)
-            for first, last in pairwise(edges)
-            if contacts[first + 1, foot] and STANCE[0] <= (last - first) / fps <= STANCE[1]
-        ]
-        own = [float(compression[phase, column].max()) for phase in phases if good[phase].all()]
-        peaks.append(float(np.mean(own)) if own else np.nan)
-    return np.array(peaks)
 
 
 def forward_torques(motion: Motion, state: MuscleState) -> Float:
@@ -161,7 +138,7 @@ def forward_torques(motion: Motion, state: MuscleState) -> Float:
             data.ctrl[:] = activations
             mujoco.mj_forward(model, data)
             made[frame] = slopes.T @ data.qfrc_actuator
-        columns.append(strength(motion) * made)
+        columns.append(strength(motion.body) * made)
         column += model.nu
     return np.concatenate(columns, axis=1)
 

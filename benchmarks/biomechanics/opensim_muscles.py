@@ -58,7 +58,7 @@ def leg_muscles(motion: Motion) -> tuple[Muscles, ...]:
         lengths_and_arms = [_lengths_and_arms(muscles, pose) for pose in motion.joints[:, muscles.columns]]
         arms = np.stack([arms.T for _, arms in lengths_and_arms])
         assert muscles.hill is not None
-        found.append(Muscles(muscles, strength(motion) * muscles.hill.force, arms))
+        found.append(Muscles(muscles, strength(motion.body) * muscles.hill.force, arms))
     return tuple(found)
 
 
@@ -81,10 +81,10 @@ def own_activations(motion: Motion, legs: tuple[Muscles, ...]) -> Float:
     found = []
     for leg in legs:
         wanted = motion.torques[:, DOF_COUNT - len(JOINTS) + leg.model.columns]
-        lower, upper, price = np.zeros(len(leg.force)), np.ones(len(leg.force)), np.zeros(wanted.shape[1])
+        lower, upper, multipliers = np.zeros(len(leg.force)), np.ones(len(leg.force)), np.zeros(wanted.shape[1])
         rows = []
         for arms, target in zip(leg.arms, wanted, strict=True):
-            row, price = box_least_norm(-arms * leg.force, target, lower, upper, price, Cost(WEIGHT))
+            row, multipliers = box_least_norm(-arms * leg.force, target, lower, upper, multipliers, Cost(WEIGHT))
             rows.append(row)
         found.append(np.array(rows))
     return np.concatenate(found, axis=1)

@@ -46,7 +46,7 @@ TRACKED = {"standing": 0.95, "gesture": 0.95, "walking": 0.75}
 """Least share of windows that are tracked without a perturbation."""
 
 UNEXPLAINED = 0.005
-"""Greatest mean residual force of the labels beyond the assistance [body weights]."""
+"""Greatest mean residual force of the labels beyond the assistance, where no foot pulled [body weights]."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,8 @@ class Run:
         depth: largest penetration [m].
         slip: 95th percentile of the slip of loaded contacts [m/s].
         residual: mean residual force of the labels [body weights].
-        unexplained: mean of what that exceeds the mean assistance of the frame by [body weights].
+        unexplained: mean of what that exceeds the mean assistance of the frame by, in frames whose forces were not
+            projected (`PerturbedMotion.pulled`) [body weights].
     """
 
     kind: str
@@ -139,7 +140,7 @@ def figures_of(found: PerturbedMotion, run: Run) -> Run:
         depth=float(steps.penetration.max()),
         slip=float(np.quantile(steps.slip[carries], 0.95)),
         residual=float(residual.mean()),
-        unexplained=float(np.maximum(residual - helped, 0.0).mean()),
+        unexplained=float(np.maximum(residual - helped, 0.0)[~found.pulled[inner]].mean()),
     )
 
 

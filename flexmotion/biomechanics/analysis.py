@@ -12,9 +12,9 @@ from scipy.spatial.transform import Rotation
 from flexmotion.biomechanics.differentiation import EDGE
 from flexmotion.biomechanics.dynamics import Dynamics, dynamics
 from flexmotion.biomechanics.force_error import FLAGGED
-from flexmotion.biomechanics.joint_contact import joint_contact_forces
+from flexmotion.biomechanics.joint_contact import compression, joint_contact_forces, stance_peaks
 from flexmotion.biomechanics.muscle_geometry import muscle_models, muscle_names
-from flexmotion.biomechanics.plausibility import RESIDUAL_FORCE, RESIDUAL_MOMENT, plausible
+from flexmotion.biomechanics.plausibility import explained, plausible
 from flexmotion.biomechanics.smoothing import CUTOFF
 from flexmotion.biomechanics.static_optimisation import MuscleState, infeasible, static_optimisation
 from flexmotion.configs.errors import ConfigError, MotionFormatError
@@ -73,7 +73,7 @@ class Recording:
         return replace(found, motion=placed, centres=turned(found.centres) + shift[:, None])
 
 
-HERE = Recording()
+UNMOVED = Recording()
 
 
 @dataclass(frozen=True)
@@ -116,7 +116,7 @@ class ClipAnalysis:
     cutoff: float
     good: NDArray[np.bool_]
     muscles: MuscleAnalysis | None = None
-    recording: Recording = HERE
+    recording: Recording = UNMOVED
 
     def __len__(self) -> int:
         return len(self.dynamics.motion)
@@ -148,8 +148,22 @@ class ClipAnalysis:
         """Whether the force on left and right foot is likely to be wrong, (T, 2)."""
         return self.dynamics.force_error > FLAGGED
 
+    @property
+    def inner(self) -> slice:
+        """Frames whose accelerations are known from both sides: all but `EDGE` at each end."""
+        return slice(EDGE, -EDGE)
+
+    @property
+    def compression(self) -> Float:
+        """Compression of every crossing along the segment, (T, 7) [body weights]."""
+        assert self.muscles is not None
+        return compression(self.muscles.contact, self.muscles.state.crossings, self.weight)
+
     def figures(self) -> dict[str, Any]:
-        """What a clip comes to, as JSON content: forces in body weights, shares of frames in [0, 1]."""
+        """Figures of a clip, as JSON content: forces in body weights, shares of frames in [0, 1].
+
+        Peaks are those of the `inner` frames.
+        """
         motion = self.dynamics.motion
         assert motion.contacts is not None
         content: dict[str, Any] = {
@@ -158,7 +172,7 @@ class ClipAnalysis:
             "fps": motion.fps,
             "cutoff_hz": self.cutoff,
             "body": asdict(motion.body),
-            "peak_vertical_force_bw": _by_side(self.forces[..., 2].max(axis=0)),
+            "peak_vertical_force_bw": _by_side(self.forces[self.inner, :, 2].max(axis=0)),
             "force_error_mean_bw": _by_side(self.dynamics.force_error.mean(axis=0)),
             "flagged_share": float(self.flagged.any(axis=1).mean()),
             "good_share": float(self.good.mean()),
@@ -166,7 +180,7 @@ class ClipAnalysis:
             "residual_force_median_bw": float(np.median(self.dynamics.residual[:, 0])),
             "residual_moment_median_bw_m": float(np.median(self.dynamics.residual[:, 1])),
             "peak_moment_nm_per_kg": {
-                name: float(np.abs(self.moments[:, column]).max() / motion.body.mass)
+                name: float(np.abs(self.moments[self.inner, column]).max() / motion.body.mass)
                 for column, name in enumerate(JOINTS)
             },
         }
@@ -176,9 +190,16 @@ class ClipAnalysis:
 
     def _muscle_figures(self, muscles: MuscleAnalysis) -> dict[str, Any]:
         shares = muscles.saturated.mean(axis=0)
-        peaks = np.linalg.norm(muscles.contact, axis=-1).max(axis=0) / self.weight
+        motion, crossings, pressed = self.dynamics.motion, muscles.state.crossings, self.compression
+        assert motion.contacts is not None
+        inner = np.zeros(len(self), bool)
+        inner[self.inner] = True
+        stance = stance_peaks(pressed, crossings, motion.contacts, self.good & inner, motion.fps)
         return {
-            "peak_joint_contact_bw": dict(zip(muscles.state.crossings, peaks.tolist(), strict=True)),
+            "peak_compression_bw": dict(zip(crossings, pressed[self.inner].max(axis=0).tolist(), strict=True)),
+            "stance_compression_bw": {
+                name: None if np.isnan(peak) else float(peak) for name, peak in zip(crossings, stance, strict=True)
+            },
             "saturated_share": float(muscles.saturated.any(axis=1).mean()),
             "saturated_muscles": {
                 muscles.names[column]: float(shares[column]) for column in np.argsort(-shares) if shares[column] > 0
@@ -188,7 +209,7 @@ class ClipAnalysis:
 
 
 def analyse(
-    motion: Motion, cutoff: float = CUTOFF, *, muscles: bool = True, recording: Recording = HERE
+    motion: Motion, cutoff: float = CUTOFF, *, muscles: bool = True, recording: Recording = UNMOVED
 ) -> ClipAnalysis:
     """Forces, moments, muscles and joint contact of one clip.
 
@@ -215,7 +236,7 @@ def analyse(
         # Missing models are reported before anything is computed.
         muscle_models()
     found = dynamics(motion, cutoff)
-    good = (found.residual <= (RESIDUAL_FORCE, RESIDUAL_MOMENT)).all(axis=1) & plausible(found.motion)
+    good = explained(found.residual) & plausible(found.motion)
     return ClipAnalysis(found, cutoff, good, _muscles(found) if muscles else None, recording)
 
 

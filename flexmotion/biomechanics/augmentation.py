@@ -105,7 +105,7 @@ def other_body(motion: Motion, generator: np.random.Generator, ranges: Ranges = 
         sex="male" if generator.random() < 0.5 else "female",
         fitted=fitted,
     )
-    return replace(motion, body=body, root_position=scale * motion.root_position)
+    return replace(motion, body=body, mass_given=True, root_position=scale * motion.root_position)
 
 
 def other_start(motion: Motion, generator: np.random.Generator, ranges: Ranges = RANGES) -> Motion:

@@ -47,8 +47,8 @@ def box_least_norm(
         start: initial multipliers, (M,).
         cost: of unknowns and errors.
     """
-    prices = start
-    change, solution, slope = _evaluate(matrix, target, lower, upper, prices, cost)
+    multipliers = start
+    change, solution, slope = _evaluate(matrix, target, lower, upper, multipliers, cost)
     for _ in range(ITERATIONS):
         size = np.abs(slope).max()
         if size < 1e-7 * (1.0 + np.abs(target).max()):
@@ -56,35 +56,39 @@ def box_least_norm(
         hessian = (matrix * change) @ matrix.T
         hessian[np.diag_indices(len(hessian))] += 1.0 / cost.weight
         step = np.linalg.solve(hessian, slope)
-        value = _dual(target, solution, prices, matrix, cost)
+        value = _dual(target, solution, multipliers, matrix, cost)
         length = 1.0
         # The dual function is concave; a step without sufficient increase is halved (Armijo).
         while True:
-            trial = prices + length * step
+            trial = multipliers + length * step
             change, solution, slope = _evaluate(matrix, target, lower, upper, trial, cost)
             if _dual(target, solution, trial, matrix, cost) >= value - 1e-12 * abs(value) or length < 1e-6:
                 break
             length /= 2
-        prices = trial
-    return solution, prices
+        multipliers = trial
+    return solution, multipliers
 
 
 def _evaluate(
-    matrix: Float, target: Float, lower: Float, upper: Float, prices: Float, cost: Cost
+    matrix: Float, target: Float, lower: Float, upper: Float, multipliers: Float, cost: Cost
 ) -> tuple[Float, Float, Float]:
     """Derivatives of the unknowns by Aᵀ p, the unknowns, and the gradient of the dual function."""
-    wanted = prices @ matrix
+    wanted = multipliers @ matrix
     rate = 1.0 / (1.0 + cost.steepness)
     unbounded = np.minimum(wanted, cost.soft + rate * (wanted - cost.soft)) if cost.steepness else wanted
     solution = np.minimum(np.maximum(unbounded, lower), upper)
-    slope = target - matrix @ solution - prices / cost.weight
+    slope = target - matrix @ solution - multipliers / cost.weight
     change = np.where(unbounded == solution, np.where(wanted > cost.soft, rate, 1.0), 0.0)
     return change, solution, slope
 
 
-def _dual(target: Float, solution: Float, prices: Float, matrix: Float, cost: Cost) -> float:
+def _dual(target: Float, solution: Float, multipliers: Float, matrix: Float, cost: Cost) -> float:
     """The dual function: least value of the Lagrangian over the box."""
-    value = solution @ solution / 2 - prices @ (matrix @ solution - target) - prices @ prices / (2 * cost.weight)
+    value = (
+        solution @ solution / 2
+        - multipliers @ (matrix @ solution - target)
+        - multipliers @ multipliers / (2 * cost.weight)
+    )
     if cost.steepness:
         value += cost.steepness / 2 * np.sum(np.maximum(solution - cost.soft, 0.0) ** 2)
     return float(value)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from flexmotion.biomechanics.external_load import ExternalLoad
 from flexmotion.biomechanics.floor_drift import on_level_floor
-from flexmotion.biomechanics.force_error import error_sources, force_error, removed_content
+from flexmotion.biomechanics.force_error import above_cutoff, error_sources, force_error
 from flexmotion.biomechanics.ground_reaction import GROUND, GroundSettings, ground_reaction, slow_share
 from flexmotion.biomechanics.inverse_dynamics import effort, joint_torques
 from flexmotion.biomechanics.landing import landing_cutoff
@@ -40,7 +40,7 @@ class Dynamics:
         loads: external forces other than the ground's.
         residual: force [body weights] and moment about the centre of mass [body weights x m] that ground forces cannot
             explain, (T, 2): from stairs, chairs, contact with others, or a bad recording.
-        error_sources: of the ground force on left and right foot, (T, 2, 5) [body weights]; see `force_error`.
+        error_sources: of the ground force on left and right foot, (T, 2, 6) [body weights]; see `force_error`.
         force_error: estimated standard error of that force, (T, 2) [body weights]; one greater than
             `force_error.FLAGGED` is flagged.
     """
@@ -90,7 +90,12 @@ def dynamics(
     residual = np.linalg.norm(ground.residual.reshape(-1, 2, 3), axis=-1) / weight
     assert slow is not None
     sources = error_sources(
-        ground.wrenches[..., :3] / weight, slow.alike, removed_content(motion, cutoff), residual[:, 0], level.fps
+        ground.wrenches[..., :3] / weight,
+        np.any(sole.nearness > 0, axis=-1),
+        slow.alike,
+        above_cutoff(motion, cutoff if raised is None else raised),
+        residual[:, 0],
+        level.fps,
     )
     return Dynamics(
         motion=replace(

@@ -51,9 +51,11 @@ class GroundSettings:
         friction: coefficient of friction of shoe on floor.
         pivot_height: of the virtual pivot point above the centre of mass [m].
         pivot: weight of the moments of the feet's forces about it, around the body's left axis.
-        side_pivot_height, side_pivot: the same in the frontal plane, around the body's forward axis.
+        side_pivot_height, side_pivot: the same in the frontal plane, around the body's forward axis. The weight
+            comes from one drop jump with force plates.
         steady: weight of the deviation from the slow share where both feet do the same.
-        steady_s: standard deviation of the average over time that is the slow share [s].
+        steady_s: standard deviation of the average over time that is the slow share [s]; it comes
+            from the same jump.
         ridge: weight of the squared forces.
         moment: weight of the total moment relative to the total force.
     """

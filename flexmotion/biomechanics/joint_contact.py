@@ -6,6 +6,9 @@ cross the joint.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import pairwise
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -26,6 +29,9 @@ BEYOND = {
     "lumbar": ("torso", "lumbar_extension"),
 }
 """Joint -> segment beyond it, and one of its joint coordinates."""
+
+STANCE = (0.3, 1.2)
+"""Duration of a stance phase of walking [s]."""
 
 
 def joint_contact_forces(found: Dynamics, muscles: MuscleState) -> Float:
@@ -51,3 +57,40 @@ def joint_contact_forces(found: Dynamics, muscles: MuscleState) -> Float:
         # The muscle models' segments have OpenSim's axes.
         contact[:, column] = needed - muscles.muscle_pull[:, column] @ FROM_Y_UP.T
     return contact
+
+
+def compression(contact: Float, crossings: Sequence[str], weight: float) -> Float:
+    """Compression along the segments of contact forces (T, C, 3) [N], (T, C) [body weights]."""
+    # The lumbar joint carries the segment above it, every other joint the segment below.
+    up = np.array([1.0 if name == "lumbar" else -1.0 for name in crossings])
+    found: Float = up * contact[..., 2] / weight
+    return found
+
+
+def stance_peaks(
+    values: Float, crossings: Sequence[str], contacts: NDArray[np.bool_], good: NDArray[np.bool_], fps: float
+) -> Float:
+    """Peak of each crossing's values as mean over the stance phases of its leg, (C,); NaN without one.
+
+    Stance phases begin and end within the clip, last as long as in walking, and have good frames only. The lumbar
+    joint has those of the left leg.
+
+    Args:
+        values: such as `compression`, (T, C).
+        crossings: names of the C joints.
+        contacts: whether left and right foot carry load, (T, 2).
+        good: frames that count, (T,).
+        fps: frames per second.
+    """
+    peaks: list[float] = []
+    for column, name in enumerate(crossings):
+        foot = SIDES.index(name[-1]) if name[-2] == "_" else 0
+        edges = np.flatnonzero(np.diff(contacts[:, foot].astype(int)))
+        phases = [
+            slice(first + 1, last + 1)
+            for first, last in pairwise(edges)
+            if contacts[first + 1, foot] and STANCE[0] <= (last - first) / fps <= STANCE[1]
+        ]
+        own = [float(values[phase, column].max()) for phase in phases if good[phase].all()]
+        peaks.append(float(np.mean(own)) if own else np.nan)
+    return np.array(peaks)

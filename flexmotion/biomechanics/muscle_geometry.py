@@ -183,7 +183,11 @@ class MuscleModel:
 
 @lru_cache(maxsize=1)
 def muscle_models() -> tuple[MuscleModel, ...]:
-    """Left leg, right leg and trunk; raises `ConfigError` where `myo-sim` is not installed."""
+    """Left leg, right leg and trunk.
+
+    Raises:
+        ConfigError: `myo-sim` is not installed, or is not the one that the corrections are for.
+    """
     legs, trunk = _specs()
     return _leg(legs.copy(), "l"), _leg(legs.copy(), "r"), _trunk(trunk)
 
@@ -211,6 +215,12 @@ def _leg(spec: mujoco.MjSpec, side: str) -> MuscleModel:
             spec.delete(tendon)
     for joint in spec.body(f"tibia_{side}").joints:
         if joint.type == mujoco.mjtJoint.mjJNT_HINGE:
+            if np.any(joint.pos):
+                place = ", ".join(f"{1e3 * value:.1f}" for value in joint.pos)
+                raise ConfigError(
+                    f"myo-sim: {joint.name} is at ({place}) mm in the tibia, expected (0, 0, 0) as in 0.2: the "
+                    "corrections are for that version; pip install 'myo-sim<0.3'"
+                )
             joint.pos = KNEE_AXIS * (1.0, 1.0, 1.0 if side == "l" else -1.0)
     for name, wrapping in WRAPPINGS.items():
         _wrap(spec, name, wrapping, side)

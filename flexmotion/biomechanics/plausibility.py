@@ -51,6 +51,17 @@ def within_turn(joints: Float) -> Float:
     return turned
 
 
+def explained(residual: Float, force: float = RESIDUAL_FORCE, moment: float = RESIDUAL_MOMENT) -> NDArray[np.bool_]:
+    """Whether ground forces explain a frame, (T,); a good frame is explained and `plausible`.
+
+    Args:
+        residual: of force and moment, (T, 2) [body weights, body weights x m].
+        force, moment: greatest residual.
+    """
+    result: NDArray[np.bool_] = np.all(residual <= (force, moment), axis=1)
+    return result
+
+
 def plausible(motion: Motion, reach: JointReach = REACH) -> NDArray[np.bool_]:
     """Whether a frame is plausible, (T,).
 

@@ -25,6 +25,7 @@ from flexmotion.biomechanics.muscle_geometry import (
     MuscleModel,
     muscle_models,
 )
+from flexmotion.human.body import Body
 from flexmotion.human.motion import Motion
 from flexmotion.human.skeleton import DOF_COUNT, JOINTS
 from flexmotion.spatial.gravity import GRAVITY
@@ -38,15 +39,12 @@ ERROR_COST = 10.0
 """Cost of torque that muscles do not give, relative to squared activation [1/(N·m)²]."""
 
 COMPRESSION_COST = 0.1
-"""Cost w of squared compression, relative to squared activation [1/(body weight)²].
-
-With it hip and knee carry .3 to .4 body weights less at their peaks; the correlation with pure Σ a² is .98.
-"""
+"""Cost w of squared compression, relative to squared activation [1/(body weight)²]; effect: docs/decisions.md."""
 
 SUSTAINED, STEEPNESS = 0.8, 30.0
 """Activation from which a leg muscle costs more, and cost of the squared part above it, relative to squared activation.
 
-Load passes to other muscles before one is saturated: frames with a saturated leg muscle halve, correlation is .99.
+Load passes to other muscles before one is saturated.
 """
 
 RELIEVED = ("hip", "knee")
@@ -83,9 +81,9 @@ class _Actuation:
     pull_passive: Float
 
 
-def strength(motion: Motion) -> float:
+def strength(body: Body) -> float:
     """Muscle torques of a human relative to those of the models: in proportion to mass and height."""
-    return motion.body.mass * motion.body.height / (MODEL_MASS * MODEL_HEIGHT)
+    return body.mass * body.height / (MODEL_MASS * MODEL_HEIGHT)
 
 
 def static_optimisation(motion: Motion) -> MuscleState:
@@ -97,7 +95,7 @@ def static_optimisation(motion: Motion) -> MuscleState:
     """
     if motion.torques is None:
         raise ValueError("static optimisation needs torques: run `dynamics` first")
-    scale = strength(motion)
+    scale = strength(motion.body)
     activations, missing, pulls = [], [], []
     for muscles in muscle_models():
         wanted = motion.torques[:, DOF_COUNT - len(JOINTS) + muscles.columns] / scale
@@ -187,9 +185,9 @@ def _solve(muscles: MuscleModel, actuation: _Actuation, wanted: Float, fps: floa
     matrices = np.concatenate([actuation.active, weight * actuation.pull_active[:, rows]], axis=1)
     targets = np.concatenate([wanted - actuation.passive, np.zeros((frames, len(rows)))], axis=1)
     cost = Cost(ERROR_COST, SUSTAINED, STEEPNESS if muscles.hill is not None else 0.0)
-    price = np.zeros(joints + len(rows))
+    multipliers = np.zeros(joints + len(rows))
     for frame, (matrix, target) in enumerate(zip(matrices, targets, strict=True)):
-        found, price = box_least_norm(matrix, target, lower, upper, price, cost)
+        found, multipliers = box_least_norm(matrix, target, lower, upper, multipliers, cost)
         activations[frame], missing[frame] = found, (target - matrix @ found)[:joints]
         lower, upper = limits.bounds(found)
     return activations, missing

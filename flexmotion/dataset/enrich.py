@@ -14,8 +14,8 @@ from flexmotion.biomechanics.external_load import ExternalLoad
 from flexmotion.biomechanics.force_error import FLAGGED
 from flexmotion.biomechanics.joint_contact import joint_contact_forces
 from flexmotion.biomechanics.mirror import mirror
-from flexmotion.biomechanics.plausibility import plausible, within_turn
-from flexmotion.biomechanics.simulation.variant import TrackingFailedError, perturbed
+from flexmotion.biomechanics.plausibility import explained, plausible, within_turn
+from flexmotion.biomechanics.simulation.variant import PerturbedMotion, TrackingFailedError, perturbed
 from flexmotion.biomechanics.static_optimisation import infeasible, static_optimisation
 from flexmotion.configs.errors import FlexMotionError
 from flexmotion.dataset.clips import Clip
@@ -23,8 +23,6 @@ from flexmotion.dataset.fields import FIELDS
 from flexmotion.dataset.settings import BuildSettings
 from flexmotion.human.motion import Motion
 from flexmotion.importers import read
-
-MEAN_HEIGHT = 1.75
 
 
 @dataclass(frozen=True)
@@ -65,8 +63,10 @@ def enrich(clip: Clip, settings: BuildSettings) -> list[Entry]:
     motion = imported.motion
     if np.any(imported.belt):
         about |= {"belt": [round(float(speed), 4) for speed in imported.belt]}
-    mass = settings.mass * (motion.body.height / MEAN_HEIGHT) ** 2
-    motion = replace(motion, body=replace(motion.body, mass=mass), source=source)
+    if imported.warnings:
+        about |= {"warnings": list(imported.warnings)}
+    about |= {"mass_given": bool(motion.mass_given)}
+    motion = replace(motion, source=source)
     entries = [_entry(clip.name, about | {"variant": "original"}, motion, (), settings)]
     if settings.mirrored:
         entries.append(_entry(f"{clip.name}~mirror", about | {"variant": "mirror"}, mirror(motion), (), settings))
@@ -92,10 +92,17 @@ def _perturbed_entry(name: str, info: dict[str, Any], motion: Motion, settings: 
     if motion.duration < settings.shortest:
         return Entry(name, info, {}, f"short: {motion.duration:.2f} s")
     try:
-        found = perturbed(motion, info["seed"], settings.perturbations, cutoff=settings.cutoff)
+        found = perturbed(
+            motion,
+            info["seed"],
+            settings.perturbations,
+            cutoff=settings.cutoff,
+            ground=settings.ground,
+            nearness=settings.nearness,
+        )
     except TrackingFailedError as error:
         return Entry(name, info | {"frames": len(motion), "fps": motion.fps}, {}, str(error))
-    return _entry(name, info | found.description(), found.dynamics.motion, (), settings, found.dynamics)
+    return _entry(name, info | found.description(), found.dynamics.motion, (), settings, found)
 
 
 def _seed(name: str, number: int, seed: int) -> int:
@@ -109,27 +116,32 @@ def _entry(
     motion: Motion,
     loads: tuple[ExternalLoad, ...],
     settings: BuildSettings,
-    known: Dynamics | None = None,
+    answer: PerturbedMotion | None = None,
 ) -> Entry:
-    """Entry of a motion under loads, with its dynamics if they are known."""
+    """Entry of a motion under loads, or of a simulated one."""
     info = info | {"frames": len(motion), "fps": motion.fps}
     if motion.duration < settings.shortest:
         return Entry(name, info, {}, f"short: {motion.duration:.2f} s")
-    found = known or dynamics(motion, settings.cutoff, settings.ground, settings.nearness, loads=loads)
+    found = (
+        answer.dynamics
+        if answer
+        else dynamics(motion, settings.cutoff, settings.ground, settings.nearness, loads=loads)
+    )
+    pulled = answer.pulled if answer else False
     moved = replace(found.motion, joints=within_turn(found.motion.joints))
-    explained = (found.residual[:, 0] <= settings.residual_force) & (found.residual[:, 1] <= settings.residual_moment)
-    good = explained & plausible(moved, settings.reach)
+    borne = explained(found.residual, settings.residual_force, settings.residual_moment) & ~np.asarray(pulled)
+    good = borne & plausible(moved, settings.reach)
     medians = np.median(found.residual, axis=0)
     info |= {
         "body": asdict(found.motion.body),
         "good_share": round(float(good.mean()), 4),
-        "implausible_share": round(float((explained & ~good).mean()), 4),
+        "implausible_share": round(float((borne & ~good).mean()), 4),
         "residual_median": [round(float(value), 5) for value in medians],
         "force_error_mean": round(float(found.force_error.mean()), 5),
         "flagged_share": round(float((found.force_error > FLAGGED).any(axis=1).mean()), 4),
     }
-    if explained.mean() < settings.kept_share:
-        reason = f"residual: {100 * explained.mean():.0f} % of its frames are explained by ground forces"
+    if borne.mean() < settings.kept_share:
+        reason = f"residual: {100 * borne.mean():.0f} % of its frames are explained by ground forces"
         return Entry(name, info, {}, reason)
     if good.mean() < settings.kept_share:
         reason = f"implausible: {100 * good.mean():.0f} % of its frames are plausible"

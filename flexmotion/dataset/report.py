@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,9 @@ from flexmotion.dataset.settings import BuildSettings
 
 SAMPLE = 16
 """Stride of the frames over which quantiles are computed."""
+
+RECORDED = ("original", "mirror")
+"""Variants of a clip with the motion as recorded; all others are made from it."""
 
 QUANTILES = {"p01": 0.01, "median": 0.5, "p99": 0.99}
 
@@ -41,29 +44,52 @@ class Ranges:
 
 
 def summary(kept: list[dict[str, Any]], dropped: list[dict[str, Any]], settings: BuildSettings) -> dict[str, Any]:
-    """Hours by split and collection, kept frames, dropped clips by reason; residuals and force errors by kind."""
+    """Hours by split and collection, kept frames, dropped clips by reason; residuals and force errors by kind.
+
+    `by_kind` and `flagged_share` are of recorded clips and their mirror images, `by_variant` of all other variants.
+    """
     hours: Counter[str] = Counter()
-    kinds: dict[str, list[dict[str, Any]]] = {}
     for clip in kept:
         spell = clip["frames"] / clip["fps"] / 3600
         for key in ("all", f"split {clip['split']}", f"collection {clip['collection']}", f"variant {clip['variant']}"):
             hours[key] += spell
-        labels = clip["labels"]
-        kinds.setdefault(labels.get("content") or labels.get("action") or "unlabelled", []).append(clip)
-    for clip in dropped:
-        labels = clip.get("labels", {})
-        kinds.setdefault(labels.get("content") or labels.get("action") or "unlabelled", [])
-    lost: Counter[str] = Counter()
-    for clip in dropped:
-        labels = clip.get("labels", {})
-        lost[labels.get("content") or labels.get("action") or "unlabelled"] += clip.get("frames", 0)
+    recorded = [clip for clip in kept if _recorded(clip)]
     return {
         "hours": {key: round(value, 4) for key, value in sorted(hours.items())},
         "clips_kept": len(kept),
         "clips_dropped": dict(sorted(Counter(clip["reason"].partition(":")[0] for clip in dropped).items())),
-        "flagged_share": round(_mean(kept, "flagged_share"), 4) if kept else 0.0,
-        "by_kind": {kind: _kind(clips, lost[kind]) for kind, clips in sorted(kinds.items())},
+        "flagged_share": round(_mean(recorded, "flagged_share"), 4) if recorded else 0.0,
+        "by_kind": _rows(recorded, [clip for clip in dropped if _recorded(clip)], _content),
+        "by_variant": _rows(
+            [clip for clip in kept if not _recorded(clip)],
+            [clip for clip in dropped if not _recorded(clip)],
+            lambda clip: str(clip["variant"]),
+        ),
     }
+
+
+def _recorded(clip: dict[str, Any]) -> bool:
+    """Whether a clip is recorded; one that could not be read has no variant."""
+    return clip.get("variant", RECORDED[0]) in RECORDED
+
+
+def _content(clip: dict[str, Any]) -> str:
+    labels = clip.get("labels", {})
+    return labels.get("content") or labels.get("action") or "unlabelled"
+
+
+def _rows(
+    kept: list[dict[str, Any]], dropped: list[dict[str, Any]], group: Callable[[dict[str, Any]], str]
+) -> dict[str, dict[str, Any]]:
+    """Figures of every group of clips."""
+    found: dict[str, list[dict[str, Any]]] = {}
+    lost: Counter[str] = Counter()
+    for clip in kept:
+        found.setdefault(group(clip), []).append(clip)
+    for clip in dropped:
+        found.setdefault(group(clip), [])
+        lost[group(clip)] += clip.get("frames", 0)
+    return {name: _kind(clips, lost[name]) for name, clips in sorted(found.items())}
 
 
 def _kind(clips: list[dict[str, Any]], lost: int) -> dict[str, Any]:

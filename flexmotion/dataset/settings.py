@@ -23,13 +23,12 @@ class BuildSettings:
 
     Attributes:
         fps: frame rate.
-        mass: of humans of unknown mass at a stature of 1.75 m; at others in proportion to its square [kg].
         cutoff: of the low-pass filter [Hz].
         mirrored: whether every clip is followed by its mirror image.
         variants: number of augmented copies of every clip.
         perturbed: number of simulated copies of a clip, pushed, loaded, on a slope.
         perturbed_share: share of the clips that have those; simulation is slower than everything else.
-        perturbations: ranges of what they meet.
+        perturbations: ranges of pushes, loads and slopes.
         seed: of the augmentation.
         muscles: whether activations are computed.
         residual_force, residual_moment: greatest values of a `good` frame [body weights, body weights x m].
@@ -39,7 +38,6 @@ class BuildSettings:
     """
 
     fps: float = 30.0
-    mass: float = 70.0
     cutoff: float = CUTOFF
     mirrored: bool = True
     variants: int = 0

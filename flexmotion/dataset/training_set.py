@@ -129,12 +129,14 @@ class TrainingSet:
         """One clip with all its fields."""
         names = ("root_position", "root_quaternion", "joints", "torques", "wrenches", "activations", "joint_contact")
         present = [name for name in names if name in self.manifest["fields"]]
+        arrays: dict[str, Any] = {name: np.asarray(self[name][clip.rows], np.float64) for name in present}
         return Motion(
             fps=clip.fps,
             body=clip.body,
             contacts=np.array(self["contacts"][clip.rows]),
             source=clip.info["source"],
-            **{name: np.asarray(self[name][clip.rows], np.float64) for name in present},
+            mass_given=clip.info.get("mass_given"),
+            **arrays,
         )
 
     def damaged(self) -> list[str]:

@@ -33,6 +33,7 @@ class Motion:
             (T, 7, 3) [N]; None where not computed.
         contacts: whether the left and right foot carry load, (T, 2) bool; None where not computed.
         source: a file name or `model:NAME`.
+        mass_given: whether the mass of `body` is known (True) or a guess (False); None where nothing says it.
     """
 
     fps: float
@@ -46,6 +47,7 @@ class Motion:
     contacts: NDArray[np.bool_] | None = None
     source: str = ""
     joint_contact: Float | None = None
+    mass_given: bool | None = None
 
     def __post_init__(self) -> None:
         frames = len(self.root_position)

@@ -25,7 +25,7 @@ def save_motion(motion: Motion, path: str | Path) -> None:
     """Write a motion; arrays keep their precision.
 
     The file is a compressed NumPy archive: arrays as in `Motion`, and `header`, JSON with schema, fps, joint names,
-    body and source.
+    body, whether its mass is given, and source.
     """
     header, arrays = motion_content(motion)
     content: dict[str, Any] = {"header": np.array(json.dumps(header)), **arrays}
@@ -40,6 +40,7 @@ def motion_content(motion: Motion) -> tuple[dict[str, Any], dict[str, NDArray]]:
         "fps": motion.fps,
         "joints": JOINTS,
         "body": asdict(motion.body),
+        "mass_given": motion.mass_given,
         "source": motion.source,
     }
     arrays = {name: getattr(motion, name) for name in (*REQUIRED, *OPTIONAL)}
@@ -79,10 +80,19 @@ def load_motion(path: str | Path) -> Motion:
             body=Body(**body, fitted=fitted),
             source=str(header["source"]),
             contacts=contacts,
+            mass_given=_mass_given(header),
             **floats | {"joints": joints},
         )
     except (ValueError, KeyError, TypeError, IndexError) as error:
         raise MotionFormatError(f"{path}: {type(error).__name__}: {error}") from error
+
+
+def _mass_given(header: dict[str, Any]) -> bool | None:
+    """Whether the mass is given; None in files of versions that did not store it."""
+    value = header.get("mass_given")
+    if not (value is None or isinstance(value, bool)):
+        raise ValueError(f"mass_given is {value!r}, expected true, false or null")
+    return value
 
 
 def _order(names: list[str], path: str | Path) -> list[int]:

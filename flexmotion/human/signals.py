@@ -61,6 +61,12 @@ def resample_rotations(rotations: Float, fps: float, new_fps: float) -> Float:
     return Rotation.from_quat(resample_quaternions(quaternions, fps, new_fps)).as_matrix()
 
 
+def runs(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Beginning and end (exclusive) of every run of true values, (T,)."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
+    return [(int(begin), int(end)) for begin, end in edges.reshape(-1, 2)]
+
+
 def same_rate(fps: float, new_fps: float) -> bool:
     """Whether two frame rates differ by rounding only."""
     return abs(fps / new_fps - 1) < SAME_RATE

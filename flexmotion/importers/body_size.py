@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 from flexmotion.configs.errors import ConfigError
@@ -15,6 +16,16 @@ MASS_ERROR = 0.3
 
 MASSES, HEIGHTS = (10.0, 300.0), (0.8, 2.5)
 """Ranges of mass [kg] and stature [m] that are accepted."""
+
+
+SAME_SIZE = 1e-6
+"""Greatest relative difference of equal masses or heights."""
+
+
+def is_guess(body: Body) -> bool:
+    """Whether a body of unknown origin has the default mass, or the mass that `with_mass` guesses."""
+    guesses = (Body().mass, BODY_MASS_INDEX * body.height**2)
+    return any(math.isclose(body.mass, guess, rel_tol=SAME_SIZE) for guess in guesses)
 
 
 def check_size(mass: float | None, height: float | None) -> None:
@@ -32,7 +43,7 @@ def with_mass(body: Body, mass: float | None, height: float | None) -> tuple[Bod
     """A fitted body with its mass [kg], and a warning where it is guessed from the stature.
 
     Args:
-        body: of `body_fit.fit_body`.
+        body: as fitted, or of a motion whose mass is a guess.
         mass: [kg]; None for a guess.
         height: stature as given [m]; None if it is an estimate too.
     """

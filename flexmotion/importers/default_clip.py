@@ -79,6 +79,7 @@ def build_clip(script: Script, body: Body) -> Motion:
         root_quaternion=Rotation.from_euler("y", tilt[:, None]).as_quat(scalar_first=True),
         joints=joints,
         body=body,
+        mass_given=True,
         source="default",
     )
     # The legs move with the pelvis, so its shift is iterated until the centre of mass is at its target.

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from flexmotion.configs.errors import MotionFormatError
+from flexmotion.human.signals import runs
 from flexmotion.importers.capture import Capture
 from flexmotion.importers.rigid import cluster_pose, visible
 
@@ -61,7 +62,7 @@ def without_gaps(
     if np.isfinite(positions[:, [column[name] for name in names]]).all():
         return capture, frozenset()
     notes = list(capture.warnings)
-    scale = _scale(positions)
+    scale = _scale(positions[:, [column[name] for name in names]])
     for name in names:
         _bridge(positions[:, column[name]], GAP_S * capture.fps)
     for members in segments:
@@ -105,19 +106,19 @@ def without_gaps(
 
 
 def _scale(positions: Float) -> float:
-    """Metres per unit of the file, nearly: a human's markers spread over about a metre and a half vertically."""
-    spread = np.nanmax(np.nanpercentile(positions, 98, axis=1) - np.nanpercentile(positions, 2, axis=1))
-    return 1.5 / max(float(spread), 1e-9)
+    """Metres per unit of the file, nearly: the used points of a human spread over about a metre and a half.
 
-
-def _runs(mask: Bool) -> list[tuple[int, int]]:
-    """Beginning and end (exclusive) of every run of true values."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
-    return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
+    Other points, which may be angles or forces in columns of points, have another scale.
+    """
+    seen = positions[visible(positions).any(axis=1)]
+    if not len(seen):
+        return 1.0
+    spread = (np.nanpercentile(seen, 98, axis=1) - np.nanpercentile(seen, 2, axis=1)).max(axis=1)
+    return 1.5 / max(float(np.median(spread)), 1e-9)
 
 
 def _longest(mask: Bool) -> int:
-    return max((end - begin for begin, end in _runs(mask)), default=0)
+    return max((end - begin for begin, end in runs(mask)), default=0)
 
 
 def _bridge(track: Float, frames: float) -> None:
@@ -127,7 +128,7 @@ def _bridge(track: Float, frames: float) -> None:
     if seen.all() or len(known) < 4:
         return
     spline = CubicSpline(known, track[known])
-    for begin, end in _runs(~seen):
+    for begin, end in runs(~seen):
         if begin > 0 and end < len(track) and end - begin <= frames:
             track[begin:end] = spline(np.arange(begin, end))
 
@@ -189,12 +190,12 @@ def _moved_with(positions: Float, index: int, tracks: Float, member: int, scale:
 def _complete(capture: Capture, positions: Float, columns: Sequence[int]) -> tuple[int, int]:
     """The longest stretch of frames in which these points are known."""
     known: Bool = np.asarray(visible(positions[:, columns]).all(axis=1))
-    runs = _runs(known)
-    begin, end = max(runs, key=lambda run: run[1] - run[0], default=(0, 0))
+    stretches = runs(known)
+    begin, end = max(stretches, key=lambda run: run[1] - run[0], default=(0, 0))
     if end - begin < max(KEPT_SHARE * len(positions), 2):
         missing = {capture.names[c]: ~visible(positions[:, c]) for c in columns}
         worst = max(missing, key=lambda name: _longest(missing[name]))
-        first, last = max(_runs(missing[worst]), key=lambda run: run[1] - run[0])
+        first, last = max(runs(missing[worst]), key=lambda run: run[1] - run[0])
         raise MotionFormatError(
             f"{capture.path}: marker {worst!r} is missing for {(last - first) / capture.fps:.2f} s from "
             f"{capture.start + first / capture.fps:.2f} s on; {GAP_S} s are interpolated, more needs three other "

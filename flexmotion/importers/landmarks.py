@@ -20,7 +20,7 @@ Float = NDArray[np.float64]
 METRES: dict[Units, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001, "inch": 0.0254}
 
 LEG_RANGE = (0.45, 1.25)
-"""Range of leg length, hip to ankle over the knee, of humans who can walk [m]; it determines the units of a file."""
+"""Range of leg length, hip to ankle over the knee, of children and adults [m]; it determines the units of a file."""
 
 LEG_TYPICAL = 0.83
 """The same of adults [m]; it decides where two units are possible."""

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import logging
 import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from math import isclose
 from pathlib import Path
 from typing import Literal
 
@@ -12,14 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from flexmotion.configs.errors import MotionFormatError
+from flexmotion.configs.errors import ConfigError, MotionFormatError
 from flexmotion.human.floor import clip_floor
 from flexmotion.human.kinematics import forward
 from flexmotion.human.motion import Motion
 from flexmotion.human.motion_file import load_motion
 from flexmotion.human.resample import resample
 from flexmotion.importers.acclaim import read_acclaim
-from flexmotion.importers.body_size import check_size, with_mass
+from flexmotion.importers.body_size import SAME_SIZE, check_size, is_guess, with_mass
 from flexmotion.importers.bvh import read_bvh
 from flexmotion.importers.c3d import read_c3d
 from flexmotion.importers.capture import Capture, without_prefix
@@ -32,9 +34,11 @@ from flexmotion.importers.packed import is_packed, read_packed
 from flexmotion.importers.refine import refine
 from flexmotion.importers.smpl import is_amass, read_amass, read_joints22
 from flexmotion.importers.trc import read_trc
-from flexmotion.importers.treadmill import backward_speed, backwards, belt_velocity, without_belt
+from flexmotion.importers.treadmill import backward_speed, backwards, belt_suspected, belt_velocity, without_belt
 from flexmotion.spatial.heading import matrix_heading
 from flexmotion.spatial.quaternions import continuous_quaternions
+
+logger = logging.getLogger(__name__)
 
 FPS = 30.0
 """Default frame rate of imported clips [1/s]."""
@@ -69,13 +73,23 @@ class Placement:
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
     up: Up = "z"
 
+    @property
+    def on_floor(self) -> tuple[float, tuple[float, float]]:
+        """Heading [rad] and origin (x, y) [m] in axes with z up whose x is that of the file.
+
+        Of a file with y up these are its x, -z, y, a quarter turn from those above.
+        """
+        x, y, _ = self.origin
+        return (self.heading - np.pi / 2, (y, -x)) if self.up == "y" else (self.heading, (x, y))
+
 
 @dataclass(frozen=True)
 class Import:
     """An imported clip.
 
     Attributes:
-        motion: starts over the origin with the pelvis facing x; the floor is at z = 0.
+        motion: starts over the origin with the pelvis facing x; the floor is at z = 0. `mass_given` says whether its
+            mass is known.
         mapping: name of the skeleton mapping; empty for FlexMotion's own files.
         errors: distances to the file's points by name (see `fit.Fit`); empty for FlexMotion's own files.
         belt: velocity of the treadmill's belt that was removed, (2,), in the axes of `motion` [m/s]; zero without one.
@@ -103,10 +117,11 @@ def load(
     mass: float | None = None,
     height: float | None = None,
 ) -> Motion:
-    """The motion in a file; see `read`. Its warnings are not given."""
-    return read(
-        path, mapping=mapping, units=units, up=up, fps=fps, clip=clip, belt=belt, mass=mass, height=height
-    ).motion
+    """The motion in a file; see `read`. What a user should know about how it was read is logged as warnings."""
+    found = read(path, mapping=mapping, units=units, up=up, fps=fps, clip=clip, belt=belt, mass=mass, height=height)
+    for warning in found.warnings:
+        logger.warning("%s: %s", Path(path).name, warning)
+    return found.motion
 
 
 def read(
@@ -131,12 +146,14 @@ def read(
         fps: frame rate of the result; None for that of the file.
         clip: name of the clip in a packed file.
         belt: speed of a treadmill's belt, backwards of the human [m/s]; `detect` to find and remove one, None for none.
-        mass: of the human [kg]; None for a guess from the height, with a warning.
+        mass: of the human [kg]; None for that of FlexMotion's own files where it is known, else for a guess from the
+            height, with a warning.
         height: stature of the human [m]; None for an estimate from the legs.
 
     Raises:
         MotionFormatError: the file is missing, damaged, of an unknown kind, or lacks parts of a human.
-        ConfigError: the mapping does not exist, or mass or height are not a human's.
+        ConfigError: the mapping does not exist, mass or height are not a human's, or FlexMotion's own motion is to
+            change its belt or its fitted body.
     """
     check_size(mass, height)
     path = Path(path)
@@ -150,7 +167,7 @@ def read(
         elif is_packed(content):
             capture = read_packed(str(path), content, clip)
         else:
-            return own_motion(load_motion(path), fps, mass, height)
+            return own_motion(load_motion(path), str(path), fps=fps, belt=belt, mass=mass, height=height)
     elif path.is_dir():
         raise MotionFormatError(f"{path}: a folder, expected a motion file")
     else:
@@ -158,12 +175,61 @@ def read(
     return fit_capture(capture, mapping=mapping, units=units, up=up, fps=fps, belt=belt, mass=mass, height=height)
 
 
-def own_motion(motion: Motion, fps: float | None, mass: float | None, height: float | None) -> Import:
-    """A motion of FlexMotion's own format; it has a body, of which mass and height change where they are given."""
-    body = motion.body
-    body = replace(body, mass=body.mass if mass is None else mass, height=body.height if height is None else height)
-    motion = replace(motion, body=body)
-    return Import(motion if fps is None else resample(motion, fps))
+def own_motion(
+    motion: Motion,
+    path: str = "motion",
+    *,
+    fps: float | None = None,
+    belt: Belt = "detect",
+    mass: float | None = None,
+    height: float | None = None,
+) -> Import:
+    """A motion of FlexMotion's own format, which has a body and no belt.
+
+    A known mass is kept. A motion that does not say whether its mass is known, such as one of an older file, has a
+    guess if the mass is `Body`'s default or that of `with_mass`; any other mass was given. Forces, torques and
+    activations of another body are removed.
+
+    Args:
+        path: of the file, for messages.
+        fps, belt, mass, height: see `read`; the path scales with the height.
+
+    Raises:
+        ConfigError: a belt is given; or a height, for a body that was fitted to a recording.
+    """
+    before = motion.body
+    if not isinstance(belt, str) and belt is not None:
+        raise ConfigError(
+            f"{path}: belt is {belt:g} m/s, but FlexMotion's own motions are over ground: give the belt where the "
+            "recording is imported"
+        )
+    if height is not None and not isclose(height, before.height, rel_tol=SAME_SIZE):
+        if before.fitted is not None:
+            raise ConfigError(
+                f"{path}: height is {height:g} m, but the body of {before.height:.2f} m is fitted to the recording: "
+                "give the height where that is imported"
+            )
+        # Mean proportions scale with the height, so the feet stay on the floor.
+        scale = height / before.height
+        motion = replace(motion, body=replace(before, height=height), root_position=scale * motion.root_position)
+    given = mass is not None or (not is_guess(before) if motion.mass_given is None else motion.mass_given)
+    notes: list[str] = []
+    if mass is not None or not given:
+        body, notes = with_mass(motion.body, mass, height)
+        kept = isclose(body.mass, before.mass, rel_tol=SAME_SIZE)
+        motion = replace(motion, body=replace(body, mass=before.mass) if kept else body)
+    stale = [name for name in ("torques", "wrenches", "activations", "joint_contact") if _has(motion, name)]
+    if motion.body != before and stale:
+        notes.append(
+            f"{', '.join(stale)} removed: they are those of a human of {before.mass:.1f} kg and {before.height:.2f} m"
+        )
+        motion = replace(motion, torques=None, wrenches=None, activations=None, joint_contact=None)
+    motion = replace(motion, mass_given=given)
+    return Import(motion if fps is None else resample(motion, fps), warnings=tuple(notes))
+
+
+def _has(motion: Motion, name: str) -> bool:
+    return getattr(motion, name) is not None
 
 
 def fit_capture(
@@ -188,6 +254,7 @@ def fit_capture(
         capture, chosen = complete_joints(capture, chosen)
         found = landmarks(capture, chosen, units=units, up=up)
     velocity = np.zeros(2) if belt is None else belt_velocity(found) if belt == "detect" else backwards(found, belt)
+    suspected = belt == "detect" and not velocity.any() and belt_suspected(found)
     if velocity.any():
         found = without_belt(found, velocity)
     if fps is not None:
@@ -202,8 +269,13 @@ def fit_capture(
     if velocity.any():
         way = "given" if belt != "detect" else "detected"
         notes.append(f"a treadmill's belt of {backward_speed(found, velocity):.2f} m/s backwards was removed ({way})")
+    elif suspected:
+        notes.append(
+            "this may be a treadmill: one foot moves steadily under a pelvis that stays, but the clip is too short to "
+            "prove it, and nothing was removed: give the belt (--belt V, or none)"
+        )
     body, guessed = with_mass(motion.body, mass, height)
-    motion = replace(motion, body=body)
+    motion = replace(motion, body=body, mass_given=mass is not None)
     placed = on_floor(from_origin(motion))
     place = _placement(motion, placed, found)
     turned = Rotation.from_euler("z", -place.heading).apply([*velocity, 0.0])[:2]

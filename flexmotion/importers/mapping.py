@@ -61,6 +61,12 @@ class Orientation(Strict):
         return np.stack([forward, np.cross(up, forward), up], axis=1)
 
 
+def _check_known(kind: str, names: Iterable[str], known: Iterable[str]) -> None:
+    unknown = sorted(set(names) - set(known))
+    if unknown:
+        raise ValueError(f"unknown {kind} {unknown[0]!r}, expected one of {', '.join(known)}")
+
+
 class SkeletonMapping(Strict):
     """A named mapping: either `joints`, point -> joint of the file, or `markers`, landmark -> surface markers.
 
@@ -80,9 +86,7 @@ class SkeletonMapping(Strict):
     @field_validator("joints")
     @classmethod
     def _has_points(cls, value: dict[str, str]) -> dict[str, str]:
-        unknown = sorted(set(value) - set(POINTS))
-        if unknown:
-            raise ValueError(f"unknown point {unknown[0]!r}, expected one of {', '.join(POINTS)}")
+        _check_known("point", value, POINTS)
         missing = [point for point in REQUIRED_POINTS if point not in value] if value else []
         if missing:
             raise ValueError(f"missing {', '.join(missing)}")
@@ -91,17 +95,13 @@ class SkeletonMapping(Strict):
     @field_validator("markers")
     @classmethod
     def _has_landmarks(cls, value: dict[str, str]) -> dict[str, str]:
-        unknown = sorted(set(value) - set(LANDMARKS))
-        if unknown:
-            raise ValueError(f"unknown landmark {unknown[0]!r}, expected one of {', '.join(LANDMARKS)}")
+        _check_known("landmark", value, LANDMARKS)
         return value
 
     @field_validator("orientations")
     @classmethod
     def _has_segments(cls, value: dict[str, Orientation]) -> dict[str, Orientation]:
-        unknown = sorted(set(value) - set(SEGMENTS))
-        if unknown:
-            raise ValueError(f"unknown segment {unknown[0]!r}, expected one of {', '.join(SEGMENTS)}")
+        _check_known("segment", value, SEGMENTS)
         return value
 
     @model_validator(mode="after")

@@ -19,7 +19,7 @@ from flexmotion.importers.marker_landmarks import CARRIERS
 Float = NDArray[np.float64]
 
 PELVIS_WIDTH = (0.15, 0.42)
-"""Range of the distance between the markers on both anterior iliac spines of humans who can walk [m]; it determines the
+"""Range of the distance between the markers on both anterior iliac spines of children and adults [m]; it determines the
 units of a file."""
 
 OPTIONAL = ("elbow", "wrist", "head", "vertex", "acromion", "c7", "clavicle")
@@ -32,9 +32,14 @@ def joint_capture(
     """Joint centres, named as `mapping.POINTS`, of a capture of surface markers; see `marker_joints`.
 
     Raises:
-        MotionFormatError: markers of a joint are missing from the file, or for too long; or the distance between both
-            ASIS is not a human's in any unit.
+        MotionFormatError: the file has fewer than two frames; markers of a joint are missing from it, or for too long;
+            or the distance between both ASIS is not a human's in any unit.
     """
+    if len(capture) < 2:
+        raise MotionFormatError(
+            f"{capture.path}: has {len(capture)} frame(s) of surface markers, expected at least 2, since joint "
+            "centres are found from their motion"
+        )
     present = mapping.landmarks(capture.names)
     absent = [name for name in ("asis_l", "asis_r") if name not in present]
     if absent:

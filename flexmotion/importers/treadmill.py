@@ -3,7 +3,8 @@
 On a belt both feet move with one constant horizontal velocity whenever they are on it, take turns, come back in swing,
 and are never at rest while they are low; the pelvis stays where it is. Feet that slide over the ground move with the
 pelvis, and rest at other times. All of it is required: a velocity of the ground that is not there falsifies every
-force, a belt that is missed only that clip.
+force, a belt that is missed only that clip. Where a clip is too short to show both feet on the belt, one foot that
+passes all other tests is reported (`belt_suspected`), and nothing is removed.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import minimum_filter1d, uniform_filter1d
 
+from flexmotion.human.signals import runs
 from flexmotion.human.vectors import unit
 from flexmotion.importers.landmarks import Landmarks
 
@@ -21,7 +23,7 @@ Float = NDArray[np.float64]
 Bool = NDArray[np.bool_]
 
 SLOWEST = 0.25
-"""Slowest belt that is detected [m/s]; feet of a human who stands and shifts weight slide by less."""
+"""Slowest belt that is detected [m/s]; the feet of a standing human slide more slowly."""
 
 LOW, STRIDE_S = 0.06, 1.2
 """Greatest height of a toe joint above its lowest within a stride while the foot may be on the floor [m]. Floors of
@@ -72,23 +74,46 @@ def belt_velocity(found: Landmarks) -> Float:
     Args:
         found: joint centres at the rate of the file, at least about 20 Hz.
     """
-    none = np.zeros(2)
+    velocity, feet = _shared_velocity(found, np.minimum)
+    return velocity if feet == 2 else np.zeros(2)
+
+
+def belt_suspected(found: Landmarks) -> bool:
+    """Whether one foot alone, in a recording without a detected belt, moves as if it were on one.
+
+    Args:
+        found: joint centres at the rate of the file, at least about 20 Hz.
+    """
+    return any(_shared_velocity(found, side)[1] == 1 for side in (np.minimum, np.maximum))
+
+
+def _shared_velocity(found: Landmarks, side_of: np.ufunc) -> tuple[Float, int]:
+    """Velocity that low feet share as on a belt, (2,) [m/s], and the number of feet that have it; zeros if none has.
+
+    Args:
+        side_of: see `_common`.
+    """
+    none = np.zeros(2), 0
     if len(found) < 4 or len(found) < 3 * STANCE_S * found.fps:
         return none
     toes = {side: _smooth(found.points[f"toe_{side}"], found.fps) for side in "lr"}
     speeds = {side: np.gradient(toe[:, :2], axis=0) * found.fps for side, toe in toes.items()}
     low = {side: _low(toe[:, 2], found.fps) for side, toe in toes.items()}
-    guess = _common(speeds, low)
+    guess = _common(speeds, low, side_of)
     if guess is None or np.linalg.norm(guess) < SLOWEST:
         return none
     contacts = [
         contact for side in "lr" for contact in _contacts(side, low[side] & _near(speeds[side], guess), found.fps)
     ]
+    if not contacts:
+        return none
     velocity = _measured(contacts, toes, found.fps)
-    if velocity is None or np.linalg.norm(velocity) < SLOWEST:
+    if np.linalg.norm(velocity) < SLOWEST:
         return none
     pelvis = _smooth((found.points["hip_l"] + found.points["hip_r"]) / 2, found.fps)[:, :2]
-    return velocity if _is_belt(velocity, contacts, speeds, low, pelvis, found.fps) else none
+    if not _is_belt(velocity, contacts, speeds, low, pelvis, found.fps):
+        return none
+    return velocity, len({contact.side for contact in contacts})
 
 
 def without_belt(found: Landmarks, velocity: Float) -> Landmarks:
@@ -129,8 +154,12 @@ def _near(speeds: Float, velocity: Float) -> Bool:
     return near
 
 
-def _common(speeds: dict[str, Float], low: dict[str, Bool]) -> Float | None:
-    """The velocity that low feet have most often, on the side where it is rarer, (2,) [m/s]."""
+def _common(speeds: dict[str, Float], low: dict[str, Bool], side_of: np.ufunc) -> Float | None:
+    """The velocity that low feet have most often, (2,) [m/s].
+
+    Args:
+        side_of: minimum, to count on the side where it is rarer, or maximum, where it is more frequent.
+    """
     own = {side: speeds[side][low[side]] for side in speeds}
     if not all(len(values) for values in own.values()):
         return None
@@ -141,15 +170,14 @@ def _common(speeds: dict[str, Float], low: dict[str, Bool]) -> Float | None:
         (np.linalg.norm(values[None] - candidates[:, None], axis=-1) < width[:, None]).sum(axis=1)
         for values in own.values()
     ]
-    best = candidates[int(np.argmax(np.minimum(*counts)))]
+    best = candidates[int(np.argmax(side_of(*counts)))]
     for _ in range(3):
         best = np.median(pooled[_near(pooled, best)], axis=0)
     return best
 
 
 def _contacts(side: str, on: Bool, fps: float) -> list[Contact]:
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], on, [False]]).astype(int))).reshape(-1, 2)
-    return [Contact(side, int(a), int(b)) for a, b in edges if b - a >= max(3, STANCE_S * fps)]
+    return [Contact(side, begin, end) for begin, end in runs(on) if end - begin >= max(3, STANCE_S * fps)]
 
 
 def _slopes(contacts: list[Contact], toes: dict[str, Float], fps: float) -> Float:
@@ -163,10 +191,8 @@ def _slopes(contacts: list[Contact], toes: dict[str, Float], fps: float) -> Floa
     return np.array(slopes)
 
 
-def _measured(contacts: list[Contact], toes: dict[str, Float], fps: float) -> Float | None:
+def _measured(contacts: list[Contact], toes: dict[str, Float], fps: float) -> Float:
     """Velocity of the belt as the mean over contacts, weighted by their length, (2,) [m/s]."""
-    if {contact.side for contact in contacts} != {"l", "r"}:
-        return None
     weights = np.array([contact.end - contact.begin for contact in contacts], float)
     mean: Float = np.average(_slopes(contacts, toes, fps), axis=0, weights=weights)
     return mean

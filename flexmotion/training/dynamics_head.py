@@ -44,7 +44,7 @@ class DynamicsHead(nn.Module):
         self._unit = layout.fps * UNIT_S
         motion = len(self._speeds) + len(self._places)
         self.read = nn.Linear(2 * motion + len(self._inputs), 2 * hidden)
-        # Without a bias: without loads it adds nothing, and is no part of an exported network.
+        # It has no bias: where there are no loads it adds zero. An exported network does not contain it.
         self.carry = nn.Linear(3 * LOADS, 2 * hidden, bias=False) if loads else None
         self.write = nn.Linear(hidden, len(self._forces))
         nn.init.zeros_(self.write.weight)

@@ -10,7 +10,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from flexmotion.biomechanics.muscle_geometry import MODEL_HEIGHT, MODEL_MASS
+from flexmotion.biomechanics.static_optimisation import strength
 from flexmotion.features.joint_groups import BALLS, HINGES, sign
 from flexmotion.features.layout import POINTS
 from flexmotion.human.body import Body
@@ -138,5 +138,5 @@ def _constants(body: Body) -> dict[str, np.ndarray]:
         "inertia": model.body_inertia[rows],
         "point": point,
         "leg": np.array(body.leg),
-        "strength": np.array(body.mass * body.height / (MODEL_MASS * MODEL_HEIGHT)),
+        "strength": np.array(strength(body)),
     }

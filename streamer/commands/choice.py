@@ -12,11 +12,13 @@ import typer
 from flexmotion.bundles.shipped import shipped_bundle
 from flexmotion.configs.robot import Robot
 from flexmotion.human.motion import Motion
+from flexmotion.human.motion_file import load_motion
 from flexmotion.human.resample import resample
-from flexmotion.importers import load
+from flexmotion.importers import read
 from flexmotion.sampling.sampler import Sampler
 from flexmotion.streamer import api
 from flexmotion.streamer.checks.switching import shipped_clips, switched
+from flexmotion.streamer.commands.output import print_note
 from flexmotion.streamer.motion.intents import Clip, Intent, Text
 from flexmotion.streamer.motion.model_source import ModelSource
 from flexmotion.streamer.motion.script import Item, load_script
@@ -96,9 +98,17 @@ def choose_source(
 def choose_motion(clip: Path | None = None, mapping: str | None = None) -> Motion:
     """The motion of a clip, or the shipped one. Raises `FlexMotionError`."""
     if clip is not None:
-        return api.load_motion(clip, mapping)
+        return replace(_read(clip, mapping), source=clip.name)
     with as_file(files("flexmotion") / "data" / DEFAULT_CLIP) as path:
-        return replace(api.load_motion(path), source="default")
+        return replace(load_motion(path), source="default")
+
+
+def _read(file: Path, mapping: str | None) -> Motion:
+    """The motion in a file; notes about how it was read are printed. Raises `FlexMotionError`."""
+    found = read(file, mapping=mapping)
+    for warning in found.warnings:
+        print_note(f"{file.name}: {warning}")
+    return found.motion
 
 
 def open_sampler(bundle: Path | None, asker: str) -> Sampler:
@@ -142,7 +152,7 @@ def library_of(files: Sequence[Path], mapping: str | None = None) -> dict[str, M
         typer.BadParameter: there are fewer than two, or two have the same name.
         FlexMotionError: a file cannot be read.
     """
-    clips = {file.name: load(file, mapping=mapping) for file in files}
+    clips = {file.name: _read(file, mapping) for file in files}
     if len(clips) < 2 or len(clips) < len(files):
         raise typer.BadParameter("--clip: expected two or more files of different names to switch between")
     fps = next(iter(clips.values())).fps

@@ -15,6 +15,9 @@ from flexmotion.streamer.commands.output import print_json, print_note, print_re
 
 data = typer.Typer(help="Motion files to a training set with forces, torques and muscle activations.")
 
+FPS = 30.0
+"""Frame rate of what is written, by default [1/s]."""
+
 COLUMNS = ("min", "p01", "median", "p99", "max")
 
 OutOption = Annotated[Path, typer.Option("--out", "-o", help="File or folder to write.")]
@@ -26,7 +29,7 @@ def import_(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="Motion: .bvh .amc .npy .npz .trc .c3d")],
     reading: ImportOptions,
     out: OutOption,
-    fps: Annotated[float, typer.Option(help="Frame rate to write.")] = 30.0,
+    fps: Annotated[float, typer.Option(help="Frame rate to write.")] = FPS,
     as_json: JsonOption = False,
 ) -> None:
     """Read a motion file of any supported format and write it as the project's own .npz.
@@ -51,6 +54,7 @@ def import_(
                 "fit": errors,
                 "belt": found.belt.tolist(),
                 "mass_kg": body.mass,
+                "mass_given": found.motion.mass_given,
                 "height_m": body.height,
                 "start_s": found.placement.start,
                 "warnings": list(found.warnings),
@@ -64,8 +68,10 @@ def import_(
 
 
 @data.command()
+@grouped
 def augment(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="Motion file of any supported format.")],
+    reading: ImportOptions,
     out: OutOption,
     seed: Annotated[int, typer.Option(help="Seed of the variants.")] = 0,
     mirrored: Annotated[bool, typer.Option("--mirror", help="Only mirror the motion.")] = False,
@@ -101,7 +107,6 @@ def augment(
     from flexmotion.biomechanics.dynamics import dynamics
     from flexmotion.biomechanics.mirror import mirror
     from flexmotion.human.motion_file import save_motion
-    from flexmotion.importers import load as load_motion
 
     asked = {"--push": push, "--load": load, "--slope": slope}
     given = [name for name, value in asked.items() if value is not None]
@@ -112,8 +117,11 @@ def augment(
         raise typer.BadParameter(f"--perturbed draws what {', '.join(given)} would set: give one of the two")
     if plot is not None and not simulated:
         raise typer.BadParameter("--plot draws a simulated variant: add --perturbed, --push, --load or --slope")
-    motion = load_motion(file)
-    about: dict = {"file": str(out), "seed": seed}
+    read = reading.read(file, FPS)
+    motion = read.motion
+    for warning in read.warnings:
+        print_note(f"{file.name}: {warning}")
+    about: dict = {"file": str(out), "seed": seed, "warnings": list(read.warnings)}
     if simulated:
         from flexmotion.biomechanics.simulation.perturbation import Perturbation
         from flexmotion.biomechanics.simulation.variant import perturbed as simulate
@@ -242,7 +250,9 @@ def export(
     folder: Annotated[Path, typer.Argument(metavar="SET", help="Folder that `data build` wrote.")],
     out: OutOption,
 ) -> None:
-    """Write the compact form of a set: half precision, without muscles and mirror images.
+    """Write the compact form of a set: half precision, with joint contact forces.
+
+    Muscle activations, their flag of infeasible frames, and mirror images are left out.
 
     [bold]Examples[/bold]
 
@@ -272,7 +282,8 @@ def _report(manifest: dict, as_json: bool) -> None:
         table.add_row(name, manifest["fields"][name]["unit"], *(f"{row[key]:.4g}" for key in COLUMNS))
     print_result(table)
     kinds = Table("kind", "clips", "frames", "frames dropped", "good", "flagged", "residual force", "residual moment")
-    for name, row in summary["by_kind"].items():
+    variants = {f"variant {name}": row for name, row in summary.get("by_variant", {}).items()}
+    for name, row in (summary["by_kind"] | variants).items():
         force, moment = row.get("residual_median", (float("nan"), float("nan")))
         cells = (row["clips"], row["frames"], row["frames_dropped"])
         good = f"{100 * row['kept_share']:.1f} %" if "kept_share" in row else "-"

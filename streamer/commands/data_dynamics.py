@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 from dataclasses import asdict
 from importlib.util import find_spec
-from math import pi
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -132,7 +131,7 @@ def _check_place(path: Path | None) -> None:
 
 def _of_import(found: Import, mass: float | None) -> dict[str, Any]:
     return {
-        "mass_is": "given" if mass is not None else "guessed" if found.mapping else "that of the file",
+        "mass_is": "given" if mass is not None else "that of the file" if found.motion.mass_given else "guessed",
         "belt_m_s": float((found.belt**2).sum() ** 0.5),
         "placement": asdict(found.placement),
         "notes": list(found.warnings),
@@ -140,14 +139,11 @@ def _of_import(found: Import, mass: float | None) -> dict[str, Any]:
 
 
 def _recording(found: Import) -> Recording:
-    """The place in axes with x forward, y left, z up: those of a recording with y up are its x, -z, y."""
+    """The motion's place in its recording."""
     from flexmotion.biomechanics.analysis import Recording
 
-    place, belt = found.placement, (float(found.belt[0]), float(found.belt[1]))
-    x, y, _ = place.origin
-    if place.up == "y":
-        return Recording(place.start, place.heading - pi / 2, (y, -x), belt)
-    return Recording(place.start, place.heading, (x, y), belt)
+    turn, origin = found.placement.on_floor
+    return Recording(found.placement.start, turn, origin, (float(found.belt[0]), float(found.belt[1])))
 
 
 def _page(path: Path, analysed: ClipAnalysis, content: dict[str, Any]) -> bytes:

@@ -12,9 +12,11 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from flexmotion.biomechanics.analysis import SATURATED, ClipAnalysis, MuscleAnalysis
+from flexmotion.biomechanics.differentiation import EDGE
 from flexmotion.biomechanics.plausibility import RESIDUAL_FORCE, RESIDUAL_MOMENT
 from flexmotion.biomechanics.sole import COLUMNS, POINTS, sole_grid
 from flexmotion.human.human_model import human_model
+from flexmotion.human.signals import runs
 from flexmotion.human.skeleton import JOINTS, SIDES
 from flexmotion.streamer.plots.palette import INK, LEFT, MIDDLE, MUTED, RIGHT, WARN
 from flexmotion.streamer.plots.style import new_figure
@@ -77,7 +79,8 @@ def draw_dynamics(clip: ClipAnalysis) -> Figure:
     subtitle = (
         f"{len(clip)} frames at {motion.fps:g} Hz, low-pass filter {clip.cutoff:g} Hz; "
         f"human of {motion.body.mass:.1f} kg and {motion.body.height:.2f} m; left blue, right orange; "
-        "shaded red: a force is flagged as uncertain, or the residual or a joint is beyond its limit"
+        "red: a force is flagged as uncertain, or the residual or a joint is beyond its limit; "
+        "grey: ends, where accelerations are known from one side"
     )
     title = f"Dynamics of {Path(motion.source).name or 'a motion'}"
     figure = new_figure(WIDTH, height, title, subtitle, layout=False)
@@ -162,7 +165,7 @@ def _centre_of_pressure(axes: Axes, clip: ClipAnalysis) -> None:
         corners = segments.position[:, segment, None] + np.einsum("tij,pj->tpi", segments.rotation[:, segment], outline)
         axes.plot(*corners.mean(axis=1)[:, :2].T, color=colour, alpha=0.3, linewidth=0.8)
         loaded = motion.contacts[:, foot]
-        for start, stop in _runs(loaded):
+        for start, stop in runs(loaded):
             axes.fill(*corners[(start + stop) // 2, :, :2].T, color=colour, alpha=0.15, linewidth=0)
         pressure = np.where(loaded[:, None], clip.dynamics.centres[:, foot, :2], np.nan)
         axes.plot(*pressure.T, color=colour, marker=".", markersize=3, label=name)
@@ -244,14 +247,14 @@ def _trunk_rows(muscles: MuscleAnalysis) -> dict[str, Float]:
 
 
 def _joint_contact(panels: Sequence[Axes], clip: ClipAnalysis, muscles: MuscleAnalysis) -> None:
-    size = np.linalg.norm(muscles.contact, axis=-1) / clip.weight
+    pressed = clip.compression
     for axes, (joint, title) in zip(panels, CONTACTS.items(), strict=True):
         for column, crossing in enumerate(muscles.state.crossings):
             base, _, side = crossing.partition("_")
             if base == joint:
-                axes.plot(clip.times, size[:, column], color=COLOURS[SIDES.index(side)] if side else MIDDLE)
-        _time_panel(axes, clip, f"joint contact force, {title}", "body weights")
-        axes.set_ylim(bottom=0.0)
+                axes.plot(clip.times, pressed[:, column], color=COLOURS[SIDES.index(side)] if side else MIDDLE)
+        _time_panel(axes, clip, f"compression, {title}", "body weights")
+        axes.set_ylim(bottom=min(0.0, float(pressed[clip.inner].min())))
 
 
 def _time_panel(axes: Axes, clip: ClipAnalysis, title: str, unit: str) -> None:
@@ -259,6 +262,9 @@ def _time_panel(axes: Axes, clip: ClipAnalysis, title: str, unit: str) -> None:
     axes.set_xlabel("time [s]")
     axes.set_ylabel(unit)
     axes.set_xlim(clip.times[0], clip.times[-1])
+    # Peaks of these frames do not count.
+    for first, last in ((0, EDGE), (-EDGE - 1, -1)):
+        axes.axvspan(clip.times[first], clip.times[last], color=MUTED, alpha=0.12, linewidth=0)
 
 
 def _legend(axes: Axes) -> None:
@@ -278,11 +284,5 @@ def _legend(axes: Axes) -> None:
 def _shade(axes: Axes, times: Float, bad: NDArray[np.bool_]) -> None:
     """Shade the frames that are bad, (T,)."""
     half = 0.5 * (times[1] - times[0])
-    for start, stop in _runs(bad):
+    for start, stop in runs(bad):
         axes.axvspan(times[start] - half, times[stop - 1] + half, color=WARN, alpha=0.12, linewidth=0)
-
-
-def _runs(found: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Start and end of every run of true values."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], found, [False]]).astype(np.int8)))
-    return [(int(start), int(stop)) for start, stop in edges.reshape(-1, 2)]

@@ -72,13 +72,13 @@ def _muscle_rows(content: dict[str, Any]) -> list[Row]:
     saturated = list(content["saturated_muscles"].items())
     named = ", ".join(f"{name} {100 * share:.0f} %" for name, share in saturated[:MOST])
     more = f" and {len(saturated) - MOST} more" if len(saturated) > MOST else ""
-    contact = content["peak_joint_contact_bw"]
+    peaks, stance = content["peak_compression_bw"], content["stance_compression_bw"]
     return [
         *(
             (
-                f"{joint} contact",
-                ", ".join(f"{value:.1f}" for name, value in contact.items() if name.startswith(joint)) + " BW",
-                "greatest, left and right" if joint != "lumbar" else "greatest",
+                f"{joint} compression",
+                ", ".join(f"{value:.1f}" for name, value in peaks.items() if name.startswith(joint)) + " BW",
+                ("greatest, left and right" if joint != "lumbar" else "greatest") + _in_stance(stance, joint),
             )
             for joint in ("hip", "knee", "ankle", "lumbar")
         ),
@@ -88,6 +88,14 @@ def _muscle_rows(content: dict[str, Any]) -> list[Row]:
             "of the frames have a leg muscle at its greatest activation" + (f": {named}{more}" if named else ""),
         ),
     ]
+
+
+def _in_stance(stance: dict[str, float | None], joint: str) -> str:
+    """Mean over the stance phases of each leg; of the lumbar joint, which has no phases of its own, nothing."""
+    values = [value for name, value in stance.items() if name.startswith(joint)]
+    if joint == "lumbar" or all(value is None for value in values):
+        return ""
+    return "; peak of a stance phase, mean: " + ", ".join("-" if value is None else f"{value:.1f}" for value in values)
 
 
 def _headline(content: dict[str, Any]) -> str:

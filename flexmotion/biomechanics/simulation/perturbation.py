@@ -47,7 +47,7 @@ PERTURBATIONS = PerturbationRanges()
 
 @dataclass(frozen=True)
 class Perturbation:
-    """What a variant meets.
+    """Push, carried load and slope of a variant.
 
     Attributes:
         push: peak force on the torso, horizontal, half a sine wave [body weights].

@@ -17,12 +17,12 @@ from scipy.interpolate import make_interp_spline
 
 from flexmotion.biomechanics.dynamics import Dynamics
 from flexmotion.biomechanics.external_load import ExternalLoad
-from flexmotion.biomechanics.ground_reaction import GroundReaction, ground_reaction
+from flexmotion.biomechanics.ground_reaction import GROUND, GroundReaction, GroundSettings, ground_reaction
 from flexmotion.biomechanics.inverse_dynamics import effort
 from flexmotion.biomechanics.segment_motion import SegmentMotion, segment_motion
 from flexmotion.biomechanics.simulation.tracking_model import TrackingModel
 from flexmotion.biomechanics.smoothing import CUTOFF, smoothing_spline
-from flexmotion.biomechanics.sole import SolePoints, sole_grid, sole_points
+from flexmotion.biomechanics.sole import NEARNESS, Nearness, SolePoints, sole_grid, sole_points
 from flexmotion.human.human_model import human_model
 from flexmotion.human.skeleton import SIDES
 from flexmotion.spatial.gravity import GRAVITY
@@ -97,7 +97,14 @@ def corner_positions(tracked: TrackingModel, data: mujoco.MjData) -> Float:
     return np.array([data.xpos[foot] + tracked.corners @ data.xmat[foot].reshape(3, 3).T for foot in tracked.feet])
 
 
-def reference(tracked: TrackingModel, found: Dynamics, floor: Floor, carried: Mapping[str, float]) -> Reference:
+def reference(
+    tracked: TrackingModel,
+    found: Dynamics,
+    floor: Floor,
+    carried: Mapping[str, float],
+    settings: GroundSettings = GROUND,
+    nearness: Nearness = NEARNESS,
+) -> Reference:
     """The reference of a motion on a floor.
 
     Args:
@@ -105,6 +112,7 @@ def reference(tracked: TrackingModel, found: Dynamics, floor: Floor, carried: Ma
         found: the motion on a level floor, with its ground forces.
         floor: to stand on.
         carried: point masses at segments [kg], known to the human.
+        settings, nearness: of the quadratic programme for the ground forces.
     """
     motion = found.motion
     assert motion.contacts is not None
@@ -124,9 +132,13 @@ def reference(tracked: TrackingModel, found: Dynamics, floor: Floor, carried: Ma
     planted = tracked.motion(qpos[::substeps], motion)
     segments = segment_motion(planted)
     loads = carried_loads(segments, tracked, carried)
-    sole = _sole_on(floor, found, segments)
+    sole = _sole_on(floor, found, segments, nearness)
     ground = ground_reaction(
-        segments, effort(segments, motion.body, loads), sole, segments.rotation[:, tracked.pelvis, :, 1]
+        segments,
+        effort(segments, motion.body, loads),
+        sole,
+        segments.rotation[:, tracked.pelvis, :, 1],
+        settings,
     )
     frames = slice(None, None, substeps)
     torques = _torques(tracked, qpos[frames], qvel[frames], qacc[frames], ground)
@@ -222,7 +234,7 @@ def _normalised(tracked: TrackingModel, qpos: Float) -> Float:
     return qpos
 
 
-def _sole_on(floor: Floor, found: Dynamics, segments: SegmentMotion) -> SolePoints:
+def _sole_on(floor: Floor, found: Dynamics, segments: SegmentMotion, nearness: Nearness) -> SolePoints:
     """Sole points of the planted motion on the floor, as near to stance as those of the recorded motion."""
     body = found.motion.body
     index = human_model(body).body_index
@@ -231,7 +243,7 @@ def _sole_on(floor: Floor, found: Dynamics, segments: SegmentMotion) -> SolePoin
         "tsij,pj->tspi", segments.rotation[:, feet], sole_grid(body)
     )
     position[..., 2] = floor.height(position)
-    return SolePoints(position, sole_points(body, found.segments, found.motion.fps).nearness)
+    return SolePoints(position, sole_points(body, found.segments, found.motion.fps, nearness).nearness)
 
 
 def _torques(tracked: TrackingModel, qpos: Float, qvel: Float, qacc: Float, ground: GroundReaction) -> Float:

@@ -178,6 +178,7 @@ class TrackingModel:
             joints=joints,
             body=like.body,
             source=like.source,
+            mass_given=like.mass_given,
         )
 
 

@@ -1,7 +1,8 @@
 """`perturbed`: a motion as the simulated human does it under a push, with a load, on a slope; with its forces.
 
 All values come from the simulation, low-passed like every motion of a set, so that the equations of motion hold between
-them: what is left is the assistance at the root.
+them. A low-passed impact pulls at the floor beside its peak, and moves the centre of pressure out of the sole: forces
+are projected onto what a foot can exert. What that takes away and the assistance at the root are the residual.
 """
 
 from __future__ import annotations
@@ -15,7 +16,8 @@ from numpy.typing import NDArray
 
 from flexmotion.biomechanics.dynamics import LOADED, Dynamics, dynamics
 from flexmotion.biomechanics.external_load import ExternalLoad
-from flexmotion.biomechanics.force_error import FACTORS, force_error
+from flexmotion.biomechanics.force_error import BAND, charged, force_error, over_impact
+from flexmotion.biomechanics.ground_reaction import GROUND, NO_FORCE, GroundSettings
 from flexmotion.biomechanics.inverse_dynamics import effort, joint_torques
 from flexmotion.biomechanics.segment_motion import segment_motion
 from flexmotion.biomechanics.simulation.perturbation import (
@@ -29,7 +31,8 @@ from flexmotion.biomechanics.simulation.reference import Floor, carried_loads, r
 from flexmotion.biomechanics.simulation.tracking import COST, Tracked, TrackingCost, track
 from flexmotion.biomechanics.simulation.tracking_model import TRACKING, TrackingModel, TrackingSettings, tracking_model
 from flexmotion.biomechanics.smoothing import CUTOFF, smoothing_spline
-from flexmotion.biomechanics.sole import COLUMNS, POINTS, sole_grid
+from flexmotion.biomechanics.sole import COLUMNS, NEARNESS, POINTS, Nearness, sole_grid
+from flexmotion.biomechanics.sole import REACH as SOLE_REACH
 from flexmotion.configs.errors import FlexMotionError
 from flexmotion.human.human_model import human_model
 from flexmotion.human.motion import Motion
@@ -41,6 +44,9 @@ Float = NDArray[np.float64]
 
 WINDOW_S = 0.5
 """Length of the windows that are judged [s]."""
+
+PULL = 0.02
+"""Greatest force towards the floor, before projection, of a foot in a good frame [body weights]."""
 
 
 class TrackingFailedError(FlexMotionError):
@@ -80,8 +86,10 @@ class PerturbedMotion:
     """A tracked motion.
 
     Attributes:
-        dynamics: motion, forces and loads at the frame rate; its `residual` is what the assistance leaves.
-        perturbation: what it met.
+        dynamics: motion, forces and loads at the frame rate; its `residual` is the low-passed assistance and what the
+            projection took from the ground forces.
+        pulled: whether the force of a foot pulled at the floor by over `PULL` before projection, (T,); no good frame.
+        perturbation: push, carried load and slope.
         assistance: largest force on the root in each frame, and moment per metre of leg, (T, 2) [body weights].
         windows: whether each window of the whole simulation was tracked.
         simulation: every step of the frames that were kept.
@@ -89,6 +97,7 @@ class PerturbedMotion:
     """
 
     dynamics: Dynamics
+    pulled: NDArray[np.bool_]
     perturbation: Perturbation
     assistance: Float
     windows: NDArray[np.bool_]
@@ -118,8 +127,10 @@ def perturbed(
     cost: TrackingCost = COST,
     settings: TrackingSettings = TRACKING,
     limits: WindowLimits = WINDOW_LIMITS,
+    ground: GroundSettings = GROUND,
+    nearness: Nearness = NEARNESS,
 ) -> PerturbedMotion:
-    """Simulate a human who does the motion under a perturbation.
+    """Simulate the motion of a human under a perturbation.
 
     Args:
         motion: kinematics, and a body with the human's mass.
@@ -130,19 +141,20 @@ def perturbed(
         cost: of deviations from the motion.
         settings: of the simulation.
         limits: of a tracked window; the motion ends a window before the first that is not.
+        ground, nearness: of the ground forces of the reference.
 
     Raises:
         TrackingFailedError: the motion would end before `ranges.settle_s` after the push, or has no whole window.
     """
     count = min(len(motion), round(ranges.longest_s * motion.fps) + 1)
-    found = dynamics(motion[:count], cutoff)
+    found = dynamics(motion[:count], cutoff, ground, nearness)
     if perturbation is None:
         perturbation = drawn(found.motion.duration, motion.body.mass, np.random.default_rng(seed), ranges)
     settings = replace(settings, rate=motion.fps * max(1, round(settings.rate / motion.fps)))
     start = found.motion.root_position[0] * [1.0, 1.0, 0.0]
     floor = Floor(np.array(perturbation.slope), start)
     tracked = tracking_model(motion.body, settings).carrying(perturbation.masses).on_slope(floor.slope, start)
-    followed = reference(tracked, found, floor, perturbation.masses)
+    followed = reference(tracked, found, floor, perturbation.masses, ground, nearness)
     time = np.arange(len(followed.qpos)) / settings.rate
     steps = track(tracked, followed, perturbation.push_force(time, motion.body.mass), cost)
     windows = tracked_windows(tracked, steps, len(followed.qpos) - 1, limits)
@@ -152,9 +164,12 @@ def perturbed(
         lost = windows.argmin() * WINDOW_S if not windows.all() else len(steps) / settings.rate
         raise TrackingFailedError(f"perturbed: the simulated human lost the motion at {lost:.1f} s", windows.tolist())
     kept = Tracked(**{name: value[:last] for name, value in vars(steps).items()})
-    labels, applied = _labels(tracked, found.motion, floor, kept, perturbation, cutoff, followed.substeps)
+    labels, applied, pulled = _labels(
+        tracked, found.motion, floor, kept, perturbation, cutoff, followed.substeps, settings.contact.friction
+    )
     return PerturbedMotion(
         dynamics=labels,
+        pulled=pulled,
         perturbation=perturbation,
         assistance=_assistance(tracked, kept, followed.substeps),
         windows=windows,
@@ -208,12 +223,13 @@ def _labels(
     perturbation: Perturbation,
     cutoff: float,
     substeps: int,
-) -> tuple[Dynamics, Float]:
-    """Labels at the frame rate, and the applied joint torques, low-passed, (T, 26)."""
+    friction: float,
+) -> tuple[Dynamics, Float, NDArray[np.bool_]]:
+    """Labels at the frame rate, the applied joint torques, low-passed, (T, 26), and `PerturbedMotion.pulled`."""
     rate, frames = 1 / tracked.model.opt.timestep, slice(None, None, substeps)
 
-    def low(signal: Float) -> Float:
-        return smoothing_spline(signal, rate, cutoff)[frames]
+    def low(signal: Float, limit: float = cutoff) -> Float:
+        return smoothing_spline(signal, rate, limit)[frames]
 
     qpos = steps.qpos.copy()
     for first in tracked.quaternions():
@@ -230,14 +246,19 @@ def _labels(
     feet = [index[f"calcaneus_{side}"] for side in SIDES]
     grid = segments.position[:, feet, None] + np.einsum("tsij,pj->tspi", segments.rotation[:, feet], sole_grid(body))
     about_origin = low(steps.wrenches)
-    wrenches, centres = _at_centres(about_origin, floor, grid.mean(axis=2), weight)
+    wrenches, centres = projected(about_origin, floor, grid, friction)
     left = effort(segments, body, loads).about(segments.centre)
     for side in range(2):
         arm = centres[:, side] - segments.centre
         force = wrenches[:, side, :3]
         left -= np.concatenate([force, np.cross(arm, force) + wrenches[:, side, 3:]], axis=1)
-    # The forces are those of the simulation, not estimated from kinematics.
-    sources = np.zeros((len(motion), 2, len(FACTORS)))
+    residual = np.linalg.norm(left.reshape(-1, 2, 3), axis=-1) / weight
+    clipped = np.linalg.norm(about_origin[..., :3] - wrenches[..., :3], axis=-1) / weight
+    removed = np.zeros_like(clipped)
+    if cutoff < BAND:
+        removed = over_impact((low(steps.wrenches, BAND) - about_origin)[..., :3] / weight, like.fps)
+    sources = _error_sources(wrenches[..., :3] / weight, removed, residual[:, 0])
+    pulled: NDArray[np.bool_] = np.any(about_origin[..., :3] @ floor.normal < -PULL * weight, axis=1)
     return (
         Dynamics(
             motion=replace(
@@ -248,14 +269,26 @@ def _labels(
             ),
             segments=segments,
             centres=centres,
-            point_forces=_point_forces(grid, wrenches[..., :3], centres),
-            residual=np.linalg.norm(left.reshape(-1, 2, 3), axis=-1) / weight,
+            point_forces=_point_forces(_on_floor(grid, floor), wrenches[..., :3], centres),
+            residual=residual,
             error_sources=sources,
-            force_error=force_error(sources),
+            force_error=np.hypot(force_error(sources), clipped),
             loads=loads,
         ),
         low(steps.control)[:, 6:],
+        pulled,
     )
+
+
+def _error_sources(forces: Float, removed: Float, residual: Float) -> Float:
+    """Size of every source of error, (T, 2, 6), in the order of `FACTORS` [body weights].
+
+    The simulation knows the share of the feet and the masses. It does not know a human's impacts, nor the ground
+    forces of a human without assistance.
+    """
+    loaded = np.linalg.norm(forces, axis=-1) > 0
+    nothing = np.zeros_like(removed)
+    return np.stack([nothing, nothing, removed, nothing, nothing, charged(residual, loaded)], axis=-1)
 
 
 def _loads(tracked: TrackingModel, segments_loads: tuple[ExternalLoad, ...], push: Float) -> tuple[ExternalLoad, ...]:
@@ -267,32 +300,62 @@ def _loads(tracked: TrackingModel, segments_loads: tuple[ExternalLoad, ...], pus
     return tuple(ExternalLoad(name, value) for name, value in force.items())
 
 
-def _at_centres(about_origin: Float, floor: Floor, soles: Float, weight: float) -> tuple[Float, Float]:
-    """Wrenches about centres of pressure on the floor, (T, 2, 6) and (T, 2, 3).
+def _on_floor(grid: Float, floor: Floor) -> Float:
+    """Points of the floor below points of the soles, (T, 2, 12, 3) [m]."""
+    below = grid.copy()
+    below[..., 2] = floor.height(grid)
+    return below
 
-    The centre of a foot that is not loaded is below the middle of its sole.
+
+def projected(about_origin: Float, floor: Floor, grid: Float, friction: float) -> tuple[Float, Float]:
+    """Wrenches that feet can exert on the floor, about centres of pressure, (T, 2, 6) and (T, 2, 3).
+
+    - A foot that pulls, or is above `SOLE_REACH`, has no force; its centre is below the middle of its sole.
+    - The friction of a loaded foot is at most `friction` times its pressure, and along the floor's normal at most that
+      times half the length of the sole [N·m].
+    - Its centre is on the floor below the sole: beyond it, the nearest in the sole's own coordinates.
     """
     normal = floor.normal
     force, moment = about_origin[..., :3], about_origin[..., 3:]
-    middle = soles.copy()
-    middle[..., 2] = floor.height(soles)
-    about_middle = moment - np.cross(middle, force)
+    below = _on_floor(grid, floor)
+    middle = below.mean(axis=2)
     pressure = force @ normal
-    loaded = pressure > LOADED * weight
+    height = (grid[..., 2] - below[..., 2]).min(axis=-1)
+    loaded = (pressure > NO_FORCE) & (height < SOLE_REACH)
+    about_middle = moment - np.cross(middle, force)
     # The point of the plane about which the moment has no part in it.
     shift = np.cross(normal, about_middle) / np.where(loaded, pressure, 1.0)[..., None]
-    centres = middle + np.where(loaded[..., None], shift, 0.0)
-    return np.concatenate([force, moment - np.cross(centres, force)], axis=-1), centres
+    found = middle + np.where(loaded[..., None], shift, 0.0)
+    forward, side = _sole_shares(below, found)
+    heel, toe, across = below[:, :, 0], below[:, :, -COLUMNS], below[:, :, COLUMNS - 1]
+    inside = heel + forward[..., None] * (toe - heel) + side[..., None] * (across - heel)
+    centres = np.where(loaded[..., None], inside, middle)
+
+    along = force - pressure[..., None] * normal
+    size = np.linalg.norm(along, axis=-1)
+    most = friction * np.maximum(pressure, 0.0)
+    along = along * np.minimum(1.0, most / np.maximum(size, NO_FORCE))[..., None]
+    possible = np.where(loaded[..., None], pressure[..., None] * normal + along, 0.0)
+    half = np.linalg.norm(grid[:, :, -COLUMNS] - grid[:, :, 0], axis=-1) / 2
+    twist = np.clip((moment - np.cross(found, force)) @ normal, -most * half, most * half)
+    return np.concatenate([possible, np.where(loaded, twist, 0.0)[..., None] * normal], axis=-1), centres
 
 
-def _point_forces(grid: Float, force: Float, centres: Float) -> Float:
+def _sole_shares(below: Float, points: Float) -> tuple[Float, Float]:
+    """Coordinates of points in the soles' outlines on the floor, heel to toe and across, each (T, 2) in [0, 1]."""
+    heel, toe, across = (below[:, :, point, :2] for point in (0, -COLUMNS, COLUMNS - 1))
+    first, second, away = toe - heel, across - heel, points[..., :2] - heel
+    area = first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0]
+    # A sole seen from its edge has no area: any point of it is as good.
+    area = np.where(np.abs(area) > 1e-6, area, np.inf)
+    forward = (away[..., 0] * second[..., 1] - away[..., 1] * second[..., 0]) / area
+    side = (first[..., 0] * away[..., 1] - first[..., 1] * away[..., 0]) / area
+    return np.clip(forward, 0.0, 1.0), np.clip(side, 0.0, 1.0)
+
+
+def _point_forces(below: Float, force: Float, centres: Float) -> Float:
     """Forces at the points of the soles, shared by the corners so that they act at the centre, (T, 2, 12, 3) [N]."""
-    heel, toe, across = grid[:, :, 0], grid[:, :, -COLUMNS], grid[:, :, COLUMNS - 1]
-    shares = []
-    for end in (toe, across):
-        along = end - heel
-        shares.append(np.clip(np.sum((centres - heel) * along, axis=-1) / np.sum(along**2, axis=-1), 0.0, 1.0))
-    forward, side = shares
+    forward, side = _sole_shares(below, centres)
     found = np.zeros((*force.shape[:2], POINTS, 3))
     for point, share in (
         (0, (1 - forward) * (1 - side)),

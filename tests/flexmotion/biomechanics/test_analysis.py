@@ -1,4 +1,4 @@
-"""One clip in full: what it comes to, what is refused, and its place in a recording."""
+"""One clip in full: its figures, what is refused, and its place in a recording."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from flexmotion.biomechanics.analysis import ClipAnalysis, Recording, analyse
 from flexmotion.biomechanics.differentiation import EDGE, second_derivative
+from flexmotion.biomechanics.joint_contact import compression, stance_peaks
 from flexmotion.configs.errors import ConfigError, MotionFormatError
 from flexmotion.human.kinematics import forward
 from flexmotion.human.motion import Motion
@@ -84,9 +85,41 @@ def test_muscles(clip: Motion) -> None:
     assert found.muscles is not None
     assert found.muscles.state.activations.shape == (30, len(found.muscles.names))
     figures = found.figures()
-    assert 0.3 < figures["peak_joint_contact_bw"]["knee_l"] < 10.0
+    assert 0.3 < figures["peak_compression_bw"]["knee_l"] < 10.0
+    assert figures["stance_compression_bw"]["knee_l"] is None, "standing has no stance phase"
     assert set(figures["saturated_muscles"]) <= set(found.muscles.names[: found.muscles.legs])
     assert (figures["saturated_share"] > 0) == bool(figures["saturated_muscles"])
+
+
+def test_ends_of_a_clip_have_no_peaks(clip: Motion) -> None:
+    """Regression: accelerations at the ends, known from one side, gave the greatest force of a clip."""
+    found = analyse(clip[:40], muscles=False)
+    expected = found.figures()
+    wrenches, torques = found.dynamics.motion.wrenches, found.dynamics.motion.torques
+    assert wrenches is not None and torques is not None
+    wrenches[EDGE - 1] = wrenches[-EDGE] = 1e5
+    torques[0] = torques[-1] = 1e5
+    figures = found.figures()
+    assert figures["peak_vertical_force_bw"] == expected["peak_vertical_force_bw"]
+    assert figures["peak_moment_nm_per_kg"] == expected["peak_moment_nm_per_kg"]
+
+
+def test_peaks_of_stance_phases_are_compression_of_whole_good_phases() -> None:
+    """Regression: peaks of contact were lengths of the force over all frames, beside targets of compression."""
+    fps, frames = 20.0, 60
+    contacts, good = np.zeros((frames, 2), bool), np.ones(frames, bool)
+    # Left: two phases, one of them at the end of the clip; right: one, with a frame that is not good.
+    contacts[10:20, 0] = contacts[45:, 0] = contacts[25:40, 1] = True
+    good[30] = False
+    contact = np.zeros((frames, 3, 3))
+    contact[..., 2], contact[..., 0] = -100.0, 1e4
+    contact[15, :, 2], contact[22, :, 2], contact[50, :, 2] = -300.0, -800.0, -900.0
+    contact[:, 2, 2] *= -1.0
+    crossings = ("knee_l", "knee_r", "lumbar")
+    pressed = compression(contact, crossings, 100.0)
+    assert pressed[0] == pytest.approx(1.0)
+    found = stance_peaks(pressed, crossings, contacts, good, fps)
+    assert found[[0, 2]] == pytest.approx(3.0) and np.isnan(found[1])
 
 
 def test_a_foot_in_the_air_has_its_centre_of_pressure_below_its_sole(clip: Motion, make_standing) -> None:

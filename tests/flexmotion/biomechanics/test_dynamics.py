@@ -10,7 +10,7 @@ import pytest
 
 from benchmarks.biomechanics.gait import force_errors, moment_errors, verdicts
 from benchmarks.biomechanics.gait_trial import load_trial
-from benchmarks.biomechanics.plate_trials import TRIALS, force_difference, load_plates
+from benchmarks.biomechanics.plate_trials import TRIALS, force_difference
 from flexmotion.biomechanics.dynamics import dynamics
 from flexmotion.biomechanics.floor_drift import on_level_floor
 from flexmotion.biomechanics.ground_reaction import GROUND, GroundReaction, ground_reaction
@@ -161,6 +161,6 @@ def test_the_steady_share_follows_a_lean(make_standing, frequency: float) -> Non
 
 @pytest.mark.parametrize(("name", "limit"), [("treadmill walk", 3.8), ("ground walk", 3.2), ("drop jump", 12.0)])
 def test_vertical_forces_of_three_people(shared_data: Path, name: str, limit: float) -> None:
-    trial = load_plates(shared_data / f"{TRIALS[name]}.npz", 30.0)
+    trial = load_trial(shared_data / f"{TRIALS[name]}.npz", 30.0)
     difference = force_difference(trial, dynamics(trial.motion))[trial.valid, :, 2]
     assert 100 * np.sqrt(np.mean(difference**2, axis=0)).max() <= limit

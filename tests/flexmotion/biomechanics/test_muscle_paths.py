@@ -9,7 +9,9 @@ from numpy.typing import NDArray
 
 pytest.importorskip("myo_sim", reason="extra 'biomech' is not installed")
 
+from flexmotion.biomechanics import muscle_geometry
 from flexmotion.biomechanics.muscle_geometry import MuscleModel, muscle_models
+from flexmotion.configs.errors import ConfigError
 
 Float = NDArray[np.float64]
 
@@ -80,3 +82,15 @@ def test_legs_are_mirror_images() -> None:
         (one, one_arms), (two, two_arms) = lengths_and_arms(left, pose), lengths_and_arms(right, pose)
         assert one == pytest.approx(two, abs=2e-4)
         assert one_arms == pytest.approx(two_arms, abs=2e-3)
+
+
+def test_a_model_with_another_knee_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Regression: any later `myo-sim` was taken, and its corrected knee would have been replaced without a word."""
+    legs, trunk = muscle_geometry._specs()
+    for side in "lr":
+        for joint in legs.body(f"tibia_{side}").joints:
+            if joint.type == mujoco.mjtJoint.mjJNT_HINGE:
+                joint.pos = muscle_geometry.KNEE_AXIS
+    monkeypatch.setattr(muscle_geometry, "_specs", lambda: (legs, trunk))
+    with pytest.raises(ConfigError, match=r"knee_angle_l is at \(-8.1, -3.5, 1.5\) mm .*myo-sim<0.3"):
+        muscle_models.__wrapped__()

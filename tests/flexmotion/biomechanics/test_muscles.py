@@ -97,7 +97,7 @@ def test_round_trip_through_mujocos_muscles(enriched) -> None:
 
     found, state = enriched
     motion = found.motion
-    scale, column, close = strength(motion), 0, []
+    scale, column, close = strength(motion.body), 0, []
     wanted, made = [], []
     for muscles in muscle_models():
         model, data = muscles.model, mujoco.MjData(muscles.model)

@@ -6,19 +6,29 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial import ConvexHull
 
 from flexmotion.biomechanics.differentiation import EDGE
 from flexmotion.biomechanics.external_load import ExternalLoad
+from flexmotion.biomechanics.force_error import SMALLEST
+from flexmotion.biomechanics.ground_reaction import GROUND
 from flexmotion.biomechanics.inverse_dynamics import effort
 from flexmotion.biomechanics.simulation.perturbation import LOADED_SEGMENTS, Perturbation, PerturbationRanges, drawn
+from flexmotion.biomechanics.simulation.reference import Floor
 from flexmotion.biomechanics.simulation.tracking_model import STRENGTH, TRACKING, tracking_model
-from flexmotion.biomechanics.simulation.variant import PerturbedMotion, TrackingFailedError, perturbed
+from flexmotion.biomechanics.simulation.variant import PULL, PerturbedMotion, TrackingFailedError, perturbed, projected
+from flexmotion.biomechanics.smoothing import CUTOFF, smoothing_spline
+from flexmotion.biomechanics.sole import sole_grid
 from flexmotion.human.human_model import human_model
 from flexmotion.human.motion import Motion
+from flexmotion.human.skeleton import SIDES
 from flexmotion.spatial.gravity import GRAVITY
 
 FRAMES = 52
 """Standing and waving at the begin of the shipped clip."""
+
+WALK = slice(246, 300)
+"""Steps of the shipped clip."""
 
 INNER = slice(EDGE, -EDGE)
 PUSH = Perturbation(
@@ -51,6 +61,12 @@ def root_residual(answer: PerturbedMotion, loads: tuple[ExternalLoad, ...]) -> n
         arm = found.centres[:, side] - found.segments.centre
         left -= np.concatenate([force, np.cross(arm, force) + moment], axis=1)
     return left / (found.motion.body.mass * GRAVITY)
+
+
+def low_passed(answer: PerturbedMotion) -> np.ndarray:
+    """Wrenches of the simulation at the frame rate, before projection, (T, 2, 6)."""
+    every = round(TRACKING.rate / answer.dynamics.motion.fps)
+    return np.asarray(smoothing_spline(answer.simulation.wrenches, TRACKING.rate, CUTOFF)[::every])
 
 
 def test_angles_return_from_the_ball_joints_of_the_tracking_model(clip: Motion) -> None:
@@ -189,3 +205,73 @@ def test_a_recording_above_the_floor_is_planted(clip: Motion) -> None:
     weight = clip.body.mass * GRAVITY
     assert answer.simulation.wrenches[:, :, 2].sum(axis=1).max() < 1.5 * weight
     assert answer.simulation.penetration.max() < 0.005
+
+
+@pytest.fixture(scope="module")
+def walking(clip: Motion) -> PerturbedMotion:
+    return perturbed(clip[WALK], 0, perturbation=Perturbation())
+
+
+def test_feet_push_at_the_floor_within_their_friction_and_soles(walking: PerturbedMotion) -> None:
+    """Regression: low-passed impacts pulled at the floor by .14 body weights, 16 cm beside the sole."""
+    found = walking.dynamics
+    assert found.motion.wrenches is not None
+    force, moment = found.motion.wrenches[..., :3], found.motion.wrenches[..., 3:]
+    weight = found.motion.body.mass * GRAVITY
+    low = low_passed(walking)
+    assert low[..., 2].min() < -0.01 * weight, "nothing pulls before the projection"
+    assert force[..., 2].min() >= 0.0
+    assert (np.linalg.norm(force[..., :2], axis=-1) <= 0.8 * force[..., 2] + 1e-6).all()
+    assert np.abs(moment[..., :2]).max() < 1e-9
+    index = human_model(found.motion.body).body_index
+    feet = [index[f"calcaneus_{side}"] for side in SIDES]
+    turned = np.einsum("tsij,pj->tspi", found.segments.rotation[:, feet], sole_grid(found.motion.body))
+    grid = found.segments.position[:, feet, None] + turned
+    assert np.abs(found.centres[..., 2]).max() < 1e-9
+    for frame, side in np.argwhere(force[..., 2] > 0):
+        outline = ConvexHull(grid[frame, side, :, :2])
+        away = outline.equations[:, :2] @ found.centres[frame, side, :2] + outline.equations[:, 2]
+        assert away.max() < 1e-6
+    acting = np.einsum("tspi,tsp->tsi", grid, found.point_forces[..., 2])[..., :2]
+    assert acting == pytest.approx(found.centres[..., :2] * force[..., 2:], abs=1e-6 * weight)
+
+
+def test_what_the_projection_takes_is_residual_and_error(walking: PerturbedMotion) -> None:
+    """Regression: labels of the simulation claimed an error of .005 body weights in every frame."""
+    found = walking.dynamics
+    assert found.motion.wrenches is not None and found.motion.torques is not None
+    weight = found.motion.body.mass * GRAVITY
+    residual = root_residual(walking, found.loads)
+    assert np.linalg.norm(residual[:, :3], axis=1) == pytest.approx(found.residual[:, 0])
+    assert np.linalg.norm(residual[:, 3:], axis=1) == pytest.approx(found.residual[:, 1])
+    assert found.motion.torques[:, :3] / weight == pytest.approx(residual[:, :3], abs=1e-9)
+    low = low_passed(walking)
+    taken = np.linalg.norm(low[..., :3] - found.motion.wrenches[..., :3], axis=-1) / weight
+    assert (found.force_error >= taken).all()
+    assert np.array_equal(walking.pulled, (low[..., 2] < -PULL * weight).any(axis=1))
+    strikes = np.abs(np.diff(walking.simulation.wrenches[:, :, 2], axis=0)).max(axis=0) > 0.2 * weight
+    assert (found.force_error.max(axis=0)[strikes] > 5 * SMALLEST).all() and strikes.any()
+
+
+def test_a_foot_in_the_air_has_no_force(clip: Motion) -> None:
+    """A lobe of the filter after take-off is a force of a foot that touches nothing."""
+    body, floor = clip.body, Floor(np.zeros(2), np.zeros(3))
+    grid = np.tile(sole_grid(body) - [0.0, 0.0, sole_grid(body)[0, 2]], (3, 2, 1, 1))
+    grid[:, 0, :, 2] += [[0.0], [0.04], [0.2]]
+    wrenches = np.zeros((3, 2, 6))
+    wrenches[..., 2] = 30.0
+    # A centre of pressure 1 m ahead of the heel, and friction beyond the cone.
+    wrenches[..., 4], wrenches[..., 0] = -30.0, 60.0
+    found, centres = projected(wrenches, floor, grid, 0.8)
+    assert found[:, 0, 2] == pytest.approx([30.0, 30.0, 0.0])
+    assert found[:, 1, 2] == pytest.approx(30.0)
+    assert found[:, 1, 0] == pytest.approx(24.0)
+    assert centres[:, 1, 0] == pytest.approx(grid[0, 1, :, 0].max())
+    assert centres[2, 0, 0] == pytest.approx(grid[2, 0, :, 0].mean())
+
+
+def test_the_reference_has_the_ground_settings_of_the_set(clip: Motion) -> None:
+    """Regression: the reference of a simulated variant had default settings, whatever those of the build."""
+    other = replace(GROUND, steady=0.0, side_pivot=0.1)
+    first, again = (perturbed(clip[:24], 0, perturbation=Perturbation(), ground=ground) for ground in (GROUND, other))
+    assert not np.allclose(first.simulation.control, again.simulation.control, atol=0.1)

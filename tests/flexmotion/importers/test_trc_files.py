@@ -58,6 +58,13 @@ def extra(name: str, seen: float) -> Callable[[Tracks], Tracks]:
     return add
 
 
+def model_outputs(tracks: Tracks) -> Tracks:
+    """Moments and forces of a laboratory's software in columns of points: 80 times the size of a human."""
+    time = np.arange(len(next(iter(tracks.values()))))[:, None] / 30
+    names = [f"{side}{joint}{kind}" for side in "LR" for joint in ("Hip", "Knee") for kind in ("Moment", "Force")]
+    return tracks | {name: 60.0 * np.sin(time + k + np.arange(3)) for k, name in enumerate(names)}
+
+
 def named(change: Callable[[str], str]) -> Callable[[Tracks], Tracks]:
     return lambda tracks: {change(name): track for name, track in tracks.items()}
 
@@ -174,6 +181,11 @@ MARKER_FILES: dict[str, tuple[str, Callable[[Tracks], Tracks], str]] = {
     "gap in a marker of the pelvis": ("plug_in_gait", gap("LASI", 3.0, 4.5), "LASI: gaps are reconstructed"),
     "gap in a wand": ("plug_in_gait", gap("LTHI", 3.0, 9.0), "LTHI: missing for too long, is not used"),
     "unused virtual points": ("plug_in_gait", extra("LHipAngles", 0.5), ""),
+    "gap beside model outputs, which set the scale": (
+        "plug_in_gait",
+        lambda tracks: model_outputs(gap("LASI", 3.0, 4.5)(tracks)),
+        "LASI: gaps are reconstructed",
+    ),
     "prefix": ("plug_in_gait", named(lambda name: f"Jim:{name}"), ""),
     "clusters": ("gait2354", lambda tracks: tracks, "left knee: no marker on it"),
     "two markers on a shank": ("gait2354", without("Shank.Rear"), ""),
@@ -222,6 +234,19 @@ def test_refused_with_what_is_missing(name: str, tmp_path: Path, centres: Tracks
         read(path)
     assert message in str(error.value)
     assert "a.trc" in str(error.value)
+
+
+@pytest.mark.parametrize("kind", ["plug_in_gait", "gait2354"])
+def test_one_frame_of_surface_markers(kind: str, tmp_path: Path, markers: dict[str, Tracks]) -> None:
+    """A static trial of one frame ended in an IndexError."""
+    path = write_trc(tmp_path / "a.trc", {name: track[:1] for name, track in markers[kind].items()})
+    with pytest.raises(MotionFormatError, match=r"a.trc: has 1 frame.*expected at least 2"):
+        read(path)
+
+
+def test_two_frames_of_surface_markers(tmp_path: Path, markers: dict[str, Tracks]) -> None:
+    tracks = {name: track[:2] for name, track in markers["plug_in_gait"].items()}
+    assert len(read(write_trc(tmp_path / "a.trc", tracks)).motion) == 2
 
 
 def test_decimal_comma(tmp_path: Path, centres: Tracks) -> None:

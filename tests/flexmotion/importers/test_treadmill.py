@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,8 @@ from flexmotion.configs.errors import ConfigError
 from flexmotion.importers.landmarks import Landmarks, landmarks
 from flexmotion.importers.mapping import find_mapping
 from flexmotion.importers.packed import read_packed
-from flexmotion.importers.treadmill import backward_speed, backwards, belt_velocity, without_belt
+from flexmotion.importers.trc import read_trc
+from flexmotion.importers.treadmill import backward_speed, backwards, belt_suspected, belt_velocity, without_belt
 
 HIP = 0.9
 
@@ -52,6 +54,17 @@ def test_belt_of_a_short_clip() -> None:
     """One stride, 1.2 s, is what the example of a laboratory has."""
     clip = without_belt(gait(1.1, 1.2), np.array([1.1, 0.0]))
     assert belt_velocity(clip) == pytest.approx([-1.1, 0.0], abs=0.05)
+
+
+@pytest.mark.parametrize("start", [0.1, 0.2, 0.6, 0.7])
+def test_belt_that_a_short_clip_does_not_prove(start: float) -> None:
+    """Less than a stride of a treadmill was taken as ground without a word."""
+    ground = gait(1.1, 2.0)
+    frames = slice(round(start * ground.fps), round((start + 0.4) * ground.fps))
+    belt = without_belt(ground, np.array([1.1, 0.0]))[frames]
+    assert not belt_velocity(belt).any()
+    assert belt_suspected(belt)
+    assert not belt_suspected(ground[frames])
 
 
 def test_removal_gives_the_clip_over_ground() -> None:
@@ -95,6 +108,7 @@ def test_motion_over_ground_is_no_belt() -> None:
         "skates: alternate feet slide under the moving body": _drifting(line, line, march),
     }
     assert [name for name, clip in clips.items() if belt_velocity(clip).any()] == []
+    assert [name for name, clip in clips.items() if belt_suspected(clip)] == []
 
 
 def test_clip_too_short_for_a_belt() -> None:
@@ -117,6 +131,7 @@ def recorded() -> list[Landmarks]:
 
 def test_recorded_motion_has_no_belt(recorded: list[Landmarks]) -> None:
     assert [clip.path for clip in recorded if belt_velocity(clip).any()] == []
+    assert [clip.path for clip in recorded[::3] if belt_suspected(clip)] == []
 
 
 def test_recorded_walks_as_if_on_a_belt(recorded: list[Landmarks]) -> None:
@@ -148,3 +163,19 @@ def test_trials_of_laboratories() -> None:
     assert speeds["gait2354_markers"] == pytest.approx(1.13, abs=0.03)
     assert speeds["gait2354_joint_centres"] == pytest.approx(1.13, abs=0.03)
     assert speeds["gait_second_walk_joint_centres"] == 0.0
+
+
+@pytest.mark.parametrize("first", [0, 48, 84])
+def test_short_part_of_a_treadmill_trial(first: int) -> None:
+    """.63 s of the trial on the belt was taken as ground, and nothing said that it might not be."""
+    from flexmotion.importers.load import fit_capture
+
+    try:
+        capture = read_trc(data_folder() / "gait2354_markers.trc")
+    except ConfigError:
+        pytest.skip("needs the motion data")
+    found = fit_capture(replace(capture, positions=capture.positions[first : first + 38]))
+    assert not found.belt.any()
+    assert any("may be a treadmill" in text and "--belt V, or none" in text for text in found.warnings)
+    decided = fit_capture(replace(capture, positions=capture.positions[first : first + 38]), belt=None)
+    assert not any("treadmill" in text for text in decided.warnings)

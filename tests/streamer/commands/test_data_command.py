@@ -15,7 +15,9 @@ import pytest
 
 from flexmotion.human.motion_file import load_motion, save_motion
 from flexmotion.importers.default_clip import default_clip
+from flexmotion.streamer import api
 from flexmotion.streamer.cli import execute
+from flexmotion.streamer.commands.choice import choose_motion, library_of
 from flexmotion.streamer.commands.exit_codes import BAD_USAGE, CHECK_FAILED, OK
 
 from ...flexmotion.importers.surface_markers import joint_centres, write_trc
@@ -116,6 +118,37 @@ def test_import_says_what_was_guessed_and_removed(tmp_path: Path, capsys: pytest
     motion = load_motion(out)
     assert motion.body.mass == 61.5
     assert motion.root_position[-1, 0] > 0.8 * motion.duration - 0.3
+
+
+def test_augment_says_what_was_guessed_and_takes_the_mass(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """`data augment` guessed the mass and removed belts without a word, and took no options to say better."""
+    tracks = {name: track[:60] for name, track in joint_centres(default_clip()).items()}
+    file, out = write_trc(tmp_path / "a.trc", tracks), tmp_path / "out.npz"
+    command = ["data", "augment", str(file), "-o", str(out), "--mirror"]
+    assert execute(command) == OK
+    assert "mass of" in capsys.readouterr().err
+    assert load_motion(out).mass_given is False
+    assert execute([*command, "--mass", "61.5", "--belt", "0.8", "--json"]) == OK
+    notes = json.loads(capsys.readouterr().out)["warnings"]
+    assert [text for text in notes if "belt of 0.80 m/s" in text] == notes
+    assert (load_motion(out).body.mass, load_motion(out).mass_given) == (61.5, True)
+
+
+def test_a_clip_that_a_robot_follows_says_how_it_was_read(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
+) -> None:
+    """A belt was removed from clips of `--clip`, and nothing said so."""
+    tracks = {name: track[:60] for name, track in joint_centres(default_clip()).items() if "Wrist" not in name}
+    file = write_trc(tmp_path / "a.trc", tracks)
+    library_of([file, write_trc(tmp_path / "b.trc", tracks)])
+    said = capsys.readouterr().err
+    assert ("a.trc: no point for the left wrist" in said, "b.trc: no point for the left wrist" in said) == (True, True)
+    assert choose_motion(file).source == "a.trc"
+    assert "arm hangs" in capsys.readouterr().err
+    assert choose_motion().source == "default"
+    assert capsys.readouterr().err == ""
+    api.load_motion(file)
+    assert "a.trc: no point for the left wrist" in caplog.text
 
 
 @pytest.mark.parametrize(

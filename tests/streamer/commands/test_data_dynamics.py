@@ -36,7 +36,7 @@ def write(tmp_path: Path) -> Write:
 
 @pytest.fixture
 def clip_file(write: Write) -> str:
-    return str(write(default_clip()[:45]))
+    return str(write(replace(default_clip()[:45], mass_given=True)))
 
 
 @pytest.fixture
@@ -78,7 +78,7 @@ def test_muscles(clip_file: str, out: Path, capsys: pytest.CaptureFixture[str]) 
     pytest.importorskip("myo_sim", reason="extra biomech")
     assert execute(["data", "dynamics", clip_file, "-o", str(out / "walk.sto")]) == OK
     assert {"walk_activations.sto", "walk_joint_contact.sto"} <= names(out)
-    assert "knee contact" in capsys.readouterr().out
+    assert "knee compression" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(("suffix", "start"), [("png", b"\x89PNG"), ("pdf", b"%PDF"), ("svg", b"<?xml")])
@@ -93,7 +93,8 @@ def test_page_in_html_holds_figures_and_picture(clip_file: str, out: Path) -> No
     assert execute(["data", "dynamics", clip_file, "-o", str(out / "w.npz"), "--plots", str(page), QUICK]) == OK
     text = page.read_text()
     assert "data:image/png;base64," in text and "vertical force" in text
-    assert "http" not in text.replace("http-equiv", "")
+    # Not "http": the letters of a picture in base64 may spell it.
+    assert "://" not in text
 
 
 def test_page_with_muscles_and_flags(out: Path, write: Write, make_bad: Motion) -> None:

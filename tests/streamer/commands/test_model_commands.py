@@ -63,7 +63,11 @@ def _trained(folder: Path, capsys: pytest.CaptureFixture[str], *, muscles: bool)
     )
     build([motions], folder / "set", BuildSettings(muscles=muscles, mirrored=False))
     config = folder / "small.yaml"
-    text = (FOLDER / "stream.yaml").read_text().replace("patch: 4}", f"patch: 4, muscles: {str(muscles).lower()}}}")
+    text = (
+        (FOLDER / "stream.yaml")
+        .read_text()
+        .replace("joint_contact: true", f"muscles: {str(muscles).lower()}, joint_contact: {str(muscles).lower()}")
+    )
     config.write_text(text.replace("batch: 64", "batch: 4").replace("width: 192, heads: 6", "width: 24, heads: 2"))
     arguments = ["train", "autoencoder", "--set", str(folder / "set"), "--config", str(config)]
     assert execute([*arguments, "-o", str(folder / "run"), "--steps", "2", "--threads", "1", "--json"]) == 0
