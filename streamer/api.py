@@ -41,7 +41,6 @@ from flexmotion.streamer.report.report import Report, RunInfo, build_report
 from flexmotion.streamer.run.played_human import human_motion
 from flexmotion.streamer.run.requests import Request
 from flexmotion.streamer.run.session import Clock, Phase, Session
-from flexmotion.streamer.viewer.service import Viewer
 
 Followed = Motion | Intent | Sequence[Item]
 """What a robot can follow: a motion, one intent, or a script of intents."""
@@ -177,7 +176,6 @@ def open_session(
     next_request: Callable[[], Request | None] | None = None,
     on_event: Callable[[Event], None] | None = None,
     log: str | Path | None = None,
-    view_port: int | None = None,
     listening: Listening | None = None,
     allow_refused: bool = False,
 ) -> Session:
@@ -209,8 +207,7 @@ def open_session(
             and return a `Request`.
         on_event: called with every event as it happens.
         log: file (.mcap) to record to; None: none.
-        view_port: first port to try for the page that shows the run; None: no page.
-        listening: on the real clock, how the run listens for targets of other programs; None: it does not.
+        listening: how the run shows itself in a browser and listens for targets of other programs; None: not at all.
         allow_refused: the report is ok although something that was asked was refused, dropped or not finished.
 
     Raises:
@@ -242,8 +239,6 @@ def open_session(
         session.on_event = on_event
     if listening is not None:
         listen(session, listening)
-    if view_port is not None:
-        session.services += (Viewer(robot, session.telemetry, port=view_port),)
     if isinstance(source, Performance):
         # Before the run only: once it has started, the loop is the ring's one writer.
         for remark in source.remarks:

@@ -32,7 +32,6 @@ from flexmotion.streamer.commands.options import (
     StopPortOption,
     TokenFileOption,
     ViewOption,
-    ViewPortOption,
     WebOption,
     WebPortOption,
 )
@@ -116,7 +115,6 @@ class RunOptions:
     report: ReportOption = None
     log: LogOption = None
     view: ViewOption = False
-    view_port: ViewPortOption = 8080
     web: WebOption = False
     web_port: WebPortOption = None
     stop_port: StopPortOption = None
@@ -132,7 +130,7 @@ class RunOptions:
         return self.web or self.stdin
 
     def _listening(self) -> Listening | None:
-        if not self.listens:
+        if not (self.listens or self.view):
             return None
         import os
 
@@ -144,7 +142,8 @@ class RunOptions:
             port=self.web_port,
             stop_port=self.stop_port,
             token=find_token(self.token_file),
-            network=self.web,
+            network=self.web or self.view,
+            takes_targets=self.listens,
             # Copies: a forked process closes its standard input.
             lines=(os.dup(0), os.dup(1)) if self.stdin else None,
         )
@@ -176,7 +175,6 @@ class RunOptions:
             stay=stay,
             realtime=self.realtime,
             log=log_file(self.log, self.report),
-            view_port=self.view_port if self.view else None,
             listening=self._listening(),
             allow_refused=self.allow_refused,
         )

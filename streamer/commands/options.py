@@ -140,14 +140,19 @@ ReplanNoiseOption = Annotated[
         help="Redraw every plan's human motion with an error that grows to this in a second, as a live model does.",
     ),
 ]
-ViewOption = Annotated[bool, typer.Option("--view/--no-view", help="Show the run in the browser while it runs.")]
-ViewPortOption = Annotated[
-    int,
-    typer.Option("--view-port", min=1, max=65535, help="Port of that page on this machine, or the next free one."),
+ViewOption = Annotated[
+    bool,
+    typer.Option(
+        "--view/--no-view", help="Show the run in the browser, as --web, but take no targets; it can be stopped."
+    ),
 ]
 FeedbackOption = Annotated[bool, typer.Option("--feedback/--no-feedback", help="Balance feedback.")]
 WebOption = Annotated[
-    bool, typer.Option("--web/--no-web", help="Listen for targets of other programs (`flexmotion send`), see /docs.")
+    bool,
+    typer.Option(
+        "--web/--no-web",
+        help="Show the run in the browser and steer it there, or by other programs (`flexmotion send`).",
+    ),
 ]
 WebPortOption = Annotated[
     int | None,
@@ -155,7 +160,7 @@ WebPortOption = Annotated[
         "--web-port",
         min=1,
         max=65535,
-        help="Port for targets; else that of the stream settings (8790).",
+        help="Port of the page and for targets; else that of the stream settings (8790).",
         show_default=False,
     ),
 ]

@@ -20,7 +20,6 @@ from flexmotion.streamer.log.recorder import Recorder
 from flexmotion.streamer.motion.sources import Performance
 from flexmotion.streamer.report.summary import render
 from flexmotion.streamer.run.session import Session
-from flexmotion.streamer.viewer.service import Viewer
 
 
 def stream(session: Session, signals: OperatorSignals | None = None) -> api.Outcome:
@@ -42,8 +41,6 @@ def stream(session: Session, signals: OperatorSignals | None = None) -> api.Outc
 
         session.progress = show
         for service in session.services:
-            if isinstance(service, Viewer):
-                print_note(f"view: {service.url}")
             if isinstance(service, GatewayService) and service.url is not None:
                 print_note(f"web: {service.url}")
         try:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections import Counter, deque
+from collections import Counter, OrderedDict, deque
 from collections.abc import Callable, Hashable
 
 from flexmotion.configs.errors import ConfigError
@@ -47,6 +47,8 @@ _GRACE_S = 1.0
 """Time that the planner has to answer a target after its time is over, before the gateway does [s]."""
 _AHEAD_S = 1.0
 """A sender's clock may be ahead of this machine's by so much [s]."""
+_SOURCES = 256
+"""Targets whose senders are remembered."""
 
 _REQUESTS: dict[type, Request] = {
     StopMessage: Request.STOP,
@@ -69,10 +71,12 @@ class Desk:
         heard: the planner's answers.
         requests: the gateway's channel to the loop.
         on_lease: called with the operator before and the one now, when the lease goes over.
+        takes_targets: else the run only shows itself, and can be stopped.
 
     Attributes:
         counts: messages received, answers by state, and what was refused, by its reason.
         following: the newest target that was accepted; None before the first.
+        sources: who sent the newest targets, by number.
     """
 
     def __init__(
@@ -83,11 +87,15 @@ class Desk:
         heard: HeardChannel,
         requests: RequestChannel,
         on_lease: Callable[[str | None, str | None], None] = lambda _before, _now: None,
+        *,
+        takes_targets: bool = True,
     ) -> None:
+        self.takes_targets = takes_targets
         self.settings, self.targets, self.requests, self.on_lease = settings, targets, requests, on_lease
         self.lease = Lease(settings)
         self.counts: Counter[str] = Counter()
         self.following: Following | None = None
+        self.sources: OrderedDict[int, str] = OrderedDict()
         self._ticks: Ring = telemetry.ticks
         self._events = telemetry.events.reader(new_only=True)
         self._heard = heard.reader()
@@ -153,6 +161,8 @@ class Desk:
             self._reply(asked, "refused", f"sequence {message.sequence} does not come after the last of this source")
         elif type(message) in _WITHOUT_LEASE:
             self._request(asked)
+        elif not self.takes_targets and not isinstance(message, KillMessage | ClearMessage):
+            self._reply(asked, "refused", "this run only shows itself (--view); start it with --web to steer it")
         elif isinstance(message, ReleaseMessage):
             held = self.lease.release(message.source)
             self._reply(asked, "accepted" if held else "refused", None if held else "the lease was not held")
@@ -211,6 +221,9 @@ class Desk:
             return
         self._sent_s, asked.due_s = now, now + min(asked.holds_s, take_up_s) + _GRACE_S
         self._open[target.id] = asked
+        self.sources[target.id] = asked.message.source
+        while len(self.sources) > _SOURCES:
+            self.sources.popitem(last=False)
 
     def _request(self, asked: Asked) -> None:
         message = asked.message

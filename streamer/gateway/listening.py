@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 from flexmotion.configs.errors import ConfigError
 from flexmotion.streamer.gateway.admission import Admission
 from flexmotion.streamer.gateway.service import GatewayService, check_installed
 from flexmotion.streamer.gateway.stops import StopService
+from flexmotion.streamer.motion.model_source import ModelSource
+from flexmotion.streamer.page.feed import Feed
 from flexmotion.streamer.run.session import Session
 
 
@@ -20,6 +24,7 @@ class Listening:
         port, stop_port: of the gateway and of the stop process; None: those of the stream settings.
         token: that requests must carry; needed where other machines reach the address.
         network: whether the ports are opened; without them only `lines` are read.
+        takes_targets: whether the robot can be steered; else the run shows itself, and can be stopped.
         lines: file descriptors to read messages from and to write answers to, a JSON object a line; None: none.
     """
 
@@ -28,6 +33,7 @@ class Listening:
     stop_port: int | None = None
     token: str | None = None
     network: bool = True
+    takes_targets: bool = True
     lines: tuple[int, int] | None = None
 
 
@@ -37,7 +43,7 @@ def listen(session: Session, listening: Listening) -> None:
     Raises:
         ConfigError: a port is taken, an address needs a token, a library is missing, or the clock is lockstep.
     """
-    if session.clock != "real":
+    if session.clock != "real" and listening.takes_targets:
         raise ConfigError("clock: lockstep passes as fast as it computes; targets of other programs need clock real")
     settings, telemetry = session.settings.gateway, session.telemetry
     stops: tuple[StopService, ...] = ()
@@ -50,9 +56,8 @@ def listen(session: Session, listening: Listening) -> None:
         page = Admission(listening.address, listening.token, page_port=port)
         stops = (StopService(settings, telemetry, page, port=stop_port, realtime=session.realtime),)
     gateway = GatewayService(
-        session.robot.name,
+        session.robot,
         session.driver.name,
-        session.robot.rate_hz,
         settings,
         telemetry,
         session.targets,
@@ -61,5 +66,13 @@ def listen(session: Session, listening: Listening) -> None:
         port=port,
         stop_port=stop_port if listening.network else None,
         lines=listening.lines,
+        takes_targets=listening.takes_targets,
+        feed=partial(_feed, session) if listening.network else None,
+        pace=session.source.pace if isinstance(session.source, ModelSource) else None,
     )
     session.services += (*stops, gateway)
+
+
+def _feed(session: Session, source_of: Callable[[int], str | None]) -> Feed:
+    items = [heard for heard in session.heard if heard.item is not None]
+    return Feed(session.robot, session.telemetry, session.humans, session.heard_channel, items, source_of)

@@ -1,7 +1,8 @@
 """HTTP and WebSocket in front of the desk: a thin adapter (FastAPI, uvicorn).
 
 `/targets` is a WebSocket: a message a frame in, an answer a frame out, `?status=HZ` adds the status so many times a
-second. `POST /targets` and `POST /TYPE` take one message and give its answer. `GET /status`, `/openapi.json`, `/docs`.
+second, `?page` pictures and figures for a page. `POST /targets` and `POST /TYPE` take one message and give its answer.
+`GET /` is the page, further `/status`, `/openapi.json`, `/docs`.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 from flexmotion.streamer.gateway.admission import Admission
 from flexmotion.streamer.gateway.desk import Desk
 from flexmotion.streamer.gateway.messages import KINDS, Answer, Message, encode
+from flexmotion.streamer.gateway.pages import FILES, Pages, add_pages
 from flexmotion.streamer.gateway.status import Status
 
 _FASTEST_STATUS_HZ = 50.0
@@ -47,7 +49,10 @@ class Guard:
             await self.app(scope, receive, send)
             return
         headers = {name.decode("latin-1"): value.decode("latin-1") for name, value in scope["headers"]}
-        refusal = self.admission.refusal(headers, scope.get("query_string", b"").decode("latin-1"))
+        # The page's own files hold nothing of the run: a browser loads them before the page can ask for the token.
+        is_file = scope["type"] == "http" and (scope["path"] == "/" or scope["path"].startswith(FILES))
+        query = scope.get("query_string", b"").decode("latin-1")
+        refusal = self.admission.refusal(headers, query, token_needed=not is_file)
         if refusal is None:
             await self.app(scope, receive, send)
             return
@@ -62,9 +67,11 @@ class Guard:
 class Connections:
     """The open WebSockets, and the tasks of one."""
 
-    def __init__(self, desk: Desk, status: Callable[[], Status], wake: Callable[[], None]) -> None:
-        self.desk, self.status, self.wake = desk, status, wake
-        self._open: dict[int, asyncio.Queue[str]] = {}
+    def __init__(
+        self, desk: Desk, status: Callable[[], Status], wake: Callable[[], None], pages: Pages | None = None
+    ) -> None:
+        self.desk, self.status, self.wake, self.pages = desk, status, wake, pages
+        self._open: dict[int, asyncio.Queue[str | bytes]] = {}
 
     def tell(self, text: str) -> None:
         """Send a text to all; one whose answers pile up does not get it."""
@@ -72,15 +79,15 @@ class Connections:
             if not queue.full():
                 queue.put_nowait(text)
 
-    async def serve(self, socket: WebSocket, status_hz: float) -> None:
-        """One WebSocket, until it is closed."""
+    async def serve(self, socket: WebSocket, status_hz: float, *, page: bool = False) -> None:
+        """One WebSocket, until it is closed; `page`: it is sent pictures and figures of the run."""
         settings = self.desk.settings
         if len(self._open) >= settings.most_connections:
             self.desk.reject("too many connections")
             await socket.close(1013, f"{settings.most_connections} connections are open already")
             return
         await socket.accept()
-        queue: asyncio.Queue[str] = asyncio.Queue(settings.most_unread)
+        queue: asyncio.Queue[str | bytes] = asyncio.Queue(settings.most_unread)
         full = asyncio.Event()
         key = id(socket)
         self._open[key] = queue
@@ -98,6 +105,8 @@ class Connections:
         ]
         if status_hz:
             tasks.append(asyncio.create_task(self._report(queue, status_hz)))
+        if page and self.pages is not None:
+            self.pages.add(queue)
         try:
             done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
             if full.is_set():
@@ -110,6 +119,8 @@ class Connections:
             pass  # closed by the other side, or cut
         finally:
             del self._open[key]
+            if self.pages is not None:
+                self.pages.remove(queue)
             for task in tasks:
                 task.cancel()
             await asyncio.gather(*tasks, return_exceptions=True)
@@ -127,11 +138,12 @@ class Connections:
             await asyncio.sleep(0)
 
     @staticmethod
-    async def _send(socket: WebSocket, queue: asyncio.Queue[str]) -> None:
+    async def _send(socket: WebSocket, queue: asyncio.Queue[str | bytes]) -> None:
         while True:
-            await socket.send_text(await queue.get())
+            item = await queue.get()
+            await (socket.send_text(item) if isinstance(item, str) else socket.send_bytes(item))
 
-    async def _report(self, queue: asyncio.Queue[str], status_hz: float) -> None:
+    async def _report(self, queue: asyncio.Queue[str | bytes], status_hz: float) -> None:
         while True:
             if queue.empty():  # a slow reader gets fewer of them
                 queue.put_nowait(encode(self.status()))
@@ -139,15 +151,20 @@ class Connections:
 
 
 def build_app(
-    desk: Desk, admission: Admission, status: Callable[[], Status], wake: Callable[[], None]
+    desk: Desk,
+    admission: Admission,
+    status: Callable[[], Status],
+    wake: Callable[[], None],
+    pages: Pages | None = None,
 ) -> tuple[ASGIApp, Connections]:
     """The application.
 
     Args:
         wake: called after a message has come in, so that the desk's pump runs.
+        pages: of the run; None: it has none.
     """
     app = FastAPI(title="FlexMotion", version="1", docs_url=None, redoc_url=None, openapi_url="/openapi.json")
-    connections = Connections(desk, status, wake)
+    connections = Connections(desk, status, wake, pages)
 
     async def ask(request: Request, kind: str | None = None) -> Response:
         try:
@@ -190,9 +207,13 @@ def build_app(
         """What can be asked, for people."""
         return HTMLResponse(docs_page())
 
-    @app.get("/", include_in_schema=False)
-    async def get_root() -> RedirectResponse:
-        return RedirectResponse("/docs")
+    if pages is None:
+
+        @app.get("/", include_in_schema=False)
+        async def get_root() -> RedirectResponse:
+            return RedirectResponse("/docs")
+    else:
+        add_pages(app, pages, status)
 
     @app.websocket("/targets")
     async def serve(socket: WebSocket) -> None:
@@ -200,12 +221,14 @@ def build_app(
             rate = float(socket.query_params.get("status", 0.0))
         except ValueError:
             rate = 0.0
-        await connections.serve(socket, min(rate, _FASTEST_STATUS_HZ) if math.isfinite(rate) and rate > 0.0 else 0.0)
+        rate = min(rate, _FASTEST_STATUS_HZ) if math.isfinite(rate) and rate > 0.0 else 0.0
+        await connections.serve(socket, rate, page="page" in socket.query_params)
 
     @app.middleware("http")
     async def add_headers(request: Request, call_next: Callable[[Request], Awaitable[Response]]) -> Response:
         response = await call_next(request)
-        response.headers.update(_HEADERS)
+        for name, value in _HEADERS.items():
+            response.headers.setdefault(name, value)
         return response
 
     return Guard(app, admission, desk), connections

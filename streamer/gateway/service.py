@@ -8,9 +8,11 @@ import multiprocessing
 import os
 import threading
 from collections.abc import Callable
-from typing import Any
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.robot import Robot
 from flexmotion.configs.stream import Gateway
 from flexmotion.streamer.control.telemetry import Telemetry
 from flexmotion.streamer.gateway.admission import Admission
@@ -28,6 +30,10 @@ _NICENESS = 5
 
 log = logging.getLogger(__name__)
 
+if TYPE_CHECKING:
+    from flexmotion.sampling.pace import Pace
+    from flexmotion.streamer.page.feed import Feed
+
 
 class GatewayService:
     """A `flexmotion.streamer.run.supervisor.Service` with channels of its own to planner and loop.
@@ -35,11 +41,14 @@ class GatewayService:
     It is made before the first target is sent.
 
     Args:
-        robot, driver, rate_hz: of the run.
+        robot: of the run.
+        driver: its name.
         admission: who may speak to it over the network; None: it does not listen there.
         port: to listen on; None: that of the settings.
         stop_port: of the stop process, for the status.
-        lines: see `flexmotion.streamer.gateway.listening.Listening`.
+        lines, takes_targets: see `flexmotion.streamer.gateway.listening.Listening`.
+        feed: makes the feed of its page, given who sent a target; None: it has no page.
+        pace: of a human that the robot keeps up with; None: not known.
 
     Attributes:
         name: of its process.
@@ -54,9 +63,8 @@ class GatewayService:
 
     def __init__(
         self,
-        robot: str,
+        robot: Robot,
         driver: str,
-        rate_hz: float,
         settings: Gateway,
         telemetry: Telemetry,
         targets: TargetMailbox,
@@ -66,8 +74,12 @@ class GatewayService:
         port: int | None = None,
         stop_port: int | None = None,
         lines: tuple[int, int] | None = None,
+        takes_targets: bool = True,
+        feed: Callable[[Callable[[int], str | None]], Feed] | None = None,
+        pace: Pace | None = None,
     ) -> None:
-        self.robot, self.driver, self.rate_hz = robot, driver, rate_hz
+        self.robot, self.driver, self.takes_targets = robot, driver, takes_targets
+        self.feed, self.pace = feed, pace
         self.settings, self.telemetry, self.heard, self.admission = settings, telemetry, heard, admission
         self.port, self.stop_port = settings.port if port is None else port, stop_port
         self.lines = lines
@@ -131,8 +143,10 @@ class _Server:
 
         from flexmotion.streamer.gateway.desk import Desk
         from flexmotion.streamer.gateway.lines import Lines
+        from flexmotion.streamer.gateway.pages import Pages
         from flexmotion.streamer.gateway.server import Connections, build_app
         from flexmotion.streamer.gateway.status import Status, status_of
+        from flexmotion.streamer.page.body import page_robot
 
         service = self.service
         woken = asyncio.Event()
@@ -144,11 +158,18 @@ class _Server:
                 connections.tell(f'{{"type":"lease","operator":{_quoted(now)},"before":{_quoted(before)}}}')
 
         desk = Desk(
-            service.settings, service.telemetry, service.targets, service.heard, service.requests, on_lease=on_lease
+            service.settings,
+            service.telemetry,
+            service.targets,
+            service.heard,
+            service.requests,
+            on_lease=on_lease,
+            takes_targets=service.takes_targets,
         )
 
         def status() -> Status:
-            return status_of(desk, service.robot, service.driver, service.rate_hz, service.stop_port)
+            robot = service.robot
+            return status_of(desk, robot.name, service.driver, robot.rate_hz, service.stop_port)
 
         pump = asyncio.create_task(_pump(desk, woken))
         if service.lines is not None:
@@ -156,8 +177,15 @@ class _Server:
         if service.admission is None:
             await pump
             return
-        app, connections = build_app(desk, service.admission, status, woken.set)
+        pages = None
+        if service.feed is not None:
+            pages = Pages(
+                partial(service.feed, desk.sources.get),
+                partial(page_robot, service.robot, service.driver, service.pace),
+            )
+        app, connections = build_app(desk, service.admission, status, woken.set, pages)
         everyone.append(connections)
+        drawing = None if pages is None else asyncio.create_task(pages.run())
         config = uvicorn.Config(
             app,
             log_level="warning",
@@ -175,6 +203,8 @@ class _Server:
         with bound(service.admission.address, service.port) as listening:
             await self._server.serve(sockets=[listening])
         pump.cancel()
+        if drawing is not None:
+            drawing.cancel()
 
 
 async def _pump(desk: Any, woken: asyncio.Event) -> None:

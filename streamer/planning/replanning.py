@@ -17,6 +17,7 @@ from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.plan_buffer import PlanBuffer, Ticket
 from flexmotion.streamer.control.tick_row import TickRow
 from flexmotion.streamer.motion.heard import Heard, HeardChannel
+from flexmotion.streamer.motion.human_channel import HumanChannel
 from flexmotion.streamer.motion.model_source import ModelSource
 from flexmotion.streamer.motion.replan_noise import NoisySource
 from flexmotion.streamer.motion.sources import LiveSource
@@ -47,6 +48,7 @@ class Replanner:
         lead: how far ahead plans join.
         on_note: called with a message about a target that cannot be followed, or not as meant.
         heard: is sent the answer to every target, to every item of a script, and later versions of them as steps end.
+        humans: is sent the human of every plan, while someone watches.
         lockstep: ages of targets are counted in ticks, not by the clock.
     """
 
@@ -60,6 +62,7 @@ class Replanner:
         lead: Lead,
         on_note: Callable[[str], None] = lambda _message: None,
         heard: HeardChannel | None = None,
+        humans: HumanChannel | None = None,
         *,
         lockstep: bool = False,
     ) -> None:
@@ -79,7 +82,7 @@ class Replanner:
         self._commit_ticks = max(round(settings.commit_s * planner.rate), 1)
         self._made: dict[int, tuple[Ticket, Plan]] = {}  # by id: plans from the one that plays on
         self._asked_tick = 0
-        self._heard = heard
+        self._heard, self._humans = heard, humans
         source = planner.source.source if isinstance(planner.source, NoisySource) else planner.source
         self._runner = StepRunner(source, planner.rate, self._ended) if isinstance(source, ModelSource) else None
 
@@ -147,6 +150,8 @@ class Replanner:
         self._made = {key: made for key, made in self._made.items() if key >= int(row.plan)}
         self.plans.publish(ticket, planned.plan)
         self.lead.record(kind, time.perf_counter() - begin)
+        if self._humans is not None and self._humans.watched and planned.plan.human is not None:
+            self._humans.publish(ticket.id, planned.plan.human, planned.plan.human_first_frame)
         return True
 
     def warm_up(self) -> None:

@@ -30,6 +30,7 @@ from flexmotion.streamer.control.run_trace import KEPT_S, Collector, RunTrace
 from flexmotion.streamer.control.telemetry import Event, Telemetry
 from flexmotion.streamer.control.tick_row import TickRow, blank
 from flexmotion.streamer.motion.heard import Heard, HeardChannel, heard_since, merged
+from flexmotion.streamer.motion.human_channel import HumanChannel
 from flexmotion.streamer.motion.intents import WORDS, Intent
 from flexmotion.streamer.motion.model_source import ModelSource
 from flexmotion.streamer.motion.replan_noise import NoisySource
@@ -112,6 +113,7 @@ class Session:
     plans: PlanBuffer = field(init=False)
     targets: TargetMailbox = field(init=False)
     heard_channel: HeardChannel = field(init=False)
+    humans: HumanChannel = field(init=False)
     planner: Planner = field(init=False)
     record: RunTrace = field(init=False)
     loop: ControlLoop | None = field(init=False, default=None)
@@ -137,6 +139,7 @@ class Session:
         self.plans = PlanBuffer(robot.n, retargeter.layout.size, retargeter.horizon, rate)
         self.targets = TargetMailbox()
         self.heard_channel = HeardChannel()
+        self.humans = HumanChannel()
         self._hears = self.heard_channel.reader()
         self.planner = Planner(retargeter, self.source, self.settings)
         self.record = RunTrace(rate, robot.joint_names, kept_s=max(self.kept_s, (self.seconds or 0.0) + MARGIN_S))
@@ -317,6 +320,7 @@ class Session:
             lead,
             on_note,
             self.heard_channel,
+            self.humans,
             lockstep=self.clock == "lockstep",
         )
 

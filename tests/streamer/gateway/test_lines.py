@@ -9,6 +9,7 @@ from typing import IO, Any
 
 import pytest
 
+from flexmotion.configs.robot import Robot
 from flexmotion.configs.stream import Gateway
 from flexmotion.streamer.gateway.service import GatewayService
 from flexmotion.streamer.motion.intents import Text
@@ -21,14 +22,14 @@ from .conftest import Answering, Run
 class Pipes:
     """A gateway that reads lines; the test writes them and reads the answers."""
 
-    def __init__(self, run: Run) -> None:
+    def __init__(self, run: Run, op3: Robot) -> None:
         source, write = os.pipe()
         read, sink = os.pipe()
         self.write: IO[bytes] = os.fdopen(write, "wb", buffering=0)
         self.read: IO[bytes] = os.fdopen(read, "rb")
         settings = Gateway(most_bytes=512)
         self.service = GatewayService(
-            "op3", "sim", 125.0, settings, run.telemetry, run.targets, run.heard, None, lines=(source, sink)
+            op3, "sim", settings, run.telemetry, run.targets, run.heard, None, lines=(source, sink)
         )
         self.end = self.service.follow()
 
@@ -38,8 +39,8 @@ class Pipes:
 
 
 @pytest.fixture
-def pipes(run: Run) -> Iterator[Pipes]:
-    made = Pipes(run)
+def pipes(run: Run, op3: Robot) -> Iterator[Pipes]:
+    made = Pipes(run, op3)
     yield made
     made.write.close()
     made.end(True)

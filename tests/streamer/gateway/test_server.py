@@ -14,6 +14,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
 from flexmotion.configs.errors import ConfigError, GatewayError
+from flexmotion.configs.robot import Robot
 from flexmotion.configs.stream import Gateway
 from flexmotion.streamer.cli import execute
 from flexmotion.streamer.gateway.admission import Admission
@@ -33,15 +34,14 @@ Begin = Callable[..., GatewayService]
 
 
 @pytest.fixture
-def begin(run: Run) -> Iterator[Begin]:
+def begin(run: Run, op3: Robot) -> Iterator[Begin]:
     """Function (token, fields of the settings) -> a gateway that listens, in this process."""
     ends: list[Callable[[bool], None]] = []
 
     def start(token: str | None = None, **fields: Any) -> GatewayService:
         service = GatewayService(
-            "op3",
+            op3,
             "sim",
-            125.0,
             Gateway.model_validate(fields),
             run.telemetry,
             run.targets,
@@ -260,12 +260,10 @@ def test_further_connections_than_admitted_are_refused(begin: Begin) -> None:
         assert counts(gateway.port)["rejected: too many connections"] == 1
 
 
-def test_a_port_that_is_taken_is_told_before_the_run(begin: Begin, run: Run) -> None:
+def test_a_port_that_is_taken_is_told_before_the_run(begin: Begin, run: Run, op3: Robot) -> None:
     gateway = begin()
     with pytest.raises(ConfigError, match=rf"--web-port: 127.0.0.1:{gateway.port} cannot be listened on"):
-        GatewayService(
-            "op3", "sim", 125.0, Gateway(), run.telemetry, run.targets, run.heard, Admission(), port=gateway.port
-        )
+        GatewayService(op3, "sim", Gateway(), run.telemetry, run.targets, run.heard, Admission(), port=gateway.port)
 
 
 def test_an_asynchronous_client(begin: Begin, answering: Callable[..., Answering]) -> None:

@@ -50,13 +50,6 @@ class Pose:
         rotation = self.data.xmat[feet].reshape(2, 3, 3)
         return self.data.xpos[feet] + np.einsum("fij,fj->fi", rotation, self.robot.soles)
 
-    def in_parents(self) -> tuple[Float, Float]:
-        """Position (nbody, 3) [m] and quaternion (nbody, 4) of every body in its parent's frame."""
-        data, parents = self.data, self.model.body_parentid
-        away = data.xpos - data.xpos[parents]
-        position = np.einsum("bji,bj->bi", data.xmat[parents].reshape(-1, 3, 3), away)
-        return position, _relative(data.xquat[parents], data.xquat)
-
 
 class MeasuredPose(Pose):
     """The measured robot: the simulation's truth; on hardware joints and tilt as measured, on the planned feet."""
@@ -108,10 +101,3 @@ def _tilted(quaternion: Float, tilt: Float) -> Float:
     yaw = heading(quaternion) - heading(tilted)
     mujoco.mju_euler2Quat(tilted, np.array([yaw, tilt[1], tilt[0]]), "zyx")
     return tilted
-
-
-def _relative(of: Float, to: Float) -> Float:
-    """Rotations conj(of) * to of quaternions, (k, 4)."""
-    w, v = of[:, :1], -of[:, 1:]
-    scalar = w * to[:, :1] - (v * to[:, 1:]).sum(axis=1, keepdims=True)
-    return np.concatenate([scalar, w * to[:, 1:] + to[:, :1] * v + np.cross(v, to[:, 1:])], axis=1)

@@ -11,14 +11,12 @@ from numpy.typing import NDArray
 
 from flexmotion.configs.robot import Robot
 from flexmotion.streamer.control.ladder import State
-from flexmotion.streamer.control.telemetry import Event
 
 Float = NDArray[np.float64]
 Row = np.ndarray[Any, Any]
 
 WINDOW_S, EFFORT_S = 5.0, 1.0
 """Windows of lateness and work, and of torque [s]."""
-_EVENTS = 4
 
 
 @dataclass(frozen=True)
@@ -34,7 +32,6 @@ class Health:
 
     Attributes:
         row: the newest row.
-        events: the last few events, oldest first.
     """
 
     def __init__(self, robot: Robot) -> None:
@@ -44,7 +41,6 @@ class Health:
         self._work: deque[float] = deque(maxlen=window)
         self._torque: deque[Float] = deque(maxlen=int(EFFORT_S * robot.rate_hz))
         self.row: Row | None = None
-        self.events: deque[Event] = deque(maxlen=_EVENTS)
 
     def take(self, rows: Row) -> None:
         """Take rows (k,), k > 0."""
