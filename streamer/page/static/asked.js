@@ -6,7 +6,7 @@ const SUGGESTIONS = ["wave with the right hand", "walk forward", "turn 90 degree
 const SHOWN_S = 60;
 const KEPT = 40;
 const MARKS = {
-  accepted: ["done as asked", "good"], slowed: ["slowed", "good"], partly: ["in part", "warn"],
+  accepted: ["accepted", "good"], slowed: ["slowed", "good"], partly: ["in part", "warn"], done: ["done", "good"], late: ["not finished", "warn"],
   refused: ["refused", "bad"], expired: ["too late", "bad"], superseded: ["replaced", "wait"], wait: ["sent", "wait"],
 };
 
@@ -92,7 +92,7 @@ export class Asked {
   show() {
     this.list.replaceChildren(...this.entries.slice(0, 12).map((entry) => {
       const item = document.createElement("li");
-      const [words, kind] = MARKS[entry.state] ?? [entry.state, "wait"];
+      const [words, kind] = MARKS[outcome(entry)] ?? [entry.state, "wait"];
       item.append(made("b", entry.text));
       item.append(made("span", words, `mark ${kind}`));
       const told = explained(entry, this.link.source);
@@ -143,6 +143,14 @@ export class Asked {
     }
     context.textAlign = "left";
   }
+}
+
+// What became of it: the robot has measured the steps that have an amount.
+function outcome({ state, answer }) {
+  const measured = (answer.steps ?? []).filter((step) => step.amount !== undefined);
+  if (!["accepted", "slowed"].includes(state) || !measured.length || !measured.every((step) => step.end)) return state;
+  const ends = measured.map((step) => step.end);
+  return ends.every((end) => end === "done") ? "done" : ends.includes("time limit") ? "late" : state;
 }
 
 function made(tag, text, kind = "") {

@@ -65,7 +65,8 @@ export class Scene {
     const cells = 2 * Math.ceil(size / 4 / this.cell);
     this.grid = new THREE.GridHelper(cells * this.cell, cells);
     this.grid.rotation.x = Math.PI / 2;
-    this.grid.position.z = 0.0008;
+    this.grid.position.z = 0.001;
+    this.grid.renderOrder = 1;
     this.grid.material.transparent = true;
     this.scene.add(this.grid);
   }
@@ -99,13 +100,15 @@ export class Scene {
     const index = new Map(this.robot.points.map((name, place) => [name, place]));
     const place = (name) => (name === "neck" ? ["left_shoulder", "right_shoulder"] : [name]).map((one) => index.get(one));
     const thick = 0.022 * this.height;
-    const shape = new THREE.CapsuleGeometry(1, 1, 3, 10);
+    const shape = new THREE.CylinderGeometry(1, 1, 1, 12), ball = new THREE.SphereGeometry(thick, 12, 8);
     this.human = new THREE.Group();
     this.bones = this.robot.bones.map(([from, to]) => {
       const drawn = new THREE.Mesh(shape, this.humanMaterial);
       drawn.castShadow = true;
       this.human.add(drawn);
-      return { drawn, from: place(from), to: place(to), thick };
+      const ends = [new THREE.Mesh(ball, this.humanMaterial), new THREE.Mesh(ball, this.humanMaterial)];
+      this.human.add(...ends);
+      return { drawn, ends, from: place(from), to: place(to), thick };
     });
     this.head = new THREE.Mesh(new THREE.SphereGeometry(0.06 * this.height, 20, 14), this.humanMaterial);
     this.head.castShadow = true;
@@ -153,11 +156,12 @@ export class Scene {
     this.floor.material.color = ground;
     this.grid.material.color = colour("--quiet");
     this.grid.material.vertexColors = false;
-    this.grid.material.opacity = 0.28;
+    this.grid.material.opacity = 0.45;
     this.grid.material.needsUpdate = true;
     this.planMaterial.color = colour("--plan");
     this.humanMaterial.color = colour("--human");
     this.line.material.color = colour("--quiet");
+    this.changed = true;
   }
 
   // Take a picture, an array of numbers as `flexmotion.streamer.page.pictures` makes it.
@@ -166,6 +170,7 @@ export class Scene {
     let place = 1;
     const part = (length) => numbers.subarray(place, (place += length));
     this.time = numbers[0];
+    this.changed = true;
     pose(this.measured, part(count), true);
     pose(this.planned, part(count), this.shown.plan);
     this.showHuman(part(3 * this.robot.points.length));
@@ -177,15 +182,17 @@ export class Scene {
     this.human.visible = this.shown.human && Number.isFinite(points[0]);
     if (!this.human.visible) return;
     const point = (places) => places.reduce((sum, at) => sum.add(new THREE.Vector3(...points.subarray(3 * at, 3 * at + 3))), new THREE.Vector3()).divideScalar(places.length);
-    for (const { drawn, from, to, thick } of this.bones) {
+    for (const { drawn, ends, from, to, thick } of this.bones) {
       const [a, b] = [point(from), point(to)];
       const along = b.clone().sub(a);
       drawn.position.copy(a).add(b).multiplyScalar(0.5);
       drawn.quaternion.setFromUnitVectors(new THREE.Vector3(0, 1, 0), along.clone().normalize());
-      drawn.scale.set(thick, along.length() / 1.6, thick);
+      drawn.scale.set(thick, along.length(), thick);
+      ends[0].position.copy(a);
+      ends[1].position.copy(b);
     }
     this.head.position.copy(point([this.vertex]));
-    this.head.position.z -= 0.055 * this.height;
+    this.head.position.z -= 0.06 * this.height;
   }
 
   showBalance(feet, _planned, zmp, dcm, com) {
@@ -227,11 +234,17 @@ export class Scene {
     this.renderer.setSize(width, height, false);
     this.camera.aspect = width / Math.max(height, 1);
     this.camera.fov = width < height ? 48 : 38;
+    // On a phone the stick lies over the lower left corner.
+    if (width < 500) this.camera.setViewOffset(width, height, -0.1 * width, 0.08 * height, width, height);
+    else this.camera.clearViewOffset();
     this.camera.updateProjectionMatrix();
+    this.changed = true;
   }
 
+  // Draws where anything has changed: a page that shows a robot at rest costs nothing.
   draw() {
-    this.controls.update();
+    if (!this.controls.update() && !this.changed) return;
+    this.changed = false;
     this.renderer.render(this.scene, this.camera);
   }
 

@@ -26,7 +26,7 @@ export class Stick {
 
   hold(event) {
     const box = this.pad.getBoundingClientRect();
-    const reach = box.width / 2 - 30;
+    const reach = (box.width - this.knob.clientWidth) / 2;
     const x = (event.clientX - box.left - box.width / 2) / reach;
     const y = (box.top + box.height / 2 - event.clientY) / reach;
     const length = Math.max(Math.hypot(x, y), 1);
@@ -45,7 +45,7 @@ export class Stick {
   deflect(x, y) {
     this.x = x;
     this.y = y;
-    const reach = this.pad.clientWidth / 2 - 30;
+    const reach = (this.pad.clientWidth - this.knob.clientWidth) / 2;
     this.knob.style.transform = `translate(${x * reach}px, ${-y * reach}px)`;
     this.pad.classList.add("held");
     if (this.timer === null) {

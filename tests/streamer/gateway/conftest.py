@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 
 import pytest
 
+from flexmotion.configs.robot import Robot, load_robot
 from flexmotion.configs.stream import Gateway
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.telemetry import Telemetry
@@ -77,6 +78,11 @@ class Office:
     @property
     def states(self) -> list[str]:
         return [answer.state for answer in self.told]
+
+
+@pytest.fixture(scope="session")
+def op3() -> Robot:
+    return load_robot("op3")
 
 
 @pytest.fixture
