@@ -36,7 +36,7 @@ HAND = "r_el_link"
 
 @pytest.fixture
 def tab() -> Iterator[Page]:
-    """An empty page of a headless Chromium, as wide as a phone: drawn with the processor, a small page is a fast one."""
+    """An empty page of a headless Chromium, as wide as a phone: it draws with the processor."""
     browser = next(filter(None, map(shutil.which, BROWSERS)), None)
     if browser is None:
         pytest.skip(f"no browser on the path: {', '.join(BROWSERS)}")
