@@ -57,11 +57,11 @@ def import_(
                 "mass_given": found.motion.mass_given,
                 "height_m": body.height,
                 "start_s": found.placement.start,
-                "warnings": list(found.warnings),
+                "warnings": list(found.notes),
             }
         )
         return
-    for warning in found.warnings:
+    for warning in found.notes:
         print_note(f"{file.name}: {warning}")
     print_note(f"{file.name}: {body.mass:.1f} kg, {body.height:.2f} m")
     print_result(f"{out}: {len(found.motion)} frames at {fps:g} Hz, skeleton {found.mapping or 'own format'}")
@@ -119,9 +119,9 @@ def augment(
         raise typer.BadParameter("--plot draws a simulated variant: add --perturbed, --push, --load or --slope")
     read = reading.read(file, FPS)
     motion = read.motion
-    for warning in read.warnings:
+    for warning in read.notes:
         print_note(f"{file.name}: {warning}")
-    about: dict = {"file": str(out), "seed": seed, "warnings": list(read.warnings)}
+    about: dict = {"file": str(out), "seed": seed, "warnings": list(read.notes)}
     if simulated:
         from flexmotion.biomechanics.simulation.perturbation import Perturbation
         from flexmotion.biomechanics.simulation.variant import perturbed as simulate

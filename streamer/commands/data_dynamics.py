@@ -93,7 +93,7 @@ def dynamics(
         print_note("without muscles and joint contact, which need the extra 'biomech'")
 
     found = reading.read(file, fps)
-    for warning in found.warnings:
+    for warning in found.notes:
         print_note(f"{file.name}: {warning}")
     analysed = analyse(
         found.motion, CUTOFF if cutoff is None else cutoff, muscles=with_muscles, recording=_recording(found)
@@ -134,7 +134,7 @@ def _of_import(found: Import, mass: float | None) -> dict[str, Any]:
         "mass_is": "given" if mass is not None else "that of the file" if found.motion.mass_given else "guessed",
         "belt_m_s": float((found.belt**2).sum() ** 0.5),
         "placement": asdict(found.placement),
-        "notes": list(found.warnings),
+        "notes": list(found.notes),
     }
 
 
