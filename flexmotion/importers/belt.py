@@ -24,8 +24,8 @@ Belt = float | Literal["detect"] | None
 """Speed of a belt, backwards [m/s]; `detect`, or None for no belt."""
 
 WRONG = "ground forces may be wrong by a third of body weight"
-"""What follows from a belt of another speed: with none, or 3 m/s, on the belt of 1.13 m/s of the trial gait2354, vertical
-forces are 23 to 35 % off; within `treadmill.tolerance` they change by .2 %."""
+"""What follows from a belt of another speed: with none, or 3 m/s, on the belt of 1.13 m/s of the trial gait2354, the
+vertical forces are 23 to 35 % off; within `treadmill.tolerance` they change by .2 %."""
 
 
 def remove_belt(found: Landmarks, belt: Belt) -> tuple[Landmarks, Float, list[str]]:
@@ -66,12 +66,12 @@ def _disagreement(found: Landmarks, belt: Belt, velocity: Float, detected: Float
         if np.linalg.norm(velocity - shown) <= tolerance(shown):
             return []
         return [
-            f"belt is given as {belt:.2f} m/s, but the feet move at {backward_speed(found, shown):.2f} m/s backwards as "
-            f"on a treadmill: {WRONG}; without --belt their speed is taken"
+            f"belt is given as {belt:.2f} m/s, but the feet move at {backward_speed(found, shown):.2f} m/s backwards "
+            f"as on a treadmill: {WRONG}; without --belt their speed is taken"
         ]
     if feet_rest(found, belt):
         return [
-            f"belt is given as {belt:.2f} m/s, but both feet rest while they are on the floor, as over ground: {WRONG}; "
-            "without --belt nothing is removed"
+            f"belt is given as {belt:.2f} m/s, but both feet rest while they are on the floor, as over ground: "
+            f"{WRONG}; without --belt nothing is removed"
         ]
     return []

@@ -8,7 +8,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from math import isclose
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
