@@ -187,6 +187,32 @@ def test_faults(
     assert message in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["dynamics", "-o", "a.npz", "--cutoff", "-1"], "cut-off is -1 Hz, expected more than 0"),
+        (["dynamics", "-o", "a.npz", "--cutoff", "20", "--fps", "30"], "less than half the frame rate of 30 Hz"),
+        (["dynamics", "-o", "a.npz", "--mass", "-70"], "mass is -70 kg"),
+        (["dynamics", "-o", "a.npz", "--height", "180"], "height is 180 m"),
+        (["import", "-o", "nowhere/a.npz"], "nowhere: no such folder to write a.npz into"),
+        (["import", "-o", "."], ".: a folder, expected a file"),
+        (["import", "-o", "a.trc"], "a.trc: unknown kind of file, expected .npz"),
+        (["import", "-o", "a.npz", "--fps", "0"], "--fps"),
+        (["augment", "-o", "nowhere/a.npz"], "nowhere: no such folder"),
+        (["augment", "-o", "a.npz", "--push", "0.1", "--plot", "nowhere/a.png"], "nowhere: no such folder"),
+    ],
+)
+def test_options_are_checked_before_anything_is_read(
+    arguments: list[str], message: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
+    """A wrong cut-off or folder was told after the whole import, which takes half a minute for a long clip."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("flexmotion.importers.read", lambda *_, **__: pytest.fail("the file was read"))
+    (tmp_path / "a.bvh").write_text("HIERARCHY")
+    assert execute(["data", arguments[0], "a.bvh", *arguments[1:]]) == BAD_USAGE
+    assert message in capsys.readouterr().err
+
+
 def test_augment_simulates_a_push_and_draws_it(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
