@@ -13,12 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexmotion.configs.errors import MotionFormatError
 from flexmotion.human.angles import rotation_about
 from flexmotion.human.body import Segments
 from flexmotion.human.skeleton import SIDES
 from flexmotion.human.vectors import frame, in_frame, unit
 from flexmotion.importers.limb import hinge_axis
+from flexmotion.importers.marker_landmarks import MissingLandmarkError
 from flexmotion.importers.rigid import cluster_pose, common_points
 from flexmotion.importers.trunk import LEG_SHARE
 
@@ -72,6 +72,9 @@ SAMPLES_S = 0.25
 """Time after which errors of skin markers are independent of each other [s] (assumption: half a stride's phase)."""
 
 
+NAMES = {"l": "left", "r": "right"}
+
+
 @dataclass(frozen=True)
 class MarkerJoints:
     """Joint centres from surface markers.
@@ -95,7 +98,7 @@ def marker_joints(at: Mapping[str, Float], clusters: Mapping[str, Float], fps: f
         path: of the file, for messages.
 
     Raises:
-        MotionFormatError: a joint of the legs cannot be found; names the joint and the markers that would do.
+        MissingLandmarkError: a joint of the legs cannot be found; names the joint and the landmarks that would do.
     """
     hips, pelvis = _hips(at, path)
     points = {f"hip_{side}": hips[side] for side in SIDES}
@@ -116,8 +119,9 @@ def _hips(at: Mapping[str, Float], path: str) -> tuple[dict[str, Float], Float]:
     absent = [name for name in ("asis_l", "asis_r") if name not in at]
     if absent or behind is None:
         lacks = ", ".join(absent) or "sacrum, or psis_l and psis_r"
-        raise MotionFormatError(
-            f"{path}: no marker for {lacks}: the hip joints need both ASIS, and sacrum or both PSIS"
+        needed = tuple(absent) or ("sacrum", "psis_l", "psis_r")
+        raise MissingLandmarkError(
+            f"{path}: no marker for {lacks}: the hip joints need both ASIS, and sacrum or both PSIS", needed
         )
     middle = (at["asis_l"] + at["asis_r"]) / 2
     left = at["asis_l"] - at["asis_r"]
@@ -145,7 +149,7 @@ def _leg(
     warnings: list[str],
 ) -> dict[str, Float]:
     """Knee, ankle and toe joint of one leg, (T, 3) each."""
-    name = {"l": "left", "r": "right"}[side]
+    name = NAMES[side]
     toe, foot = _toe(side, at, clusters, path)
     lateral, medial = at.get(f"knee_lateral_{side}"), at.get(f"knee_medial_{side}")
     outer, inner = at.get(f"ankle_lateral_{side}"), at.get(f"ankle_medial_{side}")
@@ -164,7 +168,10 @@ def _leg(
     if ankle is None or knee is None:
         thigh, shank = clusters.get(f"thigh_{side}"), clusters.get(f"shank_{side}")
         if knee is None and (thigh is None or shank is None or thigh.shape[1] < 2 or shank.shape[1] < 2):
-            raise MotionFormatError(f"{path}: no marker for the {name} knee, and fewer than two on thigh or shank")
+            needed = tuple(f"{own}_{side}" for own in ("knee_lateral", "knee_medial", "thigh", "shank"))
+            raise MissingLandmarkError(
+                f"{path}: no marker for the {name} knee, and fewer than two on thigh or shank", needed
+            )
         guess = ankle if ankle is not None else _ankle_of_foot(side, at, toe, foot, hip)
         if knee is None:
             assert thigh is not None and shank is not None
@@ -203,13 +210,15 @@ def _toe(
         mean = Segments.of_height(1.0)
         toe, depth = heel + (mean.heel + mean.ball) / mean.foot * (tip - heel), TOE_DEPTH
     else:
-        raise MotionFormatError(
-            f"{path}: no marker for toe_{side}, metatarsal_1_{side} and metatarsal_5_{side}, or toe_tip_{side} "
-            f"and heel_{side}"
+        needed = tuple(f"{own}_{side}" for own in ("toe", "metatarsal_1", "metatarsal_5", "toe_tip", "heel"))
+        raise MissingLandmarkError(
+            f"{path}: no marker for the {NAMES[side]} toe joint: it needs toe, metatarsal_1, or toe_tip and heel",
+            needed,
         )
     back = heel if heel is not None else at.get(f"ankle_lateral_{side}")
     if back is None:
-        raise MotionFormatError(f"{path}: no marker for heel_{side} or ankle_lateral_{side}")
+        needed = (f"heel_{side}", f"ankle_lateral_{side}")
+        raise MissingLandmarkError(f"{path}: no marker behind the {NAMES[side]} foot, on heel or ankle", needed)
     height = (back - back.min(axis=0))[:, 2] + (toe - toe.min(axis=0))[:, 2]
     flat = height <= np.quantile(height, 0.1)
     cluster = clusters.get(f"foot_{side}")
