@@ -12,13 +12,12 @@ from flexmotion.configs.errors import MotionFormatError
 from flexmotion.human.skeleton import SIDES
 from flexmotion.importers.capture import Capture
 from flexmotion.importers.gaps import KEPT_SHARE, rough_scale, without_gaps
-from flexmotion.importers.landmarks import TO_Z_UP
 from flexmotion.importers.mapping import SkeletonMapping, Units, Up, markers, plain
 from flexmotion.importers.marker_joints import marker_joints
 from flexmotion.importers.marker_landmarks import CARRIERS, MissingLandmarkError
 from flexmotion.importers.marker_names import named
 from flexmotion.importers.swapped_sides import without_swaps
-from flexmotion.importers.units import PELVIS_WIDTH, metres_per_unit
+from flexmotion.importers.units import PELVIS_WIDTH, TO_Z_UP, metres_per_unit
 
 Float = NDArray[np.float64]
 
@@ -104,6 +103,7 @@ def joint_capture(
         fps=complete.fps,
         names=tuple(found.points),
         positions=np.stack(list(found.points.values()), axis=1),
+        pelvis=found.pelvis,
         start=complete.start,
         warnings=(*complete.warnings, *wrong, *found.warnings),
         up=up,

@@ -71,10 +71,12 @@ class MarkerJoints:
 
     Attributes:
         points: point (see `mapping.POINTS`) -> positions, (T, 3) [m], z up.
+        pelvis: its rotation (x forward, y left, z up in upright stance), (T, 3, 3).
         warnings: what was estimated from little.
     """
 
     points: dict[str, Float]
+    pelvis: Float
     warnings: tuple[str, ...]
 
 
@@ -100,7 +102,7 @@ def marker_joints(at: Mapping[str, Float], clusters: Mapping[str, Float], fps: f
     rise = Segments.of_height(stature).lumbar_height * L5S1 / np.linalg.norm(L5S1)
     points["lumbar"] = (points["hip_l"] + points["hip_r"]) / 2 + pelvis @ rise
     points |= trunk_points(at, points["lumbar"], stature)
-    return MarkerJoints(points, tuple(warnings))
+    return MarkerJoints(points, pelvis, tuple(warnings))
 
 
 def _hips(at: Mapping[str, Float], path: str) -> tuple[dict[str, Float], Float]:
