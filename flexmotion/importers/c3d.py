@@ -44,7 +44,7 @@ def read_c3d(path: Path) -> Capture:
         raise MotionFormatError(f"{path}: POINT:RATE is {fps:g}, expected a positive number")
     unit = str(_value(group, "UNITS", "mm")).strip().lower() or "mm"
     if unit not in UNITS:
-        raise MotionFormatError(f"{path}: POINT:UNITS is {unit!r}, expected one of {', '.join(UNITS)}")
+        raise MotionFormatError(f"{path}: POINT:UNITS is {unit!r}, expected one of {', '.join(METRES)}")
     positions = METRES[UNITS[unit]] * np.ascontiguousarray(points[:3].transpose(2, 1, 0))
     residuals = np.asarray(content["data"]["meta_points"]["residuals"], np.float64)[0].T
     missing = (residuals < 0) | (positions == 0.0).all(axis=-1) | ~np.isfinite(positions).all(axis=-1)

@@ -29,6 +29,8 @@ class Capture:
         warnings: what a user should know about how the file was read.
         units: that the header names, of positions that are in metres by it; None of those in units of the file.
         up: upward axis of the file, of positions that are turned to z up already; None of those that are not.
+        pelvis: its rotation (x forward, y left, z up in upright stance) where surface markers show it, in the axes of
+            positions that are turned to z up already, (T, 3, 3).
     """
 
     path: str
@@ -42,6 +44,7 @@ class Capture:
     warnings: tuple[str, ...] = ()
     units: Literal["m", "cm", "mm", "inch"] | None = None
     up: Literal["y", "z"] | None = None
+    pelvis: Float | None = None
 
     def __len__(self) -> int:
         return len(self.positions)

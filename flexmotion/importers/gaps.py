@@ -62,7 +62,7 @@ def without_gaps(
     if np.isfinite(positions[:, [column[name] for name in names]]).all():
         return capture, frozenset()
     notes = list(capture.warnings)
-    scale = _scale(positions[:, [column[name] for name in names]])
+    scale = rough_scale(positions[:, [column[name] for name in names]])
     bridged = {name: _bridge(positions[:, column[name]], GAP_S * capture.fps) for name in names}
     for members in segments:
         here = [column[name] for name in members if name in column]
@@ -113,7 +113,7 @@ def _in_frames(count: int) -> str:
     return f"{count} frame" if count == 1 else f"{count} frames"
 
 
-def _scale(positions: Float) -> float:
+def rough_scale(positions: Float) -> float:
     """Metres per unit of the file, nearly: the used points of a human spread over about a metre and a half.
 
     Other points, which may be angles or forces in columns of points, have another scale.

@@ -12,16 +12,10 @@ from flexmotion.human.signals import resample_rotations, resample_signal
 from flexmotion.importers.capture import Capture
 from flexmotion.importers.mapping import SkeletonMapping, Units, Up, markers
 from flexmotion.importers.trunk import with_trunk
-from flexmotion.importers.units import LEG, metres_per_unit
+from flexmotion.importers.units import LEG, TO_Z_UP, metres_per_unit
 from flexmotion.importers.zero_pose import zero_pose_orientations
 
 Float = NDArray[np.float64]
-
-TO_Z_UP: dict[Up, Float] = {
-    "z": np.eye(3),
-    # y up, z forward, x left becomes z up, x forward, y left.
-    "y": np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]),
-}
 
 ATTACHED = frozenset({"hip_l", "hip_r", "shoulder_l", "shoulder_r"})
 """Points whose joint moves rigidly with the thigh or upper arm."""
@@ -133,6 +127,8 @@ def landmarks(
 
     orientations: dict[str, Float] = {}
     attached: dict[str, Float] = {}
+    if capture.pelvis is not None:
+        orientations["pelvis"] = turn @ capture.pelvis
     if capture.rotations is not None:
         aligned = {name: (item.joint, item.matrix()) for name, item in mapping.orientations.items()}
         if not aligned:

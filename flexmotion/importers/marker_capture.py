@@ -9,16 +9,32 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexmotion.configs.errors import MotionFormatError
+from flexmotion.human.skeleton import SIDES
 from flexmotion.importers.capture import Capture
-from flexmotion.importers.gaps import KEPT_SHARE, without_gaps
-from flexmotion.importers.landmarks import TO_Z_UP
+from flexmotion.importers.gaps import KEPT_SHARE, rough_scale, without_gaps
 from flexmotion.importers.mapping import SkeletonMapping, Units, Up, markers, plain
 from flexmotion.importers.marker_joints import marker_joints
 from flexmotion.importers.marker_landmarks import CARRIERS, MissingLandmarkError
 from flexmotion.importers.marker_names import named
-from flexmotion.importers.units import PELVIS_WIDTH, metres_per_unit
+from flexmotion.importers.swapped_sides import without_swaps
+from flexmotion.importers.units import PELVIS_WIDTH, TO_Z_UP, metres_per_unit
 
 Float = NDArray[np.float64]
+
+LINKED = (
+    ("asis", "psis"),
+    ("thigh", "knee_lateral", "knee_medial"),
+    ("shank", "ankle_lateral", "ankle_medial"),
+    ("knee_lateral", "ankle_lateral"),
+    ("heel", "foot", "metatarsal_1", "metatarsal_5", "toe", "toe_tip"),
+    ("ankle_lateral", "heel"),
+    ("ankle_lateral", "toe"),
+    ("ankle_lateral", "metatarsal_5"),
+    ("acromion", "elbow_lateral"),
+    ("elbow_lateral", "elbow_medial", "wrist_radial"),
+    ("wrist_radial", "wrist_ulnar"),
+)
+"""Landmarks of one side at nearly constant distances from each other."""
 
 LISTED = 40
 """Most names of a file's markers in a message."""
@@ -50,6 +66,7 @@ def joint_capture(
             capture,
             present,
         )
+    capture = _with_sides(capture, present)
     optional = {n for landmark in present if landmark.startswith(OPTIONAL) for n in _names(present, landmark)}
     used = {n for landmark in present for n in _names(present, landmark)} - optional
     spines = {n for landmark in ("asis_l", "asis_r") for n in _names(present, landmark)}
@@ -86,10 +103,35 @@ def joint_capture(
         fps=complete.fps,
         names=tuple(found.points),
         positions=np.stack(list(found.points.values()), axis=1),
+        pelvis=found.pelvis,
         start=complete.start,
         warnings=(*complete.warnings, *wrong, *found.warnings),
         up=up,
     )
+
+
+def _with_sides(capture: Capture, present: Mapping[str, list[list[str]]]) -> Capture:
+    """A capture whose left and right markers are not exchanged."""
+    pairs, mates = [], {}
+    for landmark in present:
+        if landmark.endswith("_l"):
+            others = {plain(name): name for name in _names(present, f"{landmark[:-2]}_r")}
+            for name in _names(present, landmark):
+                partner = next((others[own] for own in _mirrored(plain(name)) if own in others), None)
+                if partner is not None:
+                    pairs.append((name, partner))
+    for linked in LINKED:
+        for side in SIDES:
+            members = [name for own in linked for name in _names(present, f"{own}_{side}")]
+            mates |= {name: [*mates.get(name, ()), *(own for own in members if own != name)] for name in members}
+    used = capture.select([name for pair in pairs for name in pair])
+    return without_swaps(capture, pairs, mates, rough_scale(capture.positions[:, used]))
+
+
+def _mirrored(name: str) -> list[str]:
+    """Names that the right marker may have beside a left one, without case and dots."""
+    one = [name[:at] + "r" + name[at + 1 :] for at, letter in enumerate(name) if letter == "l"]
+    return [name.replace("left", "right"), *one]
 
 
 def _told(

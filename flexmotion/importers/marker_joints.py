@@ -1,8 +1,7 @@
 """Joint centres from surface markers: anatomical landmarks, regressions, and functional joints where neither suffice.
 
-Sources: hip, Harrington et al. 2007 (J Biomech 40:595, adults and children, MRI); lumbosacral and cervicothoracic
-joints, Reed, Manary and Schneider 1999 (SAE 1999-01-0959); shoulder, Rab, Petuskey and Bagley 2002 (Gait Posture
-15:113); functional joints, `rigid`.
+Sources: hip, Harrington et al. 2007 (J Biomech 40:595, adults and children, MRI); lumbosacral joint, Reed, Manary and
+Schneider 1999 (SAE 1999-01-0959); neck and arms, `marker_trunk`; functional joints, `rigid`.
 """
 
 from __future__ import annotations
@@ -19,6 +18,7 @@ from flexmotion.human.skeleton import SIDES
 from flexmotion.human.vectors import frame, in_frame, unit
 from flexmotion.importers.limb import hinge_axis
 from flexmotion.importers.marker_landmarks import MissingLandmarkError
+from flexmotion.importers.marker_trunk import trunk_points
 from flexmotion.importers.rigid import cluster_pose, common_points
 from flexmotion.importers.trunk import LEG_SHARE
 
@@ -49,16 +49,6 @@ TOE_DEPTH = 0.02
 """From a marker on top of the second metatarsal's head to the toe joint's centre [m]: marker, skin and half the
 head."""
 
-NECK_SHARE = 0.55
-"""Distance of the joint C7/T1 from the marker on C7 as a share of the distance to the jugular notch (Reed et al.)."""
-
-SHOULDER_SHARE = 0.17
-"""Depth of the shoulder joint below the acromion as a share of the distance between both acromia (Rab et al.)."""
-
-NECK_ABOVE_ACROMIA = 0.0425
-"""Height of the neck joint above the acromia as a share of stature: .8605 (de Leva 1996, cervicale) less .818
-(Drillis and Contini 1966)."""
-
 HIP_HEIGHT = 0.53
 """Height of the hip joints above the sole as a share of stature (Drillis and Contini 1966)."""
 
@@ -81,10 +71,12 @@ class MarkerJoints:
 
     Attributes:
         points: point (see `mapping.POINTS`) -> positions, (T, 3) [m], z up.
+        pelvis: its rotation (x forward, y left, z up in upright stance), (T, 3, 3).
         warnings: what was estimated from little.
     """
 
     points: dict[str, Float]
+    pelvis: Float
     warnings: tuple[str, ...]
 
 
@@ -109,8 +101,8 @@ def marker_joints(at: Mapping[str, Float], clusters: Mapping[str, Float], fps: f
     # The segments of the human meet at the height of the omphalion, higher than L5/S1 on the same line.
     rise = Segments.of_height(stature).lumbar_height * L5S1 / np.linalg.norm(L5S1)
     points["lumbar"] = (points["hip_l"] + points["hip_r"]) / 2 + pelvis @ rise
-    points |= _trunk(at, points["lumbar"], stature)
-    return MarkerJoints(points, tuple(warnings))
+    points |= trunk_points(at, points["lumbar"], stature)
+    return MarkerJoints(points, pelvis, tuple(warnings))
 
 
 def _hips(at: Mapping[str, Float], path: str) -> tuple[dict[str, Float], Float]:
@@ -322,37 +314,3 @@ def _stature(points: Mapping[str, Float]) -> float:
         for side in SIDES
     ]
     return float(sum(legs)) / 2 / LEG_SHARE
-
-
-def _trunk(at: Mapping[str, Float], lumbar: Float, stature: float) -> dict[str, Float]:
-    """Neck, shoulders, elbows, wrists and head, as far as there are markers, (T, 3) each."""
-    points: dict[str, Float] = {}
-    acromia = [at[f"acromion_{side}"] for side in SIDES] if {"acromion_l", "acromion_r"} <= at.keys() else []
-    front = at.get("clavicle")
-    if "c7" in at and front is not None:
-        # The neck joint of the human is as high as C7 (de Leva 1996), and as far in front of it as Reed's C7/T1.
-        along = unit(at["c7"] - lumbar)
-        across = front - at["c7"]
-        depth = float(np.median(np.linalg.norm(across, axis=-1)))
-        ahead = unit(across - np.sum(across * along, axis=-1, keepdims=True) * along)
-        points["neck"] = at["c7"] + NECK_SHARE * depth * ahead
-    elif acromia:
-        middle = (acromia[0] + acromia[1]) / 2
-        points["neck"] = middle + NECK_ABOVE_ACROMIA * stature * unit(middle - lumbar)
-    elif "c7" in at:
-        points["neck"] = at["c7"]
-    if acromia:
-        breadth = float(np.median(np.linalg.norm(acromia[0] - acromia[1], axis=-1)))
-        down = unit(lumbar - (acromia[0] + acromia[1]) / 2)
-        points |= {f"shoulder_{side}": acromia[i] + SHOULDER_SHARE * breadth * down for i, side in enumerate(SIDES)}
-    for side in SIDES:
-        for joint, sides in (("elbow", ("lateral", "medial")), ("wrist", ("radial", "ulnar"))):
-            found = [at[f"{joint}_{which}_{side}"] for which in sides if f"{joint}_{which}_{side}" in at]
-            if found:
-                points[f"{joint}_{side}"] = np.mean(found, axis=0)
-    heads = [at[name] for name in ("head_l", "head_r") if name in at]
-    if len(heads) == 2:
-        points["head"] = (heads[0] + heads[1]) / 2
-    elif "vertex" in at:
-        points["head"] = at["vertex"]
-    return points

@@ -1,16 +1,25 @@
-"""Units of a motion file: those of its header, else those in which it shows a human."""
+"""Units and axes of motion files; units are those of the header, else those in which the file shows a human."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexmotion.configs.errors import MotionFormatError
 from flexmotion.importers.capture import Capture
-from flexmotion.importers.mapping import Units
+from flexmotion.importers.mapping import Units, Up
+
+Float = NDArray[np.float64]
 
 METRES: dict[Units, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001, "inch": 0.0254}
+
+TO_Z_UP: dict[Up, Float] = {
+    "z": np.eye(3),
+    # y up, z forward, x left becomes z up, x forward, y left.
+    "y": np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]),
+}
 
 UNITS: dict[str, Units] = {
     "m": "m",
