@@ -91,7 +91,9 @@ def open_sampler(folder: str | Path | None = None, steps: int | None = None) -> 
 def load_motion(path: str | Path, mapping: str | Path | None = None) -> Motion:
     """Human motion from a file: BVH, AMC, TRC, AMASS, or the project's own .npz.
 
-    What is guessed or removed, such as the mass or a treadmill's belt, is logged as warnings.
+    What is guessed or removed, such as an arm or a treadmill's belt, is logged as warnings. A mass that the file does
+    not say is guessed without one, since no robot needs it: `mass_given` of the motion is False, and forces computed
+    from it may be off by 30 %.
 
     Args:
         mapping: skeleton mapping, a shipped name or a YAML file; None: guessed from the joints' names.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -208,6 +209,23 @@ class ClipAnalysis:
         }
 
 
+def check_cutoff(cutoff: float, fps: float | None = None, name: str = "") -> None:
+    """Check the cut-off of the low-pass filter [Hz].
+
+    Args:
+        cutoff: to check.
+        fps: frame rate; None where it is not known yet [1/s].
+        name: of the clip, for the message.
+
+    Raises:
+        ConfigError: it is not more than 0 and below half of the frame rate.
+    """
+    if not 0 < cutoff < (math.inf if fps is None else fps / 2):
+        of = "half the frame rate" + (f" of {fps:g} Hz" if fps is not None else "")
+        begin = f"{name}: " if name else ""
+        raise ConfigError(f"{begin}cut-off is {cutoff:g} Hz, expected more than 0 and less than {of}")
+
+
 def analyse(
     motion: Motion, cutoff: float = CUTOFF, *, muscles: bool = True, recording: Recording = UNMOVED
 ) -> ClipAnalysis:
@@ -224,11 +242,7 @@ def analyse(
         ConfigError: the cut-off is not below half the frame rate; `myo-sim` is not installed.
     """
     name = motion.source or "motion"
-    if not 0 < cutoff < motion.fps / 2:
-        raise ConfigError(
-            f"{name}: cut-off is {cutoff:g} Hz, expected more than 0 and less than half the frame rate "
-            f"of {motion.fps:g} Hz"
-        )
+    check_cutoff(cutoff, motion.fps, name)
     if motion.duration < SHORTEST_S or len(motion) <= 2 * EDGE:
         least = max(SHORTEST_S, 2 * EDGE / motion.fps)
         raise MotionFormatError(f"{name}: lasts {motion.duration:.2f} s, expected at least {least:g} s")

@@ -63,8 +63,8 @@ def enrich(clip: Clip, settings: BuildSettings) -> list[Entry]:
     motion = imported.motion
     if np.any(imported.belt):
         about |= {"belt": [round(float(speed), 4) for speed in imported.belt]}
-    if imported.warnings:
-        about |= {"warnings": list(imported.warnings)}
+    if imported.notes:
+        about |= {"warnings": list(imported.notes)}
     about |= {"mass_given": bool(motion.mass_given)}
     motion = replace(motion, source=source)
     entries = [_entry(clip.name, about | {"variant": "original"}, motion, (), settings)]

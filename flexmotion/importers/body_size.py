@@ -39,8 +39,8 @@ def check_size(mass: float | None, height: float | None) -> None:
             raise ConfigError(f"{name} is {value:g} {unit}, expected {low:g} to {high:g} {unit}")
 
 
-def with_mass(body: Body, mass: float | None, height: float | None) -> tuple[Body, list[str]]:
-    """A fitted body with its mass [kg], and a warning where it is guessed from the stature.
+def with_mass(body: Body, mass: float | None, height: float | None) -> tuple[Body, str]:
+    """A fitted body with its mass [kg], and a warning where it is guessed from the stature, else an empty text.
 
     Args:
         body: as fitted, or of a motion whose mass is a guess.
@@ -48,10 +48,10 @@ def with_mass(body: Body, mass: float | None, height: float | None) -> tuple[Bod
         height: stature as given [m]; None if it is an estimate too.
     """
     if mass is not None:
-        return replace(body, mass=mass), []
+        return replace(body, mass=mass), ""
     guess = BODY_MASS_INDEX * body.height**2
     of = "the given" if height is not None else "the estimated"
-    return replace(body, mass=guess), [
+    return replace(body, mass=guess), (
         f"mass of {guess:.0f} kg is guessed from {of} height of {body.height:.2f} m (body mass index "
         f"{BODY_MASS_INDEX:.1f}); it may be off by {100 * MASS_ERROR:.0f} %, and forces with it: give the mass"
-    ]
+    )

@@ -9,7 +9,8 @@ import numpy as np
 
 from flexmotion.configs.errors import ConfigError, MotionFormatError
 from flexmotion.importers.capture import Capture
-from flexmotion.importers.trc import UNITS, unique_names
+from flexmotion.importers.marker_names import unique_names
+from flexmotion.importers.units import METRES, UNITS
 
 
 def read_c3d(path: Path) -> Capture:
@@ -38,19 +39,19 @@ def read_c3d(path: Path) -> Capture:
     if not count or not frames:
         raise MotionFormatError(f"{path}: no points, only analog channels?")
     labels += ["" for _ in range(count - len(labels))]
-    names, notes = unique_names(labels[:count])
     fps = float(_value(group, "RATE", 0.0) or content["header"]["points"]["frame_rate"])
     if not fps > 0:
         raise MotionFormatError(f"{path}: POINT:RATE is {fps:g}, expected a positive number")
     unit = str(_value(group, "UNITS", "mm")).strip().lower() or "mm"
     if unit not in UNITS:
-        raise MotionFormatError(f"{path}: POINT:UNITS is {unit!r}, expected one of {', '.join(UNITS)}")
-    positions = np.ascontiguousarray(points[:3].transpose(2, 1, 0))
+        raise MotionFormatError(f"{path}: POINT:UNITS is {unit!r}, expected one of {', '.join(METRES)}")
+    positions = METRES[UNITS[unit]] * np.ascontiguousarray(points[:3].transpose(2, 1, 0))
     residuals = np.asarray(content["data"]["meta_points"]["residuals"], np.float64)[0].T
     missing = (residuals < 0) | (positions == 0.0).all(axis=-1) | ~np.isfinite(positions).all(axis=-1)
     positions[missing] = np.nan
+    names, positions, notes = unique_names(labels[:count], positions)
     start = float(content["header"]["points"]["first_frame"]) / fps
-    return Capture(str(path), fps, names, UNITS[unit] * positions, start=start, warnings=tuple(notes))
+    return Capture(str(path), fps, names, positions, start=start, warnings=tuple(notes), units=UNITS[unit])
 
 
 def _label_groups(group: dict[str, Any]) -> list[str]:

@@ -20,14 +20,17 @@ class Capture:
         path: of the file, for messages.
         fps: frames per second.
         names: of the J points.
-        positions: in the file's world, (T, J, 3) [file units]; NaN where a marker is missing.
+        positions: in the file's world, (T, J, 3) [file units, or metres: see `units`]; NaN where a marker is missing.
         rotations: of each point's own frame in the file's world, (T, J, 3, 3); None for formats of points only.
         parents: index of each point's parent, -1 for a root; None where the format has no hierarchy.
         zero_positions: positions with every rotation at zero and the root at the origin, (J, 3); None where the format
             has no such pose.
         start: time of the first frame in the file [s].
         warnings: what a user should know about how the file was read.
+        units: that the header names, of positions that are in metres by it; None of those in units of the file.
         up: upward axis of the file, of positions that are turned to z up already; None of those that are not.
+        pelvis: its rotation (x forward, y left, z up in upright stance) where surface markers show it, in the axes of
+            positions that are turned to z up already, (T, 3, 3).
     """
 
     path: str
@@ -39,7 +42,9 @@ class Capture:
     zero_positions: Float | None = None
     start: float = 0.0
     warnings: tuple[str, ...] = ()
+    units: Literal["m", "cm", "mm", "inch"] | None = None
     up: Literal["y", "z"] | None = None
+    pelvis: Float | None = None
 
     def __len__(self) -> int:
         return len(self.positions)

@@ -62,17 +62,21 @@ def without_gaps(
     if np.isfinite(positions[:, [column[name] for name in names]]).all():
         return capture, frozenset()
     notes = list(capture.warnings)
-    scale = _scale(positions[:, [column[name] for name in names]])
-    for name in names:
-        _bridge(positions[:, column[name]], GAP_S * capture.fps)
+    scale = rough_scale(positions[:, [column[name] for name in names]])
+    bridged = {name: _bridge(positions[:, column[name]], GAP_S * capture.fps) for name in names}
     for members in segments:
         here = [column[name] for name in members if name in column]
-        for name in _from_segment(positions, here, scale, capture):
-            notes.append(f"{name}: gaps are reconstructed from the other markers of its segment")
-        for name in _from_neighbours(positions, here, [column[name] for name in names], scale, capture):
-            notes.append(f"{name}: gaps are approximated from two markers of its segment and one beside it")
+        for name, count in _from_segment(positions, here, scale, capture):
+            notes.append(f"{name}: gaps are reconstructed from the other markers of its segment ({_in_frames(count)})")
+        for name, count in _from_neighbours(positions, here, [column[name] for name in names], scale, capture):
+            notes.append(
+                f"{name}: gaps are approximated from two markers of its segment and one beside it ({_in_frames(count)})"
+            )
     for name in names:
-        _bridge(positions[:, column[name]], GAP_S * capture.fps)
+        bridged[name] += _bridge(positions[:, column[name]], GAP_S * capture.fps)
+    if any(bridged.values()):
+        filled = ", ".join(f"{name} ({_in_frames(count)})" for name, count in bridged.items() if count)
+        notes.append(f"gaps of at most {GAP_S} s are interpolated: {filled}")
     begin, end = _complete(capture, positions, [column[name] for name in needed if name in column])
     if (begin, end) != (0, len(capture)):
         blame = [n for n in needed if n in column and not np.isfinite(positions[:, column[n]]).all()]
@@ -105,7 +109,11 @@ def without_gaps(
     return replace(capture, positions=positions, start=start, warnings=tuple(notes)), frozenset(lost)
 
 
-def _scale(positions: Float) -> float:
+def _in_frames(count: int) -> str:
+    return f"{count} frame" if count == 1 else f"{count} frames"
+
+
+def rough_scale(positions: Float) -> float:
     """Metres per unit of the file, nearly: the used points of a human spread over about a metre and a half.
 
     Other points, which may be angles or forces in columns of points, have another scale.
@@ -121,38 +129,47 @@ def _longest(mask: Bool) -> int:
     return max((end - begin for begin, end in runs(mask)), default=0)
 
 
-def _bridge(track: Float, frames: float) -> None:
-    """Fill the gaps of one point, (T, 3), in place, between known frames and up to that many frames long."""
+def _bridge(track: Float, frames: float) -> int:
+    """Fill the gaps of one point, (T, 3), in place, between known frames and up to that many frames long.
+
+    Returns:
+        number of frames that were filled.
+    """
     seen = visible(track)
     known = np.flatnonzero(seen)
     if seen.all() or len(known) < 4:
-        return
-    spline = CubicSpline(known, track[known])
+        return 0
+    spline, count = CubicSpline(known, track[known]), 0
     for begin, end in runs(~seen):
         if begin > 0 and end < len(track) and end - begin <= frames:
             track[begin:end] = spline(np.arange(begin, end))
+            count += end - begin
+    return count
 
 
-def _from_segment(positions: Float, columns: Sequence[int], scale: float, capture: Capture) -> list[str]:
-    """Fill gaps of points of one rigid body in place, from at least three others; names of those filled."""
+def _from_segment(positions: Float, columns: Sequence[int], scale: float, capture: Capture) -> list[tuple[str, int]]:
+    """Fill gaps of points of one rigid body in place, from at least three others; names and frames of those filled."""
     tracks = positions[:, columns].copy()
     seen = visible(tracks)
     if seen.all() or len(columns) < 4:
         return []
     filled = [
-        index
+        (capture.names[index], _moved_with(positions, index, scale * tracks, member, scale))
         for member, index in enumerate(columns)
-        if not seen[:, member].all() and _moved_with(positions, index, scale * tracks, member, scale)
+        if not seen[:, member].all()
     ]
-    return [capture.names[index] for index in filled]
+    return [(name, count) for name, count in filled if count]
 
 
 def _from_neighbours(
     positions: Float, columns: Sequence[int], every: Sequence[int], scale: float, capture: Capture
-) -> list[str]:
-    """Fill gaps up to `NEIGHBOUR_GAP_S` in place from two others of the segment and a point beside it; names of those.
+) -> list[tuple[str, int]]:
+    """Fill gaps up to `NEIGHBOUR_GAP_S` in place from two others of the segment and a point beside it.
 
     The point beside it is the one whose distance to the missing one changes least.
+
+    Returns:
+        names of the points that were filled, and their number of frames.
     """
     filled = []
     for index in columns:
@@ -166,25 +183,26 @@ def _from_neighbours(
         distance = np.linalg.norm(positions[~gaps][:, beside] - positions[~gaps, None, index], axis=-1)
         nearest = beside[int(np.argmin(np.nanstd(distance, axis=0)))]
         tracks = scale * positions[:, [index, *others[:2], nearest]]
-        if _moved_with(positions, index, tracks, 0, scale):
-            filled.append(capture.names[index])
+        count = _moved_with(positions, index, tracks, 0, scale)
+        if count:
+            filled.append((capture.names[index], count))
     return filled
 
 
-def _moved_with(positions: Float, index: int, tracks: Float, member: int, scale: float) -> bool:
-    """Fill the gaps of one member of a cluster in place where the cluster has a pose; whether there were any."""
+def _moved_with(positions: Float, index: int, tracks: Float, member: int, scale: float) -> int:
+    """Fill the gaps of one member of a cluster in place where the cluster has a pose; number of frames filled."""
     rotation, origin, shape = cluster_pose(tracks)
     model = (origin + rotation @ shape[member]) / scale
     posed = visible(model)
     seen = visible(positions[:, index])
     known, frames = np.flatnonzero(seen & posed), np.flatnonzero(~seen & posed)
     if not len(frames) or not len(known):
-        return False
+        return 0
     # The skin's movement at the edges of a gap is carried into it.
     rest = positions[known, index] - model[known]
     shift = np.stack([np.interp(frames, known, rest[:, axis]) for axis in range(3)], axis=1)
     positions[frames, index] = model[frames] + shift
-    return True
+    return len(frames)
 
 
 def _complete(capture: Capture, positions: Float, columns: Sequence[int]) -> tuple[int, int]:

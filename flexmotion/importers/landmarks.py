@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,23 +12,10 @@ from flexmotion.human.signals import resample_rotations, resample_signal
 from flexmotion.importers.capture import Capture
 from flexmotion.importers.mapping import SkeletonMapping, Units, Up, markers
 from flexmotion.importers.trunk import with_trunk
+from flexmotion.importers.units import LEG, TO_Z_UP, metres_per_unit
 from flexmotion.importers.zero_pose import zero_pose_orientations
 
 Float = NDArray[np.float64]
-
-METRES: dict[Units, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001, "inch": 0.0254}
-
-LEG_RANGE = (0.45, 1.25)
-"""Range of leg length, hip to ankle over the knee, of children and adults [m]; it determines the units of a file."""
-
-LEG_TYPICAL = 0.83
-"""The same of adults [m]; it decides where two units are possible."""
-
-TO_Z_UP: dict[Up, Float] = {
-    "z": np.eye(3),
-    # y up, z forward, x left becomes z up, x forward, y left.
-    "y": np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]),
-}
 
 ATTACHED = frozenset({"hip_l", "hip_r", "shoulder_l", "shoulder_r"})
 """Points whose joint moves rigidly with the thigh or upper arm."""
@@ -125,11 +111,15 @@ def landmarks(
     columns = {point: capture.select(markers(joint)) for point, joint in mapping.joints.items()}
     raw = {point: capture.positions[:, column].mean(axis=1) for point, column in columns.items()}
     up = up or mapping.up or _guess_up(raw)
-    scale = METRES[units or mapping.units or _guess_units(raw, capture.path)]
+    length = _leg(raw)
+    if not length > 0:
+        raise MotionFormatError(f"{capture.path}: the legs have no length, hips, knees and ankles coincide")
+    scale, wrong = metres_per_unit(LEG, length, capture, units, mapping.units)
     turn = TO_Z_UP[up]
     points = {point: scale * value @ turn.T for point, value in raw.items()}
     _check_leg(points, capture.path)
-    points, notes = with_trunk(points)
+    points, guessed = with_trunk(points)
+    notes = [*wrong, *guessed]
     for side, name in (("l", "left"), ("r", "right")):
         absent = [joint for joint in ("elbow", "wrist") if f"{joint}_{side}" not in points]
         if absent:
@@ -137,6 +127,8 @@ def landmarks(
 
     orientations: dict[str, Float] = {}
     attached: dict[str, Float] = {}
+    if capture.pelvis is not None:
+        orientations["pelvis"] = turn @ capture.pelvis
     if capture.rotations is not None:
         aligned = {name: (item.joint, item.matrix()) for name, item in mapping.orientations.items()}
         if not aligned:
@@ -174,23 +166,10 @@ def _leg(points: dict[str, Float]) -> float:
     return float(sum(bones)) / 2
 
 
-def _guess_units(raw: dict[str, Float], path: str) -> Units:
-    leg = _leg(raw)
-    if not leg > 0:
-        raise MotionFormatError(f"{path}: the legs have no length, hips, knees and ankles coincide")
-    possible = {unit: leg * metres for unit, metres in METRES.items() if LEG_RANGE[0] <= leg * metres <= LEG_RANGE[1]}
-    if not possible:
-        raise MotionFormatError(
-            f"{path}: a leg of {leg:.4g} is not a human's in any of {', '.join(get_args(Units))}; is the mapping right?"
-        )
-    return min(possible, key=lambda unit: abs(np.log(possible[unit] / LEG_TYPICAL)))
-
-
 def _check_leg(points: dict[str, Float], path: str) -> None:
     leg = _leg(points)
-    if not LEG_RANGE[0] <= leg <= LEG_RANGE[1]:
-        low, high = LEG_RANGE
-        raise MotionFormatError(f"{path}: a leg of {leg:.3g} m, expected {low} to {high} m; other units?")
+    if not LEG.holds(leg):
+        raise MotionFormatError(f"{path}: a leg of {leg:.3g} m, expected {LEG.low} to {LEG.high} m; other units?")
 
 
 def _zero_frames(capture: Capture) -> int:

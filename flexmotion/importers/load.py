@@ -8,7 +8,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from math import isclose
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +20,7 @@ from flexmotion.human.motion import Motion
 from flexmotion.human.motion_file import load_motion
 from flexmotion.human.resample import resample
 from flexmotion.importers.acclaim import read_acclaim
+from flexmotion.importers.belt import Belt, remove_belt
 from flexmotion.importers.body_size import SAME_SIZE, check_size, is_guess, with_mass
 from flexmotion.importers.bvh import read_bvh
 from flexmotion.importers.c3d import read_c3d
@@ -34,7 +34,6 @@ from flexmotion.importers.packed import is_packed, read_packed
 from flexmotion.importers.refine import refine
 from flexmotion.importers.smpl import is_amass, read_amass, read_joints22
 from flexmotion.importers.trc import read_trc
-from flexmotion.importers.treadmill import backward_speed, backwards, belt_suspected, belt_velocity, without_belt
 from flexmotion.spatial.heading import matrix_heading
 from flexmotion.spatial.quaternions import continuous_quaternions
 
@@ -50,9 +49,6 @@ READERS: dict[str, Callable[[Path], Capture]] = {
     ".trc": read_trc,
     ".c3d": read_c3d,
 }
-Belt = float | Literal["detect"] | None
-"""Speed of a belt, backwards [m/s]; `detect`, or None for no belt."""
-
 ARCHIVE = ".npz"
 """Suffix of FlexMotion's own motions, AMASS sequences and packed clips; their content distinguishes them."""
 
@@ -94,6 +90,8 @@ class Import:
         errors: distances to the file's points by name (see `fit.Fit`); empty for FlexMotion's own files.
         belt: velocity of the treadmill's belt that was removed, (2,), in the axes of `motion` [m/s]; zero without one.
         warnings: what a user should know about how the file was read.
+        mass_guess: that the mass is a guess, for whom forces matter; empty where it is known. A robot that follows the
+            motion does not need it.
         placement: of the motion in the file.
     """
 
@@ -102,7 +100,13 @@ class Import:
     errors: dict[str, FitError] = field(default_factory=dict)
     belt: NDArray[np.float64] = field(default_factory=lambda: np.zeros(2))
     warnings: tuple[str, ...] = ()
+    mass_guess: str = ""
     placement: Placement = Placement()
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Warnings for a user of forces: those of reading, and that of a guessed mass."""
+        return (*self.warnings, self.mass_guess) if self.mass_guess else self.warnings
 
 
 def load(
@@ -117,7 +121,10 @@ def load(
     mass: float | None = None,
     height: float | None = None,
 ) -> Motion:
-    """The motion in a file; see `read`. What a user should know about how it was read is logged as warnings."""
+    """The motion in a file; see `read`. What a user should know about how it was read is logged as warnings.
+
+    Its `mass_given` says whether the mass is known.
+    """
     found = read(path, mapping=mapping, units=units, up=up, fps=fps, clip=clip, belt=belt, mass=mass, height=height)
     for warning in found.warnings:
         logger.warning("%s: %s", Path(path).name, warning)
@@ -147,7 +154,7 @@ def read(
         clip: name of the clip in a packed file.
         belt: speed of a treadmill's belt, backwards of the human [m/s]; `detect` to find and remove one, None for none.
         mass: of the human [kg]; None for that of FlexMotion's own files where it is known, else for a guess from the
-            height, with a warning.
+            height, which `Import.mass_guess` tells.
         height: stature of the human [m]; None for an estimate from the legs.
 
     Raises:
@@ -214,8 +221,9 @@ def own_motion(
         motion = replace(motion, body=replace(before, height=height), root_position=scale * motion.root_position)
     given = mass is not None or (not is_guess(before) if motion.mass_given is None else motion.mass_given)
     notes: list[str] = []
+    guess = ""
     if mass is not None or not given:
-        body, notes = with_mass(motion.body, mass, height)
+        body, guess = with_mass(motion.body, mass, height)
         kept = isclose(body.mass, before.mass, rel_tol=SAME_SIZE)
         motion = replace(motion, body=replace(body, mass=before.mass) if kept else body)
     stale = [name for name in ("torques", "wrenches", "activations", "joint_contact") if _has(motion, name)]
@@ -225,7 +233,8 @@ def own_motion(
         )
         motion = replace(motion, torques=None, wrenches=None, activations=None, joint_contact=None)
     motion = replace(motion, mass_given=given)
-    return Import(motion if fps is None else resample(motion, fps), warnings=tuple(notes))
+    motion = motion if fps is None else resample(motion, fps)
+    return Import(motion, warnings=tuple(notes), mass_guess=guess)
 
 
 def _has(motion: Motion, name: str) -> bool:
@@ -253,10 +262,7 @@ def fit_capture(
     else:
         capture, chosen = complete_joints(capture, chosen)
         found = landmarks(capture, chosen, units=units, up=up)
-    velocity = np.zeros(2) if belt is None else belt_velocity(found) if belt == "detect" else backwards(found, belt)
-    suspected = belt == "detect" and not velocity.any() and belt_suspected(found)
-    if velocity.any():
-        found = without_belt(found, velocity)
+    found, velocity, said = remove_belt(found, belt)
     if fps is not None:
         found = found.resampled(fps)
     fitted = fit(found, height)
@@ -265,21 +271,13 @@ def fit_capture(
     if capture.rotations is None:
         motion = refine(motion, found)
         errors = fit_errors(found, forward(motion))
-    notes = list(found.warnings)
-    if velocity.any():
-        way = "given" if belt != "detect" else "detected"
-        notes.append(f"a treadmill's belt of {backward_speed(found, velocity):.2f} m/s backwards was removed ({way})")
-    elif suspected:
-        notes.append(
-            "this may be a treadmill: one foot moves steadily under a pelvis that stays, but the clip is too short to "
-            "prove it, and nothing was removed: give the belt (--belt V, or none)"
-        )
-    body, guessed = with_mass(motion.body, mass, height)
+    notes = [*found.warnings, *said]
+    body, guess = with_mass(motion.body, mass, height)
     motion = replace(motion, body=body, mass_given=mass is not None)
     placed = on_floor(from_origin(motion))
     place = _placement(motion, placed, found)
     turned = Rotation.from_euler("z", -place.heading).apply([*velocity, 0.0])[:2]
-    return Import(placed, chosen.name, errors, turned, (*notes, *guessed), place)
+    return Import(placed, chosen.name, errors, turned, tuple(notes), guess, place)
 
 
 def _placement(before: Motion, after: Motion, found: Landmarks) -> Placement:

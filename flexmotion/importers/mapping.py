@@ -124,12 +124,12 @@ class SkeletonMapping(Strict):
 
     def landmarks(self, names: Iterable[str]) -> dict[str, list[list[str]]]:
         """Landmark -> its markers in the file: a list of clusters' members, each the markers whose mean it is."""
-        own = {_plain(name): name for name in reversed(list(names))}
+        own = {plain(name): name for name in reversed(list(names))}
         found = {}
         for landmark, text in self.markers.items():
             members = []
             for member in text.split(","):
-                choices = ([_plain(name) for name in markers(choice)] for choice in member.split(" | "))
+                choices = ([plain(name) for name in markers(choice)] for choice in member.split(" | "))
                 chosen = next((choice for choice in choices if own.keys() >= set(choice)), None)
                 if chosen:
                     members.append([own[name] for name in chosen])
@@ -137,13 +137,19 @@ class SkeletonMapping(Strict):
                 found[landmark] = members
         return found
 
+    def said(self, landmark: str) -> str:
+        """Names of the markers of a landmark, for messages: `LKNE or LKNL`; that of the landmark if it has none."""
+        text = self.markers.get(landmark)
+        return landmark if text is None else text.replace(" | ", " or ").replace(" + ", " with ")
+
 
 def markers(joint: str) -> list[str]:
     """Points whose mean is the joint: two for `LKneeLateral + LKneeMedial`, one for a plain name."""
     return [name.strip() for name in joint.split(" + ")]
 
 
-def _plain(name: str) -> str:
+def plain(name: str) -> str:
+    """A name of a marker without case, `.`, `_`, `-` and spaces, as names are compared."""
     return re.sub(r"[\s._-]", "", name).lower()
 
 
@@ -240,8 +246,10 @@ def guess_mapping(names: tuple[str, ...], path: str) -> SkeletonMapping:
     if unmapped:
         legs = "no legs found: " if all(f"{p}_{s}" in unmapped for p in ("knee", "ankle") for s in SIDES) else ""
         present = ", ".join(name for name in names if not name.endswith("/end"))
+        such = ", ".join(_usual_name(point) for point in unmapped)
         raise MotionFormatError(
-            f"{path}: {legs}no joint found for {', '.join(unmapped)}; joints are {present}; give a mapping"
+            f"{path}: {legs}no joint found for {', '.join(unmapped)} (names such as {such}); joints are {present}; "
+            "give a mapping"
         )
     return SkeletonMapping(name="guess", joints=joints)
 
@@ -251,6 +259,12 @@ def _synonyms() -> dict[str, list[str]]:
     text = resources.files("flexmotion").joinpath("data", "joint_names.yaml").read_text(encoding="utf-8")
     synonyms: dict[str, list[str]] = yaml.safe_load(text)
     return synonyms
+
+
+def _usual_name(point: str) -> str:
+    """A name that a joint may have, `LeftKnee` for `knee_l`."""
+    base, _, side = point.rpartition("_")
+    return {"l": "Left", "r": "Right"}[side] + base.capitalize()
 
 
 def _stem(name: str) -> tuple[str, str]:

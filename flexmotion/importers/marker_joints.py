@@ -1,8 +1,7 @@
 """Joint centres from surface markers: anatomical landmarks, regressions, and functional joints where neither suffice.
 
-Sources: hip, Harrington et al. 2007 (J Biomech 40:595, adults and children, MRI); lumbosacral and cervicothoracic
-joints, Reed, Manary and Schneider 1999 (SAE 1999-01-0959); shoulder, Rab, Petuskey and Bagley 2002 (Gait Posture
-15:113); functional joints, `rigid`.
+Sources: hip, Harrington et al. 2007 (J Biomech 40:595, adults and children, MRI); lumbosacral joint, Reed, Manary and
+Schneider 1999 (SAE 1999-01-0959); neck and arms, `marker_trunk`; functional joints, `rigid`.
 """
 
 from __future__ import annotations
@@ -13,12 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexmotion.configs.errors import MotionFormatError
 from flexmotion.human.angles import rotation_about
 from flexmotion.human.body import Segments
 from flexmotion.human.skeleton import SIDES
 from flexmotion.human.vectors import frame, in_frame, unit
 from flexmotion.importers.limb import hinge_axis
+from flexmotion.importers.marker_landmarks import MissingLandmarkError
+from flexmotion.importers.marker_trunk import trunk_points
 from flexmotion.importers.rigid import cluster_pose, common_points
 from flexmotion.importers.trunk import LEG_SHARE
 
@@ -49,16 +49,6 @@ TOE_DEPTH = 0.02
 """From a marker on top of the second metatarsal's head to the toe joint's centre [m]: marker, skin and half the
 head."""
 
-NECK_SHARE = 0.55
-"""Distance of the joint C7/T1 from the marker on C7 as a share of the distance to the jugular notch (Reed et al.)."""
-
-SHOULDER_SHARE = 0.17
-"""Depth of the shoulder joint below the acromion as a share of the distance between both acromia (Rab et al.)."""
-
-NECK_ABOVE_ACROMIA = 0.0425
-"""Height of the neck joint above the acromia as a share of stature: .8605 (de Leva 1996, cervicale) less .818
-(Drillis and Contini 1966)."""
-
 HIP_HEIGHT = 0.53
 """Height of the hip joints above the sole as a share of stature (Drillis and Contini 1966)."""
 
@@ -72,16 +62,21 @@ SAMPLES_S = 0.25
 """Time after which errors of skin markers are independent of each other [s] (assumption: half a stride's phase)."""
 
 
+NAMES = {"l": "left", "r": "right"}
+
+
 @dataclass(frozen=True)
 class MarkerJoints:
     """Joint centres from surface markers.
 
     Attributes:
         points: point (see `mapping.POINTS`) -> positions, (T, 3) [m], z up.
+        pelvis: its rotation (x forward, y left, z up in upright stance), (T, 3, 3).
         warnings: what was estimated from little.
     """
 
     points: dict[str, Float]
+    pelvis: Float
     warnings: tuple[str, ...]
 
 
@@ -95,7 +90,7 @@ def marker_joints(at: Mapping[str, Float], clusters: Mapping[str, Float], fps: f
         path: of the file, for messages.
 
     Raises:
-        MotionFormatError: a joint of the legs cannot be found; names the joint and the markers that would do.
+        MissingLandmarkError: a joint of the legs cannot be found; names the joint and the landmarks that would do.
     """
     hips, pelvis = _hips(at, path)
     points = {f"hip_{side}": hips[side] for side in SIDES}
@@ -106,8 +101,8 @@ def marker_joints(at: Mapping[str, Float], clusters: Mapping[str, Float], fps: f
     # The segments of the human meet at the height of the omphalion, higher than L5/S1 on the same line.
     rise = Segments.of_height(stature).lumbar_height * L5S1 / np.linalg.norm(L5S1)
     points["lumbar"] = (points["hip_l"] + points["hip_r"]) / 2 + pelvis @ rise
-    points |= _trunk(at, points["lumbar"], stature)
-    return MarkerJoints(points, tuple(warnings))
+    points |= trunk_points(at, points["lumbar"], stature)
+    return MarkerJoints(points, pelvis, tuple(warnings))
 
 
 def _hips(at: Mapping[str, Float], path: str) -> tuple[dict[str, Float], Float]:
@@ -116,8 +111,9 @@ def _hips(at: Mapping[str, Float], path: str) -> tuple[dict[str, Float], Float]:
     absent = [name for name in ("asis_l", "asis_r") if name not in at]
     if absent or behind is None:
         lacks = ", ".join(absent) or "sacrum, or psis_l and psis_r"
-        raise MotionFormatError(
-            f"{path}: no marker for {lacks}: the hip joints need both ASIS, and sacrum or both PSIS"
+        needed = tuple(absent) or ("sacrum", "psis_l", "psis_r")
+        raise MissingLandmarkError(
+            f"{path}: no marker for {lacks}: the hip joints need both ASIS, and sacrum or both PSIS", needed
         )
     middle = (at["asis_l"] + at["asis_r"]) / 2
     left = at["asis_l"] - at["asis_r"]
@@ -145,7 +141,7 @@ def _leg(
     warnings: list[str],
 ) -> dict[str, Float]:
     """Knee, ankle and toe joint of one leg, (T, 3) each."""
-    name = {"l": "left", "r": "right"}[side]
+    name = NAMES[side]
     toe, foot = _toe(side, at, clusters, path)
     lateral, medial = at.get(f"knee_lateral_{side}"), at.get(f"knee_medial_{side}")
     outer, inner = at.get(f"ankle_lateral_{side}"), at.get(f"ankle_medial_{side}")
@@ -164,7 +160,10 @@ def _leg(
     if ankle is None or knee is None:
         thigh, shank = clusters.get(f"thigh_{side}"), clusters.get(f"shank_{side}")
         if knee is None and (thigh is None or shank is None or thigh.shape[1] < 2 or shank.shape[1] < 2):
-            raise MotionFormatError(f"{path}: no marker for the {name} knee, and fewer than two on thigh or shank")
+            needed = tuple(f"{own}_{side}" for own in ("knee_lateral", "knee_medial", "thigh", "shank"))
+            raise MissingLandmarkError(
+                f"{path}: no marker for the {name} knee, and fewer than two on thigh or shank", needed
+            )
         guess = ankle if ankle is not None else _ankle_of_foot(side, at, toe, foot, hip)
         if knee is None:
             assert thigh is not None and shank is not None
@@ -203,13 +202,15 @@ def _toe(
         mean = Segments.of_height(1.0)
         toe, depth = heel + (mean.heel + mean.ball) / mean.foot * (tip - heel), TOE_DEPTH
     else:
-        raise MotionFormatError(
-            f"{path}: no marker for toe_{side}, metatarsal_1_{side} and metatarsal_5_{side}, or toe_tip_{side} "
-            f"and heel_{side}"
+        needed = tuple(f"{own}_{side}" for own in ("toe", "metatarsal_1", "metatarsal_5", "toe_tip", "heel"))
+        raise MissingLandmarkError(
+            f"{path}: no marker for the {NAMES[side]} toe joint: it needs toe, metatarsal_1, or toe_tip and heel",
+            needed,
         )
     back = heel if heel is not None else at.get(f"ankle_lateral_{side}")
     if back is None:
-        raise MotionFormatError(f"{path}: no marker for heel_{side} or ankle_lateral_{side}")
+        needed = (f"heel_{side}", f"ankle_lateral_{side}")
+        raise MissingLandmarkError(f"{path}: no marker behind the {NAMES[side]} foot, on heel or ankle", needed)
     height = (back - back.min(axis=0))[:, 2] + (toe - toe.min(axis=0))[:, 2]
     flat = height <= np.quantile(height, 0.1)
     cluster = clusters.get(f"foot_{side}")
@@ -313,37 +314,3 @@ def _stature(points: Mapping[str, Float]) -> float:
         for side in SIDES
     ]
     return float(sum(legs)) / 2 / LEG_SHARE
-
-
-def _trunk(at: Mapping[str, Float], lumbar: Float, stature: float) -> dict[str, Float]:
-    """Neck, shoulders, elbows, wrists and head, as far as there are markers, (T, 3) each."""
-    points: dict[str, Float] = {}
-    acromia = [at[f"acromion_{side}"] for side in SIDES] if {"acromion_l", "acromion_r"} <= at.keys() else []
-    front = at.get("clavicle")
-    if "c7" in at and front is not None:
-        # The neck joint of the human is as high as C7 (de Leva 1996), and as far in front of it as Reed's C7/T1.
-        along = unit(at["c7"] - lumbar)
-        across = front - at["c7"]
-        depth = float(np.median(np.linalg.norm(across, axis=-1)))
-        ahead = unit(across - np.sum(across * along, axis=-1, keepdims=True) * along)
-        points["neck"] = at["c7"] + NECK_SHARE * depth * ahead
-    elif acromia:
-        middle = (acromia[0] + acromia[1]) / 2
-        points["neck"] = middle + NECK_ABOVE_ACROMIA * stature * unit(middle - lumbar)
-    elif "c7" in at:
-        points["neck"] = at["c7"]
-    if acromia:
-        breadth = float(np.median(np.linalg.norm(acromia[0] - acromia[1], axis=-1)))
-        down = unit(lumbar - (acromia[0] + acromia[1]) / 2)
-        points |= {f"shoulder_{side}": acromia[i] + SHOULDER_SHARE * breadth * down for i, side in enumerate(SIDES)}
-    for side in SIDES:
-        for joint, sides in (("elbow", ("lateral", "medial")), ("wrist", ("radial", "ulnar"))):
-            found = [at[f"{joint}_{which}_{side}"] for which in sides if f"{joint}_{which}_{side}" in at]
-            if found:
-                points[f"{joint}_{side}"] = np.mean(found, axis=0)
-    heads = [at[name] for name in ("head_l", "head_r") if name in at]
-    if len(heads) == 2:
-        points["head"] = (heads[0] + heads[1]) / 2
-    elif "vertex" in at:
-        points["head"] = at["vertex"]
-    return points

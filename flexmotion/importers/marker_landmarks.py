@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from flexmotion.configs.errors import MotionFormatError
+
 SIDED_LANDMARKS = (
     "asis",
     "psis",
@@ -44,3 +46,11 @@ CARRIERS: dict[str, tuple[str, ...]] = {
     },
 }
 """Segment -> landmarks that move with it; a missing marker is reconstructed from the others of its segment."""
+
+
+class MissingLandmarkError(MotionFormatError):
+    """A joint cannot be found: `landmarks` are those that would do."""
+
+    def __init__(self, message: str, landmarks: tuple[str, ...]) -> None:
+        super().__init__(message)
+        self.landmarks = landmarks

@@ -5,7 +5,6 @@ A mapping turns markers into joint centres; `A + B` is the mean of two markers, 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -13,21 +12,10 @@ from numpy.typing import NDArray
 
 from flexmotion.configs.errors import MotionFormatError
 from flexmotion.importers.capture import Capture
-from flexmotion.importers.landmarks import METRES
+from flexmotion.importers.marker_names import unique_names
+from flexmotion.importers.units import METRES, UNITS
 
 Float = NDArray[np.float64]
-
-UNITS = {
-    "m": 1.0,
-    "cm": METRES["cm"],
-    "mm": METRES["mm"],
-    "in": METRES["inch"],
-    "inch": METRES["inch"],
-    "inches": METRES["inch"],
-    "meters": 1.0,
-    "millimeters": METRES["mm"],
-    "centimeters": METRES["cm"],
-}
 
 
 def read_trc(path: Path) -> Capture:
@@ -44,27 +32,28 @@ def read_trc(path: Path) -> Capture:
         raise MotionFormatError(f"{path}: not a TRC file: line 1 does not begin with PathFileType")
     header = dict(zip(lines[1].split(), lines[2].split(), strict=False))
     try:
-        fps, scale = float(header["DataRate"].replace(",", ".")), UNITS[header["Units"].lower()]
+        fps, unit = float(header["DataRate"].replace(",", ".")), UNITS[header["Units"].lower()]
         count, frames = int(header["NumMarkers"]), int(header["NumFrames"])
     except (KeyError, ValueError) as error:
         raise MotionFormatError(f"{path}, line 3: {error} missing or invalid in the header") from error
     if not fps > 0:
         raise MotionFormatError(f"{path}, line 3: DataRate is {fps}, expected a positive number")
-    names, notes = _names(lines[3])
-    if not names:
+    labels = _labels(lines[3])
+    if not labels:
         raise MotionFormatError(f"{path}, line 4: no names of markers")
-    if len(names) != count:
-        notes.append(f"{len(names)} names of markers, NumMarkers says {count}")
-    rows = [_row(path, number, line, len(names)) for number, line in enumerate(lines[5:], 6) if line.strip()]
+    rows = [_row(path, number, line, len(labels)) for number, line in enumerate(lines[5:], 6) if line.strip()]
     if not rows:
         raise MotionFormatError(f"{path}: no frames")
+    table = np.array(rows)
+    positions = METRES[unit] * table[:, 1:].reshape(len(rows), len(labels), 3)
+    positions[(positions == 0.0).all(axis=-1) | ~np.isfinite(positions).all(axis=-1)] = np.nan
+    names, positions, notes = unique_names(labels, positions)
+    if len(labels) != count:
+        notes.append(f"{len(labels)} names of markers, NumMarkers says {count}")
     if len(rows) != frames:
         notes.append(f"{len(rows)} frames, NumFrames says {frames}: the file may be cut off")
-    table = np.array(rows)
-    positions = table[:, 1:].reshape(len(rows), len(names), 3)
-    positions[(positions == 0.0).all(axis=-1) | ~np.isfinite(positions).all(axis=-1)] = np.nan
     start = float(table[0, 0]) if np.isfinite(table[0, 0]) else 0.0
-    return Capture(str(path), fps, names, scale * positions, start=start, warnings=tuple(notes))
+    return Capture(str(path), fps, names, positions, start=start, warnings=tuple(notes), units=unit)
 
 
 def _split(line: str) -> list[str]:
@@ -72,22 +61,13 @@ def _split(line: str) -> list[str]:
     return line.split("\t") if "\t" in line else line.split()
 
 
-def _names(line: str) -> tuple[tuple[str, ...], list[str]]:
+def _labels(line: str) -> list[str]:
     """Names of the columns of three; they are above the first of the three, or one after the other."""
     fields = [field.strip() for field in _split(line)[2:]]
     while fields and not fields[-1]:
         fields.pop()
     apart = all(not field for index, field in enumerate(fields) if index % 3)
-    return unique_names(fields[::3] if apart else [field for field in fields if field])
-
-
-def unique_names(labels: Sequence[str]) -> tuple[tuple[str, ...], list[str]]:
-    """Names of points, all different, and warnings; points without a name, or with another's, are named `*NUMBER`."""
-    names, notes = [name or f"*{index}" for index, name in enumerate(labels, 1)], []
-    for name in sorted({name for name in names if names.count(name) > 1}):
-        notes.append(f"{name}: name of several markers, none of them is used")
-        names = [f"*{name}/{index}" if own == name else own for index, own in enumerate(names, 1)]
-    return tuple(names), notes
+    return fields[::3] if apart else [field for field in fields if field]
 
 
 def _row(path: Path, number: int, line: str, count: int) -> list[float]:

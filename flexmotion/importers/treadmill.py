@@ -4,7 +4,7 @@ On a belt both feet move with one constant horizontal velocity whenever they are
 and are never at rest while they are low; the pelvis stays where it is. Feet that slide over the ground move with the
 pelvis, and rest at other times. All of it is required: a velocity of the ground that is not there falsifies every
 force, a belt that is missed only that clip. Where a clip is too short to show both feet on the belt, one foot that
-passes all other tests is reported (`belt_suspected`), and nothing is removed.
+passes all other tests is reported (`suspected_velocity`), and nothing is removed.
 """
 
 from __future__ import annotations
@@ -78,13 +78,31 @@ def belt_velocity(found: Landmarks) -> Float:
     return velocity if feet == 2 else np.zeros(2)
 
 
-def belt_suspected(found: Landmarks) -> bool:
-    """Whether one foot alone, in a recording without a detected belt, moves as if it were on one.
+def suspected_velocity(found: Landmarks) -> Float:
+    """Velocity of one foot alone that moves as if it were on a belt, (2,) [m/s]; zero where none does.
 
     Args:
-        found: joint centres at the rate of the file, at least about 20 Hz.
+        found: joint centres of a recording without a detected belt, at the rate of the file, at least about 20 Hz.
     """
-    return any(_shared_velocity(found, side)[1] == 1 for side in (np.minimum, np.maximum))
+    for side in (np.minimum, np.maximum):
+        velocity, feet = _shared_velocity(found, side)
+        if feet == 1:
+            return velocity
+    return np.zeros(2)
+
+
+def feet_rest(found: Landmarks, speed: float) -> bool:
+    """Whether both feet are at rest while they are low, for whole contacts, against a belt of this speed [m/s]."""
+    if len(found) < 4 or len(found) < 3 * STANCE_S * found.fps:
+        return False
+    toes, speeds, low = _feet(found)
+    limit = min(SLOWEST, AT_REST * abs(speed))
+    on = {side: low[side] & (np.linalg.norm(speeds[side], axis=-1) < limit) for side in toes}
+    contacts = {side: _contacts(side, on[side], found.fps) for side in toes}
+    rest = np.zeros(len(found), bool)
+    for contact in (*contacts["l"], *contacts["r"]):
+        rest[contact.begin : contact.end] = True
+    return bool(all(contacts.values()) and rest.mean() >= COVERED)
 
 
 def _shared_velocity(found: Landmarks, side_of: np.ufunc) -> tuple[Float, int]:
@@ -96,9 +114,7 @@ def _shared_velocity(found: Landmarks, side_of: np.ufunc) -> tuple[Float, int]:
     none = np.zeros(2), 0
     if len(found) < 4 or len(found) < 3 * STANCE_S * found.fps:
         return none
-    toes = {side: _smooth(found.points[f"toe_{side}"], found.fps) for side in "lr"}
-    speeds = {side: np.gradient(toe[:, :2], axis=0) * found.fps for side, toe in toes.items()}
-    low = {side: _low(toe[:, 2], found.fps) for side, toe in toes.items()}
+    toes, speeds, low = _feet(found)
     guess = _common(speeds, low, side_of)
     if guess is None or np.linalg.norm(guess) < SLOWEST:
         return none
@@ -114,6 +130,13 @@ def _shared_velocity(found: Landmarks, side_of: np.ufunc) -> tuple[Float, int]:
     if not _is_belt(velocity, contacts, speeds, low, pelvis, found.fps):
         return none
     return velocity, len({contact.side for contact in contacts})
+
+
+def _feet(found: Landmarks) -> tuple[dict[str, Float], dict[str, Float], dict[str, Bool]]:
+    """Smoothed toe joints (T, 3) [m], their horizontal velocities (T, 2) [m/s], and where they are low, (T,)."""
+    toes = {side: _smooth(found.points[f"toe_{side}"], found.fps) for side in "lr"}
+    speeds = {side: np.gradient(toe[:, :2], axis=0) * found.fps for side, toe in toes.items()}
+    return toes, speeds, {side: _low(toe[:, 2], found.fps) for side, toe in toes.items()}
 
 
 def without_belt(found: Landmarks, velocity: Float) -> Landmarks:
@@ -145,12 +168,13 @@ def _low(height: Float, fps: float) -> Bool:
     return low
 
 
-def _tolerance(velocity: Float) -> float:
+def tolerance(velocity: Float) -> float:
+    """Greatest difference between the velocity of a belt, (2,), and that of a foot on it [m/s]."""
     return float(SAME + SAME_SHARE * np.linalg.norm(velocity))
 
 
 def _near(speeds: Float, velocity: Float) -> Bool:
-    near: Bool = np.linalg.norm(speeds - velocity, axis=-1) < _tolerance(velocity)
+    near: Bool = np.linalg.norm(speeds - velocity, axis=-1) < tolerance(velocity)
     return near
 
 

@@ -21,6 +21,11 @@ SPINE_SHARE = 0.8
 """Tilt of the line from lumbar joint to neck as a share of the chest's, for a spine that bends over its length."""
 
 
+LUMBAR_BEHIND = 0.2
+"""Angle by which the line from the middle of the hips to the lumbosacral joint leans back in the axes of an upright
+pelvis [rad], 11.5°: .0300 m behind and .1476 m above in the pelvis of Delp et al. 1990 (IEEE Trans Biomed Eng 37:757;
+OpenSim's gait2354). Reed et al. 1999 have 7.9°, Rajagopal et al. 2016 15.5°."""
+
 LEG_SHARE = 0.491
 """Thigh and shank as a share of stature (`data/proportions.yaml`)."""
 
@@ -67,13 +72,18 @@ def with_trunk(points: Mapping[str, Float]) -> tuple[dict[str, Float], list[str]
 
 
 def pelvis_rotation(found: Landmarks) -> Float:
-    """Rotation of the pelvis, (T, 3, 3): left along the line of the hips, up as in the file, else towards the spine."""
+    """Rotation of the pelvis, (T, 3, 3): left along the line of the hips, up as in the file, else from the spine.
+
+    The lumbar joint lies behind the hips (`LUMBAR_BEHIND`), the neck of an upright human above them.
+    """
     points = found.points
     left = points["hip_l"] - points["hip_r"]
     if "pelvis" in found.orientations:
         return frame(left, found.orientations["pelvis"][:, :, 2])
-    above = points.get("lumbar", points["neck"])
-    return frame(left, above - (points["hip_l"] + points["hip_r"]) / 2)
+    hips = (points["hip_l"] + points["hip_r"]) / 2
+    if "lumbar" in points:
+        return frame(left, points["lumbar"] - hips) @ rotation_about("y", LUMBAR_BEHIND)
+    return frame(left, points["neck"] - hips)
 
 
 def chest_left(found: Landmarks) -> Float:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexmotion.importers.capture import Capture
+from flexmotion.importers.units import TO_Z_UP
 
 Float = NDArray[np.float64]
 
@@ -29,13 +30,26 @@ def zero_pose_orientations(capture: Capture, joints: Mapping[str, str], turn: Fl
     """
     if capture.zero_positions is None or capture.parents is None:
         return {}
-    zero = capture.zero_positions @ turn.T
-    at = {point: zero[capture.names.index(joint)] for point, joint in joints.items()}
-    forward = np.cross(at["hip_l"] - at["hip_r"], UP)
-    if not (np.linalg.norm(forward) > 0 and _stands(at, forward)):
-        return {}
-    forward /= np.linalg.norm(forward)
+    # A zero pose may stand in other axes than the motion: that of AMASS has y up, its world z up.
+    for upright in (turn, *TO_Z_UP.values()):
+        zero = capture.zero_positions @ upright.T
+        at = {point: zero[capture.names.index(joint)] for point, joint in joints.items()}
+        forward = np.cross(at["hip_l"] - at["hip_r"], UP)
+        if np.linalg.norm(forward) > 0 and _stands(at, forward):
+            return _axes(capture, joints, upright, at, forward / np.linalg.norm(forward))
+    return {}
 
+
+def _axes(
+    capture: Capture, joints: Mapping[str, str], turn: Float, at: Mapping[str, Float], forward: Float
+) -> dict[str, tuple[str, Float]]:
+    """Axes of the segments of a zero pose that stands.
+
+    Args:
+        turn: from the axes of the zero pose to z up, (3, 3).
+        at: points of the zero pose, z up.
+        forward: direction that it faces, (3,).
+    """
     figure = turn.T @ np.stack([forward, np.cross(UP, forward), UP], axis=1)
     axes = {"pelvis": (capture.common_ancestor(joints["hip_l"], joints["hip_r"]), figure)}
     if {"shoulder_l", "shoulder_r"} <= at.keys():

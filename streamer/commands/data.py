@@ -12,6 +12,7 @@ from flexmotion.streamer.commands.exit_codes import CHECK_FAILED
 from flexmotion.streamer.commands.option_groups import ImportOptions, grouped
 from flexmotion.streamer.commands.options import JsonOption
 from flexmotion.streamer.commands.output import print_json, print_note, print_result, progress_bar
+from flexmotion.streamer.commands.places import check_place
 
 data = typer.Typer(help="Motion files to a training set with forces, torques and muscle activations.")
 
@@ -29,7 +30,7 @@ def import_(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="Motion: .bvh .amc .npy .npz .trc .c3d")],
     reading: ImportOptions,
     out: OutOption,
-    fps: Annotated[float, typer.Option(help="Frame rate to write.")] = FPS,
+    fps: Annotated[float, typer.Option(min=1.0, max=1000.0, help="Frame rate to write.")] = FPS,
     as_json: JsonOption = False,
 ) -> None:
     """Read a motion file of any supported format and write it as the project's own .npz.
@@ -41,6 +42,8 @@ def import_(
     """
     from flexmotion.human.motion_file import save_motion
 
+    check_place(out, (".npz",))
+    reading.check()
     found = reading.read(file, fps)
     save_motion(found.motion, out)
     errors = {name: {"rms_m": error.rms, "max_m": error.max} for name, error in found.errors.items()}
@@ -57,11 +60,11 @@ def import_(
                 "mass_given": found.motion.mass_given,
                 "height_m": body.height,
                 "start_s": found.placement.start,
-                "warnings": list(found.warnings),
+                "warnings": list(found.notes),
             }
         )
         return
-    for warning in found.warnings:
+    for warning in found.notes:
         print_note(f"{file.name}: {warning}")
     print_note(f"{file.name}: {body.mass:.1f} kg, {body.height:.2f} m")
     print_result(f"{out}: {len(found.motion)} frames at {fps:g} Hz, skeleton {found.mapping or 'own format'}")
@@ -117,11 +120,14 @@ def augment(
         raise typer.BadParameter(f"--perturbed draws what {', '.join(given)} would set: give one of the two")
     if plot is not None and not simulated:
         raise typer.BadParameter("--plot draws a simulated variant: add --perturbed, --push, --load or --slope")
+    check_place(out, (".npz",))
+    check_place(plot)
+    reading.check()
     read = reading.read(file, FPS)
     motion = read.motion
-    for warning in read.warnings:
+    for warning in read.notes:
         print_note(f"{file.name}: {warning}")
-    about: dict = {"file": str(out), "seed": seed, "warnings": list(read.warnings)}
+    about: dict = {"file": str(out), "seed": seed, "warnings": list(read.notes)}
     if simulated:
         from flexmotion.biomechanics.simulation.perturbation import Perturbation
         from flexmotion.biomechanics.simulation.variant import perturbed as simulate
@@ -261,6 +267,7 @@ def export(
     from flexmotion.dataset.compact import export_compact
     from flexmotion.dataset.training_set import TrainingSet
 
+    check_place(out)
     size = export_compact(TrainingSet(folder), out)
     print_result(f"{out}: {size / 1e6:.1f} MB" if size >= 1e6 else f"{out}: {size / 1e3:.0f} kB")
 

@@ -14,6 +14,7 @@ from flexmotion.streamer.commands.exit_codes import CHECK_FAILED
 from flexmotion.streamer.commands.option_groups import ImportOptions, grouped
 from flexmotion.streamer.commands.options import JsonOption
 from flexmotion.streamer.commands.output import print_json, print_note, print_result
+from flexmotion.streamer.commands.places import check_place
 
 if TYPE_CHECKING:
     from flexmotion.biomechanics.analysis import ClipAnalysis, Recording
@@ -78,22 +79,23 @@ def dynamics(
       flexmotion data dynamics walk.trc --mass 72.6 -o walk.sto
     """
     # Heavy imports wait until the command runs: help and completion answer at once.
-    from flexmotion.biomechanics.analysis import analyse
+    from flexmotion.biomechanics.analysis import analyse, check_cutoff
     from flexmotion.biomechanics.dynamics_files import dynamics_writer, write_files
     from flexmotion.biomechanics.smoothing import CUTOFF
     from flexmotion.streamer.report.dynamics_summary import render_dynamics
 
     writer = dynamics_writer(out)
-    for path in (out, plots):
-        _check_place(path)
-    if plots is not None and plots.suffix.lower() not in PAGES:
-        raise typer.BadParameter(f"{plots}: unknown kind of picture, expected {', '.join(PAGES)}")
+    check_place(out)
+    check_place(plots, PAGES)
+    reading.check()
+    if cutoff is not None:
+        check_cutoff(cutoff, fps)
     with_muscles = find_spec("myo_sim") is not None if muscles is None else muscles
     if muscles is None and not with_muscles:
         print_note("without muscles and joint contact, which need the extra 'biomech'")
 
     found = reading.read(file, fps)
-    for warning in found.warnings:
+    for warning in found.notes:
         print_note(f"{file.name}: {warning}")
     analysed = analyse(
         found.motion, CUTOFF if cutoff is None else cutoff, muscles=with_muscles, recording=_recording(found)
@@ -119,22 +121,12 @@ def dynamics(
         raise typer.Exit(CHECK_FAILED)
 
 
-def _check_place(path: Path | None) -> None:
-    """Check that a file can be written, before any work is done."""
-    if path is None:
-        return
-    if path.is_dir():
-        raise typer.BadParameter(f"{path}: a folder, expected a file")
-    if not path.parent.is_dir():
-        raise typer.BadParameter(f"{path.parent}: no such folder to write {path.name} into")
-
-
 def _of_import(found: Import, mass: float | None) -> dict[str, Any]:
     return {
         "mass_is": "given" if mass is not None else "that of the file" if found.motion.mass_given else "guessed",
         "belt_m_s": float((found.belt**2).sum() ** 0.5),
         "placement": asdict(found.placement),
-        "notes": list(found.warnings),
+        "notes": list(found.notes),
     }
 
 

@@ -94,6 +94,12 @@ class ImportOptions:
     mass: MassOption = None
     height: HeightOption = None
 
+    def check(self) -> None:
+        """Check mass and height before any file is read. Raises `ConfigError`."""
+        from flexmotion.importers.body_size import check_size
+
+        check_size(self.mass, self.height)
+
     def read(self, file: Path, fps: float | None) -> Import:
         """The motion in a file; see `flexmotion.importers.read`."""
         from flexmotion.importers import read

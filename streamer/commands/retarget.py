@@ -34,15 +34,13 @@ def retarget(
     from flexmotion.configs.robot import load_robot
     from flexmotion.configs.stream import load_stream
     from flexmotion.streamer.commands.choice import choose_motion
+    from flexmotion.streamer.commands.places import check_place
     from flexmotion.streamer.motion.sources import ClipSource
     from flexmotion.streamer.planning.offline import retarget_offline
     from flexmotion.streamer.report.trajectory_file import WRITERS, write_trajectory
     from flexmotion.streamer.report.trajectory_quality import quality, render_quality
 
-    if out.suffix.lower() not in WRITERS:
-        raise typer.BadParameter(f"{out}: unknown kind of file, expected {' or '.join(WRITERS)}")
-    if not out.parent.is_dir():
-        raise typer.BadParameter(f"{out.parent}: no such folder to write {out.name} into")
+    check_place(out, tuple(WRITERS))
     chosen = load_robot(robot)
     motion = choose_motion(clip, mapping)
     with progress_bar(f"{chosen.name} retargets {motion.source}") as progress:

@@ -27,7 +27,7 @@ def dynamics_rows(content: dict[str, Any]) -> list[Row]:
     """Name, value and meaning of every figure.
 
     Args:
-        content: `ClipAnalysis.figures`, and of the import `mass_is` (where the mass is from) and `belt_m_s`.
+        content: `ClipAnalysis.figures`, and of the import `mass_is` (where the mass is from), `belt_m_s` and `notes`.
     """
     body, peak, error = content["body"], content["peak_vertical_force_bw"], content["force_error_mean_bw"]
     rows = [
@@ -117,6 +117,7 @@ def dynamics_page(content: dict[str, Any], picture: bytes) -> bytes:
         f"<tr><th>{escape(name)}</th><td>{escape(value)}</td><td>{escape(meaning)}</td></tr>"
         for name, value, meaning in dynamics_rows(content)
     )
+    notes = "".join(f"<li>{escape(note)}</li>" for note in content.get("notes", ()))
     text = f"""<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><title>Dynamics</title><style>
 body {{ font: 14px system-ui, sans-serif; color: #1f2937; max-width: 1300px; margin: 2em auto; padding: 0 1em }}
@@ -127,6 +128,7 @@ img {{ width: 100%; margin-top: 1.5em }}
 <table>
 {rows}
 </table>
+{f"<h2>How the file was read</h2><ul>{notes}</ul>" if notes else ""}
 <img alt="Ground forces, centre of pressure, residuals, joint moments, muscles and joint contact of the clip"
  src="data:image/png;base64,{base64.b64encode(picture).decode("ascii")}">
 </body></html>

@@ -89,13 +89,16 @@ READABLE: dict[str, tuple[Callable[[Tracks], Tracks], str]] = {
     "without spine": (without("Spine"), ""),
     "left arm only": (without("RightElbow", "RightWrist"), ""),
     "left shoulder only": (without("RightShoulder", "Neck"), "no point for the neck"),
-    "short gap in a knee": (gap("LeftKnee", 2.0, 2.1), ""),
+    "short gap in a knee": (gap("LeftKnee", 2.0, 2.1), "gaps of at most 0.25 s are interpolated: LeftKnee (3 frames)"),
     "gap in an unused marker": (extra("Hat", 0.3), ""),
     "unused marker without a value": (extra("Hat", 0.0), ""),
     "unlabelled markers": (lambda t: extra("*1", 0.1)(extra("*2", 0.4)(t)), ""),
     "gap of .8 s in a wrist": (gap("LeftWrist", 2.0, 2.8), "LeftWrist: gaps up to 0.80 s are interpolated"),
     "wrist missing for 4 s": (gap("LeftWrist", 2.0, 6.0), "LeftWrist: missing for 4.00 s, is not used"),
-    "shoulder reconstructed from the trunk": (gap("LeftShoulder", 5.0, 7.0), "LeftShoulder: gaps are reconstructed"),
+    "shoulder reconstructed from the trunk": (
+        gap("LeftShoulder", 5.0, 7.0),
+        "LeftShoulder: gaps are reconstructed from the other markers of its segment (60 frames)",
+    ),
     "gap of .8 s in a hip": (gap("LeftHip", 8.5, 9.3), "LeftHip: gaps are approximated"),
     "prefix of a subject": (named(lambda name: f"Subject 01:{name}"), ""),
     "names in capitals": (named(lambda name: name.replace("Left", "L_").replace("Right", "R_").upper()), ""),
@@ -147,11 +150,67 @@ def test_wrong_header(
     same_legs(found, clip_kinematics, 0.015)
 
 
+@pytest.mark.parametrize(
+    ("header", "per_metre", "taken"), [("mm", 1.0, "m"), ("mm", 100.0, "cm"), ("m", 1000.0, "mm"), ("cm", 1.0, "m")]
+)
+@pytest.mark.parametrize("kind", ["centres", "plug_in_gait"])
+def test_header_with_another_unit(
+    header: str,
+    per_metre: float,
+    taken: str,
+    kind: str,
+    tmp_path: Path,
+    centres: Tracks,
+    markers: dict[str, Tracks],
+    clip_kinematics: HumanKinematics,
+) -> None:
+    """Metres under a header that says mm were refused: `.00024 between both ASIS, is the mapping right?`."""
+    tracks = centres if kind == "centres" else markers[kind]
+    found = read(write_trc(tmp_path / "a.trc", tracks, units=header, per_metre=per_metre))
+    told = [text for text in found.warnings if f"the header says {header}" in text and f"taken as {taken}" in text]
+    assert len(told) == 1, found.warnings
+    same_legs(found, clip_kinematics, 0.03)
+
+
+def test_header_with_the_right_unit(tmp_path: Path, centres: Tracks) -> None:
+    found = read(write_trc(tmp_path / "a.trc", centres))
+    assert not any("header" in text for text in found.warnings)
+
+
+def renamed(path: Path, old: str, new: str) -> Path:
+    path.write_text(path.read_text().replace(old, new, 1))
+    return path
+
+
+@pytest.mark.parametrize("parts", [False, True], ids=["two copies", "two parts"])
+def test_copies_and_parts_of_a_marker(
+    parts: bool, tmp_path: Path, markers: dict[str, Tracks], clip_kinematics: HumanKinematics
+) -> None:
+    """A heel whose trajectory was exported in two columns was not used, and the foot without it refused."""
+    tracks = markers["plug_in_gait"]
+    tracks = tracks | {"LHEE": tracks["LHEE"].copy(), "Copy": tracks["LHEE"].copy()}
+    if parts:
+        tracks["LHEE"][150:] = np.nan
+        tracks["Copy"][:150] = np.nan
+    found = read(renamed(write_trc(tmp_path / "a.trc", tracks), "Copy", "LHEE"))
+    assert "LHEE: name of 2 markers, which are copies or parts of one: joined" in found.warnings
+    same_legs(found, clip_kinematics, 0.03)
+
+
+def test_two_different_markers_of_one_name_that_is_needed(tmp_path: Path, markers: dict[str, Tracks]) -> None:
+    """The message said that a marker is missing, and not that it is there twice."""
+    tracks = markers["plug_in_gait"]
+    tracks = tracks | {"Copy": tracks["LASI"] + 0.3}
+    with pytest.raises(MotionFormatError) as error:
+        read(renamed(write_trc(tmp_path / "a.trc", tracks), "Copy", "LASI"))
+    assert "no marker for asis_l; mapping 'plug_in_gait' takes asis_l: LASI or LASIS" in str(error.value)
+    assert "LASI: name of 2 different markers, none of them is used; the file has CLAV" in str(error.value)
+
+
 def test_two_unused_markers_of_one_name(tmp_path: Path, centres: Tracks, clip_kinematics: HumanKinematics) -> None:
     path = write_trc(tmp_path / "a.trc", extra("Hat", 0.5)(extra("Cap", 0.5)(centres)))
-    path.write_text(path.read_text().replace("Cap", "Hat", 1))
-    found = read(path)
-    assert any("Hat: name of several markers" in text for text in found.warnings)
+    found = read(renamed(path, "Cap", "Hat"))
+    assert any("Hat: name of 2 markers" in text for text in found.warnings)
     same_legs(found, clip_kinematics, 0.015)
 
 
@@ -187,6 +246,11 @@ MARKER_FILES: dict[str, tuple[str, Callable[[Tracks], Tracks], str]] = {
         "LASI: gaps are reconstructed",
     ),
     "prefix": ("plug_in_gait", named(lambda name: f"Jim:{name}"), ""),
+    "short gaps": (
+        "plug_in_gait",
+        lambda tracks: gap("LKNE", 3.0, 3.1)(gap("RHEE", 4.0, 4.2)(tracks)),
+        "gaps of at most 0.25 s are interpolated: LKNE (3 frames), RHEE (6 frames)",
+    ),
     "clusters": ("gait2354", lambda tracks: tracks, "left knee: no marker on it"),
     "two markers on a shank": ("gait2354", without("Shank.Rear"), ""),
     "gap of .9 s in a shank": ("gait2354", gap("L.Shank.Rear", 8.5, 9.4), "L.Shank.Rear: gaps are approximated"),
@@ -208,7 +272,7 @@ def test_surface_markers(
 
 
 REFUSED: dict[str, tuple[str, Callable[[Tracks], Tracks], str]] = {
-    "no hips": ("centres", without("Hip"), "no joint found for hip_l, hip_r"),
+    "no hips": ("centres", without("Hip"), "no joint found for hip_l, hip_r (names such as LeftHip, RightHip); joints"),
     "no toes": ("centres", without("Toe"), "no joint found for toe_l, toe_r"),
     "one leg": ("centres", without("RightHip", "RightKnee", "RightAnkle", "RightToe"), "no joint found for hip_r"),
     "no marker": ("centres", lambda tracks: {"Hat": tracks["Neck"]}, "no legs found"),
@@ -218,10 +282,24 @@ REFUSED: dict[str, tuple[str, Callable[[Tracks], Tracks], str]] = {
         "'LeftKnee' is missing for 6.00 s from 3.00 s on",
     ),
     "ankle never seen": ("centres", gap("LeftAnkle", 0.0, 99.0), "LeftAnkle: missing in every frame"),
-    "one spine": ("plug_in_gait", without("RASI"), "needs markers that the file lacks: RASI"),
+    "one spine": (
+        "plug_in_gait",
+        without("RASI"),
+        "no marker for asis_r; mapping 'plug_in_gait' takes asis_r: RASI or RASIS; the file has CLAV, C7",
+    ),
     "no back of the pelvis": ("plug_in_gait", without("PSI"), "no marker for sacrum, or psis_l and psis_r"),
     "no knee": ("plug_in_gait", without("LKNE", "LTHI"), "no marker for the left knee"),
-    "no foot": ("plug_in_gait", without("TOE", "HEE"), "no marker for toe_l"),
+    "no foot": (
+        "plug_in_gait",
+        without("TOE", "HEE"),
+        "no marker for the left toe joint: it needs toe, metatarsal_1, or toe_tip and heel; mapping ",
+    ),
+    "heel and ankle": (
+        "plug_in_gait",
+        without("RHEE", "RANK"),
+        "no marker behind the right foot, on heel or ankle; mapping 'plug_in_gait' takes heel_r: RHEE or RHEEL; "
+        "ankle_lateral_r: RANK or RANL; the file has CLAV, C7",
+    ),
     "spine of the pelvis lost": ("gait2354", gap("L.ASIS", 2.0, 10.0), "L.ASIS"),
 }
 

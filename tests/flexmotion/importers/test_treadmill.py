@@ -10,11 +10,19 @@ import pytest
 
 from benchmarks.shared.clips import data_folder
 from flexmotion.configs.errors import ConfigError
+from flexmotion.importers.belt import remove_belt
 from flexmotion.importers.landmarks import Landmarks, landmarks
 from flexmotion.importers.mapping import find_mapping
 from flexmotion.importers.packed import read_packed
 from flexmotion.importers.trc import read_trc
-from flexmotion.importers.treadmill import backward_speed, backwards, belt_suspected, belt_velocity, without_belt
+from flexmotion.importers.treadmill import (
+    backward_speed,
+    backwards,
+    belt_velocity,
+    feet_rest,
+    suspected_velocity,
+    without_belt,
+)
 
 HIP = 0.9
 
@@ -63,8 +71,8 @@ def test_belt_that_a_short_clip_does_not_prove(start: float) -> None:
     frames = slice(round(start * ground.fps), round((start + 0.4) * ground.fps))
     belt = without_belt(ground, np.array([1.1, 0.0]))[frames]
     assert not belt_velocity(belt).any()
-    assert belt_suspected(belt)
-    assert not belt_suspected(ground[frames])
+    assert suspected_velocity(belt).any()
+    assert not suspected_velocity(ground[frames]).any()
 
 
 def test_removal_gives_the_clip_over_ground() -> None:
@@ -108,7 +116,7 @@ def test_motion_over_ground_is_no_belt() -> None:
         "skates: alternate feet slide under the moving body": _drifting(line, line, march),
     }
     assert [name for name, clip in clips.items() if belt_velocity(clip).any()] == []
-    assert [name for name, clip in clips.items() if belt_suspected(clip)] == []
+    assert [name for name, clip in clips.items() if suspected_velocity(clip).any()] == []
 
 
 def test_clip_too_short_for_a_belt() -> None:
@@ -131,7 +139,7 @@ def recorded() -> list[Landmarks]:
 
 def test_recorded_motion_has_no_belt(recorded: list[Landmarks]) -> None:
     assert [clip.path for clip in recorded if belt_velocity(clip).any()] == []
-    assert [clip.path for clip in recorded[::3] if belt_suspected(clip)] == []
+    assert [clip.path for clip in recorded[::3] if suspected_velocity(clip).any()] == []
 
 
 def test_recorded_walks_as_if_on_a_belt(recorded: list[Landmarks]) -> None:
@@ -179,3 +187,38 @@ def test_short_part_of_a_treadmill_trial(first: int) -> None:
     assert any("may be a treadmill" in text and "--belt V, or none" in text for text in found.warnings)
     decided = fit_capture(replace(capture, positions=capture.positions[first : first + 38]), belt=None)
     assert not any("treadmill" in text for text in decided.warnings)
+
+
+@pytest.mark.parametrize(
+    ("belt", "message"),
+    [(None, "belt is given as none, but both feet move at 1.1"), (3.0, "given as 3.00 m/s, but the feet move at 1.1")],
+)
+def test_given_belt_that_is_not_that_of_the_recording(belt: float | None, message: str, shared_data: Path) -> None:
+    """Vertical forces were wrong by 23 to 35 % of body weight, and nothing said so although the speed was known."""
+    from flexmotion.importers import read
+
+    found = read(shared_data / "gait2354_markers.trc", belt=belt)
+    assert any(message in text and "ground forces may be wrong" in text for text in found.warnings), found.warnings
+    assert np.linalg.norm(found.belt) == pytest.approx(belt or 0.0)
+
+
+def test_belt_given_for_a_walk_over_ground(shared_data: Path) -> None:
+    from flexmotion.importers import read
+
+    found = read(shared_data / "gait_second_walk_joint_centres.trc", belt=1.1)
+    assert any("both feet rest" in text for text in found.warnings), found.warnings
+
+
+@pytest.mark.parametrize("error", [-0.15, 0.0, 0.15])
+def test_given_belt_that_agrees(error: float) -> None:
+    """Treadmills show their speed to about a tenth; forces do not change by as much."""
+    belt = without_belt(gait(1.3, 4.0), np.array([1.3, 0.0]))
+    assert not [text for text in remove_belt(belt, 1.3 + error)[2] if "but" in text]
+    assert not feet_rest(belt, 1.3)
+
+
+def test_given_belt_of_feet_that_rest() -> None:
+    ground = gait(1.3, 4.0)
+    assert feet_rest(ground, 1.3)
+    assert "both feet rest" in remove_belt(ground, 1.3)[2][0]
+    assert remove_belt(ground, None)[2] == []

@@ -130,7 +130,8 @@ def test_augment_says_what_was_guessed_and_takes_the_mass(tmp_path: Path, capsys
     assert load_motion(out).mass_given is False
     assert execute([*command, "--mass", "61.5", "--belt", "0.8", "--json"]) == OK
     notes = json.loads(capsys.readouterr().out)["warnings"]
-    assert [text for text in notes if "belt of 0.80 m/s" in text] == notes
+    # The clip is over ground, which is said too.
+    assert ["both feet rest" in notes[0], "belt of 0.80 m/s" in notes[1], len(notes)] == [True, True, 2]
     assert (load_motion(out).body.mass, load_motion(out).mass_given) == (61.5, True)
 
 
@@ -149,6 +150,19 @@ def test_a_clip_that_a_robot_follows_says_how_it_was_read(
     assert capsys.readouterr().err == ""
     api.load_motion(file)
     assert "a.trc: no point for the left wrist" in caplog.text
+
+
+def test_a_clip_that_a_robot_follows_needs_no_mass(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
+) -> None:
+    """`dry-run` and `run` warned that the mass is guessed and asked for `--mass`, which they do not have."""
+    file = write_trc(tmp_path / "a.trc", {name: track[:60] for name, track in joint_centres(default_clip()).items()})
+    choose_motion(file)
+    motion = api.load_motion(file)
+    assert "mass" not in capsys.readouterr().err + caplog.text
+    assert motion.mass_given is False
+    assert execute(["data", "import", str(file), "-o", str(tmp_path / "a.npz")]) == OK
+    assert "mass of" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -170,6 +184,32 @@ def test_faults(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert execute(["data", *arguments]) == BAD_USAGE
+    assert message in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["dynamics", "-o", "a.npz", "--cutoff", "-1"], "cut-off is -1 Hz, expected more than 0"),
+        (["dynamics", "-o", "a.npz", "--cutoff", "20", "--fps", "30"], "less than half the frame rate of 30 Hz"),
+        (["dynamics", "-o", "a.npz", "--mass", "-70"], "mass is -70 kg"),
+        (["dynamics", "-o", "a.npz", "--height", "180"], "height is 180 m"),
+        (["import", "-o", "nowhere/a.npz"], "nowhere: no such folder to write a.npz into"),
+        (["import", "-o", "."], ".: a folder, expected a file"),
+        (["import", "-o", "a.trc"], "a.trc: unknown kind of file, expected .npz"),
+        (["import", "-o", "a.npz", "--fps", "0"], "--fps"),
+        (["augment", "-o", "nowhere/a.npz"], "nowhere: no such folder"),
+        (["augment", "-o", "a.npz", "--push", "0.1", "--plot", "nowhere/a.png"], "nowhere: no such folder"),
+    ],
+)
+def test_options_are_checked_before_anything_is_read(
+    arguments: list[str], message: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
+    """A wrong cut-off or folder was told after the whole import, which takes half a minute for a long clip."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("flexmotion.importers.read", lambda *_, **__: pytest.fail("the file was read"))
+    (tmp_path / "a.bvh").write_text("HIERARCHY")
+    assert execute(["data", arguments[0], "a.bvh", *arguments[1:]]) == BAD_USAGE
     assert message in capsys.readouterr().err
 
 
