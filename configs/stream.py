@@ -66,8 +66,8 @@ class Gateway(Strict):
         return self
 
     def priority(self, source: str) -> int:
-        """Priority of a source."""
-        return self.priorities.get(source, self.other_priority)
+        """Priority of a source: by its name, else by the first word of it, as of "page 3f"."""
+        return self.priorities.get(source, self.priorities.get(source.partition(" ")[0], self.other_priority))
 
 
 class StreamSettings(Strict):

@@ -112,7 +112,7 @@ class Feed:
 
 def _event(event: Event, rate_hz: float) -> str:
     content = {"type": "event", "time_s": round(event.tick / rate_hz, 2), "kind": event.kind, "message": event.message}
-    known = advice(event.message) if event.kind in ("fault", "warning", "note") else None
+    known = advice(event.message) if event.kind != "request" else None
     return json.dumps(content if known is None else {**content, "advice": known})
 
 

@@ -1,4 +1,4 @@
-"""The page of a run in a real browser: a prompt raises the robot's hand, the stick makes it walk, STOP stops it."""
+"""The page of a run in a real browser: a prompt raises the robot's hand, the stick makes it walk, the stops stop it."""
 
 from __future__ import annotations
 
@@ -114,7 +114,7 @@ def shown(tab: Page) -> Iterator[Callable[[], Shown]]:
                 run.kill()
 
 
-def test_a_prompt_raises_the_hand_the_stick_walks_and_stop_stops(shown: Callable[[], Shown]) -> None:
+def test_a_prompt_raises_the_hand_the_stick_walks_and_the_stops_stop(shown: Callable[[], Shown]) -> None:
     page = shown()
     page.open()
     tab = page.tab
@@ -147,5 +147,8 @@ def test_a_prompt_raises_the_hand_the_stick_walks_and_stop_stops(shown: Callable
     page.until("document.querySelector('#history .mark').textContent === 'refused'", "the target to be refused")
     tab.get_by_role("button", name="Release stop").click()
     wait_until(lambda: not page.status["must_stop"], "the stop to be released", every_s=0.2)
+
+    tab.get_by_role("button", name="EMERGENCY STOP").click()
+    page.until("document.getElementById('alarm').textContent.includes('e-stop')", "the page to say what happened")
     assert not page.problems and not page.abroad
     assert tab.evaluate("() => document.documentElement.scrollWidth <= innerWidth")  # nothing beyond a phone's width

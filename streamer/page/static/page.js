@@ -111,7 +111,7 @@ function showEvent({ time_s, kind, message, advice }) {
   const list = element("events");
   list.prepend(item);
   while (list.children.length > EVENTS_KEPT) list.lastChild.remove();
-  if (kind === "fault") showAlarm(message, advice);
+  if (kind === "fault" || (kind === "state" && advice)) showAlarm(message, advice);
 }
 
 function showAlarm(message, advice) {
@@ -121,7 +121,7 @@ function showAlarm(message, advice) {
   box.replaceChildren();
   if (!message) return;
   const head = document.createElement("strong");
-  head.textContent = message.replace(/^[A-Z]+ -> FAULT:? ?/, "");
+  head.textContent = message.replace(/^[A-Z]+ -> [A-Z]+:? ?/, "");
   box.append(head, advice ?? "The robot stands or parks. See the messages.");
 }
 

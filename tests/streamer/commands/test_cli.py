@@ -58,7 +58,7 @@ def test_help_is_quick_because_nothing_heavy_is_imported() -> None:
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"
 
 
-PICTURES_AND_PAGES = {"matplotlib", "jinja2", "viser", "trimesh"}
+PICTURES_AND_PAGES = {"matplotlib", "jinja2", "fastapi", "uvicorn", "trimesh"}
 
 
 def test_a_run_loads_no_library_for_pictures_pages_or_views() -> None:

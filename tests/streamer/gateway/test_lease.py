@@ -30,6 +30,14 @@ def test_priority_decides_and_belongs_to_the_settings() -> None:
     assert lease.refusal("page", 3.0, take=True) == "'rescue' is the operator; its priority is higher"
 
 
+def test_each_page_has_the_priority_of_pages() -> None:
+    """Pages have names of their own, so that two of them are two operators."""
+    lease = Lease(Gateway(priorities={"page": -1, "page b": 5}, lease_s=10.0))
+    assert lease.refusal("joystick", 0.0) is None
+    assert lease.refusal("page a", 1.0, take=True) == "'joystick' is the operator; its priority is higher"
+    assert lease.refusal("page b", 1.0) is None
+
+
 def test_the_lease_lapses_when_its_holder_is_silent_and_can_be_given_back() -> None:
     lease = Lease(SETTINGS)
     lease.refusal("page", 0.0)
