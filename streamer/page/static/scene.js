@@ -58,17 +58,23 @@ export class Scene {
 
   addFloor() {
     const size = 40 * this.height;
-    this.floor = new THREE.Mesh(new THREE.PlaneGeometry(size, size), new THREE.MeshStandardMaterial({ roughness: 1 }));
+    this.cell = 0.25;
+    // Lines as a picture: line segments that pass beside the camera are dropped by some drivers.
+    const tile = document.createElement("canvas");
+    tile.width = tile.height = 256;
+    const context = tile.getContext("2d");
+    context.fillStyle = "#fff";
+    context.fillRect(0, 0, 256, 256);
+    context.strokeStyle = "#b4bcc6";
+    context.lineWidth = 4;
+    context.strokeRect(0, 0, 256, 256);
+    this.tiles = new THREE.CanvasTexture(tile);
+    this.tiles.wrapS = this.tiles.wrapT = THREE.RepeatWrapping;
+    this.tiles.repeat.setScalar(size / this.cell);
+    this.tiles.anisotropy = 8;
+    this.floor = new THREE.Mesh(new THREE.PlaneGeometry(size, size), new THREE.MeshStandardMaterial({ roughness: 1, map: this.tiles }));
     this.floor.receiveShadow = true;
     this.scene.add(this.floor);
-    this.cell = 0.25;
-    const cells = 2 * Math.ceil(size / 4 / this.cell);
-    this.grid = new THREE.GridHelper(cells * this.cell, cells);
-    this.grid.rotation.x = Math.PI / 2;
-    this.grid.position.z = 0.001;
-    this.grid.renderOrder = 1;
-    this.grid.material.transparent = true;
-    this.scene.add(this.grid);
   }
 
   figure(material, grow) {
@@ -154,10 +160,6 @@ export class Scene {
     this.scene.background = ground;
     this.scene.fog = new THREE.Fog(ground, 5 * this.height, 16 * this.height);
     this.floor.material.color = ground;
-    this.grid.material.color = colour("--quiet");
-    this.grid.material.vertexColors = false;
-    this.grid.material.opacity = 0.45;
-    this.grid.material.needsUpdate = true;
     this.planMaterial.color = colour("--plan");
     this.humanMaterial.color = colour("--human");
     this.line.material.color = colour("--quiet");
@@ -217,8 +219,7 @@ export class Scene {
     this.centre ??= at.clone();
     this.centre.lerp(at, share);
     this.world.position.set(-this.centre.x, -this.centre.y, 0);
-    const cell = this.cell;
-    this.grid.position.set(-(this.centre.x % cell), -(this.centre.y % cell), this.grid.position.z);
+    this.tiles.offset.set((this.centre.x / this.cell) % 1, (this.centre.y / this.cell) % 1);
     const last = this.path.at(-1);
     if (!last || Math.hypot(last.x - at.x, last.y - at.y) > PATH_STEP_M) {
       this.path.push(new THREE.Vector3(at.x, at.y, 0.0015));
