@@ -4,23 +4,30 @@ from __future__ import annotations
 
 import json
 import re
+import socket
 from collections.abc import Callable, Iterator
 from http.client import HTTPConnection
 from typing import Any
 
+import numpy as np
 import pytest
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
 from flexmotion.configs.robot import Robot
-from flexmotion.configs.stream import Gateway
+from flexmotion.configs.stream import Gateway, load_stream
+from flexmotion.drivers.registry import create
+from flexmotion.streamer.commands.choice import choose_motion
 from flexmotion.streamer.control.telemetry import Telemetry
 from flexmotion.streamer.control.tick_row import TickRow, blank
 from flexmotion.streamer.gateway.admission import Admission
+from flexmotion.streamer.gateway.listening import Listening, listen
 from flexmotion.streamer.gateway.ports import any_free
 from flexmotion.streamer.gateway.service import GatewayService
 from flexmotion.streamer.motion.heard import Heard
+from flexmotion.streamer.motion.sources import ClipSource
 from flexmotion.streamer.page.feed import Feed
+from flexmotion.streamer.run.session import Session
 
 from ...waiting import HANGING_S, wait_until
 from .conftest import Run
@@ -157,3 +164,30 @@ def test_a_run_that_only_shows_itself_takes_no_targets(begin: Callable[..., Gate
         page.send('{"type":"take"}')
         assert json.loads(page.recv(HANGING_S))["state"] == "refused"
     assert not run.arrived()
+
+
+def test_a_run_is_the_same_with_and_without_its_page(op3: Robot, capfd: pytest.CaptureFixture[str]) -> None:
+    def session() -> Session:
+        return Session(op3, create("sim", op3, seed=0), ClipSource(choose_motion()), load_stream(), 0.5, realtime=False)
+
+    plain, shown = session(), session()
+    listening = Listening(port=any_free(), stop_port=any_free(), takes_targets=False)
+    listen(shown, listening)
+    seen: list[bytes | str] = []
+
+    def look(_source_s: float) -> None:
+        if not seen:
+            wait_until(lambda: _is_served(listening.port or 0), "the page to be served")
+            with connect(f"ws://127.0.0.1:{listening.port}/targets?page") as page:
+                seen.append(page.recv(HANGING_S))
+
+    shown.progress = look
+    one, other = plain.run(), shown.run()
+    for column in ("tick", "state", "q", "q_cmd", "dcm", "true_base"):
+        np.testing.assert_array_equal(getattr(one, column), getattr(other, column))
+    assert seen and capfd.readouterr().out == ""
+
+
+def _is_served(port: int) -> bool:
+    with socket.socket() as probe:
+        return probe.connect_ex(("127.0.0.1", port)) == 0
