@@ -41,7 +41,7 @@ PLANTING_STEPS = 8
 foot that was to carry a quarter of its weight."""
 
 FURTHEST = 0.05
-"""Farthest that the target of a loaded sole is moved on [m]."""
+"""Farthest that the target of a loaded sole is moved down [m]."""
 
 PELVIS_CUTOFF = 2.0
 """The pelvis follows the feet's correction below this frequency [Hz]; the legs do the rest."""
@@ -202,8 +202,9 @@ def _legs_to(
 ) -> Float:
     """Generalised positions whose sole corners are near targets, legs near the recorded ones.
 
-    The lowest corner of a loaded sole reaches its target's height: recorded angles, which hold it back, are outweighed
-    by moving the target on by what is left.
+    The lowest corner of a loaded sole comes down to its target's height: recorded angles, which hold it back, are
+    outweighed by moving the target on by what is left. A deeper one is not lifted on: on a slope it would stand on an
+    edge.
 
     Args:
         tracked: the simulated human.
@@ -224,7 +225,7 @@ def _legs_to(
         mujoco.mj_differentiatePos(model, away, 1.0, recorded, data.qpos)
         corners, change = corner_positions(tracked, data), np.zeros(model.nv)
         shift += loaded * (wanted - (corners[..., 2] - ground).min(axis=1))
-        shift = np.clip(shift, -FURTHEST, FURTHEST)
+        shift = np.clip(shift, -FURTHEST, 0.0)
         for side, foot in enumerate(tracked.feet):
             leg = _leg_dofs(tracked, side)
             rows = []
