@@ -29,7 +29,7 @@ from scipy.optimize import nnls
 from scipy.stats import spearmanr
 
 from benchmarks.biomechanics.gait_trial import Float, GaitTrial
-from benchmarks.biomechanics.plate_trials import LOADED, force_difference, load_trials
+from benchmarks.biomechanics.plate_trials import PLATE_SHARE, force_difference, load_trials
 from benchmarks.shared.options import PlotsOption
 from benchmarks.shared.outcome import Outcome, Verdict
 from flexmotion.biomechanics.dynamics import Dynamics, dynamics
@@ -117,7 +117,7 @@ def _compared(trials: dict[str, GaitTrial], cutoff: float) -> dict[str, Compared
     for name, trial in trials.items():
         own = dynamics(trial.motion, cutoff)
         errors = np.linalg.norm(force_difference(trial, own), axis=-1)
-        loaded = trial.forces[..., 2] > LOADED * trial.motion.body.mass * GRAVITY
+        loaded = trial.forces[..., 2] > PLATE_SHARE * trial.motion.body.mass * GRAVITY
         valid = trial.valid
         found[name] = Compared(errors[valid], own.error_sources[valid], loaded[valid], own)
     return found

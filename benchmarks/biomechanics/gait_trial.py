@@ -22,7 +22,7 @@ from flexmotion.spatial.quaternions import continuous_quaternions
 
 Float = NDArray[np.float64]
 
-LOADED = 0.03
+PLATE_SHARE = 0.03
 """Least measured vertical force of a loaded foot [body weights]."""
 
 # From x forward, y up, z right to x forward, y left, z up.
@@ -160,6 +160,6 @@ def _on_plates(forces: Float, mass: float) -> NDArray[np.bool_]:
     """Frames from the first on in which the plates carry the body, or nothing does."""
     total = forces[..., 2].sum(axis=1) / (mass * GRAVITY)
     valid = np.ones(len(forces), bool)
-    if total[0] > LOADED:
+    if total[0] > PLATE_SHARE:
         valid[: int(np.argmax(total >= 1.0)) + 1] = False
     return valid

@@ -118,14 +118,15 @@ def examined(clip: Clip) -> Result:
     )
 
 
-def forward_torques(motion: Motion, state: MuscleState) -> Float:
-    """Joint torques of a full forward pass with these activations, (T, 13) [N·m]."""
+def forward_torques(motion: Motion, state: MuscleState, every: int = 1) -> Float:
+    """Joint torques of a full forward pass with these activations in every n-th frame, (T / n, 13) [N·m]."""
     columns, column = [], 0
     for muscles in muscle_models():
         model, data = muscles.model, mujoco.MjData(muscles.model)
         rates = derivative(motion.joints[:, muscles.columns], motion.fps)
-        made = np.empty((len(motion), len(muscles.joints)))
-        for frame in range(len(motion)):
+        chosen = range(0, len(motion), every)
+        made = np.empty((len(chosen), len(muscles.joints)))
+        for row, frame in enumerate(chosen):
             qpos, slopes = muscles.pose(motion.joints[frame, muscles.columns])
             data.qpos[:], data.qvel[:] = qpos, slopes @ rates[frame]
             activations = state.activations[frame, column : column + model.nu]
@@ -137,7 +138,7 @@ def forward_torques(motion: Motion, state: MuscleState) -> Float:
                 activations = activations * muscles.hill.tension(data.actuator_length, data.actuator_velocity)
             data.ctrl[:] = activations
             mujoco.mj_forward(model, data)
-            made[frame] = slopes.T @ data.qfrc_actuator
+            made[row] = slopes.T @ data.qfrc_actuator
         columns.append(strength(motion.body) * made)
         column += model.nu
     return np.concatenate(columns, axis=1)

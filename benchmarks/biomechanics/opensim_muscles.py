@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from math import comb
 from pathlib import Path
 
-import mujoco
 import numpy as np
 import opensim
 from numpy.typing import NDArray
@@ -55,24 +54,11 @@ def leg_muscles(motion: Motion) -> tuple[Muscles, ...]:
     """Both legs' muscles in the poses of a motion."""
     found = []
     for muscles in muscle_models()[:2]:
-        lengths_and_arms = [_lengths_and_arms(muscles, pose) for pose in motion.joints[:, muscles.columns]]
-        arms = np.stack([arms.T for _, arms in lengths_and_arms])
+        poses = motion.joints[:, muscles.columns]
+        arms = np.stack([muscles.lengths_and_slopes(pose)[1].T for pose in poses])
         assert muscles.hill is not None
         found.append(Muscles(muscles, strength(motion.body) * muscles.hill.force, arms))
     return tuple(found)
-
-
-def _lengths_and_arms(muscles: MuscleModel, angles: Float) -> tuple[Float, Float]:
-    """Lengths of muscles (M,) [m] and their derivatives by the joint angles (M, J)."""
-    model = muscles.model
-    data = mujoco.MjData(model)
-    data.qpos[:], slopes = muscles.pose(angles)
-    mujoco.mj_fwdPosition(model, data)
-    dense = np.zeros((model.nu, model.nv))
-    mujoco.mju_sparse2dense(
-        dense, data.actuator_moment.ravel(), data.moment_rownnz, data.moment_rowadr, data.moment_colind
-    )
-    return data.actuator_length.copy(), dense @ slopes
 
 
 def own_activations(motion: Motion, legs: tuple[Muscles, ...]) -> Float:
@@ -96,7 +82,7 @@ def add_actuators(model: opensim.Model, motion: Motion, legs: tuple[Muscles, ...
     errors = []
     for leg in legs:
         poses = sample_poses(motion.joints[:, leg.model.columns])
-        sampled = [_lengths_and_arms(leg.model, pose) for pose in poses]
+        sampled = [leg.model.lengths_and_slopes(pose) for pose in poses]
         lengths, arms = (np.stack(items) for items in zip(*sampled, strict=True))
         terms: dict[tuple[int, ...], Float] = {}
         for number, name in enumerate(leg.model.muscles):

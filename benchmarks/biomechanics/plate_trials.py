@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.biomechanics.gait_trial import LOADED as LOADED
+from benchmarks.biomechanics.gait_trial import PLATE_SHARE as PLATE_SHARE
 from benchmarks.biomechanics.gait_trial import Float, GaitTrial, load_trial
 from benchmarks.shared.clips import data_folder
 from flexmotion.biomechanics.dynamics import Dynamics
@@ -26,7 +26,7 @@ def load_trials(fps: float) -> dict[str, GaitTrial]:
 
 def loaded_feet(trial: GaitTrial) -> NDArray[np.int_]:
     """Number of loaded feet by the plates, (T,)."""
-    count: NDArray[np.int_] = (trial.forces[..., 2] > LOADED * trial.motion.body.mass * GRAVITY).sum(axis=1)
+    count: NDArray[np.int_] = (trial.forces[..., 2] > PLATE_SHARE * trial.motion.body.mass * GRAVITY).sum(axis=1)
     return count
 
 

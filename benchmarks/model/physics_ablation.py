@@ -22,10 +22,11 @@ import yaml
 from rich.console import Console
 from rich.table import Table
 
+from benchmarks.model.reduced import mean_ratio, small
 from benchmarks.shared.options import CsvOption
 from benchmarks.shared.outcome import Outcome, Verdict, write_csv
 from flexmotion.configs.errors import ConfigError
-from flexmotion.configs.model import ModelConfig, Transformer
+from flexmotion.configs.model import ModelConfig
 from flexmotion.evaluation.interval import Interval
 from flexmotion.human.body import Body
 from flexmotion.sampling.sampler import Sampler
@@ -62,7 +63,7 @@ class Reduction:
 
     def of(self, config: ModelConfig, variant: str) -> ModelConfig:
         """The reduced configuration of a variant."""
-        small = Transformer(width=self.width, heads=4, layers=self.layers)
+        network = small(self.width, self.layers)
         stages = {
             name: getattr(config.stages, name).model_copy(update={"steps": steps})
             for name, steps in (("autoencoder", self.steps), ("diffusion", max(self.diffusion_steps, 1)))
@@ -70,8 +71,8 @@ class Reduction:
         losses = dict.fromkeys(WITHOUT.get(variant, ()), 0.0) | {"physics_from": self.steps // 4}
         return config.model_copy(
             update={
-                "autoencoder": config.autoencoder.model_copy(update={"encoder": small, "decoder": small}),
-                "diffusion": config.diffusion.model_copy(update={"denoiser": small}),
+                "autoencoder": config.autoencoder.model_copy(update={"encoder": network, "decoder": network}),
+                "diffusion": config.diffusion.model_copy(update={"denoiser": network}),
                 "losses": config.losses.model_copy(update=losses),
                 "stages": config.stages.model_copy(update=stages),
             }
@@ -154,8 +155,7 @@ def table(figures: dict[str, list[dict[str, float]]]) -> Table:
 
 def ratio(figures: dict[str, list[dict[str, float]]], variant: str, name: str) -> float:
     """A metric with all losses over the same metric without some; 1 where both are 0."""
-    both, without = (sum(row[name] for row in figures[key]) / len(figures[key]) for key in (ALL, variant))
-    return both / without if without else (1.0 if not both else float("inf"))
+    return mean_ratio(figures[ALL], figures[variant], name)
 
 
 def verdicts(figures: dict[str, list[dict[str, float]]]) -> list[Verdict]:

@@ -18,10 +18,11 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from benchmarks.model.reduced import mean_ratio, small
 from benchmarks.shared.options import CsvOption
 from benchmarks.shared.outcome import Outcome, Verdict, write_csv
 from flexmotion.configs.errors import ConfigError
-from flexmotion.configs.model import ModelConfig, Transformer, load_model_config
+from flexmotion.configs.model import ModelConfig, load_model_config
 from flexmotion.dataset.compact_set import MotionSet, open_set
 from flexmotion.dataset.fields import MUSCLES
 from flexmotion.evaluation.interval import Interval
@@ -54,13 +55,13 @@ def reduced(config: ModelConfig, source: MotionSet, steps: int, width: int, laye
     """The configuration with small networks, and the blocks that the set has; muscle torques are not compared."""
     motion = source.motion(source.clips[0])
     has = {"muscles": motion.activations is not None, "joint_contact": motion.joint_contact is not None}
-    small = Transformer(width=width, heads=4, layers=layers)
+    network = small(width, layers)
     losses = {"muscle_torques": 0.0, "physics_from": steps // 4}
     stage = config.stages.autoencoder.model_copy(update={"steps": steps, "validate_every": steps})
     return config.model_copy(
         update={
             "window": config.window.model_copy(update=has),
-            "autoencoder": config.autoencoder.model_copy(update={"encoder": small, "decoder": small}),
+            "autoencoder": config.autoencoder.model_copy(update={"encoder": network, "decoder": network}),
             "losses": config.losses.model_copy(update=losses),
             "stages": config.stages.model_copy(update={"autoencoder": stage}),
         }
@@ -83,10 +84,7 @@ def measured(config: ModelConfig, store: FeatureStore, variants: bool, seed: int
 
 def ratio(rows: Rows, held_out: str, name: str) -> float:
     """Mean error with variants over that without."""
-    both, alone = (
-        sum(row[name] for row in rows[kind][held_out]) / len(rows[kind][held_out]) for kind in (WITH, WITHOUT)
-    )
-    return both / alone
+    return mean_ratio(rows[WITH][held_out], rows[WITHOUT][held_out], name)
 
 
 def table(rows: Rows) -> Table:

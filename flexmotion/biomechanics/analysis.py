@@ -15,7 +15,7 @@ from flexmotion.biomechanics.dynamics import Dynamics, dynamics
 from flexmotion.biomechanics.force_error import FLAGGED
 from flexmotion.biomechanics.joint_contact import compression, joint_contact_forces, stance_peaks
 from flexmotion.biomechanics.muscle_geometry import muscle_models, muscle_names
-from flexmotion.biomechanics.plausibility import explained, plausible
+from flexmotion.biomechanics.plausibility import explained, plausible, within_turn
 from flexmotion.biomechanics.smoothing import CUTOFF
 from flexmotion.biomechanics.static_optimisation import MuscleState, infeasible, static_optimisation
 from flexmotion.configs.errors import ConfigError, MotionFormatError
@@ -251,17 +251,19 @@ def analyse(
         muscle_models()
     found = dynamics(motion, cutoff)
     good = explained(found.residual) & plausible(found.motion)
-    return ClipAnalysis(found, cutoff, good, _muscles(found) if muscles else None, recording)
+    return ClipAnalysis(found, cutoff, good, muscle_analysis(found) if muscles else None, recording)
 
 
-def _muscles(found: Dynamics) -> MuscleAnalysis:
-    state = static_optimisation(found.motion)
+def muscle_analysis(found: Dynamics) -> MuscleAnalysis:
+    """Muscles of a motion with its dynamics; their models take angles within half a turn of each joint's middle."""
+    moved = replace(found.motion, joints=within_turn(found.motion.joints))
+    state = static_optimisation(moved)
     return MuscleAnalysis(
         state=state,
         names=muscle_names(),
         legs=sum(len(model.muscles) for model in muscle_models()[: len(SIDES)]),
         contact=joint_contact_forces(found, state),
-        infeasible=infeasible(state, found.motion),
+        infeasible=infeasible(state, moved),
     )
 
 

@@ -24,8 +24,8 @@ from flexmotion.spatial.gravity import GRAVITY
 
 Float = NDArray[np.float64]
 
-LOADED = 0.05
-"""Least share of body weight on a loaded foot."""
+CONTACT_SHARE = 0.05
+"""Least share of body weight on a foot in contact."""
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,7 @@ def dynamics(
             level,
             torques=joint_torques(level.body, segments, ground.wrenches, ground.centres, loads),
             wrenches=ground.wrenches,
-            contacts=ground.wrenches[..., 2] > LOADED * weight,
+            contacts=ground.wrenches[..., 2] > CONTACT_SHARE * weight,
         ),
         segments=segments,
         centres=ground.centres,

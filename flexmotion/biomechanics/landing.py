@@ -17,13 +17,13 @@ from flexmotion.human.motion import Motion
 
 Float = NDArray[np.float64]
 
-CUTOFF = 11.0
+LANDING_CUTOFF = 11.0
 """At the event [Hz]. Chosen on one drop jump of one person, within the 10 to 15 Hz of the studies above."""
 
 SPEED = 1.0
 """Least vertical speed of the pelvis at the event [m/s]: that of a flight of .2 s. A runner's is below it.
 
-Like `CUTOFF` and `WIDTH_S` it comes from one drop jump with force plates.
+Like `LANDING_CUTOFF` and `WIDTH_S` it comes from one drop jump with force plates.
 """
 
 WIDTH_S = 0.15
@@ -37,7 +37,7 @@ def landing_cutoff(level: Motion, cutoff: float) -> Float | None:
         level: smoothed at the cut-off, over a floor at z = 0.
         cutoff: elsewhere [Hz].
     """
-    if cutoff >= CUTOFF or len(level) < 3:
+    if cutoff >= LANDING_CUTOFF or len(level) < 3:
         return None
     human = forward(level)
     airborne = np.concatenate([human.heel, human.toe], axis=1)[..., 2].min(axis=1) > REACH
@@ -47,5 +47,5 @@ def landing_cutoff(level: Motion, cutoff: float) -> Float | None:
     if not len(events):
         return None
     distance = np.abs(np.arange(len(level))[:, None] - events).min(axis=1) / level.fps
-    found: Float = cutoff + (CUTOFF - cutoff) * np.exp(-((distance / WIDTH_S) ** 4))
+    found: Float = cutoff + (LANDING_CUTOFF - cutoff) * np.exp(-((distance / WIDTH_S) ** 4))
     return found

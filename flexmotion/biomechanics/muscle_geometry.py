@@ -161,6 +161,20 @@ class MuscleModel:
         index, place, coefficients = zip(*rows, strict=True)
         return np.array(index, np.intp), np.array(place, np.intp), np.array(coefficients)
 
+    def lengths_and_slopes(self, angles: Float) -> tuple[Float, Float]:
+        """Lengths of the muscles, (M,) [m], and their derivatives by the joint angles (J,), (M, J) [m].
+
+        A moment arm is such a derivative with the opposite sign.
+        """
+        model, data = self.model, mujoco.MjData(self.model)
+        data.qpos[:], slopes = self.pose(angles)
+        mujoco.mj_fwdPosition(model, data)
+        dense = np.zeros((model.nu, model.nv))
+        mujoco.mju_sparse2dense(
+            dense, data.actuator_moment.ravel(), data.moment_rownnz, data.moment_rowadr, data.moment_colind
+        )
+        return data.actuator_length.copy(), dense @ slopes
+
     def pose(self, angles: Float) -> tuple[Float, Float]:
         """Model coordinates (nq,) at joint angles (J,), and their derivatives (nq, J).
 

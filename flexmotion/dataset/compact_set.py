@@ -13,7 +13,7 @@ import numpy as np
 
 from flexmotion.biomechanics.mirror import POLAR, mirror, mirrored_loads
 from flexmotion.dataset.compact import read_compact
-from flexmotion.dataset.fields import LOADS
+from flexmotion.dataset.fields import LOAD_SEGMENTS
 from flexmotion.dataset.training_set import SetClip, TrainingSet
 from flexmotion.human.motion import Motion
 
@@ -131,7 +131,7 @@ class CompactSet:
 
     def loads(self, clip: SetClip) -> np.ndarray:
         """See `MotionSet`."""
-        loads = self._optional("loads", clip, (LOADS, 3))
+        loads = self._optional("loads", clip, (LOAD_SEGMENTS, 3))
         return mirrored_loads(loads) if clip.variant == MIRROR else loads
 
     def force_error(self, clip: SetClip) -> np.ndarray:

@@ -8,15 +8,14 @@ from typing import Any
 
 import numpy as np
 
+from flexmotion.biomechanics.analysis import muscle_analysis
 from flexmotion.biomechanics.augmentation import varied
 from flexmotion.biomechanics.dynamics import Dynamics, dynamics
 from flexmotion.biomechanics.external_load import ExternalLoad
 from flexmotion.biomechanics.force_error import FLAGGED
-from flexmotion.biomechanics.joint_contact import joint_contact_forces
 from flexmotion.biomechanics.mirror import mirror
 from flexmotion.biomechanics.plausibility import explained, plausible, within_turn
 from flexmotion.biomechanics.simulation.variant import PerturbedMotion, TrackingFailedError, perturbed
-from flexmotion.biomechanics.static_optimisation import infeasible, static_optimisation
 from flexmotion.configs.errors import FlexMotionError
 from flexmotion.dataset.clips import Clip
 from flexmotion.dataset.fields import FIELDS
@@ -160,11 +159,11 @@ def _entry(
         "good": good,
     }
     if settings.muscles:
-        muscles = static_optimisation(moved)
+        muscles = muscle_analysis(found)
         arrays |= {
-            "activations": muscles.activations,
-            "joint_contact": joint_contact_forces(found, muscles),
-            "infeasible": infeasible(muscles, moved),
+            "activations": muscles.state.activations,
+            "joint_contact": muscles.contact,
+            "infeasible": muscles.infeasible,
         }
     return Entry(name, info, {field: np.asarray(value).astype(FIELDS[field].dtype) for field, value in arrays.items()})
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from flexmotion.human.skeleton import DOF_COUNT, JOINTS
 
-MUSCLES, MUSCLE_JOINTS, CROSSINGS, LOADS = 290, 13, 7, 3
+MUSCLES, MUSCLE_JOINTS, CROSSINGS, LOAD_SEGMENTS = 290, 13, 7, 3
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ FIELDS: dict[str, Field] = {
     "wrenches": Field((2, 6), "float32", "N, N·m about `centres`"),
     "centres": Field((2, 3), "float32", "m"),
     "contacts": Field((2,), "bool", "foot carries load"),
-    "loads": Field((LOADS, 3), "float32", "N on torso, left hand, right hand"),
+    "loads": Field((LOAD_SEGMENTS, 3), "float32", "N on torso, left hand, right hand"),
     "residual": Field((2,), "float32", "body weights, body weights x m"),
     "force_error": Field((2,), "float32", "body weights, standard error of the ground force on each foot"),
     "good": Field((), "bool", "residual and joints within limits"),

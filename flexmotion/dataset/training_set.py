@@ -14,7 +14,7 @@ import numpy as np
 
 from flexmotion.configs.errors import MotionFormatError
 from flexmotion.dataset.build import MANIFEST, SCHEMA
-from flexmotion.dataset.fields import LOADS
+from flexmotion.dataset.fields import LOAD_SEGMENTS
 from flexmotion.human.body import Body, Segments
 from flexmotion.human.motion import Motion
 
@@ -111,7 +111,7 @@ class TrainingSet:
 
     def loads(self, clip: SetClip) -> np.ndarray:
         """External forces on torso, left hand and right hand, world axes, (T, 3, 3) [N]; zero where there are none."""
-        return self._optional("loads", clip, (LOADS, 3))
+        return self._optional("loads", clip, (LOAD_SEGMENTS, 3))
 
     def force_error(self, clip: SetClip) -> np.ndarray:
         """Estimated standard error of the ground force on left and right foot, (T, 2) [body weights].

@@ -18,7 +18,7 @@ POINTS = 4
 POSITION = slice(0, 12)  # of the points in the last frame [m]
 FLOOR = slice(12, 16)  # height of the floor under each point [m]
 TOUCHING = slice(16, 20)  # whether each point touches it (0 or 1)
-LOADED = slice(20, 22)  # whether each foot is loaded (0 or 1)
+FEET = slice(20, 22)  # whether each foot is loaded (0 or 1)
 PENDING = slice(22, 24)  # for how long the points of each foot have indicated the opposite [s]
 STARTED = 24  # whether there was a last frame (0 or 1)
 STATE_SIZE = 25
@@ -90,7 +90,7 @@ class ContactDetector:
         states = np.empty((len(human), STATE_SIZE))
         for frame, point in enumerate(points):
             self._step(state, point, None if force is None else force[frame], 1.0 / fps)
-            flags[frame] = state[LOADED] > 0.5
+            flags[frame] = state[FEET] > 0.5
             states[frame] = state
         return flags, states
 
@@ -109,7 +109,7 @@ class ContactDetector:
         state[POSITION] = point.ravel()
         state[STARTED] = 1.0
 
-        loaded = state[LOADED] > 0.5
+        loaded = state[FEET] > 0.5
         if force is None or not self.least <= force.sum() <= self.most:
             wanted = touching.reshape(2, 2).any(axis=1)
         else:
@@ -117,11 +117,11 @@ class ContactDetector:
             wanted = (force > np.where(loaded, self.relieved, self.bears)) & ~swings
         if not started:
             # Without a speed this is a guess: the next frame may overrule it at once.
-            state[LOADED] = wanted
+            state[FEET] = wanted
             state[PENDING] = np.inf
             return
         pending = np.where(wanted == loaded, 0.0, state[PENDING] + dt)
         patience = np.where(loaded, self.lift_time, self.load_time)
         changed = pending > patience
-        state[LOADED] = np.where(changed, wanted, loaded)
+        state[FEET] = np.where(changed, wanted, loaded)
         state[PENDING] = np.where(changed, 0.0, pending)

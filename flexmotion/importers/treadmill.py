@@ -29,7 +29,7 @@ LOW, STRIDE_S = 0.06, 1.2
 """Greatest height of a toe joint above its lowest within a stride while the foot may be on the floor [m]. Floors of
 recordings are not level, so the lowest is taken over the time of a stride [s], before and after."""
 
-SAME, SAME_SHARE = 0.08, 0.12
+TOLERANCE, TOLERANCE_SHARE = 0.08, 0.12
 """Greatest difference between velocities of a foot on the belt and of the belt: a constant [m/s] and a share of the
 belt's speed. Feet brake belts by some per cent, and toes roll."""
 
@@ -46,7 +46,7 @@ FLAT_SHARE = 0.6
 COVERED = 0.25
 """Least share of the clip with a foot on the belt; runners spend .3 to .6 of the time on it."""
 
-TOGETHER = 0.6
+BOTH_SHARE = 0.6
 """Greatest share of the contact time in which both feet move with the belt at once; walkers spend .15 to .4 so."""
 
 PELVIS_SHARE = 0.4
@@ -170,7 +170,7 @@ def _low(height: Float, fps: float) -> Bool:
 
 def tolerance(velocity: Float) -> float:
     """Greatest difference between the velocity of a belt, (2,), and that of a foot on it [m/s]."""
-    return float(SAME + SAME_SHARE * np.linalg.norm(velocity))
+    return float(TOLERANCE + TOLERANCE_SHARE * np.linalg.norm(velocity))
 
 
 def _near(speeds: Float, velocity: Float) -> Bool:
@@ -189,7 +189,7 @@ def _common(speeds: dict[str, Float], low: dict[str, Bool], side_of: np.ufunc) -
         return None
     pooled = np.concatenate(list(own.values()))
     candidates = pooled[:: max(1, len(pooled) // 300)]
-    width = SAME + SAME_SHARE * np.linalg.norm(candidates, axis=-1)
+    width = TOLERANCE + TOLERANCE_SHARE * np.linalg.norm(candidates, axis=-1)
     counts = [
         (np.linalg.norm(values[None] - candidates[:, None], axis=-1) < width[:, None]).sum(axis=1)
         for values in own.values()
@@ -244,4 +244,6 @@ def _is_belt(
     )
     stays = np.linalg.norm(pelvis[-1] - pelvis[0]) * fps / (len(pelvis) - 1) < PELVIS_SHARE * speed
     returns = max(float(np.max(-(own @ along))) for own in speeds.values()) > BACK_SHARE * speed
-    return bool(not rests and stays and returns and either.mean() >= COVERED and both.sum() <= TOGETHER * either.sum())
+    return bool(
+        not rests and stays and returns and either.mean() >= COVERED and both.sum() <= BOTH_SHARE * either.sum()
+    )

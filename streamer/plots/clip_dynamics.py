@@ -23,7 +23,7 @@ from flexmotion.streamer.plots.style import new_figure
 
 Float = NDArray[np.float64]
 
-WIDTH, HEAD, MARGIN = 13.0, 0.45, 0.72
+WIDTH, HEAD, MARGIN = 13.0, 0.6, 0.72
 """Of the page, of its title, and left of the panels [inch]."""
 ROWS, MUSCLE_ROWS = (2.6, 2.8, 2.4, 2.4), (5.4, 2.4)
 """Heights of the rows [inch]: forces, pressure and residuals, moments (two); activations, joint contact."""
@@ -78,7 +78,7 @@ def draw_dynamics(clip: ClipAnalysis) -> Figure:
     height = HEAD + sum(ROWS) + (sum(MUSCLE_ROWS) if clip.muscles else 0.0)
     subtitle = (
         f"{len(clip)} frames at {motion.fps:g} Hz, low-pass filter {clip.cutoff:g} Hz; "
-        f"human of {motion.body.mass:.1f} kg and {motion.body.height:.2f} m; left blue, right orange; "
+        f"human of {motion.body.mass:.1f} kg and {motion.body.height:.2f} m; left blue, right orange;\n"
         "red: a force is flagged as uncertain, or the residual or a joint is beyond its limit; "
         "grey: ends, where accelerations are known from one side"
     )

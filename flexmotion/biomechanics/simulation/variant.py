@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexmotion.biomechanics.dynamics import LOADED, Dynamics, dynamics
+from flexmotion.biomechanics.dynamics import CONTACT_SHARE, Dynamics, dynamics
 from flexmotion.biomechanics.external_load import ExternalLoad
 from flexmotion.biomechanics.force_error import BAND, charged, force_error, over_impact
 from flexmotion.biomechanics.ground_reaction import GROUND, NO_FORCE, GroundSettings
@@ -265,7 +265,7 @@ def _labels(
                 motion,
                 torques=joint_torques(body, segments, wrenches, centres, loads),
                 wrenches=wrenches,
-                contacts=wrenches[..., 2] > LOADED * weight,
+                contacts=wrenches[..., 2] > CONTACT_SHARE * weight,
             ),
             segments=segments,
             centres=centres,

@@ -10,25 +10,12 @@ from numpy.typing import NDArray
 pytest.importorskip("myo_sim", reason="extra 'biomech' is not installed")
 
 from flexmotion.biomechanics import muscle_geometry
-from flexmotion.biomechanics.muscle_geometry import MuscleModel, muscle_models
+from flexmotion.biomechanics.muscle_geometry import muscle_models
 from flexmotion.configs.errors import ConfigError
 
 Float = NDArray[np.float64]
 
 LEFT, RIGHT = 0, 1
-
-
-def lengths_and_arms(leg: MuscleModel, angles: Float) -> tuple[Float, Float]:
-    """Lengths (M,) [m] and moment arms (M, 5), positive where a pull turns the joint on [m]."""
-    model = leg.model
-    data = mujoco.MjData(model)
-    data.qpos[:], slopes = leg.pose(angles)
-    mujoco.mj_fwdPosition(model, data)
-    dense = np.zeros((model.nu, model.nv))
-    mujoco.mju_sparse2dense(
-        dense, data.actuator_moment.ravel(), data.moment_rownnz, data.moment_rowadr, data.moment_colind
-    )
-    return data.actuator_length.copy(), -dense @ slopes
 
 
 @pytest.mark.parametrize("side", [LEFT, RIGHT])
@@ -55,8 +42,8 @@ def test_moment_arms_are_those_of_the_2016_model(
     leg = muscle_models()[side]
     letter = "lr"[side]
     angles = np.radians([pose.get(name.removesuffix(f"_{letter}"), 0.0) for name in leg.joints])
-    _, arms = lengths_and_arms(leg, angles)
-    found = 1e3 * arms[leg.muscles.index(f"{muscle}_{letter}"), leg.joints.index(f"{joint}_{letter}")]
+    _, slopes = leg.lengths_and_slopes(angles)
+    found = -1e3 * slopes[leg.muscles.index(f"{muscle}_{letter}"), leg.joints.index(f"{joint}_{letter}")]
     # Published: computed by OpenSim from the model file, other angles of the hip near zero.
     assert found == pytest.approx(published, abs=4.0)
 
@@ -67,8 +54,8 @@ def test_paths_do_not_jump_to_the_other_side_of_a_bone() -> None:
     for leg, letter in zip(muscle_models()[:2], "lr", strict=True):
         # Beyond 110 degrees of knee flexion the medial gastrocnemius leaves its surface, with a step of 6 mm.
         poses = generator.uniform([-0.6, -0.5, -0.6, 0.0, -0.5], [2.0, 0.35, 0.6, 1.85, 0.4], (300, 5))
-        lengths = np.array([lengths_and_arms(leg, pose)[0] for pose in poses])
-        near = np.array([lengths_and_arms(leg, pose + 0.01)[0] for pose in poses])
+        lengths = np.array([leg.lengths_and_slopes(pose)[0] for pose in poses])
+        near = np.array([leg.lengths_and_slopes(pose + 0.01)[0] for pose in poses])
         worst = np.abs(near - lengths).max(axis=0)
         for name in ("psoas", "iliacus", "glmax1", "glmax2", "gasmed"):
             # Arms of at most 100 mm about three axes turned by .01 rad.
@@ -79,9 +66,9 @@ def test_legs_are_mirror_images() -> None:
     generator = np.random.default_rng(1)
     left, right = muscle_models()[:2]
     for pose in generator.uniform([-0.5, -0.4, -0.5, 0.0, -0.4], [1.5, 0.3, 0.5, 1.8, 0.4], (20, 5)):
-        (one, one_arms), (two, two_arms) = lengths_and_arms(left, pose), lengths_and_arms(right, pose)
+        (one, one_slopes), (two, two_slopes) = left.lengths_and_slopes(pose), right.lengths_and_slopes(pose)
         assert one == pytest.approx(two, abs=2e-4)
-        assert one_arms == pytest.approx(two_arms, abs=2e-3)
+        assert one_slopes == pytest.approx(two_slopes, abs=2e-3)
 
 
 def test_a_model_with_another_knee_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -88,36 +88,16 @@ def test_activations_keep_their_limits(enriched) -> None:
 
 
 def test_round_trip_through_mujocos_muscles(enriched) -> None:
-    """MuJoCo's forward dynamics with these activations give the requested torque."""
-    import mujoco
-
-    from flexmotion.biomechanics.differentiation import derivative
-    from flexmotion.biomechanics.muscle_geometry import muscle_models
-    from flexmotion.biomechanics.static_optimisation import strength
+    """MuJoCo's forward dynamics with these activations give the requested torque, of each leg and of the trunk."""
+    from benchmarks.biomechanics.muscles import forward_torques
 
     found, state = enriched
-    motion = found.motion
-    scale, column, close = strength(motion.body), 0, []
-    wanted, made = [], []
-    for muscles in muscle_models():
-        model, data = muscles.model, mujoco.MjData(muscles.model)
-        rates = derivative(motion.joints[:, muscles.columns], motion.fps)
-        for frame in range(0, len(motion), 5):
-            qpos, slopes = muscles.pose(motion.joints[frame, muscles.columns])
-            data.qpos[:], data.qvel[:] = qpos, slopes @ rates[frame]
-            control = state.activations[frame, column : column + model.nu]
-            if muscles.hill is None:
-                data.act[:] = control
-            else:
-                mujoco.mj_forward(model, data)
-                control = control * muscles.hill.tension(data.actuator_length, data.actuator_velocity)
-            data.ctrl[:] = control
-            mujoco.mj_forward(model, data)
-            made.append(scale * slopes.T @ data.qfrc_actuator)
-            wanted.append(motion.torques[frame, 6 + muscles.columns])
-        column += model.nu
-    for have, want in zip(made, wanted, strict=True):
-        close.append(np.linalg.norm(have - want) <= 0.02 * np.linalg.norm(want) + 0.1)
+    made = forward_torques(found.motion, state, every=5)
+    wanted = found.motion.torques[::5, [6 + JOINTS.index(joint) for joint in state.joints]]
+    close = []
+    for part in (slice(0, 5), slice(5, 10), slice(10, 13)):
+        error = np.linalg.norm((made - wanted)[:, part], axis=1)
+        close.append(error <= 0.02 * np.linalg.norm(wanted[:, part], axis=1) + 0.1)
     assert np.mean(close) >= 0.9
 
 

@@ -4,24 +4,26 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import mujoco
 import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
 from flexmotion.biomechanics.differentiation import EDGE
+from flexmotion.biomechanics.dynamics import dynamics
 from flexmotion.biomechanics.external_load import ExternalLoad
 from flexmotion.biomechanics.force_error import SMALLEST
 from flexmotion.biomechanics.ground_reaction import GROUND
 from flexmotion.biomechanics.inverse_dynamics import effort
 from flexmotion.biomechanics.simulation.perturbation import LOADED_SEGMENTS, Perturbation, PerturbationRanges, drawn
-from flexmotion.biomechanics.simulation.reference import Floor
+from flexmotion.biomechanics.simulation.reference import Floor, corner_positions, reference
 from flexmotion.biomechanics.simulation.tracking_model import STRENGTH, TRACKING, tracking_model
 from flexmotion.biomechanics.simulation.variant import PULL, PerturbedMotion, TrackingFailedError, perturbed, projected
 from flexmotion.biomechanics.smoothing import CUTOFF, smoothing_spline
 from flexmotion.biomechanics.sole import sole_grid
 from flexmotion.human.human_model import human_model
 from flexmotion.human.motion import Motion
-from flexmotion.human.skeleton import SIDES
+from flexmotion.human.skeleton import JOINTS, SIDES
 from flexmotion.spatial.gravity import GRAVITY
 
 FRAMES = 52
@@ -96,6 +98,42 @@ def test_assistance_and_torques_are_within_their_bounds_in_every_step(pushed: Pe
     assert limits[6:].max() == pytest.approx(max(STRENGTH.values()) * body.mass)
     assert pushed.assistance.shape == (len(pushed.dynamics.motion), 2)
     assert pushed.assistance[:, 0].max() * weight == pytest.approx(np.linalg.norm(control[:, :3], axis=1).max())
+
+
+def test_a_loaded_foot_that_was_recorded_above_the_floor_is_planted(clip: Motion) -> None:
+    """A foot that was to carry a quarter of the weight stayed 6 mm above the floor, and a bow fell within 1.5 s."""
+    joints = clip.joints[:30].copy()
+    joints[:] = joints[:1]
+    for side, angle in (("l", 25.0), ("r", 18.0)):
+        for joint, share in (("hip_flexion", 1.0), ("knee_flexion", 2.0), ("ankle_dorsiflexion", 1.0)):
+            joints[:, JOINTS.index(f"{joint}_{side}")] = np.radians(share * angle)
+    still = replace(
+        clip[:30],
+        joints=joints,
+        root_position=np.repeat(clip.root_position[:1], 30, axis=0),
+        root_quaternion=np.repeat(clip.root_quaternion[:1], 30, axis=0),
+    )
+    height = soles(still, still.root_position).min(axis=2)[:, 1]
+    found = dynamics(replace(still, root_position=still.root_position - [[0.0, 0.0, height[0]]]))
+    assert found.motion.contacts is not None and found.motion.contacts.all()
+    tracked = tracking_model(clip.body)
+    planted = reference(tracked, found, Floor(np.zeros(2), np.zeros(3)), {})
+    lowest = soles(still, planted.qpos[:: planted.substeps]).min(axis=2)
+    recorded = soles(still, tracked.qpos(found.motion)).min(axis=2)
+    assert recorded[:, 0].min() > 0.015
+    assert -0.008 < lowest.min() and lowest.max() < 0.001
+
+
+def soles(motion: Motion, states: np.ndarray) -> np.ndarray:
+    """Heights of the corners of left and right sole, (T, 2, 4), at roots or states of the tracking model."""
+    tracked = tracking_model(motion.body)
+    qpos = tracked.qpos(replace(motion, root_position=states)) if states.shape[1] == 3 else states
+    data, heights = mujoco.MjData(tracked.linear), []
+    for state in qpos:
+        data.qpos[:] = state
+        mujoco.mj_kinematics(tracked.linear, data)
+        heights.append(corner_positions(tracked, data)[..., 2])
+    return np.array(heights)
 
 
 def test_reproducible_from_the_seed(clip: Motion) -> None:
