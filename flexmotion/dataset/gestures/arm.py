@@ -115,7 +115,7 @@ def landmark(name: Landmark, body: Body, out: float) -> Float:
         "brow": neck + [0.3 * size.head, 0.0, 0.75 * size.head],
         "chin": neck + [0.3 * size.head, 0.0, 0.25 * size.head],
         "breastbone": chest,
-        "waist": np.array([-size.lumbar_forward, out * (size.hip_width / 2 + 0.08), -0.25 * size.lumbar_height]),
+        "waist": np.array([-size.lumbar_forward, out * (size.hip_width / 2 + 0.08), -0.6 * size.lumbar_height]),
         "front": chest + [0.5 * size.arm, 0.0, 0.0],
     }
     return places[name]
@@ -124,6 +124,7 @@ def landmark(name: Landmark, body: Body, out: float) -> Float:
 def hand_in_torso(humerus: Rotation, elbow: Float, body: Body, side: int) -> Float:
     """Centre of the fist in the torso for N poses, (N,) [rad] -> (N, 3) [m]."""
     size = body.segments
-    forearm = Rotation.from_euler("y", -np.atleast_1d(elbow)).apply([0.0, 0.0, -(size.forearm + size.hand)])
+    bent = Rotation.from_rotvec(np.atleast_1d(elbow)[:, None] * [0.0, -1.0, 0.0])
+    forearm = bent.apply([0.0, 0.0, -(size.forearm + size.hand)])
     found: Float = shoulder(body, side) + humerus.apply(forearm + [0.0, 0.0, -size.upper_arm])
     return found

@@ -38,8 +38,8 @@ SWAY = 1.0
 WAY = 0.5
 """Cut-off of pace and turning of a walk [Hz]: strides are faster."""
 
-STILL, QUIET = 0.15, 0.5
-"""Greatest speed of a standing human's pelvis and ankles, and of hands at rest against the torso [m/s]."""
+STILL, PLANTED, QUIET = 0.15, 0.08, 0.5
+"""Greatest speed of a standing human's pelvis, of its ankles, and of hands at rest against the torso [m/s]."""
 
 TURNING = 0.35
 """Greatest turning of a base [rad/s]."""
@@ -113,6 +113,8 @@ def stretches(clip: Clip, motion: Motion, walks: bool) -> Iterator[Base]:
 
     The arms of a stand hang as they do in the clip where they are quiet; there is no stand without such frames.
     """
+    if motion.duration <= min(SHORTEST.values()):
+        return
     human = forward(motion)
     steady, rest = _steady(human, motion.fps), _at_rest(motion, human)
     if rest.sum() >= RESTED:
@@ -127,7 +129,9 @@ def stretches(clip: Clip, motion: Motion, walks: bool) -> Iterator[Base]:
 
 def _speed(points: Float, fps: float) -> Float:
     """Speeds of points, (T, ..., 3) [m] -> (T, ...) [m/s]."""
-    flat = low_pass(points.reshape(len(points), -1), fps, CUTOFF) if len(points) > 12 else points.reshape(len(points), -1)
+    flat = (
+        low_pass(points.reshape(len(points), -1), fps, CUTOFF) if len(points) > 12 else points.reshape(len(points), -1)
+    )
     speed: Float = np.linalg.norm(np.gradient(flat.reshape(points.shape), 1.0 / fps, axis=0), axis=-1)
     return speed
 
@@ -145,7 +149,7 @@ def _standing(motion: Motion, human: HumanKinematics) -> NDArray[np.bool_]:
     fps, size = motion.fps, motion.body
     return (
         (_speed(human.pelvis_position, fps) < STILL)
-        & (_speed(human.ankle, fps) < STILL).all(axis=1)
+        & (_speed(human.ankle, fps) < PLANTED).all(axis=1)
         & (human.pelvis_position[:, 2] > TALL * size.standing_height)
         & (human.ankle[:, :, 2] < 1.6 * size.segments.ankle_height + 0.02).all(axis=1)
     )
@@ -226,14 +230,11 @@ def _at(motion: Motion, places: Float) -> Motion:
     )
 
 
-def spread(bases: Sequence[Base], rng: np.random.Generator) -> list[Base]:
-    """The bases in an order in which every person has its turn before the next one of the same."""
+def draw_base(bases: Sequence[Base], rng: np.random.Generator) -> Base:
+    """Draw a person by the square root of the number of their bases, then one of these."""
     people: dict[str, list[Base]] = {}
-    for at in rng.permutation(len(bases)):
-        people.setdefault(bases[at].person, []).append(bases[at])
-    queues = list(people.values())
-    order = []
-    while queues:
-        order += [queue.pop() for queue in queues]
-        queues = [queue for queue in queues if queue]
-    return order
+    for base in bases:
+        people.setdefault(base.person, []).append(base)
+    chance = np.sqrt([len(own) for own in people.values()])
+    own = list(people.values())[rng.choice(len(people), p=chance / chance.sum())]
+    return own[rng.integers(len(own))]

@@ -16,6 +16,8 @@ from flexmotion.human.vectors import unit
 
 Float = NDArray[np.float64]
 
+HIP = ("hip_flexion", "hip_adduction", "hip_rotation")
+
 ROUNDS = 4
 """Repetitions of the shift that puts the centre of mass back; the error is then below 1 mm."""
 
@@ -74,12 +76,8 @@ def _with_root(motion: Motion, base: HumanKinematics, shift: Float) -> Motion:
         # The foot's own length, level as in the base, in the axes of the shank.
         length = foot[:, :, 0] - np.sum(foot[:, :, 0] * lateral, axis=1, keepdims=True) * lateral
         ankle_angle = np.arctan2(-np.sum(length * shank, axis=1), np.sum(length * tibia_x, axis=1))
-        names = tuple(f"{name}_{letter}" for name in ("hip_flexion", "hip_adduction", "hip_rotation"))
-        hips = three_angles(np.einsum("tji,tjk->tik", pelvis, femur), ("hip_flexion", "hip_adduction", "hip_rotation"), letter)
-        for column, values in (
-            *((JOINTS.index(name), hips[:, at]) for at, name in enumerate(names)),
-            (JOINTS.index(f"knee_flexion_{letter}"), knee),
-            (JOINTS.index(f"ankle_dorsiflexion_{letter}"), ankle_angle),
-        ):
-            joints[moved, column] = values[moved]
+        hips = three_angles(np.einsum("tji,tjk->tik", pelvis, femur), HIP, letter)
+        found = [*zip(HIP, hips.T, strict=True), ("knee_flexion", knee), ("ankle_dorsiflexion", ankle_angle)]
+        for name, angles in found:
+            joints[moved, JOINTS.index(f"{name}_{letter}")] = angles[moved]
     return replace(motion, root_position=motion.root_position + shift, joints=joints)

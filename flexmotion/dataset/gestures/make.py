@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import tempfile
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -14,19 +14,19 @@ import numpy as np
 from flexmotion.configs.errors import ConfigError
 from flexmotion.dataset.captions import COLUMNS
 from flexmotion.dataset.clips import find_clips
-from flexmotion.dataset.gestures.bases import Base, extended, find_bases, spread
+from flexmotion.dataset.gestures.bases import Base, draw_base, extended, find_bases
 from flexmotion.dataset.gestures.clearance import clearance
 from flexmotion.dataset.gestures.overlay import overlaid
 from flexmotion.dataset.gestures.plan import Plan, draw_plan
 from flexmotion.dataset.gestures.recipes import Gesture, Ground
 from flexmotion.human.motion import Motion
 from flexmotion.human.motion_file import save_motion
-from flexmotion.human.skeleton import LEFT, RIGHT
+from flexmotion.human.skeleton import LEFT
 from flexmotion.text.sides import mirrored
 
 INDEX = "gestures_index.csv"
 CAPTIONS = "gestures_captions.csv"
-INDEX_COLUMNS = ("file", "split", "content", "style", "start_s", "end_s", "base")
+INDEX_COLUMNS = ("file", "split", "content", "style", "start_s", "end_s", "around", "base")
 
 TRIES = 8
 """Draws for one motion, until one keeps clear of the body and fits its base."""
@@ -107,7 +107,9 @@ def make_gestures(
             bases += find_bases([clip], fps)
             progress(0.5 * (number + 1) / len(clips))
     if not any(base.ground == "stand" for base in bases):
-        raise ConfigError(f"{', '.join(map(str, folders))}: no recording of normal style in which somebody stands quietly")
+        raise ConfigError(
+            f"{', '.join(map(str, folders))}: no recording of normal style in which somebody stands quietly"
+        )
     out.mkdir(parents=True, exist_ok=True)
     made: Counter[str] = Counter()
     rows, captions = [], []
@@ -125,43 +127,36 @@ def make_gestures(
     return dict(made)
 
 
-def motions_of(gesture: Gesture, bases: Sequence[Base], count: int, seed: int) -> Iterable[GestureMotion]:
-    """Motions of one gesture, to the left and to the right in turn; those that never keep clear are left out."""
+def motions_of(gesture: Gesture, bases: Sequence[Base], count: int, seed: int) -> Iterator[GestureMotion]:
+    """Motions of one gesture, to the left and to the right in turn; those that never keep clear are left out.
+
+    Args:
+        gesture: the recipe.
+        bases: recordings; at least one stands.
+        count: of motions.
+        seed: of all draws.
+    """
     rng = np.random.default_rng([seed, *gesture.kind.encode()])
-    queues: dict[tuple[Ground, bool], list[Base]] = {}
     for number in range(count):
         ground: Ground = "walk" if "walk" in gesture.over and rng.random() < WALKING else "stand"
-        if not any(base.ground == ground for base in bases):
-            ground = "stand"
-        held_out = number % VALIDATION_EVERY == VALIDATION_EVERY - 1
+        fitting = _fitting(bases, ground, number % VALIDATION_EVERY == VALIDATION_EVERY - 1)
         for _ in range(TRIES):
-            base = _next(queues, bases, ground, held_out, rng)
+            base = draw_base(fitting, rng)
             found = gesture_over(gesture, base, number % 2, rng)
             if found is not None:
-                motion, plan = found
-                yield _described(gesture, plan, motion, base, number)
+                yield _described(gesture, *found, base, number)
                 break
 
 
-def _next(
-    queues: dict[tuple[Ground, bool], list[Base]],
-    bases: Sequence[Base],
-    ground: Ground,
-    held_out: bool,
-    rng: np.random.Generator,
-) -> Base:
-    """The next base of a ground and a split, every person in turn; of any split where there is none."""
-    queue = queues.setdefault((ground, held_out), [])
-    if not queue:
-        fitting = [base for base in bases if base.ground == ground]
-        split = [base for base in fitting if (base.clip.split == "validation") == held_out]
-        queue += spread(split or fitting, rng)
-    return queue.pop(0)
+def _fitting(bases: Sequence[Base], ground: Ground, held_out: bool) -> list[Base]:
+    """Bases of a ground and a split; of another split, then of standing, where there are none."""
+    on_ground = [base for base in bases if base.ground == ground]
+    if not on_ground:
+        return _fitting(bases, "stand", held_out)
+    return [base for base in on_ground if (base.clip.split == "validation") == held_out] or on_ground
 
 
-def gesture_over(
-    gesture: Gesture, base: Base, side: int, rng: np.random.Generator
-) -> tuple[Motion, Plan] | None:
+def gesture_over(gesture: Gesture, base: Base, side: int, rng: np.random.Generator) -> tuple[Motion, Plan] | None:
     """Draw a gesture over a base; None where it does not fit the base, or comes too near to the body.
 
     Args:
@@ -182,7 +177,7 @@ def gesture_over(
     return motion, plan
 
 
-def _described(gesture: Gesture, plan: Plan, motion: Motion, base: Base, number: int) -> GestureMotion:
+def _described(gesture: Gesture, motion: Motion, plan: Plan, base: Base, number: int) -> GestureMotion:
     kind = gesture.kind if base.ground == "stand" else f"walk-{gesture.kind}"
     times = TIMES.get(plan.repeats, f"{plan.repeats} times")
     captions = [text.replace("{times}", times) for text in gesture.captions]
@@ -204,6 +199,7 @@ def _row(found: GestureMotion) -> tuple[str, ...]:
         "normal",
         _time(found.start),
         _time(found.end),
+        found.base.ground,
         clip.name,
     )
 
@@ -217,5 +213,3 @@ def _write(path: Path, columns: Sequence[str], rows: Iterable[Sequence[str]]) ->
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(columns)
         writer.writerows(rows)
-
-

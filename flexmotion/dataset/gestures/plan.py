@@ -39,7 +39,7 @@ class Targets:
 
     Attributes:
         arms: of left and right arm.
-        head, trunk: angles beside the base's, in the order of the neck's and the lumbar joint's coordinates, (3,) [rad].
+        head, trunk: angles beside the base's: extension, bending, rotation, (3,) [rad].
         down: lowering of the pelvis [leg lengths], (1,).
     """
 

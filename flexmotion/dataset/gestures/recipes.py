@@ -143,7 +143,7 @@ class Gesture(Strict):
         sink_speed: likewise of the pelvis, downwards and upwards [leg lengths/s].
         shortest: least duration of a stroke [s].
         touch: whether the hands may touch each other or the body.
-        captions: sentences about a motion, beside the wordings of its kind; `{times}` is `once`, `twice`, `three times`.
+        captions: sentences about a motion, beside the wordings of its kind; `{times}` is `once`, `twice` and so on.
     """
 
     kind: str
