@@ -24,6 +24,10 @@ _LIKING = re.compile(r"(?:'d|’d|\b(?:would|i|you|we|do|does|don't|did|to|looks
 """Words before "like" that make it a verb, or a comparison of something else than a motion."""
 
 
+_SUBJECT = re.compile(r"\s*(?:an?|the|this|that)?\s*(\w+(?: (?:man|woman|lady|person))?)\b")
+"""Who does it, at the beginning of a sentence."""
+
+
 @dataclass(frozen=True)
 class MannerPhrase:
     """Words that say how a motion is to be done.
@@ -45,6 +49,9 @@ def manner_phrases(sentence: str) -> tuple[MannerPhrase, ...]:
     text = sentence.lower().replace("’", "'")
     known, lexicon = _lexicon()
     found: list[MannerPhrase] = []
+    subject = _SUBJECT.match(text)
+    if subject and (manner := _subjects().get(subject[1])):
+        found.append(MannerPhrase(subject[1], manner, subject.start(1), subject.end(1)))
     for match in known.finditer(text):
         found.append(MannerPhrase(match[0], lexicon[match[0]], match.start(), match.end()))
     for match in _OPEN.finditer(text):
@@ -73,3 +80,8 @@ def _lexicon() -> tuple[re.Pattern[str], dict[str, str]]:
     }
     longest = sorted(lexicon, key=lambda said: (-len(said), said))
     return re.compile(r"(?<![\w'-])(?:" + "|".join(map(re.escape, longest)) + r")(?![\w'-])"), lexicon
+
+
+@lru_cache
+def _subjects() -> dict[str, str]:
+    return {said: manner for manner in manners.manners() for said in manners.manner_subjects(manner)}

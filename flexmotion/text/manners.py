@@ -46,6 +46,11 @@ def manner_words(manner: str) -> tuple[str, ...]:
     return tuple(_table().get(manner, {}).get("words", ()))
 
 
+def manner_subjects(manner: str) -> tuple[str, ...]:
+    """Who moves in a manner, at the beginning of a sentence: "an old man walks"."""
+    return tuple(_table().get(manner, {}).get("subjects", ()))
+
+
 @lru_cache
 def neutral_words() -> frozenset[str]:
     """Words and phrases that look like manners and ask for none."""

@@ -65,6 +65,7 @@ class Prompt:
         share: of the most probable kind in what the listener heard; 1 for a known wording.
         manner: in which the motion is asked for.
         dropped: words that say a manner which is not done.
+        refused: kind of motion that was asked for and that the model does not offer; None: it was not refused so.
     """
 
     embedding: NDArray[np.float32]
@@ -75,6 +76,7 @@ class Prompt:
     share: float = 1.0
     manner: str = NORMAL
     dropped: tuple[str, ...] = ()
+    refused: str | None = None
 
 
 class PromptReader:
@@ -140,7 +142,7 @@ class PromptReader:
             can = ", ".join(name.replace("-", " ") for name in self.offered)
             name = kind.replace("-", " ")
             warning = f"{sentence!r}: this model cannot {name} yet, it stands still; it can: {can}"
-            return Prompt(self.idle.embedding, STAND, best, False, warning, share)
+            return Prompt(self.idle.embedding, STAND, best, False, warning, share, refused=kind)
         alike = self._kinds == kind
         mixture = np.exp(BREADTH * (likeness[alike] - best)) @ self._embeddings[alike]
         # Standing has one manner.

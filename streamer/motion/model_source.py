@@ -199,7 +199,8 @@ class ModelSource:
         prompt = self.sampler.prompt(intent.text)
         if prompt.warning is not None:
             return prompt.warning
-        found = [] if prompt.likeness >= SAME or intent.text == prompt.kind else [f"heard as {heard.heard_as}"]
+        exact = heard.manner is None and (prompt.likeness >= SAME or intent.text == prompt.kind)
+        found = [] if exact else [f"heard as {heard.heard_as}" + (f", {heard.manner}" if heard.manner else "")]
         found += [] if heard.slowed is None else [f"slowed to {heard.slowed}"]
         found += list(heard.notes)
         return f"{intent.text!r} is {' and '.join(found)}" if found else None
@@ -320,8 +321,8 @@ class ModelSource:
         match intent:
             case Text(text):
                 return Condition(text, pace=self.pace)
-            case Velocity(forward, left, turning):
-                return Condition(velocity=(forward, left, turning), pace=self.pace)
+            case Velocity(forward, left, turning, manner):
+                return Condition(velocity=(forward, left, turning), manner=manner, pace=self.pace)
         return Condition()
 
 
