@@ -25,10 +25,8 @@ def parse(sentence: str) -> tuple[Clause, ...]:
         return (Clause(sentence, sentence),)  # "look out", "never mind the walking, quit it"
     # "Like a ninety year old" is no amount, "without confidence" no prohibition.
     phrases = [phrase for phrase in manner_phrases(sentence) if " " in phrase.text]
-    if not phrases:
-        return _parsed(sentence)
     found = _parsed(_with_names(sentence, phrases))
-    return tuple(_with_phrases(clause, phrases) for clause in found)
+    return tuple(_with_manner(_with_phrases(clause, phrases)) for clause in found)
 
 
 def _with_names(sentence: str, phrases: Sequence[MannerPhrase]) -> str:
@@ -48,6 +46,15 @@ def _with_phrases(clause: Clause, phrases: Sequence[MannerPhrase]) -> Clause:
 
     dropped = tuple(told(part) for part in clause.dropped)
     return replace(clause, said=told(clause.said), text=told(clause.text), dropped=dropped)
+
+
+def _with_manner(clause: Clause) -> Clause:
+    """The clause with the manner in its text also where the grammar has put words of its own ("turn to the left")."""
+    if clause.asks is not Asks.MOTION or clause.forbidden or not clause.text:
+        return clause
+    lost = [one.text for one in manner_phrases(clause.said) if one.text not in clause.text.lower()]
+    lost = [text for text in lost if not any(text in part for part in clause.dropped)]
+    return replace(clause, text=" ".join([clause.text, *lost])) if lost else clause
 
 
 def _name(number: int) -> str:

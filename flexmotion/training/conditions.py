@@ -99,10 +99,11 @@ class Sentences:
         cache: dict[tuple, tuple[np.ndarray, np.ndarray]] = {}
         self._plain: list[np.ndarray] = []
         self._styled: list[np.ndarray] = []
+        self._parts: list[tuple[tuple[int, float, float], ...]] = []
         self.kinds: list[str] = []
         for clip in clips:
             kind, captions = clip_kind(clip), clip_captions(clip)
-            manner = meaning.clip_manner(clip.labels, clip.captions) or NORMAL
+            manner = meaning.clip_manner(clip.labels, clip.whole_captions) or NORMAL
             key = (kind, manner, captions)
             if key not in cache:
                 plain = [*wordings(kind), *captions]
@@ -111,7 +112,8 @@ class Sentences:
             self._plain.append(cache[key][0])
             self._styled.append(cache[key][1])
             self.kinds.append(kind)
-        if not any(map(len, self._plain)):
+            self._parts.append(tuple((int(self._rows([text])[0]), start, end) for text, start, end in clip_parts(clip)))
+        if not any(map(len, (*self._plain, *self._parts))):
             raise ConfigError(
                 "the set: no clip has a caption or a known label; put the collection's *_index.csv or *_captions.csv"
                 " beside its files and build the set again (docs/biomechanics.md)"
@@ -127,7 +129,14 @@ class Sentences:
         """Every sentence, in the order of `embeddings`."""
         return tuple(self._number)
 
-    def draw(self, rng: np.random.Generator, clips: np.ndarray, still: np.ndarray, straight: np.ndarray) -> np.ndarray:
+    def draw(
+        self,
+        rng: np.random.Generator,
+        clips: np.ndarray,
+        still: np.ndarray,
+        straight: np.ndarray,
+        times: np.ndarray | None = None,
+    ) -> np.ndarray:
         """Row of a sentence for each window, (N,); `NONE` where its clip has no sentence.
 
         Args:
@@ -135,12 +144,16 @@ class Sentences:
             clips: clips of the windows, (N,).
             still: windows that stand, (N,).
             straight: windows that walk without turning, (N,).
+            times: start and end of the windows in their clips, (N, 2) [s]; None: sentences are of whole clips.
         """
         rows = np.full(len(clips), NONE, np.intp)
         for at, clip in enumerate(clips):
             kind = self.kinds[clip]
+            parts = [] if times is None else _within(self._parts[clip], *times[at])
             if still[at]:
                 choice = self._of_kind[STAND]
+            elif parts:
+                choice = np.array(parts, np.intp)
             elif straight[at] and kind.startswith("walk-turn"):
                 choice = self._of_kind["walk"]
             else:
@@ -152,13 +165,27 @@ class Sentences:
 
 def clip_kind(clip: StoredClip) -> str:
     """Kind of motion of a clip; of a mirror image, with the sides exchanged."""
-    label = meaning.clip_kind(clip.labels, clip.captions)
+    label = meaning.clip_kind(clip.labels, clip.whole_captions)
     return mirrored(label) if clip.variant == "mirror" else label
 
 
 def clip_captions(clip: StoredClip) -> tuple[str, ...]:
-    """Captions of a clip from its source; of a mirror image, with the sides exchanged."""
-    return tuple(mirrored(text) for text in clip.captions) if clip.variant == "mirror" else clip.captions
+    """Captions of a whole clip from its source; of a mirror image, with the sides exchanged."""
+    return tuple(_as_seen(clip, text) for text in clip.whole_captions)
+
+
+def clip_parts(clip: StoredClip) -> tuple[tuple[str, float, float], ...]:
+    """Captions of parts of a clip with their start and end [s]; of a mirror image, with the sides exchanged."""
+    return tuple((_as_seen(clip, text), start, end) for text, start, end in clip.partial_captions)
+
+
+def _as_seen(clip: StoredClip, text: str) -> str:
+    return mirrored(text) if clip.variant == "mirror" else text
+
+
+def _within(parts: tuple[tuple[int, float, float], ...], start: float, end: float) -> list[int]:
+    """Rows of the captions that cover at least half of a window."""
+    return [row for row, first, last in parts if min(end, last) - max(start, first) >= (end - start) / 2]
 
 
 def mean_velocity(features: Tensor, layout: Layout) -> Tensor:
@@ -179,6 +206,7 @@ def describe(
     seed: tuple[int, ...],
     drop: Dropped,
     manners: Manners | None = None,
+    first: np.ndarray | None = None,
 ) -> Conditions:
     """Conditions of windows.
 
@@ -190,13 +218,15 @@ def describe(
         seed: of all draws.
         drop: shares of windows without a condition.
         manners: of the store's clips; None: no window has a manner.
+        first: frames of the clips at which the windows begin, (N,); None: sentences are of whole clips.
     """
     rng = np.random.default_rng(seed)
     velocity = mean_velocity(future, store.layout)
     moving = future[..., store.layout.blocks["velocities"]].unflatten(-1, (-1, 3)).norm(dim=-1).mean(dim=(1, 2))
     walking = velocity[:, :2].norm(dim=-1) > WALKING
     straight = (walking & (velocity[:, 2].abs() < STRAIGHT)).numpy()
-    rows = sentences.draw(rng, clips, (moving < STILL).numpy(), straight)
+    times = None if first is None else np.stack([first, first + future.shape[1]], axis=1) / store.layout.fps
+    rows = sentences.draw(rng, clips, (moving < STILL).numpy(), straight, times)
     has_sentence = (rows != NONE) & (rng.random(len(rows)) >= drop.sentence)
     has_velocity = rng.random(len(rows)) >= drop.velocity
     width = sentences.embeddings.shape[1]

@@ -105,7 +105,7 @@ class Judge:
         windows = WindowSet(self.store, self.run.config.window, "validation").draw((self.seed, 61, number), 2 * count)
         future = restore(windows.future)
         seed = (self.seed, 62, number)
-        found = describe(self.store, sentences, future, windows.clip, seed, Dropped(velocity=1.0))
+        found = describe(self.store, sentences, future, windows.clip, seed, Dropped(velocity=1.0), first=windows.first)
         described = np.flatnonzero(found.row != NONE)[:count]
         return Cases(
             history=restore(windows.history).numpy()[described],

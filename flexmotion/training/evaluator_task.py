@@ -66,14 +66,13 @@ class EvaluatorTask:
     def _embedded(self, windows: WindowSet, key: tuple[int, ...], batch: int) -> tuple[Tensor, Tensor, Tensor]:
         """Embeddings of motions and of their sentences, and which sentences count as the same."""
         found = windows.draw((*key, 0), batch)
-        conditions = describe(
-            self.store, self._sentences, self._restore(found.future), found.clip, (*key, 1), Dropped(velocity=1.0)
-        )
+        future, drop = self._restore(found.future), Dropped(velocity=1.0)
+        conditions = describe(self.store, self._sentences, future, found.clip, (*key, 1), drop, first=found.first)
         described = conditions.present[:, 0] > 0
         device = self.processes.device
-        future, sentence = found.future[described].to(device), conditions.sentence[described].to(device)
+        motion, sentence = found.future[described].to(device), conditions.sentence[described].to(device)
         with self.processes.mixed_precision():
-            motion, text = self.network.motion(future), self.network.sentence(sentence)
+            motion, text = self.network.motion(motion), self.network.sentence(sentence)
         return motion.float(), text.float(), sentence @ sentence.T > ALIKE
 
     def validate(self) -> dict[str, float]:

@@ -60,5 +60,5 @@ class LatentSet:
             diffusion.drop_text, diffusion.drop_velocity if diffusion.velocity else 1.0, diffusion.drop_manner
         )
         future = self._restore(windows.future.cpu())
-        found = describe(self.store, self.sentences, future, windows.clip, seed, drop, self.manners)
+        found = describe(self.store, self.sentences, future, windows.clip, seed, drop, self.manners, windows.first)
         return found.to(self.device)

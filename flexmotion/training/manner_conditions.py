@@ -31,7 +31,7 @@ class Manners:
     def __init__(
         self, clips: Iterable[StoredClip], encode: Callable[[str], np.ndarray], personal: tuple[str, ...] = ()
     ) -> None:
-        found = [personal[0] if personal else clip_manner(clip.labels, clip.captions) for clip in clips]
+        found = [personal[0] if personal else clip_manner(clip.labels, clip.whole_captions) for clip in clips]
         self.names = tuple(sorted({name for name in found if name is not None}))
         number = {name: at for at, name in enumerate(self.names)}
         self.of_clip = np.array([NONE if name is None else number[name] for name in found], np.intp)

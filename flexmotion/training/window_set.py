@@ -69,7 +69,7 @@ class WindowSet:
             share[name] += int(count)
         self._rarity = np.array([share[name] for name in kinds], np.float64) ** -EVENNESS
         if normal:
-            plain = np.array([clip_manner(clip.labels, clip.captions) == NORMAL for clip in clips])
+            plain = np.array([clip_manner(clip.labels, clip.whole_captions) == NORMAL for clip in clips])
             self._rarity *= normal_weights(np.array(kinds), plain, self._count, normal)
 
     @property

@@ -122,11 +122,14 @@ def text(
       flexmotion train text -o training
     """
     run = _run(out, None, None, threads)
-    from flexmotion.training.conditions import clip_captions
+    from flexmotion.training.conditions import clip_captions, clip_parts
     from flexmotion.training.text_student import corpus, distil, minilm
 
     teacher, vocabulary = minilm()
-    captions = sorted({caption for clip in run.store().clips for caption in clip_captions(clip)})
+    clips = run.store().clips
+    captions = sorted(
+        {text for clip in clips for text in (*clip_captions(clip), *(part[0] for part in clip_parts(clip)))}
+    )
     with progress_bar("trains text") as progress:
         sentences = corpus(vocabulary, captions, run.seed)
         figures = distil(
