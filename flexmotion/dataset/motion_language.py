@@ -4,8 +4,8 @@ new_joints/NAME.npy     positions
 texts/NAME.txt          a line a sentence: `caption#tokens#start#end`, in seconds; 0 and 0 mean the whole clip
 train.txt, val.txt, test.txt   names of the clips of each split
 
-Names that begin with M are mirror images of others, with sentences of their own: a build mirrors clips itself and leaves
-them out.
+Names that begin with M are mirror images of others, with sentences of their own; a build mirrors clips itself and
+leaves them out.
 """
 
 from __future__ import annotations

@@ -139,8 +139,8 @@ def read(
     """The motion in a file, with its mapping and the errors of the fit.
 
     Args:
-        path: `.bvh`; `.amc` with its `.asf`; `.npy` with positions of 22 joints (HumanML3D) or 21 (KIT-ML); `.trc`; `.c3d`; `.npz` of
-            `motion_file.save_motion`, of AMASS, or with packed clips of 22 joints.
+        path: `.bvh`; `.amc` with its `.asf`; `.npy` with positions of 22 joints (HumanML3D) or 21 (KIT-ML); `.trc`;
+            `.c3d`; `.npz` of `motion_file.save_motion`, of AMASS, or with packed clips of 22 joints.
         mapping: name of a shipped skeleton mapping, or path of one; None to find one by the names of the joints.
         units, up: of the file; None for those of the mapping, or a guess.
         fps: frame rate of the result; None for that of the file.

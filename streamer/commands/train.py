@@ -127,11 +127,10 @@ def text(
 
     teacher, vocabulary = minilm()
     clips = run.store().clips
-    captions = sorted(
-        {text for clip in clips for text in (*clip_captions(clip), *(part[0] for part in clip_parts(clip)))}
-    )
+    captions = {text for clip in clips for text in clip_captions(clip)}
+    captions |= {text for clip in clips for text, _, _ in clip_parts(clip)}
     with progress_bar("trains text") as progress:
-        sentences = corpus(vocabulary, captions, run.seed)
+        sentences = corpus(vocabulary, sorted(captions), run.seed)
         figures = distil(
             teacher, vocabulary, sentences, run.stage("text"), steps=steps, seed=run.seed, progress=progress
         )
