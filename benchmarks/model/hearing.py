@@ -38,7 +38,8 @@ def read_all(sampler: Sampler, sentences: dict[str, list[str]]) -> list[dict[str
     rows = []
     for kind, own in sentences.items():
         for sentence in own:
-            found = sampler.prompt(sentence).kind
+            prompt = sampler.prompt(sentence)
+            found = prompt.refused or prompt.kind  # heard, though the model does not offer it
             rows.append({"kind": kind, "sentence": sentence, "heard": found, "right": understood(kind, found)})
     return rows
 

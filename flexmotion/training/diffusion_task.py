@@ -17,6 +17,7 @@ from flexmotion.training.denoiser import Denoiser
 from flexmotion.training.draws import normal, uniform
 from flexmotion.training.feature_store import FeatureStore
 from flexmotion.training.latent_set import LatentSet
+from flexmotion.training.manner_conditions import Manners
 from flexmotion.training.noise_schedule import NoiseSchedule
 from flexmotion.training.processes import Processes
 from flexmotion.training.windows import Windows
@@ -59,7 +60,7 @@ class DiffusionTask:
         encode: sentence to embedding.
         seed: of the weights and of all draws.
         processes: that train.
-        manner: words appended to every sentence.
+        personal: wordings of a personal manner, which all clips have; none: the manner of each clip's source.
         held_out: split of the validation.
     """
 
@@ -71,7 +72,7 @@ class DiffusionTask:
         encode: Callable[[str], np.ndarray],
         seed: int,
         processes: Processes,
-        manner: str = "",
+        personal: tuple[str, ...] = (),
         held_out: str = "validation",
     ) -> None:
         torch.manual_seed(seed)
@@ -79,12 +80,18 @@ class DiffusionTask:
         self.autoencoder = autoencoder.to(processes.device).eval().requires_grad_(False)
         self.noise = NoiseSchedule(config.diffusion.steps, processes.device)
         self.network = Denoiser(config.diffusion, config.window, store.layout, autoencoder.latent).to(processes.device)
-        sentences = Sentences(store.clips, encode, manner)
-        self.network.sentence_mean.copy_(sentences.embeddings.mean(dim=0))
-        spread = sentences.embeddings.std(dim=0, unbiased=False).clamp(min=1e-3)
-        self.network.sentence_spread.copy_(spread / SENTENCE_SPREAD)
+        sentences, manners = Sentences(store.clips, encode), Manners(store.clips, encode, personal)
+        network = self.network
+        for found, mean, spread in (
+            (sentences.embeddings, network.sentence_mean, network.sentence_spread),
+            (manners.means, network.manner_mean, network.manner_spread),
+        ):
+            if len(found) > 1:
+                mean.copy_(found.mean(dim=0))
+                spread.copy_(found.std(dim=0, unbiased=False).clamp(min=1e-3) / SENTENCE_SPREAD)
         self.training, self.held_out = (
-            LatentSet(config, store, split, self.autoencoder, sentences, processes) for split in ("train", held_out)
+            LatentSet(config, store, split, self.autoencoder, sentences, manners, processes)
+            for split in ("train", held_out)
         )
         self._measure_latents()
         windows = self.held_out.draw((seed, 21), VALIDATION).to(processes.device)
@@ -161,7 +168,15 @@ class DiffusionTask:
 
     def denoise(self, noisy: Tensor, time: Tensor, history: Tensor, conditions: Conditions) -> Tensor:
         """Estimate of the clean latents, normalised, (N, latent)."""
-        clean: Tensor = self.network(noisy, time, history, conditions.sentence, conditions.velocity, conditions.present)
+        clean: Tensor = self.network(
+            noisy,
+            time,
+            history,
+            conditions.sentence,
+            conditions.velocity,
+            conditions.manner,
+            conditions.present,
+        )
         return clean
 
     def _decoded(self, windows: Windows, clean: Tensor, time: Tensor) -> Tensor:

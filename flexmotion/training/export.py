@@ -20,26 +20,24 @@ from flexmotion.configs.errors import ConfigError
 from flexmotion.features.layout import POINTS, Layout
 from flexmotion.human.body import Body, Segments
 from flexmotion.human.skeleton import SIDES
-from flexmotion.text.phrases import kinds, wordings
+from flexmotion.text.phrases import ALIASES, STAND, WALK, kinds, wordings
 from flexmotion.text.sayings import sayings
 from flexmotion.text.sentence_encoder import NETWORK, VOCABULARY, SentenceEncoder
 from flexmotion.training.autoencoder import Autoencoder
 from flexmotion.training.autoencoder_task import load_autoencoder
 from flexmotion.training.checkpoints import is_trained, load_weights, training_record
-from flexmotion.training.conditions import STILL
+from flexmotion.training.conditions import STILL, clip_kind
 from flexmotion.training.denoiser import Denoiser
 from flexmotion.training.export_onnx import export_network
 from flexmotion.training.feature_store import FeatureStore
 from flexmotion.training.half_weights import halve_weights
-from flexmotion.training.listener_training import fit_listener
+from flexmotion.training.listener_training import fit_listener, fit_manner_listener
+from flexmotion.training.manner_conditions import Manners
 from flexmotion.training.noise_schedule import NoiseSchedule
 from flexmotion.training.run import Run
 from flexmotion.training.window_set import WindowSet
 
 LIBRARIES = ("flexmotion", "torch", "onnx", "scikit-learn")
-
-PERSONAL_KIND = "personal"
-"""Kind of motion of a personalised run's own wordings."""
 
 UNKNOWN_LICENCE = "as the data that it was trained on"
 
@@ -99,22 +97,23 @@ def export(
     if folder.exists() and any(folder.iterdir()) and not (folder / "manifest.json").is_file():
         raise ConfigError(f"{folder}: is not empty and not a bundle")
     corrections = run.config.corrections if corrections is None else corrections
-    corrections.require_known([*kinds(), *([PERSONAL_KIND] if run.personal_wordings() else [])], "corrections")
+    corrections.require_known(kinds(), "corrections")
     folder.mkdir(parents=True, exist_ok=True)
     autoencoder, denoiser = load_networks(run, distilled=distilled)
     store, config, layout = run.store(), run.config, run.layout
     window, diffusion = config.window, config.diffusion
-    rows = 1 if distilled else 2
+    rows = 1 if distilled else 3
     inputs = {
         "noisy": torch.zeros(rows, autoencoder.latent),
         "time": torch.zeros(rows, dtype=torch.int64),
         "history": torch.zeros(rows, window.history, layout.size),
         "sentence": torch.zeros(rows, diffusion.text),
         "velocity": torch.zeros(rows, 3),
-        "present": torch.zeros(rows, 2),
+        "manner": torch.zeros(rows, diffusion.text),
+        "present": torch.zeros(rows, 3),
     }
     if distilled:
-        inputs["guidance"] = torch.ones(rows)
+        inputs["guidance"] = torch.ones(rows, 2)
     export_network(denoiser, folder / DENOISER, inputs, ["clean"])
     decoding = {"latent": inputs["noisy"][:1], "history": inputs["history"][:1]}
     export_network(Decoder(autoencoder, denoiser).eval(), folder / DECODER, decoding, ["frames"])
@@ -138,7 +137,9 @@ def export(
         times=diffusion.steps,
         guided=distilled,
         guidance=diffusion.guidance,
+        manner_guidance=diffusion.manner_guidance,
         velocity=diffusion.velocity,
+        manner=True,
         body=BodySize(height=body.height, mass=body.mass, sex=body.sex, segments=asdict(body.segments)),
         corrections=corrections,
         licence="; ".join(store.licences) or UNKNOWN_LICENCE,
@@ -157,17 +158,32 @@ def export(
 
 def _arrays(run: Run, store: FeatureStore, layout: Layout, steps: int) -> dict[str, np.ndarray]:
     encode = SentenceEncoder(run.stage("text"))
-    prompts = [(kind, wording) for kind in kinds() for wording in wordings(kind)]
-    personal = [(PERSONAL_KIND, wording) for wording in run.personal_wordings()]
-    prompts += personal
+    shown = shown_kinds(store)
+    prompts = [(kind, wording) for kind in shown for wording in wordings(kind)]
+    training = [clip for clip in store.clips if clip.split == "train"]
+    manners = [Manners(training, encode)]
+    if personal := run.personal_wordings():
+        manners.append(Manners(training[:1], encode, personal))
     return {
         **asdict(store.statistics),
         "kept": NoiseSchedule(steps).kept.numpy(),
         "rest": standing_features(store, run),
         "prompt_kinds": np.array([kind for kind, _ in prompts]),
         "prompt_embeddings": np.stack([encode(wording) for _, wording in prompts]).astype(np.float16),
-        **fit_listener(encode, [*sayings(), *personal]),
+        "manner_names": np.array([name for one in manners for name in one.names]),
+        "manner_embeddings": np.concatenate([one.means.numpy() for one in manners]).astype(np.float16),
+        **fit_listener(encode, sayings()),
+        **fit_manner_listener(encode, personal),
     }
+
+
+def shown_kinds(store: FeatureStore) -> tuple[str, ...]:
+    """Kinds of motion with wordings that clips of the training split show; standing is in every set."""
+    found = {clip_kind(clip) for clip in store.clips if clip.split == "train"}
+    # Straight windows of turning clips are trained as walking.
+    straight = {WALK for kind in found if kind.startswith("walk-turn")}
+    own = {ALIASES.get(kind, kind) for kind in found} | straight | {STAND}
+    return tuple(kind for kind in kinds() if kind in own)
 
 
 def with_proportions(body: Body, store: FeatureStore) -> Body:

@@ -80,7 +80,7 @@ def personal_run(trained: Run, out: Path, manner: str) -> Run:
                 copyfile(trained.stage(stage) / BEST, out / stage / BEST)
         # As large as the set, and only read: linked, not copied.
         (out / "features").symlink_to((trained.folder / "features").resolve(), target_is_directory=True)
-    (out / PERSONAL).write_text(json.dumps([manner, f"move {manner}", f"walk {manner}"]), encoding="utf-8")
+    (out / PERSONAL).write_text(json.dumps([manner]), encoding="utf-8")
     return Run(out)
 
 
@@ -105,7 +105,7 @@ def personal_task(
     base = DiffusionTask(run.config, base_store, autoencoder, encode, run.seed, processes)
     # A few clips may have none in the validation split.
     held_out = "validation" if any(clip.split == "validation" for clip in store.clips) else "train"
-    person = DiffusionTask(run.config, store, autoencoder, encode, run.seed, processes, manner, held_out)
+    person = DiffusionTask(run.config, store, autoencoder, encode, run.seed, processes, (manner,), held_out)
     load_weights(base.network, trained.stage("diffusion"))
     with torch.no_grad():
         person.network.load_state_dict(base.network.state_dict())

@@ -122,13 +122,15 @@ def text(
       flexmotion train text -o training
     """
     run = _run(out, None, None, threads)
-    from flexmotion.training.conditions import clip_captions
+    from flexmotion.training.conditions import clip_captions, clip_parts
     from flexmotion.training.text_student import corpus, distil, minilm
 
     teacher, vocabulary = minilm()
-    captions = sorted({caption for clip in run.store().clips for caption in clip_captions(clip)})
+    clips = run.store().clips
+    captions = {text for clip in clips for text in clip_captions(clip)}
+    captions |= {text for clip in clips for text, _, _ in clip_parts(clip)}
     with progress_bar("trains text") as progress:
-        sentences = corpus(vocabulary, captions, run.seed)
+        sentences = corpus(vocabulary, sorted(captions), run.seed)
         figures = distil(
             teacher, vocabulary, sentences, run.stage("text"), steps=steps, seed=run.seed, progress=progress
         )

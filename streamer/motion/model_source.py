@@ -18,8 +18,9 @@ from flexmotion.sampling.sampler import Condition, Sampler
 from flexmotion.spatial.heading import heading
 from flexmotion.spatial.quaternions import continuous_quaternions
 from flexmotion.streamer.motion.heard import Heard
+from flexmotion.streamer.motion.hearing import Hearing
 from flexmotion.streamer.motion.intents import Intent, Stop, Text, Velocity, word_of
-from flexmotion.streamer.motion.programs import Hearing, Program
+from flexmotion.streamer.motion.programs import Program
 from flexmotion.streamer.motion.script import Item
 from flexmotion.streamer.motion.targets import Target
 from flexmotion.text.prompt_reader import SAME
@@ -198,7 +199,8 @@ class ModelSource:
         prompt = self.sampler.prompt(intent.text)
         if prompt.warning is not None:
             return prompt.warning
-        found = [] if prompt.likeness >= SAME or intent.text == prompt.kind else [f"heard as {heard.heard_as}"]
+        exact = heard.manner is None and (prompt.likeness >= SAME or intent.text == prompt.kind)
+        found = [] if exact else [f"heard as {heard.heard_as}" + (f", {heard.manner}" if heard.manner else "")]
         found += [] if heard.slowed is None else [f"slowed to {heard.slowed}"]
         found += list(heard.notes)
         return f"{intent.text!r} is {' and '.join(found)}" if found else None
@@ -319,8 +321,8 @@ class ModelSource:
         match intent:
             case Text(text):
                 return Condition(text, pace=self.pace)
-            case Velocity(forward, left, turning):
-                return Condition(velocity=(forward, left, turning), pace=self.pace)
+            case Velocity(forward, left, turning, manner):
+                return Condition(velocity=(forward, left, turning), manner=manner, pace=self.pace)
         return Condition()
 
 
