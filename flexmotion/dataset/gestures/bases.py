@@ -11,11 +11,15 @@ from scipy.spatial.transform import Rotation
 
 from flexmotion.configs.errors import FlexMotionError
 from flexmotion.dataset.clips import Clip
-from flexmotion.dataset.gestures.recipes import Ground
+from flexmotion.dataset.gestures.arm import arm_angles
+from flexmotion.dataset.gestures.recipes import ArmPose, Ground
+from flexmotion.human.angles import three_angles
+from flexmotion.human.body import Body
 from flexmotion.human.kinematics import HumanKinematics, forward
 from flexmotion.human.motion import Motion
 from flexmotion.human.signals import low_pass, runs
 from flexmotion.human.skeleton import ARM_JOINTS, JOINTS, SIDES
+from flexmotion.human.vectors import unit
 from flexmotion.importers import read
 from flexmotion.importers.load import from_origin
 from flexmotion.spatial.heading import continuous_matrix_heading
@@ -47,19 +51,23 @@ TURNING = 0.35
 UPRIGHT, AHEAD = np.radians(20.0), np.radians(25.0)
 """Greatest tilt of the torso, and greatest angle between head and torso [rad]."""
 
-HANGING = 0.05
-"""Greatest height of a hanging hand above the pelvis [body heights]."""
+HANGING = np.radians((25.0, 45.0))
+"""Greatest angle of a hanging arm to the torso's axis, and greatest flexion of its elbow [rad]."""
+
+RESTED = 5
+"""Least number of frames in which both arms hang and are quiet, for a clip's own hanging arms."""
+
+HANG = ArmPose(upper=(-0.04, 0.13, -1.0), forearm=(0.24, 0.1, -1.0), palm=(-0.2, -1.0, 0.0), spread=7.0)
+"""Hanging arms as in recorded stands, for clips without such frames; each clip has its own."""
 
 ARMS = [JOINTS.index(f"{name}_{side}") for side in SIDES for name in ARM_JOINTS]
+ELBOWS = [JOINTS.index(f"elbow_flexion_{side}") for side in SIDES]
 
 TALL = 0.92
 """Least height of the pelvis, in that of upright stance: who sits or crouches is no base."""
 
 PACE = (0.6, 1.9)
 """Mean speed of a walking base [m/s]."""
-
-RESTED = 5
-"""Least number of frames with hanging, quiet arms, of a clip with a standing base."""
 
 SHORTEST: dict[Ground, float] = {"stand": 2.0, "walk": 2.6}
 """Least duration of a base [s]; standing is extended (`extended`), walking is not."""
@@ -111,16 +119,15 @@ def find_bases(clips: Iterable[Clip], fps: float) -> Iterator[Base]:
 def stretches(clip: Clip, motion: Motion, walks: bool) -> Iterator[Base]:
     """Stretches of one motion that are bases: stands of any clip, straight walks of clips that walk.
 
-    The arms of a stand hang as they do in the clip where they are quiet; there is no stand without such frames.
+    The arms of a stand hang as they do in the clip where they are quiet, or as most people's do where they never are.
     """
     if motion.duration <= min(SHORTEST.values()):
         return
     human = forward(motion)
     steady, rest = _steady(human, motion.fps), _at_rest(motion, human)
-    if rest.sum() >= RESTED:
-        for first, end in runs(steady & _standing(motion, human)):
-            if end - first > SHORTEST["stand"] * motion.fps:
-                yield Base(clip, from_origin(_rested(motion, rest)[first:end]), "stand")
+    for first, end in runs(steady & _standing(motion, human)):
+        if end - first > SHORTEST["stand"] * motion.fps:
+            yield Base(clip, from_origin(_rested(clip, motion, rest)[first:end]), "stand")
     if walks:
         for first, end in runs(steady & _walking(human, motion.fps)):
             if end - first > SHORTEST["walk"] * motion.fps:
@@ -158,14 +165,16 @@ def _standing(motion: Motion, human: HumanKinematics) -> NDArray[np.bool_]:
 def _at_rest(motion: Motion, human: HumanKinematics) -> NDArray[np.bool_]:
     """Frames in which both arms hang and are quiet."""
     hand = np.einsum("tji,tsj->tsi", human.torso_rotation, human.hand - human.pelvis_position[:, None])
-    hanging = human.hand[:, :, 2] < human.pelvis_position[:, None, 2] + HANGING * motion.body.height
+    line = np.einsum("tji,tsj->tsi", human.torso_rotation, unit(human.hand - human.shoulder))
+    hanging = (line[:, :, 2] < -np.cos(HANGING[0])) & (motion.joints[:, ELBOWS] < HANGING[1])
     return hanging.all(axis=1) & (_speed(hand, motion.fps) < QUIET).all(axis=1)
 
 
-def _rested(motion: Motion, rest: NDArray[np.bool_]) -> Motion:
-    """The motion with its arms as they hang on average where they rest, and with the sway alone of everything else."""
+def _rested(clip: Clip, motion: Motion, rest: NDArray[np.bool_]) -> Motion:
+    """The motion with hanging arms, and with the sway alone of everything else."""
     joints = low_pass(motion.joints, motion.fps, SWAY)
-    joints[:, ARMS] = np.median(motion.joints[rest][:, ARMS], axis=0)
+    own = rest.sum() >= RESTED
+    joints[:, ARMS] = np.median(motion.joints[rest][:, ARMS], axis=0) if own else hanging(clip.name, motion.body)
     quaternions = low_pass(continuous_quaternions(motion.root_quaternion), motion.fps, SWAY)
     return replace(
         motion,
@@ -173,6 +182,18 @@ def _rested(motion: Motion, rest: NDArray[np.bool_]) -> Motion:
         root_quaternion=quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True),
         joints=joints,
     )
+
+
+def hanging(name: str, body: Body) -> Float:
+    """Angles of both arms as in `HANG`, drawn by the name of a clip, in the order of `ARMS`, (10,) [rad]."""
+    rng = np.random.default_rng(list(name.encode()))
+    found = []
+    for side, letter in enumerate(SIDES):
+        turned = Rotation.from_rotvec(np.radians(HANG.spread) * rng.uniform(-1.0, 1.0, 3))
+        arm = arm_angles(HANG, body, side, turned)
+        shoulder = three_angles(arm.humerus.as_matrix()[None], ARM_JOINTS[:3], letter)[0]
+        found += [*shoulder, arm.elbow, arm.pronation or 0.0]
+    return np.array(found)
 
 
 def _walking(human: HumanKinematics, fps: float) -> NDArray[np.bool_]:
