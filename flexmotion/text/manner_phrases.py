@@ -8,12 +8,13 @@ from functools import lru_cache
 
 from flexmotion.text import manners
 
+_FOR = r"for\s+(?:\d|an?|one|two|three|four|five|six|seven|eight|nine|ten|some|half)"
 _ENDS = "and|then|while|until|for|twice|once|again|please|with|to|towards?|across|down|into|through"
 _JOINT = rf"(?=\s*(?:$|[,.;!?]|\b(?:{_ENDS})\b))"
 
 _OPEN = re.compile(
     rf"""\b(?P<like>(?:just\s|exactly\s)?like\s(?!to\b|you\s(?:to|facing|wave|being)\b)[^,.;!?]+?){_JOINT}
-    | \b(?P<if>as\s(?:if|though)\s[^,.;!?]+?)(?=\s*(?:$|[,.;!?]|\band\b|\bthen\b|\bwhile\b))
+    | \b(?P<if>as\s(?:if|though)\s[^,.;!?]+?)(?=\s*(?:$|[,.;!?]|\b(?:and|then|while|twice|once|{_FOR})\b))
     | \b(?P<way>in\san?\s(?:[\w'-]+\s){{1,3}}(?:way|manner|fashion|style|mood|mode))\b
     | \b(?P<adverb>\w+ly)\b""",
     re.VERBOSE,
