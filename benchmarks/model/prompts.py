@@ -1,7 +1,7 @@
 """Does the model do what a prompt asks, in wordings that it was not trained on?
 
-Samples every wording of `prompts.yaml` from standing; geometric checks judge the motion, kind by kind. Fails below 90 %
-overall or 70 % of a kind.
+Samples every wording of `prompts.yaml` from standing, and of `gesture_prompts.yaml` those whose kind the bundle has;
+geometric checks judge the motion, kind by kind. Fails below 90 % overall or 70 % of a kind.
 """
 
 from __future__ import annotations
@@ -16,11 +16,12 @@ from rich.table import Table
 
 from benchmarks.model.roll_out import always, roll_out
 from benchmarks.shared.cells import share
+from benchmarks.shared.gesture_judges import GESTURE_CHECKS
 from benchmarks.shared.judges import SIDES, at_least, frame_velocities, waves
 from benchmarks.shared.model import open_sampler
 from benchmarks.shared.options import BundleArgument, CsvOption, StepsOption
 from benchmarks.shared.outcome import Outcome, Verdict, write_csv
-from benchmarks.shared.prompts import PromptKind, prompt_kinds
+from benchmarks.shared.prompts import PromptKind, gesture_kinds, prompt_kinds
 from flexmotion.human.kinematics import HumanKinematics, forward
 from flexmotion.human.motion import Motion
 from flexmotion.sampling.sampler import Sampler
@@ -84,18 +85,24 @@ CHECKS: dict[str, Callable[[Motion, HumanKinematics, Any], bool]] = {
     "leans": leans,
     "rises": rises,
     "swings": swings,
+    **GESTURE_CHECKS,
 }
-"""By the names that `prompts.yaml` uses."""
+"""By the names that `prompts.yaml` and `gesture_prompts.yaml` use."""
 
 
 def passed(sampler: Sampler, entry: PromptKind, wording: str, samples: int, seconds: float) -> list[bool]:
     """Whether each sample of a wording does what its kind asks."""
     found = []
     for seed in range(samples):
-        motion = roll_out(sampler, always(wording), seconds, seed).motion
-        human = forward(motion)
-        found.append(all(CHECKS[name](motion, human, wanted) for name, wanted in entry.check.items()))
+        motion = roll_out(sampler, always(wording), entry.seconds or seconds, seed).motion
+        found.append(judged(entry, motion))
     return found
+
+
+def judged(entry: PromptKind, motion: Motion) -> bool:
+    """Whether a motion passes all checks of a kind."""
+    human = forward(motion)
+    return all(CHECKS[name](motion, human, wanted) for name, wanted in entry.check.items())
 
 
 def main(
@@ -106,9 +113,10 @@ def main(
     csv_out: CsvOption = None,
 ) -> Outcome:
     """Sample all prompts and judge."""
-    sampler, shares = open_sampler(bundle, steps), {}
+    sampler, shares = open_sampler(bundle, steps, unjudged=True), {}
     table = Table("kind", "done", "understood as", title="Prompts")
-    for entry in prompt_kinds():
+    own = [entry for entry in gesture_kinds() if entry.kind in sampler.bundle.prompts.kinds]
+    for entry in [*prompt_kinds(), *own]:
         done = [passed(sampler, entry, wording, samples, seconds) for wording in entry.wordings]
         shares[entry.kind] = share([own for each in done for own in each])
         kinds = ", ".join(sampler.prompt(wording).kind for wording in entry.wordings)

@@ -31,6 +31,10 @@ LOOSE = (".bvh", ".amc", ".npy", ".trc", ".c3d")
 
 ARCHIVES = (".tar.xz", ".tar.gz", ".tgz", ".tar", ".zip")
 
+DESCRIBING = ("content", "style", "action", "subject", "start_s", "end_s", "around")
+"""Columns of an index that describe a clip: its kind of motion (`content` or `action`), manner and subject; from when
+to when it shows that kind [s], and the kind that it shows before and after, where it does not show it all the time."""
+
 LICENCES = {
     "bandai": "CC BY-NC 4.0, Bandai Namco Research Inc.",
     "cmu": "CMU Graphics Lab Motion Capture Database, free for research, mocap.cs.cmu.edu, NSF EIA-0196217",
@@ -108,7 +112,7 @@ def find_clips(folders: Iterable[Path], work: Path) -> list[Clip]:
                     collection=collection,
                     licence=LICENCES.get(collection, ""),
                     split=split_of(collection, f"{name}{path.suffix}", labels),
-                    labels={key: labels[key] for key in ("content", "style", "action", "subject") if key in labels},
+                    labels={key: labels[key] for key in DESCRIBING if key in labels},
                     captions=tuple(captions.get(name, ())),
                 ),
             )

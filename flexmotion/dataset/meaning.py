@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 
 from flexmotion.text import manners, phrases
@@ -19,6 +20,35 @@ UNREADABLE = re.compile(
     r"|twist\w*|flips?|dribbl\w*|ball)\b"
 )
 """Words of captions that show more, or something else, than one kind of motion on a level floor."""
+
+
+SHOWN = 0.25
+"""Least share of a window in which a clip shows its kind, for the window to be of that kind."""
+
+
+@dataclass(frozen=True)
+class Shown:
+    """When a clip shows its kind of motion.
+
+    Attributes:
+        start, end: in the clip [s].
+        around: kind of motion before and after.
+    """
+
+    start: float
+    end: float
+    around: str
+
+    def covers(self, first: float, last: float) -> bool:
+        """Whether a window from `first` to `last` [s] is of the clip's kind."""
+        return min(self.end, last) - max(self.start, first) >= SHOWN * (last - first)
+
+
+def shown(labels: Mapping[str, str]) -> Shown | None:
+    """When a clip shows its kind, by `start_s`, `end_s` and `around` of its index; None: all the time."""
+    if not labels.get("end_s"):
+        return None
+    return Shown(float(labels["start_s"]), float(labels["end_s"]), labels["around"])
 
 
 def clip_kind(labels: Mapping[str, str], captions: Sequence[str]) -> str:

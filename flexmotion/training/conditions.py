@@ -11,6 +11,7 @@ from torch import Tensor
 
 from flexmotion.configs.errors import ConfigError
 from flexmotion.dataset import meaning
+from flexmotion.dataset.meaning import Shown, shown
 from flexmotion.features.layout import Layout
 from flexmotion.text.manners import NORMAL, styled
 from flexmotion.text.phrases import STAND, wordings
@@ -100,6 +101,7 @@ class Sentences:
         self._plain: list[np.ndarray] = []
         self._styled: list[np.ndarray] = []
         self._parts: list[tuple[tuple[int, float, float], ...]] = []
+        self._shown: list[Shown | None] = []
         self.kinds: list[str] = []
         for clip in clips:
             kind, captions = clip_kind(clip), clip_captions(clip)
@@ -112,13 +114,15 @@ class Sentences:
             self._plain.append(cache[key][0])
             self._styled.append(cache[key][1])
             self.kinds.append(kind)
+            self._shown.append(shown(clip.labels))
             self._parts.append(tuple((int(self._rows([text])[0]), start, end) for text, start, end in clip_parts(clip)))
         if not any(map(len, (*self._plain, *self._parts))):
             raise ConfigError(
                 "the set: no clip has a caption or a known label; put the collection's *_index.csv or *_captions.csv"
                 " beside its files and build the set again (docs/biomechanics.md)"
             )
-        self._of_kind = {kind: self._rows(wordings(kind)) for kind in (STAND, "walk")}
+        around = {span.around for span in self._shown if span is not None}
+        self._of_kind = {kind: self._rows(wordings(kind)) for kind in (STAND, "walk", *sorted(around))}
         self.embeddings = torch.from_numpy(np.stack([encode(text) for text in self._number])).float()
 
     def _rows(self, texts: Iterable[str]) -> np.ndarray:
@@ -142,7 +146,7 @@ class Sentences:
         Args:
             rng: random generator.
             clips: clips of the windows, (N,).
-            still: windows that stand, (N,).
+            still: windows that stand, (N,); not asked of clips that tell when they show their kind.
             straight: windows that walk without turning, (N,).
             times: start and end of the windows in their clips, (N, 2) [s]; None: sentences are of whole clips.
         """
@@ -150,7 +154,13 @@ class Sentences:
         for at, clip in enumerate(clips):
             kind = self.kinds[clip]
             parts = [] if times is None else _within(self._parts[clip], *times[at])
-            if still[at]:
+            part = None if times is None else self._shown[clip]
+            if part is not None and part.covers(*times[at]):
+                # A nod moves little and a held pose nothing, but neither is standing.
+                choice = np.array([*self._plain[clip], *(row for row, _, _ in self._parts[clip])], np.intp)
+            elif part is not None:
+                choice = self._of_kind[part.around]
+            elif still[at]:
                 choice = self._of_kind[STAND]
             elif parts:
                 choice = np.array(parts, np.intp)

@@ -12,6 +12,7 @@ from flexmotion.human.body import Body
 
 pytest.importorskip("torch", reason="the extra 'train' is not installed")
 
+from flexmotion.text.phrases import wordings
 from flexmotion.training.conditions import Sentences
 from flexmotion.training.feature_store import StoredClip
 from flexmotion.training.manner_conditions import NONE, Manners
@@ -79,3 +80,20 @@ def test_windows_have_the_captions_of_their_part_of_a_clip() -> None:
     assert [sentences.texts[row] for row in rows] == [said[1], said[2], said[2], said[0]]
     whole = sentences.draw(np.random.default_rng(0), np.zeros(4, np.intp), off, off)
     assert {sentences.texts[row] for row in whole} == {said[0]}
+
+
+def test_a_clip_that_shows_its_kind_for_a_while_is_of_it_only_then() -> None:
+    """Regression: a nod moves so little that its windows were told to stand, and a held pose taught standing."""
+    labels = {"content": "nod", "start_s": "1.0", "end_s": "3.0", "around": "stand"}
+    found = Sentences([clip(labels, ("nod twice",)), clip({"content": "nod"})], embedded)
+    rng, times = np.random.default_rng(0), np.array([[0.0, 1.0], [0.5, 1.5], [1.5, 2.5], [2.9, 3.9], [1.5, 2.5]])
+    always, never = np.ones(5, np.bool_), np.zeros(5, np.bool_)
+    which = np.array([0, 0, 0, 0, 1])
+    for still, kinds in ((always, [0, 1, 1, 0, 0]), (never, [0, 1, 1, 0, 1])):
+        rows = found.draw(rng, which, still, never, times)
+        texts = [found.texts[row] for row in rows]
+        said = [text in {*wordings("nod"), "nod twice"} for text in texts]
+        assert said == [bool(kind) for kind in kinds]
+        assert all(
+            found.texts[row] in wordings("stand") for row, of_kind in zip(rows, said, strict=True) if not of_kind
+        )
