@@ -41,15 +41,15 @@ def verbs(kind: str) -> tuple[str, ...]:
     return tuple(_table()["kinds"][kind]["verbs"])
 
 
+def caption_patterns(kind: str) -> tuple[str, ...]:
+    """Regular expressions of captions that tell of a kind of motion."""
+    return tuple(_table()["kinds"][kind].get("captions", ()))
+
+
 def velocity(kind: str) -> tuple[float, float, float] | None:
     """Forward, left [m/s] and turning left [rad/s] that wordings of a kind mean; None where they mean no velocity."""
     row = _table()["kinds"].get(kind, {})
     return tuple(row["velocity"]) if "velocity" in row else None
-
-
-def styled(wording: str, style: str) -> tuple[str, ...]:
-    """A wording in each phrase of a style; unchanged for an unknown style."""
-    return tuple(f"{wording} {adverb}".strip() for adverb in _table()["styles"].get(style, [""]))
 
 
 ALIASES = {"byebye": "bye"}

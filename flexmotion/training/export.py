@@ -17,6 +17,7 @@ from flexmotion.bundles.manifest import SCHEMA, BodySize, Manifest
 from flexmotion.configs.corrections import Corrections
 from flexmotion.configs.errors import ConfigError
 from flexmotion.human.body import Body
+from flexmotion.text.manners import manner_wordings
 from flexmotion.text.phrases import kinds, wordings
 from flexmotion.text.sayings import sayings
 from flexmotion.text.sentence_encoder import NETWORK, VOCABULARY, SentenceEncoder
@@ -26,15 +27,13 @@ from flexmotion.training.checkpoints import is_trained, load_weights, training_r
 from flexmotion.training.denoiser import Denoiser
 from flexmotion.training.export_onnx import export_network
 from flexmotion.training.half_weights import halve_weights
-from flexmotion.training.listener_training import fit_listener
+from flexmotion.training.listener_training import fit_listener, fit_manner_listener
+from flexmotion.training.manner_conditions import mean_embedding
 from flexmotion.training.noise_schedule import NoiseSchedule
 from flexmotion.training.run import Run
 from flexmotion.training.set_summary import SetSummary
 
 LIBRARIES = ("flexmotion", "torch", "onnx", "scikit-learn")
-
-PERSONAL_KIND = "personal"
-"""Kind of motion of a personalised run's own wordings."""
 
 UNKNOWN_LICENCE = "as the data that it was trained on"
 
@@ -94,22 +93,23 @@ def export(
     if folder.exists() and any(folder.iterdir()) and not (folder / "manifest.json").is_file():
         raise ConfigError(f"{folder}: is not empty and not a bundle")
     corrections = run.config.corrections if corrections is None else corrections
-    corrections.require_known([*kinds(), *([PERSONAL_KIND] if run.personal_wordings() else [])], "corrections")
+    corrections.require_known(kinds(), "corrections")
     folder.mkdir(parents=True, exist_ok=True)
     autoencoder, denoiser = load_networks(run, distilled=distilled)
     summary, config, layout = run.summary(), run.config, run.layout
     window, diffusion = config.window, config.diffusion
-    rows = 1 if distilled else 2
+    rows = 1 if distilled else 3
     inputs = {
         "noisy": torch.zeros(rows, autoencoder.latent),
         "time": torch.zeros(rows, dtype=torch.int64),
         "history": torch.zeros(rows, window.history, layout.size),
         "sentence": torch.zeros(rows, diffusion.text),
         "velocity": torch.zeros(rows, 3),
-        "present": torch.zeros(rows, 2),
+        "manner": torch.zeros(rows, diffusion.text),
+        "present": torch.zeros(rows, 3),
     }
     if distilled:
-        inputs["guidance"] = torch.ones(rows)
+        inputs["guidance"] = torch.ones(rows, 2)
     export_network(denoiser, folder / DENOISER, inputs, ["clean"])
     decoding = {"latent": inputs["noisy"][:1], "history": inputs["history"][:1]}
     export_network(Decoder(autoencoder, denoiser).eval(), folder / DECODER, decoding, ["frames"])
@@ -133,7 +133,9 @@ def export(
         times=diffusion.steps,
         guided=distilled,
         guidance=diffusion.guidance,
+        manner_guidance=diffusion.manner_guidance,
         velocity=diffusion.velocity,
+        manner=True,
         body=BodySize(height=body.height, mass=body.mass, sex=body.sex, segments=asdict(body.segments)),
         corrections=corrections,
         licence="; ".join(summary.licences) or UNKNOWN_LICENCE,
@@ -151,13 +153,17 @@ def export(
 
 def _arrays(run: Run, summary: SetSummary, steps: int) -> dict[str, np.ndarray]:
     encode = SentenceEncoder(run.stage("text"))
-    prompts = [(kind, wording) for kind in kinds() for wording in wordings(kind)]
-    personal = [(PERSONAL_KIND, wording) for wording in run.personal_wordings()]
-    prompts += personal
+    prompts = [(kind, wording) for kind in summary.kinds for wording in wordings(kind)]
+    personal = run.personal_wordings()
+    manners = {name: manner_wordings(name) for name in summary.manners}
+    manners |= {personal[0]: personal} if personal else {}
     return {
         **summary.arrays(),
         "kept": NoiseSchedule(steps).kept.numpy(),
         "prompt_kinds": np.array([kind for kind, _ in prompts]),
         "prompt_embeddings": np.stack([encode(wording) for _, wording in prompts]).astype(np.float16),
-        **fit_listener(encode, [*sayings(), *personal]),
+        "manner_names": np.array(list(manners)),
+        "manner_embeddings": np.stack([mean_embedding(said, encode) for said in manners.values()]).astype(np.float16),
+        **fit_listener(encode, sayings()),
+        **fit_manner_listener(encode, personal),
     }

@@ -87,7 +87,7 @@ def personal_run(trained: Run, out: Path, manner: str) -> Run:
                 copyfile(trained.stage(stage) / BEST, out / stage / BEST)
         if trained.has_features:  # as large as the set, and only read: linked, not copied
             (out / FEATURES).symlink_to((trained.folder / FEATURES).resolve(), target_is_directory=True)
-    (out / PERSONAL).write_text(json.dumps([manner, f"move {manner}", f"walk {manner}"]), encoding="utf-8")
+    (out / PERSONAL).write_text(json.dumps([manner]), encoding="utf-8")
     return Run(out)
 
 
@@ -112,8 +112,8 @@ def personal_task(
     known = trained.stage("diffusion")
     # A few clips may have none in the validation split.
     held_out = "validation" if any(clip.split == "validation" for clip in store.clips) else "train"
-    person = DiffusionTask(run.config, store, autoencoder, encode, run.seed, processes, manner, held_out, known)
+    person = DiffusionTask(run.config, store, autoencoder, encode, run.seed, processes, (manner,), held_out, known)
     if base_store is None:
-        return PersonalTask(OwnSamples(person, encode, run.summary().rest, run.seed), person)
+        return PersonalTask(OwnSamples(person, encode, run.summary(), run.seed), person)
     base = DiffusionTask(run.config, base_store, autoencoder, encode, run.seed, processes, trained=known)
     return PersonalTask(base, person)

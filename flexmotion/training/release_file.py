@@ -61,6 +61,8 @@ class SetFigures(Strict):
 
     segments: dict[str, float]
     licences: list[str]
+    kinds: list[str]
+    manners: list[str]
     hours: float
     clips: int
 

@@ -11,15 +11,19 @@ from typing import Any
 import numpy as np
 
 from flexmotion.configs.model import Window
+from flexmotion.dataset.meaning import clip_manner
 from flexmotion.features.layout import POINTS, Layout
 from flexmotion.features.statistics import Statistics
 from flexmotion.human.body import Body, Segments
 from flexmotion.human.skeleton import SIDES
-from flexmotion.training.conditions import STILL
-from flexmotion.training.feature_store import FeatureStore
+from flexmotion.text.phrases import ALIASES, STAND, WALK, kinds
+from flexmotion.training.conditions import STILL, clip_kind
+from flexmotion.training.feature_store import FeatureStore, StoredClip
 from flexmotion.training.window_set import WindowSet
 
 SUMMARY = "summary.npz"
+
+_LISTS = ("licences", "kinds", "manners")
 
 
 @dataclass(frozen=True)
@@ -31,6 +35,8 @@ class SetSummary:
         rest: features of a human who stands still, not normalised, (frames, F).
         segments: median proportions of the humans: lengths over leg length; angles [rad].
         licences: of the collections.
+        kinds: of motion that its clips show, in the order of `flexmotion.text.phrases.kinds`.
+        manners: that its clips show.
         hours, clips: size, mirror images and variants included.
     """
 
@@ -38,6 +44,8 @@ class SetSummary:
     rest: np.ndarray
     segments: dict[str, float]
     licences: tuple[str, ...]
+    kinds: tuple[str, ...]
+    manners: tuple[str, ...]
     hours: float
     clips: int
 
@@ -57,13 +65,14 @@ class SetSummary:
 
     def figures(self) -> dict[str, Any]:
         """The rest, for JSON."""
-        return {"segments": self.segments, "licences": list(self.licences), "hours": self.hours, "clips": self.clips}
+        lists = {name: list(getattr(self, name)) for name in _LISTS}
+        return {"segments": self.segments, **lists, "hours": self.hours, "clips": self.clips}
 
     @classmethod
     def of(cls, arrays: dict[str, np.ndarray], figures: dict[str, Any]) -> SetSummary:
         """The summary of `arrays()` and `figures()`."""
         statistics = Statistics(arrays["mean"], arrays["spread"])
-        return cls(statistics, arrays["rest"], **{**figures, "licences": tuple(figures["licences"])})
+        return cls(statistics, arrays["rest"], **{**figures, **{name: tuple(figures[name]) for name in _LISTS}})
 
     def write(self, folder: Path) -> None:
         """Write the file `SUMMARY` in a folder."""
@@ -92,6 +101,8 @@ def summarise(store: FeatureStore, window: Window, seed: int) -> SetSummary:
         rest=standing_features(store, window, seed),
         segments=_proportions(store),
         licences=store.licences,
+        kinds=_shown_kinds(training),
+        manners=_shown_manners(training),
         hours=sum(clip.frames for clip in training) / window.fps / 3600,
         clips=len(training),
     )
@@ -107,6 +118,20 @@ def _proportions(store: FeatureStore) -> dict[str, float]:
         values = [getattr(clip.body.segments, name) / (clip.body.leg if _is_length(name) else 1.0) for clip in clips]
         found[name] = float(np.median(np.repeat(values, seconds)))
     return found
+
+
+def _shown_kinds(clips: Sequence[StoredClip]) -> tuple[str, ...]:
+    """Kinds of motion with wordings that clips show; standing is in every set."""
+    found = {clip_kind(clip) for clip in clips}
+    # Straight windows of turning clips are trained as walking.
+    straight = {WALK for kind in found if kind.startswith("walk-turn")}
+    own = {ALIASES.get(kind, kind) for kind in found} | straight | {STAND}
+    return tuple(kind for kind in kinds() if kind in own)
+
+
+def _shown_manners(clips: Sequence[StoredClip]) -> tuple[str, ...]:
+    found = {clip_manner(clip.labels, clip.captions) for clip in clips}
+    return tuple(sorted(name for name in found if name is not None))
 
 
 def _is_length(name: str) -> bool:

@@ -13,7 +13,8 @@ from torch import Tensor, nn
 
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.model import Transformer
-from flexmotion.text.phrases import kinds, styled, wordings
+from flexmotion.text.manners import manner_sayings, manner_wordings, manners, neutral_words, styled, unknown_manners
+from flexmotion.text.phrases import kinds, wordings
 from flexmotion.text.sentence_encoder import NETWORK, VOCABULARY
 from flexmotion.text.word_pieces import CONTINUED, UNKNOWN, WordPieces
 from flexmotion.training.export_onnx import export_network
@@ -101,11 +102,13 @@ def corpus(vocabulary: Sequence[str], captions: Iterable[str], seed: int) -> Cor
         for wording in wordings(kind):
             made += [wording, f"please {wording}", f"a person will {wording}", f"the robot should {wording}"]
     rng = np.random.default_rng((seed, 11))
-    for style in ("active", "exhausted", "elderly", "happy", "proud", "angry", "feminine", "masculine"):
+    for manner in manners():
+        made += [*manner_wordings(manner), *manner_sayings(manner)]
         for kind in kinds():
             said = wordings(kind)
-            for at in rng.choice(len(said), min(len(said), 12), replace=False):
-                made += styled(said[at], style)
+            for at in rng.choice(len(said), min(len(said), 4), replace=False):
+                made += styled(said[at], manner)
+    made += [*unknown_manners(), *sorted(neutral_words())]
     words = [piece for piece in vocabulary if piece.isalpha() and len(piece) > 1]
     told = sorted({word for sentence in made for word in sentence.split()})
     random = []

@@ -17,6 +17,9 @@ if TYPE_CHECKING:
     from flexmotion.streamer.gateway.client import Client
     from flexmotion.streamer.gateway.messages import Answer
 
+_VELOCITY_S = 5.0
+"""A velocity that is sent once holds this long [s]; a stick's holds for half a second and is sent again."""
+
 HostOption = Annotated[str, typer.Option("--host", help="Address of the run.")]
 PortOption = Annotated[int, typer.Option("--port", min=1, max=65535, help="Its port for targets (--web-port).")]
 StopPortOption = Annotated[int, typer.Option("--stop-port", min=1, max=65535, help="Its port for stops.")]
@@ -106,10 +109,6 @@ def send(
             client.take()
         answer = client.ask({**message, "ttl_s": seconds})
     _present(answer, as_json)
-
-
-_VELOCITY_S = 5.0
-"""A velocity that is sent once holds this long [s]; a stick's holds for half a second and is sent again."""
 
 
 def status(

@@ -8,9 +8,8 @@ from __future__ import annotations
 
 import math
 import time
-from collections import Counter, OrderedDict, deque
+from collections import Counter, deque
 from collections.abc import Callable, Hashable
-from dataclasses import dataclass
 
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.stream import Gateway
@@ -18,6 +17,7 @@ from flexmotion.drivers.realtime.ring import Ring
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.telemetry import Event, Telemetry, events
 from flexmotion.streamer.control.tick_row import TickRow
+from flexmotion.streamer.gateway.asked import Asked, Following, Reply, Sequences
 from flexmotion.streamer.gateway.lease import Lease
 from flexmotion.streamer.gateway.messages import (
     Answer,
@@ -37,11 +37,9 @@ from flexmotion.streamer.gateway.messages import (
     intent_of,
 )
 from flexmotion.streamer.motion.heard import Heard, HeardChannel, heard_since
-from flexmotion.streamer.motion.intents import Intent, to_content
+from flexmotion.streamer.motion.intents import to_content
 from flexmotion.streamer.motion.targets import TargetSender
 from flexmotion.streamer.run.requests import Request, RequestChannel
-
-Reply = Callable[[Answer], None]
 
 _REQUEST_S = 1.0
 """A loop that has not taken a request after this time does not run [s]."""
@@ -49,8 +47,6 @@ _GRACE_S = 1.0
 """Time that the planner has to answer a target after its time is over, before the gateway does [s]."""
 _AHEAD_S = 1.0
 """A sender's clock may be ahead of this machine's by so much [s]."""
-_SOURCES = 256
-"""Sources whose sequence numbers are remembered."""
 
 _REQUESTS: dict[type, Request] = {
     StopMessage: Request.STOP,
@@ -61,39 +57,6 @@ _REQUESTS: dict[type, Request] = {
 _WITHOUT_LEASE = (StopMessage, EmergencyStopMessage)
 _FOLLOWED: tuple[AnswerState, ...] = ("accepted", "slowed", "partly")
 _NOT_YET = "the loop cannot follow it yet: it needs closed-loop control of the robot's odometry"
-
-
-@dataclass
-class _Asked:
-    """A message that is not answered yet."""
-
-    message: Message
-    reply: Reply
-    since_s: float
-    took_from: str | None = None
-    due_s: float = math.inf
-    """When the gateway answers by itself [s]."""
-    intent: Intent | None = None
-    holds_s: float = math.inf
-    tick: int = -1
-    """Of a request: the tick before which the loop took it."""
-
-
-@dataclass(frozen=True)
-class Following:
-    """The newest target that was accepted.
-
-    Attributes:
-        source: who sent it.
-        asked: its word and value, as in a script.
-        answer: as its sender got it.
-        stamp_s: when it was accepted, on the gateway's clock [s].
-    """
-
-    source: str
-    asked: dict[str, object]
-    answer: Answer
-    stamp_s: float
 
 
 class Desk:
@@ -128,10 +91,10 @@ class Desk:
         self._ticks: Ring = telemetry.ticks
         self._events = telemetry.events.reader(new_only=True)
         self._heard = heard.reader()
-        self._waiting: _Asked | None = None  # the target that is sent when the interval of coalescing is over
-        self._open: dict[int, _Asked] = {}  # targets that the planner has not answered, by id, ascending
-        self._asked: deque[_Asked] = deque()  # requests that the loop has not taken
-        self._sequences: OrderedDict[Hashable, int] = OrderedDict()
+        self._waiting: Asked | None = None  # the target that is sent when the interval of coalescing is over
+        self._open: dict[int, Asked] = {}  # targets that the planner has not answered, by id, ascending
+        self._asked: deque[Asked] = deque()  # requests that the loop has not taken
+        self._sequences = Sequences()
         self._sent_s = -math.inf
         self._holder: str | None = None
 
@@ -160,7 +123,7 @@ class Desk:
             self.reject("not valid")
             reply(self._counted(error.answer))
             return
-        self._take(_Asked(message, reply, time.perf_counter()), sender)
+        self._take(Asked(message, reply, time.perf_counter()), sender)
 
     def reject(self, why: str) -> None:
         """Count a message or a connection that is refused as such."""
@@ -181,12 +144,12 @@ class Desk:
 
     # ---------------------------------------------------------------- messages
 
-    def _take(self, asked: _Asked, sender: Hashable) -> None:
+    def _take(self, asked: Asked, sender: Hashable) -> None:
         message, now = asked.message, asked.since_s
         late = self._late(message)
         if late is not None:
             self._reply(asked, *late)
-        elif not self._ascends(message, sender):
+        elif not self._sequences.ascends(message, sender):
             self._reply(asked, "refused", f"sequence {message.sequence} does not come after the last of this source")
         elif type(message) in _WITHOUT_LEASE:
             self._request(asked)
@@ -228,19 +191,7 @@ class Desk:
             return message.ttl_s
         return self.settings.velocity_holds_s if isinstance(message, VelocityMessage | HeadingMessage) else math.inf
 
-    def _ascends(self, message: Message, sender: Hashable) -> bool:
-        if message.sequence is None:
-            return True
-        key = (sender, message.source)
-        if message.sequence <= self._sequences.get(key, -1):
-            return False
-        self._sequences[key] = message.sequence
-        self._sequences.move_to_end(key)
-        while len(self._sequences) > _SOURCES:
-            self._sequences.popitem(last=False)
-        return True
-
-    def _target(self, asked: _Asked) -> None:
+    def _target(self, asked: Asked) -> None:
         asked.intent, asked.holds_s = intent_of(asked.message), self._holds_s(asked.message)
         if self._waiting is not None:
             self._reply(self._waiting, "superseded", "a newer target came within the interval of coalescing")
@@ -250,7 +201,7 @@ class Desk:
         else:
             self._waiting = asked
 
-    def _send(self, asked: _Asked, now: float) -> None:
+    def _send(self, asked: Asked, now: float) -> None:
         assert asked.intent is not None
         take_up_s = self.settings.take_up_s
         try:
@@ -261,7 +212,7 @@ class Desk:
         self._sent_s, asked.due_s = now, now + min(asked.holds_s, take_up_s) + _GRACE_S
         self._open[target.id] = asked
 
-    def _request(self, asked: _Asked) -> None:
+    def _request(self, asked: Asked) -> None:
         message = asked.message
         asked.due_s = asked.since_s + _REQUEST_S
         same = any(type(one.message) is type(message) and one.tick < 0 for one in self._asked)
@@ -326,7 +277,7 @@ class Desk:
             asked = self._open.pop(number)
             self._reply(asked, "expired", "the planner has not answered", target=number)
 
-    def _reply(self, asked: _Asked, state: AnswerState, reason: str | None = None, **known: object) -> Answer:
+    def _reply(self, asked: Asked, state: AnswerState, reason: str | None = None, **known: object) -> Answer:
         message = asked.message
         answer = Answer.model_validate(
             {

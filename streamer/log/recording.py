@@ -36,6 +36,7 @@ def record_to(file: Path, session: Session, clock: Literal["real", "lockstep"]) 
         settings=session.settings,
         seconds=session.seconds,
         feedback=session.feedback,
+        allow_refused=session.allow_refused,
     )
     files = motions | robot_files(robot)
     recorder = Recorder(

@@ -18,8 +18,9 @@ from flexmotion.sampling.sampler import Condition, Sampler
 from flexmotion.spatial.heading import heading
 from flexmotion.spatial.quaternions import continuous_quaternions
 from flexmotion.streamer.motion.heard import Heard
+from flexmotion.streamer.motion.hearing import Hearing
 from flexmotion.streamer.motion.intents import Intent, Stop, Text, Velocity, word_of
-from flexmotion.streamer.motion.programs import Hearing, Program
+from flexmotion.streamer.motion.programs import Program
 from flexmotion.streamer.motion.script import Item
 from flexmotion.streamer.motion.targets import Target
 from flexmotion.text.prompt_reader import SAME

@@ -8,13 +8,11 @@ ticks.
 from __future__ import annotations
 
 import math
-from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from enum import Enum, auto
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.tick_row import TickRow
@@ -22,8 +20,7 @@ from flexmotion.streamer.motion.heard import End, Heard, HeardStep
 from flexmotion.streamer.motion.intents import Intent, Text, Velocity
 from flexmotion.streamer.motion.model_source import ModelSource
 from flexmotion.streamer.motion.programs import GESTURE_S, Program, Step
-
-Float = NDArray[np.float64]
+from flexmotion.streamer.planning.step_progress import STILL_S, StepProgress
 
 STANDING = Text("stand still")
 
@@ -33,19 +30,15 @@ _SPEED_S = 1.0
 """The speed is the mean over this time [s]: the torso sways with every step."""
 _SETTLE_S, _LONGEST_SETTLE_S = 1.0, 4.0
 """After a walk or a turn the robot stands at least and at most this long before it is measured [s]."""
-_STILL_S, _STILL_M, _STILL_RAD = 0.5, 0.008, np.radians(1.5)
-"""It stands still when it has moved less than this in this time [s, m, rad]."""
+_STILL_M, _STILL_RAD = 0.008, np.radians(1.5)
+"""It stands still when it has moved less than this in `STILL_S` [m, rad]."""
 _TURN_TOLERANCE, _WAY_TOLERANCE = np.radians(12.0), 0.12
 """What is missing of a turn [rad], or of a way (share of it), is done in another attempt."""
 _ATTEMPTS = 3
 _LEAST_WAY_M = 0.03
 """A way that is shorter is not worth another attempt [m]."""
-_REST_RAD = 0.08
-"""Joints that move less than this within `_STILL_S` are at rest [rad]."""
-_MOVED_RAD, _HOME_RAD = 0.35, 0.25
-"""A gesture moves a joint from where it was by the first, and is over when all are back within the second [rad]."""
-_STEP_M = 0.015
-"""A step carries its foot at least this far in the direction of the walk [m]."""
+_MOVED_RAD = 0.35
+"""A gesture moves a joint from where it was by at least this [rad]."""
 _LONGEST_REST_S = 3.0
 """Longest time in which the arms come back after a gesture [s]."""
 
@@ -54,38 +47,6 @@ class _Phase(Enum):
     ACT = auto()
     SETTLE = auto()
     OVER = auto()
-
-
-@dataclass
-class _Progress:
-    """What the robot has done in a step.
-
-    Attributes:
-        begin_tick, act_tick: of the step, and of its present attempt or phase.
-        place: last odometry.
-        ahead, aside, turned: way in the torso's own directions [m], turn [rad].
-        joints: measured angles at the step's begin (n,) [rad].
-        footsteps: of the walk in its direction so far, those included whose foot is on its way.
-        lifted: where each foot lifted off, planned, x and y [m]; None: it stands.
-    """
-
-    begin_tick: int
-    place: Float
-    joints: Float
-    act_tick: int
-    footsteps: int = 0
-    lifted: list[Float | None] = field(default_factory=lambda: [None, None])
-    counts: list[bool] = field(default_factory=lambda: [False, False])
-    acted_from: float = 0.0
-    ahead: float = 0.0
-    aside: float = 0.0
-    turned: float = 0.0
-    attempts: int = 1
-    counted: int = 0
-    deviation: float = 0.0
-    recent: deque[tuple[int, float]] = field(default_factory=deque)
-    still: tuple[int, Float] | None = None
-    rested: tuple[int, Float] | None = None
 
 
 class StepRunner:
@@ -110,7 +71,7 @@ class StepRunner:
         self._program: Program | None = None
         self._index, self._phase = 0, _Phase.OVER
         self._ends: list[HeardStep] = []
-        self._at: _Progress | None = None
+        self._at: StepProgress | None = None
         self._source_s, self._source_tick = math.nan, 0
 
     def changed(self) -> None:
@@ -142,7 +103,7 @@ class StepRunner:
         if self._phase is _Phase.OVER or self._at is None or not np.isfinite(row.odometry).all():
             return
         step = program.steps[self._index]
-        self._measure(self._at, step, row)
+        self._at.measure(step, row)
         if self.wanted is None:
             self._advance(self._at, step, row)
 
@@ -156,10 +117,10 @@ class StepRunner:
         self._phase = _Phase.OVER if program.is_open else _Phase.ACT
         self._at = None if program.is_open else self._fresh(row)
 
-    def _fresh(self, row: TickRow) -> _Progress:
+    def _fresh(self, row: TickRow) -> StepProgress:
         tick = int(row.tick)
         place = np.nan_to_num(np.array(row.odometry, float))
-        return _Progress(
+        return StepProgress(
             begin_tick=tick,
             act_tick=tick,
             acted_from=0.0,
@@ -195,21 +156,7 @@ class StepRunner:
 
     # ------------------------------------------------------------ one step
 
-    @staticmethod
-    def _measure(at: _Progress, step: Step, row: TickRow) -> None:
-        """Add what the robot did since the last row."""
-        place = np.array(row.odometry, float)
-        dx, dy, turn = place - at.place
-        yaw = 0.5 * (place[2] + at.place[2])
-        at.ahead += math.cos(yaw) * dx + math.sin(yaw) * dy
-        at.aside += math.cos(yaw) * dy - math.sin(yaw) * dx
-        at.turned += turn
-        at.place = place
-        _count_footsteps(at, step, row)
-        if np.isfinite(row.q).all():
-            at.deviation = float(np.abs(row.q - at.joints).max())
-
-    def _advance(self, at: _Progress, step: Step, row: TickRow) -> None:
+    def _advance(self, at: StepProgress, step: Step, row: TickRow) -> None:
         """Change the phase where the robot has done what the phase asks."""
         assert step.amount is not None and step.limit_s is not None
         tick, quantity, amount = int(row.tick), step.amount.quantity, step.amount.value
@@ -238,7 +185,7 @@ class StepRunner:
             else:
                 self._next(row, "time limit" if self._is_missing(step, missing) else "done", value)
 
-    def _value(self, at: _Progress, step: Step, row: TickRow) -> float:
+    def _value(self, at: StepProgress, step: Step, row: TickRow) -> float:
         """What is done of the amount, in its unit."""
         assert step.amount is not None
         match step.amount.quantity:
@@ -249,20 +196,12 @@ class StepRunner:
                     return math.hypot(at.ahead, at.aside)
                 return at.ahead * step.axis[0] + at.aside * step.axis[1]
             case "steps":
-                return float(self._steps(at, step))
+                return float(at.steps(step))
             case "times":
                 return float(at.counted)
         return (int(row.tick) - at.begin_tick) / self.rate_hz
 
-    @staticmethod
-    def _steps(at: _Progress, step: Step) -> int:
-        """Steps of a walk; each one sideways, and a single one, is a step of one foot and one of the other."""
-        assert step.amount is not None
-        if step.axis[1]:
-            return at.footsteps // 2
-        return max(at.footsteps - 1, 0) if step.amount.value < 1.5 and step.axis[0] else at.footsteps
-
-    def _reached(self, at: _Progress, step: Step, value: float, tick: int) -> bool:
+    def _reached(self, at: StepProgress, step: Step, value: float, tick: int) -> bool:
         """Whether the robot will have done the amount if its human stands from now on."""
         assert step.amount is not None
         amount = step.amount.value
@@ -283,11 +222,11 @@ class StepRunner:
         # The other foot may close the stance.
         return not -1.5 < missing < 0.5
 
-    def _settle(self, at: _Progress, tick: int) -> None:
+    def _settle(self, at: StepProgress, tick: int) -> None:
         self._phase, self.resting = _Phase.SETTLE, True
         at.act_tick, at.still = tick, (tick, at.place.copy())
 
-    def _act(self, at: _Progress, step: Step, value: float, tick: int) -> None:
+    def _act(self, at: StepProgress, step: Step, value: float, tick: int) -> None:
         """Another attempt, at what is missing."""
         assert step.amount is not None
         self._phase, self.wanted = _Phase.ACT, step.intent
@@ -296,7 +235,7 @@ class StepRunner:
         at.act_tick, at.acted_from = tick, value
         at.recent.clear()
 
-    def _is_settled(self, at: _Progress, tick: int) -> bool:
+    def _is_settled(self, at: StepProgress, tick: int) -> bool:
         since_s = (tick - at.act_tick) / self.rate_hz
         assert at.still is not None
         from_tick, place = at.still
@@ -304,9 +243,9 @@ class StepRunner:
         if moved[:2].max() > _STILL_M or moved[2] > _STILL_RAD:
             at.still = (tick, at.place.copy())
         still_s = (tick - at.still[0]) / self.rate_hz
-        return since_s >= _LONGEST_SETTLE_S or (since_s >= _SETTLE_S and still_s >= _STILL_S)
+        return since_s >= _LONGEST_SETTLE_S or (since_s >= _SETTLE_S and still_s >= STILL_S)
 
-    def _advance_gesture(self, at: _Progress, step: Step, row: TickRow) -> None:
+    def _advance_gesture(self, at: StepProgress, step: Step, row: TickRow) -> None:
         assert step.amount is not None
         tick = int(row.tick)
         phase_s = (tick - at.act_tick) / self.rate_hz
@@ -315,37 +254,8 @@ class StepRunner:
             if phase_s >= GESTURE_S:
                 at.counted += int(at.acted_from > _MOVED_RAD)
                 self._phase, self.wanted, at.act_tick = _Phase.SETTLE, STANDING, tick
-        elif phase_s >= _LONGEST_REST_S or (phase_s >= _SETTLE_S and _arms_rest(at, row, self.rate_hz)):
+        elif phase_s >= _LONGEST_REST_S or (phase_s >= _SETTLE_S and at.arms_rest(row, self.rate_hz)):
             if at.counted >= step.amount.value:
                 self._next(row, "done", at.counted)
             else:
                 self._phase, self.wanted, at.act_tick, at.acted_from = _Phase.ACT, step.intent, tick, 0.0
-
-
-def _arms_rest(at: _Progress, row: TickRow, rate_hz: float) -> bool:
-    """Whether all joints are back where they were, or have not moved for a while."""
-    tick, joints = int(row.tick), np.array(row.q, float)
-    if at.rested is None or np.abs(joints - at.rested[1]).max() > _REST_RAD:
-        at.rested = (tick, joints)
-    return at.deviation < _HOME_RAD or (tick - at.rested[0]) / rate_hz >= _STILL_S
-
-
-def _count_footsteps(at: _Progress, step: Step, row: TickRow) -> None:
-    """Count the steps that carry a foot in the direction of the walk; those of a turn count all.
-
-    Most steps of a robot that comes to a stand only correct its feet. A step counts as soon as its foot is on its way:
-    the one after it is fixed soon after.
-    """
-    for side in (0, 1):
-        if bool(row.contact_ref[side]):
-            at.lifted[side], at.counts[side] = None, False
-            continue
-        foot = np.array(row.foot_ref[side], float)
-        lifted = at.lifted[side]
-        if lifted is None:
-            at.lifted[side] = lifted = foot[:2]
-        dx, dy = foot[:2] - lifted
-        cos, sin = math.cos(foot[3]), math.sin(foot[3])
-        carried = step.axis[0] * (cos * dx + sin * dy) + step.axis[1] * (cos * dy - sin * dx)
-        if not at.counts[side] and (step.axis == (0, 0) or carried > _STEP_M):
-            at.footsteps, at.counts[side] = at.footsteps + 1, True

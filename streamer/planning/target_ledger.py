@@ -80,8 +80,8 @@ class TargetLedger:
     def _may_change(self, target: Target) -> bool:
         """Whether the source may turn to a target now.
 
-        Targets that came faster felled the robot: each cuts the motion and gets a short plan first, and steps are
-        settled further ahead than that reaches.
+        Each change cuts the motion and gets a short plan first, and steps are settled further ahead than that reaches.
+        One flood of targets ended in a fall, whose cause is not known (docs/decisions.md).
         """
         if self.halted or isinstance(target.intent, Stop):
             return True

@@ -9,7 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flexmotion.text.amounts import Amount, tokens_of
-from flexmotion.text.grammar import Asks, parse
+from flexmotion.text.clauses import Asks
+from flexmotion.text.grammar import parse
 from flexmotion.text.sayings import sayings
 from flexmotion.text.vocabulary import vocabulary
 

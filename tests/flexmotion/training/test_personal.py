@@ -25,7 +25,8 @@ def test_personalisation(trained: Run, small_set: Path, stages, tmp_path: Path) 
     assert any(not torch.equal(before[name], after[name]) for name in before)
     assert torch.equal(before["latent_mean"], after["latent_mean"])
     sampler = Sampler(export(run, tmp_path / "bundle", distilled=False), steps=2)
-    assert sampler.prompt("walk like Ada").kind == "personal"
+    assert sampler.prompt("turn left like Ada").manner == "like Ada"
+    assert sampler.prompt("turn left").manner == "normal"
 
 
 def test_an_untrained_run_is_refused(tmp_path: Path) -> None:

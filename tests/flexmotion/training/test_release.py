@@ -152,7 +152,7 @@ def test_a_release_is_personalised_with_the_set_that_keeps_the_rest(
     figures = json.loads(capsys.readouterr().out)["validation"]
     assert figures["kept"] > 0 and figures["learnt"] > 0
     sampler = Sampler(export(Run(tmp_path / "ada"), tmp_path / "bundle", distilled=False), steps=2)
-    assert sampler.prompt("walk like Ada").kind == "personal"
+    assert sampler.prompt("walk like Ada").manner == "like Ada"
 
 
 def test_a_release_is_personalised_without_any_other_set(
@@ -166,7 +166,7 @@ def test_a_release_is_personalised_without_any_other_set(
     run = Run(tmp_path / "ada")
     assert not run.has_features and (run.folder / "person" / "index.json").is_file()
     sampler = Sampler(export(run, tmp_path / "bundle", distilled=False), steps=2)
-    assert sampler.prompt("walk like Ada").kind == "personal"
+    assert sampler.prompt("walk like Ada").manner == "like Ada"
     task = personal_task(run, Run(run.folder / "released"), small_set, "like Ada")
     loss, parts = task.losses(0)
     assert float(parts["kept"]) == 0.0 and float(parts["learnt"]) > 0.0

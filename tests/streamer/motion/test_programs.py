@@ -14,8 +14,9 @@ from flexmotion.bundles.bundle import Bundle
 from flexmotion.configs.robot import load_robot
 from flexmotion.sampling.sampler import Sampler
 from flexmotion.streamer.motion.heard import Heard, HeardChannel, heard_since, merged
+from flexmotion.streamer.motion.hearing import Hearing
 from flexmotion.streamer.motion.intents import LONGEST_TEXT, Text, Velocity
-from flexmotion.streamer.motion.programs import LEAST, MOST, MOST_STEPS, Hearing, Program
+from flexmotion.streamer.motion.programs import LEAST, MOST, MOST_STEPS, Program
 from flexmotion.streamer.motion.robot_pace import human_pace
 from flexmotion.text.phrases import STAND
 
