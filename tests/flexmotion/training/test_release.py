@@ -69,10 +69,11 @@ def test_a_bundle_of_a_release_moves_like_that_of_the_training(bundle: Bundle, r
     ours, theirs = Sampler(again), Sampler(bundle)
     assert again.body == bundle.body and again.manifest.licence == bundle.manifest.licence
     motions = [each.sample(each.standing(), Condition("walk forward"), seed=3) for each in (ours, theirs)]
-    np.testing.assert_allclose(motions[0].joints, motions[1].joints, atol=1e-6)
-    np.testing.assert_allclose(motions[0].root_position, motions[1].root_position, atol=1e-6)
+    # A bundle is in half precision too, but rounds what the export has folded together.
+    np.testing.assert_allclose(motions[0].joints, motions[1].joints, atol=2e-3)
+    np.testing.assert_allclose(motions[0].root_position, motions[1].root_position, atol=2e-3)
     assert motions[0].torques is not None and motions[1].torques is not None
-    np.testing.assert_allclose(motions[0].torques, motions[1].torques, rtol=1e-3, atol=1e-3)
+    np.testing.assert_allclose(motions[0].torques, motions[1].torques, atol=0.2)
     assert "--from RELEASE" in (tmp_path / "bundle" / CARD).read_text(encoding="utf-8")
 
 
@@ -95,9 +96,9 @@ def test_a_training_goes_on_at_the_step_of_the_weights(
     assert rows[0]["step"] == at and "begun" not in read_checkpoint(folder / BEST)
     last = read_checkpoint(folder / LAST)
     assert (last["first"], last["step"]) == (at, at + 2)
-    # The learning rate rises again over two steps, as at the beginning of a training.
+    # The learning rate has risen again within two steps, and cools down over the last fifth of eight.
     rates = [entry["lr"] for entry in last["optimiser"]["param_groups"]]
-    assert rates == [pytest.approx(Run(tmp_path / "new").config.stages.diffusion.learning_rate)]
+    assert rates == [pytest.approx(Run(tmp_path / "new").config.stages.diffusion.learning_rate / 1.6)]
 
 
 def test_a_training_killed_before_its_first_step_keeps_the_weights(
