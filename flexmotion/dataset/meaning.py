@@ -99,5 +99,6 @@ def _captioned_kind(text: str) -> str | None:
 @lru_cache
 def _kind_rules() -> tuple[tuple[str, re.Pattern[str]], ...]:
     rules = [(kind, pattern) for kind in phrases.kinds() for pattern in phrases.caption_patterns(kind)]
-    # The longest rule first: "walks backwards" is no walk ahead.
-    return tuple((kind, re.compile(pattern)) for kind, pattern in sorted(rules, key=lambda rule: -len(rule[1])))
+    # Kinds of longer names are more particular: "walks backwards" (walk-back) is no walk ahead (walk).
+    rules.sort(key=lambda rule: -len(rule[0].split("-")))
+    return tuple((kind, re.compile(pattern)) for kind, pattern in rules)

@@ -51,6 +51,9 @@ class Condition:
         manner_guidance: likewise, of the manner against any manner.
         pace: greatest velocities; velocities beyond it, and words that mean faster ones ("run"), are slowed. None for
             no limit.
+        asked: velocity that the model is asked for so that the motion keeps its `Course`, beside the words, or instead
+            of `velocity`; None for no such correction.
+        noise: factor of the noise that the window is sampled from; who stands has that of the bundle's corrections.
     """
 
     text: str | None = None
@@ -59,6 +62,8 @@ class Condition:
     guidance: float | None = None
     manner_guidance: float | None = None
     pace: Pace | None = None
+    asked: tuple[float, float, float] | None = None
+    noise: float = 1.0
 
 
 class Sampler:
@@ -200,7 +205,7 @@ class Sampler:
         if manifest.guided:
             inputs["guidance"][:] = (scale, manner_scale) if manifest.manner else scale
         noisy = np.random.default_rng(seed).standard_normal((1, manifest.latent), np.float32)
-        noisy *= self._corrections.standing_noise if self._stands(condition) else 1.0
+        noisy *= self._corrections.standing_noise if self._stands(condition) else condition.noise
         times = np.round(np.linspace(manifest.times - 1, 0, self.steps + 1)[:-1]).astype(np.int64)
         for now, earlier in zip(times, [*times[1:], -1], strict=True):
             inputs["noisy"][:] = noisy
@@ -235,6 +240,13 @@ class Sampler:
         still = condition.text is None and np.abs(condition.velocity).max() < STILL
         return replace(condition, velocity=None) if still else self._slowed(condition)
 
+    def own_velocity(self, condition: Condition) -> tuple[float, float, float] | None:
+        """Velocity at which a condition of `meant` is done; None where its words are of an unknown speed."""
+        if condition.velocity is not None:
+            return condition.velocity
+        kind = self.prompt(condition.text).kind
+        return (0.0, 0.0, 0.0) if kind == STAND else self._corrections.speeds.get(kind)
+
     @staticmethod
     def _slowed(condition: Condition) -> Condition:
         if condition.pace is None or condition.velocity is None:
@@ -249,16 +261,15 @@ class Sampler:
         inputs, corrections = self._inputs, self._corrections
         inputs["present"][:] = 0.0
         if condition.velocity is not None and self.bundle.manifest.velocity:
-            ahead, aside, turning = condition.velocity
+            ahead, aside, turning = condition.asked or condition.velocity
             more = self._catch_up(condition.velocity, remembered)
             ahead += more[0] - corrections.ahead_per_aside * abs(aside)
             turning += corrections.turning_per_aside * aside
             # Bodies sway sideways in every gait: without a sideways velocity nothing is caught up with.
             aside = corrections.aside * (aside + more[1]) if aside else 0.0
-            # The network was trained on the displacement of a window in its first heading, which is a chord of the arc.
-            forward, left = chord(ahead, aside, turning, seconds=self.future / self.fps)
-            inputs["velocity"][:] = (forward / self.body.leg, left / self.body.leg, turning)
-            inputs["present"][0, 1] = 1.0
+            self._set_velocity((ahead, aside, turning))
+        elif condition.asked is not None and self.bundle.manifest.velocity:
+            self._set_velocity(condition.asked)
         inputs["sentence"][:] = self._words(condition).embedding
         inputs["present"][0, 0] = 1.0
         if self.bundle.manifest.manner:
@@ -267,6 +278,12 @@ class Sampler:
             if manner is not None:
                 inputs["manner"][:] = manner
                 inputs["present"][0, 2] = 1.0
+
+    def _set_velocity(self, velocity: tuple[float, float, float]) -> None:
+        # The network was trained on the displacement of a window in its first heading, which is a chord of the arc.
+        forward, left = chord(*velocity, seconds=self.future / self.fps)
+        self._inputs["velocity"][:] = (forward / self.body.leg, left / self.body.leg, velocity[2])
+        self._inputs["present"][0, 1] = 1.0
 
     def _manner(self, condition: Condition) -> Float32 | None:
         """Embedding of the manner of a request; None where the model was trained on no clip of the normal one."""

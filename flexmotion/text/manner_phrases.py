@@ -8,12 +8,13 @@ from functools import lru_cache
 
 from flexmotion.text import manners
 
+_FOR = r"for\s+(?:\d|an?|one|two|three|four|five|six|seven|eight|nine|ten|some|half)"
 _ENDS = "and|then|while|until|for|twice|once|again|please|with|to|towards?|across|down|into|through"
 _JOINT = rf"(?=\s*(?:$|[,.;!?]|\b(?:{_ENDS})\b))"
 
 _OPEN = re.compile(
     rf"""\b(?P<like>(?:just\s|exactly\s)?like\s(?!to\b|you\s(?:to|facing|wave|being)\b)[^,.;!?]+?){_JOINT}
-    | \b(?P<if>as\s(?:if|though)\s[^,.;!?]+?)(?=\s*(?:$|[,.;!?]|\band\b|\bthen\b|\bwhile\b))
+    | \b(?P<if>as\s(?:if|though)\s[^,.;!?]+?)(?=\s*(?:$|[,.;!?]|\b(?:and|then|while|twice|once|{_FOR})\b))
     | \b(?P<way>in\san?\s(?:[\w'-]+\s){{1,3}}(?:way|manner|fashion|style|mood|mode))\b
     | \b(?P<adverb>\w+ly)\b""",
     re.VERBOSE,
@@ -55,10 +56,16 @@ def manner_phrases(sentence: str) -> tuple[MannerPhrase, ...]:
     for match in known.finditer(text):
         found.append(MannerPhrase(match[0], lexicon[match[0]], match.start(), match.end()))
     for match in _OPEN.finditer(text):
-        taken = any(match.start() < one.end and one.start < match.end() for one in found)
-        if not taken and not (match["like"] and _LIKING.search(text[: match.start()])):
-            said = match[0].strip()
+        if match["like"] and _LIKING.search(text[: match.start()]):
+            continue
+        over = [one for one in found if match.start() < one.end and one.start < match.end()]
+        said = match[0].strip()
+        if not over:
             found.append(MannerPhrase(said, lexicon.get(said), match.start(), match.end()))
+        elif all(match.start() <= one.start and one.end <= match.end() for one in over):
+            # "as if you were drunk": the listed word tells what the whole phrase means.
+            found = [one for one in found if one not in over]
+            found.append(MannerPhrase(said, over[0].manner, match.start(), match.end()))
     asking = (one for one in found if one.text not in manners.neutral_words() and one.manner != manners.NORMAL)
     return tuple(sorted(asking, key=lambda one: one.start))
 

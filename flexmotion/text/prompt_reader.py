@@ -36,9 +36,15 @@ FORBIDS = re.compile(
 """Prohibitions: the human stands still. Their embeddings are near those of the opposite ("do not walk", "do walk")."""
 
 FORBIDS_NOTHING = re.compile(
-    r"\b(?:in )?no (?:hurry|rush)(?=\s*(?:[,.;!?]|$))|\bnon-?stop\b|\bwithout (?:a|any) (?:hurry|rush)\b", re.IGNORECASE
+    r"""\b(?:in\ )?no\ (?:hurry|rush)(?=\s*(?:[,.;!?]|$)) | \bnon-?stop\b | \bwithout\ (?:a|any)\ (?:hurry|rush)\b
+    | \b(?:say|says|saying|signal|signals|answer|mean)\ no\b | \bheads?\ no\b | \bno\ with\ (?:your|the|his|her)\ head\b
+    | \b(?:signal|show|give|make|gesture|say)s?\ (?:a\ )?(?:stop|halt)\b | \b(?:stop|halt)\ (?:sign|signal)\b
+    | \b(?:signal|tell|gesture|motion)s?\ (?:for\ )?(?:\w+\ ){1,3}to\ (?:stop|halt)\b
+    | \bthat\ you\ (?:do\ not|don't)\ (?:know|care)\b | \bthat\ you\ have\ no\ idea\b""",
+    re.IGNORECASE | re.VERBOSE,
 )
-"""Negations that only qualify a motion; at the end of a clause, since "no rush forward" is a prohibition."""
+"""Negations that only qualify a motion, or are what it says. Qualifying ones stand at the end of a clause, since "no
+rush forward" is a prohibition."""
 
 WITHOUT_TURNING = re.compile(r"\bwithout (?:turning|rotating|looking)(?: (?:a?round|back))?\b", re.IGNORECASE)
 """Likewise, for motions other than turns."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import reduce
+from pathlib import Path
 
 import numpy as np
 import torch
@@ -12,6 +13,7 @@ from torch import Tensor, nn
 
 from flexmotion.configs.model import ModelConfig
 from flexmotion.training.autoencoder import Autoencoder
+from flexmotion.training.checkpoints import load_weights
 from flexmotion.training.conditions import Conditions, Sentences
 from flexmotion.training.denoiser import Denoiser
 from flexmotion.training.draws import normal, uniform
@@ -62,6 +64,11 @@ class DiffusionTask:
         processes: that train.
         personal: wordings of a personal manner, which all clips have; none: the manner of each clip's source.
         held_out: split of the validation.
+        trained: folder of trained weights to begin with; means and spreads of latents and sentences are theirs. None
+            for a new network.
+
+    Raises:
+        ConfigError: `trained` holds no weights, or those of another network.
     """
 
     def __init__(
@@ -74,6 +81,7 @@ class DiffusionTask:
         processes: Processes,
         personal: tuple[str, ...] = (),
         held_out: str = "validation",
+        trained: Path | None = None,
     ) -> None:
         torch.manual_seed(seed)
         self.config, self.seed, self.processes = config, seed, processes
@@ -81,6 +89,23 @@ class DiffusionTask:
         self.noise = NoiseSchedule(config.diffusion.steps, processes.device)
         self.network = Denoiser(config.diffusion, config.window, store.layout, autoencoder.latent).to(processes.device)
         sentences, manners = Sentences(store.clips, encode), Manners(store.clips, encode, personal)
+        self.training, self.held_out = (
+            LatentSet(config, store, split, self.autoencoder, sentences, manners, processes)
+            for split in ("train", held_out)
+        )
+        if trained is None:
+            self._measure_words(sentences, manners)
+            self._measure_latents()
+        else:
+            load_weights(self.network, trained)
+        windows = self.held_out.draw((seed, 21), VALIDATION).to(processes.device)
+        self._held_out = Latents(
+            self.normalised(self.training.encode(windows.history, windows.future)),
+            windows,
+            self.held_out.describe(windows, (seed, 22)),
+        )
+
+    def _measure_words(self, sentences: Sentences, manners: Manners) -> None:
         network = self.network
         for found, mean, spread in (
             (sentences.embeddings, network.sentence_mean, network.sentence_spread),
@@ -89,17 +114,6 @@ class DiffusionTask:
             if len(found) > 1:
                 mean.copy_(found.mean(dim=0))
                 spread.copy_(found.std(dim=0, unbiased=False).clamp(min=1e-3) / SENTENCE_SPREAD)
-        self.training, self.held_out = (
-            LatentSet(config, store, split, self.autoencoder, sentences, manners, processes)
-            for split in ("train", held_out)
-        )
-        self._measure_latents()
-        windows = self.held_out.draw((seed, 21), VALIDATION).to(processes.device)
-        self._held_out = Latents(
-            self.normalised(self.training.encode(windows.history, windows.future)),
-            windows,
-            self.held_out.describe(windows, (seed, 22)),
-        )
 
     def _measure_latents(self) -> None:
         found = []

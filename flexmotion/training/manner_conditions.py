@@ -62,6 +62,11 @@ class Manners:
         return rows, torch.from_numpy(mixtures)
 
 
+def mean_embedding(said: Iterable[str], encode: Callable[[str], np.ndarray]) -> np.ndarray:
+    """Mean embedding of a manner's wordings, of unit length, (D,)."""
+    return _unit(np.mean([encode(wording) for wording in said], axis=0))
+
+
 def _unit(vector: np.ndarray) -> np.ndarray:
     found: np.ndarray = (vector / np.linalg.norm(vector)).astype(np.float32)
     return found

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -65,6 +67,19 @@ def test_normal_clips_are_a_share_of_their_kind() -> None:
     np.testing.assert_allclose(weights[5:], 10.0)
     few = normal_weights(np.array(["bow"] * 41), np.arange(41) == 0, np.ones(41), 0.4)
     assert few[0] / few[1] == pytest.approx(MOST_NORMAL)
+
+
+def test_windows_have_the_captions_of_their_part_of_a_clip() -> None:
+    """Regression: every sentence of a clip was taught for every window, whichever part of it the sentence is about."""
+    said, spans = ("someone walks and stops", "someone walks", "someone waits"), ((0.0, 0.0), (0.0, 2.0), (2.0, 4.0))
+    parts = replace(clip({}, said), spans=spans)
+    sentences = Sentences([parts, replace(parts, variant="mirror")], embedded)
+    times = np.array([[0.5, 1.5], [2.5, 3.5], [1.7, 2.7], [6.0, 7.0]])
+    off = np.zeros(4, np.bool_)
+    rows = sentences.draw(np.random.default_rng(0), np.zeros(4, np.intp), off, off, times)
+    assert [sentences.texts[row] for row in rows] == [said[1], said[2], said[2], said[0]]
+    whole = sentences.draw(np.random.default_rng(0), np.zeros(4, np.intp), off, off)
+    assert {sentences.texts[row] for row in whole} == {said[0]}
 
 
 def test_a_clip_that_shows_its_kind_for_a_while_is_of_it_only_then() -> None:
