@@ -13,6 +13,7 @@ from flexmotion.human.kinematics import HumanKinematics, forward
 from flexmotion.human.motion import Motion
 from flexmotion.human.skeleton import JOINTS, SIDES
 from flexmotion.human.vectors import unit
+from flexmotion.spatial.quaternions import continuous_quaternions
 
 Float = NDArray[np.float64]
 
@@ -25,8 +26,8 @@ STRAIGHT = np.radians(1.0)
 """Least flexion of a knee that goes down [rad]."""
 
 
-def lowered_pelvis(motion: Motion, down: Float) -> Motion:
-    """A standing motion with its pelvis lowered; ankles stay, the centre of mass stays above the same place.
+def lowered_pelvis(motion: Motion, down: Float, tilt: Float, com: Float) -> Motion:
+    """A standing motion with its pelvis lowered; its ankles stay.
 
     Each leg stays in a plane through its hip and ankle, which is turned from that of the foot only as far as the hip
     leaves it; the foot rolls by that angle (up to about three degrees in a deep squat with turned-out feet).
@@ -34,26 +35,32 @@ def lowered_pelvis(motion: Motion, down: Float) -> Motion:
     Args:
         motion: stands; arms and trunk as they are to be while the pelvis is lowered.
         down: lowering of the pelvis, (T,) [m].
+        tilt: of the pelvis forward, (T,) [rad].
+        com: where the centre of mass is to be while the pelvis is lowered, (T, 3) [m]; its height is not used.
     """
     moving = down > 0.0
     if not moving.any():
         return motion
     base = forward(motion)
+    # The hips lie on the axis of the tilt and stay.
+    tilted = Rotation.from_rotvec(tilt[:, None] * [0.0, 1.0, 0.0])
+    turned = Rotation.from_matrix(base.pelvis_rotation) * tilted
+    quaternions = continuous_quaternions(turned.as_quat(scalar_first=True))
     shift = np.zeros((len(motion), 3))
     shift[:, 2] = -down
-    result = motion
+    leaning = replace(motion, root_quaternion=quaternions)
     for _ in range(ROUNDS):
-        result = _with_root(motion, base, shift)
-        away = forward(result).com - base.com
+        result = _with_root(leaning, base, shift)
+        away = forward(result).com - com
         shift[:, :2] -= np.where(moving[:, None], away[:, :2], 0.0)
-    return _with_root(motion, base, shift)
+    return _with_root(leaning, base, shift)
 
 
 def _with_root(motion: Motion, base: HumanKinematics, shift: Float) -> Motion:
     """The motion with its root moved by `shift`, (T, 3) [m], on legs that keep ankles and soles where they are."""
     size, joints = motion.body.segments, motion.joints.copy()
     moved = np.linalg.norm(shift, axis=1) > 0.0
-    pelvis = base.pelvis_rotation
+    pelvis = Rotation.from_quat(motion.root_quaternion, scalar_first=True).as_matrix()
     for side, letter in enumerate(SIDES):
         hip, ankle = base.hip[:, side] + shift, base.ankle[:, side]
         line = ankle - hip

@@ -19,6 +19,7 @@ from flexmotion.dataset.gestures.clearance import clearance
 from flexmotion.dataset.gestures.overlay import overlaid
 from flexmotion.dataset.gestures.plan import Plan, draw_plan
 from flexmotion.dataset.gestures.recipes import Gesture, Ground
+from flexmotion.human.joint_limits import joint_limits
 from flexmotion.human.motion import Motion
 from flexmotion.human.motion_file import save_motion
 from flexmotion.human.skeleton import LEFT
@@ -157,7 +158,7 @@ def _fitting(bases: Sequence[Base], ground: Ground, held_out: bool) -> list[Base
 
 
 def gesture_over(gesture: Gesture, base: Base, side: int, rng: np.random.Generator) -> tuple[Motion, Plan] | None:
-    """Draw a gesture over a base; None where it does not fit the base, or comes too near to the body.
+    """Draw a gesture over a base; None where it does not fit base, joints or body.
 
     Args:
         gesture: the recipe.
@@ -170,6 +171,9 @@ def gesture_over(gesture: Gesture, base: Base, side: int, rng: np.random.Generat
     if before is None:
         return None
     motion = overlaid(before, plan, rng)
+    lowest, highest = joint_limits().T
+    if (np.minimum(motion.joints - lowest, highest - motion.joints) < -1e-9).any():
+        return None
     frames = slice(int(max(plan.start, 0.0) * motion.fps), int(plan.end * motion.fps) + 1)
     least = TOUCH if gesture.touch else CLEAR
     if clearance(motion, frames) < min(least, clearance(before) - 0.005):

@@ -14,6 +14,7 @@ from flexmotion.dataset.gestures.plan import Plan
 from flexmotion.dataset.gestures.tracks import Stroke, rotations, unrest, values
 from flexmotion.human.angles import three_angle_rotation, three_angles
 from flexmotion.human.joint_limits import joint_limits
+from flexmotion.human.kinematics import forward
 from flexmotion.human.motion import Motion
 from flexmotion.human.skeleton import JOINTS, SIDES
 
@@ -52,8 +53,11 @@ def overlaid(base: Motion, plan: Plan, rng: np.random.Generator) -> Motion:
     motion = replace(
         base, joints=joints, torques=None, wrenches=None, activations=None, joint_contact=None, contacts=None
     )
-    down = values(times, plan.strokes, plan.targets.down, np.zeros((len(times), 1)))[:, 0]
-    return lowered_pelvis(motion, down * base.body.leg)
+    down, tilt = values(times, plan.strokes, plan.targets.down, np.zeros((len(times), 2))).T
+    if not down.any():
+        return motion
+    # People keep their balance: over the feet, where they stood.
+    return lowered_pelvis(motion, down * base.body.leg, tilt, forward(base).com)
 
 
 def _arm(joints: Float, times: Float, plan: Plan, side: int, rng: np.random.Generator) -> None:

@@ -40,7 +40,7 @@ class Targets:
     Attributes:
         arms: of left and right arm.
         head, trunk: angles beside the base's: extension, bending, rotation, (3,) [rad].
-        down: lowering of the pelvis [leg lengths], (1,).
+        down: lowering of the pelvis [leg lengths] and its tilt [rad], (2,).
     """
 
     arms: tuple[tuple[ArmAngles | None, ...], tuple[ArmAngles | None, ...]]
@@ -141,7 +141,9 @@ class _Drawn:
         out = 1.0 if side == LEFT else -1.0
         self.head = None if pose.head is None else _neck(pose.head, out, rng)
         self.trunk = None if pose.trunk is None else _lumbar(pose.trunk, out, rng)
-        self.down = None if pose.down is None else np.array([_within(pose.down, rng)])
+        self.down = (
+            None if pose.down is None else np.array([_within(pose.down, rng), np.radians(_within(pose.tilt, rng))])
+        )
 
 
 def _neck(head: HeadPose, out: float, rng: np.random.Generator) -> Float:
@@ -174,10 +176,11 @@ class _Speeds:
             ends = [None if pose is None else pose.arms[side] for pose in (before, after)]
             if ends[0] is not None or ends[1] is not None:
                 found.append(_greatest_speed(ends, body, side) / self._hand)
-        for name, speed in (("head", self._head), ("trunk", self._trunk), ("down", self._sink)):
+        trunk_and_pelvis = [self._sink, self._trunk]
+        for name, speed in (("head", self._head), ("trunk", self._trunk), ("down", trunk_and_pelvis)):
             first, second = (None if pose is None else getattr(pose, name) for pose in (before, after))
-            way = np.linalg.norm(np.asarray(0.0 if second is None else second) - (0.0 if first is None else first))
-            found.append(PEAK * float(way) / speed)
+            way = np.asarray(0.0 if second is None else second) - (0.0 if first is None else first)
+            found.append(PEAK * float(np.linalg.norm(way / np.asarray(speed))))
         return max(found)
 
 

@@ -92,6 +92,7 @@ class Pose(Strict):
         both_arms: of both sides, symmetrical.
         head, trunk: angles beside the base's.
         down: by how much the pelvis is lowered over standing feet [leg lengths].
+        tilt: by how much it tilts forward meanwhile [degrees].
     """
 
     arm: ArmPose | None = None
@@ -100,6 +101,7 @@ class Pose(Strict):
     head: HeadPose | None = None
     trunk: TrunkPose | None = None
     down: Span | None = None
+    tilt: Span = (0.0, 0.0)
 
     @model_validator(mode="after")
     def _arms_once(self) -> Pose:
