@@ -97,6 +97,7 @@ CATALOGUE = (
         "own metrics less than 20 % better, Fréchet distance above 1.1 x",
     ),
     Benchmark("model/variants", "40 min", (Need.TRAIN, Need.SET), "held-out forces worse with variants than without"),
+    Benchmark("model/personal", "2 min", (Need.TRAINING,), "normal motion moves by more than .1 of what was shown"),
     Benchmark("model/motion_pictures", "1 min", (Need.SET,)),
     Benchmark("biomechanics/gait", "5 s", (Need.CLIPS,), "a force or moment over its target"),
     Benchmark("biomechanics/plates", "10 s", (Need.CLIPS,), "a vertical force over its target"),
