@@ -15,7 +15,6 @@ from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.schema import Strict, load, parse
 from flexmotion.configs.versions import FormatVersions
 from flexmotion.human.body import Sex
-from flexmotion.text.manners import NORMAL
 
 MANIFEST = "manifest.json"
 SCHEMA_VERSIONS = FormatVersions(
@@ -81,19 +80,10 @@ class Judged(Strict):
 
 
 class Repertoire(Strict):
-    """What a bundle was judged to do, by kind of motion and by manner. It offers what passed, and nothing else."""
+    """What a bundle was judged to do, by kind of motion and by manner; see `repertoire`. None: not judged."""
 
-    kinds: dict[str, Judged] = {}
-    manners: dict[str, Judged] = {}
-
-    @property
-    def offered_kinds(self) -> frozenset[str]:
-        """Kinds of motion whose judge passed."""
-        return frozenset(name for name, judged in self.kinds.items() if judged.passed)
-
-    def offers_manner(self, name: str) -> bool:
-        """Whether the judge of a manner passed; the normal one is always offered."""
-        return name == NORMAL or (name in self.manners and self.manners[name].passed)
+    kinds: dict[str, Judged] | None = None
+    manners: dict[str, Judged] | None = None
 
 
 class Manifest(Strict):

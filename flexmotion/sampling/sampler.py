@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexmotion.bundles.bundle import DECODER, DENOISER, Bundle
+from flexmotion.bundles.repertoire import offered_kinds, offered_manners
 from flexmotion.configs.errors import ConfigError
 from flexmotion.features.decode import Anchor, decode
 from flexmotion.features.encode import LEAD, encode
@@ -89,15 +90,14 @@ class Sampler:
         self._decoder = open_session(bundle.folder / DECODER)
         prompts = bundle.prompts
         known, embeddings = bundle.manners.names, bundle.manners.embeddings
-        judged = None if unjudged else manifest.repertoire
         self._manners = dict(zip(known, embeddings, strict=True))
-        self.manners = known if judged is None else tuple(name for name in known if judged.offers_manner(name))
+        self.manners = known if unjudged else offered_manners(bundle)
         self.reader = PromptReader(
             bundle.folder,
             prompts.kinds,
             prompts.embeddings,
             bundle.listener,
-            None if judged is None else judged.offered_kinds,
+            None if unjudged else offered_kinds(bundle),
             self.manners,
             bundle.manner_listener,
         )

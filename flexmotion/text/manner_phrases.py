@@ -12,10 +12,13 @@ _FOR = r"for\s+(?:\d|an?|one|two|three|four|five|six|seven|eight|nine|ten|some|h
 _ENDS = "and|then|while|until|for|twice|once|again|please|with|to|towards?|across|down|into|through"
 _JOINT = rf"(?=\s*(?:$|[,.;!?]|\b(?:{_ENDS})\b))"
 
+_NOUNS = "|".join(sorted(map(re.escape, manners.manner_nouns()), key=lambda noun: -len(noun)))
+
 _OPEN = re.compile(
     rf"""\b(?P<like>(?:just\s|exactly\s)?like\s(?!to\b|you\s(?:to|facing|wave|being)\b)[^,.;!?]+?){_JOINT}
     | \b(?P<if>as\s(?:if|though)\s[^,.;!?]+?)(?=\s*(?:$|[,.;!?]|\b(?:and|then|while|twice|once|{_FOR})\b))
     | \b(?P<way>in\san?\s(?:[\w'-]+\s){{1,3}}(?:way|manner|fashion|style|mood|mode))\b
+    | \b(?P<noun>(?:with|in|full\sof)\s(?:(?:an?|the|of|[\w'-]+)\s){{0,3}}?(?:{_NOUNS}))\b
     | \b(?P<adverb>\w+ly)\b""",
     re.VERBOSE,
 )

@@ -12,6 +12,10 @@ from flexmotion.text.manners import NORMAL, manners
 from flexmotion.text.sayings import NOTHING
 from flexmotion.text.sentence_encoder import SentenceEncoder
 
+SURE, SURE_OF_NORMAL = 0.5, 0.8
+"""Least probability of a manner; a phrase that is taken for the normal one is not done and not told, so it must be
+surer."""
+
 
 @dataclass(frozen=True)
 class HeardManner:
@@ -72,5 +76,6 @@ class MannerReader:
         if phrase.manner is not None or self._listener is None:
             return phrase
         pieces = self._encode.pieces(phrase.text)
-        heard, _ = self._listener.heard(phrase.text, self._encode(phrase.text), pieces)
-        return MannerPhrase(phrase.text, None if heard == NOTHING else heard, phrase.start, phrase.end)
+        heard, share = self._listener.heard(phrase.text, self._encode(phrase.text), pieces)
+        unsure = heard == NOTHING or share < (SURE_OF_NORMAL if heard == NORMAL else SURE)
+        return MannerPhrase(phrase.text, None if unsure else heard, phrase.start, phrase.end)

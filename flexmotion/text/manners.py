@@ -57,6 +57,11 @@ def neutral_words() -> frozenset[str]:
     return frozenset(_file()["neutral"])
 
 
+def manner_nouns() -> tuple[str, ...]:
+    """What phrases with "with", "in" and "full of" name where they say a manner."""
+    return tuple(_file()["nouns"])
+
+
 def unknown_manners() -> tuple[str, ...]:
     """Phrases that say a manner of none of these kinds, for a listener."""
     return tuple(_file()["unknown"])

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from flexmotion.text.listener import Listener
 from flexmotion.text.manner_phrases import without_phrases
-from flexmotion.text.manner_reader import MannerReader
+from flexmotion.text.manner_reader import HeardManner, MannerReader
 from flexmotion.text.manners import NORMAL
 from flexmotion.text.phrases import STAND
 from flexmotion.text.sayings import NOTHING
@@ -154,6 +154,10 @@ class PromptReader:
         # Standing has one manner.
         manner, dropped = (NORMAL, how.all_dropped) if kind == STAND else (how.manner, how.dropped)
         return Prompt(_unit(mixture), kind, best, True, share=share, manner=manner, dropped=dropped)
+
+    def manner(self, sentence: str) -> HeardManner:
+        """How a sentence asks for its motion, whether the model offers that or not."""
+        return self._manner(sentence)
 
     def _classified(self, sentence: str, embedding: NDArray[np.float32], likeness: float) -> tuple[str, float]:
         """Kind of motion, or `NOTHING`, and its share."""

@@ -87,14 +87,21 @@ class Sentences:
         clips: of the store.
         encode: sentence to embedding.
         named: whether sentences also name the manner; a denoiser gets it apart from them, an evaluator does not.
+        personal: whether the clips are of one person: those without a label are then walking where they walk straight.
 
     Raises:
         ConfigError: no clip has a caption or a known label, so there is no sentence to learn.
     """
 
     def __init__(
-        self, clips: Iterable[StoredClip], encode: Callable[[str], np.ndarray], *, named: bool = False
+        self,
+        clips: Iterable[StoredClip],
+        encode: Callable[[str], np.ndarray],
+        *,
+        named: bool = False,
+        personal: bool = False,
     ) -> None:
+        self._personal = personal
         self._share = UNSTYLED if named else 1.0
         self._number: dict[str, int] = {}
         cache: dict[tuple, tuple[np.ndarray, np.ndarray]] = {}
@@ -116,7 +123,7 @@ class Sentences:
             self.kinds.append(kind)
             self._shown.append(shown(clip.labels))
             self._parts.append(tuple((int(self._rows([text])[0]), start, end) for text, start, end in clip_parts(clip)))
-        if not any(map(len, (*self._plain, *self._parts))):
+        if not any(map(len, (*self._plain, *self._parts))) and not personal:
             raise ConfigError(
                 "the set: no clip has a caption or a known label; put the collection's *_index.csv or *_captions.csv"
                 " beside its files and build the set again (docs/biomechanics.md)"
@@ -164,7 +171,7 @@ class Sentences:
                 choice = self._of_kind[STAND]
             elif parts:
                 choice = np.array(parts, np.intp)
-            elif straight[at] and kind.startswith("walk-turn"):
+            elif straight[at] and (kind.startswith("walk-turn") or (self._personal and not len(self._plain[clip]))):
                 choice = self._of_kind["walk"]
             else:
                 choice = (self._plain if rng.random() < self._share else self._styled)[clip]
@@ -244,8 +251,8 @@ def describe(
         has_manner, manner = np.zeros(len(rows), np.bool_), torch.zeros(len(rows), width)
     else:
         ways, manner = manners.draw(rng, clips, width)
-        # A manner without a kind is never asked for: what is left of a request without its sentence is nothing.
-        has_manner = (ways != NONE) & has_sentence & (rng.random(len(rows)) >= drop.manner)
+        # What is left of a request without its sentence is nothing; a person's clips may have no label at all.
+        has_manner = (ways != NONE) & (has_sentence | manners.personal) & (rng.random(len(rows)) >= drop.manner)
     present = np.stack([has_sentence, has_velocity, has_manner], axis=1)
     return Conditions(
         row=rows,

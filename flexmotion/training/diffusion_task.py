@@ -88,7 +88,10 @@ class DiffusionTask:
         self.autoencoder = autoencoder.to(processes.device).eval().requires_grad_(False)
         self.noise = NoiseSchedule(config.diffusion.steps, processes.device)
         self.network = Denoiser(config.diffusion, config.window, store.layout, autoencoder.latent).to(processes.device)
-        sentences, manners = Sentences(store.clips, encode), Manners(store.clips, encode, personal)
+        sentences, manners = (
+            Sentences(store.clips, encode, personal=bool(personal)),
+            Manners(store.clips, encode, personal),
+        )
         self.training, self.held_out = (
             LatentSet(config, store, split, self.autoencoder, sentences, manners, processes)
             for split in ("train", held_out)

@@ -25,12 +25,14 @@ class Manners:
 
     Attributes:
         names: manners that at least one clip shows, in order.
+        personal: whether the manner is a personal one.
         of_clip: index of each clip's manner in `names`, (clips,); `NONE` where it is unknown.
     """
 
     def __init__(
         self, clips: Iterable[StoredClip], encode: Callable[[str], np.ndarray], personal: tuple[str, ...] = ()
     ) -> None:
+        self.personal = bool(personal)
         found = [personal[0] if personal else clip_manner(clip.labels, clip.whole_captions) for clip in clips]
         self.names = tuple(sorted({name for name in found if name is not None}))
         number = {name: at for at, name in enumerate(self.names)}

@@ -1,7 +1,7 @@
 """Personalisation: fine-tunes a trained model on one person's clips.
 
-Half of every step's loss is of the person's clips, whose sentences name the person, and half of the clips that the
-model was trained on (prior preservation: Ruiz et al., DreamBooth, CVPR 2023), or of motion that the model sampled
+Half of every step's loss is of the person's clips, whose manner is the person's, and half of the clips that the model
+was trained on (prior preservation: Ruiz et al., DreamBooth, CVPR 2023), or of motion that the model sampled
 before, where those are not at hand. Autoencoder, statistics and sentence encoder are not changed.
 """
 
@@ -16,6 +16,7 @@ from typing import cast
 from torch import Tensor, nn
 
 from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.model import ModelConfig
 from flexmotion.dataset.compact_set import open_set
 from flexmotion.text.sentence_encoder import NETWORK, SentenceEncoder
 from flexmotion.training.autoencoder_task import load_autoencoder
@@ -60,13 +61,19 @@ class PersonalTask:
         return {"loss": self._prior * kept + (1 - self._prior) * learnt, "kept": kept, "learnt": learnt}
 
 
+def always_asked(config: ModelConfig) -> ModelConfig:
+    """The configuration with sentence and manner in every sample: without them, motion stays that of the model."""
+    diffusion = config.diffusion.model_copy(update={"drop_text": 0.0, "drop_manner": 0.0})
+    return config.model_copy(update={"diffusion": diffusion})
+
+
 def personal_run(trained: Run, out: Path, manner: str) -> Run:
     """Make a new run with the stages of a trained one that personalisation keeps.
 
     Args:
         trained: with autoencoder, text and diffusion.
         out: folder of the new run; an existing run there is resumed.
-        manner: words appended to every sentence, such as "like Ada".
+        manner: words that ask for it, such as "like Ada".
 
     Raises:
         ConfigError: a stage of the trained run is missing.
@@ -112,7 +119,9 @@ def personal_task(
     known = trained.stage("diffusion")
     # A few clips may have none in the validation split.
     held_out = "validation" if any(clip.split == "validation" for clip in store.clips) else "train"
-    person = DiffusionTask(run.config, store, autoencoder, encode, run.seed, processes, (manner,), held_out, known)
+    person = DiffusionTask(
+        always_asked(run.config), store, autoencoder, encode, run.seed, processes, (manner,), held_out, known
+    )
     if base_store is None:
         return PersonalTask(OwnSamples(person, encode, run.summary(), run.seed), person)
     base = DiffusionTask(run.config, base_store, autoencoder, encode, run.seed, processes, trained=known)

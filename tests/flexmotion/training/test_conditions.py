@@ -97,3 +97,11 @@ def test_a_clip_that_shows_its_kind_for_a_while_is_of_it_only_then() -> None:
         assert all(
             found.texts[row] in wordings("stand") for row, of_kind in zip(rows, said, strict=True) if not of_kind
         )
+
+
+def test_a_person_s_clips_need_no_labels() -> None:
+    """Regression: six clips without an index could not be personalised to."""
+    found = Sentences([clip({}), clip({"content": "bow"})], embedded, personal=True)
+    off, walks = np.zeros(3, np.bool_), np.array([True, False, False])
+    rows = found.draw(np.random.default_rng(0), np.array([0, 0, 1]), off, walks)
+    assert found.texts[rows[0]] in wordings("walk") and rows[1] == NONE and found.texts[rows[2]] in wordings("bow")
