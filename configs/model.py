@@ -117,6 +117,8 @@ class DiffusionConfig(Strict):
         text: width of the sentence embeddings.
         velocity: whether a velocity of the root can be commanded.
         drop_text, drop_velocity, drop_history: share of samples without this condition, as guidance needs.
+        drop_manner: share of samples with a sentence that are given no manner; those without sentence never are.
+        normal: least share of a kind's samples in the normal manner, where it has clips of it.
         history_noise: standard deviation of the noise on the history, of normalised features.
         decoded: weight of the error of the decoded motion; that of the latent has weight 1.
         decoded_every: one of this many samples of a batch is decoded (decoding costs as much as denoising).
@@ -126,6 +128,7 @@ class DiffusionConfig(Strict):
         switch_frames: frames of this change.
         roll_out_from, roll_out_grown: training steps at which roll-outs begin and reach their final share.
         guidance: default scale of classifier-free guidance.
+        manner_guidance: likewise, of the manner against any manner.
         sampling_steps: default number of DDIM steps.
     """
 
@@ -136,6 +139,8 @@ class DiffusionConfig(Strict):
     drop_text: float = Field(default=0.1, ge=0, le=1)
     drop_velocity: float = Field(default=0.5, ge=0, le=1)
     drop_history: float = Field(default=0.0, ge=0, le=1)
+    drop_manner: float = Field(default=0.15, ge=0, le=1)
+    normal: float = Field(default=0.4, ge=0, lt=1)
     history_noise: float = Field(default=0.0, ge=0)
     decoded: float = Field(default=0.0, ge=0)
     decoded_every: int = Field(default=1, gt=0)
@@ -146,6 +151,7 @@ class DiffusionConfig(Strict):
     roll_out_from: int = Field(default=0, ge=0)
     roll_out_grown: int = Field(default=1, ge=1)
     guidance: float = Field(default=2.5, gt=0)
+    manner_guidance: float = Field(default=1.5, gt=0)
     sampling_steps: int = Field(default=50, gt=0)
 
     @model_validator(mode="after")

@@ -35,7 +35,7 @@ from flexmotion.training.autoencoder import Autoencoder
 from flexmotion.training.autoencoder_task import AutoencoderTask, load_autoencoder
 from flexmotion.training.diffusion_task import DiffusionTask
 from flexmotion.training.evaluate import Features, Generator, Judge
-from flexmotion.training.export import export, with_proportions
+from flexmotion.training.export import export
 from flexmotion.training.processes import Processes, use_threads
 from flexmotion.training.run import Run
 from flexmotion.training.stage import Task, train_stage
@@ -189,7 +189,7 @@ def main(
     if not source.layout.muscles:
         raise ConfigError(f"{training}: has no muscles, so their losses cannot be measured")
     reduction = Reduction(width, layers, steps, diffusion_steps)
-    judge = Judge(source, with_proportions(Body(), source.store()), windows)
+    judge = Judge(source, source.summary().with_proportions(Body()), windows)
     figures: dict[str, list[dict[str, float]]] = {variant: [] for variant in (ALL, *WITHOUT)}
     settings = asdict(reduction) | {"windows": windows, "sampling_steps": sampling_steps}
     for seed in range(seeds):

@@ -1,7 +1,8 @@
 """Does the model do what a prompt asks, in wordings that it was not trained on?
 
-Samples every wording of `prompts.yaml` from standing; geometric checks judge the motion, kind by kind. Fails below 90 %
-overall or 70 % of a kind.
+Samples every wording of `prompts.yaml` from standing, and of `gesture_prompts.yaml` those whose kind the bundle has;
+geometric checks judge the motion, kind by kind. Fails below 90 % overall or 70 % of a kind. With `--write` the bundle's
+manifest gets the figure of each kind; one below `OFFERED` is not offered from then on.
 """
 
 from __future__ import annotations
@@ -16,17 +17,22 @@ from rich.table import Table
 
 from benchmarks.model.roll_out import always, roll_out
 from benchmarks.shared.cells import share
+from benchmarks.shared.gesture_judges import GESTURE_CHECKS
 from benchmarks.shared.judges import SIDES, at_least, frame_velocities, waves
 from benchmarks.shared.model import open_sampler
-from benchmarks.shared.options import BundleArgument, CsvOption, StepsOption
+from benchmarks.shared.options import BundleArgument, CsvOption, StepsOption, WriteOption
 from benchmarks.shared.outcome import Outcome, Verdict, write_csv
-from benchmarks.shared.prompts import PromptKind, prompt_kinds
+from benchmarks.shared.prompts import PromptKind, gesture_kinds, prompt_kinds
+from flexmotion.bundles.manifest import Judged
+from flexmotion.bundles.repertoire import write_judged
 from flexmotion.human.kinematics import HumanKinematics, forward
 from flexmotion.human.motion import Motion
 from flexmotion.sampling.sampler import Sampler
 from flexmotion.spatial.heading import continuous_matrix_heading
 
 OVERALL, EACH = 0.9, 0.7
+OFFERED = 0.85
+"""Share of samples from which on a kind is offered."""
 REACH = 0.05
 """A waving hand moves by at least so much between two reversals [m]."""
 NEAR = 0.1
@@ -84,18 +90,24 @@ CHECKS: dict[str, Callable[[Motion, HumanKinematics, Any], bool]] = {
     "leans": leans,
     "rises": rises,
     "swings": swings,
+    **GESTURE_CHECKS,
 }
-"""By the names that `prompts.yaml` uses."""
+"""By the names that `prompts.yaml` and `gesture_prompts.yaml` use."""
 
 
 def passed(sampler: Sampler, entry: PromptKind, wording: str, samples: int, seconds: float) -> list[bool]:
     """Whether each sample of a wording does what its kind asks."""
     found = []
     for seed in range(samples):
-        motion = roll_out(sampler, always(wording), seconds, seed).motion
-        human = forward(motion)
-        found.append(all(CHECKS[name](motion, human, wanted) for name, wanted in entry.check.items()))
+        motion = roll_out(sampler, always(wording), entry.seconds or seconds, seed).motion
+        found.append(judged(entry, motion))
     return found
+
+
+def judged(entry: PromptKind, motion: Motion) -> bool:
+    """Whether a motion passes all checks of a kind."""
+    human = forward(motion)
+    return all(CHECKS[name](motion, human, wanted) for name, wanted in entry.check.items())
 
 
 def main(
@@ -104,16 +116,30 @@ def main(
     seconds: Annotated[float, typer.Option(min=1.0, help="Length of a sample [s].")] = 4.0,
     steps: StepsOption = None,
     csv_out: CsvOption = None,
+    write: WriteOption = False,
 ) -> Outcome:
     """Sample all prompts and judge."""
-    sampler, shares = open_sampler(bundle, steps), {}
+    sampler, shares = open_sampler(bundle, steps, unjudged=True), {}
     table = Table("kind", "done", "understood as", title="Prompts")
-    for entry in prompt_kinds():
+    own = [entry for entry in gesture_kinds() if entry.kind in sampler.bundle.prompts.kinds]
+    for entry in [*prompt_kinds(), *own]:
         done = [passed(sampler, entry, wording, samples, seconds) for wording in entry.wordings]
         shares[entry.kind] = share([own for each in done for own in each])
         kinds = ", ".join(sampler.prompt(wording).kind for wording in entry.wordings)
         table.add_row(entry.kind, f"{100 * shares[entry.kind]:.0f} %", kinds)
     Console(width=140).print(table)
+    if write:
+        judged = {
+            entry.of: Judged(
+                judge="model/prompts",
+                samples=samples * len(entry.wordings),
+                share=shares[entry.kind],
+                least=OFFERED,
+            )
+            for entry in [*prompt_kinds(), *own]
+            if entry.of in sampler.bundle.prompts.kinds
+        }
+        write_judged(sampler.bundle, kinds=judged)
     overall, worst = float(np.mean(list(shares.values()))), min(shares, key=lambda kind: shares[kind])
     if csv_out is not None:
         write_csv(csv_out, [{"kind": kind, "share": own} for kind, own in [*shares.items(), ("overall", overall)]])

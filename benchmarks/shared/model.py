@@ -22,10 +22,12 @@ def open_bundle(folder: Path | None) -> Bundle:
     return Bundle(found)
 
 
-def open_sampler(folder: Path | None, steps: int | None = None) -> Sampler:
+def open_sampler(folder: Path | None, steps: int | None = None, *, unjudged: bool = False) -> Sampler:
     """A sampler of the bundle of a folder, or of the shipped one; `steps` of the diffusion, by default the bundle's.
+
+    `unjudged`: with the kinds that the bundle was not judged to do, for their judges.
 
     Raises:
         ConfigError: as `open_bundle`.
     """
-    return Sampler(open_bundle(folder), steps)
+    return Sampler(open_bundle(folder), steps, unjudged=unjudged)

@@ -10,6 +10,7 @@ from typing import Any
 import yaml
 
 FILE = Path(__file__).with_name("prompts.yaml")
+GESTURES = Path(__file__).with_name("gesture_prompts.yaml")
 LOCOMOTION = {"walks", "sideways", "turns"}
 """Checks of prompts that move the body over the ground or turn it."""
 
@@ -22,11 +23,15 @@ class PromptKind:
         kind: its name.
         wordings: sentences that ask for it.
         check: name of a check -> the limit that the motion must reach, as `prompts.yaml` explains.
+        seconds: length of a sample [s]; None for the benchmark's.
+        of: kind of motion of a bundle that it asks for; None: of none.
     """
 
     kind: str
     wordings: tuple[str, ...]
     check: dict[str, Any]
+    seconds: float | None = None
+    of: str | None = None
 
     @property
     def moves(self) -> bool:
@@ -38,4 +43,13 @@ class PromptKind:
 def prompt_kinds() -> tuple[PromptKind, ...]:
     """All kinds, as `prompts.yaml` lists them."""
     rows = yaml.safe_load(FILE.read_text(encoding="utf-8"))
-    return tuple(PromptKind(row["kind"], tuple(row["wordings"]), row["check"]) for row in rows)
+    return tuple(PromptKind(row["kind"], tuple(row["wordings"]), row["check"], of=row.get("of")) for row in rows)
+
+
+@lru_cache
+def gesture_kinds() -> tuple[PromptKind, ...]:
+    """Gestures, as `gesture_prompts.yaml` lists them; `kind` is that of a bundle, which may lack it."""
+    rows = yaml.safe_load(GESTURES.read_text(encoding="utf-8"))
+    return tuple(
+        PromptKind(row["kind"], tuple(row["wordings"]), row["check"], row.get("seconds"), row["kind"]) for row in rows
+    )

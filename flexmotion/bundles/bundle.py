@@ -30,6 +30,14 @@ class Prompts:
     embeddings: np.ndarray
 
 
+@dataclass(frozen=True)
+class KnownManners:
+    """Manners that a bundle was trained on, (M,), and the unit embedding of each, (M, D)."""
+
+    names: tuple[str, ...]
+    embeddings: np.ndarray
+
+
 class Bundle:
     """A bundle in a folder; every file is checked when it is opened.
 
@@ -61,7 +69,8 @@ class Bundle:
             if sha256(file) != expected:
                 raise ConfigError(f"{file}: differs from the manifest (hash)")
         if self.manifest.corrections.speeds:
-            self.manifest.corrections.require_known(self.prompts.kinds, f"{path}: corrections")
+            known = {*self.prompts.kinds, *self.listener.kinds}
+            self.manifest.corrections.require_known(known, f"{path}: corrections")
 
     @cached_property
     def arrays(self) -> dict[str, np.ndarray]:
@@ -93,8 +102,24 @@ class Bundle:
     @property
     def listener(self) -> Listener:
         """Classifies sentences by kind of motion."""
-        kinds, weights = self.arrays["listener_kinds"], self.arrays["listener_weights"].astype(np.float32)
-        return Listener([str(name) for name in kinds], self.arrays["listener_pieces"], weights)
+        return self._listener("listener")
+
+    @property
+    def manner_listener(self) -> Listener | None:
+        """Classifies phrases by the manner that they say; None before schema 6."""
+        return self._listener("manner_listener") if "manner_listener_kinds" in self.arrays else None
+
+    def _listener(self, name: str) -> Listener:
+        kinds, pieces = self.arrays[f"{name}_kinds"], self.arrays[f"{name}_pieces"]
+        return Listener([str(kind) for kind in kinds], pieces, self.arrays[f"{name}_weights"].astype(np.float32))
+
+    @property
+    def manners(self) -> KnownManners:
+        """Manners that it was trained on; none where the manner is no input of its network."""
+        if not self.manifest.manner:
+            return KnownManners((), np.zeros((0, self.prompts.embeddings.shape[1]), np.float32))
+        names = tuple(str(name) for name in self.arrays["manner_names"])
+        return KnownManners(names, self.arrays["manner_embeddings"].astype(np.float32))
 
     @property
     def body(self) -> Body:

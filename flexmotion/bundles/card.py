@@ -38,6 +38,7 @@ class Making:
         hours, clips: of the training split.
         seed: of everything.
         stages: name -> result, in order.
+        begun: release that the training began from; empty for none.
     """
 
     config: str
@@ -45,6 +46,7 @@ class Making:
     clips: int
     seed: int
     stages: Mapping[str, Trained]
+    begun: str = ""
 
     def commands(self, *, corrected: bool) -> list[str]:
         """Commands that make the bundle from the set; `corrected`: with a file of corrections."""
@@ -52,12 +54,14 @@ class Making:
         for name, stage in self.stages.items():
             several = f"torchrun --nproc-per-node {stage.processes} -m flexmotion.streamer"
             begin = several if stage.processes > 1 else "flexmotion"
-            begun = "" if found else f"--set SET --config {self.config} --seed {self.seed} "
+            start = "--from RELEASE" if self.begun else f"--config {self.config} --seed {self.seed}"
+            begun = "" if found else f"--set SET {start} "
             if begun and stage.processes > 1:  # one process computes the features
                 found.append(f"flexmotion train {name} {begun}--steps 1 -o TRAINING")
                 begun = ""
             found.append(f"{begin} train {name} {begun}--steps {stage.steps} -o TRAINING")
-        found.insert(1, "flexmotion train text -o TRAINING")
+        if not self.begun:
+            found.insert(1, "flexmotion train text -o TRAINING")
         options = "" if "distill" in self.stages else " --diffusion"
         options += " --corrections CORRECTIONS" if corrected else ""
         return [*found, f"flexmotion export TRAINING -o BUNDLE{options}"]
@@ -90,6 +94,10 @@ def write_card(folder: Path, manifest: Manifest, made: Making) -> None:
         "",
         "SET is what `flexmotion data build` makes of the collections named above. Batches are those of each",
         "process (`stages` in the configuration).",
+        *(
+            [f"RELEASE is the weights file of {made.begun}; a stage that it holds goes on at its step."]
+            * bool(made.begun)
+        ),
         "",
         "| stage | steps | batch | best at | on held-out clips |",
         "|---|---|---|---|---|",

@@ -8,6 +8,8 @@ import re
 from pathlib import Path
 from typing import Any
 
+from pydantic import Field
+
 from flexmotion.configs.corrections import Corrections
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.schema import Strict, load, parse
@@ -18,7 +20,7 @@ MANIFEST = "manifest.json"
 SCHEMA_VERSIONS = FormatVersions(
     kind="bundle",
     oldest=3,
-    newest=5,
+    newest=6,
     migration="export the bundle anew from its training folder ('flexmotion export')",
     field="schema_",
 )
@@ -44,6 +46,9 @@ CORRECTIONS_OF_3 = Corrections(
 """Corrections of every bundle of schema 3: they were constants of the sampler."""
 
 
+_SINCE_6 = ("manner", "manner_guidance", "repertoire")
+
+
 class BodySize(Strict):
     """Size [m], mass [kg] and proportions (`human.body.Segments`) of the generated human."""
 
@@ -51,6 +56,34 @@ class BodySize(Strict):
     mass: float
     sex: Sex
     segments: dict[str, float]
+
+
+class Judged(Strict):
+    """Result of a judge: how many samples of a kind of motion, or of a manner, it found to be what was asked.
+
+    Attributes:
+        judge: its name.
+        samples: that it judged.
+        share: of them that are what was asked, in [0, 1].
+        least: share from which on it passes.
+    """
+
+    judge: str
+    samples: int = Field(gt=0)
+    share: float = Field(ge=0, le=1)
+    least: float = Field(ge=0, le=1)
+
+    @property
+    def passed(self) -> bool:
+        """Whether a bundle may offer it."""
+        return self.share >= self.least
+
+
+class Repertoire(Strict):
+    """What a bundle was judged to do, by kind of motion and by manner; see `repertoire`. None: not judged."""
+
+    kinds: dict[str, Judged] | None = None
+    manners: dict[str, Judged] | None = None
 
 
 class Manifest(Strict):
@@ -67,7 +100,10 @@ class Manifest(Strict):
         times: length of the noise schedule.
         guided: whether the guidance scale is an input of the network (few steps); else guidance takes two evaluations.
         guidance: default scale.
+        manner_guidance: default scale of the manner.
         velocity: whether a velocity can be commanded.
+        manner: whether the manner is an input of the network; before schema 6 it is not.
+        repertoire: figures of its judges; None: it was not judged, and offers every kind and manner of its training.
         body: the generated human.
         corrections: fitted to this model.
         licence: of the weights.
@@ -89,7 +125,10 @@ class Manifest(Strict):
     times: int
     guided: bool
     guidance: float
+    manner_guidance: float = 1.0
     velocity: bool
+    manner: bool = False
+    repertoire: Repertoire | None = None
     body: BodySize
     corrections: Corrections = Corrections()
     licence: str
@@ -143,9 +182,13 @@ def equivalent_hashes(manifest: Manifest) -> tuple[str, ...]:
     that names one of these hashes was recorded with the same model.
     """
     texts = [_text(manifest.model_dump())]
+    if manifest.manner or manifest.repertoire is not None:
+        return tuple(hashlib.sha256(text.encode()).hexdigest() for text in texts)
+    content = manifest.model_dump(exclude=set(_SINCE_6)) | {"schema_": "flexmotion.bundle/5"}
+    texts.append(_text(content))
     if not manifest.joint_contact:
-        content = manifest.model_dump(exclude={"joint_contact"}) | {"schema_": "flexmotion.bundle/4"}
-        texts.append(_text(content))
+        del content["joint_contact"]
+        texts.append(_text(content | {"schema_": "flexmotion.bundle/4"}))
         if manifest.corrections == CORRECTIONS_OF_3:
             del content["corrections"]
             texts.append(_text(content | {"schema_": "flexmotion.bundle/3"}))

@@ -13,7 +13,7 @@ COLUMNS = ("trial", "start_s", "end_s", "caption", "source")
 
 @dataclass(frozen=True)
 class Caption:
-    """Sentence about a clip from `start` to `end` [s], and its source."""
+    """Sentence about a clip from `start` to `end` [s], and its source; an end of 0 is that of the clip."""
 
     start: float
     end: float

@@ -4,6 +4,7 @@
 *.tar.xz, *.tar.gz, *.zip …        unpacked beside the set, then searched
 *_index.csv                        `file` or `trial` -> split, content and style, or action
 *_captions.csv                     see `captions`
+texts/*.txt, train.txt, val.txt …  see `motion_language`
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ import numpy as np
 
 from flexmotion.configs.errors import MotionFormatError
 from flexmotion.dataset.captions import Caption, read_captions
+from flexmotion.dataset.motion_language import is_mirror_image, is_split, is_text, read_split, read_texts
 from flexmotion.dataset.splits import split_of
 from flexmotion.importers.acclaim import find_skeleton
 from flexmotion.importers.packed import is_packed
@@ -28,6 +30,10 @@ LOOSE = (".bvh", ".amc", ".npy", ".trc", ".c3d")
 """Suffixes of files with one clip, the most informative first: rotations before joint centres."""
 
 ARCHIVES = (".tar.xz", ".tar.gz", ".tgz", ".tar", ".zip")
+
+DESCRIBING = ("content", "style", "action", "subject", "start_s", "end_s", "around")
+"""Columns of an index that describe a clip: its kind of motion (`content` or `action`), manner and subject; from when
+to when it shows that kind [s], and the kind that it shows before and after, where it does not show it all the time."""
 
 LICENCES = {
     "bandai": "CC BY-NC 4.0, Bandai Namco Research Inc.",
@@ -86,6 +92,10 @@ def find_clips(folders: Iterable[Path], work: Path) -> list[Clip]:
             index |= _read_index(path)
         elif path.name.endswith("_captions.csv"):
             captions |= read_captions(path)
+        elif is_text(path):
+            captions[path.stem] = read_texts(path)
+        elif is_split(path):
+            index |= read_split(path)
         elif path.name.lower().endswith(ARCHIVES):
             files += [(collection, member) for member in _unpacked(path, work)]
     for collection, path in files:
@@ -102,7 +112,7 @@ def find_clips(folders: Iterable[Path], work: Path) -> list[Clip]:
                     collection=collection,
                     licence=LICENCES.get(collection, ""),
                     split=split_of(collection, f"{name}{path.suffix}", labels),
-                    labels={key: labels[key] for key in ("content", "style", "action", "subject") if key in labels},
+                    labels={key: labels[key] for key in DESCRIBING if key in labels},
                     captions=tuple(captions.get(name, ())),
                 ),
             )
@@ -127,7 +137,7 @@ def _clips_in(path: Path) -> list[tuple[int, str, str]]:
         # An unreadable file ranks behind every other of its name.
         return [(len(LOOSE) + 1, path.stem, "")]
     if suffix in LOOSE:
-        return [(LOOSE.index(suffix), path.stem, "")]
+        return [] if suffix == ".npy" and is_mirror_image(path) else [(LOOSE.index(suffix), path.stem, "")]
     if suffix != ".npz":
         return []
     try:

@@ -32,7 +32,7 @@ from flexmotion.importers.mapping import SkeletonMapping, Units, Up, find_mappin
 from flexmotion.importers.marker_capture import joint_capture
 from flexmotion.importers.packed import is_packed, read_packed
 from flexmotion.importers.refine import refine
-from flexmotion.importers.smpl import is_amass, read_amass, read_joints22
+from flexmotion.importers.smpl import is_amass, read_amass, read_joints
 from flexmotion.importers.trc import read_trc
 from flexmotion.spatial.heading import matrix_heading
 from flexmotion.spatial.quaternions import continuous_quaternions
@@ -45,7 +45,7 @@ FPS = 30.0
 READERS: dict[str, Callable[[Path], Capture]] = {
     ".bvh": read_bvh,
     ".amc": read_acclaim,
-    ".npy": read_joints22,
+    ".npy": read_joints,
     ".trc": read_trc,
     ".c3d": read_c3d,
 }
@@ -146,8 +146,8 @@ def read(
     """The motion in a file, with its mapping and the errors of the fit.
 
     Args:
-        path: `.bvh`; `.amc` with its `.asf`; `.npy` with positions of 22 joints (HumanML3D); `.trc`; `.c3d`; `.npz` of
-            `motion_file.save_motion`, of AMASS, or with packed clips of 22 joints.
+        path: `.bvh`; `.amc` with its `.asf`; `.npy` with positions of 22 joints (HumanML3D) or 21 (KIT-ML); `.trc`;
+            `.c3d`; `.npz` of `motion_file.save_motion`, of AMASS, or with packed clips of 22 joints.
         mapping: name of a shipped skeleton mapping, or path of one; None to find one by the names of the joints.
         units, up: of the file; None for those of the mapping, or a guess.
         fps: frame rate of the result; None for that of the file.

@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from flexmotion.configs.errors import MotionFormatError
 from flexmotion.human.body import Segments
+from flexmotion.importers import kit
 from flexmotion.importers.body_fit import BALL_HEIGHT
 from flexmotion.importers.capture import Capture
 
@@ -54,8 +55,10 @@ HEIGHT = 1.70
 FRAME_RATES = ("mocap_framerate", "mocap_frame_rate")
 
 
-def read_joints22(path: Path) -> Capture:
-    """A file of HumanML3D's `new_joints`: `.npy`, (T, 22, 3) [m], y up, 20 frames per second.
+def read_joints(path: Path) -> Capture:
+    """A file of the folder `new_joints` of HumanML3D or KIT-ML: `.npy`, y up.
+
+    HumanML3D: (T, 22, 3) [m], 20 frames per second; KIT-ML: (T, 21, 3), see `kit.joints21`.
 
     Raises:
         MotionFormatError: the file has another content.
@@ -66,6 +69,8 @@ def read_joints22(path: Path) -> Capture:
         raise MotionFormatError(f"{path}: cannot be read ({error.strerror or error})") from error
     except (ValueError, EOFError) as error:
         raise MotionFormatError(f"{path}: not a NumPy array, or a damaged one") from error
+    if array.ndim == 3 and array.shape[1:] == (len(kit.NAMES), 3):
+        return kit.joints21(array, str(path))
     return joints22(array, HUMANML3D_FPS, str(path))
 
 
@@ -75,8 +80,9 @@ def joints22(array: NDArray[np.generic], fps: float, path: str) -> Capture:
     Raises:
         MotionFormatError: the array is not (T, 22, 3), or has values that are not finite numbers.
     """
-    if array.ndim == 2 and array.shape[1] == 263:
-        raise MotionFormatError(f"{path}: HumanML3D's feature vectors; give the joints of its folder 'new_joints'")
+    if array.ndim == 2 and array.shape[1] in (263, kit.VECTORS):
+        name = "KIT-ML" if array.shape[1] == kit.VECTORS else "HumanML3D"
+        raise MotionFormatError(f"{path}: {name}'s feature vectors; give the joints of its folder 'new_joints'")
     if array.ndim != 3 or array.shape[1:] != (len(NAMES), 3):
         raise MotionFormatError(f"{path}: shape {array.shape}, expected (frames, {len(NAMES)}, 3)")
     if not len(array):

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexmotion.bundles.bundle import DECODER, DENOISER, Bundle
+from flexmotion.bundles.repertoire import offered_kinds, offered_manners
 from flexmotion.configs.errors import ConfigError
 from flexmotion.features.decode import Anchor, decode
 from flexmotion.features.encode import LEAD, encode
@@ -21,6 +22,7 @@ from flexmotion.sampling.at_rest import at_rest
 from flexmotion.sampling.pace import Pace
 from flexmotion.sampling.planted import planted
 from flexmotion.text import phrases
+from flexmotion.text.manners import NORMAL
 from flexmotion.text.phrases import BACK, STAND, WALK
 from flexmotion.text.prompt_reader import Prompt, PromptReader
 
@@ -45,15 +47,24 @@ class Condition:
             velocity ("step to the left") stand for that velocity unless another is given.
         velocity: of the root in its own heading: forward, left [m/s], turning left [rad/s]; None for none. A velocity
             without words that is nearly zero means standing still.
+        manner: in which to do it; None for the one that the words say, which is the normal one where they say none.
         guidance: scale of classifier-free guidance; None for the bundle's default.
+        manner_guidance: likewise, of the manner against any manner.
         pace: greatest velocities; velocities beyond it, and words that mean faster ones ("run"), are slowed. None for
             no limit.
+        asked: velocity that the model is asked for so that the motion keeps its `Course`, beside the words, or instead
+            of `velocity`; None for no such correction.
+        noise: factor of the noise that the window is sampled from; who stands has that of the bundle's corrections.
     """
 
     text: str | None = None
     velocity: tuple[float, float, float] | None = None
+    manner: str | None = None
     guidance: float | None = None
+    manner_guidance: float | None = None
     pace: Pace | None = None
+    asked: tuple[float, float, float] | None = None
+    noise: float = 1.0
 
 
 class Sampler:
@@ -62,12 +73,13 @@ class Sampler:
     Args:
         bundle: trained and exported.
         steps: of the diffusion; None for the bundle's default.
+        unjudged: whether to offer what the bundle knows and was not judged to do, as its judges need.
 
     Raises:
         ConfigError: a network of the bundle cannot be run, or the number of steps is out of range.
     """
 
-    def __init__(self, bundle: Bundle, steps: int | None = None) -> None:
+    def __init__(self, bundle: Bundle, steps: int | None = None, *, unjudged: bool = False) -> None:
         manifest = bundle.manifest
         self.bundle, self.layout, self.body = bundle, bundle.layout, bundle.body
         self.history, self.future = manifest.history, manifest.future
@@ -77,15 +89,27 @@ class Sampler:
         self._denoiser = open_session(bundle.folder / DENOISER)
         self._decoder = open_session(bundle.folder / DECODER)
         prompts = bundle.prompts
-        self.reader = PromptReader(bundle.folder, prompts.kinds, prompts.embeddings, bundle.listener)
+        known, embeddings = bundle.manners.names, bundle.manners.embeddings
+        self._manners = dict(zip(known, embeddings, strict=True))
+        self.manners = known if unjudged else offered_manners(bundle)
+        self.reader = PromptReader(
+            bundle.folder,
+            prompts.kinds,
+            prompts.embeddings,
+            bundle.listener,
+            None if unjudged else offered_kinds(bundle),
+            self.manners,
+            bundle.manner_listener,
+        )
         self._rest = self.standing().joints[-1]
         self._walking, self._backing = self.reader.meaning(WALK), self.reader.meaning(BACK)
         self.read = lru_cache(maxsize=64)(self.reader)
         self._statistics, self._kept = bundle.statistics, bundle.kept
         self._corrections = manifest.corrections
-        # A distilled network has guidance as an input: one evaluation a step. Else guidance takes two, one with the
-        # request and one without.
-        self._rows = rows = 1 if manifest.guided else 2
+        # A distilled network has guidance as an input: one evaluation a step. Else guidance takes one with the request,
+        # one in any manner and one without a request.
+        conditions = 3 if manifest.manner else 2
+        self._rows = rows = 1 if manifest.guided else conditions
         width = prompts.embeddings.shape[1]
         self._inputs: dict[str, np.ndarray] = {
             "noisy": np.zeros((rows, manifest.latent), np.float32),
@@ -93,10 +117,12 @@ class Sampler:
             "history": np.zeros((rows, self.history, self.layout.size), np.float32),
             "sentence": np.zeros((rows, width), np.float32),
             "velocity": np.zeros((rows, 3), np.float32),
-            "present": np.zeros((rows, 2), np.float32),
+            "present": np.zeros((rows, conditions), np.float32),
         }
+        if manifest.manner:
+            self._inputs["manner"] = np.zeros((rows, width), np.float32)
         if manifest.guided:
-            self._inputs["guidance"] = np.zeros(rows, np.float32)
+            self._inputs["guidance"] = np.zeros((rows, 2) if manifest.manner else rows, np.float32)
 
     @property
     def fps(self) -> float:
@@ -172,19 +198,20 @@ class Sampler:
         """DDIM from noise to a normalised latent, (1, L)."""
         inputs, manifest = self._inputs, self.bundle.manifest
         inputs["history"][:] = self._statistics.normalise(remembered)
-        guidance = manifest.guidance if condition.guidance is None else condition.guidance
+        scale = manifest.guidance if condition.guidance is None else condition.guidance
+        manner_scale = manifest.manner_guidance if condition.manner_guidance is None else condition.manner_guidance
         condition = self.meant(condition)
         self._set_request(condition, remembered)
         if manifest.guided:
-            inputs["guidance"][:] = guidance
+            inputs["guidance"][:] = (scale, manner_scale) if manifest.manner else scale
         noisy = np.random.default_rng(seed).standard_normal((1, manifest.latent), np.float32)
-        noisy *= self._corrections.standing_noise if self._stands(condition) else 1.0
+        noisy *= self._corrections.standing_noise if self._stands(condition) else condition.noise
         times = np.round(np.linspace(manifest.times - 1, 0, self.steps + 1)[:-1]).astype(np.int64)
         for now, earlier in zip(times, [*times[1:], -1], strict=True):
             inputs["noisy"][:] = noisy
             inputs["time"][:] = now
             found = run(self._denoiser, self.bundle.folder / DENOISER, inputs)
-            clean = found if manifest.guided else found[1:] + guidance * (found[:1] - found[1:])
+            clean = found if manifest.guided else _guided(found, scale, manner_scale)
             kept = self._kept[now]
             left = self._kept[earlier] if earlier >= 0 else np.float32(1.0)
             noise = (noisy - np.sqrt(kept) * clean) / np.sqrt(1 - kept)
@@ -195,6 +222,9 @@ class Sampler:
         """The condition with words replaced by the velocity that they mean, where they mean one, within its pace."""
         if not self.follows_velocity:
             return condition
+        if condition.text is not None and condition.manner is None:
+            said = self.prompt(condition.text).manner
+            condition = replace(condition, manner=None if said == NORMAL else said)
         if condition.velocity is None:
             kind = self.prompt(condition.text).kind
             meant, speed = phrases.velocity(kind), self._corrections.speeds.get(kind)
@@ -210,6 +240,13 @@ class Sampler:
         still = condition.text is None and np.abs(condition.velocity).max() < STILL
         return replace(condition, velocity=None) if still else self._slowed(condition)
 
+    def own_velocity(self, condition: Condition) -> tuple[float, float, float] | None:
+        """Velocity at which a condition of `meant` is done; None where its words are of an unknown speed."""
+        if condition.velocity is not None:
+            return condition.velocity
+        kind = self.prompt(condition.text).kind
+        return (0.0, 0.0, 0.0) if kind == STAND else self._corrections.speeds.get(kind)
+
     @staticmethod
     def _slowed(condition: Condition) -> Condition:
         if condition.pace is None or condition.velocity is None:
@@ -224,18 +261,38 @@ class Sampler:
         inputs, corrections = self._inputs, self._corrections
         inputs["present"][:] = 0.0
         if condition.velocity is not None and self.bundle.manifest.velocity:
-            ahead, aside, turning = condition.velocity
+            ahead, aside, turning = condition.asked or condition.velocity
             more = self._catch_up(condition.velocity, remembered)
             ahead += more[0] - corrections.ahead_per_aside * abs(aside)
             turning += corrections.turning_per_aside * aside
             # Bodies sway sideways in every gait: without a sideways velocity nothing is caught up with.
             aside = corrections.aside * (aside + more[1]) if aside else 0.0
-            # The network was trained on the displacement of a window in its first heading, which is a chord of the arc.
-            forward, left = chord(ahead, aside, turning, seconds=self.future / self.fps)
-            inputs["velocity"][:] = (forward / self.body.leg, left / self.body.leg, turning)
-            inputs["present"][0, 1] = 1.0
+            self._set_velocity((ahead, aside, turning))
+        elif condition.asked is not None and self.bundle.manifest.velocity:
+            self._set_velocity(condition.asked)
         inputs["sentence"][:] = self._words(condition).embedding
         inputs["present"][0, 0] = 1.0
+        if self.bundle.manifest.manner:
+            inputs["present"][1:-1] = inputs["present"][0]  # without guidance as an input: the request in any manner
+            manner = self._manner(condition)
+            if manner is not None:
+                inputs["manner"][:] = manner
+                inputs["present"][0, 2] = 1.0
+
+    def _set_velocity(self, velocity: tuple[float, float, float]) -> None:
+        # The network was trained on the displacement of a window in its first heading, which is a chord of the arc.
+        forward, left = chord(*velocity, seconds=self.future / self.fps)
+        self._inputs["velocity"][:] = (forward / self.body.leg, left / self.body.leg, velocity[2])
+        self._inputs["present"][0, 1] = 1.0
+
+    def _manner(self, condition: Condition) -> Float32 | None:
+        """Embedding of the manner of a request; None where the model was trained on no clip of the normal one."""
+        name = condition.manner
+        if name is None:
+            name = NORMAL if condition.text is None else self.prompt(condition.text).manner
+        if name not in self._manners and name != NORMAL:
+            raise ConfigError(f"manner {name!r}: model {self.name} knows {', '.join(self._manners) or 'none'}")
+        return self._manners.get(name)
 
     def _words(self, condition: Condition) -> Prompt:
         """The words of the request; of a velocity without words, the words of walking."""
@@ -262,3 +319,14 @@ class Sampler:
     @property
     def _source(self) -> str:
         return f"model:{self.name}"
+
+
+def _guided(found: Float32, scale: float, manner_scale: float) -> Float32:
+    """The estimate under guidance, (1, L); see `training.distillation_task.guided`.
+
+    Args:
+        found: estimates with the request, in any manner (of networks with a manner), without a request, (2 or 3, L).
+        scale, manner_scale: of the guidance.
+    """
+    asked = found[-1:] + np.float32(scale) * (found[-2:-1] - found[-1:])
+    return asked if len(found) == 2 else asked + np.float32(manner_scale) * (found[:1] - found[1:2])

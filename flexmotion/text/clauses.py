@@ -56,6 +56,7 @@ class Clause:
         joint: what joins it to the one before: "then" for an order of doing.
         notes: what was taken for rough words.
         manner: the adverbs of `speed`.
+        needs_head: whether only a motion of the head or the eyes does it.
     """
 
     said: str
@@ -70,6 +71,7 @@ class Clause:
     dropped: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     manner: str = ""
+    needs_head: bool = False
     joint: str = "then"
 
 
@@ -96,6 +98,7 @@ def clause_of(part: Part, forbidding: bool) -> Clause | None:
         asked = _relative(" ".join(words), None, part.joint) is Asks.MOTION
         if asked and not set(words) <= known.words("directions") | known.words("hedges"):
             return Clause(said, sentence, refusal=NO_KNOWN_WORD)
+    needs_head = _needs_head(words)
     condition = _condition(words)
     if condition is not None and not plain_stop:
         dropped += [condition] if condition not in known.words("allowed_conditions") else []
@@ -127,7 +130,18 @@ def clause_of(part: Part, forbidding: bool) -> Clause | None:
     dropped += _destinations(words)
     text = " ".join(words)
     return Clause(
-        said, text, Asks.MOTION, amount, times, counted, speed, False, refusal, tuple(dropped), tuple(notes), manner
+        said,
+        text,
+        Asks.MOTION,
+        amount,
+        times,
+        counted,
+        speed,
+        refusal=refusal,
+        dropped=tuple(dropped),
+        notes=tuple(notes),
+        manner=manner,
+        needs_head=needs_head,
     )
 
 
@@ -140,14 +154,6 @@ def _refusal(words: list[str]) -> str | None:
     """Why the words alone tell that a request cannot be done; None where they do not."""
     known = vocabulary()
     verb = next((word for word in words if word in known.verbs), None)
-    if verb in known.words("look") or (words and words[0] in known.words("look")):
-        return "looking: this model has no motion of the head or the eyes"
-    owners = ("your", "the", "its", "my", "his", "her")
-    named = any(
-        word in known.words("head") and place and words[place - 1] in owners for place, word in enumerate(words)
-    )
-    if named and verb in ("turn", "move", "tilt", "shake", "rotate", "swivel", "nod", "twist", "roll", "close", "open"):
-        return "moving the head: this model has no motion of the head or the eyes"
     text = f" {' '.join(words)} "
     if " where " in text and verb in known.words("walk_verbs") | known.words("turn_verbs"):
         return "a place: the robot knows none"
@@ -155,6 +161,20 @@ def _refusal(words: list[str]) -> str | None:
         if f" {phrase} " in text:
             return f"{phrase!r}: no model and no robot of this project does that"
     return None
+
+
+def _needs_head(words: list[str]) -> bool:
+    """Whether a request is one of looking, or of moving the head."""
+    known = vocabulary()
+    verb = next((word for word in words if word in known.verbs), None)
+    if verb in known.words("look") or (words and words[0] in known.words("look")):
+        return True
+    owners = ("your", "the", "its", "my", "his", "her")
+    named = any(
+        word in known.words("head") and place and words[place - 1] in owners for place, word in enumerate(words)
+    )
+    moves = ("turn", "move", "tilt", "shake", "rotate", "swivel", "nod", "twist", "roll", "close", "open")
+    return named and verb in moves
 
 
 def _condition(words: list[str]) -> str | None:

@@ -1,16 +1,19 @@
 """`parse`: a sentence to the requests in it, in their order, each with its amount; before any model hears it.
 
 The grammar separates what a listener cannot: several requests in one sentence, how much of each, requests about the
-motion that is under way ("faster", "again"), and looking, for which there is no motion. The words of each request are
-left to the listener. A sentence in which the grammar finds nothing is one request with the words as given.
+motion that is under way ("faster", "again"), and what only a motion of the head can do. The words of each request, and
+with them its manner, are left to the listener. A sentence in which the grammar finds nothing is one request with the
+words as given.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 from flexmotion.text.amounts import tokens_of
 from flexmotion.text.clauses import Asks, Clause, clause_of
+from flexmotion.text.manner_phrases import MannerPhrase, manner_phrases
 from flexmotion.text.phrases import STAND
 from flexmotion.text.sentence_parts import Part, parts_of
 from flexmotion.text.wording import plain, taught
@@ -18,11 +21,51 @@ from flexmotion.text.wording import plain, taught
 
 def parse(sentence: str) -> tuple[Clause, ...]:
     """The requests of a sentence, at least one, in the order in which they are to be done."""
+    if taught().get(plain(tokens_of(sentence))) == STAND:
+        return (Clause(sentence, sentence),)  # "look out", "never mind the walking, quit it"
+    # "Like a ninety year old" is no amount, "without confidence" no prohibition.
+    phrases = [phrase for phrase in manner_phrases(sentence) if " " in phrase.text]
+    found = _parsed(_with_names(sentence, phrases))
+    return tuple(_with_manner(_with_phrases(clause, phrases)) for clause in found)
+
+
+def _with_names(sentence: str, phrases: Sequence[MannerPhrase]) -> str:
+    """The sentence with a word in the place of each phrase."""
+    for number, phrase in reversed(list(enumerate(phrases))):
+        sentence = f"{sentence[: phrase.start]}{_name(number)}{sentence[phrase.end :]}"
+    return sentence
+
+
+def _with_phrases(clause: Clause, phrases: Sequence[MannerPhrase]) -> Clause:
+    """The clause with the phrases in place of their words."""
+
+    def told(text: str) -> str:
+        for number, phrase in enumerate(phrases):
+            text = text.replace(_name(number), phrase.text)
+        return text
+
+    dropped = tuple(told(part) for part in clause.dropped)
+    return replace(clause, said=told(clause.said), text=told(clause.text), dropped=dropped)
+
+
+def _with_manner(clause: Clause) -> Clause:
+    """The clause with the manner in its text also where the grammar has put words of its own ("turn to the left")."""
+    if clause.asks is not Asks.MOTION or clause.forbidden or not clause.text:
+        return clause
+    lost = [one.text for one in manner_phrases(clause.said) if one.text not in clause.text.lower()]
+    lost = [text for text in lost if not any(text in part for part in clause.dropped)]
+    return replace(clause, text=" ".join([clause.text, *lost])) if lost else clause
+
+
+def _name(number: int) -> str:
+    """A word that means nothing, for phrase `number`."""
+    return "inthatmanner" + "x" * number + "y"
+
+
+def _parsed(sentence: str) -> tuple[Clause, ...]:
     tokens = tokens_of(sentence)
     words = plain(tokens)
     kind = taught().get(words)
-    if kind == STAND:
-        return (Clause(sentence, sentence),)  # "look out", "never mind the walking, quit it"
     parts = [Part(tokens)] if kind is not None else parts_of(tokens)
     clauses: list[Clause] = []
     forbidding = False

@@ -9,6 +9,8 @@ from typing import Any
 
 import yaml
 
+from flexmotion.text.sides import mirrored, sides
+
 STAND, WALK, BACK = "stand", "walk", "walk-back"
 """Kinds of motion: without a request; at a velocity without words, forward or sideways; at one backward."""
 
@@ -16,40 +18,58 @@ STAND, WALK, BACK = "stand", "walk", "walk-back"
 @lru_cache
 def _table() -> Mapping[str, Any]:
     text = resources.files("flexmotion").joinpath("data", "phrases.yaml").read_text(encoding="utf-8")
-    table: Mapping[str, Any] = yaml.safe_load(text)
+    rows: dict[str, Any] = yaml.safe_load(text)["kinds"]
+    table: dict[str, Any] = {}
+    for kind, row in rows.items():
+        table[kind] = row
+        if (image := mirrored(kind)) not in rows:
+            table[image] = _image(row)
     return table
+
+
+def _image(row: Mapping[str, Any]) -> dict[str, Any]:
+    """The row of a mirrored kind: wordings that name a side, mirrored; the others mean the kind as it is."""
+    said = [mirrored(text) for text in _made(row) if sides(text)]
+    patterns = [mirrored(pattern) for pattern in row.get("captions", ())]
+    return {**row, "verbs": row["verbs"], "endings": [], "more": said, "captions": patterns}
+
+
+def _made(row: Mapping[str, Any]) -> list[str]:
+    return [*(f"{verb} {ending}".strip() for verb in row["verbs"] for ending in row["endings"]), *row["more"]]
 
 
 @lru_cache
 def kinds() -> tuple[str, ...]:
     """Labels that have wordings."""
-    return tuple(_table()["kinds"])
+    return tuple(_table())
 
 
 @lru_cache
 def wordings(kind: str) -> tuple[str, ...]:
     """Wordings of a kind of motion; none for an unknown kind."""
-    row = _table()["kinds"].get(ALIASES.get(kind, kind))
-    if row is None:
-        return ()
-    made = [f"{verb} {ending}".strip() for verb in row["verbs"] for ending in row["endings"]]
-    return tuple(dict.fromkeys([*made, *row["more"]]))
+    row = _table().get(ALIASES.get(kind, kind))
+    return () if row is None else tuple(dict.fromkeys(_made(row)))
 
 
 def verbs(kind: str) -> tuple[str, ...]:
     """Verbs of a kind of motion that has wordings."""
-    return tuple(_table()["kinds"][kind]["verbs"])
+    return tuple(_table()[kind]["verbs"])
+
+
+def moves_head(kind: str) -> bool:
+    """Whether a kind of motion is one of the head."""
+    return bool(_table().get(kind, {}).get("head", False))
+
+
+def caption_patterns(kind: str) -> tuple[str, ...]:
+    """Regular expressions of captions that tell of a kind of motion."""
+    return tuple(_table()[kind].get("captions", ()))
 
 
 def velocity(kind: str) -> tuple[float, float, float] | None:
     """Forward, left [m/s] and turning left [rad/s] that wordings of a kind mean; None where they mean no velocity."""
-    row = _table()["kinds"].get(kind, {})
+    row = _table().get(kind, {})
     return tuple(row["velocity"]) if "velocity" in row else None
-
-
-def styled(wording: str, style: str) -> tuple[str, ...]:
-    """A wording in each phrase of a style; unchanged for an unknown style."""
-    return tuple(f"{wording} {adverb}".strip() for adverb in _table()["styles"].get(style, [""]))
 
 
 ALIASES = {"byebye": "bye"}

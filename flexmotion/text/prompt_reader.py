@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,6 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexmotion.text.listener import Listener
+from flexmotion.text.manner_phrases import without_phrases
+from flexmotion.text.manner_reader import HeardManner, MannerReader
+from flexmotion.text.manners import NORMAL
 from flexmotion.text.phrases import STAND
 from flexmotion.text.sayings import NOTHING
 from flexmotion.text.sentence_encoder import SentenceEncoder
@@ -32,9 +36,15 @@ FORBIDS = re.compile(
 """Prohibitions: the human stands still. Their embeddings are near those of the opposite ("do not walk", "do walk")."""
 
 FORBIDS_NOTHING = re.compile(
-    r"\b(?:in )?no (?:hurry|rush)(?=\s*(?:[,.;!?]|$))|\bnon-?stop\b|\bwithout (?:a|any) (?:hurry|rush)\b", re.IGNORECASE
+    r"""\b(?:in\ )?no\ (?:hurry|rush)(?=\s*(?:[,.;!?]|$)) | \bnon-?stop\b | \bwithout\ (?:a|any)\ (?:hurry|rush)\b
+    | \b(?:say|says|saying|signal|signals|answer|mean)\ no\b | \bheads?\ no\b | \bno\ with\ (?:your|the|his|her)\ head\b
+    | \b(?:signal|show|give|make|gesture|say)s?\ (?:a\ )?(?:stop|halt)\b | \b(?:stop|halt)\ (?:sign|signal)\b
+    | \b(?:signal|tell|gesture|motion)s?\ (?:for\ )?(?:\w+\ ){1,3}to\ (?:stop|halt)\b
+    | \bthat\ you\ (?:do\ not|don't)\ (?:know|care)\b | \bthat\ you\ have\ no\ idea\b""",
+    re.IGNORECASE | re.VERBOSE,
 )
-"""Negations that only qualify a motion; at the end of a clause, since "no rush forward" is a prohibition."""
+"""Negations that only qualify a motion, or are what it says. Qualifying ones stand at the end of a clause, since "no
+rush forward" is a prohibition."""
 
 WITHOUT_TURNING = re.compile(r"\bwithout (?:turning|rotating|looking)(?: (?:a?round|back))?\b", re.IGNORECASE)
 """Likewise, for motions other than turns."""
@@ -59,6 +69,9 @@ class Prompt:
         known: whether the sentence is understood.
         warning: reason for standing still, where the sentence does not ask for it.
         share: of the most probable kind in what the listener heard; 1 for a known wording.
+        manner: in which the motion is asked for.
+        dropped: words that say a manner which is not done.
+        refused: kind of motion that was asked for and that the model does not offer; None: it was not refused so.
     """
 
     embedding: NDArray[np.float32]
@@ -67,6 +80,9 @@ class Prompt:
     known: bool
     warning: str | None = None
     share: float = 1.0
+    manner: str = NORMAL
+    dropped: tuple[str, ...] = ()
+    refused: str | None = None
 
 
 class PromptReader:
@@ -75,20 +91,34 @@ class PromptReader:
     A listener classifies the sentence by kind of motion, and its embedding is replaced by a mixture of known wordings
     of that kind, weighted by likeness, so that the denoiser only receives embeddings like those of its training. Kinds
     are not mixed: "to your left" is nearly as near to "turn right" as to "turn left". Known wordings are not
-    classified. Sentences that are not understood, and prohibitions, mean standing still.
+    classified. The manner is heard apart from the kind. Sentences that are not understood, prohibitions, and kinds that
+    the model does not offer mean standing still; manners that it does not offer are dropped.
 
     Args:
         folder: of the sentence encoder.
         kinds: of motion of each wording, (K,).
         embeddings: of the wordings, (K, D).
         listener: trained on sentences of the same encoder.
+        offered: kinds that the model offers; None: all that have wordings.
+        manners: that the model offers.
+        manner_listener: trained on phrases; None: manners are known by their listed words alone.
     """
 
     def __init__(
-        self, folder: Path, kinds: tuple[str, ...], embeddings: NDArray[np.float32], listener: Listener
+        self,
+        folder: Path,
+        kinds: tuple[str, ...],
+        embeddings: NDArray[np.float32],
+        listener: Listener,
+        offered: Collection[str] | None = None,
+        manners: Collection[str] = (),
+        manner_listener: Listener | None = None,
     ) -> None:
         self._encode = SentenceEncoder(folder)
         self._kinds, self._embeddings, self._listener = np.array(kinds), embeddings, listener
+        own = tuple(dict.fromkeys(kinds))
+        self.offered = own if offered is None else tuple(kind for kind in own if kind in offered or kind == STAND)
+        self._manner = MannerReader(self._encode, manners, manner_listener)
         self.idle = self.meaning(STAND)
 
     def meaning(self, kind: str) -> Prompt:
@@ -98,23 +128,36 @@ class PromptReader:
 
     def __call__(self, sentence: str) -> Prompt:
         """Meaning of a sentence."""
-        embedding = self._encode(sentence)
+        how = self._manner(sentence)
+        plain = without_phrases(sentence, how.phrases) or sentence
+        embedding = self._encode(plain)
         likeness = self._embeddings @ embedding
         nearest = int(np.argmax(likeness))
         best = float(likeness[nearest])
         kind, share = str(self._kinds[nearest]), 1.0
-        if best <= SAME or is_other_side(kind, sentence):
-            kind, share = self._classified(sentence, embedding, best)
+        if best <= SAME or is_other_side(kind, plain):
+            kind, share = self._classified(sentence, self._encode(sentence), best)
         if kind == NOTHING:
-            known = ", ".join(dict.fromkeys(self._kinds))
+            known = ", ".join(self.offered)
             warning = f"{sentence!r} is not understood by this model, it stands still; it knows: {known}"
             return Prompt(self.idle.embedding, STAND, best, False, warning, share)
-        if forbids(sentence, kind) and (kind != STAND or best <= SAME):
+        if forbids(plain, kind) and (kind != STAND or best <= SAME):
             warning = f"{sentence!r} is a prohibition, the model stands still; say what to do"
             return Prompt(self.idle.embedding, STAND, best, True, warning, share)
+        if kind not in self.offered:
+            can = ", ".join(name.replace("-", " ") for name in self.offered)
+            name = kind.replace("-", " ")
+            warning = f"{sentence!r}: this model cannot {name} yet, it stands still; it can: {can}"
+            return Prompt(self.idle.embedding, STAND, best, False, warning, share, refused=kind)
         alike = self._kinds == kind
         mixture = np.exp(BREADTH * (likeness[alike] - best)) @ self._embeddings[alike]
-        return Prompt(_unit(mixture), kind, best, True, share=share)
+        # Standing has one manner.
+        manner, dropped = (NORMAL, how.all_dropped) if kind == STAND else (how.manner, how.dropped)
+        return Prompt(_unit(mixture), kind, best, True, share=share, manner=manner, dropped=dropped)
+
+    def manner(self, sentence: str) -> HeardManner:
+        """How a sentence asks for its motion, whether the model offers that or not."""
+        return self._manner(sentence)
 
     def _classified(self, sentence: str, embedding: NDArray[np.float32], likeness: float) -> tuple[str, float]:
         """Kind of motion, or `NOTHING`, and its share."""

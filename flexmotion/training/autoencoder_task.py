@@ -37,9 +37,10 @@ class AutoencoderTask:
         processes: that train.
         muscles: muscle torques; None for no such loss.
         trained: folder of a trained autoencoder, whose forces alone are trained further; None for a new one.
+        begun: folder of trained weights to go on from, all of them; None for a new network.
 
     Raises:
-        ConfigError: `trained` holds no weights, or those of another network.
+        ConfigError: `trained` or `begun` holds no weights, or those of another network.
     """
 
     def __init__(
@@ -50,6 +51,7 @@ class AutoencoderTask:
         processes: Processes,
         muscles: MuscleTorques | None = None,
         trained: Path | None = None,
+        begun: Path | None = None,
     ) -> None:
         torch.manual_seed(seed)
         self.config, self.seed, self.processes = config, seed, processes
@@ -64,6 +66,8 @@ class AutoencoderTask:
         if trained is not None:
             load_weights(self.network, trained)
             self.network.hold_motion()
+        elif begun is not None:
+            load_weights(self.network, begun)
         elif config.autoencoder.shortcut:
             known = self.network.known.cpu()
             self.network.begin_with(

@@ -9,13 +9,16 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from torch import nn
+from torch import Tensor, nn
 
 from flexmotion.bundles.card import Trained
 from flexmotion.configs.errors import ConfigError
 from flexmotion.training.format import CHECKPOINT_VERSIONS, FORMAT, UNVERSIONED
 
 LAST, BEST = "last.pt", "best.pt"
+
+BEGUN = "begun"
+"""Key of `BEST` with the hash of the release that the weights are from; a training that has none trained them."""
 
 
 def write_checkpoint(content: dict[str, Any], path: Path) -> None:
@@ -59,6 +62,14 @@ def is_trained(folder: Path) -> bool:
     return (folder / BEST).is_file()
 
 
+def begun_from(folder: Path) -> str | None:
+    """Hash of the release that a stage begins from; None once it has been trained further, or where it is new."""
+    if not is_trained(folder) or (folder / LAST).is_file():
+        return None
+    found: str | None = read_checkpoint(folder / BEST).get(BEGUN)
+    return found
+
+
 def load_weights(network: nn.Module, folder: Path) -> int:
     """Load the best weights of a stage into a network; returns their step.
 
@@ -69,11 +80,35 @@ def load_weights(network: nn.Module, folder: Path) -> int:
     if not is_trained(folder):
         raise ConfigError(f"{path}: not found; run 'flexmotion train {folder.name}' first")
     state = read_checkpoint(path)
-    try:
-        network.load_state_dict(state["network"])
-    except RuntimeError as error:
-        raise ConfigError(f"{path}: weights of another network ({str(error).splitlines()[0]})") from error
+    fill(network, state["network"], path)
     return int(state["step"])
+
+
+def fill(network: nn.Module, weights: dict[str, Tensor], origin: Path | str) -> None:
+    """Load weights into a network.
+
+    Args:
+        network: gets them.
+        weights: by parameter.
+        origin: of the weights, for messages.
+
+    Raises:
+        ConfigError: they are of another network; the message names the first parameter that does not fit.
+    """
+    try:
+        network.load_state_dict(weights)
+    except RuntimeError as error:
+        raise ConfigError(f"{origin}: weights of another network ({_misfit(network, weights)})") from error
+
+
+def _misfit(network: nn.Module, weights: dict[str, Tensor]) -> str:
+    expected = network.state_dict()
+    for name, value in expected.items():
+        if name not in weights:
+            return f"{name}: missing"
+        if value.shape != weights[name].shape:
+            return f"{name}: {tuple(weights[name].shape)}, expected {tuple(value.shape)}"
+    return f"{next(name for name in weights if name not in expected)}: not a parameter of this network"
 
 
 def training_record(folder: Path) -> Trained:

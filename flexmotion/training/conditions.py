@@ -1,4 +1,4 @@
-"""Conditions of a window: a sentence from its clip's labels, a velocity from its motion."""
+"""Conditions of a window: a sentence and a manner from its clip's labels, a velocity from its motion."""
 
 from __future__ import annotations
 
@@ -10,11 +10,16 @@ import torch
 from torch import Tensor
 
 from flexmotion.configs.errors import ConfigError
+from flexmotion.dataset import meaning
+from flexmotion.dataset.meaning import Shown, shown
 from flexmotion.features.layout import Layout
-from flexmotion.text.phrases import STAND, styled, wordings
+from flexmotion.text.manners import NORMAL, styled
+from flexmotion.text.phrases import STAND, wordings
 from flexmotion.text.sides import mirrored
 from flexmotion.training.feature_store import FeatureStore, StoredClip
 from flexmotion.training.kinematics import path
+from flexmotion.training.manner_conditions import NONE, Manners
+from flexmotion.training.strokes import without_stroke
 
 STILL = 0.12
 """A window whose points move less on average counts as standing, whatever its clip's label [leg/s]."""
@@ -26,9 +31,22 @@ WALKING = 0.3
 """Least speed of walking [leg/s]."""
 
 UNSTYLED = 0.6
-"""Share of sentences without the style."""
+"""Share of sentences without the manner, where sentences name it."""
 
-NONE = -1
+
+@dataclass(frozen=True)
+class Dropped:
+    """Shares of windows without a condition, as guidance needs.
+
+    Attributes:
+        sentence: without sentence; these have no manner either.
+        velocity: without velocity.
+        manner: of the others, without manner.
+    """
+
+    sentence: float = 0.0
+    velocity: float = 0.0
+    manner: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -39,21 +57,28 @@ class Conditions:
         row: index of the sentence in `Sentences.texts`, (N,); `NONE` for none.
         sentence: embeddings, (N, D).
         velocity: forward, left, turning, (N, 3) [leg/s, leg/s, rad/s].
-        present: whether sentence and velocity are given, (N, 2), 1 or 0.
+        manner: embeddings, (N, D).
+        present: whether sentence, velocity and manner are given, (N, 3), 1 or 0.
     """
 
     row: np.ndarray
     sentence: Tensor
     velocity: Tensor
+    manner: Tensor
     present: Tensor
 
     def to(self, device: torch.device) -> Conditions:
         """On another device."""
-        return Conditions(self.row, self.sentence.to(device), self.velocity.to(device), self.present.to(device))
+        tensors = (self.sentence, self.velocity, self.manner, self.present)
+        return Conditions(self.row, *(tensor.to(device) for tensor in tensors))
 
     def unconditional(self) -> Conditions:
-        """The same with neither sentence nor velocity, for classifier-free guidance."""
+        """The same without any condition, for classifier-free guidance."""
         return replace(self, present=torch.zeros_like(self.present))
+
+    def without_manner(self) -> Conditions:
+        """The same in any manner, for the guidance of the manner."""
+        return replace(self, present=self.present * self.present.new_tensor([1.0, 1.0, 0.0]))
 
 
 class Sentences:
@@ -62,33 +87,50 @@ class Sentences:
     Args:
         clips: of the store.
         encode: sentence to embedding.
-        manner: words appended to every sentence of a clip.
+        named: whether sentences also name the manner; a denoiser gets it apart from them, an evaluator does not.
+        personal: whether the clips are of one person: those without a label are then walking where they walk straight.
 
     Raises:
         ConfigError: no clip has a caption or a known label, so there is no sentence to learn.
     """
 
-    def __init__(self, clips: Iterable[StoredClip], encode: Callable[[str], np.ndarray], manner: str = "") -> None:
+    def __init__(
+        self,
+        clips: Iterable[StoredClip],
+        encode: Callable[[str], np.ndarray],
+        *,
+        named: bool = False,
+        personal: bool = False,
+    ) -> None:
+        self._personal = personal
+        self._share = UNSTYLED if named else 1.0
         self._number: dict[str, int] = {}
         cache: dict[tuple, tuple[np.ndarray, np.ndarray]] = {}
         self._plain: list[np.ndarray] = []
         self._styled: list[np.ndarray] = []
+        self._parts: list[tuple[tuple[int, float, float], ...]] = []
+        self._shown: list[Shown | None] = []
         self.kinds: list[str] = []
         for clip in clips:
-            kind, style, captions = clip_kind(clip), clip.labels.get("style", ""), clip_captions(clip)
-            key = (kind, style, captions)
+            kind, captions = clip_kind(clip), clip_captions(clip)
+            manner = meaning.clip_manner(clip.labels, clip.whole_captions) or NORMAL
+            key = (kind, manner, captions)
             if key not in cache:
-                plain = [f"{text} {manner}".strip() for text in (*wordings(kind), *captions)] or [manner] * bool(manner)
-                cache[key] = self._rows(plain), self._rows(way for text in plain for way in styled(text, style))
+                plain = [*wordings(kind), *captions]
+                ways = (way for text in plain for way in styled(text, manner))
+                cache[key] = self._rows(plain), self._rows(ways) if named else np.zeros(0, np.intp)
             self._plain.append(cache[key][0])
             self._styled.append(cache[key][1])
             self.kinds.append(kind)
-        if not any(map(len, self._plain)):
+            self._shown.append(shown(clip.labels))
+            self._parts.append(tuple((int(self._rows([text])[0]), start, end) for text, start, end in clip_parts(clip)))
+        if not any(map(len, (*self._plain, *self._parts))) and not personal:
             raise ConfigError(
                 "the set: no clip has a caption or a known label; put the collection's *_index.csv or *_captions.csv"
                 " beside its files and build the set again (docs/biomechanics.md)"
             )
-        self._of_kind = {kind: self._rows(wordings(kind)) for kind in (STAND, "walk")}
+        around = {span.around for span in self._shown if span is not None}
+        self._of_kind = {kind: self._rows(wordings(kind)) for kind in (STAND, "walk", *sorted(around))}
         self.embeddings = torch.from_numpy(np.stack([encode(text) for text in self._number])).float()
 
     def _rows(self, texts: Iterable[str]) -> np.ndarray:
@@ -99,38 +141,69 @@ class Sentences:
         """Every sentence, in the order of `embeddings`."""
         return tuple(self._number)
 
-    def draw(self, rng: np.random.Generator, clips: np.ndarray, still: np.ndarray, straight: np.ndarray) -> np.ndarray:
+    def draw(
+        self,
+        rng: np.random.Generator,
+        clips: np.ndarray,
+        still: np.ndarray,
+        straight: np.ndarray,
+        times: np.ndarray | None = None,
+    ) -> np.ndarray:
         """Row of a sentence for each window, (N,); `NONE` where its clip has no sentence.
 
         Args:
             rng: random generator.
             clips: clips of the windows, (N,).
-            still: windows that stand, (N,).
+            still: windows that stand, (N,); not asked of clips that tell when they show their kind.
             straight: windows that walk without turning, (N,).
+            times: start and end of the windows in their clips, (N, 2) [s]; None: sentences are of whole clips.
         """
         rows = np.full(len(clips), NONE, np.intp)
         for at, clip in enumerate(clips):
             kind = self.kinds[clip]
-            if still[at]:
+            parts = [] if times is None else _within(self._parts[clip], *times[at])
+            part = None if times is None else self._shown[clip]
+            if part is not None and part.covers(*times[at]):
+                # A nod moves little and a held pose nothing, but neither is standing.
+                choice = np.array([*self._plain[clip], *(row for row, _, _ in self._parts[clip])], np.intp)
+            elif part is not None:
+                choice = self._of_kind[part.around]
+            elif still[at]:
                 choice = self._of_kind[STAND]
-            elif straight[at] and kind.startswith("walk-turn"):
+            elif parts:
+                choice = np.array(parts, np.intp)
+            elif straight[at] and (kind.startswith("walk-turn") or (self._personal and not len(self._plain[clip]))):
                 choice = self._of_kind["walk"]
             else:
-                choice = (self._plain if rng.random() < UNSTYLED else self._styled)[clip]
+                choice = (self._plain if rng.random() < self._share else self._styled)[clip]
             if len(choice):
                 rows[at] = rng.choice(choice)
         return rows
 
 
 def clip_kind(clip: StoredClip) -> str:
-    """Label of a clip's motion; of a mirror image, with the sides exchanged."""
-    label = clip.labels.get("content") or clip.labels.get("action") or ""
+    """Kind of motion of a clip; of a mirror image, with the sides exchanged."""
+    label = meaning.clip_kind(clip.labels, clip.whole_captions)
     return mirrored(label) if clip.variant == "mirror" else label
 
 
 def clip_captions(clip: StoredClip) -> tuple[str, ...]:
-    """Captions of a clip from its source; of a mirror image, with the sides exchanged."""
-    return tuple(mirrored(text) for text in clip.captions) if clip.variant == "mirror" else clip.captions
+    """Captions of a whole clip from its source; of a mirror image, with the sides exchanged."""
+    return tuple(_as_seen(clip, text) for text in clip.whole_captions)
+
+
+def clip_parts(clip: StoredClip) -> tuple[tuple[str, float, float], ...]:
+    """Captions of parts of a clip with their start and end [s]; of a mirror image, with the sides exchanged."""
+    return tuple((_as_seen(clip, text), start, end) for text, start, end in clip.partial_captions)
+
+
+def _as_seen(clip: StoredClip, text: str) -> str:
+    return mirrored(text) if clip.variant == "mirror" else text
+
+
+def _within(parts: tuple[tuple[int, float, float], ...], start: float, end: float) -> list[int]:
+    """Rows of the captions that cover at least half of a window."""
+    return [row for row, first, last in parts if min(end, last) - max(start, first) >= (end - start) / 2]
 
 
 def mean_velocity(features: Tensor, layout: Layout) -> Tensor:
@@ -149,7 +222,9 @@ def describe(
     future: Tensor,
     clips: np.ndarray,
     seed: tuple[int, ...],
-    drop: tuple[float, float],
+    drop: Dropped,
+    manners: Manners | None = None,
+    first: np.ndarray | None = None,
 ) -> Conditions:
     """Conditions of windows.
 
@@ -159,19 +234,32 @@ def describe(
         future: features, not normalised, (N, W, F).
         clips: clips of the windows, (N,).
         seed: of all draws.
-        drop: share of windows without sentence, share without velocity.
+        drop: shares of windows without a condition.
+        manners: of the store's clips; None: no window has a manner.
+        first: frames of the clips at which the windows begin, (N,); None: sentences are of whole clips.
     """
     rng = np.random.default_rng(seed)
     velocity = mean_velocity(future, store.layout)
     moving = future[..., store.layout.blocks["velocities"]].unflatten(-1, (-1, 3)).norm(dim=-1).mean(dim=(1, 2))
     walking = velocity[:, :2].norm(dim=-1) > WALKING
     straight = (walking & (velocity[:, 2].abs() < STRAIGHT)).numpy()
-    rows = sentences.draw(rng, clips, (moving < STILL).numpy(), straight)
-    has_sentence = (rows != NONE) & (rng.random(len(rows)) >= drop[0])
-    has_velocity = rng.random(len(rows)) >= drop[1]
+    times = None if first is None else np.stack([first, first + future.shape[1]], axis=1) / store.layout.fps
+    rows = sentences.draw(rng, clips, (moving < STILL).numpy(), straight, times)
+    rows[without_stroke([sentences.kinds[clip] for clip in clips], future, store.layout)] = NONE
+    has_sentence = (rows != NONE) & (rng.random(len(rows)) >= drop.sentence)
+    has_velocity = rng.random(len(rows)) >= drop.velocity
+    width = sentences.embeddings.shape[1]
+    if manners is None:
+        has_manner, manner = np.zeros(len(rows), np.bool_), torch.zeros(len(rows), width)
+    else:
+        ways, manner = manners.draw(rng, clips, width)
+        # What is left of a request without its sentence is nothing; a person's clips may have no label at all.
+        has_manner = (ways != NONE) & (has_sentence | manners.personal) & (rng.random(len(rows)) >= drop.manner)
+    present = np.stack([has_sentence, has_velocity, has_manner], axis=1)
     return Conditions(
         row=rows,
         sentence=sentences.embeddings[torch.from_numpy(np.maximum(rows, 0))],
         velocity=velocity,
-        present=torch.from_numpy(np.stack([has_sentence, has_velocity], axis=1).astype(np.float32)),
+        manner=manner,
+        present=torch.from_numpy(present.astype(np.float32)),
     )

@@ -18,23 +18,25 @@ GUIDANCE_UNIT = 100.0
 
 
 class Denoiser(nn.Module):
-    """Estimates the clean latent from a noisy one, its time, history, sentence and commanded velocity.
+    """Estimates the clean latent from a noisy one, its time, history, sentence, commanded velocity and manner.
 
-    Tokens: latent, time, sentence, velocity, history. An absent sentence or velocity has a learned token. A guided
-    network (the student of a distillation) has the guidance scale as an input.
+    Tokens: latent, time, sentence, velocity, manner, history. An absent sentence, velocity or manner has a learned
+    token. A guided network (the student of a distillation) has the guidance scales as an input.
 
     Args:
         config: of the diffusion.
         window: frames.
         layout: features.
         latent: size of the latent.
-        guided: whether the guidance scale is an input.
+        guided: whether the guidance scales are an input.
     """
 
     latent_mean: Tensor
     latent_spread: Tensor
     sentence_mean: Tensor
     sentence_spread: Tensor
+    manner_mean: Tensor
+    manner_spread: Tensor
 
     def __init__(
         self, config: DiffusionConfig, window: Window, layout: Layout, latent: int, *, guided: bool = False
@@ -47,15 +49,19 @@ class Denoiser(nn.Module):
         # Embeddings of left and right differ by a few hundredths: without scaling they take long to be told apart.
         self.register_buffer("sentence_mean", torch.zeros(config.text))
         self.register_buffer("sentence_spread", torch.ones(config.text))
+        self.register_buffer("manner_mean", torch.zeros(config.text))
+        self.register_buffer("manner_spread", torch.ones(config.text))
         self.enter, self.leave = nn.Linear(latent, width), nn.Linear(width, latent)
         self.time = nn.Sequential(nn.Linear(width, width), nn.SiLU(), nn.Linear(width, width))
         self.guidance = _zero_at_first(width) if guided else None
+        self.manner_guidance = _zero_at_first(width) if guided else None
         self.sentence, self.no_sentence = nn.Linear(config.text, width), parameter(width)
         self.velocity = nn.Sequential(nn.Linear(COMMAND, width), nn.SiLU(), nn.Linear(width, width))
         self.no_velocity = parameter(width)
+        self.manner, self.no_manner = nn.Linear(config.text, width), parameter(width)
         past = window.history // window.patch
         self.recall = Patches(layout.kinematic, window.patch, width) if past else None
-        self.place = parameter(1, 4 + past, width)
+        self.place = parameter(1, 5 + past, width)
         self.stack = Stack(config.denoiser)
 
     def forward(
@@ -65,6 +71,7 @@ class Denoiser(nn.Module):
         history: Tensor,
         sentence: Tensor,
         velocity: Tensor,
+        manner: Tensor,
         present: Tensor,
         guidance: Tensor | None = None,
     ) -> Tensor:
@@ -76,20 +83,25 @@ class Denoiser(nn.Module):
             history: normalised features, (N, H, F).
             sentence: embedding, (N, text).
             velocity: commanded, forward, left, turning, (N, 3) [leg/s, leg/s, rad/s].
-            present: whether sentence and velocity are given, (N, 2), 1 or 0.
-            guidance: scale, (N,); guided networks only.
+            manner: embedding, (N, text).
+            present: whether sentence, velocity and manner are given, (N, 3), 1 or 0.
+            guidance: scales of the request and of its manner, (N, 2); guided networks only.
         """
         when = self.time(sinusoids(time, self.width))
-        if self.guidance is not None and guidance is not None:
-            when = when + self.guidance(sinusoids(guidance * GUIDANCE_UNIT, self.width))
-        has_sentence, has_velocity = present[:, :1], present[:, 1:]
+        if self.guidance is not None and self.manner_guidance is not None and guidance is not None:
+            scales = guidance * GUIDANCE_UNIT
+            when = when + self.guidance(sinusoids(scales[:, 0], self.width))
+            when = when + self.manner_guidance(sinusoids(scales[:, 1], self.width))
+        has_sentence, has_velocity, has_manner = present[:, :1], present[:, 1:2], present[:, 2:]
         sentence = (sentence - self.sentence_mean) / self.sentence_spread
+        manner = (manner - self.manner_mean) / self.manner_spread
         tokens = torch.stack(
             [
                 self.enter(noisy),
                 when,
                 has_sentence * self.sentence(sentence) + (1 - has_sentence) * self.no_sentence,
                 has_velocity * self.velocity(velocity) + (1 - has_velocity) * self.no_velocity,
+                has_manner * self.manner(manner) + (1 - has_manner) * self.no_manner,
             ],
             dim=1,
         )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import reduce
+from pathlib import Path
 
 import numpy as np
 import torch
@@ -12,11 +13,13 @@ from torch import Tensor, nn
 
 from flexmotion.configs.model import ModelConfig
 from flexmotion.training.autoencoder import Autoencoder
+from flexmotion.training.checkpoints import load_weights
 from flexmotion.training.conditions import Conditions, Sentences
 from flexmotion.training.denoiser import Denoiser
 from flexmotion.training.draws import normal, uniform
 from flexmotion.training.feature_store import FeatureStore
 from flexmotion.training.latent_set import LatentSet
+from flexmotion.training.manner_conditions import Manners
 from flexmotion.training.noise_schedule import NoiseSchedule
 from flexmotion.training.processes import Processes
 from flexmotion.training.windows import Windows
@@ -59,8 +62,13 @@ class DiffusionTask:
         encode: sentence to embedding.
         seed: of the weights and of all draws.
         processes: that train.
-        manner: words appended to every sentence.
+        personal: wordings of a personal manner, which all clips have; none: the manner of each clip's source.
         held_out: split of the validation.
+        trained: folder of trained weights to begin with; means and spreads of latents and sentences are theirs. None
+            for a new network.
+
+    Raises:
+        ConfigError: `trained` holds no weights, or those of another network.
     """
 
     def __init__(
@@ -71,28 +79,44 @@ class DiffusionTask:
         encode: Callable[[str], np.ndarray],
         seed: int,
         processes: Processes,
-        manner: str = "",
+        personal: tuple[str, ...] = (),
         held_out: str = "validation",
+        trained: Path | None = None,
     ) -> None:
         torch.manual_seed(seed)
         self.config, self.seed, self.processes = config, seed, processes
         self.autoencoder = autoencoder.to(processes.device).eval().requires_grad_(False)
         self.noise = NoiseSchedule(config.diffusion.steps, processes.device)
         self.network = Denoiser(config.diffusion, config.window, store.layout, autoencoder.latent).to(processes.device)
-        sentences = Sentences(store.clips, encode, manner)
-        self.network.sentence_mean.copy_(sentences.embeddings.mean(dim=0))
-        spread = sentences.embeddings.std(dim=0, unbiased=False).clamp(min=1e-3)
-        self.network.sentence_spread.copy_(spread / SENTENCE_SPREAD)
-        self.training, self.held_out = (
-            LatentSet(config, store, split, self.autoencoder, sentences, processes) for split in ("train", held_out)
+        sentences, manners = (
+            Sentences(store.clips, encode, personal=bool(personal)),
+            Manners(store.clips, encode, personal),
         )
-        self._measure_latents()
+        self.training, self.held_out = (
+            LatentSet(config, store, split, self.autoencoder, sentences, manners, processes)
+            for split in ("train", held_out)
+        )
+        if trained is None:
+            self._measure_words(sentences, manners)
+            self._measure_latents()
+        else:
+            load_weights(self.network, trained)
         windows = self.held_out.draw((seed, 21), VALIDATION).to(processes.device)
         self._held_out = Latents(
             self.normalised(self.training.encode(windows.history, windows.future)),
             windows,
             self.held_out.describe(windows, (seed, 22)),
         )
+
+    def _measure_words(self, sentences: Sentences, manners: Manners) -> None:
+        network = self.network
+        for found, mean, spread in (
+            (sentences.embeddings, network.sentence_mean, network.sentence_spread),
+            (manners.means, network.manner_mean, network.manner_spread),
+        ):
+            if len(found) > 1:
+                mean.copy_(found.mean(dim=0))
+                spread.copy_(found.std(dim=0, unbiased=False).clamp(min=1e-3) / SENTENCE_SPREAD)
 
     def _measure_latents(self) -> None:
         found = []
@@ -161,7 +185,15 @@ class DiffusionTask:
 
     def denoise(self, noisy: Tensor, time: Tensor, history: Tensor, conditions: Conditions) -> Tensor:
         """Estimate of the clean latents, normalised, (N, latent)."""
-        clean: Tensor = self.network(noisy, time, history, conditions.sentence, conditions.velocity, conditions.present)
+        clean: Tensor = self.network(
+            noisy,
+            time,
+            history,
+            conditions.sentence,
+            conditions.velocity,
+            conditions.manner,
+            conditions.present,
+        )
         return clean
 
     def _decoded(self, windows: Windows, clean: Tensor, time: Tensor) -> Tensor:

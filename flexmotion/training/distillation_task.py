@@ -1,8 +1,8 @@
 """The distillation's stage: a student that is consistent along the teacher's paths samples in a few steps, not fifty.
 
-Consistency distillation (Song et al., ICML 2023) with the guidance scale as an input (Luo et al., Latent Consistency
+Consistency distillation (Song et al., ICML 2023) with the guidance scales as an input (Luo et al., Latent Consistency
 Models, 2023): where the teacher steps from a time to an earlier one, the student must estimate the same
-clean latent at both.
+clean latent at both. Request and manner have scales of their own (Brooks et al., InstructPix2Pix, CVPR 2023).
 """
 
 from __future__ import annotations
@@ -14,6 +14,19 @@ from flexmotion.configs.model import ModelConfig
 from flexmotion.training.denoiser import Denoiser
 from flexmotion.training.diffusion_task import DiffusionTask
 from flexmotion.training.draws import normal, uniform
+
+
+def guided(full: Tensor, any_manner: Tensor, unconditional: Tensor, guidance: Tensor) -> Tensor:
+    """The estimate under guidance, (N, latent).
+
+    Args:
+        full: estimate with all conditions, (N, latent).
+        any_manner: without the manner.
+        unconditional: without any.
+        guidance: scales of the request and of its manner, (N, 2).
+    """
+    asked = unconditional + guidance[:, :1] * (any_manner - unconditional)
+    return asked + guidance[:, 1:] * (full - any_manner)
 
 
 class DistillationTask:
@@ -51,15 +64,18 @@ class DistillationTask:
         time = self._grid[place].to(device)
         earlier = torch.where(earlier_place < 0, -1, self._grid[earlier_place.clamp(min=0)]).to(device)
         low, high = distillation.guidance_low, distillation.guidance_high
-        guidance = (low + (high - low) * uniform((*key, 3), (batch,))).to(device)
+        guidance = (low + (high - low) * uniform((*key, 3), (batch, 2))).to(device)
         noise = normal((*key, 4), tuple(latent.shape)).to(device)
         noisy = teacher.noise.add_noise(latent, noise, time)
         with torch.no_grad():
-            conditional = teacher.denoise(noisy, time, windows.history, conditions)
-            unconditional = teacher.denoise(noisy, time, windows.history, conditions.unconditional())
-            clean = unconditional + guidance[:, None] * (conditional - unconditional)
+            full, any_manner, unconditional = (
+                teacher.denoise(noisy, time, windows.history, one)
+                for one in (conditions, conditions.without_manner(), conditions.unconditional())
+            )
+            clean = guided(full, any_manner, unconditional, guidance)
             stepped = teacher.noise.step(noisy, clean, time, earlier)
-            inputs = (windows.history, conditions.sentence, conditions.velocity, conditions.present, guidance)
+            request = (conditions.sentence, conditions.velocity, conditions.manner, conditions.present)
+            inputs = (windows.history, *request, guidance)
             target = self.network(stepped, earlier.clamp(min=0), *inputs)
             target = torch.where(earlier[:, None] < 0, clean, target)
         with teacher.processes.mixed_precision():

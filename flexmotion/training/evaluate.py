@@ -34,9 +34,10 @@ from flexmotion.human.motion import Motion
 from flexmotion.sampling.sampler import Condition, Sampler
 from flexmotion.text.sentence_encoder import SentenceEncoder
 from flexmotion.training.checkpoints import load_weights
-from flexmotion.training.conditions import NONE, Sentences, describe
+from flexmotion.training.conditions import Dropped, Sentences, describe
 from flexmotion.training.evaluator import Evaluator
 from flexmotion.training.losses import Reconstruction
+from flexmotion.training.manner_conditions import NONE
 from flexmotion.training.run import Run
 from flexmotion.training.window_set import WindowSet
 
@@ -93,7 +94,7 @@ class Judge:
         self.network = Evaluator(run.config.evaluator, run.config.window, self.layout, run.config.diffusion.text)
         load_weights(self.network, run.stage("evaluator"))
         self.network.eval()
-        sentences = Sentences(self.store.clips, SentenceEncoder(run.stage("text")))
+        sentences = Sentences(self.store.clips, SentenceEncoder(run.stage("text")), named=True)
         self.cases, others = (self._cases(sentences, count, number) for number in range(2))
         with torch.no_grad():
             self._texts = self.network.sentence(self.cases.sentence).numpy()
@@ -103,7 +104,8 @@ class Judge:
         restore = Reconstruction(self.store.layout, self.store.statistics, self.run.config.losses).restore
         windows = WindowSet(self.store, self.run.config.window, "validation").draw((self.seed, 61, number), 2 * count)
         future = restore(windows.future)
-        found = describe(self.store, sentences, future, windows.clip, (self.seed, 62, number), (0.0, 1.0))
+        seed = (self.seed, 62, number)
+        found = describe(self.store, sentences, future, windows.clip, seed, Dropped(velocity=1.0), first=windows.first)
         described = np.flatnonzero(found.row != NONE)[:count]
         return Cases(
             history=restore(windows.history).numpy()[described],

@@ -11,7 +11,7 @@ from torch.nn.functional import cross_entropy
 
 from flexmotion.configs.model import ModelConfig
 from flexmotion.evaluation.embeddings import r_precision
-from flexmotion.training.conditions import Sentences, describe
+from flexmotion.training.conditions import Dropped, Sentences, describe
 from flexmotion.training.evaluator import Evaluator
 from flexmotion.training.feature_store import FeatureStore
 from flexmotion.training.losses import Reconstruction
@@ -48,7 +48,7 @@ class EvaluatorTask:
         self.config, self.store, self.seed, self.processes = config, store, seed, processes
         self.network = Evaluator(config.evaluator, config.window, store.layout, config.diffusion.text)
         self.network.to(processes.device)
-        self._sentences = Sentences(store.clips, encode)
+        self._sentences = Sentences(store.clips, encode, named=True)
         self._restore = Reconstruction(store.layout, store.statistics, config.losses).restore
         self._training, self._held_out = (WindowSet(store, config.window, split) for split in ("train", "validation"))
 
@@ -66,14 +66,13 @@ class EvaluatorTask:
     def _embedded(self, windows: WindowSet, key: tuple[int, ...], batch: int) -> tuple[Tensor, Tensor, Tensor]:
         """Embeddings of motions and of their sentences, and which sentences count as the same."""
         found = windows.draw((*key, 0), batch)
-        conditions = describe(
-            self.store, self._sentences, self._restore(found.future), found.clip, (*key, 1), (0.0, 1.0)
-        )
+        future, drop = self._restore(found.future), Dropped(velocity=1.0)
+        conditions = describe(self.store, self._sentences, future, found.clip, (*key, 1), drop, first=found.first)
         described = conditions.present[:, 0] > 0
         device = self.processes.device
-        future, sentence = found.future[described].to(device), conditions.sentence[described].to(device)
+        motion, sentence = found.future[described].to(device), conditions.sentence[described].to(device)
         with self.processes.mixed_precision():
-            motion, text = self.network.motion(future), self.network.sentence(sentence)
+            motion, text = self.network.motion(motion), self.network.sentence(sentence)
         return motion.float(), text.float(), sentence @ sentence.T > ALIKE
 
     def validate(self) -> dict[str, float]:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import asdict, fields, replace
+from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
 from shutil import copyfile
@@ -17,29 +16,24 @@ from flexmotion.bundles.card import Making, write_card
 from flexmotion.bundles.manifest import SCHEMA, BodySize, Manifest
 from flexmotion.configs.corrections import Corrections
 from flexmotion.configs.errors import ConfigError
-from flexmotion.features.layout import POINTS, Layout
-from flexmotion.human.body import Body, Segments
-from flexmotion.human.skeleton import SIDES
+from flexmotion.human.body import Body
+from flexmotion.text.manners import manner_wordings
 from flexmotion.text.phrases import kinds, wordings
 from flexmotion.text.sayings import sayings
 from flexmotion.text.sentence_encoder import NETWORK, VOCABULARY, SentenceEncoder
 from flexmotion.training.autoencoder import Autoencoder
 from flexmotion.training.autoencoder_task import load_autoencoder
 from flexmotion.training.checkpoints import is_trained, load_weights, training_record
-from flexmotion.training.conditions import STILL
 from flexmotion.training.denoiser import Denoiser
 from flexmotion.training.export_onnx import export_network
-from flexmotion.training.feature_store import FeatureStore
 from flexmotion.training.half_weights import halve_weights
-from flexmotion.training.listener_training import fit_listener
+from flexmotion.training.listener_training import fit_listener, fit_manner_listener
+from flexmotion.training.manner_conditions import mean_embedding
 from flexmotion.training.noise_schedule import NoiseSchedule
 from flexmotion.training.run import Run
-from flexmotion.training.window_set import WindowSet
+from flexmotion.training.set_summary import SetSummary
 
 LIBRARIES = ("flexmotion", "torch", "onnx", "scikit-learn")
-
-PERSONAL_KIND = "personal"
-"""Kind of motion of a personalised run's own wordings."""
 
 UNKNOWN_LICENCE = "as the data that it was trained on"
 
@@ -99,22 +93,23 @@ def export(
     if folder.exists() and any(folder.iterdir()) and not (folder / "manifest.json").is_file():
         raise ConfigError(f"{folder}: is not empty and not a bundle")
     corrections = run.config.corrections if corrections is None else corrections
-    corrections.require_known([*kinds(), *([PERSONAL_KIND] if run.personal_wordings() else [])], "corrections")
+    corrections.require_known(kinds(), "corrections")
     folder.mkdir(parents=True, exist_ok=True)
     autoencoder, denoiser = load_networks(run, distilled=distilled)
-    store, config, layout = run.store(), run.config, run.layout
+    summary, config, layout = run.summary(), run.config, run.layout
     window, diffusion = config.window, config.diffusion
-    rows = 1 if distilled else 2
+    rows = 1 if distilled else 3
     inputs = {
         "noisy": torch.zeros(rows, autoencoder.latent),
         "time": torch.zeros(rows, dtype=torch.int64),
         "history": torch.zeros(rows, window.history, layout.size),
         "sentence": torch.zeros(rows, diffusion.text),
         "velocity": torch.zeros(rows, 3),
-        "present": torch.zeros(rows, 2),
+        "manner": torch.zeros(rows, diffusion.text),
+        "present": torch.zeros(rows, 3),
     }
     if distilled:
-        inputs["guidance"] = torch.ones(rows)
+        inputs["guidance"] = torch.ones(rows, 2)
     export_network(denoiser, folder / DENOISER, inputs, ["clean"])
     decoding = {"latent": inputs["noisy"][:1], "history": inputs["history"][:1]}
     export_network(Decoder(autoencoder, denoiser).eval(), folder / DECODER, decoding, ["frames"])
@@ -122,7 +117,7 @@ def export(
         copyfile(run.stage("text") / name, folder / name)
     for name in (DENOISER, DECODER, NETWORK):
         halve_weights(folder / name)
-    body = with_proportions(body or Body(), store)
+    body = summary.with_proportions(body or Body())
     manifest = Manifest(
         schema_=SCHEMA,
         name=config.name,
@@ -138,73 +133,37 @@ def export(
         times=diffusion.steps,
         guided=distilled,
         guidance=diffusion.guidance,
+        manner_guidance=diffusion.manner_guidance,
         velocity=diffusion.velocity,
+        manner=True,
         body=BodySize(height=body.height, mass=body.mass, sex=body.sex, segments=asdict(body.segments)),
         corrections=corrections,
-        licence="; ".join(store.licences) or UNKNOWN_LICENCE,
+        licence="; ".join(summary.licences) or UNKNOWN_LICENCE,
         versions={name: version(name) for name in LIBRARIES},
     )
-    training = [clip for clip in store.clips if clip.split == "train"]
-    hours = sum(clip.frames for clip in training) / window.fps / 3600
     names = ["autoencoder", "diffusion", *(["distill"] if distilled else [])]
     if is_trained(run.stage("forces")):
         names.append("forces")
     records = {name: training_record(run.stage(name)) for name in names}
-    made = Making(config.name, hours, len(training), run.seed, records)
+    begun = "" if run.origin is None else f"{run.origin.name}, hash {run.origin.hash}"
+    made = Making(config.name, summary.hours, summary.clips, run.seed, records, begun)
     write_card(folder, manifest, made)
-    return write_bundle(folder, manifest, _arrays(run, store, layout, diffusion.steps))
+    return write_bundle(folder, manifest, _arrays(run, summary, diffusion.steps))
 
 
-def _arrays(run: Run, store: FeatureStore, layout: Layout, steps: int) -> dict[str, np.ndarray]:
+def _arrays(run: Run, summary: SetSummary, steps: int) -> dict[str, np.ndarray]:
     encode = SentenceEncoder(run.stage("text"))
-    prompts = [(kind, wording) for kind in kinds() for wording in wordings(kind)]
-    personal = [(PERSONAL_KIND, wording) for wording in run.personal_wordings()]
-    prompts += personal
+    prompts = [(kind, wording) for kind in summary.kinds for wording in wordings(kind)]
+    personal = run.personal_wordings()
+    manners = {name: manner_wordings(name) for name in summary.manners}
+    manners |= {personal[0]: personal} if personal else {}
     return {
-        **asdict(store.statistics),
+        **summary.arrays(),
         "kept": NoiseSchedule(steps).kept.numpy(),
-        "rest": standing_features(store, run),
         "prompt_kinds": np.array([kind for kind, _ in prompts]),
         "prompt_embeddings": np.stack([encode(wording) for _, wording in prompts]).astype(np.float16),
-        **fit_listener(encode, [*sayings(), *personal]),
+        "manner_names": np.array(list(manners)),
+        "manner_embeddings": np.stack([mean_embedding(said, encode) for said in manners.values()]).astype(np.float16),
+        **fit_listener(encode, sayings()),
+        **fit_manner_listener(encode, personal),
     }
-
-
-def with_proportions(body: Body, store: FeatureStore) -> Body:
-    """A human of this size with the median proportions of a store's humans, weighted by their frames.
-
-    With other proportions the same joint angles would put the feet above or below the floor.
-    """
-    # Variants have bodies that nobody recorded.
-    clips = [clip for clip in store.clips if clip.split == "train" and clip.recorded]
-    seconds = np.maximum(np.array([clip.frames for clip in clips]) // round(store.layout.fps), 1)
-    segments = {}
-    for name in (item.name for item in fields(Segments)):
-        lengths = name != "toe_out"
-        values = [getattr(clip.body.segments, name) / (clip.body.leg if lengths else 1.0) for clip in clips]
-        median = float(np.median(np.repeat(values, seconds)))
-        segments[name] = round(median * (body.leg if lengths else 1.0), 5)
-    return replace(body, fitted=Segments(**segments))
-
-
-def standing_features(store: FeatureStore, run: Run) -> np.ndarray:
-    """Features of a human who stands still, arms hanging, not normalised, (H, F): the stretch nearest to the median."""
-    window = run.config.window.model_copy(update={"history": 0, "future": max(run.config.window.history, 1)})
-    windows = WindowSet(store, window, "train", variants=False).draw((run.seed, 41), 4096)
-    features = store.statistics.restore(windows.future.numpy())
-    speed = features[..., layout_columns(store.layout, ("velocities",))]
-    still = np.abs(speed).mean(axis=(1, 2)) < STILL / 4
-    upright = features[..., store.layout.blocks["root"]][..., -1, 3] > 1.0
-    places = features[..., store.layout.blocks["positions"]].reshape(*features.shape[:2], len(POINTS), 3)
-    hands, hips = (places[:, -1, [POINTS.index(f"{name}_{side}") for side in SIDES], 2] for name in ("hand", "hip"))
-    resting = still & upright & (hands < hips).all(axis=1)
-    chosen = features[resting] if resting.any() else features
-    poses = chosen[:, -1, layout_columns(store.layout, ("rotations",))]
-    nearest = np.linalg.norm(poses - np.median(poses, axis=0), axis=1).argmin()
-    rest: np.ndarray = chosen[nearest].astype(np.float32)
-    return rest
-
-
-def layout_columns(layout: Layout, names: Sequence[str]) -> list[int]:
-    """Columns of some blocks."""
-    return [at for name in names for at in range(layout.blocks[name].start, layout.blocks[name].stop)]

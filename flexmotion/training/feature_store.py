@@ -48,6 +48,7 @@ class StoredClip:
         split: `train` or `validation`.
         variant: `original`, `mirror`, or the name of an augmentation.
         labels, captions: of its source.
+        spans: start and end of each caption [s]; an end of 0 is the clip's. None in stores of earlier releases: whole.
         body: size and proportions of the human.
     """
 
@@ -59,6 +60,21 @@ class StoredClip:
     labels: dict[str, str]
     captions: tuple[str, ...]
     body: Body
+    spans: tuple[tuple[float, float], ...] = ()
+
+    @property
+    def whole_captions(self) -> tuple[str, ...]:
+        """Captions of the whole clip."""
+        return tuple(text for text, span in zip(self.captions, self._spans, strict=True) if not span[1])
+
+    @property
+    def partial_captions(self) -> tuple[tuple[str, float, float], ...]:
+        """Captions of a part of the clip, with its start and end [s]."""
+        return tuple((text, *span) for text, span in zip(self.captions, self._spans, strict=True) if span[1])
+
+    @property
+    def _spans(self) -> tuple[tuple[float, float], ...]:
+        return self.spans or ((0.0, 0.0),) * len(self.captions)
 
     @property
     def recorded(self) -> bool:
@@ -107,10 +123,7 @@ class FeatureStore:
     @cached_property
     def clips(self) -> tuple[StoredClip, ...]:
         """Every clip."""
-        return tuple(
-            StoredClip(**{**item, "captions": tuple(item["captions"]), "body": _body(item["body"])})
-            for item in self._clips
-        )
+        return tuple(StoredClip(**{**item, **_captions(item), "body": _body(item["body"])}) for item in self._clips)
 
     def without_variants(self) -> FeatureStore:
         """The same store without variants in its training split."""
@@ -171,6 +184,7 @@ def build_store(
                 "variant": clip.variant,
                 "labels": clip.info["labels"],
                 "captions": [caption["text"] for caption in clip.info["captions"]],
+                "spans": [_span(caption, count / layout.fps) for caption in clip.info["captions"]],
                 "body": clip.info["body"],
             }
         )
@@ -255,3 +269,19 @@ def _key(source: MotionSet, layout: Layout) -> str:
 def _body(row: dict[str, Any]) -> Body:
     fitted = row["fitted"]
     return Body(**{**row, "fitted": Segments(**fitted) if fitted else None})
+
+
+def _captions(item: dict[str, Any]) -> dict[str, Any]:
+    spans = tuple((start, end) for start, end in item.get("spans", ()))
+    return {"captions": tuple(item["captions"]), "spans": spans}
+
+
+WHOLE_S = 1.0
+"""A caption that begins and ends this near to its clip's start and end is one of the whole clip [s]."""
+
+
+def _span(caption: dict[str, Any], seconds: float) -> tuple[float, float]:
+    """Start and end of a caption [s]; zeros where it is one of the whole clip."""
+    start, end = float(caption["start"]), float(caption["end"])
+    whole = not end or (start <= WHOLE_S and end >= seconds - WHOLE_S)
+    return (0.0, 0.0) if whole else (start, end)

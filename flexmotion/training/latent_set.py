@@ -7,9 +7,10 @@ from torch import Tensor
 
 from flexmotion.configs.model import ModelConfig
 from flexmotion.training.autoencoder import Autoencoder
-from flexmotion.training.conditions import Conditions, Sentences, describe
+from flexmotion.training.conditions import Conditions, Dropped, Sentences, describe
 from flexmotion.training.feature_store import FeatureStore
 from flexmotion.training.losses import Reconstruction
+from flexmotion.training.manner_conditions import Manners
 from flexmotion.training.processes import Processes
 from flexmotion.training.window_set import WindowSet
 from flexmotion.training.windows import Windows
@@ -23,7 +24,7 @@ class LatentSet:
         store: features of the set.
         split: `train` or `validation`.
         autoencoder: trained.
-        sentences: of the store's clips.
+        sentences, manners: of the store's clips.
         processes: that train.
     """
 
@@ -34,11 +35,13 @@ class LatentSet:
         split: str,
         autoencoder: Autoencoder,
         sentences: Sentences,
+        manners: Manners,
         processes: Processes,
     ) -> None:
-        self.config, self.store, self.autoencoder, self.sentences = config, store, autoencoder, sentences
+        self.config, self.store, self.autoencoder = config, store, autoencoder
+        self.sentences, self.manners = sentences, manners
         self.device = processes.device
-        self.windows = WindowSet(store, config.window, split)
+        self.windows = WindowSet(store, config.window, split, normal=config.diffusion.normal)
         self._restore = Reconstruction(store.layout, store.statistics, config.losses).restore
 
     def draw(self, seed: tuple[int, ...], size: int, *, following: bool = False) -> Windows:
@@ -51,15 +54,11 @@ class LatentSet:
             return self.autoencoder.encode(history, future)[0]
 
     def describe(self, windows: Windows, seed: tuple[int, ...]) -> Conditions:
-        """Conditions of windows; a share of sentences and velocities is dropped at random."""
+        """Conditions of windows; a share of sentences, velocities and manners is dropped at random."""
         diffusion = self.config.diffusion
-        drop_velocity = diffusion.drop_velocity if diffusion.velocity else 1.0
-        found = describe(
-            self.store,
-            self.sentences,
-            self._restore(windows.future.cpu()),
-            windows.clip,
-            seed,
-            (diffusion.drop_text, drop_velocity),
+        drop = Dropped(
+            diffusion.drop_text, diffusion.drop_velocity if diffusion.velocity else 1.0, diffusion.drop_manner
         )
+        future = self._restore(windows.future.cpu())
+        found = describe(self.store, self.sentences, future, windows.clip, seed, drop, self.manners, windows.first)
         return found.to(self.device)

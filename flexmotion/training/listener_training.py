@@ -1,4 +1,4 @@
-"""Training of a `Listener`: logistic regression on sentences of known kind of motion."""
+"""Training of a `Listener`: logistic regression on sentences of known kind of motion, or on phrases of known manner."""
 
 from __future__ import annotations
 
@@ -16,6 +16,14 @@ from flexmotion.bundles.bundle import Bundle, write_bundle
 from flexmotion.bundles.card import CARD, add_note
 from flexmotion.configs.errors import ConfigError
 from flexmotion.text.listener import EMPHASIS
+from flexmotion.text.manners import (
+    manner_sayings,
+    manner_wordings,
+    manner_words,
+    manners,
+    neutral_words,
+    unknown_manners,
+)
 from flexmotion.text.phrases import STAND
 from flexmotion.text.prompt_reader import forbids
 from flexmotion.text.sayings import NOTHING, sayings
@@ -54,6 +62,23 @@ def fit_listener(encode: SentenceEncoder, examples: Sequence[tuple[str, str]]) -
     }
 
 
+def fit_manner_listener(encode: SentenceEncoder, personal: Sequence[str] = ()) -> dict[str, np.ndarray]:
+    """Fit the `Listener` of manners to the phrases of `manners.yaml`; returns its arrays as a bundle keeps them.
+
+    Args:
+        encode: sentence encoder.
+        personal: wordings of a personal manner, whose name is the first.
+    """
+    examples = [
+        (manner, phrase)
+        for manner in manners()
+        for phrase in (*manner_wordings(manner), *manner_sayings(manner), *manner_words(manner))
+    ]
+    examples += [(NOTHING, phrase) for phrase in (*unknown_manners(), *sorted(neutral_words()))]
+    examples += [(personal[0], phrase) for phrase in personal]
+    return {f"manner_{name}": values for name, values in fit_listener(encode, examples).items()}
+
+
 def refit_listener(bundle: Bundle, out: Path, more: Sequence[tuple[str, str]] = ()) -> Bundle:
     """Copy a bundle, with a listener fitted to this version's sayings and to more of them.
 
@@ -72,17 +97,19 @@ def refit_listener(bundle: Bundle, out: Path, more: Sequence[tuple[str, str]] = 
     if out.resolve().is_relative_to(bundle.folder.resolve()):
         raise ConfigError(f"{out}: lies in the bundle itself")
     learnt = {*bundle.prompts.kinds, NOTHING}
-    known = [(kind, sentence) for kind, sentence in sayings() if kind in learnt]
+    known = sayings()  # of all kinds: what the model cannot do is refused by its name
     if lost := set(bundle.listener.kinds) - {kind for kind, _ in (*known, *more)}:
         raise ConfigError(
             f"{bundle.folder}: knows {sorted(lost)}, whose sentences only its training has; export it again from there"
         )
+    personal = [name for name in bundle.manners.names if name not in manners()]
     for kind, sentence in more:
         if kind not in learnt:
             raise ConfigError(f"{sentence!r} is of kind {kind!r}; the model knows {', '.join(sorted(learnt))}")
         if kind not in (STAND, NOTHING) and forbids(sentence, kind):
             raise ConfigError(f"{sentence!r} forbids a motion, so the robot would stand still; say what to do")
-    listener = fit_listener(SentenceEncoder(bundle.folder), [*known, *more])
+    encode = SentenceEncoder(bundle.folder)
+    listener = fit_listener(encode, [*known, *more]) | fit_manner_listener(encode, personal)
     out.parent.mkdir(parents=True, exist_ok=True)
     with TemporaryDirectory(dir=out.parent, prefix=f".{out.name}-") as folder:
         made = Path(folder) / "bundle"

@@ -1,8 +1,8 @@
 """Personalisation: fine-tunes a trained model on one person's clips.
 
-Half of every step's loss is of the person's clips, whose sentences name the person, and half of the clips that the
-model was trained on (prior preservation: Ruiz et al., DreamBooth, CVPR 2023). Autoencoder, statistics and sentence
-encoder are not changed.
+Half of every step's loss is of the person's clips, whose manner is the person's, and half of the clips that the model
+was trained on (prior preservation: Ruiz et al., DreamBooth, CVPR 2023), or of motion that the model sampled
+before, where those are not at hand. Autoencoder, statistics and sentence encoder are not changed.
 """
 
 from __future__ import annotations
@@ -11,33 +11,38 @@ import json
 from collections.abc import Callable
 from pathlib import Path
 from shutil import copyfile, copytree
+from typing import cast
 
-import torch
 from torch import Tensor, nn
 
 from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.model import ModelConfig
 from flexmotion.dataset.compact_set import open_set
 from flexmotion.text.sentence_encoder import NETWORK, SentenceEncoder
 from flexmotion.training.autoencoder_task import load_autoencoder
-from flexmotion.training.checkpoints import BEST, is_trained, load_weights
+from flexmotion.training.checkpoints import BEST, is_trained
+from flexmotion.training.denoiser import Denoiser
 from flexmotion.training.diffusion_task import DiffusionTask
 from flexmotion.training.feature_store import build_store
+from flexmotion.training.own_samples import OwnSamples
 from flexmotion.training.processes import Processes
-from flexmotion.training.run import CONFIG, PERSONAL, Run
+from flexmotion.training.run import CONFIG, FEATURES, ORIGIN, PERSON, PERSONAL, Run
+from flexmotion.training.set_summary import SUMMARY
+from flexmotion.training.stage import Task
 
 
 class PersonalTask:
     """Fine-tuning of the denoiser; see `stage.Task`.
 
     Args:
-        base: diffusion of the trained model, on its training set.
-        person: the same on the person's clips; gets the network of `base`.
+        base: the trained model, on its training set or on its own samples.
+        person: its diffusion on the person's clips; gets the network of `base`.
         prior: weight of the training set's loss, 0 to 1; the rest is the person's.
     """
 
-    def __init__(self, base: DiffusionTask, person: DiffusionTask, prior: float = 0.5) -> None:
-        person.network = base.network
-        self._base, self._person, self._prior = base, person, prior
+    def __init__(self, base: Task, person: DiffusionTask, prior: float = 0.5) -> None:
+        person.network = cast(Denoiser, base.network)
+        self._base, self.person, self._prior = base, person, prior
 
     @property
     def network(self) -> nn.Module:
@@ -47,13 +52,19 @@ class PersonalTask:
     def losses(self, step: int) -> tuple[Tensor, dict[str, Tensor]]:
         """See `stage.Task`."""
         kept, _ = self._base.losses(step)
-        learnt, _ = self._person.losses(step)
+        learnt, _ = self.person.losses(step)
         return self._prior * kept + (1 - self._prior) * learnt, {"kept": kept, "learnt": learnt}
 
     def validate(self) -> dict[str, float]:
         """Losses on the training set (`kept`) and on the person's clips (`learnt`)."""
-        kept, learnt = self._base.validate()["loss"], self._person.validate()["loss"]
+        kept, learnt = self._base.validate()["loss"], self.person.validate()["loss"]
         return {"loss": self._prior * kept + (1 - self._prior) * learnt, "kept": kept, "learnt": learnt}
+
+
+def always_asked(config: ModelConfig) -> ModelConfig:
+    """The configuration with sentence and manner in every sample: without them, motion stays that of the model."""
+    diffusion = config.diffusion.model_copy(update={"drop_text": 0.0, "drop_manner": 0.0})
+    return config.model_copy(update={"diffusion": diffusion})
 
 
 def personal_run(trained: Run, out: Path, manner: str) -> Run:
@@ -62,7 +73,7 @@ def personal_run(trained: Run, out: Path, manner: str) -> Run:
     Args:
         trained: with autoencoder, text and diffusion.
         out: folder of the new run; an existing run there is resumed.
-        manner: words appended to every sentence, such as "like Ada".
+        manner: words that ask for it, such as "like Ada".
 
     Raises:
         ConfigError: a stage of the trained run is missing.
@@ -73,14 +84,17 @@ def personal_run(trained: Run, out: Path, manner: str) -> Run:
     out.mkdir(parents=True, exist_ok=True)
     if not (out / CONFIG).is_file():
         copyfile(trained.folder / CONFIG, out / CONFIG)
+        if trained.origin is not None:
+            for name in (ORIGIN, SUMMARY):
+                copyfile(trained.folder / name, out / name)
         copytree(trained.stage("text"), out / "text")
         for stage in ("autoencoder", "forces"):
             if is_trained(trained.stage(stage)):
                 (out / stage).mkdir()
                 copyfile(trained.stage(stage) / BEST, out / stage / BEST)
-        # As large as the set, and only read: linked, not copied.
-        (out / "features").symlink_to((trained.folder / "features").resolve(), target_is_directory=True)
-    (out / PERSONAL).write_text(json.dumps([manner, f"move {manner}", f"walk {manner}"]), encoding="utf-8")
+        if trained.has_features:  # as large as the set, and only read: linked, not copied
+            (out / FEATURES).symlink_to((trained.folder / FEATURES).resolve(), target_is_directory=True)
+    (out / PERSONAL).write_text(json.dumps([manner]), encoding="utf-8")
     return Run(out)
 
 
@@ -98,15 +112,17 @@ def personal_task(
     """
     autoencoder = load_autoencoder(run)
     encode, processes = SentenceEncoder(run.stage("text")), Processes()
-    base_store = run.store()
-    store = build_store(open_set(data), run.layout, run.folder / "person", progress)
+    store = build_store(open_set(data), run.layout, run.folder / PERSON, progress)
     # The networks were trained on features normalised by the statistics of their own set.
-    store.statistics = base_store.statistics
-    base = DiffusionTask(run.config, base_store, autoencoder, encode, run.seed, processes)
+    base_store = run.store() if run.has_features else None
+    store.statistics = run.summary().statistics if base_store is None else base_store.statistics
+    known = trained.stage("diffusion")
     # A few clips may have none in the validation split.
     held_out = "validation" if any(clip.split == "validation" for clip in store.clips) else "train"
-    person = DiffusionTask(run.config, store, autoencoder, encode, run.seed, processes, manner, held_out)
-    load_weights(base.network, trained.stage("diffusion"))
-    with torch.no_grad():
-        person.network.load_state_dict(base.network.state_dict())
+    person = DiffusionTask(
+        always_asked(run.config), store, autoencoder, encode, run.seed, processes, (manner,), held_out, known
+    )
+    if base_store is None:
+        return PersonalTask(OwnSamples(person, encode, run.summary(), run.seed), person)
+    base = DiffusionTask(run.config, base_store, autoencoder, encode, run.seed, processes, trained=known)
     return PersonalTask(base, person)

@@ -6,6 +6,7 @@ import hashlib
 import json
 import os
 from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,15 +19,21 @@ from flexmotion.configs.schema import Strict, parse, read_yaml
 from flexmotion.dataset.compact_set import open_set
 from flexmotion.dataset.fields import MUSCLES
 from flexmotion.features.layout import Layout
-from flexmotion.training.feature_store import FeatureStore, build_store
+from flexmotion.training.checkpoints import is_trained
+from flexmotion.training.feature_store import INDEX, FeatureStore, build_store
 from flexmotion.training.format import CONFIG_VERSIONS, FORMAT, UNVERSIONED
 from flexmotion.training.muscle_torques import MuscleTorques, fit_muscle_torques, load_muscle_torques
+from flexmotion.training.set_summary import SetSummary, summarise
 
-CONFIG = "config.yaml"
+CONFIG, FEATURES = "config.yaml", "features"
 CORRECTIONS_FROM = 2
 """First format of `CONFIG` with corrections."""
 PERSONAL = "personal.json"
 """Wordings of a personalised run, beside those that every run has."""
+PERSON = "person"
+"""Folder of the features of a personalised run's own clips."""
+ORIGIN = "origin.json"
+"""Release that a run began from."""
 
 
 class _Saved(Strict):
@@ -35,6 +42,14 @@ class _Saved(Strict):
     format: int = UNVERSIONED
     seed: int
     model: ModelConfig
+
+
+@dataclass(frozen=True)
+class Origin:
+    """The release that a run began from: its name and its hash."""
+
+    name: str
+    hash: str
 
 
 class Run:
@@ -46,8 +61,8 @@ class Run:
         seed: of everything drawn; None for the one in the folder, 0 in a new folder.
 
     Raises:
-        ConfigError: no configuration is given and the folder has none, the folder has another one, or its format is
-            too old or too new.
+        ConfigError: no configuration is given and the folder has none, the folder has another one (the message names
+            the fields), or its format is too old or too new.
     """
 
     def __init__(self, folder: Path, config: str | None = None, seed: int | None = None) -> None:
@@ -60,25 +75,45 @@ class Run:
             asked = saved.model if config is None else load_model_config(config)
             if "corrections" not in asked.model_fields_set:
                 asked = asked.model_copy(update={"corrections": saved.model.corrections})
-            if _fixed(asked) != _fixed(saved.model) or seed not in (None, saved.seed):
-                raise ConfigError(f"{path}: the training there has other settings or another seed; use another folder")
+            if found := different_settings(saved.model, asked):
+                raise ConfigError(f"{path}: the training there has other settings; use another folder: {found}")
+            if seed not in (None, saved.seed):
+                raise ConfigError(f"{path}: the training there has seed {saved.seed}; use another folder")
             self.config, self.seed = asked, saved.seed
         elif config is None:
             raise ConfigError(f"{path}: not found; name a configuration to start with")
         else:
             self.config, self.seed = load_model_config(config), seed or 0
-        folder.mkdir(parents=True, exist_ok=True)
-        # Replaced in one step: the processes of one training open the folder at the same time.
-        temporary = path.with_suffix(f".{os.getpid()}.tmp")
-        content = _Saved(format=FORMAT, seed=self.seed, model=self.config).model_dump()
-        temporary.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
-        os.replace(temporary, path)
+        _write_config(folder, self.config, self.seed)
+
+    @classmethod
+    def begin(cls, folder: Path, config: ModelConfig, seed: int, origin: Origin) -> Run:
+        """A run that begins from a release; an existing one that began from the same release is resumed.
+
+        Raises:
+            ConfigError: the folder holds another training.
+        """
+        if (folder / CONFIG).is_file():
+            run = cls(folder)
+            if run.origin != origin:
+                raise ConfigError(f"{folder}: holds a training that did not begin from this file; use another folder")
+            if found := different_settings(run.config, config):
+                raise ConfigError(f"{folder}: holds a training with other settings: {found}")
+            return run
+        _write_config(folder, config, seed)
+        (folder / ORIGIN).write_text(json.dumps(asdict(origin)), encoding="utf-8")
+        return cls(folder)
+
+    @property
+    def origin(self) -> Origin | None:
+        """The release that it began from; None for a run from the beginning."""
+        path = self.folder / ORIGIN
+        return Origin(**json.loads(path.read_text(encoding="utf-8"))) if path.is_file() else None
 
     @property
     def layout(self) -> Layout:
         """Layout of the features."""
-        window = self.config.window
-        return Layout(window.fps, MUSCLES if window.muscles else 0, joint_contact=window.joint_contact)
+        return layout_of(self.config)
 
     def stage(self, name: str) -> Path:
         """Folder of a stage."""
@@ -86,6 +121,8 @@ class Run:
 
     def store(self, data: Path | None = None, progress: Callable[[float], None] = lambda done: None) -> FeatureStore:
         """Features of a set, computed on first use; without a set, those computed before.
+
+        A run that began from a release keeps the statistics by which the release's networks see features.
 
         Args:
             data: training set; None to open the features in the folder.
@@ -95,12 +132,43 @@ class Run:
             ConfigError: the features have not been computed, or their format is too old or too new.
             MotionFormatError: there is no set, or it lacks a field.
         """
-        folder = self.folder / "features"
+        folder = self.folder / FEATURES
         if data is not None:
-            return build_store(open_set(data), self.layout, folder, progress)
-        if not (folder / "index.json").is_file():
+            store = build_store(open_set(data), self.layout, folder, progress)
+        elif self.has_features:
+            store = FeatureStore(folder)
+        else:
             raise ConfigError(f"{folder}: no features; name the training set once")
-        return FeatureStore(folder)
+        if self.origin is not None:
+            store.statistics = SetSummary.read(self.folder).statistics
+        return store
+
+    @property
+    def has_features(self) -> bool:
+        """Whether the features of a set have been computed."""
+        return (self.folder / FEATURES / INDEX).is_file()
+
+    def summary(self) -> SetSummary:
+        """What a bundle needs of the training set; of a run from a release without a set of its own, the release's.
+
+        The licences are those of all clips that the weights depend on.
+
+        Raises:
+            ConfigError: there is neither a set nor a release.
+        """
+        begun = None if self.origin is None else SetSummary.read(self.folder)
+        if begun is not None and not self.has_features:
+            found = begun
+        else:
+            found = summarise(self.store(), self.config.window, self.seed)
+        licences = {*found.licences, *(begun.licences if begun else ())}
+        if (self.folder / PERSON / INDEX).is_file():
+            licences |= set(FeatureStore(self.folder / PERSON).licences)
+        return replace(found, licences=tuple(sorted(licences)))
+
+    def begun(self, stage: str) -> Path | None:
+        """Folder of the weights that a stage goes on from; None for a run from the beginning, or a new stage."""
+        return self.stage(stage) if self.origin is not None and is_trained(self.stage(stage)) else None
 
     def muscles(self, data: Path | None = None) -> MuscleTorques | None:
         """Muscle torques for their loss, fitted on first use; None where the configuration has no such loss.
@@ -129,6 +197,36 @@ class Run:
         """SHA-256 of what the weights depend on: networks, windows, seed."""
         content = json.dumps([_fixed(self.config), self.seed, self.layout.hash], sort_keys=True)
         return hashlib.sha256(content.encode()).hexdigest()
+
+
+def layout_of(config: ModelConfig) -> Layout:
+    """Layout of a configuration's features."""
+    window = config.window
+    return Layout(window.fps, MUSCLES if window.muscles else 0, joint_contact=window.joint_contact)
+
+
+def different_settings(first: ModelConfig, second: ModelConfig) -> str:
+    """Settings of networks and windows in which two configurations differ, as text; empty where they are the same."""
+    ours, theirs = _flat(_fixed(first)), _flat(_fixed(second))
+    names = [name for name in ours | theirs if ours.get(name) != theirs.get(name)]
+    return "; ".join(f"{name} is {ours.get(name)}, asked for {theirs.get(name)}" for name in names)
+
+
+def _flat(content: dict[str, Any], begin: str = "") -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for name, value in content.items():
+        found |= _flat(value, f"{begin}{name}.") if isinstance(value, dict) else {begin + name: value}
+    return found
+
+
+def _write_config(folder: Path, config: ModelConfig, seed: int) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / CONFIG
+    # Replaced in one step: the processes of one training open the folder at the same time.
+    temporary = path.with_suffix(f".{os.getpid()}.tmp")
+    content = _Saved(format=FORMAT, seed=seed, model=config).model_dump()
+    temporary.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
+    os.replace(temporary, path)
 
 
 def _read_saved(content: dict[str, Any], path: Path) -> _Saved:

@@ -18,7 +18,15 @@ from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
 
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.model import Stage
-from flexmotion.training.checkpoints import BEST, LAST, read_checkpoint, read_state, write_checkpoint
+from flexmotion.training.checkpoints import (
+    BEST,
+    LAST,
+    begun_from,
+    fill,
+    read_checkpoint,
+    read_state,
+    write_checkpoint,
+)
 from flexmotion.training.processes import Processes
 
 log = logging.getLogger(__name__)
@@ -74,6 +82,9 @@ def train_stage(
 ) -> Progress:
     """Train until the stage's steps are done or the time is over, and save the state.
 
+    A stage whose `best.pt` is of a release goes on at the step of those weights. A release has no state of the
+    optimiser: its averages begin anew, and the learning rate rises once more over the stage's warm-up.
+
     `best.pt` holds the moving average of the weights, as of the validation with the least loss.
 
     Args:
@@ -95,13 +106,13 @@ def train_stage(
     """
     group = processes or Processes()
     training = _Training(task, stage, folder, fingerprint, group)
-    training.resume()
+    begun = training.resume_or_begin()
 
     def time_is_over() -> bool:
         return group.any(seconds is not None and time.monotonic() - begin >= seconds)
 
     begin = saved = time.monotonic()
-    if pretrained and not training.step:
+    if begun or (pretrained and not training.step):
         training.validate()
     while training.step < stage.steps and not time_is_over():
         training.advance()
@@ -132,14 +143,36 @@ class _Training:
         self._parts: dict[str, float] = {}
         self._figures: dict[str, float] = {}
         self.step = 0
+        self._first = 0  # step at which the optimiser began
 
     @property
     def progress(self) -> Progress:
         """How far it is."""
         return Progress(self.step, self._stage.steps, self._parts, self._figures)
 
-    def resume(self) -> None:
-        """Read the state in the folder, where there is one. Raises `ConfigError` where it does not fit."""
+    def resume_or_begin(self) -> bool:
+        """Read the state in the folder, else the weights of a release, where there are any.
+
+        Returns:
+            Whether it begins from a release.
+
+        Raises:
+            ConfigError: they do not fit.
+        """
+        if begun_from(self._folder) is None:
+            self._resume()
+            return False
+        best = read_checkpoint(self._folder / BEST, device=self._processes.device)
+        fill(self._task.network, best["network"], self._folder / BEST)
+        self._average.module.load_state_dict(self._task.network.state_dict())
+        self.step = self._first = best["step"]
+        # The average follows as slowly as after that many steps.
+        self._average.n_averaged.fill_(self.step)
+        self._processes.any(False)  # every process has read the weights before the first one writes
+        self.save()
+        return True
+
+    def _resume(self) -> None:
         last = self._folder / LAST
         if not last.is_file():
             return
@@ -154,6 +187,7 @@ class _Training:
             problem = str(error).splitlines()[0]
             raise ConfigError(f"{last}: of another version, start in an empty folder ({problem})") from error
         self.step, self._least, self._figures = state["step"], state["least"], state["figures"]
+        self._first = state.get("first", 0)  # older ones began at 0
         log.info("%s: resumes at step %d", self._folder, self.step)
 
     def save(self) -> None:
@@ -163,12 +197,13 @@ class _Training:
         state = {"network": self._task.network.state_dict(), "average": self._average.state_dict()}
         state["optimiser"] = self._optimiser.state_dict()
         where = {"fingerprint": self._fingerprint, "step": self.step, "least": self._least, "figures": self._figures}
+        where["first"] = self._first
         write_checkpoint(state | where, self._folder / LAST)
 
     def advance(self) -> None:
         """Do one step of the optimiser."""
         for entry in self._optimiser.param_groups:
-            entry["lr"] = _rate(self._stage, self.step)
+            entry["lr"] = _rate(self._stage, self.step, self._first)
         self._optimiser.zero_grad(set_to_none=True)
         loss, terms = self._losses(self.step)
         loss.backward()
@@ -233,9 +268,9 @@ def _averaged_weights(network: nn.Module, average: AveragedModel) -> Iterator[No
         network.load_state_dict(trained)
 
 
-def _rate(stage: Stage, step: int) -> float:
-    """Learning rate at a step."""
-    rise = min(1.0, (step + 1) / max(stage.warm_up, 1))
+def _rate(stage: Stage, step: int, first: int) -> float:
+    """Learning rate at a step; it rises from the step at which the optimiser began."""
+    rise = min(1.0, (step - first + 1) / max(stage.warm_up, 1))
     left = (stage.steps - step) / max(stage.cool_down * stage.steps, 1.0)
     return stage.learning_rate * rise * min(1.0, left)
 

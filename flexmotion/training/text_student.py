@@ -13,7 +13,8 @@ from torch import Tensor, nn
 
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.model import Transformer
-from flexmotion.text.phrases import kinds, styled, wordings
+from flexmotion.text.manners import manner_sayings, manner_wordings, manners, neutral_words, unknown_manners
+from flexmotion.text.phrases import kinds, wordings
 from flexmotion.text.sentence_encoder import NETWORK, VOCABULARY
 from flexmotion.text.word_pieces import CONTINUED, UNKNOWN, WordPieces
 from flexmotion.training.export_onnx import export_network
@@ -24,6 +25,9 @@ log = logging.getLogger(__name__)
 WORD_WIDTH = 96
 NETWORK_SHAPE = Transformer(width=128, heads=4, layers=2)
 RANDOM_SENTENCES = 8_000
+STYLED_SENTENCES = 150
+"""Random sentences for each manner, of any kind of motion."""
+
 BATCH = 256
 RATE = 1e-3
 
@@ -101,18 +105,20 @@ def corpus(vocabulary: Sequence[str], captions: Iterable[str], seed: int) -> Cor
         for wording in wordings(kind):
             made += [wording, f"please {wording}", f"a person will {wording}", f"the robot should {wording}"]
     rng = np.random.default_rng((seed, 11))
-    for style in ("active", "exhausted", "elderly", "happy", "proud", "angry", "feminine", "masculine"):
-        for kind in kinds():
-            said = wordings(kind)
-            for at in rng.choice(len(said), min(len(said), 12), replace=False):
-                made += styled(said[at], style)
+    said = np.array([wording for kind in kinds() for wording in wordings(kind)])
+    for manner in manners():
+        ways = [*manner_wordings(manner), *manner_sayings(manner)]
+        made += ways
+        made += [f"{rng.choice(said)} {rng.choice(ways)}" for _ in range(STYLED_SENTENCES)]
+    made += [*unknown_manners(), *sorted(neutral_words())]
     words = [piece for piece in vocabulary if piece.isalpha() and len(piece) > 1]
-    told = sorted({word for sentence in made for word in sentence.split()})
+    told = np.array(sorted({word for sentence in made for word in sentence.split()}))
+    any_word = np.array(words)
     random = []
     for _ in range(RANDOM_SENTENCES):
         count = int(rng.integers(2, 7))
         # Half of the words are about motion, so that other words occur beside them.
-        pick = [str(rng.choice(told)) if rng.random() < 0.5 else str(rng.choice(words)) for _ in range(count)]
+        pick = [str(rng.choice(told)) if rng.random() < 0.5 else str(rng.choice(any_word)) for _ in range(count)]
         random.append(" ".join(pick))
     return Corpus(tuple(dict.fromkeys([*made, *captions])), tuple(words), tuple(random))
 

@@ -11,12 +11,17 @@ from torch import Tensor
 
 from flexmotion.configs.errors import MotionFormatError
 from flexmotion.configs.model import Window
+from flexmotion.dataset.meaning import clip_manner
+from flexmotion.text.manners import NORMAL
 from flexmotion.training.feature_store import FeatureStore, StoredClip
 from flexmotion.training.human_tensors import HumanTensors
 from flexmotion.training.windows import Windows
 
 EVENNESS = 0.75
 """0: kinds of motion are drawn as often as they occur, 1: all equally often."""
+
+MOST_NORMAL = 8.0
+"""Greatest factor on the weight of a kind's normal clips: one clip must not be most of what is seen of a kind."""
 
 CLIP = 15.0
 """Normalised features are clipped to this many standard deviations."""
@@ -34,12 +39,15 @@ class WindowSet:
         window: sizes.
         split: `train` or `validation`.
         variants: whether windows are of variants too; None: in the split `train`.
+        normal: least share of the normal manner among the windows of a kind that has normal clips.
 
     Raises:
         MotionFormatError: no clip of the split is long enough.
     """
 
-    def __init__(self, store: FeatureStore, window: Window, split: str, *, variants: bool | None = None) -> None:
+    def __init__(
+        self, store: FeatureStore, window: Window, split: str, *, variants: bool | None = None, normal: float = 0.0
+    ) -> None:
         variants = split == "train" if variants is None else variants
         self.store, self.window, self.split = store, window, split
         length = window.history + window.future
@@ -60,6 +68,9 @@ class WindowSet:
         for name, count in zip(kinds, self._count, strict=True):
             share[name] += int(count)
         self._rarity = np.array([share[name] for name in kinds], np.float64) ** -EVENNESS
+        if normal:
+            plain = np.array([clip_manner(clip.labels, clip.whole_captions) == NORMAL for clip in clips])
+            self._rarity *= normal_weights(np.array(kinds), plain, self._count, normal)
 
     @property
     def has_following(self) -> bool:
@@ -134,6 +145,27 @@ class WindowSet:
         for name in ("velocities", "accelerations"):
             moving[layout.blocks[name]] = True
         return torch.where(~inside[..., None] & moving, still, values)
+
+
+def normal_weights(kinds: np.ndarray, plain: np.ndarray, count: np.ndarray, least: float) -> np.ndarray:
+    """Weights of clips, (N,), by which the normal ones are at least a share of their kind, whose total stays.
+
+    Args:
+        kinds: of motion, (N,).
+        plain: whether a clip is of the normal manner, (N,).
+        count: windows of each clip, (N,).
+        least: share of the normal manner, in [0, 1); reached where `MOST_NORMAL` allows it.
+    """
+    weights = np.ones(len(kinds))
+    for name in np.unique(kinds):
+        own = kinds == name
+        all_of, normal = count[own].sum(), count[own & plain].sum()
+        if not 0 < normal < least * all_of:
+            continue
+        factor = min(least / (1 - least) * (all_of - normal) / normal, MOST_NORMAL)
+        weights[own & plain] = factor
+        weights[own] *= all_of / (all_of - normal + factor * normal)
+    return weights
 
 
 def kind(clip: StoredClip) -> str:

@@ -222,6 +222,54 @@ def build(
 
 
 @data.command()
+def gestures(
+    folders: Annotated[
+        list[Path], typer.Argument(metavar="FOLDER...", help="Recordings in which people stand and walk normally.")
+    ],
+    out: OutOption,
+    kind: Annotated[list[str] | None, typer.Option(help="Gesture of gestures.yaml; may be given again.")] = None,
+    count: Annotated[int, typer.Option(min=1, help="Motions of each gesture, half of them to each side.")] = 44,
+    fps: Annotated[float, typer.Option(min=10.0, help="Frame rate of the motions.")] = 30.0,
+    limit: Annotated[int | None, typer.Option(min=1, help="Read at most this many recordings.")] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Of all draws.")] = 0,
+    as_json: JsonOption = False,
+) -> None:
+    """Make gestures that recordings lack: arms, head and knees moved over recorded standing and walking.
+
+    The folder that is written has motions, index and captions, and is one more source of `data build`.
+
+    [bold]Examples[/bold]
+
+      flexmotion data gestures recordings -o gestures
+      flexmotion data build recordings gestures -o set
+    """
+    from flexmotion.dataset.gestures.make import make_gestures
+    from flexmotion.dataset.gestures.recipes import recipes
+
+    known = {gesture.kind: gesture for gesture in recipes()}
+    unknown = [name for name in kind or () if name not in known]
+    if unknown:
+        raise typer.BadParameter(f"kind is {unknown[0]!r}, expected one of {', '.join(known)}")
+    with progress_bar(f"makes {out}") as progress:
+        made = make_gestures(
+            folders,
+            out,
+            [known[name] for name in kind or known],
+            count=count,
+            seed=seed,
+            fps=fps,
+            limit=limit,
+            progress=progress,
+        )
+    if as_json:
+        print_json({"folder": str(out), "motions": made})
+        return
+    for name, number in sorted(made.items()):
+        print_result(f"{number:4d} {name}")
+    print_note(f"wrote {sum(made.values())} motions: {out}")
+
+
+@data.command()
 def inspect(
     folder: Annotated[Path, typer.Argument(metavar="SET", help="Folder that `data build` wrote.")],
     plots: Annotated[Path | None, typer.Option(help="Folder for plots of every modality.")] = None,

@@ -19,12 +19,23 @@ if TYPE_CHECKING:
 
 def evaluate(
     training: Annotated[
-        Path, typer.Argument(metavar="TRAINING", help="Folder that `train` wrote, evaluator included.")
+        Path,
+        typer.Argument(
+            metavar="TRAINING|WEIGHTS",
+            help="Folder that `train` wrote or file of `export --weights`, evaluator included.",
+        ),
     ],
     bundles: Annotated[list[Path], typer.Option("--bundle", "-b", help="Bundle to evaluate; repeatable.")],
     windows: Annotated[int, typer.Option("--windows", min=64, help="Number of held-out windows.")] = 1024,
     steps: Annotated[int | None, typer.Option("--steps", min=1, help="Steps of a sample.", show_default=False)] = None,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of windows and samples.")] = 0,
+    data: Annotated[
+        Path | None, typer.Option("--set", help="With a weights file: set with held-out clips.", show_default=False)
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", "-o", help="With a weights file: folder for the set's features.", show_default=False),
+    ] = None,
     card: Annotated[bool, typer.Option("--card", help="Write the figures into the cards of the bundles.")] = False,
     as_json: JsonOption = False,
 ) -> None:
@@ -33,14 +44,25 @@ def evaluate(
     [bold]Examples[/bold]
 
       flexmotion evaluate training --bundle bundle
+
+      flexmotion evaluate released.safetensors --set set -o evaluation --bundle bundle
     """
     needs_training()
     from flexmotion.bundles.bundle import Bundle
     from flexmotion.bundles.card import add_figures
     from flexmotion.sampling.sampler import Sampler
     from flexmotion.training.evaluate import Judge
+    from flexmotion.training.release import begin_run
     from flexmotion.training.run import Run
 
+    if training.is_file():
+        if data is None or out is None:
+            raise typer.BadParameter(f"{training}: a weights file has no clips; give --set and -o")
+        run = begin_run(training, out, ["evaluator"])
+        with progress_bar("computes features") as progress:
+            run.store(data, progress)
+    else:
+        run = Run(training)
     samplers: dict[str, Sampler] = {}
     for path in bundles:
         sampler = Sampler(Bundle(path), steps)
@@ -50,7 +72,7 @@ def evaluate(
     bodies = {sampler.body for sampler in samplers.values()}
     if len(bodies) > 1:
         raise typer.BadParameter("the bundles are of humans of different size; evaluate them one by one")
-    judge = Judge(Run(training), bodies.pop(), windows, seed)
+    judge = Judge(run, bodies.pop(), windows, seed)
     generators = {"real": judge.real, "motionless": judge.motionless, "nearest": judge.nearest()}
     generators |= {name: judge.sampled(sampler) for name, sampler in samplers.items()}
     figures: dict[str, dict[str, Interval]] = {}

@@ -1,4 +1,4 @@
-"""`flexmotion export`: writes a trained model as a bundle, which the live system samples."""
+"""`flexmotion export`: writes a trained model as a bundle, which the live system samples, or as weights."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from flexmotion.streamer.commands.train import needs_training
 
 def export(
     training: Annotated[Path, typer.Argument(metavar="TRAINING", help="Folder that `train` wrote.")],
-    out: Annotated[Path, typer.Option("--out", "-o", help="Folder of the bundle.")],
+    out: Annotated[Path, typer.Option("--out", "-o", help="Folder of the bundle, or file of the weights.")],
     distilled: Annotated[
         bool, typer.Option("--distilled/--diffusion", help="The distilled model of few steps, or the diffusion model.")
     ] = True,
@@ -29,17 +29,41 @@ def export(
             show_default=False,
         ),
     ] = None,
+    weights: Annotated[
+        bool,
+        typer.Option(
+            "--weights", help="Write a weights file instead: what `train --from` goes on from (half precision)."
+        ),
+    ] = False,
+    stages: Annotated[
+        str | None,
+        typer.Option(
+            help="Of the weights file, with commas: autoencoder, text, diffusion, distill, evaluator; default: all"
+            " that are trained. Without text, a shipped bundle must have the same sentence encoder.",
+            show_default=False,
+        ),
+    ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Write a bundle: exported networks, statistics, known wordings, licence, with a hash.
+
+    With --weights, a file to train further from: weights of the networks, statistics, configuration, licence. A
+    training that is still running can be written.
 
     [bold]Examples[/bold]
 
       flexmotion export training -o bundle
 
       flexmotion export training -o bundle --corrections former_bundle
+
+      flexmotion export training --weights -o released.safetensors
     """
     needs_training()
+    if weights:
+        _export_weights(training, out, stages, description, as_json)
+        return
+    if stages is not None:
+        raise typer.BadParameter("--stages: of a weights file; give --weights")
     from flexmotion.bundles.manifest import read_corrections
     from flexmotion.configs.corrections import Corrections
     from flexmotion.human.body import Body
@@ -61,3 +85,18 @@ def export(
         print_json({"bundle": str(out), "hash": bundle.hash, "megabytes": round(size, 2)})
     else:
         print_result(f"{out}: {size:.1f} MB, hash {bundle.hash}")
+
+
+def _export_weights(training: Path, out: Path, stages: str | None, description: str, as_json: bool) -> None:
+    from flexmotion.training.release import write_release
+    from flexmotion.training.run import Run
+
+    chosen = None if stages is None else [name.strip() for name in stages.split(",") if name.strip()]
+    release = write_release(Run(training), out, stages=chosen, description=description)
+    size = out.stat().st_size / 1e6
+    steps = {name: record.step for name, record in release.header.stages.items()}
+    if as_json:
+        print_json({"weights": str(out), "hash": release.hash, "megabytes": round(size, 2), "steps": steps})
+    else:
+        told = ", ".join(f"{name} at step {step}" for name, step in steps.items())
+        print_result(f"{out}: {size:.1f} MB, hash {release.hash}: {told}")

@@ -9,14 +9,25 @@ import typer
 
 from flexmotion.streamer.commands.options import JsonOption
 from flexmotion.streamer.commands.output import progress_bar
-from flexmotion.streamer.commands.train import MinutesOption, ThreadsOption, needs_training, train_and_report
+from flexmotion.streamer.commands.stage_report import train_and_report
+from flexmotion.streamer.commands.train import MinutesOption, ThreadsOption, needs_training
 
 
 def personalize(
-    training: Annotated[Path, typer.Argument(metavar="TRAINING", help="Folder that `train` wrote.")],
+    training: Annotated[
+        Path,
+        typer.Argument(metavar="TRAINING|WEIGHTS", help="Folder that `train` wrote, or file of `export --weights`."),
+    ],
     data: Annotated[Path, typer.Option("--set", help="Training set of the person's clips, of `data build`.")],
     manner: Annotated[str, typer.Option(help='Words that prompts ask for it by, such as "like Ada".')],
     out: Annotated[Path, typer.Option("--out", "-o", help="Folder of the new training.")],
+    prior: Annotated[
+        Path | None,
+        typer.Option(
+            help="With a weights file: a set of other people's clips, whose motion is to stay as it is.",
+            show_default=False,
+        ),
+    ] = None,
     steps: Annotated[int, typer.Option("--steps", min=1, help="Steps of the optimiser.")] = 1000,
     minutes: MinutesOption = None,
     threads: ThreadsOption = None,
@@ -24,20 +35,32 @@ def personalize(
 ) -> None:
     """Fine-tune a model on a few clips of one person or style, beside the clips of its own training set.
 
-    The new folder is a training: `train distill` and `export` make a bundle of it.
+    The new folder is a training: `train distill` and `export` make a bundle of it. A weights file has no clips: what
+    is not of the person is then kept as in the clips of --prior, or as in motion that the model samples before.
 
     [bold]Examples[/bold]
 
       flexmotion personalize training --set ada --manner "like Ada" -o ada_training
+
+      flexmotion personalize released.safetensors --set ada --manner "like Ada" -o ada_training
     """
     needs_training()
     from flexmotion.training.personal import personal_run, personal_task
     from flexmotion.training.processes import use_threads
+    from flexmotion.training.release import begin_run
     from flexmotion.training.run import Run
 
     if threads is not None:
         use_threads(threads)
-    trained = Run(training)
+    if training.is_file():
+        trained = begin_run(training, out / "released", ["diffusion"])
+        if prior is not None:
+            with progress_bar("computes features") as progress:
+                trained.store(prior, progress)
+    elif prior is not None:
+        raise typer.BadParameter("--prior: the clips of a training are those that it began with; it is for WEIGHTS")
+    else:
+        trained = Run(training)
     run = personal_run(trained, out, manner)
     with progress_bar("computes features") as progress:
         task = personal_task(run, trained, data, manner, progress)

@@ -11,11 +11,13 @@ import typer
 
 from flexmotion.configs.errors import ConfigError
 from flexmotion.streamer.commands.options import JsonOption
-from flexmotion.streamer.commands.output import print_json, print_note, print_result, progress_bar
+from flexmotion.streamer.commands.output import print_json, print_result, progress_bar
+from flexmotion.streamer.commands.stage_report import figures_text, train_and_report
 
 if TYPE_CHECKING:
     from flexmotion.text.sentence_encoder import SentenceEncoder
     from flexmotion.training.diffusion_task import DiffusionTask
+    from flexmotion.training.feature_store import FeatureStore
     from flexmotion.training.run import Run
     from flexmotion.training.stage import Task
 
@@ -44,9 +46,21 @@ MinutesOption = Annotated[
 ThreadsOption = Annotated[int | None, typer.Option("--threads", min=1, help="Threads of the CPU.", show_default=False)]
 
 
+FromOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--from",
+        metavar="WEIGHTS",
+        help="Weights file of `export --weights` to go on from, in a new folder; needs --set there.",
+        show_default=False,
+    ),
+]
+
+
 def needs_training() -> None:
     """Raise `ConfigError` where the libraries of the extra `train` are not installed."""
-    if any(importlib.util.find_spec(name) is None for name in ("onnx", "onnxscript", "sklearn", "torch")):
+    needed = ("onnx", "onnxscript", "safetensors", "sklearn", "torch")
+    if any(importlib.util.find_spec(name) is None for name in needed):
         raise ConfigError("training needs the extra 'train': in a clone, pip install '.[train]'")
 
 
@@ -65,12 +79,16 @@ def _stage(prepare: Callable[[Run, Finish], None]) -> Callable[[Run, Finish], No
     @train.command(name, help=prepare.__doc__)
     def command(
         out: OutOption,
+        begin: FromOption = None,
+        data: SetOption = None,
         steps: StepsOption = None,
         minutes: MinutesOption = None,
         threads: ThreadsOption = None,
         as_json: JsonOption = False,
     ) -> None:
-        run = _run(out, None, None, threads)
+        run = _run(out, None, None, threads, begin, name)
+        if data is not None:
+            _prepare(run, data)
 
         def finish(task: Task, *, pretrained: str = "") -> None:
             train_and_report(run, name, task, steps, minutes, as_json, pretrained=pretrained)
@@ -85,6 +103,7 @@ def autoencoder(
     out: OutOption,
     data: SetOption = None,
     config: ConfigOption = None,
+    begin: FromOption = None,
     seed: SeedOption = None,
     steps: StepsOption = None,
     minutes: MinutesOption = None,
@@ -96,15 +115,16 @@ def autoencoder(
     [bold]Examples[/bold]
 
       flexmotion train autoencoder --set set --config stream -o training
+
+      flexmotion train autoencoder --from released.safetensors --set set -o further --steps 60000
     """
-    run = _run(out, config, seed, threads)
-    with progress_bar("computes features") as progress:
-        store = run.store(data, progress)
+    run = _run(out, config, seed, threads, begin, "autoencoder")
+    store = _prepare(run, data)
     from flexmotion.training.autoencoder_task import AutoencoderTask
     from flexmotion.training.processes import Processes
 
     muscles = run.muscles(data)
-    task = AutoencoderTask(run.config, store, run.seed, Processes(), muscles)
+    task = AutoencoderTask(run.config, store, run.seed, Processes(), muscles, begun=run.begun("autoencoder"))
     train_and_report(run, "autoencoder", task, steps, minutes, as_json)
 
 
@@ -122,20 +142,22 @@ def text(
       flexmotion train text -o training
     """
     run = _run(out, None, None, threads)
-    from flexmotion.training.conditions import clip_captions
+    from flexmotion.training.conditions import clip_captions, clip_parts
     from flexmotion.training.text_student import corpus, distil, minilm
 
     teacher, vocabulary = minilm()
-    captions = sorted({caption for clip in run.store().clips for caption in clip_captions(clip)})
+    clips = run.store().clips
+    captions = {text for clip in clips for text in clip_captions(clip)}
+    captions |= {text for clip in clips for text, _, _ in clip_parts(clip)}
     with progress_bar("trains text") as progress:
-        sentences = corpus(vocabulary, captions, run.seed)
+        sentences = corpus(vocabulary, sorted(captions), run.seed)
         figures = distil(
             teacher, vocabulary, sentences, run.stage("text"), steps=steps, seed=run.seed, progress=progress
         )
     if as_json:
         print_json({"stage": "text", "steps": steps, "validation": figures})
     else:
-        print_result(f"{run.stage('text')}: {_figures(figures)}")
+        print_result(f"{run.stage('text')}: {figures_text(figures)}")
 
 
 @train.command()
@@ -175,6 +197,8 @@ def diffusion(run: Run, finish: Finish) -> None:
     [bold]Examples[/bold]
 
       flexmotion train diffusion -o training --minutes 60
+
+      flexmotion train diffusion --from released.safetensors --set set -o further --steps 120000
     """
     finish(_diffusion_task(run))
 
@@ -240,82 +264,37 @@ def _diffusion_task(run: Run) -> DiffusionTask:
     from flexmotion.training.diffusion_task import DiffusionTask
     from flexmotion.training.processes import Processes
 
-    autoencoder = load_autoencoder(run)
-    return DiffusionTask(run.config, run.store(), autoencoder, _encoder(run), run.seed, Processes())
+    autoencoder, begun = load_autoencoder(run), run.begun("diffusion")
+    return DiffusionTask(run.config, run.store(), autoencoder, _encoder(run), run.seed, Processes(), trained=begun)
 
 
-def _run(out: Path, config: str | None, seed: int | None, threads: int | None) -> Run:
+def _prepare(run: Run, data: Path | None) -> FeatureStore:
+    """Features of a set, and where the run has such a loss the fit of its muscles."""
+    with progress_bar("computes features") as progress:
+        store = run.store(data, progress)
+    if data is not None:
+        run.muscles(data)
+    return store
+
+
+def _run(
+    out: Path,
+    config: str | None,
+    seed: int | None,
+    threads: int | None,
+    begin: Path | None = None,
+    stage: str = "",
+) -> Run:
+    """The training of a folder; of a weights file `begin`, with the weights that a stage goes on from."""
     needs_training()
     from flexmotion.training.processes import use_threads
     from flexmotion.training.run import Run
 
     if threads is not None:
         use_threads(threads)
-    return Run(out, config, seed)
+    if begin is None:
+        return Run(out, config, seed)
+    from flexmotion.training.release import begin_run
 
-
-def train_and_report(
-    run: Run,
-    name: str,
-    task: Task,
-    steps: int | None,
-    minutes: float | None,
-    as_json: bool,
-    *,
-    pretrained: str = "",
-) -> None:
-    """Train a stage of a run with a progress bar on stderr, and print the result, in the first process alone.
-
-    The processes leave their group after the training: this is the end of a command.
-
-    Args:
-        run: of the stage.
-        name: of the stage.
-        task: of the stage.
-        steps: instead of the configuration's.
-        minutes: time after which training stops.
-        as_json: print JSON.
-        pretrained: digest of the trained weights that the task starts with; empty for a new network.
-    """
-    from flexmotion.training.processes import Processes
-    from flexmotion.training.stage import Progress, train_stage
-
-    stage = getattr(run.config.stages, name)
-    if steps is not None:
-        stage = stage.model_copy(update={"steps": steps, "validate_every": min(stage.validate_every, steps)})
-    shown: dict[str, float] = {}
-    processes = Processes()
-
-    with progress_bar(f"trains {name}") as bar:
-
-        def follow(progress: Progress) -> None:
-            if not processes.first:
-                return
-            bar(progress.step / progress.steps)
-            if progress.figures and progress.figures != shown:
-                shown.clear()
-                shown.update(progress.figures)
-                print_note(f"step {progress.step}: {_figures(progress.figures)}")
-
-        done = train_stage(
-            task,
-            stage,
-            run.stage(name),
-            fingerprint=run.fingerprint() + pretrained,
-            seconds=None if minutes is None else 60 * minutes,
-            progress=follow,
-            processes=processes,
-            pretrained=bool(pretrained),
-        )
-    processes.close()
-    if not processes.first:
-        return
-    if as_json:
-        print_json({"stage": name, "step": done.step, "steps": done.steps, "validation": done.figures})
-    else:
-        steps_done = f"step {done.step} of {done.steps}"
-        print_result(f"{run.stage(name)}: {', '.join(filter(None, (steps_done, _figures(done.figures))))}")
-
-
-def _figures(figures: dict[str, float]) -> str:
-    return ", ".join(f"{name} {value:.4g}" for name, value in figures.items())
+    # The forces are a part of the autoencoder in a weights file.
+    return begin_run(begin, out, ["autoencoder" if stage == "forces" else stage], config, seed)

@@ -82,6 +82,7 @@ def _pack_model(source: ModelSource) -> Parts:
         "seed": source.seed,
         "seconds": source.seconds,
         "pace": None if source.pace is None else asdict(source.pace),
+        "straight": source.straight,
     }
 
 
@@ -94,7 +95,8 @@ def _unpack_model(parts: Parts, origin: Path) -> ModelSource:
         raise ConfigError(f"{origin}: source {parts['name']}: {folder} is not the bundle of the run (hash)")
     items = [Item(content["at"], from_content(content)) for content in parts["items"]]
     pace = _unpack_pace(parts.get("pace"), origin)  # older logs have none
-    return ModelSource(Sampler(bundle), items, parts["name"], parts["seed"], parts["seconds"], pace)
+    straight = parts.get("straight", False)  # older runs kept no course
+    return ModelSource(Sampler(bundle), items, parts["name"], parts["seed"], parts["seconds"], pace, straight=straight)
 
 
 def _unpack_pace(speeds: Parts | None, origin: Path) -> Pace | None:

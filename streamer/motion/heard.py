@@ -35,6 +35,7 @@ class HeardStep(BaseModel):
     Attributes:
         text: words that the listener heard.
         heard_as: kind of motion; None: not understood.
+        manner: in which it is done; None: the normal one.
         certainty: share of that kind in what the listener heard, in [0, 1].
         amount: how much of it, in radians, metres, steps, seconds or times (`unit`); None: until the next target.
         limit_s: the step ends after this time, done or not [s]; None: never.
@@ -47,6 +48,7 @@ class HeardStep(BaseModel):
 
     text: str
     heard_as: str | None = None
+    manner: str | None = None
     certainty: float | None = None
     amount: float | None = None
     unit: Quantity | None = None
@@ -74,6 +76,7 @@ class Heard(BaseModel):
         asked: the words, or the velocity.
         state: what became of it.
         heard_as: kinds of motion, in the order in which they are done.
+        manner: in which they are done, in the same order; None: in the normal one.
         certainty: the least of its steps' certainties, in [0, 1].
         slowed: speeds that it was slowed to; None: not slowed.
         dropped: parts that are not done.
@@ -91,6 +94,7 @@ class Heard(BaseModel):
     asked: str
     state: State
     heard_as: str | None = None
+    manner: str | None = None
     certainty: float | None = None
     slowed: str | None = None
     dropped: tuple[str, ...] = ()
@@ -117,6 +121,8 @@ class Heard(BaseModel):
         parts = []
         if len(self.steps) > 1 or any(step.amount is not None for step in self.steps):
             parts.append("heard as " + ", then ".join(_step_text(step) for step in self.steps))
+        elif self.manner is not None:
+            parts.append(f"heard as {self.heard_as}, {self.manner}")
         if self.slowed is not None:
             parts.append(f"slowed to {self.slowed}")
         parts += [f"without {', '.join(map(repr, self.dropped))}"] if self.dropped else []
@@ -129,10 +135,11 @@ class Heard(BaseModel):
 
 
 def _step_text(step: HeardStep) -> str:
+    kind = f"{step.heard_as}, {step.manner}," if step.manner else str(step.heard_as)
     if step.amount is None or step.unit is None:
-        return str(step.heard_as)
+        return kind.rstrip(",")
     limit = "" if step.limit_s is None else f" (at most {step.limit_s:.0f} s)"
-    return f"{step.heard_as} {amount_text(step.amount, step.unit)}{limit}"
+    return f"{kind} {amount_text(step.amount, step.unit)}{limit}"
 
 
 def amount_text(value: float, unit: Quantity) -> str:

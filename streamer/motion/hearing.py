@@ -19,7 +19,8 @@ from flexmotion.streamer.motion.speeds import Model, Speeds, velocity_text
 from flexmotion.text.amounts import Amount
 from flexmotion.text.clauses import NO_KNOWN_WORD, Asks, Clause
 from flexmotion.text.grammar import parse, whole
-from flexmotion.text.phrases import STAND
+from flexmotion.text.manners import NORMAL
+from flexmotion.text.phrases import STAND, moves_head
 from flexmotion.text.prompt_reader import Prompt
 from flexmotion.text.vocabulary import Quantity, vocabulary
 
@@ -81,6 +82,9 @@ class Hearing:
             steps, dropped = [self._standing(sentence)], ()
             heard = Heard(asked=sentence, state="accepted", heard_as=STAND, certainty=1.0, reason=reason)
             return Program(tuple(steps), heard.model_copy(update={"steps": (steps[0].told,)}))
+        for clause in wanted:
+            asks = clause.asks is Asks.MOTION and clause.text
+            dropped += self.model.prompt(clause.text).dropped if asks else ()
         dropped += tuple(clause.manner for clause, step in zip(wanted, steps, strict=False) if _ignores(clause, step))
         slowed = next((step.told.slowed for step in steps if step.told.slowed), None)
         certainties = [step.told.certainty for step in steps if step.told.certainty is not None]
@@ -88,6 +92,7 @@ class Hearing:
             asked=sentence,
             state="partly" if dropped else "slowed" if slowed else "accepted",
             heard_as=", ".join(step.kind for step in steps),
+            manner=_manners(steps),
             certainty=min(certainties, default=None),
             slowed=slowed,
             dropped=dropped,
@@ -218,6 +223,8 @@ class Hearing:
 
     def _motion(self, clause: Clause, in_sequence: bool) -> Step:
         prompt = self.model.prompt(clause.text)
+        if clause.needs_head and not moves_head(prompt.refused or prompt.kind):
+            raise _RefusedError(f"{clause.said!r}: looking and moving the head are not what {prompt.kind} does")
         if not prompt.known:
             raise _RefusedError(prompt.warning or f"{clause.text!r} is not understood")
         if prompt.warning is not None:
@@ -228,7 +235,10 @@ class Hearing:
         intent: Intent = Text(clause.text)
         condition = Condition(clause.text, pace=self.pace)
         slowed = self.speeds.slowed(condition)
-        told = HeardStep(text=clause.text, heard_as=prompt.kind, certainty=_rounded(prompt), slowed=slowed)
+        manner = None if prompt.manner == NORMAL else prompt.manner
+        told = HeardStep(
+            text=clause.text, heard_as=prompt.kind, manner=manner, certainty=_rounded(prompt), slowed=slowed
+        )
         step = Step(intent, prompt.kind, None, (int(axis[0]), int(axis[1])), turn, None, told)
         if clause.speed != 1.0 and (turn or step.axis != (0, 0)):
             changed = self.speeds.changed(step, clause.speed)
@@ -267,12 +277,18 @@ class Hearing:
             pace = TURNING if self.pace is None else min(TURNING, self.pace.turning)
             rate = pace if not isinstance(step.intent, Velocity) else min(abs(step.intent.turning) or pace, pace)
             told = step.told.model_copy(update={"slowed": None})  # it turns on the spot, at the robot's pace
-            step = replace(step, intent=Velocity(0.0, 0.0, step.turn * rate), told=told)
+            step = replace(step, intent=Velocity(0.0, 0.0, step.turn * rate, step.told.manner), told=told)
         limit = limit_s(step, amount)
         told = step.told.model_copy(
             update={"amount": round(amount.value, 6), "unit": amount.quantity, "limit_s": limit}
         )
         return replace(step, amount=amount, limit_s=limit, told=told)
+
+
+def _manners(steps: Sequence[Step]) -> str | None:
+    """Manners of the steps; None where all are normal."""
+    said = [step.told.manner or NORMAL for step in steps]
+    return None if set(said) <= {NORMAL} else ", ".join(said)
 
 
 def _begins_with(clause: Clause, phrases: Sequence[str]) -> bool:

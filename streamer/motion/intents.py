@@ -51,6 +51,10 @@ class Text:
 class Velocity:
     """Move at a velocity in the human's heading frame: forward, left [m/s], turning left [rad/s].
 
+    Attributes:
+        manner: in which to move; None: the normal one. A sentence says it; targets, scripts and logs hold velocities
+            without one.
+
     Raises:
         ConfigError: a value is not a finite number, or beyond `FASTEST`.
     """
@@ -58,6 +62,7 @@ class Velocity:
     forward: float
     left: float
     turning: float
+    manner: str | None = None
 
     def __post_init__(self) -> None:
         value: list[Any] = [self.forward, self.left, self.turning]

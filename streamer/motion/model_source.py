@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 from flexmotion.configs.errors import ConfigError
 from flexmotion.human.concatenate import concatenate
 from flexmotion.human.motion import Motion
+from flexmotion.sampling.course import MEASURED_S, Course
 from flexmotion.sampling.pace import Pace
 from flexmotion.sampling.sampler import Condition, Sampler
 from flexmotion.spatial.heading import heading
@@ -44,6 +45,7 @@ class ModelSource:
         seed: of all noise.
         seconds: length [s]; None: until a stop.
         pace: greatest speed of the human, so that a robot keeps up (`streamer/motion/robot_pace.py`); None: no limit.
+        straight: whether what is asked without a turn keeps its heading and place (`flexmotion/sampling/course.py`).
 
     Attributes:
         heard_items: the answers to the items.
@@ -61,8 +63,11 @@ class ModelSource:
         seed: int = 0,
         seconds: float | None = None,
         pace: Pace | None = None,
+        *,
+        straight: bool = True,
     ) -> None:
         self.sampler, self.items, self.name, self.seed, self.pace = sampler, tuple(items), name, seed, pace
+        self.straight = straight
         self.fps, self.body = sampler.fps, sampler.body
         self._length_s = seconds
         self._end = None if seconds is None else int(np.floor(seconds * self.fps)) + 1
@@ -86,6 +91,7 @@ class ModelSource:
         # forces does not remove those of the others. Before frame 0 the human stands.
         self._pieces = [sampler.standing()]
         self._first = -len(self._sampled)
+        self._courses: list[tuple[int, Course]] = []  # first frames of windows, and the course after each
         self._remarked: str | None = None  # kind of the last message about a target
 
     @property
@@ -96,7 +102,7 @@ class ModelSource:
 
     def cut(self, seconds: float) -> ModelSource:
         """See `flexmotion.streamer.motion.sources.Performance.cut`."""
-        return ModelSource(self.sampler, self.items, self.name, self.seed, seconds, self.pace)
+        return ModelSource(self.sampler, self.items, self.name, self.seed, seconds, self.pace, straight=self.straight)
 
     @property
     def is_measured(self) -> bool:
@@ -168,6 +174,7 @@ class ModelSource:
         self._replace_after(frame, None if yaw is not None else played)
         if yaw is not None:
             self._pieces = [_turned_to(piece, yaw) for piece in self._pieces]
+            self._courses = []
         later = [one for one in self._schedule if one[0] > frame + 1]
         self._schedule = [(frame + 1, intent), *later]
 
@@ -199,7 +206,8 @@ class ModelSource:
         prompt = self.sampler.prompt(intent.text)
         if prompt.warning is not None:
             return prompt.warning
-        found = [] if prompt.likeness >= SAME or intent.text == prompt.kind else [f"heard as {heard.heard_as}"]
+        exact = heard.manner is None and (prompt.likeness >= SAME or intent.text == prompt.kind)
+        found = [] if exact else [f"heard as {heard.heard_as}" + (f", {heard.manner}" if heard.manner else "")]
         found += [] if heard.slowed is None else [f"slowed to {heard.slowed}"]
         found += list(heard.notes)
         return f"{intent.text!r} is {' and '.join(found)}" if found else None
@@ -286,14 +294,29 @@ class ModelSource:
         change = min((at for at, _ in self._schedule if at > begin), default=begin + self.sampler.future)
         # Seeded by frame, noise does not depend on the number of plans; frames before 0 are never sampled.
         history = self._frames(max(begin - self.sampler.remembers, self._first), begin)
-        window = self.sampler.sample(history, self.condition(intent), (self.seed << 32) + begin)
+        window = self.sampler.sample(history, self._kept_straight(begin, intent), (self.seed << 32) + begin)
         self._append(window[: change - begin])
+
+    def _kept_straight(self, begin: int, intent: Intent | None) -> Condition:
+        """Condition of the window that begins at a frame, so that the motion keeps its heading and place."""
+        condition = self.sampler.meant(self.condition(intent))
+        if not self.straight or not self.sampler.follows_velocity:
+            return condition
+        # What was sampled after a cut is forgotten, and so is what it was asked for.
+        self._courses = [(at, course) for at, course in self._courses if at < begin]
+        past = self._frames(max(begin - round(MEASURED_S * self.fps), self._first), begin)
+        course = self._courses[-1][1] if self._courses else Course()
+        seconds = self.sampler.future / self.fps
+        course, asked = course.followed(condition, self.sampler.own_velocity(condition), past, seconds)
+        self._courses.append((begin, course))
+        return asked
 
     def _stand_until(self, before: int) -> None:
         """Replace the motion by standing until frame `before`, at the last position sampled before it."""
         known = self._sampled[: max(before - self._first, 1)]
         self._pieces = [self.sampler.standing(after=known)]
         self._first = before - len(self._sampled)
+        self._courses = []
 
     def _drop(self, before: int) -> None:
         """Drop frames before that one, except those that the next window is sampled from."""
@@ -302,6 +325,10 @@ class ModelSource:
             self._pieces, self._first = self._cut(first, self._next), first
             current = max((at for at, _ in self._schedule if at <= self._first), default=self._first)
             self._schedule = [(at, intent) for at, intent in self._schedule if at >= current]
+            self._courses = [
+                *[one for one in self._courses if one[0] < first][-1:],
+                *[one for one in self._courses if one[0] >= first],
+            ]
 
     def _require(self, intent: Intent) -> None:
         """Raise `ConfigError` if the model cannot follow an intent; reads its words now, since that takes time."""
@@ -320,8 +347,8 @@ class ModelSource:
         match intent:
             case Text(text):
                 return Condition(text, pace=self.pace)
-            case Velocity(forward, left, turning):
-                return Condition(velocity=(forward, left, turning), pace=self.pace)
+            case Velocity(forward, left, turning, manner):
+                return Condition(velocity=(forward, left, turning), manner=manner, pace=self.pace)
         return Condition()
 
 

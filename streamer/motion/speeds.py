@@ -58,6 +58,7 @@ class Speeds:
         base = self._velocity(step)
         if base is None:
             return step
+        manner = self._manner(step)
         limited = Condition(velocity=_clipped(base, factor), pace=self.pace)
         velocity = self.model.meant(limited).velocity or base
         change = float(np.abs(velocity).max() / max(np.abs(base).max(), 1e-9))
@@ -65,7 +66,11 @@ class Speeds:
             return step
         limit = None if step.limit_s is None else step.limit_s / min(change, 1.0)
         told = step.told.model_copy(update={"limit_s": limit})
-        return replace(step, intent=Velocity(*(float(v) for v in velocity)), limit_s=limit, told=told)
+        return replace(step, intent=Velocity(*(float(v) for v in velocity), manner), limit_s=limit, told=told)
+
+    def _manner(self, step: Step) -> str | None:
+        """Manner of a step's motion; None for the normal one."""
+        return step.intent.manner if isinstance(step.intent, Velocity) else step.told.manner
 
     def _velocity(self, step: Step) -> tuple[float, float, float] | None:
         """Velocity of a step's human; None where it has none."""

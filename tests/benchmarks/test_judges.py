@@ -7,10 +7,12 @@ import pytest
 
 from benchmarks.model.prompts import CHECKS
 from benchmarks.robot.prompts import RULES
+from benchmarks.shared.gesture_judges import GESTURE_CHECKS
 from benchmarks.shared.judges import at_least, confuses_sides, frame_velocities, reversals, understood, waves
-from benchmarks.shared.prompts import prompt_kinds
+from benchmarks.shared.prompts import gesture_kinds, prompt_kinds
 from flexmotion.text.phrases import STAND, kinds
 from flexmotion.text.sayings import NOTHING
+from flexmotion.text.sides import mirrored
 
 
 def test_velocity_is_along_and_across_the_heading(circling) -> None:
@@ -55,7 +57,9 @@ def test_sides_are_confused_only_where_both_have_one() -> None:
 def test_every_check_of_a_prompt_is_known() -> None:
     """A robot has no rule for a bow, and stays where it is if it stays up."""
     named = {name for entry in prompt_kinds() for name in entry.check}
-    assert named == set(CHECKS)
+    assert named == set(CHECKS) - set(GESTURE_CHECKS)
+    assert {name for entry in gesture_kinds() for name in entry.check} == set(GESTURE_CHECKS)
+    assert {entry.kind for entry in gesture_kinds()} <= {*kinds(), *map(mirrored, kinds())}
     assert named - set(RULES) == {"leans", "stays"}
     moving = {entry.kind for entry in prompt_kinds() if entry.moves}
     assert {"walk forward", "turn left", "step right"} <= moving and not {"bow", "stand", "wave left"} & moving

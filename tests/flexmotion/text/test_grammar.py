@@ -95,10 +95,28 @@ def test_a_prohibition_reaches_as_far_as_and_and_or(sentence: str, forbidden: li
 @pytest.mark.parametrize(
     "sentence", ["look to the left", "glance back", "turn your head right", "please look up", "gaze at the sky"]
 )
-def test_looking_is_refused_before_a_listener_takes_it_for_turning(sentence: str) -> None:
+def test_looking_is_told_from_turning_before_a_listener_hears_it(sentence: str) -> None:
     """The words "look to the left" were heard as turning left, and the robot walked in a curve."""
     (clause,) = parse(sentence)
-    assert clause.refusal is not None and "no motion of the head" in clause.refusal
+    assert clause.needs_head and clause.refusal is None
+
+
+@pytest.mark.parametrize(
+    ("sentence", "text", "amount"),
+    [
+        ("walk like a ninety year old", "walk like a ninety year old", None),
+        ("walk as if you were eighty for five seconds", "walk as if you were eighty", "5 s"),
+        ("turn 90 degrees to the left angrily", "turn to the left angrily", "90°"),
+        ("walk two steps without confidence", "walk without confidence", "2 steps"),
+        ("spin around once like a child", "turn around like a child", "360°"),
+    ],
+)
+def test_words_of_a_manner_are_no_amount_and_no_prohibition_and_stay(
+    sentence: str, text: str, amount: str | None
+) -> None:
+    (clause,) = parse(sentence)
+    assert (clause.text, clause.refusal, clause.forbidden) == (text, None, False)
+    assert (None if clause.amount is None else str(clause.amount)) == amount
 
 
 def test_watch_out_is_no_looking() -> None:

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from benchmarks.model.hearing import untaught_sentences
-from benchmarks.shared.prompts import prompt_kinds
+from benchmarks.shared.prompts import gesture_kinds, prompt_kinds
 from flexmotion.configs.errors import ConfigError
 from flexmotion.text.listener import Listener
 from flexmotion.text.phrases import STAND, kinds
@@ -110,7 +110,7 @@ def test_sentences_are_of_known_kinds_and_of_both_sides() -> None:
 
 def test_sentences_of_benchmarks_are_not_taught() -> None:
     asked = {sentence for own in untaught_sentences().values() for sentence in own}
-    asked |= {wording for entry in prompt_kinds() for wording in entry.wordings}
+    asked |= {wording for entry in (*prompt_kinds(), *gesture_kinds()) for wording in entry.wordings}
     taught = {sentence.lower().rstrip(".!") for _, sentence in sayings()}
     assert len(asked) > 700
     assert not {sentence for sentence in asked if sentence.lower().rstrip(".!") in taught}

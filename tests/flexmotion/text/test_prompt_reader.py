@@ -41,14 +41,17 @@ class Encoder:
 def heard(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Heard:
     """Function (embedding of a sentence, sentence, share of each of HEARD) -> what it is heard as."""
 
-    def read(embedding: list[float], sentence: str = "a sentence", **shares: float) -> prompt_reader.Prompt:
+    def read(
+        embedding: list[float], sentence: str = "a sentence", offered: tuple[str, ...] | None = None, **shares: float
+    ) -> prompt_reader.Prompt:
         vector = np.array(embedding, np.float32)
         encoder = Encoder(vector / np.linalg.norm(vector))
         monkeypatch.setattr(prompt_reader, "SentenceEncoder", lambda _folder: encoder)
         known = (WORDINGS / np.linalg.norm(WORDINGS, axis=1, keepdims=True)).astype(np.float32)
         weights = np.zeros((4, len(HEARD)), np.float32)
         weights[-1] = np.log([shares.get(kind.replace("-", "_"), 1e-3) for kind in HEARD])
-        return PromptReader(tmp_path, KINDS, known, Listener(HEARD, np.array([], np.int32), weights))(sentence)
+        listener = Listener(HEARD, np.array([], np.int32), weights)
+        return PromptReader(tmp_path, KINDS, known, listener, offered)(sentence)
 
     return read
 
@@ -99,3 +102,17 @@ def test_prohibited_motions_are_not_made(heard: Heard, sentence: str) -> None:
 )
 def test_words_that_resemble_a_negation_are_no_prohibition(heard: Heard, sentence: str) -> None:
     assert heard([-1.0, 0.35, 0.0], sentence, bow=0.9).kind == "bow"
+
+
+def test_a_kind_that_the_model_does_not_offer_is_refused_by_name(heard: Heard) -> None:
+    """Regression: kinds that a model had been taught and cannot do were offered like all others."""
+    prompt = heard([-1.0, 0.35, 0.0], "a bow", ("walk", "turn-left"), bow=0.9)
+    assert (prompt.kind, prompt.known, prompt.refused) == ("stand", False, "bow")
+    assert prompt.warning == "'a bow': this model cannot bow yet, it stands still; it can: turn left, stand, walk"
+    assert heard([-1.0, 0.35, 0.0], "a bow", ("bow",), bow=0.9).kind == "bow"
+
+
+def test_a_manner_that_is_not_offered_is_dropped(heard: Heard) -> None:
+    prompt = heard([-1.0, 0.35, 0.0], "bow proudly", bow=0.9)
+    assert (prompt.kind, prompt.manner, prompt.dropped) == ("bow", "normal", ("proudly",))
+    assert heard([0.0, 0.0, 1.0], "stand proudly").dropped == ("proudly",)

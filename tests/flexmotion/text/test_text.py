@@ -6,7 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from flexmotion.text.phrases import STAND, kinds, styled, velocity, wordings
+from flexmotion.text.manners import styled
+from flexmotion.text.phrases import STAND, kinds, velocity, wordings
 from flexmotion.text.sides import mirrored
 from flexmotion.text.word_pieces import LONGEST, WordPieces
 
@@ -46,7 +47,7 @@ def test_every_kind_has_wordings() -> None:
 
 
 def test_styles() -> None:
-    assert "walk forward energetically" in styled("walk forward", "active")
+    assert "walk forward energetically" in styled("walk forward", "energetic")
     assert styled("walk forward", "normal") == ("walk forward",)
     assert styled("walk forward", "no such style") == ("walk forward",)
 

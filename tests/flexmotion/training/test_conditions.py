@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,8 +12,11 @@ from flexmotion.human.body import Body
 
 pytest.importorskip("torch", reason="the extra 'train' is not installed")
 
+from flexmotion.text.phrases import wordings
 from flexmotion.training.conditions import Sentences
 from flexmotion.training.feature_store import StoredClip
+from flexmotion.training.manner_conditions import NONE, Manners
+from flexmotion.training.window_set import MOST_NORMAL, normal_weights
 
 
 def clip(labels: dict[str, str], captions: tuple[str, ...] = ()) -> StoredClip:
@@ -32,4 +37,71 @@ def test_a_set_without_captions_and_labels_is_refused() -> None:
     """Regression: a set built without its index was trained on for an hour, and learnt no sentence."""
     with pytest.raises(ConfigError, match="no clip has a caption or a known label; put the collection's"):
         Sentences([clip({}), clip({"content": "unheard-of", "style": "normal"})], embedded)
-    assert Sentences([clip({})], embedded, "like me").texts
+    assert Sentences([clip({"content": "walk"})], embedded).texts
+
+
+def test_the_manner_of_a_clip_is_given_apart_from_its_sentence() -> None:
+    """Regression: two of five sentences named the style, the others were taught with every style."""
+    clips = [clip({"content": "walk", "style": style}) for style in ("exhausted", "normal", "tired", "of no table")]
+    assert not any("wearily" in text for text in Sentences(clips, embedded).texts)
+    assert any("wearily" in text for text in Sentences(clips, embedded, named=True).texts)
+    found = Manners(clips, lambda text: np.eye(3)[len(text) % 3])
+    assert found.names == ("normal", "tired") and list(found.of_clip) == [1, 0, 1, NONE]
+    rows, mixtures = found.draw(np.random.default_rng(0), np.array([0, 3, 2]), 3)
+    assert list(rows) == [1, NONE, 1] and not mixtures[1].any()
+    np.testing.assert_allclose(np.linalg.norm(mixtures[[0, 2]], axis=1), 1.0, rtol=1e-6)
+
+
+def test_a_personal_manner_is_that_of_all_clips() -> None:
+    found = Manners([clip({"style": "tired"}), clip({})], lambda text: np.ones(2), ("like Ada",))
+    assert found.names == ("like Ada",) and list(found.of_clip) == [0, 0]
+
+
+def test_normal_clips_are_a_share_of_their_kind() -> None:
+    """Regression: of thirteen bows one was normal, and a bow without a manner was a mixture of the others."""
+    kinds = np.array(["bow"] * 5 + ["walk"] * 3 + ["bye"])
+    plain = np.array([True, False, False, False, False, True, True, False, False])
+    count = np.array([10, 10, 10, 10, 10, 10, 10, 10, 10])
+    weights = count * normal_weights(kinds, plain, count, 0.4)
+    assert weights[:5].sum() == pytest.approx(50.0) and weights[0] == pytest.approx(20.0)
+    np.testing.assert_allclose(weights[5:], 10.0)
+    few = normal_weights(np.array(["bow"] * 41), np.arange(41) == 0, np.ones(41), 0.4)
+    assert few[0] / few[1] == pytest.approx(MOST_NORMAL)
+
+
+def test_windows_have_the_captions_of_their_part_of_a_clip() -> None:
+    """Regression: every sentence of a clip was taught for every window, whichever part of it the sentence is about."""
+    said, spans = ("someone walks and stops", "someone walks", "someone waits"), ((0.0, 0.0), (0.0, 2.0), (2.0, 4.0))
+    parts = replace(clip({}, said), spans=spans)
+    sentences = Sentences([parts, replace(parts, variant="mirror")], embedded)
+    times = np.array([[0.5, 1.5], [2.5, 3.5], [1.7, 2.7], [6.0, 7.0]])
+    off = np.zeros(4, np.bool_)
+    rows = sentences.draw(np.random.default_rng(0), np.zeros(4, np.intp), off, off, times)
+    assert [sentences.texts[row] for row in rows] == [said[1], said[2], said[2], said[0]]
+    whole = sentences.draw(np.random.default_rng(0), np.zeros(4, np.intp), off, off)
+    assert {sentences.texts[row] for row in whole} == {said[0]}
+
+
+def test_a_clip_that_shows_its_kind_for_a_while_is_of_it_only_then() -> None:
+    """Regression: a nod moves so little that its windows were told to stand, and a held pose taught standing."""
+    labels = {"content": "nod", "start_s": "1.0", "end_s": "3.0", "around": "stand"}
+    found = Sentences([clip(labels, ("nod twice",)), clip({"content": "nod"})], embedded)
+    rng, times = np.random.default_rng(0), np.array([[0.0, 1.0], [0.5, 1.5], [1.5, 2.5], [2.9, 3.9], [1.5, 2.5]])
+    always, never = np.ones(5, np.bool_), np.zeros(5, np.bool_)
+    which = np.array([0, 0, 0, 0, 1])
+    for still, kinds in ((always, [0, 1, 1, 0, 0]), (never, [0, 1, 1, 0, 1])):
+        rows = found.draw(rng, which, still, never, times)
+        texts = [found.texts[row] for row in rows]
+        said = [text in {*wordings("nod"), "nod twice"} for text in texts]
+        assert said == [bool(kind) for kind in kinds]
+        assert all(
+            found.texts[row] in wordings("stand") for row, of_kind in zip(rows, said, strict=True) if not of_kind
+        )
+
+
+def test_a_person_s_clips_need_no_labels() -> None:
+    """Regression: six clips without an index could not be personalised to."""
+    found = Sentences([clip({}), clip({"content": "bow"})], embedded, personal=True)
+    off, walks = np.zeros(3, np.bool_), np.array([True, False, False])
+    rows = found.draw(np.random.default_rng(0), np.array([0, 0, 1]), off, walks)
+    assert found.texts[rows[0]] in wordings("walk") and rows[1] == NONE and found.texts[rows[2]] in wordings("bow")

@@ -38,8 +38,9 @@ def test_exported_networks_compute_what_torch_computes(trained: Run, bundle: Bun
         "history": draw(1, window.history, trained.layout.size),
         "sentence": draw(1, trained.config.diffusion.text),
         "velocity": draw(1, 3),
-        "present": np.ones((1, 2), np.float32),
-        "guidance": np.array([2.0], np.float32),
+        "manner": draw(1, trained.config.diffusion.text),
+        "present": np.ones((1, 3), np.float32),
+        "guidance": np.array([[2.0, 1.5]], np.float32),
     }
     with torch.no_grad():
         clean = denoiser(*map(torch.from_numpy, inputs.values())).numpy()
@@ -65,6 +66,33 @@ def test_the_sampler_takes_the_bundle(bundle: Bundle) -> None:
     second = sampler.sample(first, Condition(velocity=(0.5, 0.0, 0.2)), seed=1)
     assert np.abs(second.joints[0] - first.joints[-1]).max() < np.pi
     assert forward(second).com.shape == (sampler.future, 3)
+
+
+def test_a_manner_changes_the_sample_and_its_absence_is_the_normal_one(bundle: Bundle) -> None:
+    """Regression: the styles of all clips leaked into every prompt, since the normal manner could not be asked for."""
+    sampler = Sampler(bundle)
+    assert set(sampler.manners) == {"normal", "energetic"}  # `happy` is held out: no clip of the training shows it
+    history, turn = sampler.standing(), "turn left"
+    plain, normal, energetic = (
+        sampler.features(history, condition, seed=1)
+        for condition in (Condition(turn), Condition(turn, manner="normal"), Condition(turn, manner="energetic"))
+    )
+    np.testing.assert_array_equal(plain, normal)
+    assert np.abs(energetic - normal).max() > 1e-6
+    said = sampler.features(history, Condition(f"{turn} energetically"), seed=1)
+    assert np.abs(said - normal).max() > 1e-6
+    stronger = sampler.features(history, Condition(turn, manner="energetic", manner_guidance=3.0), seed=1)
+    assert np.abs(stronger - energetic).max() > 1e-6
+    with pytest.raises(ConfigError, match="manner 'happy': model stream knows energetic, normal"):
+        sampler.sample(history, Condition(turn, manner="happy"), seed=1)
+
+
+def test_manners_and_kinds_that_no_clip_shows_are_named(bundle: Bundle) -> None:
+    sampler = Sampler(bundle)
+    prompt = sampler.prompt("turn left happily")
+    assert prompt.manner == "normal" and prompt.dropped == ("happily",)
+    assert "bow" not in sampler.reader.offered and "walk-turn-right" in sampler.reader.offered
+    assert {"bow", "salute-left-hand"} < set(bundle.listener.kinds)  # heard, and refused by name
 
 
 def test_the_sampler_refuses_unusable_histories(bundle: Bundle, make_standing) -> None:

@@ -25,7 +25,11 @@ def test_personalisation(trained: Run, small_set: Path, stages, tmp_path: Path) 
     assert any(not torch.equal(before[name], after[name]) for name in before)
     assert torch.equal(before["latent_mean"], after["latent_mean"])
     sampler = Sampler(export(run, tmp_path / "bundle", distilled=False), steps=2)
-    assert sampler.prompt("walk like Ada").kind == "personal"
+    assert sampler.prompt("turn left like Ada").manner == "like Ada"
+    assert sampler.prompt("turn left").manner == "normal"
+    # Only requests in the person's manner are trained on the person's clips.
+    asked = task.person.training.describe(task.person.training.draw((1,), 64), (2,))
+    assert bool(asked.present[:, 2].all())
 
 
 def test_an_untrained_run_is_refused(tmp_path: Path) -> None:

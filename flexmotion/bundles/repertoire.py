@@ -1,0 +1,61 @@
+"""`write_judged`: the figures of judges into a bundle's manifest, which then offers what passed and nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from flexmotion.bundles.bundle import Bundle
+from flexmotion.bundles.manifest import MANIFEST, Judged, Repertoire, write_manifest
+from flexmotion.configs.errors import ConfigError
+from flexmotion.text.manners import NORMAL
+from flexmotion.text.phrases import STAND
+
+
+def write_judged(
+    bundle: Bundle, *, kinds: Mapping[str, Judged] | None = None, manners: Mapping[str, Judged] | None = None
+) -> Bundle:
+    """Write figures into a bundle; those of other kinds and manners stay, and its hash changes.
+
+    What a judge has not seen keeps being offered until a first judge of its sort has written: figures of kinds say
+    nothing about manners.
+
+    Args:
+        bundle: that was judged.
+        kinds, manners: figures by name.
+
+    Raises:
+        ConfigError: a kind or a manner is not one of the bundle's.
+    """
+    own = bundle.manifest.repertoire or Repertoire()
+    for what, judged, known in (
+        ("kind", kinds or {}, bundle.prompts.kinds),
+        ("manner", manners or {}, bundle.manners.names),
+    ):
+        for name in judged:
+            if name not in known:
+                names = ", ".join(dict.fromkeys(known)) or "none"
+                raise ConfigError(f"{bundle.folder}: {what} {name!r} was judged, but the bundle knows {names}")
+    repertoire = Repertoire(
+        kinds=None if own.kinds is None and kinds is None else {**(own.kinds or {}), **(kinds or {})},
+        manners=None if own.manners is None and manners is None else {**(own.manners or {}), **(manners or {})},
+    )
+    write_manifest(bundle.manifest.model_copy(update={"repertoire": repertoire}), bundle.folder / MANIFEST)
+    return Bundle(bundle.folder)
+
+
+def offered_kinds(bundle: Bundle) -> tuple[str, ...]:
+    """Kinds of motion that a bundle offers: standing, and those whose judge passed; all where none was judged."""
+    own = tuple(dict.fromkeys(bundle.prompts.kinds))
+    judged = None if bundle.manifest.repertoire is None else bundle.manifest.repertoire.kinds
+    return own if judged is None else tuple(kind for kind in own if kind == STAND or _passed(judged, kind))
+
+
+def offered_manners(bundle: Bundle) -> tuple[str, ...]:
+    """Manners that a bundle offers: the normal one, and those whose judge passed; all where none was judged."""
+    own = bundle.manners.names
+    judged = None if bundle.manifest.repertoire is None else bundle.manifest.repertoire.manners
+    return own if judged is None else tuple(name for name in own if name == NORMAL or _passed(judged, name))
+
+
+def _passed(judged: Mapping[str, Judged], name: str) -> bool:
+    return name in judged and judged[name].passed

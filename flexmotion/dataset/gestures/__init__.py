@@ -1,0 +1,1 @@
+"""Gestures that recordings lack: arms, head, trunk and knees moved over recorded standing and walking."""

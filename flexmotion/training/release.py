@@ -1,0 +1,215 @@
+"""A release from a training folder, and a training folder from a release.
+
+A release holds the weights that are used (`best.pt` of each stage), not the state of the optimiser. A training that
+begins from it goes on at the step of those weights.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from importlib.metadata import version
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import torch
+from torch import Tensor, nn
+
+from flexmotion.bundles.bundle import sha256
+from flexmotion.bundles.shipped import shipped_bundles
+from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.model import ModelConfig, load_model_config
+from flexmotion.features.layout import Layout
+from flexmotion.text.sentence_encoder import NETWORK, VOCABULARY
+from flexmotion.training.autoencoder import Autoencoder
+from flexmotion.training.autoencoder_task import load_autoencoder
+from flexmotion.training.checkpoints import (
+    BEGUN,
+    BEST,
+    fill,
+    is_trained,
+    read_checkpoint,
+    training_record,
+    write_checkpoint,
+)
+from flexmotion.training.denoiser import Denoiser
+from flexmotion.training.evaluator import Evaluator
+from flexmotion.training.half_weights import halve_weights
+from flexmotion.training.release_file import (
+    SCHEMA,
+    ReleaseFile,
+    ReleaseHeader,
+    SetFigures,
+    StageRecord,
+    halved,
+    write_release_file,
+)
+from flexmotion.training.run import Origin, Run, different_settings, layout_of
+from flexmotion.training.set_summary import SetSummary
+
+NEEDS: dict[str, tuple[str, ...]] = {
+    "autoencoder": (),
+    "diffusion": ("autoencoder",),
+    "distill": ("autoencoder", "diffusion"),
+    "evaluator": (),
+}
+"""Stages of which a release can hold weights, and the stages that they build on. The stage `forces` is part of the
+autoencoder there."""
+
+TEXT = "text"
+TEXT_FILES = (NETWORK, VOCABULARY)
+LIBRARIES = ("flexmotion", "torch", "safetensors")
+
+
+def write_release(run: Run, path: Path, *, stages: Sequence[str] | None = None, description: str = "") -> ReleaseFile:
+    """Write the best weights of a run as a release.
+
+    Args:
+        run: trained, or still in training.
+        path: of the file.
+        stages: of `NEEDS`, and `text` for the sentence encoder; None for all that are trained.
+        description: for the header.
+
+    Raises:
+        ConfigError: a stage is unknown, has not been trained, or its weights are not finite.
+    """
+    known = (*NEEDS, TEXT)
+    for name in stages or ():
+        if name not in known:
+            raise ConfigError(f"stage {name!r}: expected one of: {', '.join(known)}")
+    chosen = [name for name in NEEDS if (is_trained(run.stage(name)) if stages is None else name in stages)]
+    if not chosen:
+        raise ConfigError(f"{run.folder}: no trained stage; run 'flexmotion train autoencoder' first")
+    tensors: dict[str, Tensor] = {}
+    for name in chosen:
+        for parameter, value in _trained_weights(run, name).items():
+            if value.is_floating_point() and not bool(value.isfinite().all()):
+                raise ConfigError(f"{run.stage(name)}: {parameter}: holds numbers that are not finite")
+            tensors[f"{name}.{parameter}"] = halved(value)
+    has_text = (run.stage(TEXT) / NETWORK).is_file()
+    if stages is not None and TEXT in stages and not has_text:
+        raise ConfigError(f"{run.stage(TEXT)}: not trained; run 'flexmotion train text' first")
+    encoder = _halved_text(run.stage(TEXT)) if has_text else {}
+    if stages is None or TEXT in stages:
+        tensors |= {name: torch.frombuffer(bytearray(content), dtype=torch.uint8) for name, content in encoder.items()}
+    summary = run.summary()
+    tensors |= {name: torch.from_numpy(value) for name, value in summary.arrays().items()}
+    header = ReleaseHeader(
+        schema_=SCHEMA,
+        name=run.config.name,
+        description=description,
+        config=run.config,
+        seed=run.seed,
+        layout=run.layout.hash,
+        stages={name: _record(run.stage(name)) for name in chosen},
+        set=SetFigures(**summary.figures()),
+        text={name: hashlib.sha256(content).hexdigest() for name, content in encoder.items()},
+        begun=run.origin.hash if run.origin else "",
+        versions={name: version(name) for name in LIBRARIES},
+    )
+    return write_release_file(header, tensors, path)
+
+
+def begin_run(
+    path: Path, folder: Path, stages: Sequence[str], config: str | None = None, seed: int | None = None
+) -> Run:
+    """A training folder that begins from a release; an existing one that began from it is resumed.
+
+    Args:
+        path: of the release.
+        folder: of the training.
+        stages: whose weights are taken over, with those that they build on (`NEEDS`) and the sentence encoder. A
+            stage that the folder has already is left as it is.
+        config: name or file of a configuration with the same networks and windows; None for that of the release.
+        seed: of everything drawn; None for that of the release.
+
+    Raises:
+        ConfigError: the release lacks a stage, does not fit this version or the configuration (the message names
+            field or parameter), or the folder holds another training.
+    """
+    release = ReleaseFile(path)
+    header, layout = release.header, layout_of(release.header.config)
+    if header.layout != layout.hash:
+        raise ConfigError(
+            f"{path}: field layout: {header.layout}, this version has {layout.hash}: joints, points or blocks differ"
+        )
+    asked = header.config if config is None else load_model_config(config)
+    if found := different_settings(header.config, asked):
+        raise ConfigError(f"{path}: another configuration: {found}")
+    if "corrections" not in asked.model_fields_set:
+        asked = asked.model_copy(update={"corrections": header.config.corrections})
+    wanted = list(dict.fromkeys(name for stage in stages for name in (*NEEDS.get(stage, ()), stage)))
+    for name in wanted:
+        _fitting(asked, layout, name, release)
+    run = Run.begin(folder, asked, header.seed if seed is None else seed, Origin(name=header.name, hash=release.hash))
+    arrays = {name: release.tensors[name].numpy() for name in ("mean", "spread", "rest")}
+    SetSummary.of(arrays, header.set_.model_dump()).write(folder)
+    _unpack_text(release, run.stage(TEXT))
+    for name in wanted:
+        if is_trained(run.stage(name)):
+            continue
+        run.stage(name).mkdir(exist_ok=True)
+        content = {"network": release.weights(name), **header.stages[name].model_dump(), BEGUN: release.hash}
+        write_checkpoint(content, run.stage(name) / BEST)
+    return run
+
+
+def _trained_weights(run: Run, name: str) -> dict[str, Tensor]:
+    if name == "autoencoder":
+        return load_autoencoder(run).state_dict()
+    if not is_trained(run.stage(name)):
+        raise ConfigError(f"{run.stage(name) / BEST}: not found; run 'flexmotion train {name}' first")
+    weights: dict[str, Tensor] = read_checkpoint(run.stage(name) / BEST)["network"]
+    return weights
+
+
+def _record(folder: Path) -> StageRecord:
+    made = training_record(folder)
+    return StageRecord(
+        step=made.best, steps=made.steps, processes=made.processes, batch=made.batch, figures=dict(made.figures)
+    )
+
+
+def _network(config: ModelConfig, layout: Layout, stage: str) -> nn.Module:
+    if stage == "autoencoder":
+        return Autoencoder(config.autoencoder, config.window, layout)
+    if stage == "evaluator":
+        return Evaluator(config.evaluator, config.window, layout, config.diffusion.text)
+    latent, guided = config.autoencoder.latent, stage == "distill"
+    return Denoiser(config.diffusion, config.window, layout, latent, guided=guided)
+
+
+def _fitting(config: ModelConfig, layout: Layout, stage: str, release: ReleaseFile) -> None:
+    """Raise `ConfigError` where a stage's weights are not those of this version's network."""
+    fill(_network(config, layout, stage), release.weights(stage), f"{release.path}, stage {stage}")
+
+
+def _halved_text(folder: Path) -> dict[str, bytes]:
+    """Content of the sentence encoder's files, as in a bundle."""
+    with TemporaryDirectory() as place:
+        network = Path(place) / NETWORK
+        network.write_bytes((folder / NETWORK).read_bytes())
+        halve_weights(network)
+        return {NETWORK: network.read_bytes(), VOCABULARY: (folder / VOCABULARY).read_bytes()}
+
+
+def _unpack_text(release: ReleaseFile, folder: Path) -> None:
+    """Write the sentence encoder of a release, from the file or from a bundle with the same one."""
+    expected = release.header.text
+    if not expected or (folder / NETWORK).is_file():
+        return
+    if all(name in release.tensors for name in TEXT_FILES):
+        content = {name: release.tensors[name].numpy().tobytes() for name in TEXT_FILES}
+    else:
+        bundles = shipped_bundles().values()
+        same = (bundle for bundle in bundles if all(sha256(bundle / name) == expected[name] for name in TEXT_FILES))
+        bundle = next(same, None)
+        if bundle is None:
+            raise ConfigError(
+                f"{release.path}: was written without its sentence encoder, and no bundle of this installation has it;"
+                " write it with --stages ...,text"
+            )
+        content = {name: (bundle / name).read_bytes() for name in TEXT_FILES}
+    folder.mkdir(exist_ok=True)
+    for name, data in content.items():
+        (folder / name).write_bytes(data)
