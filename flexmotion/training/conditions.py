@@ -19,6 +19,7 @@ from flexmotion.text.sides import mirrored
 from flexmotion.training.feature_store import FeatureStore, StoredClip
 from flexmotion.training.kinematics import path
 from flexmotion.training.manner_conditions import NONE, Manners
+from flexmotion.training.strokes import without_stroke
 
 STILL = 0.12
 """A window whose points move less on average counts as standing, whatever its clip's label [leg/s]."""
@@ -244,6 +245,7 @@ def describe(
     straight = (walking & (velocity[:, 2].abs() < STRAIGHT)).numpy()
     times = None if first is None else np.stack([first, first + future.shape[1]], axis=1) / store.layout.fps
     rows = sentences.draw(rng, clips, (moving < STILL).numpy(), straight, times)
+    rows[without_stroke([sentences.kinds[clip] for clip in clips], future, store.layout)] = NONE
     has_sentence = (rows != NONE) & (rng.random(len(rows)) >= drop.sentence)
     has_velocity = rng.random(len(rows)) >= drop.velocity
     width = sentences.embeddings.shape[1]

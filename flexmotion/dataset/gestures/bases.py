@@ -63,8 +63,9 @@ HANG = ArmPose(upper=(-0.04, 0.13, -1.0), forearm=(0.24, 0.1, -1.0), palm=(-0.2,
 ARMS = [JOINTS.index(f"{name}_{side}") for side in SIDES for name in ARM_JOINTS]
 ELBOWS = [JOINTS.index(f"elbow_flexion_{side}") for side in SIDES]
 
-TALL = 0.92
-"""Least height of the pelvis, in that of upright stance: who sits or crouches is no base."""
+TALL, STANCE = 0.95, 0.215
+"""Least height of the pelvis, in that of upright stance, and greatest distance of the ankles, in body heights: who
+sits, crouches or straddles is no base."""
 
 PACE = (0.6, 1.9)
 """Mean speed of a walking base [m/s]."""
@@ -158,6 +159,7 @@ def _standing(motion: Motion, human: HumanKinematics) -> NDArray[np.bool_]:
         (_speed(human.pelvis_position, fps) < STILL)
         & (_speed(human.ankle, fps) < PLANTED).all(axis=1)
         & (human.pelvis_position[:, 2] > TALL * size.standing_height)
+        & (np.linalg.norm(human.ankle[:, 0] - human.ankle[:, 1], axis=1) < STANCE * size.height)
         & (human.ankle[:, :, 2] < 1.6 * size.segments.ankle_height + 0.02).all(axis=1)
     )
 

@@ -103,7 +103,7 @@ def make_gestures(
         clips = [clip for clip in find_clips(folders, Path(work)) if clip.labels.get("style", "normal") == "normal"]
         if limit is not None and limit < len(clips):
             clips = [clips[number * len(clips) // limit] for number in range(limit)]
-        bases = []
+        bases: list[Base] = []
         for number, clip in enumerate(clips):
             bases += find_bases([clip], fps)
             progress(0.5 * (number + 1) / len(clips))

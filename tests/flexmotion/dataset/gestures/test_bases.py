@@ -36,13 +36,16 @@ def test_quiet_standing_is_a_base_with_hanging_arms() -> None:
     )
 
 
-@pytest.mark.parametrize("change", ["sits", "bows", "turns", "slides", "short"])
-def test_who_sits_bows_turns_or_slides_is_no_base(change: str) -> None:
+@pytest.mark.parametrize("change", ["sits", "straddles", "bows", "turns", "slides", "short"])
+def test_who_does_not_stand_upright_and_quietly_is_no_base(change: str) -> None:
     motion = standing(1.5 if change == "short" else 4.0)
     joints, place, quaternions = motion.joints.copy(), motion.root_position.copy(), motion.root_quaternion.copy()
     passed = np.arange(len(motion)) / FPS
     if change == "sits":
         place[:, 2] -= 0.4
+    elif change == "straddles":
+        for side in "lr":
+            joints[:, JOINTS.index(f"hip_adduction_{side}")] = np.radians(-12.0)
     elif change == "bows":
         joints[:, JOINTS.index("lumbar_extension")] = np.radians(-40.0)
     elif change == "turns":
