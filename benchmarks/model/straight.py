@@ -1,10 +1,10 @@
 """Does what is asked without a turn keep its heading and its place for minutes?
 
 Roll-outs of the live source from standing, of the delivered motion: with its course, and without (`--without`), as
-logs of earlier versions replay. Headings are means over one second, less those of the first second; a path is judged sideways
-of the line through its start along the first heading. Standing and gestures are judged from the fifth second on, in
-which the body takes its own stance. Fails where a walk is off by more than 5° (means over five seconds) or by more than
-5 % of its way sideways, or who stands turns by more than 3° or moves by more than 5 cm.
+logs of earlier versions replay. Headings are means over one second and over five, less those of the first second; a
+path is judged sideways of the line through its start along the first heading. Standing and gestures are judged from the
+fifth second on, in which the body takes its own stance. Fails where a walk is off by more than 5° (means over five
+seconds) or by more than 5 % of its way sideways, or who stands turns by more than 3° or moves by more than 5 cm.
 """
 
 from __future__ import annotations
