@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from flexmotion.bundles.bundle import Bundle
-from flexmotion.bundles.shipped import shipped_bundle
+from flexmotion.bundles.shipped import bundle_folder, shipped_bundle
 from flexmotion.configs.errors import ConfigError, SessionError
 from flexmotion.configs.robot import Robot, load_robot
 from flexmotion.configs.stream import StreamSettings, load_stream
@@ -68,12 +68,12 @@ def open_driver(name: str, robot: Robot, **options: Any) -> Driver:
 
 
 def open_bundle(folder: str | Path | None = None) -> Bundle:
-    """A motion model's bundle; None: the one that comes with the project.
+    """A motion model's bundle, by the name of one that comes with the project or by its folder; None: the default one.
 
     Raises:
-        ConfigError: it is damaged or of another version, or the project comes without one.
+        ConfigError: it is neither, damaged, or of another version, or the project comes without one.
     """
-    found = shipped_bundle() if folder is None else Path(folder)
+    found = shipped_bundle() if folder is None else bundle_folder(folder)
     if found is None:
         raise ConfigError("this version of FlexMotion comes without a model bundle; give the folder of one")
     return Bundle(found)

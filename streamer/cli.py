@@ -15,6 +15,7 @@ from typing import Annotated
 import typer
 
 from flexmotion.configs.errors import FlexMotionError
+from flexmotion.streamer.commands.bundles import bundles
 from flexmotion.streamer.commands.check import check
 from flexmotion.streamer.commands.check_bus import bus
 from flexmotion.streamer.commands.data import data
@@ -63,6 +64,7 @@ app.command("personalize")(personalize)
 app.command("evaluate")(evaluate)
 app.command("export")(export)
 app.command("robots")(robots)
+app.command("bundles")(bundles)
 app.command("drivers")(drivers)
 
 

@@ -5,18 +5,18 @@ from __future__ import annotations
 from pathlib import Path
 
 from flexmotion.bundles.bundle import Bundle
-from flexmotion.bundles.shipped import shipped_bundle
+from flexmotion.bundles.shipped import bundle_folder, shipped_bundle
 from flexmotion.configs.errors import ConfigError
 from flexmotion.sampling.sampler import Sampler
 
 
 def open_bundle(folder: Path | None) -> Bundle:
-    """The bundle of a folder, or the shipped one.
+    """The bundle of a folder, or a shipped one by its name; None: the default one.
 
     Raises:
         ConfigError: the bundle is damaged, or none is given and none is shipped.
     """
-    found = shipped_bundle() if folder is None else folder
+    found = shipped_bundle() if folder is None else bundle_folder(folder)
     if found is None:
         raise ConfigError("this version comes without a model bundle; name one")
     return Bundle(found)

@@ -35,4 +35,9 @@ def bundle_folder(name: str | Path) -> Path:
         return shipped[str(name)]
     if Path(name).is_dir():
         return Path(name)
-    raise ConfigError(f"bundle {str(name)!r}: no folder there, expected one, or a name: {', '.join(shipped)}")
+    raise ConfigError(f"{name}: no bundle there ('flexmotion export' makes one), nor one of: {', '.join(shipped)}")
+
+
+def shipped_name(folder: Path) -> str | None:
+    """Name of a shipped bundle in a folder; None for any other folder."""
+    return next((name for name, shipped in shipped_bundles().items() if shipped.resolve() == folder.resolve()), None)

@@ -24,7 +24,7 @@ MEASURED_S = 32 / 30
 """Heading, place and velocity are means over this time, about one gait cycle: a walking pelvis turns by 5° to each
 side within it [s]."""
 
-PROPORTIONAL, INTEGRAL = 0.5, 0.1
+PROPORTIONAL, INTEGRAL, DAMPING = 0.8, 0.12, 1.0
 """Share of the heading's error, and of the sum of the errors of all windows, that one window is to make up for. The
 measured heading is half a window old and the model does about what it is asked for: with the whole error in every
 window the loop would be at the limit of stability, with half of it its error falls to a third in four windows."""
@@ -36,9 +36,12 @@ STEERED, AHEAD = np.radians(2.0), 2.0
 """A path beside its line is led back by turning the heading up to the first [rad], fully where it is off by about the
 second times that [m] (line-of-sight guidance: Fossen, Handbook of Marine Craft Hydrodynamics, 2011, 12.3)."""
 
-NOISE = 0.4
+NOISE = 0.25
 """Noise of windows that travel along a course, relative to others: the turning of one window varies by .16 rad without
 and by .06 with it, and no feedback can take back what the next window adds. Speed and cadence stay the same."""
+
+CATCHING_UP, FASTER = 0.1, 0.4
+"""Share of the sum of what a known speed lacked in all windows that is added to it, and the most [m/s]."""
 
 RETURNED, FASTEST_RETURN = 0.5, 0.1
 """Share of the distance from the place that a window in place makes up for, and its greatest velocity [m/s]."""
@@ -53,7 +56,7 @@ BAND, NEAR = np.radians(2.0), 0.04
 """Within this of its heading and place a motion of words of an unknown speed is left alone [rad, m]: most gestures
 swing the pelvis, and a commanded velocity holds it."""
 
-LOST = np.radians(25.0)
+LOST = np.radians(45.0)
 """A heading that is off by more did not drift: the motion turns by itself (a dance), and its heading is the new one."""
 
 
@@ -67,6 +70,8 @@ class Course:
         place: point of the line to walk along, or where to stand, (2,) [m].
         direction: of travel, from the own heading [rad]; None in place.
         summed: sum of the heading's errors [rad].
+        slow: sum of what the speed lacked [m/s].
+        last: heading before the last window [rad]; None: not measured.
         request: what it is followed for.
     """
 
@@ -75,6 +80,8 @@ class Course:
     place: tuple[float, float] = (0.0, 0.0)
     direction: float | None = None
     summed: float = 0.0
+    slow: float = 0.0
+    last: float | None = None
     request: Condition | None = None
 
     def followed(
@@ -108,12 +115,19 @@ class Course:
             return course, request
         most = MOST_TURNING * seconds / INTEGRAL  # the sum alone never asks for more
         course = replace(course, summed=float(np.clip(course.summed + steered, -most, most)))
-        turning = (PROPORTIONAL * steered + INTEGRAL * course.summed) / seconds
+        turned = 0.0 if self.last is None else _wrapped(measured.heading - self.last)
+        course = replace(course, last=measured.heading)
+        turning = (PROPORTIONAL * steered + INTEGRAL * course.summed - DAMPING * turned) / seconds
         back = RETURNED * away / seconds
         back = back * min(1.0, FASTEST_RETURN / max(float(np.hypot(*back)), 1e-9))
         turning = float(np.clip(turning, -MOST_TURNING, MOST_TURNING))
-        if direction is not None:
-            request = replace(request, noise=NOISE)
+        request = replace(request, noise=NOISE)
+        if known and direction is not None:
+            along = float(np.dot(measured.velocity, (cos(direction), sin(direction))))
+            most = FASTER / CATCHING_UP
+            slow = float(np.clip(course.slow + hypot(own[0], own[1]) - along, -most, most))
+            course = replace(course, slow=slow)
+            back = back + CATCHING_UP * slow * np.array([cos(direction), sin(direction)])
         return course, replace(request, asked=(own[0] + float(back[0]), own[1] + float(back[1]), turning))
 
     def _on(self, request: Condition, direction: float | None, measured: _Measured) -> Course:
@@ -124,7 +138,7 @@ class Course:
         travels = direction is not None
         same = course.request == request and travels == (course.direction is not None)
         if not same:
-            course = replace(course, place=measured.place, summed=0.0, request=request)
+            course = replace(course, place=measured.place, summed=0.0, slow=0.0, request=request)
         elif not travels and measured.speed > RESTING:
             course = replace(course, place=measured.place)
         return replace(course, direction=direction)

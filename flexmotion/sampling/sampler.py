@@ -54,7 +54,7 @@ class Condition:
             no limit.
         asked: velocity that the model is asked for so that the motion keeps its `Course`, beside the words, or instead
             of `velocity`; None for no such correction.
-        noise: factor of the noise that the window is sampled from; who stands has that of the bundle's corrections.
+        noise: factor of the noise that the window is sampled from.
     """
 
     text: str | None = None
@@ -205,7 +205,7 @@ class Sampler:
         if manifest.guided:
             inputs["guidance"][:] = (scale, manner_scale) if manifest.manner else scale
         noisy = np.random.default_rng(seed).standard_normal((1, manifest.latent), np.float32)
-        noisy *= self._corrections.standing_noise if self._stands(condition) else condition.noise
+        noisy *= condition.noise * (self._corrections.standing_noise if self._stands(condition) else 1.0)
         times = np.round(np.linspace(manifest.times - 1, 0, self.steps + 1)[:-1]).astype(np.int64)
         for now, earlier in zip(times, [*times[1:], -1], strict=True):
             inputs["noisy"][:] = noisy

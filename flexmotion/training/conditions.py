@@ -124,7 +124,7 @@ class Sentences:
             self.kinds.append(kind)
             self._shown.append(shown(clip.labels))
             self._parts.append(tuple((int(self._rows([text])[0]), start, end) for text, start, end in clip_parts(clip)))
-        if not any(map(len, (*self._plain, *self._parts))) and not personal:
+        if not personal and not any(len(rows) for rows in self._plain) and not any(self._parts):
             raise ConfigError(
                 "the set: no clip has a caption or a known label; put the collection's *_index.csv or *_captions.csv"
                 " beside its files and build the set again (docs/biomechanics.md)"
@@ -163,7 +163,7 @@ class Sentences:
             kind = self.kinds[clip]
             parts = [] if times is None else _within(self._parts[clip], *times[at])
             part = None if times is None else self._shown[clip]
-            if part is not None and part.covers(*times[at]):
+            if part is not None and times is not None and part.covers(*times[at]):
                 # A nod moves little and a held pose nothing, but neither is standing.
                 choice = np.array([*self._plain[clip], *(row for row, _, _ in self._parts[clip])], np.intp)
             elif part is not None:

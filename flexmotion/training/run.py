@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -16,6 +16,7 @@ from flexmotion.bundles.manifest import CORRECTIONS_OF_3
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.model import ModelConfig, load_model_config
 from flexmotion.configs.schema import Strict, parse, read_yaml
+from flexmotion.dataset.collections import only
 from flexmotion.dataset.compact_set import open_set
 from flexmotion.dataset.fields import MUSCLES
 from flexmotion.features.layout import Layout
@@ -119,7 +120,12 @@ class Run:
         """Folder of a stage."""
         return self.folder / name
 
-    def store(self, data: Path | None = None, progress: Callable[[float], None] = lambda done: None) -> FeatureStore:
+    def store(
+        self,
+        data: Path | None = None,
+        progress: Callable[[float], None] = lambda done: None,
+        collections: Sequence[str] = (),
+    ) -> FeatureStore:
         """Features of a set, computed on first use; without a set, those computed before.
 
         A run that began from a release keeps the statistics by which the release's networks see features.
@@ -127,14 +133,16 @@ class Run:
         Args:
             data: training set; None to open the features in the folder.
             progress: called with the share done, 0 to 1.
+            collections: of the set, as `flexmotion.dataset.collections.only` takes them; none: all.
 
         Raises:
-            ConfigError: the features have not been computed, or their format is too old or too new.
+            ConfigError: the features have not been computed, or their format is too old or too new, or the set lacks
+                one of the collections.
             MotionFormatError: there is no set, or it lacks a field.
         """
         folder = self.folder / FEATURES
         if data is not None:
-            store = build_store(open_set(data), self.layout, folder, progress)
+            store = build_store(only(open_set(data), collections), self.layout, folder, progress)
         elif self.has_features:
             store = FeatureStore(folder)
         else:

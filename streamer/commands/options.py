@@ -59,7 +59,10 @@ PromptOption = Annotated[
 BundleOption = Annotated[
     Path | None,
     typer.Option(
-        "--bundle", help="Folder of the motion model to sample from; else the shipped one.", show_default=False
+        "--bundle",
+        metavar="NAME|DIR",
+        help="Motion model to sample from: one of `bundles`, or a folder; else the default one.",
+        show_default=False,
     ),
 ]
 MappingOption = Annotated[

@@ -28,6 +28,16 @@ SetOption = Annotated[
     Path | None,
     typer.Option("--set", help="Training set of `data build` or `data export`; needed once.", show_default=False),
 ]
+OnlyOption = Annotated[
+    str | None,
+    typer.Option(
+        "--only",
+        metavar="COLLECTIONS",
+        help="With --set: clips of these collections alone, with commas; `commercial`: of those whose terms allow"
+        " products.",
+        show_default=False,
+    ),
+]
 ConfigOption = Annotated[
     str | None,
     typer.Option("--config", help="stream, paper, or a YAML file; needed once.", show_default=False),
@@ -81,6 +91,7 @@ def _stage(prepare: Callable[[Run, Finish], None]) -> Callable[[Run, Finish], No
         out: OutOption,
         begin: FromOption = None,
         data: SetOption = None,
+        only: OnlyOption = None,
         steps: StepsOption = None,
         minutes: MinutesOption = None,
         threads: ThreadsOption = None,
@@ -88,7 +99,7 @@ def _stage(prepare: Callable[[Run, Finish], None]) -> Callable[[Run, Finish], No
     ) -> None:
         run = _run(out, None, None, threads, begin, name)
         if data is not None:
-            _prepare(run, data)
+            _prepare(run, data, only)
 
         def finish(task: Task, *, pretrained: str = "") -> None:
             train_and_report(run, name, task, steps, minutes, as_json, pretrained=pretrained)
@@ -102,6 +113,7 @@ def _stage(prepare: Callable[[Run, Finish], None]) -> Callable[[Run, Finish], No
 def autoencoder(
     out: OutOption,
     data: SetOption = None,
+    only: OnlyOption = None,
     config: ConfigOption = None,
     begin: FromOption = None,
     seed: SeedOption = None,
@@ -116,10 +128,12 @@ def autoencoder(
 
       flexmotion train autoencoder --set set --config stream -o training
 
+      flexmotion train autoencoder --set set --only commercial --config stream -o free
+
       flexmotion train autoencoder --from released.safetensors --set set -o further --steps 60000
     """
     run = _run(out, config, seed, threads, begin, "autoencoder")
-    store = _prepare(run, data)
+    store = _prepare(run, data, only)
     from flexmotion.training.autoencoder_task import AutoencoderTask
     from flexmotion.training.processes import Processes
 
@@ -268,10 +282,12 @@ def _diffusion_task(run: Run) -> DiffusionTask:
     return DiffusionTask(run.config, run.store(), autoencoder, _encoder(run), run.seed, Processes(), trained=begun)
 
 
-def _prepare(run: Run, data: Path | None) -> FeatureStore:
+def _prepare(run: Run, data: Path | None, only: str | None) -> FeatureStore:
     """Features of a set, and where the run has such a loss the fit of its muscles."""
+    if only is not None and data is None:
+        raise typer.BadParameter("--only: of a set; give --set")
     with progress_bar("computes features") as progress:
-        store = run.store(data, progress)
+        store = run.store(data, progress, () if only is None else only.split(","))
     if data is not None:
         run.muscles(data)
     return store

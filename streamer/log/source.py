@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from flexmotion.bundles.bundle import Bundle
-from flexmotion.bundles.shipped import shipped_bundle
+from flexmotion.bundles.shipped import DEFAULT, bundle_folder, shipped_bundle, shipped_name
 from flexmotion.configs.errors import ConfigError
 from flexmotion.human.motion import Motion
 from flexmotion.human.motion_file import load_motion, save_motion
@@ -73,10 +73,11 @@ def unpack(parts: Parts, files: Mapping[str, bytes], origin: Path) -> Source:
 
 def _pack_model(source: ModelSource) -> Parts:
     bundle = source.sampler.bundle
+    shipped = shipped_name(bundle.folder)
     return {
         "kind": MODEL,
         "name": source.name,
-        "bundle": None if bundle.folder == shipped_bundle() else str(bundle.folder.resolve()),
+        "bundle": None if shipped == DEFAULT else shipped or str(bundle.folder.resolve()),
         "hash": bundle.hash,
         "items": [{"at": item.at, **to_content(item.intent)} for item in source.items],
         "seed": source.seed,
@@ -87,7 +88,7 @@ def _pack_model(source: ModelSource) -> Parts:
 
 
 def _unpack_model(parts: Parts, origin: Path) -> ModelSource:
-    folder = shipped_bundle() if parts["bundle"] is None else Path(parts["bundle"])
+    folder = shipped_bundle() if parts["bundle"] is None else bundle_folder(parts["bundle"])
     if folder is None:
         raise ConfigError(f"{origin}: source {parts['name']}: sampled from a bundle that this version comes without")
     bundle = Bundle(folder)

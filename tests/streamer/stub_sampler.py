@@ -54,6 +54,12 @@ class StubSampler:
         step = speed / self.fps * np.stack([np.cos(yaw), np.sin(yaw)], axis=1)
         return self._motion(history.root_position[-1, :2] + np.cumsum(step, axis=0), yaw, self._noise(seed))
 
+    def own_velocity(self, condition: Condition) -> tuple[float, float, float] | None:
+        if condition.velocity is not None:
+            return condition.velocity
+        speed, turning = SPEEDS.get(condition.text or "", (0.0, 0.0))
+        return speed, 0.0, turning
+
     def meant(self, condition: Condition) -> Condition:
         if condition.velocity is None or condition.pace is None:
             return condition

@@ -1,0 +1,93 @@
+"""Known collections of motion: licence, and whether weights trained on them may be used commercially."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexmotion.configs.errors import ConfigError
+from flexmotion.dataset.compact_set import MotionSet
+from flexmotion.dataset.training_set import SetClip
+from flexmotion.human.motion import Motion
+
+COMMERCIAL = frozenset({"cmu"})
+"""Collections whose terms allow products: mocap.cs.cmu.edu: "may be used in commercial products"; the data themselves
+may not be sold. A collection that is not named here is taken for one that does not."""
+
+FREE = "commercial"
+"""Name of the selection of all collections in `COMMERCIAL`."""
+
+
+@dataclass(frozen=True)
+class SelectedSet:
+    """The clips of some collections of a set, as a set; see `MotionSet`.
+
+    A clip that was made over another one is of that one's collection, and so under its licence.
+
+    Args:
+        source: the whole set.
+        names: of the collections.
+    """
+
+    source: MotionSet
+    names: frozenset[str]
+
+    @property
+    def clips(self) -> tuple[SetClip, ...]:
+        """Every clip of these collections."""
+        return tuple(clip for clip in self.source.clips if clip.info.get("collection") in self.names)
+
+    @property
+    def hashes(self) -> dict[str, str]:
+        """Hash of the whole set, and the selection."""
+        return self.source.hashes | {"only": ", ".join(sorted(self.names))}
+
+    def select(self, split: str | None = None, variant: str | None = None) -> Iterator[SetClip]:
+        """See `MotionSet`."""
+        chosen = {clip.name for clip in self.clips}
+        return (clip for clip in self.source.select(split, variant) if clip.name in chosen)
+
+    def motion(self, clip: SetClip) -> Motion:
+        """See `MotionSet`."""
+        return self.source.motion(clip)
+
+    def centres(self, clip: SetClip) -> np.ndarray:
+        """See `MotionSet`."""
+        return self.source.centres(clip)
+
+    def good(self, clip: SetClip) -> np.ndarray:
+        """See `MotionSet`."""
+        return self.source.good(clip)
+
+    def loads(self, clip: SetClip) -> np.ndarray:
+        """See `MotionSet`."""
+        return self.source.loads(clip)
+
+    def force_error(self, clip: SetClip) -> np.ndarray:
+        """See `MotionSet`."""
+        return self.source.force_error(clip)
+
+
+def only(source: MotionSet, names: Iterable[str]) -> MotionSet:
+    """The clips of some collections of a set.
+
+    Args:
+        source: the whole set.
+        names: of collections, or `FREE`; none: the whole set.
+
+    Raises:
+        ConfigError: the set has no clip of one of them, or no clip for training.
+    """
+    asked = {name.strip() for name in names if name.strip()}
+    if not asked:
+        return source
+    there = {str(clip.info.get("collection")) for clip in source.clips}
+    chosen = frozenset(COMMERCIAL & there if FREE in asked else ()) | (asked - {FREE})
+    if unknown := sorted(chosen - there):
+        raise ConfigError(f"--only {unknown[0]}: the set has no such collection, expected {', '.join(sorted(there))}")
+    selected = SelectedSet(source, chosen)
+    if not any(clip.split == "train" for clip in selected.clips):
+        raise ConfigError(f"--only {', '.join(sorted(asked))}: the set has no clip for training of it")
+    return selected

@@ -1,0 +1,53 @@
+"""`flexmotion bundles`: the motion models that come with the project: what they do, and under which licence."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from flexmotion.streamer.commands.options import JsonOption
+from flexmotion.streamer.commands.output import print_json, print_result
+
+if TYPE_CHECKING:
+    from flexmotion.bundles.bundle import Bundle
+
+
+def bundles(as_json: JsonOption = False) -> None:
+    """List the motion models that come with the project; --bundle NAME chooses one.
+
+    [bold]Examples[/bold]
+
+      flexmotion bundles
+
+      flexmotion dry-run --bundle default --prompt "walk"
+    """
+    # Heavy imports wait until the command runs: help and completion answer at once.
+    from flexmotion.bundles.bundle import Bundle
+    from flexmotion.bundles.shipped import shipped_bundles
+
+    found = {name: _summary(Bundle(folder)) for name, folder in shipped_bundles().items()}
+    if as_json:
+        print_json([{"name": name, **summary} for name, summary in found.items()])
+        return
+    if not found:
+        print_result("this version comes without a model; --bundle DIR names the folder of one")
+    for name, summary in found.items():
+        print_result(f"{name}: {summary['description'] or summary['model']}, hash {summary['hash']}")
+        print_result(f"  kinds of motion: {', '.join(summary['kinds'])}")
+        if summary["manners"]:
+            print_result(f"  manners: {', '.join(summary['manners'])}")
+        print_result(f"  licence: {summary['licence']}")
+
+
+def _summary(bundle: Bundle) -> dict[str, Any]:
+    manifest = bundle.manifest
+    kinds, manners = dict.fromkeys(bundle.prompts.kinds), bundle.manners.names
+    judged = manifest.repertoire
+    return {
+        "model": manifest.name,
+        "description": manifest.description,
+        "folder": str(bundle.folder),
+        "hash": bundle.hash,
+        "licence": manifest.licence,
+        "kinds": [kind for kind in kinds if judged is None or kind in judged.offered_kinds],
+        "manners": [name for name in manners if judged is None or judged.offers_manner(name)],
+    }

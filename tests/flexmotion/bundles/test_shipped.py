@@ -1,0 +1,38 @@
+"""Bundles that come with the package, by name."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from shutil import copytree
+
+import pytest
+
+import flexmotion.bundles.shipped as shipped
+from flexmotion.configs.errors import ConfigError
+from flexmotion.streamer.cli import execute
+
+
+@pytest.fixture
+def two(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
+    """A second bundle, `free`, beside the default one."""
+    if shipped.shipped_bundle() is None:
+        pytest.skip("this installation comes without a bundle")
+    copytree(shipped.FOLDER, tmp_path / "free")
+    monkeypatch.setattr(shipped, "NAMED", tmp_path)
+    return tmp_path / "free"
+
+
+def test_a_bundle_is_chosen_by_name_or_folder(two: Path, tmp_path: Path) -> None:
+    assert shipped.shipped_bundles() == {"default": shipped.FOLDER, "free": two}
+    assert shipped.bundle_folder("free") == two == shipped.bundle_folder(two)
+    assert shipped.bundle_folder("default") == shipped.FOLDER
+    assert shipped.shipped_name(two) == "free" and shipped.shipped_name(tmp_path) is None
+    with pytest.raises(ConfigError, match=r"nor one of: default, free"):
+        shipped.bundle_folder(tmp_path / "none")
+
+
+def test_bundles_are_listed_with_repertoire_and_licence(two: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert execute(["bundles"]) == 0
+    listed = " ".join(capsys.readouterr().out.split())
+    assert "default:" in listed and "free:" in listed
+    assert "walk-turn-left" in listed and "CC BY-NC 4.0" in listed
