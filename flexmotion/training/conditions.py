@@ -124,7 +124,7 @@ class Sentences:
             self.kinds.append(kind)
             self._shown.append(shown(clip.labels))
             self._parts.append(tuple((int(self._rows([text])[0]), start, end) for text, start, end in clip_parts(clip)))
-        if not personal and not any(len(rows) for rows in self._plain) and not any(self._parts):
+        if not (any(map(len, self._plain)) or any(self._parts)) and not personal:
             raise ConfigError(
                 "the set: no clip has a caption or a known label; put the collection's *_index.csv or *_captions.csv"
                 " beside its files and build the set again (docs/biomechanics.md)"
@@ -161,9 +161,10 @@ class Sentences:
         rows = np.full(len(clips), NONE, np.intp)
         for at, clip in enumerate(clips):
             kind = self.kinds[clip]
-            parts = [] if times is None else _within(self._parts[clip], *times[at])
-            part = None if times is None else self._shown[clip]
-            if part is not None and times is not None and part.covers(*times[at]):
+            window = None if times is None else (float(times[at, 0]), float(times[at, 1]))
+            parts = [] if window is None else _within(self._parts[clip], *window)
+            part = None if window is None else self._shown[clip]
+            if part is not None and window is not None and part.covers(*window):
                 # A nod moves little and a held pose nothing, but neither is standing.
                 choice = np.array([*self._plain[clip], *(row for row, _, _ in self._parts[clip])], np.intp)
             elif part is not None:
