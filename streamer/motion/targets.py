@@ -175,7 +175,7 @@ def _intent(row: TargetRow) -> Intent:
     kind = _KINDS[int(row.kind)]
     text = row.text.item().decode(errors="replace")
     if kind == "velocity":
-        return Velocity(*(float(value) for value in row.velocity))
+        return Velocity(*map(float, row.velocity[:3]))
     if kind == "stop":
         return Stop()
     return Clip(text) if kind == "clip" else Text(text)

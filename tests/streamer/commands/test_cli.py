@@ -131,7 +131,7 @@ BAD_USAGE = {
     "kind of clip": (["dry-run", "--clip", "dance.mp4"], "dance.mp4: unknown kind of motion file, expected .bvh"),
     "missing script": (["dry-run", "--script", "none.yaml"], "none.yaml: cannot be read"),
     "two sources": (["dry-run", "--clip", "a.bvh", "--script", "b"], "--clip and --script exclude each other"),
-    "no bundle": (["dry-run", "--prompt", "wave", "--bundle", "none"], "none/manifest.json: no bundle there"),
+    "no bundle": (["dry-run", "--prompt", "wave", "--bundle", "none"], "none: no bundle there"),
     "bundle for a clip": (["dry-run", "--clip", "a.npz", "--bundle", "none"], "a.npz: cannot be read"),
     "bundle to switch clips": (["check", "latency", "-c", "a", "--bundle", "b"], "--bundle: clips need no model"),
     "perturbation": (["dry-run", "--perturb", "wind=3"], "field wind: unknown field, expected one of: seed, timestep"),
