@@ -122,7 +122,11 @@ class Course:
         back = back * min(1.0, FASTEST_RETURN / max(float(np.hypot(*back)), 1e-9))
         turning = float(np.clip(turning, -MOST_TURNING, MOST_TURNING))
         request = replace(request, noise=NOISE)
-        if known and direction is not None:
+        if direction is not None and abs(own[1]) > abs(own[0]):
+            # Sideways models are slow whatever they are asked for: only ahead of its line or behind is made up for.
+            ahead = float(np.clip(RETURNED * across / seconds, -FASTER, FASTER))
+            back = ahead * np.array([sin(direction), -cos(direction)])
+        elif known and direction is not None:
             along = float(np.dot(measured.velocity, (cos(direction), sin(direction))))
             most = FASTER / CATCHING_UP
             slow = float(np.clip(course.slow + hypot(own[0], own[1]) - along, -most, most))

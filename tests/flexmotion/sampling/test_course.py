@@ -74,6 +74,18 @@ def test_a_walk_that_is_slow_is_asked_for_more(second: Motion) -> None:
     assert then.asked[0] > first.asked[0] > 1.0
 
 
+def test_a_slow_step_aside_is_not_asked_to_hurry(second: Motion) -> None:
+    """Regression: a model that is slow sideways was asked for more and more of it, and walked 18 m ahead instead."""
+    own = (0.0, -0.2, 0.0)
+    course, request = Course(), Condition(velocity=own)
+    for _ in range(20):
+        course, asked = course.followed(request, own, moved(second, 0.0), WINDOW_S)
+        assert asked.asked == pytest.approx(own, abs=1e-6)
+    # What it goes ahead of its line is made up for.
+    _, asked = course.followed(request, own, moved(second, 0.0, (0.2, 0.0)), WINDOW_S)
+    assert asked.asked is not None and asked.asked[0] < 0 and asked.asked[1] == pytest.approx(-0.2)
+
+
 def test_who_stands_is_asked_back_to_heading_and_place(second: Motion) -> None:
     course, _ = Course().followed(Condition(), STAND, moved(second, 0.5), WINDOW_S)
     _, asked = course.followed(Condition(), STAND, moved(second, 0.5 + 0.05, (0.5, 0.0)), WINDOW_S)
