@@ -75,7 +75,8 @@ class OwnSamples:
             with torch.no_grad():
                 for now, earlier in zip(times, [*times[1:], -1], strict=True):
                     time, target = (torch.full((ROLL_OUTS,), at, device=self._device) for at in (now, earlier))
-                    clean = guided(*(self._estimate(self._teacher, noisy, time, history, one) for one in each), scales)
+                    full, any_manner, none = (self._estimate(self._teacher, noisy, time, history, one) for one in each)
+                    clean = guided(full, any_manner, none, scales)
                     noisy = model.noise.step(noisy, clean, time, target)
                 decoded = model.decode(history, noisy)
             histories.append(history)

@@ -39,15 +39,15 @@ def bundles(as_json: JsonOption = False) -> None:
 
 
 def _summary(bundle: Bundle) -> dict[str, Any]:
+    from flexmotion.bundles.repertoire import offered_kinds, offered_manners
+
     manifest = bundle.manifest
-    kinds, manners = dict.fromkeys(bundle.prompts.kinds), bundle.manners.names
-    judged = manifest.repertoire
     return {
         "model": manifest.name,
         "description": manifest.description,
         "folder": str(bundle.folder),
         "hash": bundle.hash,
         "licence": manifest.licence,
-        "kinds": [kind for kind in kinds if judged is None or kind in judged.offered_kinds],
-        "manners": [name for name in manners if judged is None or judged.offers_manner(name)],
+        "kinds": list(offered_kinds(bundle)),
+        "manners": list(offered_manners(bundle)),
     }

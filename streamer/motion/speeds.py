@@ -66,7 +66,8 @@ class Speeds:
             return step
         limit = None if step.limit_s is None else step.limit_s / min(change, 1.0)
         told = step.told.model_copy(update={"limit_s": limit})
-        return replace(step, intent=Velocity(*(float(v) for v in velocity), manner), limit_s=limit, told=told)
+        forward, left, turning = map(float, velocity)
+        return replace(step, intent=Velocity(forward, left, turning, manner), limit_s=limit, told=told)
 
     def _manner(self, step: Step) -> str | None:
         """Manner of a step's motion; None for the normal one."""

@@ -175,7 +175,8 @@ def _intent(row: TargetRow) -> Intent:
     kind = _KINDS[int(row.kind)]
     text = row.text.item().decode(errors="replace")
     if kind == "velocity":
-        return Velocity(*map(float, row.velocity[:3]))
+        forward, left, turning = map(float, row.velocity)
+        return Velocity(forward, left, turning)
     if kind == "stop":
         return Stop()
     return Clip(text) if kind == "clip" else Text(text)
