@@ -112,7 +112,8 @@ def joint_capture(
 
 def _with_sides(capture: Capture, present: Mapping[str, list[list[str]]]) -> Capture:
     """A capture whose left and right markers are not exchanged."""
-    pairs, mates = [], {}
+    pairs: list[tuple[str, str]] = []
+    mates: dict[str, list[str]] = {}
     for landmark in present:
         if landmark.endswith("_l"):
             others = {plain(name): name for name in _names(present, f"{landmark[:-2]}_r")}

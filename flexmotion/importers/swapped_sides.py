@@ -63,7 +63,8 @@ def without_swaps(
             both = [column[name] for name in pair]
             near = [[column[name] for name in mates.get(own, ()) if name in column] for own in pair]
             turned = judged(scale * positions, both, near, capture.fps)
-            positions[np.ix_(turned, both)] = positions[np.ix_(turned, both[::-1])]
+            frames = np.flatnonzero(turned)[:, None]
+            positions[frames, both] = positions[frames, both[::-1]]
             swapped ^= turned
     notes = [
         f"{left} and {right} are exchanged {_when(swapped, capture)}: put right"

@@ -41,7 +41,7 @@ PLANTING_STEPS = 8
 foot that was to carry a quarter of its weight."""
 
 FURTHEST = 0.05
-"""Farthest that the target of a loaded sole is moved down [m]."""
+"""Farthest that the target of a loaded sole is moved on [m]."""
 
 PELVIS_CUTOFF = 2.0
 """The pelvis follows the feet's correction below this frequency [Hz]; the legs do the rest."""
@@ -194,17 +194,24 @@ def _planted(tracked: TrackingModel, found: Dynamics, floor: Floor) -> Float:
     # Within [0, 1]: a foot that is loaded from one frame to the next is not moved at once.
     loaded = np.clip(smoothing_spline(motion.contacts.astype(float), motion.fps, CUTOFF), 0.0, 1.0)
     rows = zip(recorded, targets, floor.height(targets), loaded, strict=True)
-    return _smoothed(tracked, np.stack([_legs_to(tracked, data, *row) for row in rows]), motion.fps)
+    # Soles that are lifted on a slope lose its track: standing, 58 % of the windows are tracked with it, all without.
+    lifted = 0.0 if floor.slope.any() else FURTHEST
+    return _smoothed(tracked, np.stack([_legs_to(tracked, data, *row, lifted) for row in rows]), motion.fps)
 
 
 def _legs_to(
-    tracked: TrackingModel, data: mujoco.MjData, recorded: Float, targets: Float, ground: Float, loaded: Float
+    tracked: TrackingModel,
+    data: mujoco.MjData,
+    recorded: Float,
+    targets: Float,
+    ground: Float,
+    loaded: Float,
+    lifted: float,
 ) -> Float:
     """Generalised positions whose sole corners are near targets, legs near the recorded ones.
 
-    The lowest corner of a loaded sole comes down to its target's height: recorded angles, which hold it back, are
-    outweighed by moving the target on by what is left. A deeper one is not lifted on: on a slope it would stand on an
-    edge.
+    The lowest corner of a loaded sole comes to its target's height: recorded angles, which hold it back, are outweighed
+    by moving the target on by what is left.
 
     Args:
         tracked: the simulated human.
@@ -213,6 +220,7 @@ def _legs_to(
         targets: of the corners, (2, 4, 3) [m].
         ground: height of the floor at the targets, (2, 4) [m].
         loaded: how far each foot is, 0 to 1, (2,).
+        lifted: farthest that the target is moved up [m].
     """
     model = tracked.linear
     knees = [int(model.joint(f"knee_flexion_{side}").qposadr[0]) for side in SIDES]
@@ -225,7 +233,7 @@ def _legs_to(
         mujoco.mj_differentiatePos(model, away, 1.0, recorded, data.qpos)
         corners, change = corner_positions(tracked, data), np.zeros(model.nv)
         shift += loaded * (wanted - (corners[..., 2] - ground).min(axis=1))
-        shift = np.clip(shift, -FURTHEST, 0.0)
+        shift = np.clip(shift, -FURTHEST, lifted)
         for side, foot in enumerate(tracked.feet):
             leg = _leg_dofs(tracked, side)
             rows = []
