@@ -35,3 +35,9 @@ class DriverError(FlexMotionError):
     """The hardware, a bus or a driver failed."""
 
     exit_code = 3
+
+
+class GatewayError(FlexMotionError):
+    """A run that listens for targets cannot be reached, refuses the connection or does not answer."""
+
+    exit_code = 3

@@ -29,6 +29,47 @@ class Budgets(Strict):
     underruns: int = Field(default=0, ge=0)
 
 
+class Gateway(Strict):
+    """How targets of other programs are admitted (`flexmotion run --web`). Times in seconds.
+
+    The priority of a sender is set here, not by the sender.
+
+    Attributes:
+        port, stop_port: of the gateway, and of the process that takes stops alone.
+        priorities: by the name of a source; a source with a higher priority takes the lease over without asking.
+        other_priority: of all other sources.
+        lease_s: an operator who sends nothing for this long holds the lease no longer.
+        velocity_holds_s: a velocity without a time to live of its own holds this long.
+        take_up_s: a target that no plan follows within this time is dropped.
+        coalesce_s: targets that come closer than this are reduced to the newest one.
+        most_bytes: longest message.
+        most_connections: connections at a time; further ones are refused.
+        most_unread: a connection that leaves so many answers unread is closed.
+    """
+
+    port: int = Field(default=8790, ge=1, le=65535)
+    stop_port: int = Field(default=8791, ge=1, le=65535)
+    priorities: dict[str, int] = {}
+    other_priority: int = 0
+    lease_s: float = Field(default=10.0, gt=0)
+    velocity_holds_s: float = Field(default=0.5, gt=0)
+    take_up_s: float = Field(default=5.0, gt=0)
+    coalesce_s: float = Field(default=0.005, ge=0, le=1)
+    most_bytes: int = Field(default=4096, ge=512, le=65536)
+    most_connections: int = Field(default=32, ge=1)
+    most_unread: int = Field(default=1000, ge=10)
+
+    @model_validator(mode="after")
+    def _apart(self) -> Gateway:
+        if self.port == self.stop_port:
+            raise ValueError(f"port and stop_port are both {self.port}, expected different ports")
+        return self
+
+    def priority(self, source: str) -> int:
+        """Priority of a source: by its name, else by the first word of it, as of "page 3f"."""
+        return self.priorities.get(source, self.priorities.get(source.partition(" ")[0], self.other_priority))
+
+
 class StreamSettings(Strict):
     """How the live system streams. Times in seconds.
 
@@ -38,12 +79,14 @@ class StreamSettings(Strict):
         replan_s: time between plans without a new target.
         commit_s: first part of a running plan that a periodic replan must not change; a new target or a stop may.
         min_unplayed_s: least part of a plan that must be left to play.
+        change_s: shortest time between two changes of the target that is followed, a stop apart; the newest one counts.
         lead_in_s: time from the first plan to the source's first frame, in which the robot moves to its pose.
         dcm_absorb_s: time over which a new plan absorbs the jump of the divergent component of motion.
         blend_frames: frames of human motion over which a new plan is blended in.
         wake_latency_us: longest wake-up time that processors may have on the real clock [µs], if the system permits the
             setting; 0: they do not sleep; null: no limit, which draws less power.
         budgets: timing bounds.
+        gateway: how targets of other programs are admitted.
     """
 
     horizon_s: float = Field(default=1.0, gt=0)
@@ -51,11 +94,13 @@ class StreamSettings(Strict):
     replan_s: float = Field(default=0.25, gt=0)
     commit_s: float = Field(default=0.04, ge=0)
     min_unplayed_s: float = Field(default=0.6, ge=0)
+    change_s: float = Field(default=0.2, ge=0)
     lead_in_s: float = Field(default=0.6, ge=0)
     dcm_absorb_s: float = Field(default=0.15, gt=0)
     blend_frames: int = Field(default=8, ge=0)
     wake_latency_us: int | None = Field(default=0, ge=0, le=1_000_000)
     budgets: Budgets = Budgets()
+    gateway: Gateway = Gateway()
 
     @model_validator(mode="after")
     def _fits(self) -> StreamSettings:

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
         ConfigError,
         DriverError,
         FlexMotionError,
+        GatewayError,
         MotionFormatError,
         RetargetError,
         SessionError,
@@ -47,7 +48,11 @@ if TYPE_CHECKING:
     from flexmotion.streamer.control.ladder import State
     from flexmotion.streamer.control.run_trace import RunTrace
     from flexmotion.streamer.control.telemetry import Event
+    from flexmotion.streamer.gateway.client import AsyncClient, Client
+    from flexmotion.streamer.gateway.listening import Listening
+    from flexmotion.streamer.gateway.messages import Answer
     from flexmotion.streamer.log.reader import Log, read_log
+    from flexmotion.streamer.motion.heard import Heard
     from flexmotion.streamer.motion.intents import Clip, Stop, Text, Velocity
     from flexmotion.streamer.motion.script import Item, load_script
     from flexmotion.streamer.motion.sources import Performance, Source
@@ -64,6 +69,7 @@ _MODULES = {
         "ConfigError",
         "DriverError",
         "FlexMotionError",
+        "GatewayError",
         "MotionFormatError",
         "RetargetError",
         "SessionError",
@@ -88,9 +94,13 @@ _MODULES = {
         "retarget_motion",
     ),
     "streamer.control.ladder": ("State",),
+    "streamer.gateway.client": ("AsyncClient", "Client"),
+    "streamer.gateway.listening": ("Listening",),
+    "streamer.gateway.messages": ("Answer",),
     "streamer.control.run_trace": ("RunTrace",),
     "streamer.control.telemetry": ("Event",),
     "streamer.log.reader": ("Log", "read_log"),
+    "streamer.motion.heard": ("Heard",),
     "streamer.motion.intents": ("Clip", "Stop", "Text", "Velocity"),
     "streamer.motion.script": ("Item", "load_script"),
     "streamer.motion.sources": ("Performance", "Source"),
@@ -105,7 +115,10 @@ _MODULES = {
 _WHERE = {name: module for module, names in _MODULES.items() for name in names}
 
 __all__ = [
+    "Answer",
+    "AsyncClient",
     "Bundle",
+    "Client",
     "Clip",
     "Condition",
     "ConfigError",
@@ -113,7 +126,10 @@ __all__ = [
     "DriverError",
     "Event",
     "FlexMotionError",
+    "GatewayError",
+    "Heard",
     "Item",
+    "Listening",
     "Log",
     "Motion",
     "MotionFormatError",

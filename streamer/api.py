@@ -25,6 +25,7 @@ from flexmotion.retarget.human_steps import count_steps
 from flexmotion.sampling.sampler import Sampler
 from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.control.telemetry import Event
+from flexmotion.streamer.gateway.listening import Listening, listen
 from flexmotion.streamer.log.recorder import Recorder
 from flexmotion.streamer.log.recording import driver_options, record_to
 from flexmotion.streamer.motion.intents import Clip, Intent, Stop, Text
@@ -40,7 +41,6 @@ from flexmotion.streamer.report.report import Report, RunInfo, build_report
 from flexmotion.streamer.run.played_human import human_motion
 from flexmotion.streamer.run.requests import Request
 from flexmotion.streamer.run.session import Clock, Phase, Session
-from flexmotion.streamer.viewer.service import Viewer
 
 Followed = Motion | Intent | Sequence[Item]
 """What a robot can follow: a motion, one intent, or a script of intents."""
@@ -178,7 +178,8 @@ def open_session(
     next_request: Callable[[], Request | None] | None = None,
     on_event: Callable[[Event], None] | None = None,
     log: str | Path | None = None,
-    view_port: int | None = None,
+    listening: Listening | None = None,
+    allow_refused: bool = False,
 ) -> Session:
     """A robot, a driver and a source, ready to run.
 
@@ -208,7 +209,8 @@ def open_session(
             and return a `Request`.
         on_event: called with every event as it happens.
         log: file (.mcap) to record to; None: none.
-        view_port: first port to try for the page that shows the run; None: no page.
+        listening: how the run shows itself in a browser and listens for targets of other programs; None: not at all.
+        allow_refused: the report is ok although something that was asked was refused, dropped or not finished.
 
     Raises:
         ConfigError: unknown or invalid robot, driver, option, source or bundle, or the log cannot be written.
@@ -233,11 +235,12 @@ def open_session(
         seed=seed,
         clock=clock,
         next_request=next_request,
+        allow_refused=allow_refused,
     )
     if on_event is not None:
         session.on_event = on_event
-    if view_port is not None:
-        session.services += (Viewer(robot, session.telemetry, port=view_port),)
+    if listening is not None:
+        listen(session, listening)
     if isinstance(source, Performance):
         # Before the run only: once it has started, the loop is the ring's one writer.
         for remark in source.remarks:
@@ -312,6 +315,7 @@ def outcome(session: Session) -> Outcome:
     options = driver_options(session.driver)
     options |= {} if session.feedback else {"feedback": False}
     options |= {"replan_noise_m": noise_m} if noise_m else {}
+    options |= {"allow_refused": True} if session.allow_refused else {}
     budgets = session.settings.budgets
     info = RunInfo(
         robot=robot.name,
@@ -324,6 +328,8 @@ def outcome(session: Session) -> Outcome:
         realtime=session.scheduling,
         missed_allowed=budgets.missed_deadlines,
         underruns_allowed=budgets.underruns,
+        targets=tuple(session.heard),
+        allow_refused=session.allow_refused,
         log=next((service.result() for service in session.services if isinstance(service, Recorder)), None),
     )
     report = build_report(record, info, figures, human=None if motion is None else HumanTrack.of(motion))

@@ -30,6 +30,7 @@ from flexmotion.streamer.commands.personalize import personalize
 from flexmotion.streamer.commands.retarget import retarget
 from flexmotion.streamer.commands.robots import robots
 from flexmotion.streamer.commands.run import run
+from flexmotion.streamer.commands.send import clear, estop, kill, send, status, stop
 from flexmotion.streamer.commands.servo import servo
 from flexmotion.streamer.commands.servo_calibration import calibrate, calibrate_imu
 from flexmotion.streamer.commands.train import train
@@ -45,6 +46,8 @@ app = typer.Typer(
 )
 app.command("dry-run")(dry_run)
 app.command("run")(run)
+for _command in (send, status, stop, estop, clear, kill):
+    app.command(_command.__name__)(_command)
 app.command("retarget")(retarget)
 check.command("bus")(bus)
 app.add_typer(check, name="check")

@@ -1,6 +1,6 @@
-"""Makes `view.png`: the page of `--view` with the robot in mid-step, rendered by a headless Chromium.
+"""Makes `view.png`: the page of a run with the robot in mid-step, rendered by a headless Chromium.
 
-    python docs/images/make_view.py [--out docs/images/view.png] [--after 9.2]
+    python docs/images/make_view.py [--out docs/images/view.png] [--after 9.2] [--width 1280] [--dark]
 
 The run is in lockstep, so that it waits for the picture. Needs playwright (`pip install -e .[dev]`) and a Chromium on
 the path; no graphics card.
@@ -17,27 +17,24 @@ from typing import Annotated
 import numpy as np
 import typer
 from PIL import Image
-from playwright.sync_api import sync_playwright
+from playwright.sync_api import Error, sync_playwright
 
 from flexmotion.configs.robot import load_robot
 from flexmotion.configs.stream import load_stream
 from flexmotion.drivers.registry import create
 from flexmotion.streamer.commands.choice import choose_motion
+from flexmotion.streamer.gateway.listening import Listening, listen
+from flexmotion.streamer.gateway.ports import any_free
 from flexmotion.streamer.motion.sources import ClipSource
 from flexmotion.streamer.run.session import Session
-from flexmotion.streamer.viewer.service import Viewer
 
-SIZE = {"width": 1400, "height": 720}
-SHOWN = {"x": 260, "y": 0, "width": 1140, "height": 720}
-"""Part of the page: the robot is in its middle, the panel at the right, the left is empty."""
 FLAGS = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist")
 LIFTED = 0.8
 """A foot is in mid-step above this share of `SWING_M`."""
 SWING_M = 0.02
 """Usual height of a swing [m]."""
-_DRAWN_S, _SETTLED_S = 0.06, 2.5
-"""Longer than the time between two frames of the page; time for the browser to load and to draw [s]."""
-
+_SETTLED_S, _SERVED_S = 2.5, 60.0
+"""Time for the browser to draw, and longest time until the page is served [s]."""
 
 PICTURE = Path(__file__).with_name("view.png")
 
@@ -46,15 +43,19 @@ def main(
     out: Annotated[Path, typer.Option(help="Picture to write.")] = PICTURE,
     after: Annotated[float, typer.Option(help="Take the first step after this time of the motion [s].")] = 9.2,
     clip: Annotated[Path | None, typer.Option(help="Motion file; default: the shipped one.")] = None,
+    width: Annotated[int, typer.Option(help="Of the page [pixels]; below 900 as on a phone.")] = 1280,
+    height: Annotated[int, typer.Option(help="Of the page [pixels].")] = 800,
+    dark: Annotated[bool, typer.Option(help="Dark colours.")] = False,
 ) -> None:
     """Run, wait for a step, take the picture."""
     robot, settings = load_robot("op3"), load_stream()
     source = ClipSource(choose_motion(clip=clip))
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=FLAGS)
-        page = browser.new_page(viewport=SIZE)
+        page = browser.new_page(viewport={"width": width, "height": height}, color_scheme="dark" if dark else "light")
         session = Session(robot, create("sim", robot, seed=0), source, settings)
-        viewer = Viewer(robot, session.telemetry)
+        port = any_free()
+        listen(session, Listening(port=port, stop_port=any_free(), takes_targets=False))
         taken = False
 
         def look(source_s: float) -> None:
@@ -62,26 +63,37 @@ def main(
             row = session.record.rows[-1]
             if taken or not source_s > after - 1.0:
                 return
-            if page.url != f"{viewer.url}/":
-                page.goto(viewer.url)
-                # viser warns of rendering without a graphics card, which is intended here.
-                page.get_by_role("alert").get_by_role("button").click()
-            time.sleep(_DRAWN_S)
+            if page.url == "about:blank":
+                _open(page, port)
+            time.sleep(0.06)  # a picture a row, so that the path is drawn
             lifted = np.nanmax(row["foot_ref"][:, 2])
             if source_s > after and lifted > LIFTED * SWING_M and not row["contact_ref"].all():
                 time.sleep(_SETTLED_S)
-                picture = Image.open(io.BytesIO(page.screenshot(clip=SHOWN)))
+                picture = Image.open(io.BytesIO(page.screenshot()))
                 # Fewer shades than the eye can tell apart: most of the file's size.
                 picture.convert("RGB").point(lambda value: min(4 * round(value / 4), 255)).save(out, optimize=True)
                 taken = True
 
-        session.services = (viewer,)
         session.progress = look
         session.run()
         browser.close()
     if not taken:
         raise SystemExit(f"no foot was lifted after {after:g} s")
     print(f"{out}: {out.stat().st_size / 1e3:.0f} kB")
+
+
+def _open(page, port: int) -> None:  # type: ignore[no-untyped-def]
+    end = time.monotonic() + _SERVED_S
+    while True:
+        try:
+            page.goto(f"http://127.0.0.1:{port}/", wait_until="commit")
+            break
+        except Error:
+            if time.monotonic() > end:
+                raise
+            time.sleep(0.2)
+    while not page.evaluate("() => Boolean(window.flexmotion && window.flexmotion.scene.time > 0)"):
+        time.sleep(0.2)
 
 
 if __name__ == "__main__":

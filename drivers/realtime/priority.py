@@ -14,8 +14,8 @@ from threadpoolctl import threadpool_limits
 
 Scheduling = Literal["fifo", "other"]
 
-WITNESS_PRIORITY, LOOP_PRIORITY, ROBOT_PRIORITY, PLANNER_PRIORITY = 80, 60, 40, 20
-"""SCHED_FIFO priorities: standstill timers, control loop, simulated robot or emulated bus, planner."""
+WITNESS_PRIORITY, LOOP_PRIORITY, ROBOT_PRIORITY, STOP_PRIORITY, PLANNER_PRIORITY = 80, 60, 40, 30, 20
+"""SCHED_FIFO priorities: standstill timers, control loop, simulated robot or emulated bus, stop process, planner."""
 
 WAKE_LATENCY = Path("/dev/cpu_dma_latency")
 """The kernel's PM QoS interface: limits the wake-up time of processors [µs] while the file is open."""

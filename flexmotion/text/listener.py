@@ -42,7 +42,13 @@ class Listener:
     def __call__(
         self, sentence: str, embedding: NDArray[np.float32], pieces: Sequence[int], likeness: float = 1.0
     ) -> str:
-        """The kind of motion, or `NOTHING`.
+        """The kind of motion, or `NOTHING`; see `heard`."""
+        return self.heard(sentence, embedding, pieces, likeness)[0]
+
+    def heard(
+        self, sentence: str, embedding: NDArray[np.float32], pieces: Sequence[int], likeness: float = 1.0
+    ) -> tuple[str, float]:
+        """The kind of motion, or `NOTHING`, and the share of the most probable kind.
 
         Args:
             sentence: as given.
@@ -55,8 +61,8 @@ class Listener:
         other = mirrored(kind)
         both = len(sides(sentence)) == 2 and other != kind and other in self.kinds
         if both and share < CLEARER * shares[self.kinds.index(other)]:
-            return NOTHING
-        return kind if share >= (SURER if likeness < STRANGE else SURE) else NOTHING
+            return NOTHING, share
+        return kind if share >= (SURER if likeness < STRANGE else SURE) else NOTHING, share
 
     def shares(self, sentence: str, embedding: NDArray[np.float32], pieces: Sequence[int]) -> NDArray[np.float32]:
         """Probability of each kind, (K,); see `__call__`."""

@@ -36,6 +36,11 @@ def wordings(kind: str) -> tuple[str, ...]:
     return tuple(dict.fromkeys([*made, *row["more"]]))
 
 
+def verbs(kind: str) -> tuple[str, ...]:
+    """Verbs of a kind of motion that has wordings."""
+    return tuple(_table()["kinds"][kind]["verbs"])
+
+
 def velocity(kind: str) -> tuple[float, float, float] | None:
     """Forward, left [m/s] and turning left [rad/s] that wordings of a kind mean; None where they mean no velocity."""
     row = _table()["kinds"].get(kind, {})

@@ -58,6 +58,7 @@ class Prompt:
         likeness: cosine with the nearest known wording.
         known: whether the sentence is understood.
         warning: reason for standing still, where the sentence does not ask for it.
+        share: of the most probable kind in what the listener heard; 1 for a known wording.
     """
 
     embedding: NDArray[np.float32]
@@ -65,6 +66,7 @@ class Prompt:
     likeness: float
     known: bool
     warning: str | None = None
+    share: float = 1.0
 
 
 class PromptReader:
@@ -100,26 +102,26 @@ class PromptReader:
         likeness = self._embeddings @ embedding
         nearest = int(np.argmax(likeness))
         best = float(likeness[nearest])
-        kind = str(self._kinds[nearest])
+        kind, share = str(self._kinds[nearest]), 1.0
         if best <= SAME or is_other_side(kind, sentence):
-            kind = self._classified(sentence, embedding, best)
+            kind, share = self._classified(sentence, embedding, best)
         if kind == NOTHING:
             known = ", ".join(dict.fromkeys(self._kinds))
             warning = f"{sentence!r} is not understood by this model, it stands still; it knows: {known}"
-            return Prompt(self.idle.embedding, STAND, best, False, warning)
+            return Prompt(self.idle.embedding, STAND, best, False, warning, share)
         if forbids(sentence, kind) and (kind != STAND or best <= SAME):
             warning = f"{sentence!r} is a prohibition, the model stands still; say what to do"
-            return Prompt(self.idle.embedding, STAND, best, True, warning)
+            return Prompt(self.idle.embedding, STAND, best, True, warning, share)
         alike = self._kinds == kind
         mixture = np.exp(BREADTH * (likeness[alike] - best)) @ self._embeddings[alike]
-        return Prompt(_unit(mixture), kind, best, True)
+        return Prompt(_unit(mixture), kind, best, True, share=share)
 
-    def _classified(self, sentence: str, embedding: NDArray[np.float32], likeness: float) -> str:
-        """Kind of motion, or `NOTHING`."""
+    def _classified(self, sentence: str, embedding: NDArray[np.float32], likeness: float) -> tuple[str, float]:
+        """Kind of motion, or `NOTHING`, and its share."""
         pieces = self._encode.pieces(sentence)
         if all(piece == self._encode.pieces.unknown for piece in pieces):
-            return NOTHING
-        return self._listener(sentence, embedding, pieces, likeness)
+            return NOTHING, 0.0
+        return self._listener.heard(sentence, embedding, pieces, likeness)
 
 
 def _unit(vector: NDArray[np.float32]) -> NDArray[np.float32]:

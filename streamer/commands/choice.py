@@ -20,6 +20,7 @@ from flexmotion.streamer import api
 from flexmotion.streamer.checks.switching import shipped_clips, switched
 from flexmotion.streamer.commands.output import print_note
 from flexmotion.streamer.motion.intents import Clip, Intent, Text
+from flexmotion.streamer.motion.model_source import ModelSource
 from flexmotion.streamer.motion.script import Item, load_script
 from flexmotion.streamer.motion.sources import LiveSource, Performance
 
@@ -37,7 +38,9 @@ SWITCHED_PROMPTS = (
 """Prompts for a measurement of latency. None of them walks: a gait that changes every half second may make the robot
 fall, and a fall ends the measurement."""
 LAST_S = 10.0
-"""Length of a prompt, and of the last item of a script, without `--seconds` [s]."""
+"""Length of a prompt, and of the last item of a script, without `--seconds` and without an amount [s]."""
+SETTLE_S = 3.0
+"""Time beyond its limits that a prompt with amounts is given to come to a stand [s]."""
 
 
 def choose_source(
@@ -52,6 +55,7 @@ def choose_source(
     seed: int = 0,
     seconds: float | None = None,
     endless: bool = False,
+    listens: bool = False,
 ) -> Performance:
     """The source that a clip, a script or a prompt asks for, or the shipped one; the report says its name.
 
@@ -62,6 +66,7 @@ def choose_source(
         seed: of all that a model draws.
         seconds: longest that the source is followed [s].
         endless: a model goes on with its last item until the run is ended.
+        listens: the run listens for targets: where nothing is asked for, the robot stands and waits for one.
 
     Raises:
         typer.BadParameter: options exclude each other, or the model that they need is missing.
@@ -82,6 +87,8 @@ def choose_source(
         if not prompt.strip():
             raise typer.BadParameter('--prompt is empty: say in words what to do, such as "walk forward"')
         return _model(robot, [Item(0.0, Text(prompt))], f"prompt:{prompt}", "--prompt", bundle, seed, seconds, endless)
+    if listens:
+        return _model(robot, [Item(0.0, api.STANDING)], "model:live", "--web", bundle, seed, seconds, endless)
     if bundle is None and shipped_bundle() is None:
         return _clips(robot, choose_motion(), None, None, seconds)
     with as_file(files("flexmotion") / "data" / DEFAULT_SCRIPT) as path:
@@ -185,7 +192,10 @@ def _model(
     seconds: float | None,
     endless: bool,
 ) -> Performance:
-    if seconds is None and not endless:
-        seconds = items[-1].at + LAST_S
     _needs_model(bundle, asker)
-    return api.open_source(robot, items, bundle=bundle, name=name, seed=seed, seconds=seconds)
+    source = api.open_source(robot, items, bundle=bundle, name=name, seed=seed, seconds=seconds)
+    if seconds is not None or endless or not isinstance(source, ModelSource):
+        return source
+    # A program ends when the robot has done it, at the latest with the time limits of its steps.
+    last_s = LAST_S if source.limit_s is None else source.limit_s + SETTLE_S
+    return source.cut(items[-1].at + last_s)

@@ -19,7 +19,7 @@ def dry_run(
         Clock | None,
         typer.Option(
             help="lockstep: step by step, as fast as it computes; real: on the wall clock.",
-            show_default="lockstep; with --view real",
+            show_default="lockstep; with --view, --web or --stdin real",
         ),
     ] = None,
     perturb: Annotated[
@@ -40,7 +40,9 @@ def dry_run(
 
     With no option the robot follows what comes with the project: a script of words for its model, or a short clip where
     it has none. A prompt, and the last item of a script that does not stop, is followed for 10 s, or for --seconds.
-    Exit code 1 where the robot fell or a limit was passed.
+    A prompt that says how much ("turn 90 degrees, then wave twice") ends when the robot has done it. Exit code 1 where
+    the robot fell or a limit was passed, and where a prompt was refused or not done whole (--allow-refused). With --web
+    the robot stands and follows what other programs send, until it is interrupted.
 
     [bold]Examples[/bold]
 
@@ -48,9 +50,13 @@ def dry_run(
 
       flexmotion dry-run --prompt "wave with the right hand" --seconds 5
 
+      flexmotion dry-run --prompt "two steps back, then turn 90 degrees to the left and wave twice"
+
       flexmotion dry-run --clip walk.bvh --report report
 
       flexmotion dry-run --clip walk.bvh --view
+
+      flexmotion dry-run --web
 
       flexmotion dry-run --clip walk.bvh --perturbed --perturb total_mass=3.5 --seed 4 --json
     """
@@ -67,15 +73,17 @@ def dry_run(
 
         settings = load_stream(run.settings)
         chosen = open_robot(robot)
-        source = motion.source(chosen, settings, run.seconds)
+        stay = run.listens and run.seconds is None
+        source = motion.source(chosen, settings, run.seconds, endless=stay, listens=run.listens)
         options = simulation_options(perturbed, perturb or ())
         session = run.session(
             open_driver("sim", chosen, **options, seed=motion.seed),
             NoisySource(source, replan_noise, motion.seed) if replan_noise else source,
             settings,
-            clock=clock or ("real" if run.view else "lockstep"),
+            clock=clock or ("real" if run.view or run.listens else "lockstep"),
             seed=motion.seed,
-            seconds=source.seconds,
+            seconds=None if stay else source.seconds,
+            stay=stay,
         )
         outcome = stream(session, signals)
     present(outcome, run.report, run.as_json, signals.interrupted)

@@ -9,12 +9,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, get_args, get_type_hints
 
 from flexmotion.streamer.commands.options import (
+    AllowRefusedOption,
     BeltOption,
     BundleOption,
     ClipOption,
     FeedbackOption,
     HeightOption,
     JsonOption,
+    ListenOption,
     LogOption,
     MappingOption,
     MassOption,
@@ -26,8 +28,12 @@ from flexmotion.streamer.commands.options import (
     SecondsOption,
     SeedOption,
     SettingsOption,
+    StdinOption,
+    StopPortOption,
+    TokenFileOption,
     ViewOption,
-    ViewPortOption,
+    WebOption,
+    WebPortOption,
 )
 
 if TYPE_CHECKING:
@@ -35,6 +41,7 @@ if TYPE_CHECKING:
     from flexmotion.configs.stream import StreamSettings
     from flexmotion.drivers.interface import Driver
     from flexmotion.importers import Import
+    from flexmotion.streamer.gateway.listening import Listening
     from flexmotion.streamer.motion.sources import Performance, Source
     from flexmotion.streamer.run.session import Clock, Session
 
@@ -51,7 +58,13 @@ class MotionOptions:
     seed: SeedOption = 0
 
     def source(
-        self, robot: Robot, settings: StreamSettings, seconds: float | None, *, endless: bool = False
+        self,
+        robot: Robot,
+        settings: StreamSettings,
+        seconds: float | None,
+        *,
+        endless: bool = False,
+        listens: bool = False,
     ) -> Performance:
         """The source of that motion; see `flexmotion.streamer.commands.choice.choose_source`."""
         from flexmotion.streamer.commands.choice import choose_source
@@ -67,6 +80,7 @@ class MotionOptions:
             seed=self.seed,
             seconds=seconds,
             endless=endless,
+            listens=listens,
         )
 
 
@@ -107,8 +121,38 @@ class RunOptions:
     report: ReportOption = None
     log: LogOption = None
     view: ViewOption = False
-    view_port: ViewPortOption = 8080
+    web: WebOption = False
+    web_port: WebPortOption = None
+    stop_port: StopPortOption = None
+    listen: ListenOption = "127.0.0.1"
+    token_file: TokenFileOption = None
+    stdin: StdinOption = False
+    allow_refused: AllowRefusedOption = False
     as_json: JsonOption = False
+
+    @property
+    def listens(self) -> bool:
+        """Whether targets of other programs are taken."""
+        return self.web or self.stdin
+
+    def _listening(self) -> Listening | None:
+        if not (self.listens or self.view):
+            return None
+        import os
+
+        from flexmotion.streamer.gateway.admission import find_token
+        from flexmotion.streamer.gateway.listening import Listening
+
+        return Listening(
+            address=self.listen,
+            port=self.web_port,
+            stop_port=self.stop_port,
+            token=find_token(self.token_file),
+            network=self.web or self.view,
+            takes_targets=self.listens,
+            # Copies: a forked process closes its standard input.
+            lines=(os.dup(0), os.dup(1)) if self.stdin else None,
+        )
 
     def session(
         self,
@@ -137,7 +181,8 @@ class RunOptions:
             stay=stay,
             realtime=self.realtime,
             log=log_file(self.log, self.report),
-            view_port=self.view_port if self.view else None,
+            listening=self._listening(),
+            allow_refused=self.allow_refused,
         )
 
 

@@ -120,6 +120,12 @@ LogOption = Annotated[
         show_default=False,
     ),
 ]
+AllowRefusedOption = Annotated[
+    bool,
+    typer.Option(
+        "--allow-refused", help="Pass although something that was asked was refused, dropped or not finished in time."
+    ),
+]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")]
 RealtimeOption = Annotated[
     bool,
@@ -134,9 +140,53 @@ ReplanNoiseOption = Annotated[
         help="Redraw every plan's human motion with an error that grows to this in a second, as a live model does.",
     ),
 ]
-ViewOption = Annotated[bool, typer.Option("--view/--no-view", help="Show the run in the browser while it runs.")]
-ViewPortOption = Annotated[
-    int,
-    typer.Option("--view-port", min=1, max=65535, help="Port of that page on this machine, or the next free one."),
+ViewOption = Annotated[
+    bool,
+    typer.Option(
+        "--view/--no-view", help="Show the run in the browser, as --web, but take no targets; it can be stopped."
+    ),
 ]
 FeedbackOption = Annotated[bool, typer.Option("--feedback/--no-feedback", help="Balance feedback.")]
+WebOption = Annotated[
+    bool,
+    typer.Option(
+        "--web/--no-web",
+        help="Show the run in the browser and steer it there, or by other programs (`flexmotion send`).",
+    ),
+]
+WebPortOption = Annotated[
+    int | None,
+    typer.Option(
+        "--web-port",
+        min=1,
+        max=65535,
+        help="Port of the page and for targets; else that of the stream settings (8790).",
+        show_default=False,
+    ),
+]
+StopPortOption = Annotated[
+    int | None,
+    typer.Option(
+        "--stop-port",
+        min=1,
+        max=65535,
+        help="Port that takes stops alone; else that of the stream settings (8791).",
+        show_default=False,
+    ),
+]
+ListenOption = Annotated[
+    str,
+    typer.Option("--listen", metavar="ADDRESS", help="Address to listen on; others than this machine's need a token."),
+]
+TokenFileOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--token-file",
+        help="File with the token of the run; else the environment variable FLEXMOTION_TOKEN.",
+        show_default=False,
+    ),
+]
+StdinOption = Annotated[
+    bool,
+    typer.Option("--stdin", help="Read targets from standard input, a JSON object a line; answers go to stdout."),
+]

@@ -24,7 +24,7 @@ def check_place(path: Path | None, suffixes: Sequence[str] = ()) -> None:
     if path.is_dir():
         raise typer.BadParameter(f"{path}: a folder, expected a file")
     if suffixes and path.suffix.lower() not in suffixes:
-        raise typer.BadParameter(f"{path}: unknown kind of file, expected {', '.join(suffixes)}")
+        raise typer.BadParameter(f"{path}: unknown kind of file, expected {' or '.join(suffixes)}")
     if not path.parent.is_dir():
         raise typer.BadParameter(f"{path.parent}: no such folder to write {path.name} into")
     if not os.access(path if path.exists() else path.parent, os.W_OK):

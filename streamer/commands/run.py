@@ -40,6 +40,8 @@ def run(
 
       flexmotion run --robot op3 --driver sim --prompt "walk forward"
 
+      flexmotion run --robot op3 --driver sim --web
+
       flexmotion run --robot op3 --driver sim --clip wave.bvh
 
       flexmotion run --robot op3 --driver sim --clip walk.bvh --once --report report
@@ -57,7 +59,7 @@ def run(
         settings = load_stream(run.settings)
         stay = clock == "real" and not once and run.seconds is None
         chosen = open_robot(robot)
-        source = motion.source(chosen, settings, run.seconds, endless=stay)
+        source = motion.source(chosen, settings, run.seconds, endless=stay, listens=run.listens)
         options = parse_options(option or ())
         if port is not None:
             options["port"] = port

@@ -15,11 +15,11 @@ from flexmotion.streamer.commands.exit_codes import CHECK_FAILED, HARDWARE_FAILE
 from flexmotion.streamer.commands.output import print_json, print_note, print_result, progress_bar
 from flexmotion.streamer.commands.signals import OperatorSignals
 from flexmotion.streamer.control.telemetry import Event
+from flexmotion.streamer.gateway.service import GatewayService
 from flexmotion.streamer.log.recorder import Recorder
 from flexmotion.streamer.motion.sources import Performance
 from flexmotion.streamer.report.summary import render
 from flexmotion.streamer.run.session import Session
-from flexmotion.streamer.viewer.service import Viewer
 
 
 def stream(session: Session, signals: OperatorSignals | None = None) -> api.Outcome:
@@ -41,8 +41,8 @@ def stream(session: Session, signals: OperatorSignals | None = None) -> api.Outc
 
         session.progress = show
         for service in session.services:
-            if isinstance(service, Viewer):
-                print_note(f"view: {service.url}")
+            if isinstance(service, GatewayService) and service.url is not None:
+                print_note(f"web: {service.url}")
         try:
             session.run()
         finally:

@@ -36,6 +36,8 @@ class Estimator:
     Attributes:
         tilt: roll and pitch of the torso, (2,) [rad]; tilt_rate: their rates, (2,) [rad/s].
         com, dcm: horizontal centre of mass and its divergent component in the plan's world, (2,) [m].
+        odometry: way of the centre of mass, x and y [m], and turn of the torso [rad] since `reset`, (3,); from the
+            gyroscope (without one from the stance foot) and the joints' speeds, so that it drifts slowly.
         leg_axes: axes of each leg's joints in the plan's world, (2, 6, 3).
         has_imu: whether the tilt is measured; else it is the reference's.
         gyro_bias: is subtracted from what the gyro measures, (3,) [rad/s]; set by the loop.
@@ -61,13 +63,16 @@ class Estimator:
         self.tilt, self.tilt_rate = np.zeros(2), np.zeros(2)
         self.com, self.dcm = np.zeros(2), np.zeros(2)
         self.com_velocity = np.zeros(2)
+        self.odometry = np.zeros(3)
+        self._yaw: float | None = None  # of the attitude, at the last update
         self.leg_axes = np.zeros((2, 6, 3))
         self._smoothing = 1.0 - np.exp(-2 * np.pi * _VELOCITY_CUTOFF_HZ * self.dt)
         self._spatial, self._euler = np.zeros(6), np.zeros(3)
 
     def reset(self) -> None:
-        """Set speeds to zero for a new run; the attitude is kept, since the IMU measures on."""
+        """Set speeds and the way to zero for a new run; the attitude is kept, since the IMU measures on."""
         self.com_velocity[:] = 0.0
+        self.odometry[:] = 0.0
 
     def update(self, state: RobotState, reference: Reference) -> None:
         """Update from one measurement and the reference that was in force when it was made."""
@@ -77,12 +82,21 @@ class Estimator:
             np.subtract(state.gyro, self.gyro_bias, out=self._gyro)
             self.ahrs.update_no_magnetometer(np.degrees(self._gyro), state.accel / GRAVITY)
         if self.has_imu:
-            self.tilt[:] = roll_pitch(self.ahrs.get_quaternion())
+            quaternion = self.ahrs.get_quaternion()
+            self.tilt[:] = roll_pitch(quaternion)
             self.tilt_rate[:] = self._gyro[:2]
+            self._turn(yaw_of(quaternion))
         else:
+            self._yaw = None
             self.tilt[:], self.tilt_rate[:] = roll_pitch(reference.base[3:]), 0.0
         if reference.balanced:
             self._anchor(state, reference)
+
+    def _turn(self, yaw: float) -> None:
+        """Add the turn since the last update to the odometry."""
+        if self._yaw is not None:
+            self.odometry[2] += math.remainder(yaw - self._yaw, math.tau)
+        self._yaw = yaw
 
     def _anchor(self, state: RobotState, reference: Reference) -> None:
         model, data, robot = self.model, self.data, self.robot
@@ -101,6 +115,7 @@ class Estimator:
         weights = (1.0 - reference.share, reference.share)
         self.com[:] = 0.0
         velocity = np.zeros(2)
+        ahead = aside = turning = 0.0
         for side, body in enumerate(robot.foot_ids):
             rotation = data.xmat[body].reshape(3, 3)
             arm = rotation @ robot.soles[side]
@@ -116,10 +131,16 @@ class Estimator:
             self.com[1] += weight * (reference.feet[side, 1] + sin * away[0] + cos * away[1])
             velocity[0] += weight * (cos * drift_x - sin * drift_y)
             velocity[1] += weight * (sin * drift_x + cos * drift_y)
+            ahead, aside, turning = ahead + weight * drift_x, aside + weight * drift_y, turning - weight * wz
             axes = data.xaxis[self.legs[side]]
             self.leg_axes[side, :, 0] = cos * axes[:, 0] - sin * axes[:, 1]
             self.leg_axes[side, :, 1] = sin * axes[:, 0] + cos * axes[:, 1]
             self.leg_axes[side, :, 2] = axes[:, 2]
+        if not self.has_imu:
+            self.odometry[2] += turning * self.dt
+        cos, sin = math.cos(self.odometry[2]), math.sin(self.odometry[2])
+        self.odometry[0] += (cos * ahead - sin * aside) * self.dt
+        self.odometry[1] += (sin * ahead + cos * aside) * self.dt
         self.com_velocity += self._smoothing * (velocity - self.com_velocity)
         self.dcm[:] = self.com + self.com_velocity / self.omega
 
@@ -129,3 +150,9 @@ def roll_pitch(quaternion: Float) -> tuple[float, float]:
     w, x, y, z = quaternion
     sine = min(max(2 * (w * y - z * x), -1.0), 1.0)
     return math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y)), math.asin(sine)
+
+
+def yaw_of(quaternion: Float) -> float:
+    """Yaw [rad] of a quaternion w x y z (z-y-x order)."""
+    w, x, y, z = quaternion
+    return math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))

@@ -84,6 +84,7 @@ class RowWriter:
         row = self.row
         row.com_ref[...], row.dcm_ref[...], row.zmp_ref[...] = now.com, now.dcm, now.zmp
         row.com[...], row.dcm[...], row.zmp_shift[...] = estimator.com, estimator.dcm, stabiliser.zmp_shift
+        row.odometry[...] = estimator.odometry
         row.foot_ref[...], row.contact_ref[...], row.base_ref[...] = now.feet, now.contacts, now.base
 
     def write_progress(self, tick: int, plan: Plan) -> None:

@@ -55,6 +55,7 @@ class LogHeader(Strict):
         source, source_parts: name of the source, and its parts to rebuild it from the attachments
             (`flexmotion.streamer.log.source`).
         seconds: longest that the source is streamed [s].
+        allow_refused: the run is ok although something that was asked was refused.
         start_ns: when the log was begun, nanoseconds since the epoch.
         wall_minus_perf_ns: offset from `perf_counter_ns` to the wall clock, measured once.
     """
@@ -71,6 +72,7 @@ class LogHeader(Strict):
     source_parts: dict[str, Any] = Field(default_factory=dict)
     seconds: float | None = None
     feedback: bool = True
+    allow_refused: bool = False
     settings: StreamSettings
     start_ns: int
     wall_minus_perf_ns: int

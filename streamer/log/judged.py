@@ -9,6 +9,7 @@ from flexmotion.configs.robot import Robot, load_robot
 from flexmotion.human.motion import Motion
 from flexmotion.retarget.human_steps import count_steps
 from flexmotion.streamer.control.run_trace import RunTrace
+from flexmotion.streamer.log.header import LogHeader
 from flexmotion.streamer.log.reader import Log
 from flexmotion.streamer.log.source import MODEL
 from flexmotion.streamer.report.metrics import HumanTrack, RobotFigures
@@ -49,13 +50,21 @@ class Subject:
             source=header.source,
             seed=header.seed,
             clock=header.clock,
-            options=header.driver_options | ({} if header.feedback else {"feedback": False}),
+            options=header.driver_options | _settings(header),
             missed_allowed=budgets.missed_deadlines,
             underruns_allowed=budgets.underruns,
             log=str(log.path),
+            targets=tuple(log.heard),
+            allow_refused=header.allow_refused,
         )
         human = None if self.motion is None else HumanTrack.of(self.motion)
         return build_report(record, info, self.figures, human=human)
+
+
+def _settings(header: LogHeader) -> dict[str, bool]:
+    """Settings of a run that differ from the default, as in its own report."""
+    found = {} if header.feedback else {"feedback": False}
+    return found | ({"allow_refused": True} if header.allow_refused else {})
 
 
 def _human(log: Log) -> Motion | None:

@@ -10,7 +10,7 @@ from flexmotion.streamer.control.plan_buffer import Offer, Ticket
 from flexmotion.streamer.control.tick_row import TickRow
 from flexmotion.streamer.log.cdr import Column, columns_of, encode
 
-TICK, PLAN, TARGET, EVENT = "/tick", "/plan", "/target", "/event"
+TICK, PLAN, TARGET, HEARD, EVENT = "/tick", "/plan", "/target", "/heard", "/event"
 TICK_SCHEMA, PLAN_SCHEMA = "flexmotion/msg/Tick", "flexmotion/msg/Plan"
 
 _UNITS = {
@@ -31,6 +31,7 @@ _UNITS = {
         *("hand_error", "true_foot", "true_com"),
     ),
     "m, m, m, rad; left then right": ("foot_ref", "feet"),
+    "m, m, rad": ("odometry",),
     "m, w x y z": ("base_ref", "true_base"),
     "m/s": ("true_foot_velocity",),
     "N": ("true_foot_force",),
@@ -85,6 +86,28 @@ EVENT_SCHEMA = {
     },
     "required": ["tick", "stamp_ns", "kind", "message"],
 }
+HEARD_SCHEMA = {
+    "title": "flexmotion.Heard",
+    "type": "object",
+    "description": "answer to a target, or to an item of the script; the newest one of an id and an item counts",
+    "properties": {
+        "stamp_ns": {"type": "integer", "description": "perf_counter at which it was written [ns]"},
+        "id": {"type": "integer", "description": "number of the target; 0: of the script or the prompt"},
+        "item": {"type": ["integer", "null"], "description": "number of the script's item, from 0"},
+        "at_s": {"type": ["number", "null"], "description": "followed from this time on [s]"},
+        "tick": {"type": ["integer", "null"], "description": "followed from this tick on"},
+        "asked": {"type": "string"},
+        "state": {"type": "string", "description": "accepted, slowed, partly, refused"},
+        "heard_as": {"type": ["string", "null"], "description": "kinds of motion"},
+        "certainty": {"type": ["number", "null"], "description": "the listener's share of that kind"},
+        "slowed": {"type": ["string", "null"]},
+        "dropped": {"type": "array", "items": {"type": "string"}},
+        "reason": {"type": ["string", "null"]},
+        "notes": {"type": "array", "items": {"type": "string"}},
+        "steps": {"type": "array", "items": {"type": "object"}},
+    },
+    "required": ["stamp_ns", "asked", "state"],
+}
 TARGET_SCHEMA = {
     "title": "flexmotion.Target",
     "type": "object",
@@ -98,6 +121,7 @@ TARGET_SCHEMA = {
             "items": {"type": "number"},
             "description": "forward, left [m/s], turning [rad/s]",
         },
+        "holds_s": {"type": "number", "description": "the robot comes to a stand when the target is this old [s]"},
         "stop": {"type": "boolean", "description": "come to a stop"},
     },
     "required": ["id", "stamp_ns"],

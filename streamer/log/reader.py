@@ -22,8 +22,9 @@ from flexmotion.streamer.control.telemetry import Event
 from flexmotion.streamer.control.tick_row import TickRow, blank
 from flexmotion.streamer.log.cdr import ENCAPSULATION, decode, parse_schema, row_dtype
 from flexmotion.streamer.log.header import SCHEMA, LogHeader, is_header, require_version, robot_files
-from flexmotion.streamer.log.messages import EVENT, PLAN, TARGET, TICK
+from flexmotion.streamer.log.messages import EVENT, HEARD, PLAN, TARGET, TICK
 from flexmotion.streamer.log.source import unpack
+from flexmotion.streamer.motion.heard import Heard, merged
 from flexmotion.streamer.motion.sources import Source
 
 
@@ -46,6 +47,7 @@ class Log:
         events: events in order.
         plans: fields of `flexmotion.streamer.log.messages.PLAN_COLUMNS` by name.
         targets: targets as sent.
+        heard: the answers, each in its newest version; none in logs of older versions.
         files: attachments by name.
         whole: whether the log was closed; if not, it ends where writing ended.
     """
@@ -56,6 +58,7 @@ class Log:
     events: list[Event]
     plans: list[dict[str, Any]]
     targets: list[dict[str, Any]]
+    heard: list[Heard]
     files: dict[str, bytes]
     topics: dict[str, Topic]
     whole: bool
@@ -123,6 +126,7 @@ class _Content:
     ticks: list[bytes] = field(default_factory=list)
     plans: list[bytes] = field(default_factory=list)
     targets: list[dict[str, Any]] = field(default_factory=list)
+    heard: list[Heard] = field(default_factory=list)
     events: list[Event] = field(default_factory=list)
 
     def take(self, record: McapRecord) -> None:
@@ -151,6 +155,10 @@ class _Content:
             self.plans.append(data)
         elif name == TARGET:
             self.targets.append(json.loads(data))
+        elif name == HEARD:
+            answer = json.loads(data)
+            known = {name: answer[name] for name in Heard.model_fields if name in answer}
+            self.heard.append(Heard.model_validate(known))
         elif name == EVENT:
             event = json.loads(data)
             self.events.append(Event(event["tick"], event["kind"], event["message"]))
@@ -166,6 +174,7 @@ class _Content:
             events=self.events,
             plans=[decode(plan_columns, message) for message in self.plans],
             targets=self.targets,
+            heard=merged(self.heard),
             files=self.files,
             topics=self.topics,
             whole=whole,

@@ -5,9 +5,10 @@ from __future__ import annotations
 import contextlib
 import errno
 import logging
+import math
 import os
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,7 @@ from flexmotion.streamer.log.header import LogHeader
 from flexmotion.streamer.log.log_file import LogFile
 from flexmotion.streamer.log.messages import plan_message
 from flexmotion.streamer.log.writer import LogWriter
+from flexmotion.streamer.motion.heard import Heard, HeardChannel, heard_since
 from flexmotion.streamer.motion.intents import to_content
 from flexmotion.streamer.motion.targets import TargetMailbox, arrived
 
@@ -36,7 +38,7 @@ log = logging.getLogger(__name__)
 
 
 class Recorder:
-    """A `Service` that writes ticks, plans, targets and events of a run to an MCAP file.
+    """A `Service` that writes ticks, plans, targets, answers and events of a run to an MCAP file.
 
     It only reads shared memory, so it does not affect loop and planner. After the end or the death of the loop it still
     writes what is left in the rings.
@@ -44,6 +46,8 @@ class Recorder:
     Args:
         path: path of the file; an existing file is overwritten.
         attachments: files to store in the log, by name.
+        heard: the answers to what is asked in the run; None: they are not written.
+        items: the answers to the script or the prompt, known before.
 
     Raises:
         ConfigError: the file cannot be written.
@@ -59,9 +63,12 @@ class Recorder:
         telemetry: Telemetry,
         plans: PlanBuffer,
         targets: TargetMailbox,
+        heard: HeardChannel | None = None,
+        items: Sequence[Heard] = (),
     ) -> None:
         self.path, self.header, self.attachments = path, header, attachments
         self.telemetry, self.plans, self.targets = telemetry, plans, targets
+        self.heard, self.items = heard or HeardChannel(), tuple(items)
         self._file = LogFile(path)
         self._status = RecordingStatus()
         self._parent = os.getpid()
@@ -136,7 +143,8 @@ class _Following:
         self.plans = recorder.plans
         self.moving = False
         self._ticks, self._events = recorder.telemetry.ticks.reader(), recorder.telemetry.events.reader()
-        self._targets = recorder.targets.reader()
+        self._targets, self._heard = recorder.targets.reader(), recorder.heard.reader()
+        self._items = list(recorder.items)
         self._plan = self._tick = self._written = self._lost = self._unflushed = 0
         self._state = State.OFF
         self._stopped = False
@@ -148,7 +156,14 @@ class _Following:
         self._record_ticks()
         for target in arrived(self._targets):
             content = {"id": target.id, "stamp_ns": target.stamp_ns, **to_content(target.intent)}
+            if math.isfinite(target.holds_s):
+                content["holds_s"] = target.holds_s
             self._writer.target(content, self._time(self._tick, target.stamp_ns))
+        self._items, heard = [], [*self._items, *heard_since(self._heard)]
+        for answer in heard:
+            stamp_ns = time.perf_counter_ns()
+            content = {"stamp_ns": stamp_ns, **answer.model_dump(mode="json")}
+            self._writer.heard(content, self._time(self._tick, stamp_ns))
         for row in self._events.read():
             message = row["message"].decode(errors="replace")
             self._record_event(int(row["tick"]), int(row["stamp_ns"]), row["kind"].decode(), message)

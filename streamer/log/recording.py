@@ -36,9 +36,12 @@ def record_to(file: Path, session: Session, clock: Literal["real", "lockstep"]) 
         settings=session.settings,
         seconds=session.seconds,
         feedback=session.feedback,
+        allow_refused=session.allow_refused,
     )
     files = motions | robot_files(robot)
-    recorder = Recorder(file, header, files, session.telemetry, session.plans, session.targets)
+    recorder = Recorder(
+        file, header, files, session.telemetry, session.plans, session.targets, session.heard_channel, session.heard
+    )
     session.services += (recorder,)
     return recorder
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -120,6 +121,7 @@ def _run(log: Log, subject: Subject, progress: Callable[[float], None] | None) -
         header.settings,
         header.seconds,
         feedback=header.feedback,
+        allow_refused=header.allow_refused,
     )
     end = max(int(log.rows["tick"][-1]), 1)
     targets, requests = _targets(log), _requests(log)
@@ -127,7 +129,8 @@ def _run(log: Log, subject: Subject, progress: Callable[[float], None] | None) -
     def operate() -> Request | None:
         tick = 0 if session.loop is None else session.loop.tick_count
         while targets and targets[0][0] <= tick:
-            session.targets.send(from_content(targets.pop(0)[1]))
+            content = targets.pop(0)[1]
+            session.targets.send(from_content(content), holds_s=content.get("holds_s", math.inf))
         if progress is not None:
             progress(min(tick / end, 1.0))
         return requests.pop(0)[1] if requests and requests[0][0] <= tick else None

@@ -58,6 +58,7 @@ def describe(log: Log) -> dict[str, Any]:
             "underruns": record.underruns,
         },
         "targets": [{"at_s": _place(log, target["stamp_ns"]), **target} for target in log.targets],
+        "heard": [heard.model_dump(mode="json") for heard in log.heard],
         "events": [
             {"at_s": event.tick / header.rate_hz, "tick": event.tick, "kind": event.kind, "message": event.message}
             for event in log.events

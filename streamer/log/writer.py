@@ -16,6 +16,8 @@ from flexmotion.streamer.log.log_file import LogFile
 from flexmotion.streamer.log.messages import (
     EVENT,
     EVENT_SCHEMA,
+    HEARD,
+    HEARD_SCHEMA,
     PLAN,
     PLAN_COLUMNS,
     PLAN_SCHEMA,
@@ -60,6 +62,7 @@ class LogWriter:
         self._tick = _cdr_channel(context, TICK, TICK_SCHEMA, tick_columns(len(header.joints)), about)
         self._plan = _cdr_channel(context, PLAN, PLAN_SCHEMA, PLAN_COLUMNS, about)
         self._target = Channel(TARGET, schema=TARGET_SCHEMA, context=context)
+        self._heard = Channel(HEARD, schema=HEARD_SCHEMA, context=context)
         self._event = Channel(EVENT, schema=EVENT_SCHEMA, context=context)
         self.flush()
 
@@ -74,6 +77,10 @@ class LogWriter:
     def target(self, content: dict[str, Any], time_ns: int) -> None:
         """Write a target."""
         self._target.log(json.dumps(content).encode(), log_time=time_ns)
+
+    def heard(self, content: dict[str, Any], time_ns: int) -> None:
+        """Write an answer."""
+        self._heard.log(json.dumps(content).encode(), log_time=time_ns)
 
     def event(self, content: dict[str, Any], time_ns: int) -> None:
         """Write an event."""

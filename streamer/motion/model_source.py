@@ -5,15 +5,22 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from flexmotion.configs.errors import ConfigError
 from flexmotion.human.concatenate import concatenate
 from flexmotion.human.motion import Motion
 from flexmotion.sampling.pace import Pace
 from flexmotion.sampling.sampler import Condition, Sampler
+from flexmotion.spatial.heading import heading
+from flexmotion.spatial.quaternions import continuous_quaternions
+from flexmotion.streamer.motion.heard import Heard
+from flexmotion.streamer.motion.hearing import Hearing
 from flexmotion.streamer.motion.intents import Intent, Stop, Text, Velocity, word_of
+from flexmotion.streamer.motion.programs import Program
 from flexmotion.streamer.motion.script import Item
 from flexmotion.streamer.motion.targets import Target
 from flexmotion.text.prompt_reader import SAME
@@ -38,6 +45,10 @@ class ModelSource:
         seconds: length [s]; None: until a stop.
         pace: greatest speed of the human, so that a robot keeps up (`streamer/motion/robot_pace.py`); None: no limit.
 
+    Attributes:
+        heard_items: the answers to the items.
+        answer: the answer to the last target; None: none yet.
+
     Raises:
         ConfigError: the model cannot follow an item.
     """
@@ -55,10 +66,22 @@ class ModelSource:
         self.fps, self.body = sampler.fps, sampler.body
         self._length_s = seconds
         self._end = None if seconds is None else int(np.floor(seconds * self.fps)) + 1
+        self._hearing = Hearing(sampler, pace)
         self._schedule: list[tuple[int, Intent]] = []  # first frames and what to do from there on, ascending
+        self._programs: list[tuple[int, Program]] = []  # the same of whole programs
+        self._numbers = 0
+        self._finished: int | None = None  # number of the program that is done
+        self._last: Program | None = None  # what "again" repeats
+        self.answer: Heard | None = None
         for item in self.items:
             self._require(item.intent)
-            self._schedule.append((round(item.at * self.fps), item.intent))
+            frame = round(item.at * self.fps)
+            program = self._heard(item.intent, frame, item=len(self._programs), at_s=item.at)
+            self._programs.append((frame, program))
+            # A change of speed acts on the step that is then under way, which is not known yet (`change`).
+            self._schedule.append((frame, program.steps[-1 if self._continues() else 0].intent))
+        self._item_programs = tuple(program for _, program in self._programs)
+        self.heard_items = tuple(program.heard for program in self._item_programs)
         # Sampled motion: frames from `_first` on, in the pieces in which they were sampled, so that a piece without
         # forces does not remove those of the others. Before frame 0 the human stands.
         self._pieces = [sampler.standing()]
@@ -75,10 +98,24 @@ class ModelSource:
         """See `flexmotion.streamer.motion.sources.Performance.cut`."""
         return ModelSource(self.sampler, self.items, self.name, self.seed, seconds, self.pace)
 
+    @property
+    def is_measured(self) -> bool:
+        """Whether a step of a script ends when the robot has done it, so that its motion is known in the run alone."""
+        return not all(program.is_open for program in self._item_programs)
+
+    @property
+    def limit_s(self) -> float | None:
+        """The longest time that the script's last item takes [s]; None: without an end."""
+        return self._item_programs[-1].limit_s
+
     def human(self) -> Motion:
-        """See `flexmotion.streamer.motion.sources.Performance.human`. Raises `ValueError` if there is no end."""
-        if self.seconds is None:
-            raise ValueError(f"{self.name}: has no end")
+        """See `flexmotion.streamer.motion.sources.Performance.human`.
+
+        Raises:
+            ValueError: there is no end, or the robot's progress decides about it (`is_measured`).
+        """
+        if self.seconds is None or self.is_measured:
+            raise ValueError(f"{self.name}: has no end, or one that the robot decides about")
         again = self.cut(self.seconds)
         end, step = again._until(sys.maxsize), self.sampler.future
         return concatenate([again._extend(first, min(first + step, end)) for first in range(0, end, step)])
@@ -96,45 +133,106 @@ class ModelSource:
     def turn_to(self, target: Target, frame: int, played: Motion | None) -> str | None:
         """See `LiveSource.turn_to`; from `frame` on the script no longer applies."""
         self._require(target.intent)
-        if played is None:
-            self._stand_until(frame + 1)
+        current = self.program_at(frame)
+        program = self._heard(target.intent, frame + 1, id=target.id)
+        self._replace_after(frame, played)
+        intent: Intent | None = program.steps[0].intent
+        if current is not None and current[1].number == program.number:
+            # The speed changes, or nothing: the step goes on where it is.
+            following = self._intent_at(frame)
+            place = next((i for i, step in enumerate(current[1].steps) if step.intent == following), None)
+            intent = following if place is None else program.steps[place].intent
+            self._programs = [(current[0], program)]
         else:
-            begin = frame + 1 - len(played)
-            before = self._cut(self._first, begin) if self._first < begin <= self._next else []
-            self._pieces, self._first = before, begin - sum(len(piece) for piece in before)
-            self._append(played)
-        self._schedule = [(frame + 1, target.intent)]
-        remark, last = self.remark(target.intent), self._remarked
+            self._programs = [(frame + 1, program)]
+        self._schedule = [] if intent is None else [(frame + 1, intent)]
+        self.answer = program.heard
+        remark, last = self._remark(target.intent, program), self._remarked
         # A joystick sends ten velocities a second: the message that they are slowed comes once, until another intent.
         kind = "velocity" if isinstance(target.intent, Velocity) else remark
         self._remarked = None if remark is None else kind
         return None if self._remarked == last else remark
 
+    def program_at(self, frame: int) -> tuple[int, Program] | None:
+        """The program that is followed at a frame, and its first frame; None before the first."""
+        return next((one for one in reversed(self._programs) if one[0] <= frame), None)
+
+    def change(self, intent: Intent, frame: int, played: Motion | None, yaw: float | None = None) -> None:
+        """Follow another intent of the program from `frame` on; what the script has later stays.
+
+        Args:
+            intent, frame, played: see `turn_to`.
+            yaw: heading of the human where it stands [rad]: that of a robot that rested, so that it does not make up
+                for what it lagged behind when it came to rest; None: its own.
+        """
+        self._replace_after(frame, None if yaw is not None else played)
+        if yaw is not None:
+            self._pieces = [_turned_to(piece, yaw) for piece in self._pieces]
+        later = [one for one in self._schedule if one[0] > frame + 1]
+        self._schedule = [(frame + 1, intent), *later]
+
+    def finish(self, frame: int) -> None:
+        """The program at a frame is done; where the source has an end and nothing follows, it ends with that frame."""
+        current = self.program_at(frame)
+        self._finished = None if current is None else current[1].number
+        if self._end is not None and not any(at > frame for at, _ in self._programs):
+            self._end = min(self._end, frame + 1)
+
     @property
     def remarks(self) -> tuple[str, ...]:
         """See `flexmotion.streamer.motion.sources.Performance.remarks`."""
-        found = [self.remark(item.intent) for item in self.items]
+        found = [
+            self._remark(item.intent, program) for item, program in zip(self.items, self._item_programs, strict=True)
+        ]
         if self.pace is not None and not self.sampler.follows_velocity:
             found.append(
                 f"model {self.sampler.name} follows no velocity: its motion is not slowed to the robot's speed"
             )
         return tuple(dict.fromkeys(remark for remark in found if remark is not None))
 
-    def remark(self, intent: Intent) -> str | None:
-        """Message about an intent: the prompt that words are taken for, a slower velocity; None: there is none."""
-        asked = self.condition(intent)
-        request, found = f"velocity {list(asked.velocity or ())}", []
-        if isinstance(intent, Text):
-            # A sentence is taken for one kind of motion, which may not be the one that was meant.
-            request, prompt = repr(intent.text), self.sampler.prompt(intent.text)
-            if prompt.warning is not None:
-                return prompt.warning
-            if prompt.likeness < SAME and intent.text != prompt.kind:
-                found.append(f"heard as {prompt.kind}")
-        slowed, meant = self.sampler.meant(asked).velocity, self.sampler.meant(replace(asked, pace=None)).velocity
-        if slowed is not None and (meant is None or not np.allclose(slowed, meant)):
-            found.append(f"slowed to a human's {_velocity_text(slowed)}, so that the robot can follow")
-        return f"{request} is {' and '.join(found)}" if found else None
+    def _remark(self, intent: Intent, program: Program) -> str | None:
+        """Message about an intent: what words are taken for, a slower velocity; None: there is none."""
+        heard = program.heard
+        if not isinstance(intent, Text) or not program.is_open or heard.state not in ("accepted", "slowed"):
+            return heard.told()
+        # A sentence is taken for one kind of motion, which may not be the one that was meant.
+        prompt = self.sampler.prompt(intent.text)
+        if prompt.warning is not None:
+            return prompt.warning
+        found = [] if prompt.likeness >= SAME or intent.text == prompt.kind else [f"heard as {heard.heard_as}"]
+        found += [] if heard.slowed is None else [f"slowed to {heard.slowed}"]
+        found += list(heard.notes)
+        return f"{intent.text!r} is {' and '.join(found)}" if found else None
+
+    def _heard(self, intent: Intent, frame: int, **about: Any) -> Program:
+        """The program of an intent that is followed from a frame on; `about`: fields of its answer."""
+        current = self.program_at(frame - 1)
+        under_way = None if current is None or current[1].number == self._finished else current[1]
+        program = self._hearing(intent, under_way, self._last)
+        program = replace(program, heard=program.heard.model_copy(update=about))
+        if program.number == 0:
+            self._numbers += 1
+            program = replace(program, number=self._numbers)
+            if program.heard.state != "refused" and not isinstance(intent, Stop):
+                self._last = program
+        return program
+
+    def _continues(self) -> bool:
+        """Whether the newest program of the script is the one before it, at another speed."""
+        return len({program.number for _, program in self._programs[-2:]}) < len(self._programs[-2:])
+
+    def _intent_at(self, frame: int) -> Intent | None:
+        return next((intent for at, intent in reversed(self._schedule) if at <= frame), None)
+
+    def _replace_after(self, frame: int, played: Motion | None) -> None:
+        """Forget what was sampled after a frame, and take the motion up to it as it was played (see `turn_to`)."""
+        if played is None:
+            self._stand_until(frame + 1)
+            return
+        begin = frame + 1 - len(played)
+        before = self._cut(self._first, begin) if self._first < begin <= self._next else []
+        self._pieces, self._first = before, begin - sum(len(piece) for piece in before)
+        self._append(played)
 
     @property
     def _sampled(self) -> Motion:
@@ -184,7 +282,7 @@ class ModelSource:
     def _sample_window(self) -> None:
         """Sample the next window, up to the next change of intent."""
         begin = self._next
-        intent = next((intent for at, intent in reversed(self._schedule) if at <= begin), None)
+        intent = self._intent_at(begin)
         change = min((at for at, _ in self._schedule if at > begin), default=begin + self.sampler.future)
         # Seeded by frame, noise does not depend on the number of plans; frames before 0 are never sampled.
         history = self._frames(max(begin - self.sampler.remembers, self._first), begin)
@@ -227,15 +325,17 @@ class ModelSource:
         return Condition()
 
 
-def _velocity_text(velocity: tuple[float, float, float]) -> str:
-    forward, left, turning = velocity
-    parts = (
-        (forward, "m/s ahead" if forward > 0 else "m/s back"),
-        (left, f"m/s to the {_side(left)}"),
-        (turning, f"rad/s turning {_side(turning)}"),
+def _turned_to(standing: Motion, yaw: float) -> Motion:
+    """A human that stands, turned on the spot to a heading [rad]."""
+    turn = Rotation.from_euler("z", yaw - heading(standing.root_quaternion[-1]))
+    place = standing.root_position[-1]
+    turned = turn * Rotation.from_quat(standing.root_quaternion, scalar_first=True)
+    return replace(
+        standing,
+        root_position=place + turn.apply(standing.root_position - place),
+        root_quaternion=continuous_quaternions(turned.as_quat(scalar_first=True)),
+        torques=None,
+        wrenches=None,
+        activations=None,
+        contacts=None,
     )
-    return " and ".join(f"{abs(value):.2g} {what}" for value, what in parts if value)
-
-
-def _side(value: float) -> str:
-    return "left" if value > 0 else "right"

@@ -1,7 +1,8 @@
-"""Targets: what the robot is to do next, sent from an operator's process to the planner's."""
+"""Targets: what the robot is to do next, sent from operators' processes to the planner's."""
 
 from __future__ import annotations
 
+import math
 import time
 from dataclasses import dataclass
 from threading import Lock
@@ -9,12 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.errors import ConfigError, SessionError
 from flexmotion.drivers.realtime.ring import Reader, Ring
 from flexmotion.records import Float, Int, Record, column
 from flexmotion.streamer.motion.intents import WORDS, Clip, Intent, Stop, Text, Velocity, word_of
 
 _TEXT_BYTES = 240
+_KEPT = 64
 _KINDS = tuple(WORDS)
 
 
@@ -29,6 +31,9 @@ class TargetRow(Record):
     """Of a clip (its name) and of a text, in UTF-8."""
     velocity: Float = column("f8", 3)
     """Forward, left [m/s], turning left [rad/s]."""
+    holds_s: Float = column("f8")
+    """See `Target`; infinite where it holds until the next one."""
+    take_up_s: Float = column("f8")
 
 
 @dataclass(frozen=True)
@@ -39,30 +44,81 @@ class Target:
         id: number, from 1, ascending.
         stamp_ns: when it was sent (`time.perf_counter_ns`).
         intent: what to do from now on.
+        holds_s: the robot comes to a stand when the target is this old [s]; infinite: it holds until the next one.
+        take_up_s: a target that no plan follows when it is this old is dropped [s].
     """
 
     id: int
     stamp_ns: int
     intent: Intent
+    holds_s: float = math.inf
+    take_up_s: float = math.inf
 
 
 NO_TARGET = Target(0, 0, Stop())
 
 
 class TargetMailbox:
-    """Targets in shared memory; the newest one counts."""
+    """Targets in shared memory; the newest one counts.
+
+    Each process that sends has an end of its own (`sender`), and none waits for another. Ids ascend over all of them:
+    a target has a greater one than all that its sender could see.
+    """
 
     def __init__(self) -> None:
-        self._ring = Ring(TargetRow.dtype(), 64)
+        self._rings = [_new_ring()]
+        self._end = TargetSender(self._rings, 0)
+
+    def sender(self) -> TargetSender:
+        """An end for another process; made before the first target is sent, and before that process is forked.
+
+        Raises:
+            SessionError: a target was sent already.
+        """
+        if any(ring.count for ring in self._rings):
+            raise SessionError("targets: a sender is added before the first target is sent")
+        self._rings.append(_new_ring())
+        return TargetSender(self._rings, len(self._rings) - 1)
+
+    def send(self, intent: Intent, *, holds_s: float = math.inf, take_up_s: float = math.inf) -> Target:
+        """See `TargetSender.send`; the end of the process that made the mailbox."""
+        return self._end.send(intent, holds_s=holds_s, take_up_s=take_up_s)
+
+    def newest(self) -> Target:
+        """The target that counts; `NO_TARGET` before the first."""
+        rows = [row for row in (ring.latest() for ring in self._rings) if row is not None]
+        return max(map(_target, map(TargetRow, rows)), key=lambda target: target.id, default=NO_TARGET)
+
+    def reader(self) -> TargetReader:
+        """A reader of all targets."""
+        return TargetReader(self._rings)
+
+
+class TargetSender:
+    """One process's end of a mailbox.
+
+    Args:
+        rings: of all senders; the list may still grow.
+        place: of its own ring among them.
+    """
+
+    def __init__(self, rings: list[Ring], place: int) -> None:
+        self._rings, self._place = rings, place
         self._row = TargetRow(np.zeros((), TargetRow.dtype()))
         self._sending = Lock()
 
-    def send(self, intent: Intent) -> Target:
+    def send(self, intent: Intent, *, holds_s: float = math.inf, take_up_s: float = math.inf) -> Target:
         """Publish a target; only one process may do so, from any thread.
 
+        Args:
+            intent: what to do from now on.
+            holds_s, take_up_s: see `Target`.
+
         Raises:
-            ConfigError: its text or name is too long.
+            ConfigError: its text or name is too long, or a time is not positive.
         """
+        if not (holds_s > 0.0 and take_up_s > 0.0):
+            raise ConfigError(f"target: holds_s {holds_s} and take_up_s {take_up_s}: expected positive times [s]")
         with self._sending:
             row = self._row
             row.kind[...], row.text[...], row.velocity[...] = _KINDS.index(word_of(intent)), b"", 0.0
@@ -75,28 +131,44 @@ class TargetMailbox:
                     row.text[...] = encoded
                 case Velocity(forward, left, turning):
                     row.velocity[...] = forward, left, turning
-            target = Target(self._ring.count + 1, time.perf_counter_ns(), intent)
+            row.holds_s[...], row.take_up_s[...] = holds_s, take_up_s
+            target = Target(self._next_id(), time.perf_counter_ns(), intent, holds_s, take_up_s)
             row.id[...], row.stamp_ns[...] = target.id, target.stamp_ns
-            self._ring.publish(np.asarray(row.array))
+            self._rings[self._place].publish(np.asarray(row.array))
         return target
 
-    def newest(self) -> Target:
-        """The target that counts; `NO_TARGET` before the first."""
-        row = self._ring.latest()
-        return NO_TARGET if row is None else _target(TargetRow(row))
-
-    def reader(self) -> Reader:
-        """A reader of all of them, for the log."""
-        return self._ring.reader()
+    def _next_id(self) -> int:
+        """The next number that is this sender's, after all that are known: no two senders share one."""
+        newest = max((int(row["id"]) for row in (ring.latest() for ring in self._rings) if row is not None), default=0)
+        senders = len(self._rings)
+        return (newest // senders + 1) * senders + self._place if senders > 1 else newest + 1
 
 
-def arrived(reader: Reader) -> list[Target]:
+class TargetReader:
+    """Reads the targets of all senders of a mailbox."""
+
+    def __init__(self, rings: list[Ring]) -> None:
+        self._rings = rings
+        self._readers: list[Reader] = []
+
+    def read(self) -> list[Target]:
+        """The targets since the last call, by id."""
+        self._readers += [ring.reader() for ring in self._rings[len(self._readers) :]]
+        found = [_target(TargetRow(row)) for reader in self._readers for row in reader.read()]
+        return sorted(found, key=lambda target: target.id)
+
+
+def _new_ring() -> Ring:
+    return Ring(TargetRow.dtype(), _KEPT)
+
+
+def arrived(reader: TargetReader) -> list[Target]:
     """The targets since the last call."""
-    return [_target(TargetRow(row)) for row in reader.read()]
+    return reader.read()
 
 
 def _target(row: TargetRow) -> Target:
-    return Target(int(row.id), int(row.stamp_ns), _intent(row))
+    return Target(int(row.id), int(row.stamp_ns), _intent(row), float(row.holds_s), float(row.take_up_s))
 
 
 def _intent(row: TargetRow) -> Intent:

@@ -87,6 +87,12 @@ class Planner:
         """Index of the first source frame that a plan from tick `join` on follows."""
         return self.retargeter.next_frame(self._state(join, current), join, self.source.fps)
 
+    def human_yaw(self, join: int, current: Plan | None) -> float | None:
+        """Heading of a human that looks where the robot's feet point at a join [rad]; None before the first plan."""
+        state = self.retargeter.layout.view(self._state(join, current))
+        heading = float(state.feet[:, 3].mean()) - float(state.heading)
+        return heading if np.isfinite(heading) else None
+
     def _state(self, join: int, current: Plan | None) -> NDArray[np.float64]:
         if current is None:
             return self.retargeter.standing()

@@ -11,17 +11,28 @@ import numpy as np
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.stream import StreamSettings
 from flexmotion.drivers.realtime.ring import Ring
+from flexmotion.human.motion import Motion
 from flexmotion.retarget.plan import Plan
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.plan_buffer import PlanBuffer, Ticket
 from flexmotion.streamer.control.tick_row import TickRow
+from flexmotion.streamer.motion.heard import Heard, HeardChannel
+from flexmotion.streamer.motion.human_channel import HumanChannel
+from flexmotion.streamer.motion.model_source import ModelSource
+from flexmotion.streamer.motion.replan_noise import NoisySource
 from flexmotion.streamer.motion.sources import LiveSource
 from flexmotion.streamer.motion.targets import NO_TARGET, Target, TargetMailbox
 from flexmotion.streamer.planning.lead import Kind, Lead
 from flexmotion.streamer.planning.planner import Planner
+from flexmotion.streamer.planning.step_runner import StepRunner
+from flexmotion.streamer.planning.target_ledger import TargetLedger
 
 EFFECT_RAD = np.radians(2.0)
 """A joint that is sent this much elsewhere shows a target's effect (the report's definition)."""
+
+
+_REST_S = 0.8
+"""A source whose last program is done ends after this time of standing [s]."""
 
 
 class Superseded(Exception):  # noqa: N818 - no error: a newer plan is needed
@@ -33,9 +44,12 @@ class Replanner:
 
     Args:
         ticks: the loop's rows.
-        targets: of the operator; ignored where the source follows none.
+        targets: of the operators; refused where the source follows none.
         lead: how far ahead plans join.
         on_note: called with a message about a target that cannot be followed, or not as meant.
+        heard: is sent the answer to every target, to every item of a script, and later versions of them as steps end.
+        humans: is sent the human of every plan, while someone watches.
+        lockstep: ages of targets are counted in ticks, not by the clock.
     """
 
     def __init__(
@@ -47,16 +61,30 @@ class Replanner:
         targets: TargetMailbox,
         lead: Lead,
         on_note: Callable[[str], None] = lambda _message: None,
+        heard: HeardChannel | None = None,
+        humans: HumanChannel | None = None,
+        *,
+        lockstep: bool = False,
     ) -> None:
         self.planner, self.plans, self.ticks, self.settings = planner, plans, ticks, settings
-        self.targets, self.lead, self.on_note = targets, lead, on_note
-        self._refused = 0  # id of the last target that the source refused
+        self.lead, self.on_note = lead, on_note
+        self.ledger = TargetLedger(
+            targets.reader(),
+            self._publish,
+            on_note,
+            rate_hz=planner.rate,
+            change_s=settings.change_s,
+            lockstep=lockstep,
+        )
         self._follows = isinstance(planner.source, LiveSource)
         self._replan_ticks = round(settings.replan_s * planner.rate)
         self._least_unplayed = round(settings.min_unplayed_s * planner.rate)
         self._commit_ticks = max(round(settings.commit_s * planner.rate), 1)
         self._made: dict[int, tuple[Ticket, Plan]] = {}  # by id: plans from the one that plays on
         self._asked_tick = 0
+        self._heard, self._humans = heard, humans
+        source = planner.source.source if isinstance(planner.source, NoisySource) else planner.source
+        self._runner = StepRunner(source, planner.rate, self._ended) if isinstance(source, ModelSource) else None
 
     def step(self, tick: int) -> bool:
         """Make and publish a plan if one is due.
@@ -70,8 +98,13 @@ class Replanner:
         Raises:
             FlexMotionError, ArithmeticError, ValueError, LookupError: source or retargeter failed.
         """
-        row, target = self._newest_row(), self._newest_target()
-        if row is None or not self._due(row, target):
+        row = self._newest_row()
+        if row is None:
+            return False
+        if self._runner is not None:
+            self._runner.update(row, halted=self.ledger.halted)
+        target = self._newest_target(row, tick)
+        if not self._due(row, target):
             return False
         begin = time.perf_counter()
         kind = self._kind(row, target)
@@ -83,8 +116,11 @@ class Replanner:
             join = max(join, current.start_tick + (self._commit_ticks if kind is Kind.WHOLE else 1))
         if kind is Kind.STOP:
             target = NO_TARGET
-        elif self._is_new(target, row) and not self._turn_to(target, current, join):
-            return False
+        elif self._is_new(target, row):
+            if not self._turn_to(target, current, join):
+                return False
+        elif self._runner is not None and self._runner.wanted is not None:
+            self._change_step(self._runner, current, join)
         try:
             planned = self.planner.plan(
                 join,
@@ -114,6 +150,8 @@ class Replanner:
         self._made = {key: made for key, made in self._made.items() if key >= int(row.plan)}
         self.plans.publish(ticket, planned.plan)
         self.lead.record(kind, time.perf_counter() - begin)
+        if self._humans is not None and self._humans.watched and planned.plan.human is not None:
+            self._humans.publish(ticket.id, planned.plan.human, planned.plan.human_first_frame)
         return True
 
     def warm_up(self) -> None:
@@ -127,7 +165,8 @@ class Replanner:
             return False  # the loop has not examined the last one
         must_stop = bool(row.must_stop)
         if not plan:
-            return bool(row.ready and not row.pending and not must_stop)
+            halted = self.ledger.halted and not self._is_new(target, row)
+            return bool(row.ready and not row.pending and not must_stop and not halted)
         last = int(row.pending) or plan
         if int(row.state) not in (State.STREAMING, State.HOLD) or last not in self._made:
             return False
@@ -136,8 +175,14 @@ class Replanner:
             return not (ticket.stops or row.plan_over)
         if self._is_new(target, row):
             return True
+        if self.ledger.halted:
+            return not (ticket.stops or ticket.source_over or row.plan_over)
         if row.pending:
             return False
+        if self._runner is not None and self._runner.wanted is not None:
+            return True
+        if self._rests:
+            return not (ticket.stops or row.plan_over)
         if ticket.partial:
             return True
         if ticket.source_over:
@@ -160,16 +205,24 @@ class Replanner:
         return pending if waits else int(row.plan)
 
     def _kind(self, row: TickRow, target: Target) -> Kind:
-        if row.must_stop:
+        new = self._is_new(target, row)
+        changes = new or (self._runner is not None and self._runner.wanted is not None)
+        if row.must_stop or (self.ledger.halted and not new) or (self._rests and not changes):
             return Kind.STOP
-        return Kind.PARTIAL if row.plan and self._is_new(target, row) else Kind.WHOLE
+        return Kind.PARTIAL if row.plan and changes else Kind.WHOLE
+
+    @property
+    def _rests(self) -> bool:
+        """Whether a program has the robot stand until it is measured."""
+        return self._runner is not None and self._runner.resting
 
     def _check_urgency(self, kind: Kind, target: Target) -> None:
         """Raise `Superseded` if a more urgent plan is needed than the one that is being made."""
         row = self._newest_row()
         stop = row is not None and bool(row.must_stop) and kind is not Kind.STOP
         # A plan for a target is made quickly; if it was dropped too, frequent targets would leave no plan at all.
-        newer = kind is Kind.WHOLE and self._newest_target().id > target.id
+        self.ledger.take()
+        newer = kind is Kind.WHOLE and self.ledger.wanted.id > target.id
         if stop or newer:
             raise Superseded
 
@@ -177,29 +230,70 @@ class Replanner:
         latest = self.ticks.latest()
         return None if latest is None else TickRow(latest)
 
-    def _newest_target(self) -> Target:
-        """The newest target; `NO_TARGET` if it was refused."""
-        target = self.targets.newest() if self._follows else NO_TARGET
-        return NO_TARGET if target.id == self._refused else target
+    def _newest_target(self, row: TickRow, tick: int) -> Target:
+        """The target that plans should follow, after the answers that are due; `NO_TARGET` if there is none."""
+        ledger = self.ledger
+        ledger.take(tick)
+        if not self._follows:
+            ledger.refuse_all(f"{self.planner.source.name}: a source that follows no targets")
+        pending = int(row.pending)
+        ledger.settle(row, max(int(row.target), self._target_of(pending)), partial(self._start_of, row))
+        return ledger.wanted
+
+    def _start_of(self, row: TickRow, target: int) -> int:
+        """First tick of the plan by which the loop follows a target: the one that plays, or the one that waits."""
+        plan = int(row.plan) if int(row.target) >= target else int(row.pending)
+        return self._made[plan][1].start_tick if plan in self._made else int(row.plan_start)
 
     def _turn_to(self, target: Target, current: Plan | None, join: int) -> bool:
         """Let the source follow a new target from the join on; returns whether it can."""
         source = self.planner.source
         assert isinstance(source, LiveSource)
-        frame = self.planner.first_frame(join, current)
-        played = None
-        if current is not None and current.human is not None:
-            place = frame - current.human_first_frame
-            played = current.human[: place + 1] if 0 <= place < len(current.human) else None
+        frame, played = self._played(current, join)
         try:
             remark = source.turn_to(target, frame, played)
         except ConfigError as error:
-            self._refused = target.id
+            self.ledger.refuse(target, str(error))
             self.on_note(str(error))
             return False
         if remark is not None:
             self.on_note(remark)
+        if self._runner is not None:
+            self._runner.changed()
+        self.ledger.turned(target, source.answer if isinstance(source, ModelSource) else None)
         return True
+
+    def _change_step(self, runner: StepRunner, current: Plan | None, join: int) -> None:
+        """Let the source go on with what the program has next, from the join on."""
+        assert runner.wanted is not None
+        frame, played = self._played(current, join)
+        yaw = self.planner.human_yaw(join, current) if runner.resting else None
+        runner.source.change(runner.wanted, frame, played, yaw)
+        runner.changed()
+        if runner.done:
+            runner.source.finish(frame + round(_REST_S * runner.source.fps))
+
+    def _played(self, current: Plan | None, join: int) -> tuple[int, Motion | None]:
+        """Last frame of the motion as it was before a join, and the human as played up to it; None: it stands."""
+        frame = self.planner.first_frame(join, current)
+        if current is None or current.human is None:
+            return frame, None
+        place = frame - current.human_first_frame
+        return frame, current.human[: place + 1] if 0 <= place < len(current.human) else None
+
+    def _ended(self, heard: Heard) -> None:
+        """A step of a program has ended."""
+        followed = self.ledger.answer
+        if followed is not None and followed.id == heard.id:
+            heard = heard.model_copy(update={"at_s": followed.at_s, "tick": followed.tick})
+        last = [step for step in heard.steps if step.end is not None][-1:]
+        for step in last:
+            self.on_note(f"{step.text!r} of {heard.asked!r}: {step.end}, {step.done}")
+        self._publish(heard)
+
+    def _publish(self, heard: Heard) -> None:
+        if self._heard is not None:
+            self._heard.publish(heard)
 
 
 def _effect_row(before: Plan, after: Plan) -> int:

@@ -16,6 +16,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.run_trace import RunTrace, TorqueSource
+from flexmotion.streamer.motion.heard import Heard
 from flexmotion.streamer.report.metrics import HumanTrack, RobotFigures, joint_loads, motion_figures
 
 TIMING_KEYS = ("loop", "planner", "log")
@@ -161,7 +162,13 @@ class Report(_Section):
     motion: MotionSection
     limits: LimitsSection
     safety: SafetySection
+    targets: tuple[Heard, ...] = ()
     log: str | None
+
+    @property
+    def not_done(self) -> tuple[str, ...]:
+        """What was asked and was not done, or not whole, in words."""
+        return tuple(heard.failure for heard in self.targets if heard.failure is not None)
 
     def json_text(self) -> str:
         """The report as JSON, keys in the order of the schema, with a final newline."""
@@ -188,6 +195,8 @@ class RunInfo:
         realtime: scheduling class of the loop.
         missed_allowed, underruns_allowed: missed deadlines and underruns that are allowed.
         log: path of the log; None without one.
+        targets: the answers to all that was asked.
+        allow_refused: the run is ok although something that was asked was refused, dropped or not finished.
     """
 
     robot: str
@@ -201,6 +210,8 @@ class RunInfo:
     missed_allowed: int = 0
     underruns_allowed: int = 0
     log: str | None = None
+    targets: tuple[Heard, ...] = ()
+    allow_refused: bool = False
 
 
 def build_report(
@@ -228,6 +239,7 @@ def build_report(
             and record.underruns <= info.underruns_allowed
             and bool((states == State.STREAMING).any())
             and states[-1] in (State.HOLD, State.OFF)
+            and (info.allow_refused or all(heard.failure is None for heard in info.targets))
         ),
         robot=info.robot,
         driver=info.driver,
@@ -275,5 +287,6 @@ def build_report(
             faults=faults,
             hardware_failed=record.hardware_failed,
         ),
+        targets=info.targets,
         log=info.log,
     )

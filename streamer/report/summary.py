@@ -12,6 +12,8 @@ from flexmotion.streamer.report.report import DisplacementSection, Latency, Repo
 
 WORST_JOINTS = 5
 """Joints shown in the terminal; the others are in `report.json`."""
+ASKED_SHOWN = 12
+"""Answers shown in the terminal; the others are in `report.json`."""
 _CUT_SHORT = ("READY", "STREAMING", "PARK")
 """Final states of a run that was ended at once: torque was cut where the robot was."""
 
@@ -31,6 +33,8 @@ def failures(report: Report) -> list[str]:
         reasons.append(f"{report.planner.underruns} plans came too late")
     if loop.missed_deadlines > loop.missed_allowed:
         reasons.append(f"{loop.missed_deadlines} of {loop.cycles} deadlines missed, {loop.missed_allowed} allowed")
+    if not report.ok and not report.options.get("allow_refused"):
+        reasons += report.not_done
     if report.safety.final_state in _CUT_SHORT or not (report.ok or reasons):
         reasons.append(f"cut short in {report.safety.final_state}, torque off")
     return reasons
@@ -48,8 +52,8 @@ def render(report: Report) -> RenderableType:
     parts: list[RenderableType] = [mark + Text(verdict(report), style="bold"), Text()]
     if report.planner.plans == 0:
         return parts[0]  # without a plan there are no figures
-    for section in (_motion(report), _joints(report), _timing(report)):
-        parts += [*section, Text()]
+    for section in (_asked(report), _motion(report), _joints(report), _timing(report)):
+        parts += [*section, Text()] if section else []
     return Group(*parts[:-1])
 
 
@@ -113,6 +117,32 @@ def timing_rows(report: Report) -> list[tuple[str, ...]]:
         for name, latency, unit in latencies
         if latency is not None
     ]
+
+
+def asked_rows(report: Report) -> list[tuple[str, str, str, str]]:
+    """What was asked, its state, what it was heard as with the listener's share, and what the robot did of it."""
+    rows: list[tuple[str, str, str, str]] = []
+    for heard in report.targets:
+        share = "" if heard.certainty is None or heard.heard_as is None else f" ({100 * heard.certainty:.0f} %)"
+        done = [
+            f"{step.heard_as}: {step.done}{'' if step.end in (None, 'done') else f', {step.end}'}"
+            for step in heard.steps
+            if step.end is not None
+        ]
+        notes = [heard.reason, heard.slowed and f"slowed to {heard.slowed}", *heard.notes, *done]
+        notes += [f"not done: {', '.join(heard.dropped)}"] if heard.dropped else []
+        rows.append((heard.asked, heard.state, f"{heard.heard_as or '-'}{share}", "; ".join(filter(None, notes))))
+    return rows
+
+
+def _asked(report: Report) -> list[RenderableType]:
+    if not report.targets:
+        return []
+    drawn = table("Asked", "", "", "", "")
+    for asked, state, heard, notes in asked_rows(report)[:ASKED_SHOWN]:
+        drawn.add_row(*(Text(part) for part in (asked, state, heard)), Text(notes, style="dim"))
+    more = len(report.targets) - ASKED_SHOWN
+    return [drawn, *([Text(f"and {more} more, in report.json", style="dim")] if more > 0 else [])]
 
 
 def _motion(report: Report) -> list[RenderableType]:

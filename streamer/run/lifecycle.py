@@ -69,7 +69,7 @@ class Lifecycle:
         elif request is Request.KILL:
             inputs.kill = True
         elif request is Request.CLEAR:
-            inputs.clear = True
+            self._clear()
         elif request is Request.FAULT:
             self.broken = reason
         elif request in (Request.LOST, Request.NOTE):
@@ -78,6 +78,20 @@ class Lifecycle:
             self.quit = True
         elif not self._ending:
             self._ending = inputs.stop = True
+
+    def _clear(self) -> None:
+        """Clear a fault, or release a STOP: the robot then stands until a new target arrives."""
+        ladder = self.loop.ladder
+        if ladder.state is State.FAULT:
+            self.loop.inputs.clear = True
+        elif self._ending or ladder.fault is not None:
+            self._emit("note", "CLEAR changes nothing: the run is ending")
+        elif ladder.state in (State.READY, State.HOLD):
+            self.loop.inputs.start = True
+        else:
+            self._emit(
+                "note", f"CLEAR changes nothing in {ladder.state.name}: it releases a STOP once the robot stands"
+            )
 
     def step(self) -> None:
         """Set the loop's inputs for its next tick."""

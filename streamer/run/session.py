@@ -6,6 +6,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
@@ -20,6 +21,7 @@ from flexmotion.configs.robot import Robot
 from flexmotion.configs.stream import StreamSettings
 from flexmotion.drivers.interface import Driver
 from flexmotion.drivers.realtime.priority import Scheduling, awake
+from flexmotion.drivers.realtime.ring import Reader
 from flexmotion.drivers.simulated import lockstep
 from flexmotion.retarget.retargeter import Retargeter
 from flexmotion.streamer.control.loop import ControlLoop
@@ -27,7 +29,11 @@ from flexmotion.streamer.control.plan_buffer import PlanBuffer
 from flexmotion.streamer.control.run_trace import KEPT_S, Collector, RunTrace
 from flexmotion.streamer.control.telemetry import Event, Telemetry
 from flexmotion.streamer.control.tick_row import TickRow, blank
+from flexmotion.streamer.motion.heard import Heard, HeardChannel, heard_since, merged
+from flexmotion.streamer.motion.human_channel import HumanChannel
 from flexmotion.streamer.motion.intents import WORDS, Intent
+from flexmotion.streamer.motion.model_source import ModelSource
+from flexmotion.streamer.motion.replan_noise import NoisySource
 from flexmotion.streamer.motion.sources import LiveSource, Performance, Source
 from flexmotion.streamer.motion.targets import Target, TargetMailbox
 from flexmotion.streamer.planning.lead import FixedLead, Kind, Lead, MeasuredLead
@@ -36,7 +42,7 @@ from flexmotion.streamer.planning.replanning import Replanner
 from flexmotion.streamer.run.lifecycle import MARGIN_S, Lifecycle
 from flexmotion.streamer.run.requests import Request, RequestChannel
 from flexmotion.streamer.run.session_state import SessionState
-from flexmotion.streamer.run.supervisor import Service, Supervisor
+from flexmotion.streamer.run.supervisor import Service, Supervisor, requests_of
 
 Clock = Literal["real", "lockstep"]
 
@@ -48,6 +54,9 @@ class Phase(Enum):
     RUNNING = "is running"
     ENDED = "has ended"
 
+
+_HEARD_KEPT = 1000
+"""Answers to targets that a session keeps."""
 
 _AT_FIRST_S = {Kind.WHOLE: 0.05, Kind.PARTIAL: 0.02, Kind.STOP: 0.02}
 """Assumed time to make a plan, before any was made [s]."""
@@ -72,6 +81,7 @@ class Session:
         services: recorder, viewer and the like; on the real clock each runs in a process of its own.
         seed: of the driver and the source, for the log and the report.
         clock: "lockstep" or "real".
+        allow_refused: for the report: what was refused or dropped does not make it fail.
 
     Attributes:
         requests: those of `ask`. A signal handler does not use them: it may interrupt one that is being sent.
@@ -95,12 +105,15 @@ class Session:
     services: tuple[Service, ...] = ()
     seed: int = 0
     clock: Clock = "lockstep"
+    allow_refused: bool = False
     elapsed_s: float | None = field(init=False, default=None)
     phase: Phase = field(init=False, default=Phase.NEW)
     requests: RequestChannel = field(init=False)
     telemetry: Telemetry = field(init=False)
     plans: PlanBuffer = field(init=False)
     targets: TargetMailbox = field(init=False)
+    heard_channel: HeardChannel = field(init=False)
+    humans: HumanChannel = field(init=False)
     planner: Planner = field(init=False)
     record: RunTrace = field(init=False)
     loop: ControlLoop | None = field(init=False, default=None)
@@ -108,6 +121,8 @@ class Session:
     awake: bool = field(init=False, default=False)
     """Whether processors were kept from sleeping in the last run on the real clock."""
     memory_mb: tuple[float, float] | None = field(init=False, default=None)
+    _heard: list[Heard] = field(init=False, default_factory=list)
+    _hears: Reader = field(init=False)
     _entered: ExitStack = field(init=False)
     _step: Callable[[], bool] | None = field(init=False, default=None)
     _begin_s: float = field(init=False, default=0.0)
@@ -123,6 +138,9 @@ class Session:
         self.telemetry = Telemetry(robot.n, rate)
         self.plans = PlanBuffer(robot.n, retargeter.layout.size, retargeter.horizon, rate)
         self.targets = TargetMailbox()
+        self.heard_channel = HeardChannel()
+        self.humans = HumanChannel()
+        self._hears = self.heard_channel.reader()
         self.planner = Planner(retargeter, self.source, self.settings)
         self.record = RunTrace(rate, robot.joint_names, kept_s=max(self.kept_s, (self.seconds or 0.0) + MARGIN_S))
 
@@ -224,10 +242,14 @@ class Session:
 
     # ---------------------------------------------------------------- on either clock
 
-    def send(self, intent: Intent) -> Target:
+    def send(self, intent: Intent, *, holds_s: float = math.inf) -> Target:
         """Set the target that the robot follows from now on.
 
         A target that the source cannot follow, a clip for a model say, is refused when it is to be followed, by a note.
+
+        Args:
+            intent: what to do.
+            holds_s: the robot comes to a stand after this time [s]; infinite: it follows until the next target.
 
         Raises:
             ConfigError: no intent, the source follows no targets, or the target's text is too long.
@@ -240,7 +262,7 @@ class Session:
         if not isinstance(self.source, LiveSource):
             raise ConfigError(f"{self.source.name}: a source that follows no targets; a model or a clip library does")
         self._require_open()
-        return self.targets.send(intent)
+        return self.targets.send(intent, holds_s=holds_s)
 
     def ask(self, request: Request) -> None:
         """Request a stop, an emergency stop or the end; it acts on the next tick.
@@ -255,6 +277,23 @@ class Session:
     def _require_open(self) -> None:
         if self.phase is Phase.ENDED:
             raise SessionError(f"{self!r}: nothing acts on it any more")
+
+    @property
+    def heard(self) -> list[Heard]:
+        """The answers so far, each in its newest version: those to the script or the prompt, then those to targets.
+
+        Of a long run the newest thousand targets are kept.
+        """
+        source = self.source.source if isinstance(self.source, NoisySource) else self.source
+        items = list(source.heard_items) if isinstance(source, ModelSource) else []
+        self._listen()
+        return merged([*items, *self._heard])
+
+    def _listen(self) -> None:
+        """Take the answers that have arrived."""
+        new = heard_since(self._hears)
+        if new:
+            self._heard = merged([*self._heard, *new])[-_HEARD_KEPT:]
 
     @property
     def state(self) -> SessionState:
@@ -272,7 +311,18 @@ class Session:
         return ControlLoop(self.robot, driver, retargeter, self.plans, self.telemetry, feedback=self.feedback)
 
     def _replanner(self, lead: Lead, on_note: Callable[[str], None]) -> Replanner:
-        return Replanner(self.planner, self.plans, self.telemetry.ticks, self.settings, self.targets, lead, on_note)
+        return Replanner(
+            self.planner,
+            self.plans,
+            self.telemetry.ticks,
+            self.settings,
+            self.targets,
+            lead,
+            on_note,
+            self.heard_channel,
+            self.humans,
+            lockstep=self.clock == "lockstep",
+        )
 
     @contextmanager
     def _stepped(self, stay: bool) -> Iterator[Callable[[], bool]]:
@@ -290,7 +340,7 @@ class Session:
                 ending.callback(follow, True)
             loop = self.loop = self.control_loop(driver)
             lifecycle = Lifecycle(loop, self.settings, seconds=self.seconds, stay=stay)
-            requests = self.requests.reader()
+            channels = [channel.reader() for channel in (*requests_of(self.services), self.requests)]
 
             def step() -> bool:
                 if lifecycle.finished:
@@ -298,8 +348,9 @@ class Session:
                 request = None if self.next_request is None else self.next_request()
                 if request is not None:
                     lifecycle.request(request)
-                for sent, reason in requests.read():
-                    lifecycle.request(sent, reason)
+                for channel in channels:
+                    for sent, reason in channel.read():
+                        lifecycle.request(sent, reason)
                 lifecycle.step()
                 if lifecycle.broken is None:
                     try:
@@ -311,6 +362,7 @@ class Session:
                 driver.advance(period)
                 for event in collector.collect():
                     self.on_event(event)
+                self._listen()
                 for follow in followers:
                     follow(False)
                 if self.progress is not None:
@@ -318,6 +370,11 @@ class Session:
                 return not lifecycle.finished
 
             yield step
+
+    def _listening_request(self) -> Request | None:
+        """`next_request`, before which the answers that have arrived are taken."""
+        self._listen()
+        return None if self.next_request is None else self.next_request()
 
     def _run_real(self) -> RunTrace:
         stepped = lockstep(self.driver)
@@ -337,7 +394,7 @@ class Session:
         )
         collector = Collector(self.telemetry, self.record)
         with awake(self.settings.wake_latency_us if self.realtime else None) as self.awake:
-            self.scheduling = supervisor.run(collector, self.next_request, self.progress, self.on_event)
+            self.scheduling = supervisor.run(collector, self._listening_request, self.progress, self.on_event)
         self.memory_mb = supervisor.memory_mb
         return self.record
 

@@ -14,7 +14,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, Pipe, wait
 from multiprocessing.process import BaseProcess
-from typing import Any, Protocol, cast
+from typing import Any, Protocol, cast, runtime_checkable
 
 import psutil
 
@@ -59,6 +59,22 @@ class Service(Protocol):
     def follow(self) -> Callable[[bool], None]:
         """Function to call over and over, with whether this is the last call. Runs in the service's process."""
         ...
+
+
+@runtime_checkable
+class RequestingService(Service, Protocol):
+    """A service that sends requests to the loop, such as a gateway.
+
+    Attributes:
+        requests: its channel, which the loop reads before every tick.
+    """
+
+    requests: RequestChannel
+
+
+def requests_of(services: tuple[Service, ...]) -> list[RequestChannel]:
+    """The channels of those services that send requests."""
+    return [service.requests for service in services if isinstance(service, RequestingService)]
 
 
 @dataclass
@@ -142,7 +158,7 @@ class Supervisor:
             loop_process.serve,
             self.loop,
             self.lifecycle,
-            [self.user_requests, self.requests, self.planner_requests],
+            [*requests_of(self.services), self.user_requests, self.requests, self.planner_requests],
             self.realtime,
             outcome_sender,
             orphaned=signal.SIGTERM,

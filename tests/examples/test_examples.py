@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import json
+import os
 import re
+import socket
 import subprocess
 import sys
 from pathlib import Path
@@ -14,8 +17,12 @@ from flexmotion.configs.robot import load_robot
 from flexmotion.human.motion_file import load_motion, save_motion
 from flexmotion.human.skeleton import JOINTS
 from flexmotion.importers.default_clip import default_clip
+from flexmotion.streamer.gateway.ports import any_free
+
+from ..waiting import wait_until
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
+VIRTUAL = Path(__file__).parents[1] / "virtual_program.py"
 PROGRAMS = sorted(EXAMPLES.glob("*.py"))
 
 
@@ -59,6 +66,37 @@ def test_a_clip_is_retargeted_inside_the_joint_limits(tmp_path: Path) -> None:
     for index, row in enumerate(rows):
         low, high = (np.radians(float(word.rstrip("°"))) for word in row.split()[1::2])
         assert robot.lower[index] - 1e-3 <= low <= high <= robot.upper[index] + 1e-3
+
+
+def test_targets_are_sent_to_a_run_and_answered() -> None:
+    ports = ["--web-port", str(port := any_free()), "--stop-port", str(any_free())]
+    command = [sys.executable, str(VIRTUAL), "dry-run", "--web", *ports, "--no-realtime", "--json"]
+    environment = os.environ | {"FASTEST": "1"}  # the other program lives on the wall clock
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment) as live:
+        try:
+            assert live.stderr is not None and live.stdout is not None
+            while "READY -> STREAMING" not in (line := live.stderr.readline()):
+                assert line, "the run ended before it streamed"
+            wait_until(lambda: listens(port), "the gateway to listen")
+            wave, walk, fly, hold, state = run("send_targets.py", "--port", str(port)).splitlines()
+            live.terminate()
+            report = json.loads(live.stdout.read())
+        finally:
+            live.kill()
+    assert wave.split()[:3] == ["text", "accepted", "wave-right-hand"]
+    assert walk.split()[0] == "velocity" and walk.split()[1] in ("accepted", "slowed")
+    assert fly.split()[:2] == ["text", "refused"] and "is not understood" in fly
+    assert hold.split()[:2] == ["hold", "accepted"]
+    assert state in ("STREAMING", "HOLD")
+    assert report["motion"]["fell"] is False and report["limits"]["violations_sent"] == 0
+    assert [target["state"] for target in report["targets"]][-3] in ("accepted", "slowed")
+    # A report in which something was refused is not PASS.
+    assert report["ok"] is False
+
+
+def listens(port: int) -> bool:
+    with socket.socket() as probe:
+        return probe.connect_ex(("127.0.0.1", port)) == 0
 
 
 @pytest.mark.parametrize("program", PROGRAMS, ids=lambda path: path.name)

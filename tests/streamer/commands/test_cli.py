@@ -29,7 +29,10 @@ from flexmotion.streamer.commands.streaming import emulated_port
 from flexmotion.streamer.report.report import TIMING_KEYS
 from flexmotion.streamer.run.requests import Request
 
-COMMANDS = ["dry-run", "run", "retarget", "check torque", "robots", "drivers"]
+COMMANDS = [
+    *("dry-run", "run", "send", "status", "stop", "estop", "clear", "kill"),
+    *("retarget", "check torque", "robots", "drivers"),
+]
 
 
 def run(*arguments: str) -> int:
@@ -55,7 +58,7 @@ def test_help_is_quick_because_nothing_heavy_is_imported() -> None:
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"
 
 
-PICTURES_AND_PAGES = {"matplotlib", "jinja2", "viser", "trimesh"}
+PICTURES_AND_PAGES = {"matplotlib", "jinja2", "fastapi", "uvicorn", "trimesh"}
 
 
 def test_a_run_loads_no_library_for_pictures_pages_or_views() -> None:

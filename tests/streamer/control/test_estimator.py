@@ -115,3 +115,36 @@ def test_moving_joints_move_the_divergent_component_ahead() -> None:
 def test_roll_and_pitch_of_any_heading(yaw: float, pitch: float, roll: float) -> None:
     quaternion = Rotation.from_euler("ZYX", [yaw, pitch, roll]).as_quat(scalar_first=True)
     np.testing.assert_allclose(roll_pitch(quaternion), [roll, pitch], atol=1e-7)
+
+
+def test_a_robot_that_turns_on_the_spot_has_turned_by_the_gyroscope_whole_turns_counted() -> None:
+    # In its first 3 s the attitude filter sets the heading to zero.
+    estimator, state = settled(measured(), reference(), ticks=500), measured()
+    state.gyro[:] = [0.0, 0.0, 1.0]
+    before = estimator.odometry[2]
+    for _ in range(int(8.0 * ROBOT.rate_hz)):
+        estimator.update(state, reference())
+    assert estimator.odometry[2] - before == pytest.approx(8.0, abs=0.05)
+    estimator.reset()
+    np.testing.assert_array_equal(estimator.odometry, 0.0)
+
+
+@pytest.mark.parametrize("imu", [True, False])
+def test_legs_that_swing_back_carry_the_robot_ahead(imu: bool) -> None:
+    """The odometry comes from the joints' speeds and the stance, with and without a gyroscope."""
+    state = measured(imu=imu)
+    hips = [ROBOT.chain(f"{side}_leg")["hip_pitch"] for side in ("left", "right")]
+    still = settled(state, reference(), ticks=125)
+    np.testing.assert_allclose(still.odometry, 0.0, atol=1e-6)
+    ways = []
+    for sign in (1.0, -1.0):
+        moving = Estimator(ROBOT, RETARGETER.omega)
+        signs = [sign * np.sign(ROBOT.model.jnt_axis[ROBOT.model.joint(ROBOT.joint_names[i]).id][1]) for i in hips]
+        state.velocity[:] = 0.0
+        state.velocity[hips] = 0.1 * np.array(signs)
+        for _ in range(125):
+            moving.update(state, reference())
+        ways.append(moving.odometry.copy())
+    # The legs are some .2 m long: .1 rad/s moves the hips by 2 cm in a second.
+    assert ways[0][0] * ways[1][0] < 0.0 and 0.005 < abs(ways[0][0]) < 0.05
+    assert max(abs(way[1]) for way in ways) < 2e-3 and max(abs(way[2]) for way in ways) < 2e-2

@@ -9,6 +9,8 @@ from typing import Any
 import pytest
 
 from flexmotion.streamer.cli import execute
+from flexmotion.streamer.log.judged import Subject
+from flexmotion.streamer.log.reader import read_log
 
 
 @pytest.mark.parametrize("command", ["show", "plot", "replay"])
@@ -57,6 +59,21 @@ def test_a_report_has_a_log_that_replays(tmp_path: Path, capsys: pytest.CaptureF
         section, _, part = name.partition(".")
         value = motion[section][part] if part else motion[section]
         assert figure["logged"] == (None if value is None else float(value)), name
+
+
+def test_the_log_of_a_run_that_may_refuse_is_judged_like_the_run(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The log did not hold `--allow-refused`: the same run passed, and its log did not."""
+    arguments = ["dry-run", "--prompt", "look up", "--seconds", "0.4", "--report", str(tmp_path), "--json"]
+    assert execute([*arguments, "--allow-refused"]) == 0
+    report = json.loads(capsys.readouterr().out)
+    log = read_log(Path(report["log"]))
+    judged = Subject.of(log).report(log, log.record())
+    assert judged.ok and judged.options["allow_refused"] and judged.targets[0].state == "refused"
+    assert execute(arguments) == 1
+    strict = read_log(Path(json.loads(capsys.readouterr().out)["log"]))
+    assert not Subject.of(strict).report(strict, strict.record()).ok
 
 
 def test_a_replay_that_differs_is_exit_code_1(

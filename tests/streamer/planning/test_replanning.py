@@ -44,7 +44,7 @@ class Bench:
         self.plans = PlanBuffer(op3.n, retargeter.layout.size, retargeter.horizon, op3.rate_hz)
         self.planner = Planner(retargeter, self.library, load_stream())
         self.replanner = Replanner(
-            self.planner, self.plans, self.telemetry.ticks, load_stream(), self.targets, FixedLead(LEAD)
+            self.planner, self.plans, self.telemetry.ticks, load_stream(), self.targets, FixedLead(LEAD), lockstep=True
         )
 
     def publish_row(self, tick: int, **fields: int) -> None:
@@ -184,8 +184,8 @@ def test_frequent_targets_do_not_prevent_plans(bench: Bench, monkeypatch: pytest
     monkeypatch.setattr(bench.planner, "plan", hurried)
     bench.targets.send(Clip("walk"))
     assert bench.replanner.step(107) and bench.newest().target == 1
-    bench.publish_row(112, state=State.STREAMING, plan=2, target=1)
-    assert bench.replanner.step(113) and bench.newest().target == 2
+    bench.publish_row(132, state=State.STREAMING, plan=2, target=1)
+    assert bench.replanner.step(133) and bench.newest().target == 2
 
 
 def test_an_effect_is_two_degrees_away_from_what_would_have_been_sent(bench: Bench) -> None:

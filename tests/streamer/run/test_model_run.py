@@ -16,6 +16,7 @@ from flexmotion.configs.stream import load_stream
 from flexmotion.drivers.registry import create
 from flexmotion.sampling.pace import Pace
 from flexmotion.sampling.sampler import Sampler
+from flexmotion.streamer.api import open_session, open_source
 from flexmotion.streamer.cli import execute
 from flexmotion.streamer.commands.choice import choose_source, choose_switched
 from flexmotion.streamer.control.ladder import State
@@ -278,3 +279,55 @@ def test_words_without_meaning_are_reported_before_the_robot_moves(
     out, err = capsys.readouterr()
     assert json.loads(out)["source"] == "script:talk.yaml"
     assert "note: 'xyzzy plugh qwrtzp' is not understood by this model, it stands still; it knows: " in err
+
+
+def test_a_refused_prompt_does_not_pass_and_the_report_says_why(
+    bundle: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A dry run whose prompt was refused printed PASS, and its JSON did not say what was heard."""
+    asked = ["--prompt", "look to the left", "--bundle", str(bundle), "--seconds", "0.5"]
+    assert dry_run(*asked, "--json", "--report", str(tmp_path)) == 1
+    (answer,) = json.loads(capsys.readouterr().out)["targets"]
+    assert (answer["asked"], answer["state"], answer["heard_as"]) == ("look to the left", "refused", None)
+    assert "no motion of the head" in answer["reason"]
+    assert dry_run(*asked) == 1
+    told = capsys.readouterr().out.replace("\n", " ")
+    assert "FAIL" in told and "refused: 'look to the left'" in told
+    assert dry_run(*asked, "--allow-refused", "--json") == 0
+    assert json.loads(capsys.readouterr().out)["options"]["allow_refused"] is True
+    # The log holds the answer too.
+    assert execute(["log", "show", str(tmp_path / "run.mcap"), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["heard"][0]["state"] == "refused"
+
+
+def test_a_part_that_is_dropped_does_not_pass_either(bundle: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert dry_run("--prompt", "walk to the kitchen", "--bundle", str(bundle), "--seconds", "0.5", "--json") == 1
+    (answer,) = json.loads(capsys.readouterr().out)["targets"]
+    assert answer["state"] == "partly" and answer["dropped"] == ["to the kitchen"] and answer["certainty"] > 0.45
+
+
+def test_a_sequence_ends_when_the_robot_has_done_it(bundle: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    prompt = "wait for one second, then turn 45 degrees to the left"
+    assert dry_run("--prompt", prompt, "--bundle", str(bundle), "--json") == 0
+    report = json.loads(capsys.readouterr().out)
+    wait, turn = report["targets"][0]["steps"]
+    assert wait["end"] == turn["end"] == "done" and wait["measured"] == pytest.approx(1.0, abs=0.05)
+    # What the robot's own odometry says is what the simulation says.
+    went = report["motion"]["robot_went"]
+    assert abs(went["turned_rad"] - np.pi / 4) < np.radians(15.0)
+    assert turn["measured"] == pytest.approx(went["turned_rad"], abs=np.radians(10.0))
+    assert report["duration_s"] < 30.0 and report["motion"]["human_went"] is None
+
+
+def test_a_session_answers_each_target(bundle: Path) -> None:
+    with open_session("op3", source=open_source(load_robot("op3"), Text("stand still"), bundle=bundle)) as run:
+        run.advance(5.0)
+        first = run.send(Text("two steps back"))
+        run.advance(0.5)
+        second = run.send(Text("look up"))
+        run.advance(0.5)
+        answers = {heard.id: heard for heard in run.heard}
+        run.finish()
+    assert answers[0].asked == "stand still" and answers[0].state == "accepted"
+    assert answers[first.id].heard_as == "walk-back" and answers[first.id].steps[0].end == "superseded"
+    assert answers[second.id].state == "refused" and answers[second.id].tick is not None

@@ -1,0 +1,172 @@
+"""`parts_of`: a sentence cut at its joints ("then", "after", "and", commas), in the order in which it is to be done."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+
+from flexmotion.text.amounts import Amount, Token, is_mark
+from flexmotion.text.prompt_reader import FORBIDS, FORBIDS_NOTHING
+from flexmotion.text.vocabulary import vocabulary
+from flexmotion.text.wording import begins, plain, stem, stripped
+
+NEGATES = re.compile(
+    r"""\b(?:not|never|no|without|neither|nor|none|nobody|cannot|avoid|refrain\ from|stop\ short\ of)\b
+    | \b(?:do|does|did|ca|wo|must|need|should|would|could|is|are|was)n[^\w\s]?t\b(?:\ you\ dare)?""",
+    re.VERBOSE,
+)
+"""Negations; "stop walking" is none: it asks for standing."""
+
+
+@dataclass
+class Part:
+    """Tokens between two joints, and how it is joined to the part before."""
+
+    tokens: list[Token]
+    joint: str = "then"
+    dropped: list[str] = field(default_factory=list)
+
+
+def parts_of(tokens: list[Token]) -> list[Part]:
+    """The tokens at every joint, in the order in which the parts are to be done."""
+    known = vocabulary()
+    then, after, before = known.phrases("then"), known.phrases("after"), known.phrases("before")
+    together, at_once = known.phrases("together"), known.phrases("at_once")
+    parts = [Part([])]
+    swap = False  # the part that begins is to be done before the one before it
+    place = 0
+
+    def open_part(joint: str) -> None:
+        nonlocal swap
+        if parts[-1].joint == "before" and parts[-1].tokens:
+            parts[-1].joint, swap = "then", True
+            parts.append(Part([], joint))
+            return
+        if swap and len(parts) >= 2 and parts[-1].tokens:
+            parts[-2], parts[-1] = parts[-1], parts[-2]
+            parts[-2].joint, parts[-1].joint = "after", "then"
+            swap = False
+        if parts[-1].tokens:
+            parts.append(Part([], joint))
+        elif joint == "then" or parts[-1].joint == "then":
+            parts[-1].joint = "then"
+
+    while place < len(tokens):
+        token = tokens[place]
+        phrase = begins(tokens, place, then)
+        # "the next left" and "one after another" join nothing.
+        if phrase and (phrase != "next" or (place and tokens[place - 1] != "the")):
+            open_part("then")
+            place += len(phrase.split())
+            continue
+        if (phrase := begins(tokens, place, before)) and _names_request(tokens, place + len(phrase.split())):
+            # "walk before you wave" is in the order of the words, "before you wave, walk" is not.
+            leading = not parts[-1].tokens and len(parts) == 1
+            open_part("then")
+            parts[-1].joint = "before" if leading else parts[-1].joint
+            place += len(phrase.split())
+            continue
+        if (phrase := begins(tokens, place, after)) and _names_request(tokens, place + len(phrase.split())):
+            length = len(phrase.split())
+            open_part("then")
+            if len(parts) == 1:
+                # "after five seconds wave", "after waving walk on": in the order of the words.
+                parts[-1].joint = "after"
+            elif place + length < len(tokens):
+                swap = True
+            place += length
+            continue
+        if phrase := begins(tokens, place, at_once):
+            parts[-1].dropped.append(phrase)
+            place += len(phrase.split())
+            continue
+        if (phrase := begins(tokens, place, together)) and not (phrase == "while" and not parts[-1].tokens):
+            end = _next_joint(tokens, place + len(phrase.split()))
+            parts[-1].dropped.append(plain(tokens[place:end]))
+            place = end
+            continue
+        if token == "while":  # "while walking, wave"
+            end = _next_joint(tokens, place + 1)
+            parts[-1].dropped.append(plain(tokens[place:end]))
+            place = end
+            continue
+        if is_mark(token):
+            if _begins_request(tokens, place + 1, parts[-1].tokens):
+                open_part("then" if token in (".", ";", "!", "?") else ",")
+            place += 1
+            continue
+        if token in ("and", "or", "nor", "but", "plus") and _begins_request(tokens, place + 1, parts[-1].tokens):
+            open_part(str(token))
+            place += 1
+            continue
+        waits = parts[-1].joint in ("after", "before") and _names_request(parts[-1].tokens, 0)
+        if waits and _begins_request(tokens, place, []):
+            # "after five seconds wave": no comma tells where the second begins.
+            open_part("then")
+        parts[-1].tokens.append(token)
+        place += 1
+    open_part("then")
+    return [part for part in parts if part.tokens or part.dropped]
+
+
+def _next_joint(tokens: list[Token], place: int) -> int:
+    """Place of the next punctuation mark, or of a phrase that joins; the end without one."""
+    then = vocabulary().phrases("then")
+    for index in range(place, len(tokens)):
+        if is_mark(tokens[index]) or begins(tokens, index, then):
+            return index
+    return len(tokens)
+
+
+def _begins_request(tokens: list[Token], place: int, before: list[Token]) -> bool:
+    """Whether a request of its own begins at a token, after "and" or a comma.
+
+    Args:
+        before: tokens of the part that would end there.
+    """
+    known = vocabulary()
+    rest = tokens[place:]
+    while rest and (phrase := begins(rest, 0, known.phrases("fillers"))):
+        rest = rest[len(phrase.split()) :]
+    own = [token for token in before if token not in known.words("directions")]
+    if not rest or (before and not _names_request(own, 0)):
+        return False  # "oh, run along", "left hand, wave", "backward, march": what comes before is no request
+    first = rest[0]
+    if isinstance(first, Amount):
+        # "two steps forward and one step back"; not "wave for ten seconds, twice".
+        return first.quantity != "times" and any(isinstance(token, Amount) for token in before)
+    if not isinstance(first, str):
+        return False
+    if NEGATES.match(first):
+        return FORBIDS_NOTHING.match(plain(rest)) is None  # "no rush"
+    if FORBIDS.match(first) or begins(rest, 0, known.phrases("faster") + known.phrases("slower")):
+        return True
+    if begins(rest, 0, tuple(p for p in known.phrases("again") if p not in ("again", "once again", "once more"))):
+        return True
+    if first in known.words("directions"):
+        return any(isinstance(token, Amount) for token in [*rest[1:3], *before])
+    things = [thing.split()[-1] for thing in known.table["things"].values()]
+    if first in ("a", "another") and rest[1:2] and rest[1] in things:
+        return True
+    return first in known.verbs  # "…, facing me" belongs to what is before it
+
+
+def _names_request(tokens: list[Token], place: int) -> bool:
+    """Whether the words from a place on are a request, or name one: a verb, an amount, a direction, "you wave"."""
+    known = vocabulary()
+    rest = stripped([token for token in tokens[place:] if not is_mark(token)])
+    if rest and rest[0] in ("you", "have", "having", "you've"):
+        rest = rest[1:] if rest[0] != "you" or rest[1:2] != ["have"] else rest[2:]
+    if not rest:
+        return False
+    first = rest[0]
+    if not isinstance(first, str):
+        return True
+    words = known.verbs | known.words("directions")
+    past = {first.removesuffix("ed"), first.removesuffix("d"), first.removesuffix("ed") + "e"}
+    return (
+        stem(first) in words
+        or bool(past & known.verbs)
+        or FORBIDS.match(first) is not None
+        or begins(rest, 0, known.phrases("faster") + known.phrases("slower") + known.phrases("again")) is not None
+    )

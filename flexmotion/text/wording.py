@@ -1,0 +1,69 @@
+"""Words of a sentence's tokens: how a part begins, a verb without "-ing", sentences that models are taught."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+from flexmotion.text.amounts import Token, is_mark, tokens_of
+from flexmotion.text.sayings import sayings
+from flexmotion.text.vocabulary import vocabulary
+
+
+@lru_cache
+def taught() -> dict[str, str]:
+    """Kind of motion by taught sentence."""
+    return {plain(tokens_of(sentence)): kind for kind, sentence in sayings()}
+
+
+@lru_cache
+def taught_words() -> frozenset[str]:
+    """Words of the taught sentences."""
+    return frozenset(word for sentence in taught() for word in sentence.split())
+
+
+def plain(tokens: list[Token]) -> str:
+    """The tokens as words, without punctuation."""
+    return " ".join(_said(token) for token in tokens if not is_mark(token))
+
+
+def _said(token: Token) -> str:
+    return token if isinstance(token, str) else token.said
+
+
+def begins(tokens: list[Token], place: int, phrases: tuple[str, ...]) -> str | None:
+    """The phrase that begins at a token; the longest one."""
+    for phrase in phrases:
+        words = phrase.split()
+        if words and tokens[place : place + len(words)] == words:
+            return phrase
+    return None
+
+
+def stem(word: str) -> str:
+    """A verb without "-ing": "waving" -> "wave"; the word itself where none fits."""
+    verbs = vocabulary().verbs
+    if not word.endswith("ing") or len(word) < 6:
+        return word
+    root = word[:-3]
+    tries = (root, root + "e", root[:-1] if root[-1:] == root[-2:-1] else root)
+    return next((found for found in tries if found in verbs), word)
+
+
+def stripped(tokens: list[Token]) -> list[Token]:
+    """Without fillers at both ends."""
+    fillers = vocabulary().phrases("fillers")
+    changed = True
+    while changed and tokens:
+        changed = False
+        for phrase in fillers:
+            words = phrase.split()
+            if tokens[: len(words)] == words and len(tokens) > 0:
+                tokens, changed = tokens[len(words) :], True
+            if tokens and tokens[-len(words) :] == words:
+                tokens, changed = tokens[: -len(words)], True
+    first = vocabulary().phrases("first")
+    while tokens and (opening := begins(tokens, 0, first)):
+        tokens = tokens[len(opening.split()) :]
+    if tokens and isinstance(tokens[0], str):
+        tokens = [stem(tokens[0]), *tokens[1:]]
+    return tokens

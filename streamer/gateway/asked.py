@@ -1,0 +1,69 @@
+"""`Asked`: a message that waits for its answer; `Following`: what the robot follows; `Sequences`: message numbers."""
+
+from __future__ import annotations
+
+import math
+from collections import OrderedDict
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass
+
+from flexmotion.streamer.gateway.messages import Answer, Message
+from flexmotion.streamer.motion.intents import Intent
+
+Reply = Callable[[Answer], None]
+
+_SOURCES = 256
+"""Sources whose sequence numbers are remembered."""
+
+
+@dataclass
+class Asked:
+    """A message that is not answered yet."""
+
+    message: Message
+    reply: Reply
+    since_s: float
+    took_from: str | None = None
+    due_s: float = math.inf
+    """When the gateway answers by itself [s]."""
+    intent: Intent | None = None
+    holds_s: float = math.inf
+    tick: int = -1
+    """Of a request: the tick before which the loop took it."""
+
+
+@dataclass(frozen=True)
+class Following:
+    """The newest target that was accepted.
+
+    Attributes:
+        source: who sent it.
+        asked: its word and value, as in a script.
+        answer: as its sender got it.
+        stamp_s: when it was accepted, on the gateway's clock [s].
+    """
+
+    source: str
+    asked: dict[str, object]
+    answer: Answer
+    stamp_s: float
+
+
+class Sequences:
+    """The last sequence number of each sender's sources."""
+
+    def __init__(self) -> None:
+        self._last: OrderedDict[Hashable, int] = OrderedDict()
+
+    def ascends(self, message: Message, sender: Hashable) -> bool:
+        """Take a message's number; returns whether it comes after the last one, or it has none."""
+        if message.sequence is None:
+            return True
+        key = (sender, message.source)
+        if message.sequence <= self._last.get(key, -1):
+            return False
+        self._last[key] = message.sequence
+        self._last.move_to_end(key)
+        while len(self._last) > _SOURCES:
+            self._last.popitem(last=False)
+        return True

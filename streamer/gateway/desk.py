@@ -1,0 +1,322 @@
+"""`Desk`: the gateway's one place where messages become targets and requests, and every message gets its answer.
+
+Transports (WebSocket, HTTP, lines) call `receive` with a message's bytes and a function that takes the answer, and
+`pump` every few milliseconds. Nothing here waits.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections import Counter, OrderedDict, deque
+from collections.abc import Callable, Hashable
+
+from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.stream import Gateway
+from flexmotion.drivers.realtime.ring import Ring
+from flexmotion.streamer.control.ladder import State
+from flexmotion.streamer.control.telemetry import Event, Telemetry, events
+from flexmotion.streamer.control.tick_row import TickRow
+from flexmotion.streamer.gateway.asked import Asked, Following, Reply, Sequences
+from flexmotion.streamer.gateway.lease import Lease
+from flexmotion.streamer.gateway.messages import (
+    Answer,
+    AnswerState,
+    ClearMessage,
+    EmergencyStopMessage,
+    HeadingMessage,
+    KillMessage,
+    Message,
+    MessageError,
+    ReleaseMessage,
+    StopMessage,
+    TakeMessage,
+    VelocityMessage,
+    WaypointMessage,
+    decode,
+    intent_of,
+)
+from flexmotion.streamer.motion.heard import Heard, HeardChannel, heard_since
+from flexmotion.streamer.motion.intents import to_content
+from flexmotion.streamer.motion.targets import TargetSender
+from flexmotion.streamer.run.requests import Request, RequestChannel
+
+_REQUEST_S = 1.0
+"""A loop that has not taken a request after this time does not run [s]."""
+_GRACE_S = 1.0
+"""Time that the planner has to answer a target after its time is over, before the gateway does [s]."""
+_AHEAD_S = 1.0
+"""A sender's clock may be ahead of this machine's by so much [s]."""
+_SOURCES = 256
+"""Targets whose senders are remembered."""
+
+_REQUESTS: dict[type, Request] = {
+    StopMessage: Request.STOP,
+    EmergencyStopMessage: Request.ESTOP,
+    ClearMessage: Request.CLEAR,
+    KillMessage: Request.KILL,
+}
+_WITHOUT_LEASE = (StopMessage, EmergencyStopMessage)
+_FOLLOWED: tuple[AnswerState, ...] = ("accepted", "slowed", "partly")
+_NOT_YET = "the loop cannot follow it yet: it needs closed-loop control of the robot's odometry"
+
+
+class Desk:
+    """Messages in, answers out.
+
+    Args:
+        settings: of the gateway.
+        telemetry: of the loop.
+        targets: the gateway's end of the mailbox.
+        heard: the planner's answers.
+        requests: the gateway's channel to the loop.
+        on_lease: called with the operator before and the one now, when the lease goes over.
+        takes_targets: else the run only shows itself, and can be stopped.
+
+    Attributes:
+        counts: messages received, answers by state, and what was refused, by its reason.
+        following: the newest target that was accepted; None before the first.
+        sources: who sent the newest targets, by number.
+    """
+
+    def __init__(
+        self,
+        settings: Gateway,
+        telemetry: Telemetry,
+        targets: TargetSender,
+        heard: HeardChannel,
+        requests: RequestChannel,
+        on_lease: Callable[[str | None, str | None], None] = lambda _before, _now: None,
+        *,
+        takes_targets: bool = True,
+    ) -> None:
+        self.takes_targets = takes_targets
+        self.settings, self.targets, self.requests, self.on_lease = settings, targets, requests, on_lease
+        self.lease = Lease(settings)
+        self.counts: Counter[str] = Counter()
+        self.following: Following | None = None
+        self.sources: OrderedDict[int, str] = OrderedDict()
+        self._ticks: Ring = telemetry.ticks
+        self._events = telemetry.events.reader(new_only=True)
+        self._heard = heard.reader()
+        self._waiting: Asked | None = None  # the target that is sent when the interval of coalescing is over
+        self._open: dict[int, Asked] = {}  # targets that the planner has not answered, by id, ascending
+        self._asked: deque[Asked] = deque()  # requests that the loop has not taken
+        self._sequences = Sequences()
+        self._sent_s = -math.inf
+        self._holder: str | None = None
+
+    @property
+    def busy(self) -> bool:
+        """Whether a message waits for its answer."""
+        return bool(self._waiting or self._open or self._asked)
+
+    def receive(self, data: bytes, reply: Reply, sender: Hashable = None) -> None:
+        """Take a message; `reply` is called once with its answer, now or from `pump`.
+
+        Args:
+            data: JSON, one message.
+            reply: takes the answer; must not raise.
+            sender: connection that it came by; sequence numbers ascend within one.
+        """
+        self.counts["received"] += 1
+        if len(data) > self.settings.most_bytes:
+            self.reject("too large")
+            reason = f"{len(data)} bytes, expected at most {self.settings.most_bytes}"
+            reply(self._counted(Answer(state="refused", reason=reason)))
+            return
+        try:
+            message = decode(data)
+        except MessageError as error:
+            self.reject("not valid")
+            reply(self._counted(error.answer))
+            return
+        self._take(Asked(message, reply, time.perf_counter()), sender)
+
+    def reject(self, why: str) -> None:
+        """Count a message or a connection that is refused as such."""
+        self.counts[f"rejected: {why}"] += 1
+
+    def pump(self) -> None:
+        """Send what waits, and answer what is decided."""
+        now = time.perf_counter()
+        if self._waiting is not None and now - self._sent_s >= self.settings.coalesce_s:
+            waiting, self._waiting = self._waiting, None
+            self._send(waiting, now)
+        for heard in heard_since(self._heard):
+            self._answered(heard)
+        self._match(events(self._events))
+        self._time_out(now)
+        self.lease.lapse(now)
+        self._tell_lease()
+
+    # ---------------------------------------------------------------- messages
+
+    def _take(self, asked: Asked, sender: Hashable) -> None:
+        message, now = asked.message, asked.since_s
+        late = self._late(message)
+        if late is not None:
+            self._reply(asked, *late)
+        elif not self._sequences.ascends(message, sender):
+            self._reply(asked, "refused", f"sequence {message.sequence} does not come after the last of this source")
+        elif type(message) in _WITHOUT_LEASE:
+            self._request(asked)
+        elif not self.takes_targets and not isinstance(message, KillMessage | ClearMessage):
+            self._reply(asked, "refused", "this run only shows itself (--view); start it with --web to steer it")
+        elif isinstance(message, ReleaseMessage):
+            held = self.lease.release(message.source)
+            self._reply(asked, "accepted" if held else "refused", None if held else "the lease was not held")
+        else:
+            before = self.lease.holder
+            refusal = self.lease.refusal(message.source, now, take=isinstance(message, TakeMessage))
+            if refusal is not None:
+                self._reply(asked, "refused", refusal)
+                return
+            asked.took_from = before if before != self.lease.holder else None
+            if isinstance(message, TakeMessage):
+                self._reply(asked, "accepted")
+            elif type(message) in _REQUESTS:
+                self._request(asked)
+            elif isinstance(message, HeadingMessage | WaypointMessage):
+                self._reply(asked, "refused", f"{message.type}: {_NOT_YET}")
+            else:
+                self._target(asked)
+        self._tell_lease()
+
+    def _late(self, message: Message) -> tuple[AnswerState, str] | None:
+        """Why a message's stamp makes it invalid."""
+        # An emergency must not depend on two clocks that agree.
+        if message.stamp_s is None or type(message) in _WITHOUT_LEASE:
+            return None
+        age_s = time.time() - message.stamp_s
+        if age_s < -_AHEAD_S:
+            return "refused", f"stamp_s: {-age_s:.1f} s in the future by this machine's clock"
+        holds_s = self._holds_s(message)
+        if age_s > holds_s:
+            return "expired", f"sent {age_s:.1f} s ago, it holds {holds_s:g} s"
+        return None
+
+    def _holds_s(self, message: Message) -> float:
+        if message.ttl_s is not None:
+            return message.ttl_s
+        return self.settings.velocity_holds_s if isinstance(message, VelocityMessage | HeadingMessage) else math.inf
+
+    def _target(self, asked: Asked) -> None:
+        asked.intent, asked.holds_s = intent_of(asked.message), self._holds_s(asked.message)
+        if self._waiting is not None:
+            self._reply(self._waiting, "superseded", "a newer target came within the interval of coalescing")
+            self._waiting = None
+        if asked.since_s - self._sent_s >= self.settings.coalesce_s:
+            self._send(asked, asked.since_s)
+        else:
+            self._waiting = asked
+
+    def _send(self, asked: Asked, now: float) -> None:
+        assert asked.intent is not None
+        take_up_s = self.settings.take_up_s
+        try:
+            target = self.targets.send(asked.intent, holds_s=asked.holds_s, take_up_s=take_up_s)
+        except ConfigError as error:
+            self._reply(asked, "refused", str(error))
+            return
+        self._sent_s, asked.due_s = now, now + min(asked.holds_s, take_up_s) + _GRACE_S
+        self._open[target.id] = asked
+        self.sources[target.id] = asked.message.source
+        while len(self.sources) > _SOURCES:
+            self.sources.popitem(last=False)
+
+    def _request(self, asked: Asked) -> None:
+        message = asked.message
+        asked.due_s = asked.since_s + _REQUEST_S
+        same = any(type(one.message) is type(message) and one.tick < 0 for one in self._asked)
+        self._asked.append(asked)
+        if not same:  # one that the loop has not taken yet stands for both: a burst does not overrun the channel
+            self.requests.send(_REQUESTS[type(message)], f"{message.source}: {message.type}")
+
+    # ---------------------------------------------------------------- answers
+
+    def _answered(self, heard: Heard) -> None:
+        """Reply to a target; older ones that the planner has never seen are superseded."""
+        for number in [number for number in self._open if number < heard.id]:
+            # The planner looks at the newest target; one that it answers now is newer.
+            if heard.state != "superseded":
+                self._reply(self._open.pop(number), "superseded", "a newer target came first", target=number)
+        asked = self._open.pop(heard.id, None)
+        if asked is None:
+            return  # of another sender, of a script, or a later version: a step has ended
+        told = self._reply(
+            asked,
+            heard.state,
+            heard.reason,
+            target=heard.id,
+            tick=heard.tick,
+            heard_as=heard.heard_as,
+            certainty=None if heard.certainty is None else round(heard.certainty, 3),
+            slowed=heard.slowed,
+            dropped=heard.dropped or None,
+            notes=heard.notes or None,
+        )
+        if told.state in _FOLLOWED and asked.intent is not None:
+            self.following = Following(asked.message.source, to_content(asked.intent), told, time.perf_counter())
+
+    def _match(self, new: list[Event]) -> None:
+        """Reply to the requests that the loop has taken, and to CLEAR once its effect is known."""
+        for event in new:
+            if event.kind != "request":
+                continue
+            for asked in self._asked:
+                if asked.tick < 0 and _REQUESTS[type(asked.message)].name == event.message:
+                    asked.tick = event.tick
+        for asked in [one for one in self._asked if one.tick >= 0]:
+            row = self._ticks.latest()
+            if isinstance(asked.message, ClearMessage):
+                if row is None or int(row["tick"]) < asked.tick:
+                    continue
+                if row["must_stop"] or int(row["state"]) == State.FAULT:
+                    self._asked.remove(asked)
+                    self._reply(
+                        asked,
+                        "refused",
+                        "a stop is still in force: the robot does not stand yet, or a fault ends the run",
+                    )
+                    continue
+            self._asked.remove(asked)
+            self._reply(asked, "accepted", tick=asked.tick)
+
+    def _time_out(self, now: float) -> None:
+        while self._asked and self._asked[0].due_s < now:
+            self._reply(self._asked.popleft(), "refused", f"the loop did not take it within {_REQUEST_S:g} s")
+        for number in [number for number, asked in self._open.items() if asked.due_s < now]:
+            asked = self._open.pop(number)
+            self._reply(asked, "expired", "the planner has not answered", target=number)
+
+    def _reply(self, asked: Asked, state: AnswerState, reason: str | None = None, **known: object) -> Answer:
+        message = asked.message
+        answer = Answer.model_validate(
+            {
+                "id": message.id,
+                "source": message.source,
+                "sequence": message.sequence,
+                "asked": message.type,
+                "state": state,
+                "reason": reason,
+                "took_lease_from": asked.took_from,
+                **known,
+            }
+        )
+        asked.reply(self._counted(answer))
+        return answer
+
+    def _counted(self, answer: Answer) -> Answer:
+        self.counts[answer.state] += 1
+        return answer
+
+    def _tell_lease(self) -> None:
+        if self.lease.holder != self._holder:
+            before, self._holder = self._holder, self.lease.holder
+            self.on_lease(before, self._holder)
+
+    def row(self) -> TickRow | None:
+        """The newest row of the loop; None before the first."""
+        row = self._ticks.latest()
+        return None if row is None else TickRow(row)

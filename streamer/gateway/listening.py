@@ -1,0 +1,78 @@
+"""`listen`: gives a session its gateway and its stop process."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+
+from flexmotion.configs.errors import ConfigError
+from flexmotion.streamer.gateway.admission import Admission
+from flexmotion.streamer.gateway.service import GatewayService, check_installed
+from flexmotion.streamer.gateway.stops import StopService
+from flexmotion.streamer.motion.model_source import ModelSource
+from flexmotion.streamer.page.feed import Feed
+from flexmotion.streamer.run.session import Session
+
+
+@dataclass(frozen=True)
+class Listening:
+    """How a run listens for targets.
+
+    Attributes:
+        address: to listen on; by default only this machine reaches it.
+        port, stop_port: of the gateway and of the stop process; None: those of the stream settings.
+        token: that requests must carry; needed where other machines reach the address.
+        network: whether the ports are opened; without them only `lines` are read.
+        takes_targets: whether the robot can be steered; else the run shows itself, and can be stopped.
+        lines: file descriptors to read messages from and to write answers to, a JSON object a line; None: none.
+    """
+
+    address: str = "127.0.0.1"
+    port: int | None = None
+    stop_port: int | None = None
+    token: str | None = None
+    network: bool = True
+    takes_targets: bool = True
+    lines: tuple[int, int] | None = None
+
+
+def listen(session: Session, listening: Listening) -> None:
+    """Add the services to a session that has not begun.
+
+    Raises:
+        ConfigError: a port is taken, an address needs a token, a library is missing, or the clock is lockstep.
+    """
+    if session.clock != "real" and listening.takes_targets:
+        raise ConfigError("clock: lockstep passes as fast as it computes; targets of other programs need clock real")
+    settings, telemetry = session.settings.gateway, session.telemetry
+    stops: tuple[StopService, ...] = ()
+    port = settings.port if listening.port is None else listening.port
+    stop_port = settings.stop_port if listening.stop_port is None else listening.stop_port
+    if listening.network:
+        check_installed()
+        if port == stop_port:
+            raise ConfigError(f"port: {port} is that of the stop process, expected another")
+        page = Admission(listening.address, listening.token, page_port=port)
+        stops = (StopService(settings, telemetry, page, port=stop_port, realtime=session.realtime),)
+    gateway = GatewayService(
+        session.robot,
+        session.driver.name,
+        settings,
+        telemetry,
+        session.targets,
+        session.heard_channel,
+        Admission(listening.address, listening.token) if listening.network else None,
+        port=port,
+        stop_port=stop_port if listening.network else None,
+        lines=listening.lines,
+        takes_targets=listening.takes_targets,
+        feed=partial(_feed, session) if listening.network else None,
+        pace=session.source.pace if isinstance(session.source, ModelSource) else None,
+    )
+    session.services += (*stops, gateway)
+
+
+def _feed(session: Session, source_of: Callable[[int], str | None]) -> Feed:
+    items = [heard for heard in session.heard if heard.item is not None]
+    return Feed(session.robot, session.telemetry, session.humans, session.heard_channel, items, source_of)

@@ -1,0 +1,301 @@
+"""The messages between a program and a run: what may be asked, and the answer that each message gets.
+
+JSON objects, one a message. `docs/messages.schema.json` is their JSON Schema (`python -m
+flexmotion.streamer.gateway.schema`). Every message gets one `Answer`. SI units, radians; a field that is not known is
+refused, and so is a version other than `VERSION`.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from typing import Annotated, Any, Literal, get_args
+
+from pydantic import BaseModel, ConfigDict, Field, StringConstraints, TypeAdapter, ValidationError, field_validator
+
+from flexmotion.configs.errors import ConfigError
+from flexmotion.streamer.motion.intents import FASTEST, LONGEST_TEXT, Clip, Intent, Stop, Text, Velocity
+
+VERSION: Literal[1] = 1
+
+LONGEST_HOLD_S = 600.0
+"""Longest time to live of a target [s]."""
+
+Name = Annotated[str, StringConstraints(pattern=r"^[\w.:@/ -]{1,64}$")]
+"""A word that logs and pages can show: letters, digits and `_.:@/ -`, 64 at most."""
+
+_Forward = Annotated[float, Field(ge=-FASTEST[0], le=FASTEST[0])]
+_Left = Annotated[float, Field(ge=-FASTEST[1], le=FASTEST[1])]
+_Turning = Annotated[float, Field(ge=-FASTEST[2], le=FASTEST[2])]
+
+
+def _fits(kind: Callable[[str], Intent], words: str) -> str:
+    try:
+        kind(words)
+    except ConfigError as error:
+        raise ValueError(str(error)) from None
+    if len(words.encode()) > LONGEST_TEXT:
+        raise ValueError(f"{len(words.encode())} bytes in UTF-8, expected at most {LONGEST_TEXT}")
+    return words
+
+
+class _Message(BaseModel):
+    """The fields of every message.
+
+    Attributes:
+        version: of the message set.
+        id: the sender's own; the answer carries it.
+        source: who sends, such as "page" or "joystick"; its priority is set in the stream settings, not here.
+        sequence: number of the message among those of its source; one that does not ascend is refused.
+        stamp_s: when it was sent, seconds since 1970 by the sender's clock. One that is older than its time to live has
+            expired; without a stamp it counts from its arrival.
+        ttl_s: time to live [s]. A target ends after it: the robot comes to a stand. None: a velocity and a heading hold
+            as long as the stream settings say, all others until the next target.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
+
+    version: Literal[1] = VERSION
+    id: Name | None = None
+    source: Name = "anonymous"
+    sequence: Annotated[int, Field(ge=0, le=2**53)] | None = None
+    stamp_s: Annotated[float, Field(ge=0.0, le=1e12)] | None = None
+    ttl_s: Annotated[float, Field(gt=0.0, le=LONGEST_HOLD_S)] | None = None
+
+
+class TextMessage(_Message):
+    """Do what the words say: "wave with the right hand"."""
+
+    type: Literal["text"] = "text"
+    text: Annotated[str, StringConstraints(min_length=1, max_length=LONGEST_TEXT)]
+
+    @field_validator("text")
+    @classmethod
+    def _is_text(cls, text: str) -> str:
+        return _fits(Text, text)
+
+
+class VelocityMessage(_Message):
+    """Walk at a velocity in the robot's heading frame, as a human of the robot's model would; zero is a stand.
+
+    Attributes:
+        velocity: forward, left [m/s], turning left [rad/s].
+    """
+
+    type: Literal["velocity"] = "velocity"
+    velocity: tuple[_Forward, _Left, _Turning]
+
+
+class HeadingMessage(_Message):
+    """Turn to a heading in the robot's odometry. Refused: the loop cannot do it yet.
+
+    Attributes:
+        heading_rad: counterclockwise from the heading at the start [rad].
+    """
+
+    type: Literal["heading"] = "heading"
+    heading_rad: Annotated[float, Field(ge=-2 * math.pi, le=2 * math.pi)]
+
+
+class WaypointMessage(_Message):
+    """Walk to a place in the robot's odometry. Refused: the loop cannot do it yet.
+
+    Attributes:
+        position_m: x ahead and y left of the place and heading at the start [m].
+    """
+
+    type: Literal["waypoint"] = "waypoint"
+    position_m: tuple[Annotated[float, Field(ge=-1e3, le=1e3)], Annotated[float, Field(ge=-1e3, le=1e3)]]
+
+
+class ClipMessage(_Message):
+    """Follow a clip of the run's library, by name."""
+
+    type: Literal["clip"] = "clip"
+    clip: Annotated[str, StringConstraints(min_length=1, max_length=LONGEST_TEXT)]
+
+    @field_validator("clip")
+    @classmethod
+    def _is_name(cls, clip: str) -> str:
+        return _fits(Clip, clip)
+
+
+class HoldMessage(_Message):
+    """Come to a balanced stand; the next target goes on from there."""
+
+    type: Literal["hold"] = "hold"
+
+
+class StopMessage(_Message):
+    """Come to a balanced stand and refuse targets until `clear`."""
+
+    type: Literal["stop"] = "stop"
+
+
+class EmergencyStopMessage(_Message):
+    """Freeze within two periods of the loop, then park; the fault is latched. It is no safety function."""
+
+    type: Literal["estop"] = "estop"
+
+
+class ClearMessage(_Message):
+    """Release a STOP once the robot stands. It goes on standing until a new target arrives."""
+
+    type: Literal["clear"] = "clear"
+
+
+class KillMessage(_Message):
+    """Switch the torque off at once: the robot falls."""
+
+    type: Literal["kill"] = "kill"
+    confirm: Literal["the robot will fall"]
+
+
+class TakeMessage(_Message):
+    """Take the operator's lease over from another source; shown to all."""
+
+    type: Literal["take"] = "take"
+
+
+class ReleaseMessage(_Message):
+    """Give the operator's lease back."""
+
+    type: Literal["release"] = "release"
+
+
+Message = (
+    TextMessage
+    | VelocityMessage
+    | HeadingMessage
+    | WaypointMessage
+    | ClipMessage
+    | HoldMessage
+    | StopMessage
+    | EmergencyStopMessage
+    | ClearMessage
+    | KillMessage
+    | TakeMessage
+    | ReleaseMessage
+)
+KINDS: dict[str, type[_Message]] = {
+    get_args(kind.model_fields["type"].annotation)[0]: kind for kind in get_args(Message)
+}
+"""The classes of messages by their `type`."""
+
+MESSAGE: TypeAdapter[Message] = TypeAdapter(Annotated[Message, Field(discriminator="type")])
+
+AnswerState = Literal["accepted", "slowed", "partly", "superseded", "expired", "refused"]
+
+
+class Answer(BaseModel):
+    """What became of one message; every message gets exactly one.
+
+    Attributes:
+        id, source, sequence: of the message, as far as they could be read.
+        asked: its type.
+        state: accepted: the robot does it from `tick` on. slowed: to what the robot can follow. partly: without what
+            `dropped` names. superseded: a newer target came before a plan followed it. expired: its time was over
+            before. refused: it is not done, for `reason`.
+        target: number of the target in the log.
+        tick: of the loop, from which on it acts.
+        heard_as: kinds of motion that the words were taken for, in the order in which they are done.
+        certainty: share of that kind in what the listener heard, in [0, 1].
+        slowed: speeds that the human is slowed to, so that the robot keeps up.
+        dropped: parts that are not done.
+        notes: what was taken for words that say no number.
+        reason: why it is not done, or not as asked.
+        took_lease_from: operator from whom this message took the lease over.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    type: Literal["answer"] = "answer"
+    version: Literal[1] = VERSION
+    id: str | None = None
+    source: str | None = None
+    sequence: int | None = None
+    asked: str | None = None
+    state: AnswerState
+    target: int | None = None
+    tick: int | None = None
+    heard_as: str | None = None
+    certainty: float | None = None
+    slowed: str | None = None
+    dropped: tuple[str, ...] | None = None
+    notes: tuple[str, ...] | None = None
+    reason: str | None = None
+    took_lease_from: str | None = None
+
+
+class MessageError(ConfigError):
+    """A message that cannot be read.
+
+    Attributes:
+        answer: that its sender gets.
+    """
+
+    def __init__(self, reason: str, content: Any = None) -> None:
+        super().__init__(reason)
+        known = content if isinstance(content, dict) else {}
+        self.answer = Answer(
+            id=_word(known.get("id")),
+            source=_word(known.get("source")),
+            asked=_word(known.get("type")),
+            state="refused",
+            reason=reason,
+        )
+
+
+def decode(data: bytes | str) -> Message:
+    """A message from JSON.
+
+    Raises:
+        MessageError: it is no JSON, or no message of this version; names the field and what is valid.
+    """
+    try:
+        return MESSAGE.validate_json(data)
+    except ValidationError as error:
+        raise MessageError(_one_line(error), _content(data)) from None
+
+
+def encode(message: BaseModel) -> str:
+    """A message or an answer as JSON, without the fields that are not set."""
+    return message.model_dump_json(exclude_none=True)
+
+
+def intent_of(message: Message) -> Intent | None:
+    """The intent of a target; None where the message is no target, or one that the loop cannot follow yet."""
+    match message:
+        case TextMessage(text=text):
+            return Text(text)
+        case VelocityMessage(velocity=velocity):
+            # A released stick: the stop of a plan is balanced by the robot's measure, a model's stand by the human's.
+            return Velocity(*velocity) if any(velocity) else Stop()
+        case ClipMessage(clip=clip):
+            return Clip(clip)
+        case HoldMessage():
+            return Stop()
+    return None
+
+
+def _content(data: bytes | str) -> Any:
+    try:
+        return json.loads(data)
+    except (ValueError, RecursionError):
+        return None
+
+
+def _word(value: Any) -> str | None:
+    return value if isinstance(value, str) and 0 < len(value) <= 64 and value.isprintable() else None
+
+
+def _one_line(error: ValidationError) -> str:
+    problems = error.errors(include_url=False, include_input=False, include_context=False)
+    first = next((problem for problem in problems if problem["type"] == "extra_forbidden"), problems[0])
+    field = ".".join(str(part) for part in first["loc"])
+    text = " ".join(first["msg"].removeprefix("Value error, ").split())
+    text = "".join(character if character.isprintable() else "?" for character in text)
+    if first["type"].startswith("union_tag"):
+        return f"type: expected one of: {', '.join(KINDS)}"
+    return f"{field}: {text}"[:300] if field else text[:300]

@@ -1,0 +1,111 @@
+"""`Status`: what a run tells about itself over the network."""
+
+from __future__ import annotations
+
+import time
+from typing import Any, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict
+
+from flexmotion.streamer.control.ladder import State
+from flexmotion.streamer.gateway.desk import Desk
+
+_OLD_S = 0.5
+"""A loop whose newest row is older does not run [s]."""
+
+
+class Followed(BaseModel):
+    """The newest target that was accepted, and who asked for it."""
+
+    source: str
+    asked: dict[str, Any]
+    heard_as: str | None
+    slowed: str | None
+    target: int | None
+    tick: int | None
+
+
+class Status(BaseModel):
+    """The run now. Times in seconds, angles in radians, temperatures in °C; null where unknown.
+
+    Attributes:
+        loop: "ticks", or "silent" where it has not for half a second.
+        state: of the safety ladder.
+        must_stop: a stop is in force: no target is followed.
+        time_s: of the robot, since the first tick.
+        tilt: roll and pitch of the torso.
+        place: estimated x and y of the centre of mass in the plan's world [m].
+        hottest, coldest supply: greatest temperature of a servo, least supply voltage [V].
+        target: number of the newest target that the robot follows; 0: none yet.
+        following: the newest target that came over the gateway and was accepted.
+        operator: who holds the lease.
+        counts: of messages, by what became of them.
+        stop_port: of the process that takes stops alone.
+    """
+
+    model_config = ConfigDict(extra="forbid")
+
+    type: Literal["status"] = "status"
+    version: Literal[1] = 1
+    robot: str
+    driver: str
+    loop: Literal["ticks", "silent"]
+    state: str | None = None
+    must_stop: bool | None = None
+    tick: int | None = None
+    time_s: float | None = None
+    tilt: tuple[float, float] | None = None
+    place: tuple[float, float] | None = None
+    hottest: float | None = None
+    supply: float | None = None
+    missed_deadlines: int | None = None
+    target: int | None = None
+    following: Followed | None = None
+    operator: str | None = None
+    counts: dict[str, int] = {}
+    stop_port: int | None = None
+
+
+def status_of(desk: Desk, robot: str, driver: str, rate_hz: float, stop_port: int | None) -> Status:
+    """The status from the loop's newest row and the gateway's own record."""
+    known: dict[str, Any] = {"robot": robot, "driver": driver, "operator": desk.lease.holder, "stop_port": stop_port}
+    known["counts"] = dict(sorted(desk.counts.items()))
+    followed = desk.following
+    if followed is not None:
+        answer = followed.answer
+        known["following"] = Followed(
+            source=followed.source,
+            asked=followed.asked,
+            heard_as=answer.heard_as,
+            slowed=answer.slowed,
+            target=answer.target,
+            tick=answer.tick,
+        )
+    row = desk.row()
+    if row is None:
+        return Status(loop="silent", **known)
+    age_s = (time.perf_counter_ns() - int(row.stamp_ns)) * 1e-9
+    return Status(
+        loop="ticks" if age_s < _OLD_S else "silent",
+        state=State(int(row.state)).name,
+        must_stop=bool(row.must_stop),
+        tick=int(row.tick),
+        time_s=round(int(row.tick) / rate_hz, 3),
+        tilt=_pair(row.tilt),
+        place=_pair(row.com),
+        hottest=_extreme(row.temperature, np.max),
+        supply=_extreme(row.voltage, np.min),
+        missed_deadlines=int(row.missed_deadlines),
+        target=int(row.target),
+        **known,
+    )
+
+
+def _pair(values: np.ndarray) -> tuple[float, float] | None:
+    return (round(float(values[0]), 4), round(float(values[1]), 4)) if np.isfinite(values).all() else None
+
+
+def _extreme(values: np.ndarray, of: Any) -> float | None:
+    known = values[np.isfinite(values)]
+    return round(float(of(known)), 2) if len(known) else None

@@ -1,0 +1,188 @@
+"""`Heard`: the answer to one thing that was asked: what it was taken for, what was slowed, dropped or refused, and why.
+
+One record for all that tell it: report, log, events, the library and whatever carries targets over a network. The
+planner's process writes it to `HeardChannel`, in shared memory; any process reads it there.
+"""
+
+from __future__ import annotations
+
+import json
+from typing import Any, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict
+
+from flexmotion.drivers.realtime.ring import Reader, Ring
+from flexmotion.records import Int, Record, column
+from flexmotion.text.vocabulary import Quantity
+
+State = Literal["accepted", "slowed", "partly", "refused", "superseded", "expired"]
+"""accepted: as asked; slowed: to what the robot can follow; partly: without what `dropped` names; refused: not at all,
+for `reason`; superseded: another target came first; expired: it came too late."""
+
+End = Literal["done", "time limit", "superseded", "stopped"]
+"""How a step ended: its amount was measured, its time limit came first, another target or a stop came first."""
+
+NOT_DONE: tuple[State, ...] = ("refused", "partly")
+"""States in which something that was asked is not done."""
+
+_BYTES = 8000
+
+
+class HeardStep(BaseModel):
+    """One request of a sentence.
+
+    Attributes:
+        text: words that the listener heard.
+        heard_as: kind of motion; None: not understood.
+        certainty: share of that kind in what the listener heard, in [0, 1].
+        amount: how much of it, in radians, metres, steps, seconds or times (`unit`); None: until the next target.
+        limit_s: the step ends after this time, done or not [s]; None: never.
+        slowed: speed that the motion is slowed to; None: not slowed.
+        end: how it ended; None: not yet, or not measured.
+        measured: what the robot did of it by its own odometry, in `unit`.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    text: str
+    heard_as: str | None = None
+    certainty: float | None = None
+    amount: float | None = None
+    unit: Quantity | None = None
+    limit_s: float | None = None
+    slowed: str | None = None
+    end: End | None = None
+    measured: float | None = None
+
+    @property
+    def done(self) -> str:
+        """What the robot did of the amount, in words."""
+        if self.amount is None or self.unit is None or self.measured is None:
+            return "not measured"
+        return f"{amount_text(self.measured, self.unit)} of {amount_text(self.amount, self.unit)}"
+
+
+class Heard(BaseModel):
+    """The answer to one target, or to one item of a script.
+
+    Attributes:
+        id: of the target; 0: of the script or the prompt.
+        item: number of the script's item, from 0; None: of a target.
+        at_s: when it was followed from, by the robot's clock; of an item its own time [s].
+        tick: from which tick on it is followed; None: not yet, or of an item.
+        asked: the words, or the velocity.
+        state: what became of it.
+        heard_as: kinds of motion, in the order in which they are done.
+        certainty: the least of its steps' certainties, in [0, 1].
+        slowed: speeds that it was slowed to; None: not slowed.
+        dropped: parts that are not done.
+        reason: why it is refused, or stands still.
+        notes: what was taken for words that say no number.
+        steps: its requests; empty where it is refused.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    id: int = 0
+    item: int | None = None
+    at_s: float | None = None
+    tick: int | None = None
+    asked: str
+    state: State
+    heard_as: str | None = None
+    certainty: float | None = None
+    slowed: str | None = None
+    dropped: tuple[str, ...] = ()
+    reason: str | None = None
+    notes: tuple[str, ...] = ()
+    steps: tuple[HeardStep, ...] = ()
+
+    @property
+    def failure(self) -> str | None:
+        """What was asked and not done, in words; None: nothing."""
+        if self.state == "refused":
+            return f"refused: {self.told()}"
+        if self.dropped:
+            return f"{self.asked!r}: not done: {', '.join(self.dropped)}"
+        late = [step.text for step in self.steps if step.end == "time limit"]
+        return f"{self.asked!r}: not finished within its time: {', '.join(late)}" if late else None
+
+    def told(self) -> str | None:
+        """A line for the operator; None where all is done exactly as asked."""
+        if self.state == "refused":
+            # The listener's reasons begin with the words as asked.
+            whole = str(self.reason).startswith(repr(self.asked))
+            return self.reason if whole else f"{self._request} is refused: {self.reason}"
+        parts = []
+        if len(self.steps) > 1 or any(step.amount is not None for step in self.steps):
+            parts.append("heard as " + ", then ".join(_step_text(step) for step in self.steps))
+        if self.slowed is not None:
+            parts.append(f"slowed to {self.slowed}")
+        parts += [f"without {', '.join(map(repr, self.dropped))}"] if self.dropped else []
+        parts += list(self.notes)
+        return f"{self._request} is {'; '.join(parts)}" if parts else None
+
+    @property
+    def _request(self) -> str:
+        return self.asked if self.heard_as == "velocity" else repr(self.asked)
+
+
+def _step_text(step: HeardStep) -> str:
+    if step.amount is None or step.unit is None:
+        return str(step.heard_as)
+    limit = "" if step.limit_s is None else f" (at most {step.limit_s:.0f} s)"
+    return f"{step.heard_as} {amount_text(step.amount, step.unit)}{limit}"
+
+
+def amount_text(value: float, unit: Quantity) -> str:
+    """An amount with its unit: "90°", "2 steps", "1.5 m"."""
+    if unit == "angle":
+        return f"{np.degrees(value):.0f}°"
+    names = {"length": "m", "time": "s", "steps": "step", "times": "time"}
+    return f"{value:.3g} {names[unit]}{'s' if unit in ('steps', 'times') and value != 1 else ''}"
+
+
+class HeardRow(Record):
+    """An answer in shared memory: JSON."""
+
+    id: Int = column("i8")
+    content: Any = column(f"S{_BYTES}")
+
+
+class HeardChannel:
+    """Answers in shared memory. One process writes, the planner's; any number read. The newest of an id counts."""
+
+    def __init__(self) -> None:
+        self._ring = Ring(HeardRow.dtype(), 128)
+        self._row = HeardRow(np.zeros((), HeardRow.dtype()))
+
+    def publish(self, heard: Heard) -> None:
+        """Publish an answer, or a later version of one: a step of it has ended."""
+        content = _json(heard)
+        if len(content) > _BYTES:
+            # Only a sentence of very many steps is that long; its steps are left out, not cut off in the middle.
+            content = _json(heard.model_copy(update={"steps": (), "dropped": heard.dropped[:8]}))
+        self._row.id[...], self._row.content[...] = heard.id, content
+        self._ring.publish(np.asarray(self._row.array))
+
+    def reader(self) -> Reader:
+        """A reader of all of them, for `heard_since`."""
+        return self._ring.reader()
+
+
+def _json(heard: Heard) -> bytes:
+    return json.dumps(heard.model_dump(exclude_defaults=True)).encode()
+
+
+def heard_since(reader: Reader) -> list[Heard]:
+    """The answers since the last call."""
+    return [Heard.model_validate_json(HeardRow(row).content.item()) for row in reader.read()]
+
+
+def merged(answers: list[Heard]) -> list[Heard]:
+    """The newest version of each answer, in order of their first versions."""
+    newest: dict[tuple[int, int | None], Heard] = {}
+    for heard in answers:
+        newest[heard.id, heard.item] = heard
+    return list(newest.values())

@@ -1,0 +1,310 @@
+"""`Hearing`: a sentence to a program of steps, each with a motion, an amount and a time limit, and to its answer.
+
+The grammar (`flexmotion/text/grammar.py`) finds the requests, the model's listener the kind of motion of each. What
+cannot be done, or only in part, is said in the answer. If one request of a sentence is refused, all of it is: what
+follows would be done in another place than it was meant for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from flexmotion.sampling.pace import Pace
+from flexmotion.sampling.sampler import Condition
+from flexmotion.streamer.motion.heard import Heard, HeardStep
+from flexmotion.streamer.motion.intents import Intent, Stop, Text, Velocity
+from flexmotion.streamer.motion.programs import LEAST, MOST, MOST_STEPS, Program, Step, limit_s, usual_amount
+from flexmotion.streamer.motion.speeds import Model, Speeds, velocity_text
+from flexmotion.text.amounts import Amount
+from flexmotion.text.clauses import NO_KNOWN_WORD, Asks, Clause
+from flexmotion.text.grammar import parse, whole
+from flexmotion.text.phrases import STAND
+from flexmotion.text.prompt_reader import Prompt
+from flexmotion.text.vocabulary import Quantity, vocabulary
+
+TURNING = 0.5
+"""Speed of turns that are measured, within the robot's pace [rad/s]."""
+
+
+class _RefusedError(Exception):
+    """A request that cannot be done, with the reason."""
+
+
+class Hearing:
+    """Maps intents to programs.
+
+    Args:
+        model: that follows them.
+        pace: greatest speed of the human; None: no limit.
+    """
+
+    def __init__(self, model: Model, pace: Pace | None) -> None:
+        self.model, self.pace, self.speeds = model, pace, Speeds(model, pace)
+
+    def __call__(self, intent: Intent, under_way: Program | None = None, last: Program | None = None) -> Program:
+        """The program of an intent.
+
+        Args:
+            under_way: what the robot does now, for "faster" and the like; None: it stands.
+            last: what "again" repeats; None: nothing yet.
+        """
+        match intent:
+            case Text(text):
+                return self._sentence(text, under_way, last)
+            case Velocity(forward, left, turning):
+                asked = f"velocity {[forward, left, turning]}"
+                slowed = self.speeds.slowed(Condition(velocity=(forward, left, turning), pace=self.pace))
+                heard = Heard(asked=asked, state="slowed" if slowed else "accepted", heard_as="velocity", slowed=slowed)
+                step = Step(intent, "velocity", None, (0, 0), 0, None, HeardStep(text=asked, heard_as="velocity"))
+                return Program((step,), heard)
+        heard = Heard(asked="stop" if isinstance(intent, Stop) else repr(intent), state="accepted", heard_as="stop")
+        return Program((Step(intent, STAND, None, (0, 0), 0, None, HeardStep(text="stop", heard_as=STAND)),), heard)
+
+    def _sentence(self, sentence: str, under_way: Program | None, last: Program | None) -> Program:
+        clauses = self._requests(sentence)
+        dropped = tuple(part for clause in clauses for part in clause.dropped)
+        notes = tuple(note for clause in clauses for note in clause.notes)
+        try:
+            wanted = self._without_forbidden(sentence, clauses)
+            if len(wanted) == 1 and (changed := self._changed(sentence, wanted[0], under_way)) is not None:
+                return changed
+            steps: list[Step] = []
+            for clause in wanted:
+                steps += self._steps(clause, len(wanted) > 1 or len(clauses) > 1, steps, under_way, last)
+            if len(steps) > MOST_STEPS:
+                raise _RefusedError(f"{len(steps)} requests in one sentence, at most {MOST_STEPS}")
+        except _RefusedError as refused:
+            return self._refused(sentence, str(refused), dropped)
+        if not steps:
+            reason = "it says only what not to do: the robot stands still"
+            steps, dropped = [self._standing(sentence)], ()
+            heard = Heard(asked=sentence, state="accepted", heard_as=STAND, certainty=1.0, reason=reason)
+            return Program(tuple(steps), heard.model_copy(update={"steps": (steps[0].told,)}))
+        dropped += tuple(clause.manner for clause, step in zip(wanted, steps, strict=False) if _ignores(clause, step))
+        slowed = next((step.told.slowed for step in steps if step.told.slowed), None)
+        certainties = [step.told.certainty for step in steps if step.told.certainty is not None]
+        heard = Heard(
+            asked=sentence,
+            state="partly" if dropped else "slowed" if slowed else "accepted",
+            heard_as=", ".join(step.kind for step in steps),
+            certainty=min(certainties, default=None),
+            slowed=slowed,
+            dropped=dropped,
+            notes=notes,
+            steps=tuple(step.told for step in steps),
+        )
+        return Program(tuple(steps), heard)
+
+    def _requests(self, sentence: str) -> tuple[Clause, ...]:
+        """The requests of a sentence; a sentence whose parts only qualify each other is one, for the listener.
+
+        "Step to the left, keep facing me": no motion is known for the second part, and no order is said.
+        """
+        clauses = parse(sentence)
+        if len(clauses) < 2 or any(clause.joint == "then" or clause.forbidden for clause in clauses):
+            return clauses
+        qualifiers = vocabulary().phrases("qualifiers")
+        if not any(_begins_with(clause, qualifiers) for clause in clauses):
+            return clauses
+        one = whole(sentence)
+        return clauses if one is None or not self.model.prompt(one.text).known else (one,)
+
+    def _refused(self, sentence: str, reason: str, dropped: tuple[str, ...]) -> Program:
+        """The robot stands still."""
+        whole = reason if "stands still" in reason else f"{reason}; the robot stands still"
+        heard = Heard(
+            asked=sentence,
+            state="refused",
+            certainty=_rounded(self.model.prompt(sentence)),
+            dropped=dropped,
+            reason=whole,
+        )
+        return Program((self._standing(sentence),), heard)
+
+    def _standing(self, sentence: str) -> Step:
+        told = HeardStep(text=sentence, heard_as=STAND, certainty=1.0)
+        return Step(Text("stand still"), STAND, None, (0, 0), 0, None, told)
+
+    # ------------------------------------------------------------ what is forbidden
+
+    def _without_forbidden(self, sentence: str, clauses: Sequence[Clause]) -> list[Clause]:
+        """The clauses that ask for something; refuses a sentence that asks for what it forbids."""
+        forbidden: list[str] = []
+        for clause in (one for one in clauses if one.forbidden):
+            prompt = self.model.prompt(clause.text) if clause.text else None
+            if prompt is None or not prompt.known or prompt.kind == STAND:
+                return []  # "walk forward, no, don't", "don't move and wave": nothing moves
+            forbidden.append(prompt.kind)
+        wanted = [clause for clause in clauses if not clause.forbidden]
+        for clause in wanted:
+            if clause.asks is Asks.MOTION and clause.refusal is None:
+                kind = self.model.prompt(clause.text).kind
+                if any(_covers(one, kind) for one in forbidden):
+                    raise _RefusedError(f"{clause.said!r} is asked for and forbidden in one sentence")
+            elif clause.asks is not Asks.MOTION and forbidden:
+                raise _RefusedError(f"{clause.said!r} could mean what the sentence forbids")
+        return wanted
+
+    # ------------------------------------------------------------ what is under way
+
+    def _changed(self, sentence: str, clause: Clause, under_way: Program | None) -> Program | None:
+        """The same program at another speed, which goes on where it is; None where a clause asks for no such thing."""
+        if clause.asks not in (Asks.FASTER, Asks.SLOWER):
+            return None
+        if under_way is None or all(step.kind == STAND for step in under_way.steps):
+            raise _RefusedError("nothing is under way whose speed could change")
+        steps = [self.speeds.changed(step, clause.speed) for step in under_way.steps]
+        moved = [step for step, old in zip(steps, under_way.steps, strict=True) if step is not old]
+        if not moved:
+            which = "greatest" if clause.asks is Asks.FASTER else "smallest"
+            kinds = ", ".join(dict.fromkeys(step.kind for step in under_way.steps))
+            walks = any(step.axis != (0, 0) or step.turn or step.kind == "velocity" for step in under_way.steps)
+            reason = f"{kinds} is at its {which} speed already" if walks else f"{kinds} has one speed"
+            heard = Heard(asked=sentence, state="refused", reason=f"{reason}; it goes on", certainty=1.0)
+            return replace(under_way, heard=heard)
+        told = ", ".join(dict.fromkeys(_intent_text(step.intent) for step in moved))
+        heard = Heard(
+            asked=sentence,
+            state="accepted",
+            heard_as=", ".join(step.kind for step in steps),
+            certainty=1.0,
+            notes=(f"now at a human's {told}",),
+            steps=tuple(step.told for step in steps),
+        )
+        return Program(tuple(steps), heard, under_way.number)
+
+    # ------------------------------------------------------------ from a clause to its steps
+
+    def _steps(
+        self, clause: Clause, in_sequence: bool, before: list[Step], under_way: Program | None, last: Program | None
+    ) -> list[Step]:
+        if clause.refusal is not None:
+            prompt = self.model.prompt(clause.text)
+            told = prompt.warning if clause.refusal == NO_KNOWN_WORD and not prompt.known else None
+            raise _RefusedError(told or f"{clause.said!r}: {clause.refusal}")
+        if clause.asks is Asks.AGAIN:
+            repeated = before[-1:] if before else list(last.steps) if last is not None else []
+            if not repeated:
+                raise _RefusedError("nothing was done before that could be repeated")
+            return repeated * clause.times
+        if clause.asks is Asks.CONTINUE:
+            if clause.amount is None and in_sequence:
+                return []
+            return self._continued(clause, before, under_way)
+        if clause.asks is not Asks.MOTION:
+            if not before:
+                raise _RefusedError(f"{clause.said!r}: say it alone, while the motion is under way")
+            changed = self.speeds.changed(before[-1], clause.speed)
+            if changed is before[-1]:
+                raise _RefusedError(f"{clause.said!r}: {changed.kind} is at the limit of its speed")
+            before[-1] = changed
+            return []
+        return [self._motion(clause, in_sequence)]
+
+    def _continued(self, clause: Clause, before: list[Step], under_way: Program | None) -> list[Step]:
+        """For "after five seconds", "for two metres": more of the motion before, or of the one under way."""
+        if clause.amount is None:
+            if not before and under_way is None:
+                raise _RefusedError("nothing is under way that could go on")
+            return [] if before or under_way is None else [under_way.steps[-1]]
+        if before:
+            if before[-1].told.amount is None or before[-1].told.unit == "time":
+                before[-1] = self._measured(before[-1], clause.amount, 1)
+                return []
+            return [self._measured(self._standing(clause.said), clause.amount, 1)]
+        current = self._standing(clause.said) if under_way is None else under_way.steps[-1]
+        return [self._measured(current, clause.amount, 1)]
+
+    def _motion(self, clause: Clause, in_sequence: bool) -> Step:
+        prompt = self.model.prompt(clause.text)
+        if not prompt.known:
+            raise _RefusedError(prompt.warning or f"{clause.text!r} is not understood")
+        if prompt.warning is not None:
+            return self._standing(clause.said)  # a prohibition, such as "stop that at once"
+        table = vocabulary().table
+        axis = tuple(table["walks"].get(prompt.kind, (0, 0)))
+        turn = int(table["turns"].get(prompt.kind, 0))
+        intent: Intent = Text(clause.text)
+        condition = Condition(clause.text, pace=self.pace)
+        slowed = self.speeds.slowed(condition)
+        told = HeardStep(text=clause.text, heard_as=prompt.kind, certainty=_rounded(prompt), slowed=slowed)
+        step = Step(intent, prompt.kind, None, (int(axis[0]), int(axis[1])), turn, None, told)
+        if clause.speed != 1.0 and (turn or step.axis != (0, 0)):
+            changed = self.speeds.changed(step, clause.speed)
+            if clause.speed < 1.0 and changed is step:
+                raise _RefusedError(f"{clause.said!r}: {step.kind} is at its smallest speed already")
+            if changed is not step:
+                told = changed.told.model_copy(update={"slowed": None if clause.speed < 1.0 else told.slowed})
+                step = replace(changed, told=told)
+        amount, times = clause.amount, clause.times
+        if amount is None and (in_sequence or clause.counted):
+            amount = usual_amount(step, times)
+            times = 1 if amount.quantity != "times" else times
+        if amount is None:
+            return step
+        return self._measured(step, amount, times)
+
+    def _measured(self, step: Step, amount: Amount, times: int) -> Step:
+        """The step with an end; refuses amounts that its motion does not have, or that are out of bounds."""
+        moves = step.turn != 0 or step.axis != (0, 0) or step.kind == "velocity"
+        fits: tuple[Quantity, ...] = ("time", "times")
+        if step.turn:
+            fits = ("angle", "time", "steps")
+        elif moves:
+            fits = ("length", "time", "steps")
+        elif step.kind == STAND:
+            fits = ("time",)
+        if amount.quantity not in fits:
+            raise _RefusedError(f"{amount.said!r}: {step.kind} is measured in {' or '.join(map(_unit_text, fits))}")
+        value = amount.value * (times if amount.quantity != "times" else 1)
+        amount = replace(amount, value=value)
+        least, most = LEAST[amount.quantity], MOST[amount.quantity]
+        if not least <= value <= most:
+            bounds = [str(replace(amount, value=bound)) for bound in (least, most)]
+            raise _RefusedError(f"{amount.said!r} is {amount}, expected {bounds[0]} to {bounds[1]}")
+        if step.turn and amount.quantity == "angle" and self.model.follows_velocity:
+            pace = TURNING if self.pace is None else min(TURNING, self.pace.turning)
+            rate = pace if not isinstance(step.intent, Velocity) else min(abs(step.intent.turning) or pace, pace)
+            told = step.told.model_copy(update={"slowed": None})  # it turns on the spot, at the robot's pace
+            step = replace(step, intent=Velocity(0.0, 0.0, step.turn * rate), told=told)
+        limit = limit_s(step, amount)
+        told = step.told.model_copy(
+            update={"amount": round(amount.value, 6), "unit": amount.quantity, "limit_s": limit}
+        )
+        return replace(step, amount=amount, limit_s=limit, told=told)
+
+
+def _begins_with(clause: Clause, phrases: Sequence[str]) -> bool:
+    """Whether a motion without an amount begins with one of some phrases."""
+    motion = clause.asks is Asks.MOTION and clause.amount is None and clause.refusal is None
+    return motion and any(f"{clause.text} ".startswith(f"{phrase} ") for phrase in phrases)
+
+
+def _covers(forbidden: str, kind: str) -> bool:
+    """Whether a kind of motion is among what a prohibition of another means: not to walk is not to walk anywhere."""
+    walks = vocabulary().table["walks"]
+    if forbidden == "walk":
+        return kind in walks
+    if forbidden in ("run", "dash"):
+        return kind in ("run", "dash")
+    return forbidden == kind
+
+
+def _ignores(clause: Clause, step: Step) -> bool:
+    """Whether a motion has no speed that an adverb could change; standing has none to speak of."""
+    gesture = not step.turn and step.axis == (0, 0) and step.kind != STAND
+    return bool(clause.manner) and clause.asks is Asks.MOTION and gesture
+
+
+def _rounded(prompt: Prompt) -> float:
+    return round(float(prompt.share), 4)
+
+
+def _unit_text(quantity: Quantity) -> str:
+    return {"angle": "degrees", "length": "metres", "time": "seconds"}.get(quantity, quantity)
+
+
+def _intent_text(intent: Intent) -> str:
+    assert isinstance(intent, Velocity)
+    return velocity_text((intent.forward, intent.left, intent.turning))

@@ -1,0 +1,103 @@
+"""`Program`: the steps of a sentence, each with a motion, an amount and a time limit."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import pi
+
+import numpy as np
+
+from flexmotion.streamer.motion.heard import Heard, HeardStep
+from flexmotion.streamer.motion.intents import Intent
+from flexmotion.text.amounts import Amount
+from flexmotion.text.phrases import STAND
+from flexmotion.text.vocabulary import Quantity
+
+MOST: dict[Quantity, float] = {"angle": 4 * pi, "length": 10.0, "steps": 40.0, "time": 120.0, "times": 10.0}
+"""Greatest amount of one request: two whole turns [rad], [m], steps, [s], times."""
+
+LEAST: dict[Quantity, float] = {"angle": np.radians(5.0), "length": 0.02, "steps": 1.0, "time": 0.1, "times": 1.0}
+"""Smallest amount that the robot can measure and do."""
+
+MOST_STEPS = 12
+"""Requests in one sentence."""
+
+WALK_S, STAND_S, TURN_RAD = 4.0, 2.0, pi / 2
+"""Amounts of a walk, of a wait and of a turn in a sequence that says none."""
+
+GESTURE_S = 3.5
+"""Time of one wave, one bow and so on: a window of the model before it and after it, and the motion [s]."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """One request, ready to be followed.
+
+    Attributes:
+        intent: what the model is asked.
+        kind: of motion.
+        amount: how much, measured at the robot; None: until something else is asked.
+        axis: direction of a walk, ahead and left; (0, 0) for other motions.
+        turn: side of a turn: 1 left, -1 right, 0 for other motions.
+        limit_s: the step ends after this time at the latest [s].
+        told: for the answer.
+    """
+
+    intent: Intent
+    kind: str
+    amount: Amount | None
+    axis: tuple[int, int]
+    turn: int
+    limit_s: float | None
+    told: HeardStep
+
+
+@dataclass(frozen=True)
+class Program:
+    """Steps in their order. After the last one the robot stands, unless it has no amount.
+
+    Attributes:
+        number: identifies the program; a change of speed keeps it.
+        heard: the answer.
+    """
+
+    steps: tuple[Step, ...]
+    heard: Heard
+    number: int = 0
+
+    @property
+    def is_open(self) -> bool:
+        """Whether it is one motion without an end, which nothing has to measure."""
+        return len(self.steps) == 1 and self.steps[0].amount is None
+
+    @property
+    def limit_s(self) -> float | None:
+        """The longest time that it takes [s]; None: without an end."""
+        limits = [step.limit_s for step in self.steps]
+        return None if None in limits else sum(limit for limit in limits if limit is not None)
+
+
+def usual_amount(step: Step, times: int) -> Amount:
+    """What a request without an amount means in a sequence."""
+    if step.turn:
+        return Amount(TURN_RAD * times, "angle", "no angle said")
+    if step.axis != (0, 0):
+        return Amount(WALK_S * times, "time", "no amount said")
+    if step.kind == STAND:
+        return Amount(STAND_S * times, "time", "no time said")
+    return Amount(float(times), "times", "no amount said")
+
+
+def limit_s(step: Step, amount: Amount) -> float:
+    """The longest time that a step is given: about twice what the slowest robot's pace takes [s]."""
+    value = amount.value
+    match amount.quantity:
+        case "angle":
+            return 12.0 + value / 0.2
+        case "length":
+            return 10.0 + value * (60.0 if step.axis[1] else 20.0)
+        case "steps":
+            return 8.0 + 2.0 * value
+        case "times":
+            return 4.0 + (GESTURE_S + 4.0) * value
+    return value + 2.0

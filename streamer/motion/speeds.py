@@ -1,0 +1,108 @@
+"""`Speeds`: how fast the human of a request moves, what it is slowed to, and "faster" and "slower"."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Protocol
+
+import numpy as np
+
+from flexmotion.sampling.pace import Pace
+from flexmotion.sampling.sampler import Condition
+from flexmotion.streamer.motion.intents import FASTEST, Text, Velocity
+from flexmotion.streamer.motion.programs import Step
+from flexmotion.text.prompt_reader import Prompt
+
+SLOWEST = 0.3
+"""Share of the robot's pace below which its gait is no walk any more."""
+
+
+class Model(Protocol):
+    """What hearing needs of `flexmotion.sampling.sampler.Sampler`."""
+
+    @property
+    def follows_velocity(self) -> bool:
+        """Whether a velocity can be requested."""
+        ...
+
+    def prompt(self, text: str) -> Prompt:
+        """Meaning of a text."""
+        ...
+
+    def meant(self, condition: Condition) -> Condition:
+        """The condition with the velocity that its words mean, within its pace."""
+        ...
+
+
+class Speeds:
+    """Speeds of a model's human, for one robot.
+
+    Args:
+        model: that follows them.
+        pace: greatest speed of the human; None: no limit.
+    """
+
+    def __init__(self, model: Model, pace: Pace | None) -> None:
+        self.model, self.pace = model, pace
+
+    def slowed(self, condition: Condition) -> str | None:
+        """The speed to which a request is slowed, in words; None: it is not."""
+        found = self.model.meant(condition).velocity
+        meant = self.model.meant(replace(condition, pace=None)).velocity
+        if found is None or (meant is not None and np.allclose(found, meant)):
+            return None
+        return f"a human's {velocity_text(found)}, so that the robot can follow"
+
+    def changed(self, step: Step, factor: float) -> Step:
+        """The step at another speed, within the limits; the same step where it has only one or is at a limit."""
+        base = self._velocity(step)
+        if base is None:
+            return step
+        limited = Condition(velocity=_clipped(base, factor), pace=self.pace)
+        velocity = self.model.meant(limited).velocity or base
+        change = float(np.abs(velocity).max() / max(np.abs(base).max(), 1e-9))
+        if (factor > 1.0 and change < 1.03) or (factor < 1.0 and self._share(velocity) < SLOWEST):
+            return step
+        limit = None if step.limit_s is None else step.limit_s / min(change, 1.0)
+        told = step.told.model_copy(update={"limit_s": limit})
+        return replace(step, intent=Velocity(*(float(v) for v in velocity)), limit_s=limit, told=told)
+
+    def _velocity(self, step: Step) -> tuple[float, float, float] | None:
+        """Velocity of a step's human; None where it has none."""
+        match step.intent:
+            case Velocity(forward, left, turning):
+                condition = Condition(velocity=(forward, left, turning), pace=self.pace)
+            case Text(text):
+                condition = Condition(text, pace=self.pace)
+            case _:
+                return None
+        return self.model.meant(condition).velocity if self.model.follows_velocity else None
+
+    def _share(self, velocity: tuple[float, float, float]) -> float:
+        """Share of the pace that a velocity takes."""
+        if self.pace is None:
+            return 1.0
+        pace = self.pace
+        forward, left, turning = velocity
+        ahead = abs(forward) / (pace.ahead if forward > 0 else pace.back)
+        return max(ahead, abs(left) / pace.aside, abs(turning) / pace.turning)
+
+
+def _clipped(velocity: tuple[float, float, float], factor: float) -> tuple[float, float, float]:
+    scaled = np.clip(np.multiply(velocity, factor), np.negative(FASTEST), FASTEST)
+    return float(scaled[0]), float(scaled[1]), float(scaled[2])
+
+
+def velocity_text(velocity: tuple[float, float, float]) -> str:
+    """A human's velocity in words; components that are zero are left out."""
+    forward, left, turning = velocity
+    parts = (
+        (forward, "m/s ahead" if forward > 0 else "m/s back"),
+        (left, f"m/s to the {_side(left)}"),
+        (turning, f"rad/s turning {_side(turning)}"),
+    )
+    return " and ".join(f"{abs(value):.2g} {what}" for value, what in parts if value)
+
+
+def _side(value: float) -> str:
+    return "left" if value > 0 else "right"

@@ -1,0 +1,27 @@
+"""`advice`: what to do about a fault or a warning, for the person in front of the page."""
+
+from __future__ import annotations
+
+import re
+
+_ADVICE = (
+    (r"e-stop", "The robot froze, then parked. See that nobody is in its way, then start the run again."),
+    (r"kill", "The torque was cut. Put the robot into its rest pose by hand, then start the run again."),
+    (r"\bfall\b", "Switch the supply off before you touch the robot. Put it up, look for damage, start the run again."),
+    (r"bus lost", "Check the servos' cable and supply; `flexmotion check bus` finds the rest."),
+    (r"does not answer", "Check this servo's plug and the cable to it: `flexmotion servo scan`."),
+    (r"hardware error", "The servo was too hot or overloaded: let it cool, then `flexmotion servo reboot`."),
+    (r"shuts down at", "The servo is hot. Let the robot rest in its parked pose until it has cooled down."),
+    (r"supply at", "The supply is low: charge or change the battery, then start the run again."),
+    (r"gyro's bias", "Let the robot stand still on its feet for a second while it starts."),
+    (r"\bIMU\b", "The IMU is silent: check its cable. Without it falls are not noticed; keep a hand at the robot."),
+    (r"no start", "The robot did not start; the message says what to mend. Nothing has moved."),
+    (r"time limit", "The run was ended by its --seconds."),
+    (r"planner", "The planner hangs or has ended. The robot stands by itself; start the run again."),
+    (r"feet are in the air", "The robot hangs: balance is off until its feet bear it."),
+)  # fmt: skip
+
+
+def advice(message: str) -> str | None:
+    """What to do about the message of a fault, a warning or a note; None: nothing is known, or needed."""
+    return next((text for pattern, text in _ADVICE if re.search(pattern, message)), None)

@@ -1,0 +1,88 @@
+"""Figures of a run over its last seconds."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexmotion.configs.robot import Robot
+from flexmotion.streamer.control.ladder import State
+
+Float = NDArray[np.float64]
+Row = np.ndarray[Any, Any]
+
+WINDOW_S, EFFORT_S = 5.0, 1.0
+"""Windows of lateness and work, and of torque [s]."""
+
+
+@dataclass(frozen=True)
+class Load:
+    """RMS torque of a joint as a share of its servo's usable torque."""
+
+    joint: str
+    share: float
+
+
+class Health:
+    """Figures over the newest rows.
+
+    Attributes:
+        row: the newest row.
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        self.robot = robot
+        window = int(WINDOW_S * robot.rate_hz)
+        self._lateness: deque[float] = deque(maxlen=window)
+        self._work: deque[float] = deque(maxlen=window)
+        self._torque: deque[Float] = deque(maxlen=int(EFFORT_S * robot.rate_hz))
+        self.row: Row | None = None
+
+    def take(self, rows: Row) -> None:
+        """Take rows (k,), k > 0."""
+        self._lateness.extend(rows["lateness_s"].tolist())
+        self._work.extend(rows["work_s"].tolist())
+        self._torque.extend(torque(rows))
+        self.row = rows[-1]
+
+    @property
+    def state(self) -> State:
+        """State of the safety ladder."""
+        return State.OFF if self.row is None else State(int(self.row["state"]))
+
+    @property
+    def time_s(self) -> float:
+        """Time of the loop since its start [s]."""
+        return 0.0 if self.row is None else float(self.row["tick"]) / self.robot.rate_hz
+
+    def lateness_s(self, percentile: float) -> float:
+        """Percentile of how late the loop woke [s]; NaN before the first row."""
+        return _percentile(self._lateness, percentile)
+
+    def work_s(self, percentile: float) -> float:
+        """Percentile of how long a tick's work took [s]; NaN before the first row."""
+        return _percentile(self._work, percentile)
+
+    def hardest(self, count: int) -> list[Load]:
+        """The joints with the highest load, highest first; fewer if torques are unknown."""
+        if not self._torque:
+            return []
+        rms = np.sqrt(np.mean(np.square(np.stack(self._torque)), axis=0)) / self.robot.usable_torque
+        order = [int(joint) for joint in np.argsort(-rms) if np.isfinite(rms[joint])]
+        return [Load(self.robot.joint_names[joint], float(rms[joint])) for joint in order[:count]]
+
+
+def torque(rows: Row) -> Float:
+    """Joint torques (k, n) [N·m]: simulated, else measured, else planned; 0 if unknown."""
+    found = rows["torque_ref"]
+    for name in ("effort", "true_torque"):
+        found = np.where(np.isfinite(rows[name]), rows[name], found)
+    return np.nan_to_num(found)
+
+
+def _percentile(values: deque[float], percentile: float) -> float:
+    return float(np.percentile(values, percentile)) if values else float("nan")

@@ -1,0 +1,184 @@
+// The page of a run.
+
+import { Asked } from "./asked.js";
+import { Curves } from "./curves.js";
+import { Link } from "./link.js";
+import { Scene } from "./scene.js";
+import { Stick } from "./stick.js";
+import { Stops } from "./stops.js";
+
+const STATES = {
+  OFF: ["torque off", ""], READY: ["getting up", "warn"], STREAMING: ["moving", "good"], HOLD: ["standing", "good"],
+  PARK: ["parking", "warn"], DAMPED: ["fallen", "bad"], FAULT: ["fault", "bad"],
+};
+const EVENTS_KEPT = 40;
+const element = (id) => document.getElementById(id);
+
+let robot = null, scene = null, curves = null, status = {}, alarm = null, seen = 0;
+
+const link = new Link({
+  open: begin,
+  closed: () => pill("no connection", "bad"),
+  refused: askToken,
+  picture: (numbers) => { scene?.take(numbers); seen = performance.now(); },
+  message: ({ type, ...content }) => ({ status: showStatus, health: showHealth, curves: takeCurves, event: showEvent, heard: (one) => asked.heard(one), lease: () => {} })[type]?.(content),
+});
+const asked = new Asked(link);
+const stick = new Stick(link, () => robot?.pace ?? [0.4, 0.3, 0.2, 0.5]);
+const stops = new Stops(link, () => status.stop_port ?? 8791);
+
+async function start() {
+  theme(localStorage.getItem("theme") ?? (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light"));
+  try {
+    robot = await link.get("/robot");
+  } catch {
+    pill("no connection", "bad");
+    setTimeout(start, 1500);
+    return;
+  }
+  element("robot").textContent = robot.name;
+  element("driver").textContent = robot.driver === "sim" ? "simulated" : robot.driver;
+  document.title = `${robot.name} · FlexMotion`;
+  curves = new Curves(1000 / robot.rate_hz);
+  scene = new Scene(element("scene"), robot);
+  scene.paint();
+  for (const [id, name] of [["show-plan", "plan"], ["show-human", "human"], ["show-balance", "balance"]]) {
+    element(id).onchange = ({ target }) => { scene.shown[name] = target.checked; };
+  }
+  link.connect();
+  requestAnimationFrame(draw);
+  setInterval(drawFigures, 200);
+  window.flexmotion = { scene, link, asked };
+}
+
+function begin() {
+  element("events").replaceChildren();
+
+}
+
+function draw() {
+  scene.draw();
+  requestAnimationFrame(draw);
+}
+
+function drawFigures() {
+  if (document.hidden) return;
+  curves.draw();
+  asked.draw(scene.time ?? 0);
+}
+
+function takeCurves(message) {
+  curves?.take(message);
+}
+
+function pill(text, kind) {
+  element("state").textContent = text;
+  element("state").className = `pill ${kind}`;
+}
+
+function showStatus(now) {
+  status = now;
+  const [text, kind] = STATES[now.state] ?? ["starting", ""];
+  const silent = now.loop === "silent";
+  const stopped = now.must_stop && ["HOLD", "STREAMING"].includes(now.state);
+  pill(silent ? (now.state ? "run has ended" : "starting") : stopped ? "stopped" : text, silent || stopped ? "warn" : kind);
+  stops.show(now);
+  element("following").textContent = stopped
+    ? (now.state === "HOLD" ? "stopped: release the stop to go on" : "stopping")
+    : now.state === "STREAMING" ? asked.now : "";
+  const other = now.operator && now.operator !== link.source ? now.operator : null;
+  element("operator").textContent = now.operator ? (other ? `operator: ${other}` : "you steer") : "";
+  const lease = element("lease");
+  lease.hidden = !other;
+  if (other) {
+    lease.firstElementChild.textContent = `${other} steers the robot.`;
+    lease.lastElementChild.onclick = () => link.send({ type: "take" });
+  }
+  element("stick").classList.toggle("off", Boolean(stopped || silent || other));
+  if (alarm && !["FAULT", "DAMPED", "PARK", "OFF", "HOLD"].includes(now.state)) showAlarm(null);
+}
+
+function showEvent({ time_s, kind, message, advice }) {
+  if (kind === "request" && message === "NOTE") return;
+  const item = document.createElement("li");
+  const time = document.createElement("time");
+  time.textContent = `${time_s.toFixed(1)} s`;
+  const text = document.createElement("span");
+  text.className = kind;
+  text.textContent = message;
+  item.append(time, text);
+  if (advice) item.append(Object.assign(document.createElement("p"), { textContent: advice }));
+  const list = element("events");
+  list.prepend(item);
+  while (list.children.length > EVENTS_KEPT) list.lastChild.remove();
+  if (kind === "fault" || (kind === "state" && advice)) showAlarm(message, advice);
+}
+
+function showAlarm(message, advice) {
+  alarm = message;
+  const box = element("alarm");
+  box.hidden = !message;
+  box.replaceChildren();
+  if (!message) return;
+  const head = document.createElement("strong");
+  head.textContent = message.replace(/^[A-Z]+ -> [A-Z]+:? ?/, "");
+  box.append(head, advice ?? "The robot stands or parks. See the messages.");
+}
+
+function showHealth(now) {
+  const known = now.temperatures.map((value, joint) => [value, robot.joints[joint]]).filter(([value]) => value !== null);
+  const hottest = known.reduce((a, b) => (b[0] > a[0] ? b : a), [-Infinity, ""]);
+  const volts = now.voltages.filter((value) => value !== null);
+  const limit = robot.temperature_limit;
+  list("body", {
+    "hottest servo": known.length ? `${hottest[1]}, ${hottest[0].toFixed(0)} °C of ${limit} °C` : "not measured",
+    supply: volts.length ? `${Math.min(...volts).toFixed(1)} V${robot.voltage_min ? ` (at least ${robot.voltage_min} V)` : ""}` : "not measured",
+  });
+  element("hardest").replaceChildren(...now.hardest.map(([joint, share]) => {
+    const bar = document.createElement("div");
+    bar.className = share > 0.8 ? "bar high" : "bar";
+    const name = Object.assign(document.createElement("span"), { textContent: joint });
+    const box = document.createElement("i");
+    box.append(document.createElement("i"));
+    box.firstChild.style.width = `${Math.min(100 * share, 100)}%`;
+    const value = Object.assign(document.createElement("b"), { textContent: `${(100 * share).toFixed(0)} %` });
+    bar.append(name, box, value);
+    return bar;
+  }));
+  const pair = ([middle, most]) => (middle === null ? "–" : `${middle.toFixed(2)} / ${most.toFixed(2)} ms`);
+  const ms = (value) => (value === null ? "–" : `${value} ms`);
+  list("figures", {
+    "woke late (median / p99)": pair(now.wake_ms), "loop work (median / p99)": pair(now.work_ms),
+    "sampling, retargeting": `${ms(now.sample_ms)}, ${ms(now.retarget_ms)}`,
+    "target to command, newest": ms(now.target_to_command_ms),
+    "tick, plan": `${status.tick ?? "–"}, ${now.plan}`,
+    "missed periods, underruns, late plans": `${now.missed_deadlines}, ${now.underruns}, ${now.late_plans}`,
+    "violations sent": now.violations, "steps, inserted": `${now.steps_planned}, ${now.steps_inserted}`,
+    "feet in the air": now.hung ? "yes" : "no",
+    messages: Object.entries(status.counts ?? {}).map(([name, count]) => `${name} ${count}`).join(", ") || "none",
+    "picture's age": seen ? `${Math.round(performance.now() - seen)} ms` : "–",
+  });
+}
+
+function list(id, values) {
+  element(id).replaceChildren(...Object.entries(values).flatMap(([name, value]) => [
+    Object.assign(document.createElement("dt"), { textContent: name }),
+    Object.assign(document.createElement("dd"), { textContent: value }),
+  ]));
+}
+
+function theme(name) {
+  document.documentElement.dataset.theme = name;
+  localStorage.setItem("theme", name);
+  scene?.paint();
+}
+element("theme").onclick = () => theme(document.documentElement.dataset.theme === "dark" ? "light" : "dark");
+
+function askToken() {
+  const dialog = element("token");
+  if (dialog.open) return;
+  dialog.onclose = () => { link.setToken(element("token-text").value.trim()); };
+  dialog.showModal();
+}
+
+start();

@@ -1,0 +1,270 @@
+// The robot as measured and as planned, its human, its feet and its balance.
+
+import * as THREE from "three";
+import { OrbitControls } from "/page/three/OrbitControls.js";
+
+const LEFT = "#0072b2", RIGHT = "#d55e00"; // told apart with any colour vision
+const FOLLOW_S = 0.4;
+const PATH_STEP_M = 0.01, PATH_KEPT = 800;
+const HALO_M = 0.004;
+
+export class Scene {
+  // robot: what /robot gives.
+  constructor(canvas, robot) {
+    this.robot = robot;
+    this.height = robot.height_m;
+    this.canvas = canvas;
+    this.renderer = new THREE.WebGLRenderer({ canvas, antialias: true });
+    this.renderer.shadowMap.enabled = true;
+    this.scene = new THREE.Scene();
+    this.camera = new THREE.PerspectiveCamera(38, 1, 0.02, 60);
+    this.camera.up.set(0, 0, 1);
+    const h = this.height;
+    this.camera.position.set(2.1 * h, -1.5 * h, 1.15 * h);
+    this.controls = new OrbitControls(this.camera, canvas);
+    this.controls.target.set(0, 0.3 * h, 0.48 * h);
+    this.controls.minDistance = 0.6 * h;
+    this.controls.maxDistance = 12 * h;
+    this.controls.maxPolarAngle = 1.52;
+    this.controls.enablePan = false;
+    this.world = new THREE.Group(); // moves under the camera, so that the view can be turned meanwhile
+    this.scene.add(this.world);
+    this.centre = null;
+    this.drawnAt = performance.now();
+    this.addLights(h);
+    this.addFloor();
+    this.measured = this.figure((colour) => new THREE.MeshStandardMaterial({ color: colour, roughness: 0.75, metalness: 0.1 }), 0);
+    this.planMaterial = new THREE.MeshBasicMaterial({ transparent: true, opacity: 0.5, side: THREE.BackSide, depthWrite: false });
+    this.planned = this.figure(() => this.planMaterial, HALO_M);
+    this.addHuman();
+    this.addBalance();
+    this.addPath();
+    this.shown = { plan: true, human: true, balance: false };
+    this.resize = new ResizeObserver(() => this.fit());
+    this.resize.observe(canvas.parentElement);
+    this.fit();
+  }
+
+  addLights(h) {
+    this.scene.add(new THREE.HemisphereLight(0xffffff, 0x8090a0, 1.6));
+    const sun = new THREE.DirectionalLight(0xffffff, 2.2);
+    sun.position.set(2 * h, -1.5 * h, 4 * h);
+    sun.castShadow = true;
+    sun.shadow.mapSize.set(1024, 1024);
+    Object.assign(sun.shadow.camera, { left: -2 * h, right: 2 * h, top: 2 * h, bottom: -2 * h, near: 0.1, far: 10 * h });
+    sun.shadow.radius = 4;
+    this.scene.add(sun);
+  }
+
+  addFloor() {
+    const size = 40 * this.height;
+    this.cell = 0.25;
+    // Lines as a picture: line segments that pass beside the camera are dropped by some drivers.
+    const tile = document.createElement("canvas");
+    tile.width = tile.height = 256;
+    const context = tile.getContext("2d");
+    context.fillStyle = "#fff";
+    context.fillRect(0, 0, 256, 256);
+    context.strokeStyle = "#b4bcc6";
+    context.lineWidth = 4;
+    context.strokeRect(0, 0, 256, 256);
+    this.tiles = new THREE.CanvasTexture(tile);
+    this.tiles.wrapS = this.tiles.wrapT = THREE.RepeatWrapping;
+    this.tiles.repeat.setScalar(size / this.cell);
+    this.tiles.anisotropy = 8;
+    this.floor = new THREE.Mesh(new THREE.PlaneGeometry(size, size), new THREE.MeshStandardMaterial({ roughness: 1, map: this.tiles }));
+    this.floor.receiveShadow = true;
+    this.scene.add(this.floor);
+  }
+
+  figure(material, grow) {
+    const root = new THREE.Group();
+    const bodies = this.robot.bodies.map(() => { const body = new THREE.Group(); root.add(body); return body; });
+    for (const mesh of this.robot.meshes) {
+      const geometry = new THREE.BufferGeometry();
+      geometry.setAttribute("position", new THREE.BufferAttribute(new Float32Array(unpacked(mesh.vertices)), 3));
+      geometry.setIndex(new THREE.BufferAttribute(new Uint32Array(unpacked(mesh.faces)), 1));
+      geometry.computeVertexNormals();
+      if (grow) {
+        const [place, normal] = [geometry.attributes.position, geometry.attributes.normal];
+        for (let i = 0; i < place.count; i++) {
+          place.setXYZ(i, place.getX(i) + grow * normal.getX(i), place.getY(i) + grow * normal.getY(i), place.getZ(i) + grow * normal.getZ(i));
+        }
+      }
+      const drawn = new THREE.Mesh(geometry, material(new THREE.Color(...mesh.colour.map((part) => part / 255)).convertSRGBToLinear()));
+      drawn.castShadow = !grow;
+      drawn.receiveShadow = !grow;
+      bodies[mesh.body].add(drawn);
+    }
+    root.visible = false;
+    this.world.add(root);
+    return { root, bodies };
+  }
+
+  addHuman() {
+    this.humanMaterial = new THREE.MeshStandardMaterial({ roughness: 0.6, transparent: true, opacity: 0.9 });
+    const index = new Map(this.robot.points.map((name, place) => [name, place]));
+    const place = (name) => (name === "neck" ? ["left_shoulder", "right_shoulder"] : [name]).map((one) => index.get(one));
+    const thick = 0.022 * this.height;
+    const shape = new THREE.CylinderGeometry(1, 1, 1, 12), ball = new THREE.SphereGeometry(thick, 12, 8);
+    this.human = new THREE.Group();
+    this.bones = this.robot.bones.map(([from, to]) => {
+      const drawn = new THREE.Mesh(shape, this.humanMaterial);
+      drawn.castShadow = true;
+      this.human.add(drawn);
+      const ends = [new THREE.Mesh(ball, this.humanMaterial), new THREE.Mesh(ball, this.humanMaterial)];
+      this.human.add(...ends);
+      return { drawn, ends, from: place(from), to: place(to), thick };
+    });
+    this.head = new THREE.Mesh(new THREE.SphereGeometry(0.06 * this.height, 20, 14), this.humanMaterial);
+    this.head.castShadow = true;
+    this.human.add(this.head);
+    this.vertex = index.get("vertex");
+    this.human.visible = false;
+    this.world.add(this.human);
+  }
+
+  addBalance() {
+    this.balance = new THREE.Group();
+    const radius = 0.02 * this.height;
+    const disc = (colour, size) => {
+      const drawn = new THREE.Mesh(new THREE.CircleGeometry(size, 24), new THREE.MeshBasicMaterial({ color: colour, depthTest: false }));
+      drawn.renderOrder = 2;
+      this.balance.add(drawn);
+      return drawn;
+    };
+    this.soles = this.robot.soles_m.map(([along, across], side) => {
+      const colour = side ? RIGHT : LEFT;
+      const drawn = new THREE.Mesh(new THREE.PlaneGeometry(along, across), new THREE.MeshBasicMaterial({ color: colour, transparent: true, depthTest: false }));
+      drawn.renderOrder = 1;
+      this.balance.add(drawn);
+      return drawn;
+    });
+    this.marks = [disc("#00795c", radius), disc("#9b59b6", radius), disc("#1f2937", 0.7 * radius)];
+    this.balance.visible = false;
+    this.world.add(this.balance);
+  }
+
+  addPath() {
+    this.path = [];
+    this.line = new THREE.Line(new THREE.BufferGeometry(), new THREE.LineBasicMaterial());
+    this.line.frustumCulled = false;
+    this.world.add(this.line);
+  }
+
+  // Colours of the page: light or dark.
+  paint() {
+    const style = getComputedStyle(document.documentElement);
+    const colour = (name) => new THREE.Color(style.getPropertyValue(name).trim());
+    const ground = colour("--stage");
+    this.scene.background = ground;
+    this.scene.fog = new THREE.Fog(ground, 5 * this.height, 16 * this.height);
+    this.floor.material.color = ground;
+    this.planMaterial.color = colour("--plan");
+    this.humanMaterial.color = colour("--human");
+    this.line.material.color = colour("--quiet");
+    this.changed = true;
+  }
+
+  // Take a picture, an array of numbers as `flexmotion.streamer.page.pictures` makes it.
+  take(numbers) {
+    const count = this.robot.bodies.length * 7;
+    let place = 1;
+    const part = (length) => numbers.subarray(place, (place += length));
+    this.time = numbers[0];
+    this.changed = true;
+    pose(this.measured, part(count), true);
+    pose(this.planned, part(count), this.shown.plan);
+    this.showHuman(part(3 * this.robot.points.length));
+    this.showBalance(part(10), part(2), part(2), part(2), part(3));
+    if (this.measured.root.visible) this.follow(this.measured.bodies[1].position);
+  }
+
+  showHuman(points) {
+    this.human.visible = this.shown.human && Number.isFinite(points[0]);
+    if (!this.human.visible) return;
+    const point = (places) => places.reduce((sum, at) => sum.add(new THREE.Vector3(...points.subarray(3 * at, 3 * at + 3))), new THREE.Vector3()).divideScalar(places.length);
+    for (const { drawn, ends, from, to, thick } of this.bones) {
+      const [a, b] = [point(from), point(to)];
+      const along = b.clone().sub(a);
+      drawn.position.copy(a).add(b).multiplyScalar(0.5);
+      drawn.quaternion.setFromUnitVectors(new THREE.Vector3(0, 1, 0), along.clone().normalize());
+      drawn.scale.set(thick, along.length(), thick);
+      ends[0].position.copy(a);
+      ends[1].position.copy(b);
+    }
+    this.head.position.copy(point([this.vertex]));
+    this.head.position.z -= 0.06 * this.height;
+  }
+
+  showBalance(feet, _planned, zmp, dcm, com) {
+    this.balance.visible = this.shown.balance;
+    this.soles.forEach((sole, side) => {
+      const [x, y, z, yaw, bears] = feet.subarray(5 * side, 5 * side + 5);
+      sole.visible = Number.isFinite(x);
+      sole.position.set(x, y, Math.max(z, 0) + 0.002);
+      sole.rotation.z = yaw;
+      sole.material.opacity = bears ? 0.6 : 0.2;
+    });
+    [zmp, dcm, com].forEach(([x, y], index) => {
+      this.marks[index].visible = Number.isFinite(x);
+      this.marks[index].position.set(x, y, 0.004);
+    });
+  }
+
+  follow(at) {
+    const now = performance.now();
+    const share = 1 - Math.exp(-Math.min(now - this.drawnAt, 1000) / 1000 / FOLLOW_S);
+    this.drawnAt = now;
+    this.centre ??= at.clone();
+    this.centre.lerp(at, share);
+    this.world.position.set(-this.centre.x, -this.centre.y, 0);
+    this.tiles.offset.set((this.centre.x / this.cell) % 1, (this.centre.y / this.cell) % 1);
+    const last = this.path.at(-1);
+    if (!last || Math.hypot(last.x - at.x, last.y - at.y) > PATH_STEP_M) {
+      this.path.push(new THREE.Vector3(at.x, at.y, 0.0015));
+      if (this.path.length > PATH_KEPT) this.path.shift();
+      this.line.geometry.dispose();
+      this.line.geometry = new THREE.BufferGeometry().setFromPoints(this.path);
+    }
+  }
+
+  fit() {
+    const { clientWidth: width, clientHeight: height } = this.canvas.parentElement;
+    this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
+    this.renderer.setSize(width, height, false);
+    this.camera.aspect = width / Math.max(height, 1);
+    this.camera.fov = width < height ? 48 : 38;
+    // On a phone the stick lies over the lower left corner.
+    if (width < 500) this.camera.setViewOffset(width, height, -0.1 * width, 0.08 * height, width, height);
+    else this.camera.clearViewOffset();
+    this.camera.updateProjectionMatrix();
+    this.changed = true;
+  }
+
+  // Draws where anything has changed: a page that shows a robot at rest costs nothing.
+  draw() {
+    if (!this.controls.update() && !this.changed) return;
+    this.changed = false;
+    this.renderer.render(this.scene, this.camera);
+  }
+
+  // Place of a body of the measured robot in the world [m]; for tests.
+  bodyPosition(name) {
+    return this.measured.bodies[this.robot.bodies.indexOf(name)].position.toArray();
+  }
+}
+
+function pose(figure, numbers, shown) {
+  figure.root.visible = shown && Number.isFinite(numbers[7]);
+  if (!figure.root.visible) return;
+  figure.bodies.forEach((body, index) => {
+    const [x, y, z, w, i, j, k] = numbers.subarray(7 * index, 7 * index + 7);
+    body.position.set(x, y, z);
+    body.quaternion.set(i, j, k, w);
+  });
+}
+
+function unpacked(text) {
+  return Uint8Array.from(atob(text), (character) => character.charCodeAt(0)).buffer;
+}

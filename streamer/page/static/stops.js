@@ -1,0 +1,38 @@
+// STOP and emergency stop: over the process of their own, and over the gateway where that does not answer.
+
+const PATIENCE_MS = 700;
+
+export class Stops {
+  constructor(link, stopPort) {
+    this.link = link;
+    this.stopPort = stopPort;
+    const stop = document.getElementById("stop");
+    const estop = document.getElementById("estop");
+    this.clear = document.getElementById("clear");
+    stop.onclick = () => this.press("stop", stop);
+    estop.onclick = () => this.press("estop", estop);
+    this.clear.onclick = () => this.link.send({ type: "clear" });
+    addEventListener("keydown", (event) => {
+      if (event.key === "Escape" && !event.repeat) this.press("stop", stop);
+    });
+  }
+
+  async press(what, button) {
+    button.classList.add("pressed");
+    setTimeout(() => button.classList.remove("pressed"), 400);
+    try {
+      const host = location.hostname.includes(":") ? `[${location.hostname}]` : location.hostname;
+      const response = await fetch(`http://${host}:${this.stopPort()}/${what}`, {
+        method: "POST", headers: this.link.headers, signal: AbortSignal.timeout(PATIENCE_MS),
+      });
+      if (!response.ok) throw new Error(String(response.status));
+    } catch {
+      await this.link.send({ type: what });
+    }
+  }
+
+  // After a STOP targets are refused until it is released.
+  show(status) {
+    this.clear.hidden = !(status.must_stop && status.state === "HOLD");
+  }
+}

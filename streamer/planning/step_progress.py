@@ -1,0 +1,110 @@
+"""`StepProgress`: what the robot has done in one step of a program, from the loop's rows."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexmotion.streamer.control.tick_row import TickRow
+from flexmotion.streamer.motion.programs import Step
+
+Float = NDArray[np.float64]
+
+STILL_S = 0.5
+"""What has not moved for this long rests [s]."""
+_REST_RAD = 0.08
+"""Joints that move less than this within `STILL_S` are at rest [rad]."""
+_HOME_RAD = 0.25
+"""A gesture is over when all joints are this close to where they began [rad]."""
+_STEP_M = 0.015
+"""A step carries its foot at least this far in the direction of the walk [m]."""
+
+
+@dataclass
+class StepProgress:
+    """What the robot has done in a step.
+
+    Attributes:
+        begin_tick, act_tick: of the step, and of its present attempt or phase.
+        place: last odometry.
+        ahead, aside, turned: way in the torso's own directions [m], turn [rad].
+        joints: measured angles at the step's begin (n,) [rad].
+        footsteps: of the walk in its direction so far, those included whose foot is on its way.
+        lifted: where each foot lifted off, planned, x and y [m]; None: it stands.
+        counts: whether each foot's present step is counted.
+        acted_from: value at the begin of the attempt, in the amount's unit; of a gesture its greatest deviation [rad].
+        attempts: number of the present attempt.
+        counted: gestures done.
+        deviation: greatest angle of a joint from where it began [rad].
+        recent: ticks and values of the last second, for the speed.
+        still, rested: tick and odometry, tick and joints, since which the robot, and its joints, have not moved.
+    """
+
+    begin_tick: int
+    place: Float
+    joints: Float
+    act_tick: int
+    footsteps: int = 0
+    lifted: list[Float | None] = field(default_factory=lambda: [None, None])
+    counts: list[bool] = field(default_factory=lambda: [False, False])
+    acted_from: float = 0.0
+    ahead: float = 0.0
+    aside: float = 0.0
+    turned: float = 0.0
+    attempts: int = 1
+    counted: int = 0
+    deviation: float = 0.0
+    recent: deque[tuple[int, float]] = field(default_factory=deque)
+    still: tuple[int, Float] | None = None
+    rested: tuple[int, Float] | None = None
+
+    def measure(self, step: Step, row: TickRow) -> None:
+        """Add what the robot did since the last row."""
+        place = np.array(row.odometry, float)
+        dx, dy, turn = place - self.place
+        yaw = 0.5 * (place[2] + self.place[2])
+        self.ahead += math.cos(yaw) * dx + math.sin(yaw) * dy
+        self.aside += math.cos(yaw) * dy - math.sin(yaw) * dx
+        self.turned += turn
+        self.place = place
+        self._count_footsteps(step, row)
+        if np.isfinite(row.q).all():
+            self.deviation = float(np.abs(row.q - self.joints).max())
+
+    def steps(self, step: Step) -> int:
+        """Steps of a walk; each one sideways, and a single one, is a step of one foot and one of the other."""
+        assert step.amount is not None
+        if step.axis[1]:
+            return self.footsteps // 2
+        return max(self.footsteps - 1, 0) if step.amount.value < 1.5 and step.axis[0] else self.footsteps
+
+    def arms_rest(self, row: TickRow, rate_hz: float) -> bool:
+        """Whether all joints are back where they were, or have not moved for a while."""
+        tick, joints = int(row.tick), np.array(row.q, float)
+        if self.rested is None or np.abs(joints - self.rested[1]).max() > _REST_RAD:
+            self.rested = (tick, joints)
+        return self.deviation < _HOME_RAD or (tick - self.rested[0]) / rate_hz >= STILL_S
+
+    def _count_footsteps(self, step: Step, row: TickRow) -> None:
+        """Count the steps that carry a foot in the direction of the walk; those of a turn count all.
+
+        Most steps of a robot that comes to a stand only correct its feet. A step counts as soon as its foot is on its
+        way: the one after it is fixed soon after.
+        """
+        for side in (0, 1):
+            if bool(row.contact_ref[side]):
+                self.lifted[side], self.counts[side] = None, False
+                continue
+            foot = np.array(row.foot_ref[side], float)
+            lifted = self.lifted[side]
+            if lifted is None:
+                self.lifted[side] = lifted = foot[:2]
+            dx, dy = foot[:2] - lifted
+            cos, sin = math.cos(foot[3]), math.sin(foot[3])
+            carried = step.axis[0] * (cos * dx + sin * dy) + step.axis[1] * (cos * dy - sin * dx)
+            if not self.counts[side] and (step.axis == (0, 0) or carried > _STEP_M):
+                self.footsteps, self.counts[side] = self.footsteps + 1, True

@@ -1,0 +1,194 @@
+"""`TargetLedger`: which target counts, how long it holds, and the one answer that every target gets."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from flexmotion.streamer.control.ladder import State
+from flexmotion.streamer.control.tick_row import TickRow
+from flexmotion.streamer.motion.heard import Heard
+from flexmotion.streamer.motion.heard import State as Fate
+from flexmotion.streamer.motion.intents import Stop, Velocity, to_content, word_of
+from flexmotion.streamer.motion.targets import NO_TARGET, Target, TargetReader
+
+_ENDED = (State.PARK, State.DAMPED, State.FAULT)
+"""States in which no target is followed."""
+
+
+@dataclass(frozen=True)
+class _Entry:
+    """A target with the time at which it was sent, on the ledger's clock [s]."""
+
+    target: Target
+    born_s: float
+    heard: Heard | None = None
+    """How the source understands it; None: as it is."""
+
+    def age_s(self, now_s: float) -> float:
+        return now_s - self.born_s
+
+
+class TargetLedger:
+    """The planner's record of targets.
+
+    A target is open until the source follows it, planned until the loop has taken a plan that follows it, and then
+    followed. It is answered once: on that, or when it is superseded, expired or refused.
+
+    Args:
+        inbox: targets of all senders.
+        publish: is given the answer to every target, once.
+        on_note: called with a message for the operator.
+        rate_hz: ticks a second.
+        change_s: shortest time between two changes of what is followed [s]; a stop does not wait for it.
+        lockstep: ages are counted in ticks, not by the clock.
+
+    Attributes:
+        halted: a stop was in force, or the time of the followed target is over: the robot comes to a stand, and stands
+            until a new target arrives. What was asked for before does not go on by itself.
+        answer: to the target that the robot follows; None: none yet.
+    """
+
+    def __init__(
+        self,
+        inbox: TargetReader,
+        publish: Callable[[Heard], None],
+        on_note: Callable[[str], None],
+        *,
+        rate_hz: float,
+        change_s: float,
+        lockstep: bool,
+    ) -> None:
+        self.publish, self.on_note, self.halted = publish, on_note, False
+        self.answer: Heard | None = None
+        self._inbox, self._rate_hz, self._lockstep = inbox, rate_hz, lockstep
+        self._tick, self._change_s, self._turned_s = 0, change_s, -math.inf
+        self._open: _Entry | None = None
+        self._planned: _Entry | None = None
+        self._followed: _Entry | None = None
+
+    @property
+    def wanted(self) -> Target:
+        """The target that plans should follow; `NO_TARGET` if there is none."""
+        entry = self._planned or (None if self.halted else self._followed)
+        if self._open is not None and self._may_change(self._open.target):
+            entry = self._open
+        return NO_TARGET if entry is None else entry.target
+
+    def _may_change(self, target: Target) -> bool:
+        """Whether the source may turn to a target now.
+
+        Each change cuts the motion and gets a short plan first, and steps are settled further ahead than that reaches.
+        One flood of targets ended in a fall, whose cause is not known (docs/decisions.md).
+        """
+        if self.halted or isinstance(target.intent, Stop):
+            return True
+        return self._now_s() - self._turned_s >= self._change_s
+
+    def take(self, tick: int | None = None) -> None:
+        """Take the targets that have arrived; of those that are still open the newest counts.
+
+        Args:
+            tick: that the loop does next; None: the one of the last call.
+        """
+        self._tick = self._tick if tick is None else tick
+        for target in self._inbox.read():
+            if self._open is not None:
+                self._publish(self._open, "superseded", "a newer target came before a plan followed it")
+            born_s = self._tick / self._rate_hz if self._lockstep else target.stamp_ns * 1e-9
+            self._open = _Entry(target, born_s)
+
+    def settle(self, row: TickRow, taken: int, start_of: Callable[[int], int]) -> None:
+        """Answer the targets whose fate is known, and end the followed one where its time is over.
+
+        Args:
+            row: newest one of the loop.
+            taken: newest target that a plan of the loop follows, or an accepted plan will.
+            start_of: gives the first tick of the plan by which the loop follows a target.
+        """
+        state, now_s = State(int(row.state)), self._now_s()
+        if bool(row.must_stop) or state in _ENDED:
+            self.halted = True
+            why = f"the robot is in {state.name}" if state in _ENDED else "a stop is in force (clear releases a STOP)"
+            self.refuse_all(why)
+            return
+        planned, opened, followed = self._planned, self._open, self._followed
+        if planned is not None and planned.target.id <= taken:
+            self.answer = self._publish(planned, None, tick=start_of(planned.target.id))
+            self._followed, self._planned, planned = planned, None, None
+            followed = self._followed
+        if planned is not None and self._too_old(planned, now_s):
+            # The loop has refused every plan that follows it; the source has turned to it all the same.
+            self._publish(planned, "expired", _late(planned.target))
+            self._planned, self.halted = None, True
+        if opened is not None and self._too_old(opened, now_s):
+            self._publish(opened, "expired", _late(opened.target))
+            self._open = opened = None
+        if followed is None or self.halted or self._planned is not None:
+            return
+        again = opened is not None and isinstance(opened.target.intent, Velocity)
+        if opened is not None and again and opened.target.intent == followed.target.intent:
+            # Sent again, as by a stick that is held: it holds longer, and no plan is cut short for it.
+            self._publish(replace(opened, heard=followed.heard), None, "goes on as before", self._tick)
+            self._followed = replace(
+                followed,
+                target=replace(followed.target, holds_s=opened.target.holds_s),
+                born_s=opened.born_s,
+            )
+            self._open = None
+        elif followed.age_s(now_s) > followed.target.holds_s:
+            self.halted = True
+            self.on_note(f"target {followed.target.id} is over after {followed.target.holds_s:g} s: coming to a stand")
+
+    def turned(self, target: Target, heard: Heard | None) -> None:
+        """The source follows a target from now on, which it understands like this (None: as it is)."""
+        self.halted = False
+        if self._open is not None and self._open.target.id == target.id:
+            self._turned_s = self._now_s()
+        if self._planned is not None and self._planned.target.id != target.id:
+            self._publish(self._planned, "superseded", "a newer target came before its plan was played")
+            self._planned = None
+        if self._open is not None and self._open.target.id == target.id:
+            self._planned, self._open = replace(self._open, heard=heard), None
+
+    def refuse(self, target: Target, reason: str) -> None:
+        """The source cannot follow a target."""
+        if self._open is not None and self._open.target.id == target.id:
+            self._publish(self._open, "refused", reason)
+            self._open = None
+
+    def refuse_all(self, reason: str) -> None:
+        """No target can be followed."""
+        for entry in (self._planned, self._open):
+            if entry is not None:
+                self._publish(entry, "refused", reason)
+        self._planned = self._open = None
+
+    def _too_old(self, entry: _Entry, now_s: float) -> bool:
+        return entry.age_s(now_s) > min(entry.target.take_up_s, entry.target.holds_s)
+
+    def _now_s(self) -> float:
+        return self._tick / self._rate_hz if self._lockstep else time.perf_counter_ns() * 1e-9
+
+    def _publish(self, entry: _Entry, fate: Fate | None, reason: str | None = None, tick: int | None = None) -> Heard:
+        """Answer a target.
+
+        Args:
+            fate: what became of it; None: it is followed, as it was heard.
+            tick: from which on it is followed.
+        """
+        target, asked = entry.target, str(to_content(entry.target.intent)[word_of(entry.target.intent)])
+        heard = Heard(asked=asked, state="accepted", heard_as=asked) if entry.heard is None else entry.heard
+        if fate is not None:
+            heard = Heard(asked=asked, state=fate)
+        at_s = None if tick is None else tick / self._rate_hz
+        known = {"id": target.id, "tick": tick, "at_s": at_s, "reason": reason or heard.reason}
+        heard = heard.model_copy(update=known)
+        self.publish(heard)
+        return heard
+
+
+def _late(target: Target) -> str:
+    return f"no plan followed it within {min(target.take_up_s, target.holds_s):g} s"

@@ -1,0 +1,159 @@
+"""The grammar alone: requests, amounts and their order, for any sentence."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from flexmotion.text.amounts import Amount, tokens_of
+from flexmotion.text.clauses import Asks
+from flexmotion.text.grammar import parse
+from flexmotion.text.sayings import sayings
+from flexmotion.text.vocabulary import vocabulary
+
+WORDS = sorted(
+    {
+        *vocabulary().table["numbers"],
+        *vocabulary().units,
+        *vocabulary().verbs,
+        *vocabulary().table["directions"],
+        *("and", "then", "after", "before", "while", "don't", "not", "never", "no", "stop", ",", ".", "to", "the", "a"),
+        *("left", "right", "90", "2.5", "-3", "°", "faster", "slower", "again", "until", "half", "quarter", "twice"),
+    }
+)
+PHRASES = st.lists(st.sampled_from(WORDS), max_size=14).map(" ".join)
+
+
+def amounts(sentence: str) -> list[tuple[float, str]]:
+    return [(round(one.value, 4), one.quantity) for one in tokens_of(sentence) if isinstance(one, Amount)]
+
+
+@pytest.mark.parametrize(
+    ("sentence", "value", "quantity"),
+    [
+        ("turn 90 degrees", math.pi / 2, "angle"),
+        ("turn forty-five degrees", math.pi / 4, "angle"),
+        ("one hundred and eighty degrees", math.pi, "angle"),
+        ("three quarters of a turn", 1.5 * math.pi, "angle"),
+        ("half a turn", math.pi, "angle"),
+        ("1.5m forward", 1.5, "length"),
+        ("a metre and a half", 1.5, "length"),
+        ("one and a half metres", 1.5, "length"),
+        ("walk 1,000 metres", 1000.0, "length"),
+        ("3 feet", 0.9144, "length"),
+        ("two point five metres", 2.5, "length"),
+        ("-2 metres", -2.0, "length"),
+        ("a couple of steps", 2.0, "steps"),
+        ("two big steps", 2.0, "steps"),
+        ("half a minute", 30.0, "time"),
+        ("twice", 2.0, "times"),
+        ("two waves", 2.0, "times"),
+    ],
+)
+def test_an_amount_is_read_in_words_and_digits(sentence: str, value: float, quantity: str) -> None:
+    assert amounts(sentence) == [(round(value, 4), quantity)]
+
+
+@pytest.mark.parametrize(
+    "sentence", ["take a turn left", "stand on one foot", "stop at once", "walk in a circle", "raise one hand"]
+)
+def test_words_that_only_look_like_an_amount_are_none(sentence: str) -> None:
+    assert amounts(sentence) == []
+
+
+def test_a_request_comes_without_its_amount_and_in_the_order_of_doing() -> None:
+    clauses = parse("Wave after you turn 90 degrees to the right, then take two steps back")
+    assert [clause.text for clause in clauses] == ["turn to the right", "wave", "step back"]
+    assert [None if c.amount is None else str(c.amount) for c in clauses] == ["90°", None, "2 steps"]
+
+
+def test_one_motion_of_two_verbs_is_not_split() -> None:
+    """A hand was raised and then waved, with the hand that had come down in between."""
+    assert [clause.text for clause in parse("raise the right hand and wave")] == ["raise the right hand and wave"]
+    assert len(parse("raise the right hand and bow")) == 2
+
+
+@pytest.mark.parametrize(
+    ("sentence", "forbidden"),
+    [
+        ("don't walk then wave", [True, False]),
+        ("don't walk, wave", [True, False]),
+        ("don't walk and wave", [True, True]),
+        ("do not walk or wave", [True, True]),
+        ("never walk, turn or wave", [True, True, True]),
+        ("wave but don't walk", [False, True]),
+        ("walk without waving", [True]),
+    ],
+)
+def test_a_prohibition_reaches_as_far_as_and_and_or(sentence: str, forbidden: list[bool]) -> None:
+    assert [clause.forbidden for clause in parse(sentence)] == forbidden
+
+
+@pytest.mark.parametrize(
+    "sentence", ["look to the left", "glance back", "turn your head right", "please look up", "gaze at the sky"]
+)
+def test_looking_is_refused_before_a_listener_takes_it_for_turning(sentence: str) -> None:
+    """The words "look to the left" were heard as turning left, and the robot walked in a curve."""
+    (clause,) = parse(sentence)
+    assert clause.refusal is not None and "no motion of the head" in clause.refusal
+
+
+def test_watch_out_is_no_looking() -> None:
+    (clause,) = parse("look out")
+    assert clause.refusal is None and clause.text == "look out"
+
+
+@pytest.mark.parametrize(
+    ("sentence", "asks"),
+    [
+        ("faster", Asks.FASTER),
+        ("walk a little faster please", Asks.FASTER),
+        ("slow down", Asks.SLOWER),
+        ("do that again", Asks.AGAIN),
+        ("for five seconds", Asks.CONTINUE),
+        ("keep going", Asks.CONTINUE),
+        ("two steps", Asks.MOTION),
+    ],
+)
+def test_requests_about_what_is_under_way(sentence: str, asks: Asks) -> None:
+    assert [clause.asks for clause in parse(sentence)] == [asks]
+
+
+def test_a_sentence_that_names_no_amount_and_no_order_reaches_the_listener_unchanged() -> None:
+    """What the listener was taught, and measured on, must not be rewritten before it hears it."""
+    changed = []
+    for kind, sentence in sayings():
+        clauses = parse(sentence)
+        plain = len(clauses) == 1 and clauses[0].amount is None and clauses[0].asks is Asks.MOTION
+        if plain and clauses[0].speed == 1.0 and not (clauses[0].counted or clauses[0].refusal or clauses[0].forbidden):
+            changed += [(kind, sentence, clauses[0].text)] if clauses[0].text != sentence else []
+    shares = len(changed) / len(sayings())
+    assert shares < 0.02, changed
+
+
+@given(st.text(max_size=60) | PHRASES)
+@settings(max_examples=400, deadline=None)
+def test_any_sentence_gives_requests(sentence: str) -> None:
+    clauses = parse(sentence)
+    assert clauses
+    for clause in clauses:
+        assert clause.speed > 0.0 and clause.times >= 1
+        assert clause.amount is None or math.isfinite(clause.amount.value)
+
+
+@given(
+    st.sampled_from(["don't", "do not", "never", "you must not", "please don't"]),
+    st.sampled_from(["walk forward", "turn left", "wave", "go back", "run"]),
+    st.sampled_from(["", " and ", " or ", " then ", ", "]),
+    st.sampled_from(["bow", "raise both arms", "step to the left"]),
+)
+@settings(deadline=None)
+def test_what_follows_a_prohibition_word_is_forbidden(no: str, verb: str, joint: str, other: str) -> None:
+    clauses = parse(f"{no} {verb}{joint}{other if joint else ''}")
+    asked = " ".join(clause.text for clause in clauses if not clause.forbidden)
+    assert verb not in asked
+    if joint in (" and ", " or "):
+        assert all(clause.forbidden for clause in clauses)

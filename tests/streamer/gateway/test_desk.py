@@ -1,0 +1,242 @@
+"""Messages become targets and requests, and each gets one answer."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from flexmotion.streamer.control.ladder import State
+from flexmotion.streamer.gateway import desk as desk_module
+from flexmotion.streamer.motion.intents import Stop, Text, Velocity
+from flexmotion.streamer.run.requests import Request
+
+WAVE = '{"type":"text","text":"wave","id":"w"}'
+WALK = '{"type":"velocity","velocity":[0.3,0,0]}'
+
+Make = Callable[..., Any]
+
+
+class Clock:
+    """Time that passes only when the test says so."""
+
+    def __init__(self, patch: pytest.MonkeyPatch) -> None:
+        self.now = 1000.0
+        patch.setattr(desk_module.time, "perf_counter", lambda: self.now)
+        patch.setattr(desk_module.time, "time", lambda: 1.7e9 + self.now)
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
+    return Clock(monkeypatch)
+
+
+def test_a_target_reaches_the_planner_at_once_and_its_answer_the_sender(make_office: Make) -> None:
+    office = make_office()
+    office.ask(WAVE)
+    (target,) = office.run.arrived()
+    assert target.intent == Text("wave") and office.told == []
+    office.run.answer(target.id, heard="wave-right-hand")
+    office.desk.pump()
+    (answer,) = office.told
+    assert (answer.id, answer.state, answer.heard_as, answer.target) == ("w", "accepted", "wave-right-hand", target.id)
+    assert office.desk.following is not None and office.desk.following.asked == {"text": "wave"}
+
+
+def test_a_velocity_holds_for_half_a_second_and_words_until_the_next_target(make_office: Make) -> None:
+    office = make_office()
+    office.ask(WALK)
+    office.ask('{"type":"velocity","velocity":[0.3,0,0],"ttl_s":2.0}')
+    office.ask(WAVE)
+    assert [target.holds_s for target in office.run.arrived()] == [0.5, 2.0, float("inf")]
+
+
+def test_a_burst_is_reduced_to_its_newest_and_every_message_is_answered(make_office: Make, clock: Clock) -> None:
+    """10,000 targets in one second; the mailbox keeps 64, and a planner looks every few milliseconds."""
+    office = make_office(coalesce_s=0.005)
+    seen = []
+    for number in range(10_000):
+        clock.now += 1e-4
+        office.ask(f'{{"type":"velocity","velocity":[{number % 30 / 100 + 0.01},0,0],"id":"{number}"}}')
+        if number % 20 == 0:
+            office.desk.pump()
+        if number % 400 == 0:
+            seen += office.run.arrived()
+            office.run.answer(seen[-1].id)
+    clock.now += 0.01
+    office.desk.pump()
+    seen += office.run.arrived()
+    office.run.answer(seen[-1].id)
+    office.desk.pump()
+    assert Counter(answer.id for answer in office.told) == Counter(str(number) for number in range(10_000))
+    assert set(office.states) == {"accepted", "superseded"}
+    assert 25 <= office.states.count("accepted") <= 26
+    assert len(seen) <= 205 and seen[-1].intent == Velocity(9999 % 30 / 100 + 0.01, 0.0, 0.0)
+    assert not office.desk.busy
+
+
+def test_targets_that_the_planner_never_saw_are_superseded(make_office: Make) -> None:
+    office = make_office()
+    for _ in range(100):  # the ring keeps 64
+        office.ask(WALK)
+    newest = office.run.arrived()[-1]
+    office.run.answer(newest.id)
+    office.desk.pump()
+    assert office.states == ["superseded"] * 99 + ["accepted"]
+
+
+def test_a_planner_that_does_not_answer_is_answered_for(make_office: Make, clock: Clock) -> None:
+    office = make_office(take_up_s=5.0)
+    office.ask(WAVE)
+    office.ask(WALK)
+    clock.now += 1.6
+    office.desk.pump()
+    assert office.states == ["expired"] and office.told[0].asked == "velocity"
+    clock.now += 4.5
+    office.desk.pump()
+    assert office.states == ["expired", "expired"] and office.told[1].reason == "the planner has not answered"
+
+
+def test_a_message_that_was_sent_too_long_ago_has_expired(make_office: Make, clock: Clock) -> None:
+    office = make_office()
+    now = 1.7e9 + clock.now
+    office.ask(f'{{"type":"velocity","velocity":[0.3,0,0],"stamp_s":{now - 0.6}}}')
+    office.ask(f'{{"type":"velocity","velocity":[0.3,0,0],"stamp_s":{now + 5.0}}}')
+    assert office.states == ["expired", "refused"]
+    assert office.told[0].reason == "sent 0.6 s ago, it holds 0.5 s"
+    assert office.told[1].reason == "stamp_s: 5.0 s in the future by this machine's clock"
+    assert office.run.arrived() == []
+    office.ask(f'{{"type":"text","text":"wave","stamp_s":{now - 3600.0}}}')  # words hold until the next target
+    assert len(office.run.arrived()) == 1
+
+
+def test_a_stop_is_taken_whatever_the_clocks_say(make_office: Make, clock: Clock) -> None:
+    """A clock that was set by an hour must not refuse a stop."""
+    office = make_office()
+    reader = office.requests.reader()
+    office.ask(f'{{"type":"estop","ttl_s":0.1,"stamp_s":{1.7e9 + clock.now - 3600.0}}}')
+    assert [request for request, _ in reader.read()] == [Request.ESTOP]
+
+
+def test_sequence_numbers_ascend_within_a_connection(make_office: Make) -> None:
+    office = make_office()
+    office.ask('{"type":"hold","sequence":5}')
+    office.ask('{"type":"hold","sequence":5}')
+    office.ask('{"type":"hold","sequence":4}')
+    assert office.states == ["refused", "refused"] and "sequence 5 does not come after" in office.told[0].reason
+    office.ask('{"type":"hold","sequence":0}', sender="another connection")
+    assert len(office.run.arrived()) == 2
+
+
+def test_a_released_stick_is_a_stop(make_office: Make) -> None:
+    office = make_office()
+    office.ask('{"type":"velocity","velocity":[0,0,0]}')
+    assert office.run.arrived()[0].intent == Stop()
+
+
+def test_what_the_loop_cannot_follow_is_refused_by_name(make_office: Make) -> None:
+    office = make_office()
+    office.ask('{"type":"waypoint","position_m":[1,0]}')
+    office.ask('{"type":"heading","heading_rad":1.5}')
+    assert office.states == ["refused", "refused"] and office.run.arrived() == []
+    assert office.told[0].reason.startswith("waypoint: the loop cannot follow it yet")
+    assert office.told[1].reason.startswith("heading: the loop cannot follow it yet")
+
+
+def test_requests_are_answered_with_the_tick_at_which_the_loop_took_them(make_office: Make) -> None:
+    office = make_office()
+    reader = office.requests.reader()
+    office.run.step()
+    office.ask('{"type":"stop"}')
+    (sent,) = reader.read()
+    assert sent[0] is Request.STOP
+    office.desk.pump()
+    assert office.told == []
+    office.run.take(Request.STOP)
+    office.desk.pump()
+    assert (office.told[0].state, office.told[0].tick) == ("accepted", 1)
+
+
+def test_a_burst_of_stops_is_one_request_and_each_is_answered(make_office: Make) -> None:
+    """The channel keeps 32 requests between two ticks; further ones were lost and never answered."""
+    office = make_office()
+    reader = office.requests.reader()
+    for _ in range(500):
+        office.ask('{"type":"stop"}')
+    assert [request for request, _ in reader.read()] == [Request.STOP]
+    office.run.take(Request.STOP)
+    office.desk.pump()
+    assert office.states == ["accepted"] * 500
+
+
+def test_a_loop_that_does_not_run_is_told_to_the_sender(make_office: Make, clock: Clock) -> None:
+    office = make_office()
+    office.ask('{"type":"estop"}')
+    clock.now += 1.1
+    office.desk.pump()
+    assert office.states == ["refused"] and "the loop did not take it" in office.told[0].reason
+
+
+def test_a_clear_is_accepted_only_where_it_releases_the_stop(make_office: Make) -> None:
+    office = make_office()
+    office.ask('{"type":"clear"}')
+    office.run.take(Request.CLEAR)
+    office.desk.pump()
+    assert office.states == ["accepted"]
+    office.ask('{"type":"clear"}')
+    office.run.telemetry.emit(office.run.tick, "request", "CLEAR")
+    office.run.stopped, office.run.state = True, State.FAULT
+    office.desk.pump()
+    assert office.states == ["accepted"], "before the loop's next row its effect is not known"
+    office.run.step()
+    office.desk.pump()
+    assert office.states == ["accepted", "refused"]
+
+
+def test_only_the_operator_is_followed_but_anyone_stops(make_office: Make) -> None:
+    office = make_office()
+    reader = office.requests.reader()
+    office.ask('{"type":"text","text":"wave","source":"page"}')
+    office.ask('{"type":"text","text":"bow","source":"phone"}')
+    assert office.states == ["refused"] and "'page' is the operator" in office.told[0].reason
+    office.ask('{"type":"kill","confirm":"the robot will fall","source":"phone"}')
+    office.ask('{"type":"clear","source":"phone"}')
+    assert office.states == ["refused"] * 3 and reader.read() == []
+    office.ask('{"type":"stop","source":"phone"}')
+    assert [request for request, _ in reader.read()] == [Request.STOP]
+    changes: list[tuple[str | None, str | None]] = []
+    office.desk.on_lease = lambda before, now: changes.append((before, now))
+    office.ask('{"type":"take","source":"phone"}')
+    assert office.told[-1].state == "accepted" and office.told[-1].took_lease_from == "page"
+    office.ask('{"type":"release","source":"phone"}')
+    assert changes == [("page", "phone"), ("phone", None)]
+
+
+def test_a_message_that_is_too_large_is_refused_and_counted(make_office: Make) -> None:
+    office = make_office(most_bytes=512)
+    office.ask(b'{"type":"text","text":"' + b"a" * 600 + b'"}')
+    office.ask(b"\xff\xfe")
+    assert office.states == ["refused", "refused"]
+    assert office.told[0].reason == "625 bytes, expected at most 512"
+    assert office.desk.counts["rejected: too large"] == 1 and office.desk.counts["rejected: not valid"] == 1
+    assert office.desk.counts["received"] == 2 and office.desk.counts["refused"] == 2
+
+
+def test_the_planners_reason_is_the_answers(make_office: Make) -> None:
+    office = make_office()
+    office.ask(WAVE)
+    office.run.answer(office.run.arrived()[0].id, "refused", "target: a model cannot follow clip")
+    office.desk.pump()
+    assert office.told[0].state == "refused" and office.told[0].reason == "target: a model cannot follow clip"
+    assert office.desk.following is None
+
+
+def test_answers_come_while_time_passes(make_office: Make) -> None:
+    """The clock of the desk is that of the targets' stamps."""
+    office = make_office()
+    before = time.perf_counter_ns()
+    office.ask(WAVE)
+    assert before <= office.run.arrived()[0].stamp_ns <= time.perf_counter_ns()

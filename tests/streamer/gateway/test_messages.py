@@ -1,0 +1,152 @@
+"""Messages from JSON and back, and what is no message."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from flexmotion.streamer.gateway.messages import (
+    KINDS,
+    MESSAGE,
+    Answer,
+    MessageError,
+    decode,
+    encode,
+    intent_of,
+)
+from flexmotion.streamer.gateway.schema import schema_text
+from flexmotion.streamer.motion.intents import FASTEST, Clip, Stop, Text, Velocity
+
+DOCUMENT = Path(__file__).parents[3] / "docs" / "messages.schema.json"
+
+NAMES = st.from_regex(r"\A[a-z0-9_.:@/ -]{1,64}\Z")
+COMMON = {
+    "id": st.none() | NAMES,
+    "source": NAMES,
+    "sequence": st.none() | st.integers(0, 2**53),
+    "stamp_s": st.none() | st.floats(0.0, 1e12),
+    "ttl_s": st.none() | st.floats(1e-3, 600.0),
+}
+WORDS = (
+    st.text(st.characters(min_codepoint=32, max_codepoint=0x2FF), min_size=1, max_size=120)
+    .map(lambda text: "".join(c for c in text if c.isprintable()))
+    .filter(lambda text: bool(text.strip()))
+)
+OWN: dict[str, dict[str, Any]] = {
+    "text": {"text": WORDS},
+    "clip": {"clip": WORDS},
+    "velocity": {"velocity": st.tuples(*(st.floats(-limit, limit) for limit in FASTEST))},
+    "heading": {"heading_rad": st.floats(-2 * math.pi, 2 * math.pi)},
+    "waypoint": {"position_m": st.tuples(st.floats(-1e3, 1e3), st.floats(-1e3, 1e3))},
+    "kill": {"confirm": st.just("the robot will fall")},
+}
+
+
+@pytest.mark.parametrize("word", KINDS)
+def test_a_message_of_every_type_is_the_same_after_its_way_over_json(word: str) -> None:
+    @given(st.fixed_dictionaries({"type": st.just(word), **COMMON, **OWN.get(word, {})}))
+    def same(content: dict[str, Any]) -> None:
+        message = decode(json.dumps(content).encode())
+        assert type(message) is KINDS[word]
+        assert {key: getattr(message, key) for key in content} == content
+        assert decode(encode(message).encode()) == message
+
+    same()
+
+
+@given(st.binary(max_size=300))
+def test_bytes_that_are_no_message_are_refused_and_nothing_else_happens(data: bytes) -> None:
+    with pytest.raises(MessageError) as error:
+        decode(data)
+    assert error.value.answer.state == "refused"
+    Answer.model_validate_json(encode(error.value.answer))
+
+
+@given(st.recursive(st.none() | st.booleans() | st.floats() | st.text(), lambda one: st.lists(one) | st.dictionaries(
+    st.sampled_from(["type", "id", "text", "velocity", "version", "ttl_s", "x"]), one), max_leaves=8))  # fmt: skip
+def test_json_that_is_no_message_is_refused(content: Any) -> None:
+    with pytest.raises(MessageError):
+        decode(json.dumps(content).encode())
+
+
+def test_a_hundred_thousand_random_byte_strings_are_each_read_or_refused() -> None:
+    """Half of them are valid messages with one byte changed: they come further into the decoder."""
+    random = np.random.default_rng(20)
+    whole = [
+        b'{"type":"velocity","velocity":[0.3,0.0,-0.5],"id":"a","sequence":7,"ttl_s":0.5}',
+        b'{"type":"text","text":"wave with the right hand","source":"page","stamp_s":1.7e9}',
+        b'{"type":"kill","confirm":"the robot will fall"}',
+    ]
+    read = 0
+    for number in range(100_000):
+        if number % 2:
+            data = bytearray(whole[number % 3])
+            data[int(random.integers(len(data)))] = int(random.integers(256))
+        else:
+            data = bytearray(random.bytes(int(random.integers(64))))
+        try:
+            message = decode(bytes(data))
+        except MessageError:
+            continue
+        read += 1
+        assert MESSAGE.validate_json(encode(message)) == message
+    # Another digit or letter is another message; all others were refused.
+    assert 0 < read < 50_000
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ('{"type":"fly"}', "type: expected one of: text, velocity"),
+        ("{}", "type: expected one of"),
+        ('{"type":"stop","version":2}', "version"),
+        ('{"type":"stop","speed":2}', "speed: Extra inputs"),
+        ('{"type":"velocity","velocity":[9,0,0]}', "velocity.0: Input should be less than or equal to 3"),
+        ('{"type":"velocity","velocity":[NaN,0,0]}', "velocity.0"),
+        ('{"type":"velocity","velocity":["1",0,0]}', "velocity.0"),
+        ('{"type":"velocity","velocity":[true,0,0]}', "velocity.0"),
+        ('{"type":"text","text":"wave\\nbow"}', "expected a line of"),
+        ('{"type":"text","text":"%s"}' % ("é" * 130), "260 bytes in UTF-8, expected at most 240"),
+        ('{"type":"kill"}', "confirm"),
+        ('{"type":"stop","ttl_s":0}', "ttl_s"),
+        ('{"type":"stop","source":"<script>"}', "source"),
+    ],
+)
+def test_a_refusal_names_the_field_and_what_is_valid(text: str, reason: str) -> None:
+    with pytest.raises(MessageError, match=".") as error:
+        decode(text.encode())
+    assert reason in str(error.value)
+
+
+def test_an_answer_to_an_invalid_message_still_carries_its_id() -> None:
+    with pytest.raises(MessageError) as error:
+        decode(b'{"type":"velocity","velocity":[9,9,9],"id":"no. 7","source":"stick"}')
+    answer = error.value.answer
+    assert (answer.id, answer.source, answer.asked) == ("no. 7", "stick", "velocity")
+
+
+def test_targets_become_intents_and_a_released_stick_a_stop() -> None:
+    def intent(text: str) -> object:
+        return intent_of(decode(text.encode()))
+
+    assert intent('{"type":"text","text":"wave"}') == Text("wave")
+    assert intent('{"type":"velocity","velocity":[0.5,0,0.1]}') == Velocity(0.5, 0.0, 0.1)
+    assert intent('{"type":"velocity","velocity":[0,0,-0.0]}') == Stop()
+    assert intent('{"type":"clip","clip":"walk"}') == Clip("walk")
+    assert intent('{"type":"hold"}') == Stop()
+    assert intent('{"type":"waypoint","position_m":[1,0]}') is None
+
+
+def test_the_schema_in_the_documents_is_that_of_the_messages() -> None:
+    assert DOCUMENT.read_text(encoding="utf-8") == schema_text(), (
+        "write it: python -m flexmotion.streamer.gateway.schema docs/messages.schema.json"
+    )
+    named = json.loads(schema_text())["$defs"]
+    assert {kind.__name__ for kind in KINDS.values()} <= named.keys()

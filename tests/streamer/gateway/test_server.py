@@ -1,0 +1,313 @@
+"""HTTP and WebSocket: real connections on 127.0.0.1 to a gateway whose planner and loop are the test's."""
+
+from __future__ import annotations
+
+import json
+import socket
+import threading
+from collections.abc import Callable, Iterator
+from http.client import HTTPConnection
+from typing import Any
+
+import pytest
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.sync.client import ClientConnection, connect
+
+from flexmotion.configs.errors import ConfigError, GatewayError
+from flexmotion.configs.robot import Robot
+from flexmotion.configs.stream import Gateway
+from flexmotion.streamer.cli import execute
+from flexmotion.streamer.gateway.admission import Admission
+from flexmotion.streamer.gateway.client import AsyncClient, Client
+from flexmotion.streamer.gateway.messages import KINDS, MessageError
+from flexmotion.streamer.gateway.ports import any_free
+from flexmotion.streamer.gateway.service import GatewayService
+from flexmotion.streamer.motion.intents import Text, Velocity
+from flexmotion.streamer.run.requests import Request
+
+from ...waiting import HANGING_S, wait_until
+from .conftest import Answering, Run
+
+TOKEN = "correct horse battery"
+
+Begin = Callable[..., GatewayService]
+
+
+@pytest.fixture
+def begin(run: Run, op3: Robot) -> Iterator[Begin]:
+    """Function (token, fields of the settings) -> a gateway that listens, in this process."""
+    ends: list[Callable[[bool], None]] = []
+
+    def start(token: str | None = None, **fields: Any) -> GatewayService:
+        service = GatewayService(
+            op3,
+            "sim",
+            Gateway.model_validate(fields),
+            run.telemetry,
+            run.targets,
+            run.heard,
+            Admission("127.0.0.1", token),
+            port=any_free(),
+            stop_port=1,
+        )
+        ends.append(service.follow())
+        wait_until(lambda: _listens(service.port), "the gateway to listen")
+        return service
+
+    yield start
+    for end in ends:
+        end(True)
+
+
+def _listens(port: int) -> bool:
+    with socket.socket() as probe:
+        return probe.connect_ex(("127.0.0.1", port)) == 0
+
+
+def http(port: int, method: str, path: str, body: bytes = b"", **headers: str) -> tuple[int, Any]:
+    connection = HTTPConnection("127.0.0.1", port, timeout=HANGING_S)
+    connection.request(method, path, body, headers)
+    response = connection.getresponse()
+    content = response.read()
+    connection.close()
+    return response.status, json.loads(content) if content.startswith(b"{") else content.decode()
+
+
+def answered(client: ClientConnection) -> Any:
+    """The next answer; what else the gateway tells is passed over."""
+    while (told := json.loads(client.recv(HANGING_S)))["type"] != "answer":
+        pass
+    return told
+
+
+def counts(port: int, **headers: str) -> dict[str, int]:
+    return dict(http(port, "GET", "/status", **headers)[1]["counts"])
+
+
+def test_a_message_over_each_way_is_answered(begin: Begin, answering: Callable[..., Answering]) -> None:
+    gateway = begin()
+    planner = answering(gateway.requests)
+    with connect(f"ws://127.0.0.1:{gateway.port}/targets") as client:
+        client.send('{"type":"text","text":"wave","id":"1"}')
+        answer = answered(client)
+        assert (answer["id"], answer["state"], answer["heard_as"]) == ("1", "accepted", "wave")
+        client.send(b'{"type":"stop","id":"2"}')
+        assert answered(client)["state"] == "accepted"
+        client.send("no message")
+        assert answered(client)["state"] == "refused"
+    assert planner.requested == [Request.STOP]
+    status, answer = http(gateway.port, "POST", "/clear")
+    assert (status, answer["state"]) == (200, "accepted")
+    status, answer = http(gateway.port, "POST", "/velocity", b'{"velocity":[0.2,0,0]}')
+    assert (status, answer["asked"], answer["state"]) == (200, "velocity", "accepted")
+    status, answer = http(gateway.port, "POST", "/targets", b'{"type":"waypoint","position_m":[1,0]}')
+    assert (status, answer["state"]) == (409, "refused")
+    assert http(gateway.port, "POST", "/velocity", b'{"type":"stop"}')[0] == 200  # its own type counts
+    assert http(gateway.port, "POST", "/text", b"[]")[0] == 422
+    assert [target.intent for target in planner.seen] == [Text("wave"), Velocity(0.2, 0.0, 0.0)]
+
+
+def test_a_thousand_targets_are_all_answered(begin: Begin, answering: Callable[..., Answering]) -> None:
+    gateway = begin(most_unread=2000)
+    answering(gateway.requests)
+    ids = [str(number) for number in range(1000)]
+    with connect(f"ws://127.0.0.1:{gateway.port}/targets") as client:
+        for number in ids:
+            client.send(f'{{"type":"velocity","velocity":[0.{int(number) % 9 + 1},0,0],"id":"{number}"}}')
+        answers = [answered(client) for _ in ids]
+    assert sorted(answer["id"] for answer in answers) == sorted(ids)
+    assert {answer["state"] for answer in answers} == {"accepted", "superseded"}
+    assert next(answer for answer in answers if answer["id"] == ids[-1])["state"] == "accepted"
+
+
+def test_a_sender_without_a_pause_keeps_no_other_out(begin: Begin, answering: Callable[..., Answering]) -> None:
+    """Messages of one socket that is never empty kept the gateway from answering anyone."""
+    gateway = begin(most_unread=100_000, priorities={"quick": 1})
+    loop = answering(gateway.requests)
+    ended = threading.Event()
+
+    def flood() -> None:
+        with connect(f"ws://127.0.0.1:{gateway.port}/targets", max_queue=None) as client:
+            while not ended.is_set():
+                client.send('{"type":"velocity","velocity":[0.3,0,0]}')
+
+    flooding = threading.Thread(target=flood)
+    flooding.start()
+    try:
+        wait_until(lambda: len(loop.seen) > 5, "the first targets")
+        with Client(port=gateway.port, source="quick") as client:
+            assert client.ask({"type": "stop"}).state == "accepted"
+        assert http(gateway.port, "GET", "/status")[1]["loop"] == "ticks"
+    finally:
+        ended.set()
+        flooding.join()
+    assert loop.requested == [Request.STOP]
+
+
+def test_the_status_and_the_documents(begin: Begin, run: Run, answering: Callable[..., Answering]) -> None:
+    gateway = begin()
+    assert http(gateway.port, "GET", "/status")[1]["loop"] == "silent"
+    answering(gateway.requests)
+    wait_until(lambda: http(gateway.port, "GET", "/status")[1]["loop"] == "ticks", "the loop's rows")
+    _, status = http(gateway.port, "GET", "/status")
+    assert (status["robot"], status["driver"], status["state"], status["stop_port"]) == ("op3", "sim", "STREAMING", 1)
+    _, described = http(gateway.port, "GET", "/openapi.json")
+    assert {f"/{word}" for word in KINDS} | {"/targets", "/status"} <= described["paths"].keys()
+    _, page = http(gateway.port, "GET", "/docs")
+    assert all(f"POST /{word}" in page for word in KINDS) and "<script" not in page
+    with connect(f"ws://127.0.0.1:{gateway.port}/targets?status=50") as client:
+        told = [json.loads(client.recv(HANGING_S)) for _ in range(3)]
+    assert [one["type"] for one in told] == ["status"] * 3 and told[2]["tick"] > told[0]["tick"]
+
+
+def test_a_change_of_operator_is_told_to_all(begin: Begin, answering: Callable[..., Answering]) -> None:
+    gateway = begin()
+    answering(gateway.requests)
+    with connect(f"ws://127.0.0.1:{gateway.port}/targets") as watching:
+        watching.ping().wait(HANGING_S)
+        with Client(port=gateway.port, source="page") as page, Client(port=gateway.port, source="phone") as phone:
+            assert page.text("wave").state == "accepted"
+            assert "'page' is the operator" in str(phone.text("wave").reason)
+            assert phone.take().took_lease_from == "page"
+        told = [json.loads(watching.recv(HANGING_S)) for _ in range(2)]
+    assert [(one["before"], one["operator"]) for one in told] == [(None, "page"), ("page", "phone")]
+
+
+def test_a_page_from_elsewhere_cannot_steer_the_robot(begin: Begin, answering: Callable[..., Answering]) -> None:
+    gateway = begin()
+    planner = answering(gateway.requests)
+    address, wave = f"ws://127.0.0.1:{gateway.port}/targets", b'{"text":"wave"}'
+    with pytest.raises(InvalidStatus) as refused:
+        connect(address, origin="https://evil.example")  # type: ignore[arg-type]
+    assert refused.value.response.status_code == 403
+    assert http(gateway.port, "POST", "/text", wave, Origin="https://evil.example")[0] == 403
+    assert http(gateway.port, "POST", "/text", wave, Host="evil.example")[0] == 403
+    assert planner.seen == []
+    found = counts(gateway.port)
+    assert (found["rejected: origin"], found["rejected: host"]) == (2, 1)
+
+
+def test_without_the_token_nothing_is_admitted(begin: Begin, answering: Callable[..., Answering]) -> None:
+    gateway = begin(TOKEN)
+    planner = answering(gateway.requests)
+    status, told = http(gateway.port, "POST", "/text", b'{"text":"wave"}')
+    assert status == 401 and "Authorization: Bearer" in told["reason"]
+    with pytest.raises(GatewayError, match="refuses the connection"), Client(port=gateway.port):
+        pass
+    with pytest.raises(GatewayError, match="refused"):
+        Client(port=gateway.port, token="another token here").status()
+    with Client(port=gateway.port, token=TOKEN) as client:
+        assert client.text("wave").state == "accepted"
+    with connect(f"ws://127.0.0.1:{gateway.port}/targets?token=correct%20horse%20battery") as page:
+        page.send('{"type":"hold","source":"client"}')
+        assert answered(page)["state"] == "accepted"
+    assert len(planner.seen) == 2
+    assert counts(gateway.port, Authorization=f"Bearer {TOKEN}")["rejected: token"] == 3
+
+
+def test_messages_that_are_too_large_are_refused_and_counted(begin: Begin, answering: Callable[..., Answering]) -> None:
+    gateway = begin(most_bytes=512)
+    answering(gateway.requests)
+    large = b'{"text":"' + b"a" * 600 + b'"}'
+    assert http(gateway.port, "POST", "/text", large)[0] == 413
+    with connect(f"ws://127.0.0.1:{gateway.port}/targets", max_size=None) as client:
+        client.send(large.decode())
+        assert answered(client)["reason"] == "611 bytes, expected at most 512"
+        client.send("x" * 20_000)  # beyond what the server reads at all
+        with pytest.raises(ConnectionClosed) as closed:
+            while True:
+                client.recv(HANGING_S)
+    assert closed.value.rcvd is not None and closed.value.rcvd.code == 1009
+    assert counts(gateway.port)["rejected: too large"] == 2
+    with Client(port=gateway.port) as client:
+        assert client.text("wave").state == "accepted"
+
+
+def test_a_client_that_does_not_read_is_cut_and_others_are_served(
+    begin: Begin, answering: Callable[..., Answering]
+) -> None:
+    """Its answers filled the gateway's memory."""
+    gateway = begin(most_unread=10)
+    answering(gateway.requests)
+    with socket.create_connection(("127.0.0.1", gateway.port), timeout=HANGING_S) as raw:
+        raw.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 2048)
+        raw.sendall(
+            b"GET /targets HTTP/1.1\r\nHost: 127.0.0.1\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+            b"Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n\r\n"
+        )
+        assert raw.recv(12) == b"HTTP/1.1 101"
+        frame = b"\x81\x82\x00\x00\x00\x00{}"  # a masked text frame that is refused, with an answer of 400 bytes
+
+        def cut() -> bool:
+            try:
+                raw.send(frame * 50)
+            except OSError:
+                return True
+            return counts(gateway.port).get("rejected: slow reader", 0) > 0
+
+        wait_until(cut, "the client that does not read to be cut")
+    wait_until(lambda: counts(gateway.port)["rejected: slow reader"] == 1, "the count")
+    with Client(port=gateway.port) as client:
+        assert client.text("wave").state == "accepted"
+
+
+def test_further_connections_than_admitted_are_refused(begin: Begin) -> None:
+    gateway = begin(most_connections=2)
+    address = f"ws://127.0.0.1:{gateway.port}/targets"
+    with connect(address), connect(address):
+        with pytest.raises(InvalidStatus):
+            connect(address)
+        assert counts(gateway.port)["rejected: too many connections"] == 1
+
+
+def test_a_port_that_is_taken_is_told_before_the_run(begin: Begin, run: Run, op3: Robot) -> None:
+    gateway = begin()
+    with pytest.raises(ConfigError, match=rf"--web-port: 127.0.0.1:{gateway.port} cannot be listened on"):
+        GatewayService(op3, "sim", Gateway(), run.telemetry, run.targets, run.heard, Admission(), port=gateway.port)
+
+
+def test_an_asynchronous_client(begin: Begin, answering: Callable[..., Answering]) -> None:
+    import asyncio
+
+    gateway = begin()
+    answering(gateway.requests)
+
+    async def asking() -> list[str]:
+        async with AsyncClient(port=gateway.port) as client:
+            answers = await asyncio.gather(*(client.velocity(0.1 + k / 100, 0.0, 0.0) for k in range(20)))
+            return [answer.state for answer in answers]
+
+    states = asyncio.run(asking())
+    assert states[-1] == "accepted" and set(states) <= {"accepted", "superseded"}
+
+
+def test_a_client_without_a_run_says_how_to_start_one() -> None:
+    with pytest.raises(GatewayError, match="no run listens; start one with: flexmotion dry-run --web"):
+        Client(port=any_free()).text("wave")
+    with pytest.raises(MessageError, match="velocity.0"):
+        Client(port=any_free()).velocity(99.0, 0.0, 0.0)
+
+
+def test_the_command_line_sends_and_exits_by_the_answer(
+    begin: Begin, answering: Callable[..., Answering], capsys: pytest.CaptureFixture[str]
+) -> None:
+    gateway = begin()
+    planner = answering(gateway.requests)
+    port = ["--port", str(gateway.port)]
+    assert execute(["send", "wave", *port]) == 0
+    assert capsys.readouterr().out.startswith("accepted, heard as wave, from tick ")
+    assert execute(["send", "--velocity", ".3", "0", "-0.5", "--for", "4", "--json", *port]) == 0
+    assert json.loads(capsys.readouterr().out)["state"] == "accepted"
+    assert [target.intent for target in planner.seen] == [Text("wave"), Velocity(0.3, 0.0, -0.5)]
+    assert planner.seen[1].holds_s == 4.0
+    assert execute(["status", "--json", *port]) == 0
+    assert json.loads(capsys.readouterr().out)["following"]["asked"] == {"velocity": [0.3, 0.0, -0.5]}
+    assert execute(["kill", *port]) == 2 and planner.requested == []
+    planner.run.stopped = True
+    assert execute(["send", "wave", *port]) == 1
+    assert capsys.readouterr().out == "refused, a stop is in force\n"
+    assert execute(["clear", *port]) == 0
+    assert execute(["send", "wave", "--hold", *port]) == 2
+    assert execute(["send", "--velocity", "9", "0", "0", *port]) == 2
+    assert execute(["send", "wave", "--port", str(any_free())]) == 3
+    assert "no run listens" in capsys.readouterr().err

@@ -1,0 +1,176 @@
+"""The stop process: what it takes, from whom, and how soon the driver has it."""
+
+from __future__ import annotations
+
+import json
+import socket
+import threading
+from collections.abc import Callable, Iterator
+from http.client import HTTPConnection
+from typing import Any
+
+import numpy as np
+import pytest
+
+from flexmotion.configs.robot import load_robot
+from flexmotion.configs.stream import Gateway, load_stream
+from flexmotion.drivers.interface import JointCommand
+from flexmotion.drivers.registry import create
+from flexmotion.importers.default_clip import default_clip
+from flexmotion.streamer.cli import execute
+from flexmotion.streamer.control.ladder import State
+from flexmotion.streamer.gateway.admission import Admission
+from flexmotion.streamer.gateway.ports import any_free
+from flexmotion.streamer.gateway.stops import StopService
+from flexmotion.streamer.motion.sources import ClipSource
+from flexmotion.streamer.run.requests import Request
+from flexmotion.streamer.run.session import Session
+
+from ...waiting import HANGING_S, wait_until
+from .conftest import Answering, Run
+
+TOKEN = "correct horse battery"
+PAGE_PORT = 8790
+
+Begin = Callable[..., StopService]
+
+
+@pytest.fixture
+def begin(run: Run) -> Iterator[Begin]:
+    """Function (token) -> a stop service that listens, in this process."""
+    ends: list[Callable[[bool], None]] = []
+
+    def start(token: str | None = None) -> StopService:
+        admission = Admission("127.0.0.1", token, page_port=PAGE_PORT)
+        service = StopService(Gateway(), run.telemetry, admission, port=any_free())
+        ends.append(service.follow())
+        wait_until(lambda: listens(service.port), "the stop service to listen")
+        return service
+
+    yield start
+    for end in ends:
+        end(True)
+
+
+def listens(port: int) -> bool:
+    with socket.socket() as probe:
+        return probe.connect_ex(("127.0.0.1", port)) == 0
+
+
+def press(port: int, path: str, method: str = "POST", **headers: str) -> tuple[int, Any, dict[str, str]]:
+    connection = HTTPConnection("127.0.0.1", port, timeout=HANGING_S)
+    connection.request(method, path, headers=headers)
+    response = connection.getresponse()
+    content = json.loads(response.read())
+    connection.close()
+    return response.status, content, dict(response.getheaders())
+
+
+def test_a_stop_needs_no_token_and_an_emergency_stop_does(begin: Begin, answering: Callable[..., Answering]) -> None:
+    service = begin(TOKEN)
+    loop = answering(service.requests)
+    assert press(service.port, "/stop")[0] == 200
+    assert press(service.port, "/estop")[0] == 401
+    assert press(service.port, "/estop", Authorization="Bearer wrong wrong wrong")[0] == 401
+    assert loop.requested == [Request.STOP]
+    status, told, _ = press(service.port, "/estop", Authorization=f"Bearer {TOKEN}")
+    assert (status, told["state"], told["asked"]) == (200, "accepted", "estop") and told["tick"] >= 0
+    assert loop.requested == [Request.STOP, Request.ESTOP]
+
+
+def test_nothing_but_stops_is_taken(begin: Begin, answering: Callable[..., Answering]) -> None:
+    service = begin()
+    loop = answering(service.requests)
+    found = [press(service.port, path)[0] for path in ("/", "/clear", "/kill", "/text", "/stop/")]
+    assert found == [404] * 5
+    assert press(service.port, "/estop", "GET")[0] == 405
+    assert press(service.port, "/stop", "DELETE")[0] == 405
+    assert loop.requested == []
+
+
+def test_the_page_of_the_run_may_press_and_no_other_page(begin: Begin, answering: Callable[..., Answering]) -> None:
+    service = begin()
+    loop = answering(service.requests)
+    own = f"http://127.0.0.1:{PAGE_PORT}"
+    status, _, headers = press(service.port, "/estop", Origin=own)
+    assert status == 200 and headers["access-control-allow-origin"] == own
+    status, _, headers = press(service.port, "/estop", "OPTIONS", Origin=own)
+    assert status == 200 and headers["access-control-allow-headers"] == "authorization"
+    assert press(service.port, "/estop", Origin="https://evil.example")[0] == 403
+    assert press(service.port, "/stop", Host="evil.example")[0] == 403
+    assert loop.requested == [Request.ESTOP]
+
+
+def test_a_loop_that_does_not_run_is_told(begin: Begin) -> None:
+    service = begin()
+    status, told, _ = press(service.port, "/estop")
+    assert (status, told["state"]) == (503, "refused") and "the loop did not take it" in told["reason"]
+
+
+def test_connections_that_send_nothing_or_nonsense_keep_no_stop_out(
+    begin: Begin, answering: Callable[..., Answering]
+) -> None:
+    service = begin()
+    loop = answering(service.requests)
+    silent = [socket.create_connection(("127.0.0.1", service.port)) for _ in range(150)]
+    for number, one in enumerate(silent):
+        one.sendall([b"", b"\x00\xff\r\n\r\n", b"POST /estop HTTP/1.1\r\n", b"x" * 20_000][number % 4])
+    assert press(service.port, "/stop")[0] == 200
+    assert loop.requested == [Request.STOP]
+    for one in silent:
+        one.close()
+
+
+def test_the_command_line_presses(
+    begin: Begin, answering: Callable[..., Answering], capsys: pytest.CaptureFixture[str]
+) -> None:
+    service = begin()
+    loop = answering(service.requests)
+    port = ["--stop-port", str(service.port)]
+    assert execute(["stop", *port]) == 0 and execute(["estop", "--json", *port]) == 0
+    assert loop.requested == [Request.STOP, Request.ESTOP]
+    assert "accepted before tick" in capsys.readouterr().out
+    assert execute(["estop", "--stop-port", str(any_free())]) == 3
+
+
+@pytest.mark.parametrize("after_s", [2.5, 3.1])
+def test_an_emergency_stop_is_at_the_driver_within_two_periods_of_its_arrival(
+    after_s: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Counted in ticks: the loop makes none while the process handles the request."""
+    robot = load_robot("op3")
+    driver = create("sim", robot, seed=0)
+    session = Session(robot, driver, ClipSource(default_clip()[225:330]), load_stream())
+    service = StopService(session.settings.gateway, session.telemetry, Admission(), port=any_free())
+    session.services = (service,)
+    written: list[np.ndarray] = []
+    write = driver.write
+
+    def record(command: JointCommand) -> None:
+        written.append(command.position.copy())
+        write(command)
+
+    monkeypatch.setattr(driver, "write", record)
+    with session:
+        wait_until(lambda: listens(service.port), "the stop service to listen")
+        while session.state.ladder is not State.STREAMING:
+            session.step()
+        session.advance(after_s)
+        told: list[Any] = []
+        pressing = threading.Thread(target=lambda: told.append(press(service.port, "/estop")))
+        requests = service.requests._ring
+        pressing.start()
+        wait_until(lambda: requests.count == 1, "the request to reach the loop's memory")
+        arrived, before = session.state.tick, len(written)
+        session.step()
+        session.step()
+        pressing.join(HANGING_S)
+        assert len(written) == before + 2
+        frozen = [bool((goals == written[before - 1]).all()) for goals in written[before:]]
+        assert frozen[-1], "the goals still move two periods after the emergency stop"
+        assert session.state.ladder is State.HOLD and session.state.tick == arrived + 2
+        status, answer, _ = told[0]
+        assert status == 200 and 0 < answer["tick"] - answer["arrived_tick"] <= 2
+        while session.step():
+            pass
+    assert session.state.ladder is State.FAULT

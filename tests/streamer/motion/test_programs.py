@@ -1,0 +1,154 @@
+"""Sentences to programs: what the shipped model hears in the development sentences, and what no sentence may do."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from flexmotion.bundles.bundle import Bundle
+from flexmotion.configs.robot import load_robot
+from flexmotion.sampling.sampler import Sampler
+from flexmotion.streamer.motion.heard import Heard, HeardChannel, heard_since, merged
+from flexmotion.streamer.motion.hearing import Hearing
+from flexmotion.streamer.motion.intents import LONGEST_TEXT, Text, Velocity
+from flexmotion.streamer.motion.programs import LEAST, MOST, MOST_STEPS, Program
+from flexmotion.streamer.motion.robot_pace import human_pace
+from flexmotion.text.phrases import STAND
+
+from ...flexmotion.text.test_grammar import PHRASES
+
+FILE = Path(__file__).parents[2] / "flexmotion" / "text" / "data" / "requests.yaml"
+REQUESTS: list[dict[str, Any]] = yaml.safe_load(FILE.read_text(encoding="utf-8"))
+UNITS = {"deg": "angle", "m": "length", "steps": "steps", "s": "time", "times": "times"}
+
+
+@pytest.fixture(scope="module")
+def hearing(bundle: Path) -> Hearing:
+    sampler = Sampler(Bundle(bundle))
+    return Hearing(sampler, human_pace(load_robot("op3"), sampler.body))
+
+
+def hear(hearing: Hearing, say: str, after: str | None = None) -> Program:
+    before = None if after is None else hearing(Text(after))
+    return hearing(Text(say), before, before)
+
+
+def moves(program: Program) -> list[str]:
+    return [step.kind for step in program.steps if step.kind != STAND]
+
+
+@pytest.mark.parametrize("row", REQUESTS, ids=[f"{row.get('after', '')}|{row['say']}" for row in REQUESTS])
+def test_development_sentences_are_heard_as_meant(hearing: Hearing, row: dict[str, Any]) -> None:
+    program = hear(hearing, row["say"], row.get("after"))
+    heard = program.heard
+    if row.get("refused"):
+        assert heard.state == "refused" and heard.reason and not moves(program), heard
+        return
+    if row.get("goes_on"):
+        assert heard.state == "refused" and "goes on" in str(heard.reason) and moves(program), heard
+        return
+    assert heard.state == ("partly" if "dropped" in row else heard.state) != "refused", heard
+    assert list(heard.dropped) == row.get("dropped", [])
+    assert [step.kind for step in program.steps] == [kind for kind, *_ in row["does"]], heard
+    for step, (_, *amount) in zip(program.steps, row["does"], strict=True):
+        if not amount:
+            continue
+        value, unit = amount[0].split()
+        assert step.amount is not None and step.amount.quantity == UNITS[unit], heard
+        found = step.amount.value * (57.29577951308232 if unit == "deg" else 1.0)
+        assert found == pytest.approx(float(value), rel=1e-3), heard
+
+
+def test_an_answer_says_how_surely_and_what_is_done_when_and_how_long(hearing: Hearing) -> None:
+    heard = hear(hearing, "turn 90 degrees to the right then wave twice").heard
+    turn, wave = heard.steps
+    assert heard.heard_as == "walk-turn-right, wave-right-hand"
+    assert heard.certainty is not None and 0.45 <= heard.certainty <= 1.0
+    assert (turn.unit, wave.unit, wave.amount) == ("angle", "times", 2.0)
+    assert turn.limit_s is not None and wave.limit_s is not None and turn.limit_s > 10.0
+
+
+def test_one_refused_request_refuses_the_sentence(hearing: Hearing) -> None:
+    """What follows a step that cannot be done would be done in another place than it was meant for."""
+    program = hear(hearing, "wave, then jump over the gap, then walk two metres")
+    assert program.heard.state == "refused" and "jump" in str(program.heard.reason) and not moves(program)
+
+
+def test_a_velocity_is_answered_too(hearing: Hearing) -> None:
+    heard = hearing(Velocity(2.0, 0.0, 0.0)).heard
+    assert heard.state == "slowed" and heard.told() == f"{heard.asked} is slowed to {heard.slowed}"
+    assert hearing(Velocity(0.1, 0.0, 0.0)).heard.told() is None
+
+
+def test_faster_and_slower_stay_within_the_robots_pace(hearing: Hearing) -> None:
+    walking = hearing(Text("walk forward"))
+    program, changes = walking, 0
+    while (slower := hearing(Text("slower"), program)).heard.state != "refused":
+        assert slower.number == walking.number
+        program, changes = slower, changes + 1
+        assert changes < 10
+    assert changes >= 2 and "smallest speed" in str(slower.heard.reason)
+    while (faster := hearing(Text("faster"), program)).heard.state != "refused":
+        program, changes = faster, changes + 1
+        assert changes < 20
+    intent, pace = program.steps[0].intent, hearing.pace
+    assert isinstance(intent, Velocity) and pace is not None and intent.forward <= pace.ahead + 1e-9
+    assert "greatest speed" in str(faster.heard.reason)
+
+
+@given(PHRASES | st.text(max_size=40))
+@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_any_sentence_is_a_program_or_a_refusal_and_bounded(hearing: Hearing, words: str) -> None:
+    text = "".join(c for c in words if c.isprintable())[:LONGEST_TEXT].strip() or "wave"
+    program = hearing(Text(text))
+    assert program.steps and len(program.steps) <= MOST_STEPS
+    assert (program.heard.state == "refused") == (program.heard.reason is not None and not moves(program)) or (
+        program.heard.state == "accepted" and not moves(program)
+    )
+    for step in program.steps:
+        if step.amount is not None:
+            least, most = LEAST[step.amount.quantity], MOST[step.amount.quantity]
+            assert least <= step.amount.value <= most and step.limit_s is not None and step.limit_s < 1000.0
+    assert Heard.model_validate_json(program.heard.model_dump_json()) == program.heard
+
+
+@given(
+    st.sampled_from(["don't", "do not", "never", "please do not"]),
+    st.sampled_from(["walk", "walk forward", "move", "go anywhere", "take a step"]),
+    st.sampled_from([" then ", ", ", " and ", " or ", "; ", " but "]),
+    st.sampled_from(["wave", "bow", "raise both arms", "wave twice", "stand still"]),
+)
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_what_is_forbidden_is_not_done(hearing: Hearing, no: str, verb: str, joint: str, other: str) -> None:
+    program = hearing(Text(f"{no} {verb}{joint}{other}"))
+    assert not [step for step in program.steps if step.axis != (0, 0) or step.turn]
+
+
+@given(st.floats(-1e6, 1e6), st.sampled_from(["metres", "km", "degrees", "steps", "seconds", "hours", "times"]))
+@settings(max_examples=80, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_numbers_are_bounded(hearing: Hearing, value: float, unit: str) -> None:
+    program = hearing(Text(f"turn left {value:.3f} {unit}"))
+    (step,) = program.steps
+    if program.heard.state == "refused":
+        assert step.kind == STAND
+    else:
+        assert step.amount is not None and step.amount.value <= MOST[step.amount.quantity]
+
+
+def test_answers_cross_a_channel_and_the_newest_version_counts() -> None:
+    channel = HeardChannel()
+    reader = channel.reader()
+    first = Heard(id=3, asked="wave – „ö“", state="accepted", heard_as="wave-right-hand", certainty=0.9)
+    channel.publish(first)
+    channel.publish(Heard(id=4, asked="jump", state="refused", reason="not understood"))
+    later = first.model_copy(update={"tick": 100})
+    channel.publish(later)
+    assert [heard.id for heard in merged(heard_since(reader))] == [3, 4]
+    channel.publish(first)
+    assert heard_since(reader) == [first]
+    assert merged([first, later]) == [later]

@@ -1,0 +1,183 @@
+"""Steps of a program end by what the robot has done, as the loop's rows say, and by nothing else."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from flexmotion.streamer.control.ladder import State
+from flexmotion.streamer.control.tick_row import TickRow, blank
+from flexmotion.streamer.motion.heard import Heard, HeardStep
+from flexmotion.streamer.motion.intents import Text, Velocity
+from flexmotion.streamer.motion.programs import Program, Step
+from flexmotion.streamer.planning.step_runner import STANDING, StepRunner
+from flexmotion.text.amounts import Amount
+
+RATE, FPS, JOINTS = 100.0, 30.0, 4
+
+
+class FakeSource:
+    """The programs of a source by their first frame."""
+
+    fps = FPS
+
+    def __init__(self, *programs: tuple[int, Program]) -> None:
+        self.programs = list(programs)
+
+    def program_at(self, frame: int) -> tuple[int, Program] | None:
+        return next((one for one in reversed(self.programs) if one[0] <= frame), None)
+
+
+def step(kind: str, value: float, unit: Any, limit_s: float = 60.0, **about: Any) -> Step:
+    told = HeardStep(text=kind, heard_as=kind, amount=value, unit=unit, limit_s=limit_s)
+    how: dict[str, Any] = {"intent": Text(kind), "axis": (0, 0), "turn": 0} | about
+    return Step(kind=kind, amount=Amount(value, unit, kind), limit_s=limit_s, told=told, **how)
+
+
+def program(*steps: Step, number: int = 1) -> Program:
+    heard = Heard(id=number, asked="…", state="accepted", steps=tuple(one.told for one in steps))
+    return Program(steps, heard, number)
+
+
+TURN = step("turn", math.pi / 2, "angle", turn=1, intent=Velocity(0.0, 0.0, 0.5))
+WALK = step("walk", 1.0, "length", axis=(1, 0))
+STEPS = step("walk-back", 2.0, "steps", axis=(-1, 0))
+WAIT = step("stand", 1.0, "time")
+WAVE = step("wave", 2.0, "times")
+
+
+class Robot:
+    """A robot whose rows a test writes; it does what the runner wants, as the replanner would have it."""
+
+    def __init__(self, *programs: tuple[int, Program]) -> None:
+        self.heard: list[Heard] = []
+        self.runner = StepRunner(FakeSource(*programs), RATE, self.heard.append)  # type: ignore[arg-type]
+        self.row = TickRow(blank(TickRow.dtype(joints=JOINTS)))
+        self.row.state[...], self.row.odometry[...], self.row.q[...] = State.STREAMING, 0.0, 0.0
+        self.row.foot_ref[...], self.row.contact_ref[...] = 0.0, True
+        self.asked: list[Any] = []
+        self.doing: Any = None
+        self.tick = -1
+
+    def run(self, seconds: float, **speeds: float) -> None:
+        """Rows for so long; `turn`, `ahead` [1/s] act while the runner asks for neither standing nor rest."""
+        for _ in range(round(seconds * RATE)):
+            self.tick += 1
+            self.row.tick[...], self.row.source_s[...] = self.tick, self.tick / RATE
+            moving = self.doing != STANDING and not self.runner.resting
+            self.row.odometry[2] += speeds.get("turn", 0.0) / RATE * moving
+            self.row.odometry[0] += speeds.get("ahead", 0.0) / RATE * moving
+            self.runner.update(self.row)
+            if self.runner.wanted is not None:
+                self.doing = self.runner.wanted
+                self.asked.append(self.doing)
+                self.runner.changed()
+
+    @property
+    def ends(self) -> list[str | None]:
+        return [one.end for one in self.heard[-1].steps]
+
+
+def test_a_turn_ends_by_the_measured_turn_and_not_by_time() -> None:
+    slow, quick = Robot((0, program(TURN))), Robot((0, program(TURN)))
+    slow.run(8.0, turn=0.15)
+    assert not slow.heard and not slow.runner.resting
+    quick.run(8.0, turn=0.6)
+    assert quick.ends == ["done"] and quick.heard[-1].steps[0].measured == pytest.approx(math.pi / 2, abs=0.1)
+    assert quick.runner.done and quick.asked == [STANDING]
+
+
+def test_a_way_is_measured_in_the_torsos_own_direction() -> None:
+    robot = Robot((0, program(WALK)))
+    robot.row.odometry[2] = math.pi  # it looks back: x falls while it walks ahead
+    robot.run(7.0, ahead=-0.2)
+    assert robot.ends == ["done"] and robot.heard[-1].steps[0].measured == pytest.approx(1.0, abs=0.1)
+
+
+def test_a_robot_that_does_not_move_ends_a_step_by_its_limit_and_says_so() -> None:
+    robot = Robot((0, program(step("walk", 1.0, "length", limit_s=3.0, axis=(1, 0)), WAIT)))
+    robot.run(3.5)
+    assert robot.ends == ["time limit", None] and robot.heard[-1].failure is not None
+    robot.run(1.5)
+    assert robot.ends == ["time limit", "done"]
+
+
+def test_steps_follow_each_other() -> None:
+    robot = Robot((0, program(WAIT, TURN, WAIT)))
+    robot.run(10.0, turn=0.6)
+    assert robot.ends == ["done"] * 3
+    assert robot.asked == [TURN.intent, WAIT.intent, STANDING]
+
+
+def test_footsteps_count_where_they_carry_a_foot_in_the_walks_direction() -> None:
+    """Every lift counted, also those that correct the feet: "two steps back" was one."""
+    robot = Robot((0, program(STEPS)))
+    for side, carried in ((0, 0.0), (1, -0.05), (0, 0.05), (0, -0.08)):
+        assert not robot.runner.resting
+        robot.row.contact_ref[side] = False
+        robot.run(0.02)
+        robot.row.foot_ref[side, 0] += carried
+        robot.run(0.02)
+        robot.row.contact_ref[side] = True
+        robot.run(0.02)
+    assert robot.runner.resting
+    robot.run(2.0)
+    assert robot.ends == ["done"] and robot.heard[-1].steps[0].measured == 2.0
+
+
+def test_a_gesture_counts_if_the_joints_moved_and_is_repeated_until_it_has() -> None:
+    robot = Robot((0, program(WAVE)))
+    for seen in (True, False, True):
+        while not robot.heard and robot.doing != STANDING:
+            robot.row.q[2] = 1.0 if seen else 0.0
+            robot.run(0.1)
+        robot.row.q[2] = 0.0
+        while not robot.heard and robot.doing == STANDING:
+            robot.run(0.1)
+    assert robot.ends == ["done"] and robot.heard[-1].steps[0].measured == 2.0
+    assert robot.asked == [STANDING, WAVE.intent, STANDING, WAVE.intent, STANDING, STANDING]
+
+
+def test_another_target_and_a_stop_end_a_program_and_say_so() -> None:
+    robot = Robot((0, program(TURN, WAIT)), (60, program(WAIT, number=2)))
+    robot.run(1.0, turn=0.1)
+    assert not robot.heard
+    robot.run(1.2, turn=0.1)
+    assert robot.heard[0].id == 1 and [one.end for one in robot.heard[0].steps] == ["superseded"] * 2
+    robot.row.must_stop[...] = True
+    robot.run(0.1)
+    assert robot.heard[-1].id == 2 and robot.ends == ["stopped"] and not robot.runner.resting
+
+
+def test_a_target_that_is_over_ends_its_program() -> None:
+    """A program went on by itself after the target that had asked for it was too old."""
+    robot = Robot((0, program(TURN, WAIT)))
+    robot.run(2.9, turn=0.6)
+    assert robot.runner.resting
+    robot.runner.update(robot.row, halted=True)
+    assert robot.ends == ["stopped"] * 2 and not robot.runner.resting and robot.runner.wanted is None
+
+
+def test_a_script_goes_on_while_the_robot_rests() -> None:
+    """While a plan's stop plays no frame of the source does, and the next item of a script never came."""
+    robot = Robot((0, program(TURN)), (120, program(WAIT, number=2)))
+    robot.run(2.9, turn=0.6)
+    assert robot.runner.resting
+    for _ in range(300):
+        robot.row.odometry[2] += 0.002  # it sways and is not still
+        robot.tick += 1
+        robot.row.tick[...], robot.row.source_s[...] = robot.tick, np.nan
+        robot.runner.update(robot.row)
+        if robot.runner.wanted is not None:
+            break
+    assert robot.runner.wanted == WAIT.intent
+
+
+def test_an_open_program_is_left_alone() -> None:
+    open_step = Step(Text("walk"), "walk", None, (1, 0), 0, None, HeardStep(text="walk", heard_as="walk"))
+    robot = Robot((0, program(open_step)))
+    robot.run(5.0, ahead=0.2)
+    assert not robot.heard and not robot.asked and not robot.runner.done

@@ -1,0 +1,185 @@
+"""Which target counts, how long it holds, and the one answer that each gets."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Any
+
+import pytest
+
+from flexmotion.streamer.control.ladder import State
+from flexmotion.streamer.control.telemetry import Telemetry
+from flexmotion.streamer.motion.heard import Heard
+from flexmotion.streamer.motion.intents import Stop, Text, Velocity
+from flexmotion.streamer.motion.targets import NO_TARGET, TargetMailbox
+from flexmotion.streamer.planning.target_ledger import TargetLedger
+
+RATE = 100.0
+WALK, WAVE = Velocity(0.3, 0.0, 0.0), Text("wave")
+
+
+class Bench:
+    """A ledger in lockstep; the test is source and loop."""
+
+    def __init__(self, change_s: float = 0.0) -> None:
+        self.mailbox = TargetMailbox()
+        self.notes: list[str] = []
+        self.told: list[Heard] = []
+        inbox = self.mailbox.reader()
+        self.ledger = TargetLedger(
+            inbox, self.told.append, self.notes.append, rate_hz=RATE, change_s=change_s, lockstep=True
+        )
+        self._telemetry = Telemetry(1, RATE)
+        self.taken = 0
+
+    def look(self, tick: int, **row: Any) -> None:
+        for name, value in {"state": State.STREAMING, "must_stop": False, **row}.items():
+            getattr(self._telemetry.row, name)[...] = value
+        self.ledger.take(tick)
+        self.ledger.settle(self._telemetry.row, self.taken, lambda target: 1000 + target)
+
+    @property
+    def states(self) -> list[tuple[int, str]]:
+        return [(answer.id, answer.state) for answer in self.told]
+
+    def follow(self, tick: int, heard: Heard | None = None) -> None:
+        """The source turns to the wanted target, and the loop takes the plan."""
+        target = self.ledger.wanted
+        self.ledger.turned(target, heard)
+        self.taken = target.id
+        self.look(tick)
+
+
+@pytest.fixture
+def bench() -> Bench:
+    return Bench()
+
+
+def test_a_target_is_accepted_when_the_loop_has_taken_a_plan_and_not_before(bench: Bench) -> None:
+    target = bench.mailbox.send(WAVE)
+    bench.look(10)
+    assert bench.ledger.wanted == target
+    bench.ledger.turned(target, Heard(asked="wave", state="accepted", heard_as="wave-right-hand", certainty=0.9))
+    bench.look(11)
+    assert bench.told == [] and bench.ledger.wanted == target
+    bench.taken = target.id
+    bench.look(12)
+    (answer,) = bench.told
+    assert (answer.state, answer.tick, answer.heard_as) == ("accepted", 1001, "wave-right-hand")
+    assert (answer.at_s, answer.certainty) == (10.01, 0.9)
+
+
+def test_words_that_mean_nothing_are_refused_with_what_the_robot_does_instead(bench: Bench) -> None:
+    bench.mailbox.send(Text("fly"))
+    bench.look(10)
+    bench.follow(11, Heard(asked="fly", state="refused", reason="'fly' is not understood, the model stands still"))
+    assert bench.states == [(1, "refused")] and "stands still" in str(bench.told[0].reason)
+
+
+def test_only_the_newest_of_several_counts(bench: Bench) -> None:
+    for intent in (WAVE, WALK, WAVE):
+        newest = bench.mailbox.send(intent)
+    bench.look(10)
+    assert bench.states == [(1, "superseded"), (2, "superseded")] and bench.ledger.wanted == newest
+
+
+def test_a_planned_target_is_superseded_only_when_the_source_turns_to_another(bench: Bench) -> None:
+    """Answered at once, a target would have been called superseded by one that was then refused, and followed."""
+    first = bench.mailbox.send(WAVE)
+    bench.look(10)
+    bench.ledger.turned(first, None)
+    second = bench.mailbox.send(WALK)
+    bench.look(11)
+    assert bench.told == [] and bench.ledger.wanted == second
+    bench.ledger.refuse(second, "cannot")
+    assert bench.ledger.wanted == first
+    bench.taken = first.id
+    bench.look(12)
+    assert bench.states == [(2, "refused"), (1, "accepted")]
+
+
+def test_a_target_that_no_plan_follows_in_time_expires(bench: Bench) -> None:
+    bench.mailbox.send(WAVE, take_up_s=2.0)
+    bench.look(100)
+    bench.look(299, state=State.READY)
+    assert bench.told == []
+    bench.look(301, state=State.READY)
+    assert bench.states == [(1, "expired")] and bench.told[0].reason == "no plan followed it within 2 s"
+    assert bench.ledger.wanted is NO_TARGET
+
+
+def test_a_velocity_that_is_not_sent_again_brings_the_robot_to_a_stand(bench: Bench) -> None:
+    bench.mailbox.send(WALK, holds_s=0.5)
+    bench.look(100)
+    bench.follow(104)
+    bench.look(149)
+    assert not bench.ledger.halted
+    bench.look(151)
+    assert bench.ledger.halted and bench.ledger.wanted is NO_TARGET
+    assert bench.notes == ["target 1 is over after 0.5 s: coming to a stand"]
+    bench.mailbox.send(WAVE)
+    bench.look(400)
+    bench.follow(401)
+    assert not bench.ledger.halted and bench.states == [(1, "accepted"), (2, "accepted")]
+
+
+def test_a_stick_that_is_held_goes_on_without_a_new_plan(bench: Bench) -> None:
+    bench.mailbox.send(WALK, holds_s=0.5)
+    bench.look(100)
+    bench.follow(104)
+    for tick in range(140, 500, 40):
+        bench.mailbox.send(WALK, holds_s=0.5)
+        bench.look(tick)
+        assert bench.ledger.wanted.id == 1, "the loop would be offered a plan for each message"
+    assert [state for _, state in bench.states] == ["accepted"] * 10 and not bench.ledger.halted
+    bench.look(460 + 51)
+    assert bench.ledger.halted
+
+
+def test_a_flood_changes_what_is_followed_no_faster_than_the_robot_can_and_a_stop_does_not_wait() -> None:
+    """25 changes a second felled the robot: steps are settled further ahead than its short plans reached."""
+    bench = Bench(change_s=0.2)
+    turned = []
+    for tick in range(100, 200, 2):
+        bench.mailbox.send(Velocity(0.0, 0.0, tick / 1000.0))
+        bench.look(tick)
+        if bench.ledger.wanted.id > bench.taken:
+            turned.append(tick)
+            bench.follow(tick + 1)
+    gaps = [after - before for before, after in pairwise(turned)]
+    assert len(turned) == 5 and min(gaps) >= 0.2 * RATE and max(gaps) <= 0.2 * RATE + 2
+    newest = bench.mailbox.send(Stop())
+    bench.look(200)
+    assert bench.ledger.wanted == newest
+    bench.follow(201)
+    assert len(bench.told) == 51 and bench.states[-1] == (51, "accepted")
+
+
+def test_a_stop_refuses_what_is_asked_meanwhile_and_what_was_asked_before_does_not_go_on(bench: Bench) -> None:
+    """A robot that had been stopped walked on when the stop was released."""
+    bench.mailbox.send(WALK)
+    bench.look(100)
+    bench.follow(104)
+    bench.mailbox.send(WAVE)
+    bench.look(110, must_stop=True)
+    assert bench.states[-1] == (2, "refused") and "clear releases a STOP" in str(bench.told[-1].reason)
+    bench.look(300, must_stop=False, state=State.HOLD)
+    assert bench.ledger.halted and bench.ledger.wanted is NO_TARGET
+
+
+@pytest.mark.parametrize("state", [State.PARK, State.DAMPED, State.FAULT])
+def test_no_target_is_followed_in_a_state_without_plans(bench: Bench, state: State) -> None:
+    bench.mailbox.send(WAVE)
+    bench.look(100, state=state)
+    assert bench.states == [(1, "refused")] and bench.told[0].reason == f"the robot is in {state.name}"
+
+
+def test_targets_of_two_processes_have_ids_that_ascend_and_differ() -> None:
+    """Each sender counted for itself: a target with a smaller id than one before it was never followed."""
+    mailbox = TargetMailbox()
+    other = mailbox.sender()
+    reader = mailbox.reader()
+    sent = [mailbox.send(WALK), other.send(WAVE), other.send(WALK), mailbox.send(WAVE), other.send(WALK)]
+    ids = [target.id for target in sent]
+    assert ids == sorted(set(ids))
+    assert reader.read() == sent and mailbox.newest() == sent[-1]
