@@ -1,4 +1,4 @@
-"""Makes `view.png`: the page of a run with the robot in mid-step, rendered by a headless Chromium.
+"""Makes a picture: the page of a run with the robot in mid-step, rendered by a headless Chromium.
 
     python docs/images/make_view.py [--out docs/images/view.png] [--after 9.2] [--width 1280] [--dark]
 

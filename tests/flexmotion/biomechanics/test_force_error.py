@@ -22,8 +22,7 @@ from flexmotion.biomechanics.force_error import (
     error_sources,
     force_error,
 )
-from flexmotion.biomechanics.landing import CUTOFF as LANDING_CUTOFF
-from flexmotion.biomechanics.landing import landing_cutoff
+from flexmotion.biomechanics.landing import LANDING_CUTOFF, landing_cutoff
 from flexmotion.biomechanics.plausibility import RESIDUAL_FORCE
 from flexmotion.biomechanics.smoothing import CUTOFF, smooth, smoothing_spline
 from flexmotion.human.motion import Motion
