@@ -17,6 +17,7 @@ import itertools
 import json
 import uuid
 from collections.abc import Mapping
+from contextlib import AsyncExitStack, ExitStack
 from http.client import HTTPConnection, HTTPException
 from types import TracebackType
 from typing import Any, Self
@@ -84,6 +85,15 @@ class _Messages:
         return f"ws://{host}:{self.port}/targets"
 
     @property
+    def _options(self) -> dict[str, Any]:
+        return {
+            "additional_headers": self._headers,
+            "open_timeout": PATIENCE_S,
+            "compression": None,
+            "proxy": None,
+        }
+
+    @property
     def _headers(self) -> dict[str, str]:
         return {} if self.token is None else {"Authorization": f"Bearer {self.token}"}
 
@@ -125,6 +135,7 @@ class Client(_Messages):
     """
 
     _socket: Any = None
+    _open: ExitStack
 
     def __enter__(self) -> Self:
         self._connect()
@@ -138,8 +149,8 @@ class Client(_Messages):
     def close(self) -> None:
         """Close the connection; what the robot follows stays as it is until its time is over."""
         if self._socket is not None:
-            self._socket.close()
             self._socket = None
+            self._open.close()
 
     def text(self, text: str, *, ttl_s: float | None = None) -> Answer:
         """Do what the words say."""
@@ -198,10 +209,9 @@ class Client(_Messages):
     def _connect(self) -> None:
         if self._socket is not None:
             return
+        self._open = ExitStack()
         try:
-            self._socket = connect(
-                self._url, additional_headers=self._headers, open_timeout=PATIENCE_S, compression=None, proxy=None
-            )
+            self._socket = self._open.enter_context(connect(self._url, **self._options))
         except (OSError, WebSocketException) as error:
             raise self._failed(error) from error
 
@@ -236,10 +246,9 @@ class AsyncClient(_Messages):
 
     async def __aenter__(self) -> Self:
         self._waiting: dict[str, asyncio.Future[Answer]] = {}
+        self._open = AsyncExitStack()
         try:
-            self._socket = await connect_async(
-                self._url, additional_headers=self._headers, open_timeout=PATIENCE_S, compression=None, proxy=None
-            )
+            self._socket = await self._open.enter_async_context(connect_async(self._url, **self._options))
         except (OSError, WebSocketException) as error:
             raise self._failed(error) from error
         self._reading = asyncio.create_task(self._read())
@@ -248,8 +257,7 @@ class AsyncClient(_Messages):
     async def __aexit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        assert self._socket is not None
-        await self._socket.close()
+        await self._open.aclose()
         await self._reading
 
     async def text(self, text: str, *, ttl_s: float | None = None) -> Answer:
