@@ -49,30 +49,32 @@ def run(
     # From here on a signal is a request, also while the rest is loaded. Heavy imports wait until the command runs: help
     # and completion answer at once.
     from flexmotion.streamer.commands.signals import operator_signals
+    from flexmotion.streamer.log.lock import locked_folder
 
-    with operator_signals() as signals:
-        from flexmotion.configs.stream import load_stream
-        from flexmotion.streamer.api import open_driver, open_robot
-        from flexmotion.streamer.commands.driver_options import parse_options
-        from flexmotion.streamer.commands.streaming import present, stream
+    with locked_folder(run.report):
+        with operator_signals() as signals:
+            from flexmotion.configs.stream import load_stream
+            from flexmotion.streamer.api import open_driver, open_robot
+            from flexmotion.streamer.commands.driver_options import parse_options
+            from flexmotion.streamer.commands.streaming import present, stream
 
-        settings = load_stream(run.settings)
-        stay = clock == "real" and not once and run.seconds is None
-        chosen = open_robot(robot)
-        source = motion.source(chosen, settings, run.seconds, endless=stay, listens=run.listens)
-        options = parse_options(option or ())
-        if port is not None:
-            options["port"] = port
-        if driver == "sim":
-            options["seed"] = motion.seed
-        session = run.session(
-            open_driver(driver, chosen, **options),
-            source,
-            settings,
-            clock=clock,
-            seed=motion.seed,
-            seconds=None if stay else source.seconds,
-            stay=stay,
-        )
-        outcome = stream(session, signals)
-    present(outcome, run.report, run.as_json, signals.interrupted)
+            settings = load_stream(run.settings)
+            stay = clock == "real" and not once and run.seconds is None
+            chosen = open_robot(robot)
+            source = motion.source(chosen, settings, run.seconds, endless=stay, listens=run.listens)
+            options = parse_options(option or ())
+            if port is not None:
+                options["port"] = port
+            if driver == "sim":
+                options["seed"] = motion.seed
+            session = run.session(
+                open_driver(driver, chosen, **options),
+                source,
+                settings,
+                clock=clock,
+                seed=motion.seed,
+                seconds=None if stay else source.seconds,
+                stay=stay,
+            )
+            outcome = stream(session, signals)
+        present(outcome, run.report, run.as_json, signals)

@@ -72,6 +72,15 @@ class RequestingService(Service, Protocol):
     requests: RequestChannel
 
 
+@runtime_checkable
+class HeldService(Service, Protocol):
+    """A service that holds something until the run is over, such as the lock of a log."""
+
+    def end(self) -> None:
+        """Called in the process that started the run, when it is over."""
+        ...
+
+
 def requests_of(services: tuple[Service, ...]) -> list[RequestChannel]:
     """The channels of those services that send requests."""
     return [service.requests for service in services if isinstance(service, RequestingService)]
@@ -195,6 +204,8 @@ class Supervisor:
             for one in running:
                 one.process.terminate()
                 child.end(one.process, patience_s=_CLOSING_S)
+                if isinstance(one.service, HeldService):
+                    one.service.end()
 
     def _wait(self, loop: BaseProcess) -> None:
         """Wait until the loop's process ends, `wake` is readable, or the next check is due."""
