@@ -30,7 +30,9 @@ def lock(descriptor: int, path: Path, option: str) -> None:
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError as error:
-        raise ConfigError(f"{option}: {path}: another run that is not over writes to it, expected another one") from error
+        raise ConfigError(
+            f"{option}: {path}: another run that is not over writes to it, expected another one"
+        ) from error
     except OSError as error:
         if error.errno not in _NO_LOCKS:
             raise

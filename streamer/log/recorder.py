@@ -255,7 +255,9 @@ class _Following:
         try:
             file = LogFile(self._rotation.next)
         except ConfigError as error:
-            self.file.error = error.__cause__ if isinstance(error.__cause__, OSError) else OSError(errno.EIO, str(error))
+            self.file.error = (
+                error.__cause__ if isinstance(error.__cause__, OSError) else OSError(errno.EIO, str(error))
+            )
             return
         self._writer.close()
         self.file, self._begun = file, self._written

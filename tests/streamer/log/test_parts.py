@@ -194,9 +194,7 @@ def test_a_log_is_free_again_after_its_run(logged_session: Make, tmp_path: Path)
 
 def test_a_log_stays_locked_in_every_process_of_a_run(logged_session: Make, tmp_path: Path) -> None:
     """Also while it goes on in a later part, in the recorder's process."""
-    made = logged_session(
-        tmp_path / "run.mcap", clock="real", settings=settings(part_s=1.0), realtime=False
-    )
+    made = logged_session(tmp_path / "run.mcap", clock="real", settings=settings(part_s=1.0), realtime=False)
     session = made.session
     refused: list[str] = []
 
