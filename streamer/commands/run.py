@@ -29,6 +29,9 @@ def run(
             "--once", help="End when the motion is over, as --seconds does; without either the robot stays standing."
         ),
     ] = False,
+    wait: Annotated[
+        bool, typer.Option("--wait", help="Wait for a robot that is not there, or not switched on, and say so.")
+    ] = False,
     run: RunOptions,
 ) -> None:
     """Stream a motion to a robot: stand up, follow, then stay standing until stopped.
@@ -36,7 +39,8 @@ def run(
     The command arms the robot: torque goes on at once. With --web or --stdin it waits for `flexmotion arm`, the page's
     button or a program (--arm: at once).
 
-    Ctrl-C or SIGTERM brings the robot to a balanced stop, parks it and ends; a second one ends at once, torque off.
+    Ctrl-C or SIGTERM brings the robot to a balanced stop, parks it and ends; a second one ends at once, torque off. The
+    exit code after SIGTERM is 0 if the robot is parked. `flexmotion daemon` prints a systemd unit.
     SIGUSR1 is a stop (the robot stands), SIGUSR2 an emergency stop (it freezes, then parks, the fault latched).
 
     [bold]Examples[/bold]
@@ -80,5 +84,6 @@ def run(
                 stay=stay,
                 armed=not run.listens,
             )
+            session.waits = wait
             outcome = stream(session, signals)
         present(outcome, run.report, run.as_json, signals)

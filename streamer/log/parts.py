@@ -57,7 +57,10 @@ class Rotation:
         return part_path(self.first, self.number + 1)
 
     def advance(self) -> list[Path]:
-        """Go on to the next part; returns what must be removed: the oldest parts but the first, which a replay needs."""
+        """Go on to the next part; returns what must be removed: the oldest parts.
+
+        The first one stays: it is locked, and a replay needs it.
+        """
         self.number += 1
         parts = [path for path in (self.first, *later_parts(self.first)) if path.exists()]
         sizes = {path: path.stat().st_size for path in parts}
