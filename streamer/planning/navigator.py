@@ -21,6 +21,8 @@ Float = NDArray[np.float64]
 
 TURNING = 0.5
 """Greatest turning speed of a turn, within the robot's pace [rad/s]."""
+_TURN_GAIN = 1.0
+"""Turning speed per missing angle [1/s]: a small turn is made in small steps."""
 HEADING_TOLERANCE = np.radians(6.0)
 """The robot looks where it should when it stands within this angle [rad]."""
 _WALKING = 0.8
@@ -135,7 +137,8 @@ class Navigator:
         fastest = TURNING if self.pace is None else min(TURNING, self.pace.turning)
         if isinstance(self.goal, Heading) and self.goal.turning is not None:
             fastest = min(fastest, self.goal.turning)
-        self.move = Velocity(0.0, 0.0, math.copysign(fastest, missing))
+        speed = min(fastest, max(abs(missing) * _TURN_GAIN, min(_SLOWEST_RAD_S, fastest)))
+        self.move = Velocity(0.0, 0.0, math.copysign(speed, missing))
         self._recent.clear()
 
     def _watch_turn(self, place: Float, time_s: float) -> None:
@@ -152,12 +155,13 @@ class Navigator:
         self.phase, self._steered_s = Phase.WALK, time_s
         away = self._away(place)
         self._along = away / np.linalg.norm(away)
-        self.move = self._towards(place)
         self._recent.clear()
+        self.move = self._towards(place)
 
     def _towards(self, place: Float) -> Velocity:
         """Velocity of the human towards the goal, in the direction in which the robot looks."""
-        bearing = _wrapped(self._bearing(place) - place[2])
+        heading = float(np.mean([one[2] for _, one in self._recent] or place[2]))
+        bearing = _wrapped(self._bearing(place) - heading)
         if abs(bearing) <= _PIVOT_RAD:
             turning = float(np.clip(_STEER_GAIN * bearing, -_STEER_MOST, _STEER_MOST))
             ahead = _WALKING if self.pace is None else self.pace.ahead

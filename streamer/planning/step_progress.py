@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from flexmotion.streamer.control.tick_row import TickRow
 from flexmotion.streamer.motion.programs import Step
-from flexmotion.streamer.planning.standstill import STILL_S, Standstill
+from flexmotion.streamer.planning.standstill import STILL_S, Standstill, measured_place
 
 Float = NDArray[np.float64]
 
@@ -64,7 +64,7 @@ class StepProgress:
 
     def measure(self, step: Step, row: TickRow) -> None:
         """Add what the robot did since the last row."""
-        place = np.array(row.odometry, float)
+        place = measured_place(row)
         dx, dy, turn = place - self.place
         yaw = 0.5 * (place[2] + self.place[2])
         self.ahead += math.cos(yaw) * dx + math.sin(yaw) * dy

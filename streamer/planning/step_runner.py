@@ -22,7 +22,14 @@ from flexmotion.streamer.motion.intents import Intent, Text, Velocity
 from flexmotion.streamer.motion.model_source import ModelSource
 from flexmotion.streamer.motion.programs import GESTURE_S, Program, Step
 from flexmotion.streamer.planning.navigator import Navigator
-from flexmotion.streamer.planning.standstill import SETTLE_S, SPEED_S, TURN_AHEAD_S, WALK_AHEAD_S, Standstill
+from flexmotion.streamer.planning.standstill import (
+    SETTLE_S,
+    SPEED_S,
+    TURN_AHEAD_S,
+    WALK_AHEAD_S,
+    Standstill,
+    measured_place,
+)
 from flexmotion.streamer.planning.step_progress import StepProgress
 from flexmotion.text.phrases import STAND
 
@@ -172,12 +179,11 @@ class StepRunner:
 
     def _fresh(self, row: TickRow) -> StepProgress:
         tick = int(row.tick)
-        place = np.nan_to_num(np.array(row.odometry, float))
         return StepProgress(
             begin_tick=tick,
             act_tick=tick,
             acted_from=0.0,
-            place=place,
+            place=measured_place(row),
             joints=np.array(row.q, float),
         )
 
@@ -197,7 +203,7 @@ class StepRunner:
         if measured is not None:
             known["measured"] = round(measured, 4)
         if ended.goal is not None:
-            known["place"] = tuple(round(float(value), 4) for value in row.odometry)
+            known["place"] = tuple(round(float(value), 4) for value in measured_place(row))
         self._ends[self._index] = self._ends[self._index].model_copy(update=known)
         self._index += 1
         if self._index < len(self._program.steps):
@@ -287,14 +293,13 @@ class StepRunner:
 
     def _navigator_to(self, step: Step, row: TickRow) -> Navigator:
         assert step.goal is not None
-        place = np.nan_to_num(np.array(row.odometry, float))
-        return Navigator(step.goal, self.source.pace, place, int(row.tick) / self.rate_hz)
+        return Navigator(step.goal, self.source.pace, measured_place(row), int(row.tick) / self.rate_hz)
 
     def _navigate(self, step: Step, row: TickRow) -> None:
         navigator = self._navigator
         assert navigator is not None
         before = navigator.move
-        navigator.update(np.array(row.odometry, float), int(row.tick) / self.rate_hz)
+        navigator.update(measured_place(row), int(row.tick) / self.rate_hz)
         if navigator.move is not before:
             self._follow(navigator)
         if navigator.over:
