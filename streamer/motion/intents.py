@@ -183,6 +183,15 @@ def to_content(intent: Intent) -> dict[str, Any]:
     return {word_of(intent): value}
 
 
+def goal_text(goal: Goal) -> str:
+    """A goal in words: "heading 90°", "waypoint 1 m ahead, 0.5 m left, heading 180°"."""
+    if isinstance(goal, Heading):
+        most = "" if goal.turning is None else f", at most {goal.turning:g} rad/s"
+        return f"heading {math.degrees(goal.heading):.0f}°{most}"
+    end = "" if goal.heading is None else f", heading {math.degrees(goal.heading):.0f}°"
+    return f"waypoint {goal.x:g} m ahead, {goal.y:g} m left{end}"
+
+
 def from_content(content: Mapping[str, Any]) -> Intent:
     """The intent in a mapping that has exactly one of `WORDS`; other keys are ignored.
 
