@@ -15,6 +15,7 @@ from flexmotion.streamer.commands.options import (
     BundleOption,
     ClipOption,
     FeedbackOption,
+    FoxgloveOption,
     HeightOption,
     JsonOption,
     ListenOption,
@@ -129,6 +130,7 @@ class RunOptions:
     token_file: TokenFileOption = None
     stdin: StdinOption = False
     arm: ArmOption = None
+    foxglove: FoxgloveOption = False
     allow_refused: AllowRefusedOption = False
     as_json: JsonOption = False
 
@@ -188,6 +190,7 @@ class RunOptions:
             stay=stay,
             realtime=self.realtime,
             log=log_file(self.log, self.report),
+            foxglove=self.foxglove,
             listening=self._listening(),
             allow_refused=self.allow_refused,
             armed=armed if self.arm is None else self.arm,
