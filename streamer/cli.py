@@ -31,7 +31,7 @@ from flexmotion.streamer.commands.personalize import personalize
 from flexmotion.streamer.commands.retarget import retarget
 from flexmotion.streamer.commands.robots import robots
 from flexmotion.streamer.commands.run import run
-from flexmotion.streamer.commands.send import clear, estop, kill, send, status, stop
+from flexmotion.streamer.commands.send import arm, clear, disarm, estop, kill, send, status, stop
 from flexmotion.streamer.commands.servo import servo
 from flexmotion.streamer.commands.servo_calibration import calibrate, calibrate_imu
 from flexmotion.streamer.commands.train import train
@@ -47,7 +47,7 @@ app = typer.Typer(
 )
 app.command("dry-run")(dry_run)
 app.command("run")(run)
-for _command in (send, status, stop, estop, clear, kill):
+for _command in (send, status, arm, disarm, stop, estop, clear, kill):
     app.command(_command.__name__)(_command)
 app.command("retarget")(retarget)
 check.command("bus")(bus)

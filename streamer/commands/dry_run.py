@@ -42,7 +42,8 @@ def dry_run(
     it has none. A prompt, and the last item of a script that does not stop, is followed for 10 s, or for --seconds.
     A prompt that says how much ("turn 90 degrees, then wave twice") ends when the robot has done it. Exit code 1 where
     the robot fell or a limit was passed, and where a prompt was refused or not done whole (--allow-refused). With --web
-    the robot stands and follows what other programs send, until it is interrupted.
+    the robot stands and follows what other programs send, until it is interrupted. The command arms the simulated robot
+    (--no-arm: it waits, as a real one does with `run --web`).
 
     [bold]Examples[/bold]
 

@@ -33,6 +33,9 @@ def run(
 ) -> None:
     """Stream a motion to a robot: stand up, follow, then stay standing until stopped.
 
+    The command arms the robot: torque goes on at once. With --web or --stdin it waits for `flexmotion arm`, the page's
+    button or a program (--arm: at once).
+
     Ctrl-C or SIGTERM brings the robot to a balanced stop, parks it and ends; a second one ends at once, torque off.
     SIGUSR1 is a stop (the robot stands), SIGUSR2 an emergency stop (it freezes, then parks, the fault latched).
 
@@ -73,6 +76,7 @@ def run(
             seed=motion.seed,
             seconds=None if stay else source.seconds,
             stay=stay,
+            armed=not run.listens,
         )
         outcome = stream(session, signals)
     present(outcome, run.report, run.as_json, signals.interrupted)

@@ -31,10 +31,6 @@ EFFECT_RAD = np.radians(2.0)
 """A joint that is sent this much elsewhere shows a target's effect (the report's definition)."""
 
 
-_REST_S = 0.8
-"""A source whose last program is done ends after this time of standing [s]."""
-
-
 class Superseded(Exception):  # noqa: N818 - no error: a newer plan is needed
     """The plan that is being made is no longer needed."""
 
@@ -84,7 +80,11 @@ class Replanner:
         self._asked_tick = 0
         self._heard, self._humans = heard, humans
         source = planner.source.source if isinstance(planner.source, NoisySource) else planner.source
-        self._runner = StepRunner(source, planner.rate, self._ended) if isinstance(source, ModelSource) else None
+        self._runner: StepRunner | None = None
+        if isinstance(source, ModelSource):
+            body, home = planner.retargeter.body, np.full(planner.retargeter.robot.n, np.nan)
+            home[body.upper.joints] = planner.retargeter.robot.stand_pose[body.upper.joints]
+            self._runner = StepRunner(source, planner.rate, self._ended, home)
 
     def step(self, tick: int) -> bool:
         """Make and publish a plan if one is due.
@@ -117,7 +117,7 @@ class Replanner:
         if kind is Kind.STOP:
             target = NO_TARGET
         elif self._is_new(target, row):
-            if not self._turn_to(target, current, join):
+            if not self._turn_to(target, current, join, row):
                 return False
         elif self._runner is not None and self._runner.wanted is not None:
             self._change_step(self._runner, current, join)
@@ -125,7 +125,7 @@ class Replanner:
             planned = self.planner.plan(
                 join,
                 current,
-                stop=kind is Kind.STOP,
+                stop=kind is Kind.STOP or self._rests,
                 partial=kind is Kind.PARTIAL,
                 checkpoint=partial(self._check_urgency, kind, target),
             )
@@ -141,7 +141,7 @@ class Replanner:
             effect_row=-1 if current is None else _effect_row(current, planned.plan),
             partial=kind is Kind.PARTIAL,
             stops=planned.stops,
-            source_over=planned.source_over,
+            source_over=planned.source_over or (self._runner is not None and self._runner.over),
             sample_s=planned.sample_s,
             retarget_s=planned.retarget_s,
         )
@@ -181,8 +181,8 @@ class Replanner:
             return False
         if self._runner is not None and self._runner.wanted is not None:
             return True
-        if self._rests:
-            return not (ticket.stops or row.plan_over)
+        if self._runner is not None and self._runner.resting:
+            return not (ticket.stops or row.plan_over) or (self._runner.over and not ticket.source_over)
         if ticket.partial:
             return True
         if ticket.source_over:
@@ -245,13 +245,13 @@ class Replanner:
         plan = int(row.plan) if int(row.target) >= target else int(row.pending)
         return self._made[plan][1].start_tick if plan in self._made else int(row.plan_start)
 
-    def _turn_to(self, target: Target, current: Plan | None, join: int) -> bool:
+    def _turn_to(self, target: Target, current: Plan | None, join: int, row: TickRow) -> bool:
         """Let the source follow a new target from the join on; returns whether it can."""
         source = self.planner.source
         assert isinstance(source, LiveSource)
-        frame, played = self._played(current, join)
+        played = self._played(current, join)
         try:
-            remark = source.turn_to(target, frame, played)
+            remark = source.turn_to(target, *played)
         except ConfigError as error:
             self.ledger.refuse(target, str(error))
             self.on_note(str(error))
@@ -259,27 +259,28 @@ class Replanner:
         if remark is not None:
             self.on_note(remark)
         if self._runner is not None:
-            self._runner.changed()
+            found = self._runner.source.program_at(played[0] + 1)
+            begin = None if found is None else self._runner.turned(found[1], row)
+            if begin is not None:
+                self._runner.source.change(begin, *played)
         self.ledger.turned(target, source.answer if isinstance(source, ModelSource) else None)
         return True
 
     def _change_step(self, runner: StepRunner, current: Plan | None, join: int) -> None:
         """Let the source go on with what the program has next, from the join on."""
         assert runner.wanted is not None
-        frame, played = self._played(current, join)
-        yaw = self.planner.human_yaw(join, current) if runner.resting else None
-        runner.source.change(runner.wanted, frame, played, yaw)
+        runner.source.change(runner.wanted, *self._played(current, join))
         runner.changed()
-        if runner.done:
-            runner.source.finish(frame + round(_REST_S * runner.source.fps))
 
-    def _played(self, current: Plan | None, join: int) -> tuple[int, Motion | None]:
-        """Last frame of the motion as it was before a join, and the human as played up to it; None: it stands."""
+    def _played(self, current: Plan | None, join: int) -> tuple[int, Motion | None, float | None]:
+        """What a source goes on from: see the last three arguments of `LiveSource.turn_to`."""
         frame = self.planner.first_frame(join, current)
         if current is None or current.human is None:
-            return frame, None
+            return frame, None, self.planner.human_yaw(join, current)
         place = frame - current.human_first_frame
-        return frame, current.human[: place + 1] if 0 <= place < len(current.human) else None
+        if not 0 <= place < len(current.human):
+            return frame, None, self.planner.human_yaw(join, current)
+        return frame, current.human[: place + 1], None
 
     def _ended(self, heard: Heard) -> None:
         """A step of a program has ended."""

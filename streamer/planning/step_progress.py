@@ -11,11 +11,10 @@ from numpy.typing import NDArray
 
 from flexmotion.streamer.control.tick_row import TickRow
 from flexmotion.streamer.motion.programs import Step
+from flexmotion.streamer.planning.standstill import STILL_S, Standstill, measured_place
 
 Float = NDArray[np.float64]
 
-STILL_S = 0.5
-"""What has not moved for this long rests [s]."""
 _REST_RAD = 0.08
 """Joints that move less than this within `STILL_S` are at rest [rad]."""
 _HOME_RAD = 0.25
@@ -41,7 +40,8 @@ class StepProgress:
         counted: gestures done.
         deviation: greatest angle of a joint from where it began [rad].
         recent: ticks and values of the last second, for the speed.
-        still, rested: tick and odometry, tick and joints, since which the robot, and its joints, have not moved.
+        standstill: of a robot that was told to stand; None: it was not.
+        rested: tick and joints since which the joints have not moved.
     """
 
     begin_tick: int
@@ -59,12 +59,12 @@ class StepProgress:
     counted: int = 0
     deviation: float = 0.0
     recent: deque[tuple[int, float]] = field(default_factory=deque)
-    still: tuple[int, Float] | None = None
+    standstill: Standstill | None = None
     rested: tuple[int, Float] | None = None
 
     def measure(self, step: Step, row: TickRow) -> None:
         """Add what the robot did since the last row."""
-        place = np.array(row.odometry, float)
+        place = measured_place(row)
         dx, dy, turn = place - self.place
         yaw = 0.5 * (place[2] + self.place[2])
         self.ahead += math.cos(yaw) * dx + math.sin(yaw) * dy

@@ -89,7 +89,7 @@ class Supervisor:
 
     Args:
         channels: requests of this process's user, and of the planner.
-        seconds, stay, realtime, services, wake: see `flexmotion.streamer.run.session.Session`.
+        seconds, stay, armed, attended, realtime, services, wake: see `flexmotion.streamer.run.session.Session`.
 
     Attributes:
         memory_mb: memory of the loop's process, some seconds after its start and last [MB]; None if never measured.
@@ -104,12 +104,14 @@ class Supervisor:
         *,
         seconds: float | None,
         stay: bool,
+        armed: bool,
+        attended: bool,
         realtime: bool,
         services: tuple[Service, ...] = (),
         wake: int | None = None,
     ) -> None:
         self.loop, self.replanner, self.realtime = loop, replanner, realtime
-        self.lifecycle = Lifecycle(loop, settings, seconds=seconds, stay=stay)
+        self.lifecycle = Lifecycle(loop, settings, seconds=seconds, stay=stay, armed=armed, attended=attended)
         self.services, self.wake = services, wake
         self.user_requests, self.planner_requests = channels
         self.requests = RequestChannel()
