@@ -21,6 +21,7 @@ from flexmotion.streamer.commands.options import (
     MappingOption,
     MassOption,
     MemberOption,
+    NameOption,
     PromptOption,
     RealtimeOption,
     ReportOption,
@@ -34,6 +35,8 @@ from flexmotion.streamer.commands.options import (
     ViewOption,
     WebOption,
     WebPortOption,
+    ZenohOption,
+    ZenohRouterOption,
 )
 
 if TYPE_CHECKING:
@@ -127,13 +130,16 @@ class RunOptions:
     listen: ListenOption = "127.0.0.1"
     token_file: TokenFileOption = None
     stdin: StdinOption = False
+    name: NameOption = None
+    zenoh: ZenohOption = False
+    zenoh_router: ZenohRouterOption = None
     allow_refused: AllowRefusedOption = False
     as_json: JsonOption = False
 
     @property
     def listens(self) -> bool:
         """Whether targets of other programs are taken."""
-        return self.web or self.stdin
+        return self.web or self.stdin or self.zenoh or self.zenoh_router is not None
 
     def _listening(self) -> Listening | None:
         if not (self.listens or self.view):
@@ -152,6 +158,9 @@ class RunOptions:
             takes_targets=self.listens,
             # Copies: a forked process closes its standard input.
             lines=(os.dup(0), os.dup(1)) if self.stdin else None,
+            name=self.name,
+            zenoh=self.zenoh,
+            zenoh_router=self.zenoh_router,
         )
 
     def session(
