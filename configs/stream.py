@@ -6,6 +6,7 @@ from pathlib import Path
 
 from pydantic import Field, model_validator
 
+from flexmotion.configs.gamepad import Gamepad
 from flexmotion.configs.schema import Strict, load
 
 FOLDER = Path(__file__).parent / "stream"
@@ -47,6 +48,7 @@ class Gateway(Strict):
         most_unread: a connection that leaves so many answers unread is closed.
         name: of the robot in keys of zenoh and topics of ROS 2; None: that of the robot file.
         zenoh_port, zenoh_stop_port: of the gateway and of the stop process for zenoh.
+        gamepad: what its sticks and buttons do.
     """
 
     port: int = Field(default=8790, ge=1, le=65535)
@@ -63,6 +65,7 @@ class Gateway(Strict):
     name: str | None = Field(default=None, pattern=r"^[a-z][a-z0-9_]{0,63}$")
     zenoh_port: int = Field(default=8792, ge=1, le=65535)
     zenoh_stop_port: int = Field(default=8793, ge=1, le=65535)
+    gamepad: Gamepad = Gamepad()
 
     @model_validator(mode="after")
     def _apart(self) -> Gateway:

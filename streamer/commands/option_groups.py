@@ -14,6 +14,7 @@ from flexmotion.streamer.commands.options import (
     BundleOption,
     ClipOption,
     FeedbackOption,
+    GamepadOption,
     HeightOption,
     JsonOption,
     ListenOption,
@@ -133,13 +134,14 @@ class RunOptions:
     name: NameOption = None
     zenoh: ZenohOption = False
     zenoh_router: ZenohRouterOption = None
+    gamepad: GamepadOption = False
     allow_refused: AllowRefusedOption = False
     as_json: JsonOption = False
 
     @property
     def listens(self) -> bool:
         """Whether targets of other programs are taken."""
-        return self.web or self.stdin or self.zenoh or self.zenoh_router is not None
+        return self.web or self.stdin or self.zenoh or self.zenoh_router is not None or self.gamepad
 
     def _listening(self) -> Listening | None:
         if not (self.listens or self.view):
@@ -161,6 +163,7 @@ class RunOptions:
             name=self.name,
             zenoh=self.zenoh,
             zenoh_router=self.zenoh_router,
+            gamepad=self.gamepad,
         )
 
     def session(

@@ -208,6 +208,9 @@ ZenohRouterOption = Annotated[
         show_default=False,
     ),
 ]
+GamepadOption = Annotated[
+    bool, typer.Option("--gamepad", help="Steer by the gamepads of this machine; buttons: docs/live.md.")
+]
 StdinOption = Annotated[
     bool,
     typer.Option("--stdin", help="Read targets from standard input, a JSON object a line; answers go to stdout."),

@@ -13,6 +13,8 @@ from flexmotion.streamer.gateway.hub import Transport
 from flexmotion.streamer.gateway.presses import StopInput
 from flexmotion.streamer.gateway.service import GatewayService, check_installed
 from flexmotion.streamer.gateway.stops import StopService
+from flexmotion.streamer.gateway.transports.gamepad import GamepadStops, GamepadTargets, check_gamepad
+from flexmotion.streamer.gateway.transports.pads import Find
 from flexmotion.streamer.gateway.transports.zenoh_link import zenoh_links
 from flexmotion.streamer.gateway.transports.zenoh_stops import ZenohStops
 from flexmotion.streamer.gateway.transports.zenoh_targets import ZenohTargets
@@ -35,6 +37,7 @@ class Listening:
         name: of the robot in keys and topics; None: that of the stream settings, else that of the robot file.
         zenoh: whether messages are taken over zenoh.
         zenoh_router: endpoint of a zenoh router to connect to, such as "tcp/127.0.0.1:7447"; None: none.
+        gamepad: whether the gamepads of this machine steer, or a function that finds others.
     """
 
     address: str = "127.0.0.1"
@@ -47,6 +50,7 @@ class Listening:
     name: str | None = None
     zenoh: bool = False
     zenoh_router: str | None = None
+    gamepad: bool | Find = False
 
 
 def listen(session: Session, listening: Listening) -> None:
@@ -91,15 +95,19 @@ def listen(session: Session, listening: Listening) -> None:
 
 def _ways(session: Session, listening: Listening) -> tuple[tuple[Transport, ...], tuple[StopInput, ...]]:
     """The ways for messages and for stops beside HTTP and lines."""
-    name = robot_name(listening.name or session.settings.gateway.name or session.robot.name)
+    settings = session.settings.gateway
+    name = robot_name(listening.name or settings.name or session.robot.name)
     transports: list[Transport] = []
     inputs: list[StopInput] = []
     if listening.zenoh or listening.zenoh_router is not None:
-        targets, stops = zenoh_links(
-            name, listening.address, listening.token, session.settings.gateway, listening.zenoh_router
-        )
+        targets, stops = zenoh_links(name, listening.address, listening.token, settings, listening.zenoh_router)
         transports.append(ZenohTargets(targets))
         inputs.append(ZenohStops(stops))
+    if listening.gamepad:
+        check_gamepad(settings.gamepad)
+        find = listening.gamepad if callable(listening.gamepad) else None
+        transports.append(GamepadTargets(settings.gamepad, find))
+        inputs.append(GamepadStops(settings.gamepad, find))
     return tuple(transports), tuple(inputs)
 
 
