@@ -289,7 +289,7 @@ def test_a_refused_prompt_does_not_pass_and_the_report_says_why(
     assert dry_run(*asked, "--json", "--report", str(tmp_path)) == 1
     (answer,) = json.loads(capsys.readouterr().out)["targets"]
     assert (answer["asked"], answer["state"], answer["heard_as"]) == ("look to the left", "refused", None)
-    assert "no motion of the head" in answer["reason"]
+    assert "this model cannot look left yet" in answer["reason"]
     assert dry_run(*asked) == 1
     told = capsys.readouterr().out.replace("\n", " ")
     assert "FAIL" in told and "refused: 'look to the left'" in told
