@@ -16,7 +16,7 @@ from flexmotion.retarget.plan import Plan
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.plan_buffer import PlanBuffer, Ticket
 from flexmotion.streamer.control.tick_row import TickRow
-from flexmotion.streamer.motion.heard import Heard, HeardChannel
+from flexmotion.streamer.motion.heard import Heard, HeardChannel, heard_since
 from flexmotion.streamer.motion.human_channel import HumanChannel
 from flexmotion.streamer.motion.model_source import ModelSource
 from flexmotion.streamer.motion.replan_noise import NoisySource
@@ -46,6 +46,9 @@ class Replanner:
         heard: is sent the answer to every target, to every item of a script, and later versions of them as steps end.
         humans: is sent the human of every plan, while someone watches.
         lockstep: ages of targets are counted in ticks, not by the clock.
+
+    Attributes:
+        follows_targets: whether the source follows targets.
     """
 
     def __init__(
@@ -72,7 +75,8 @@ class Replanner:
             change_s=settings.change_s,
             lockstep=lockstep,
         )
-        self._follows = isinstance(planner.source, LiveSource)
+        self.follows_targets = isinstance(planner.source, LiveSource)
+        self._succeeds = False
         self._replan_ticks = round(settings.replan_s * planner.rate)
         self._least_unplayed = round(settings.min_unplayed_s * planner.rate)
         self._commit_ticks = max(round(settings.commit_s * planner.rate), 1)
@@ -99,7 +103,7 @@ class Replanner:
             FlexMotionError, ArithmeticError, ValueError, LookupError: source or retargeter failed.
         """
         row = self._newest_row()
-        if row is None:
+        if row is None or (self._succeeds and not self._take_over(row, tick)):
             return False
         if self._runner is not None:
             self._runner.update(row, halted=self.ledger.halted)
@@ -157,6 +161,31 @@ class Replanner:
     def warm_up(self) -> None:
         """Plan once from the stand pose and drop the plan, so that the first real one takes no longer than others."""
         self.planner.plan(0, None)
+
+    def succeed(self) -> None:
+        """Called in a new process: where another one has made plans before, and died, go on from the one that plays."""
+        self._succeeds = self.plans.newest_id > 0
+        if self._succeeds and self._heard is not None:
+            answered = [heard.id for heard in heard_since(self._heard.reader())]
+            self.ledger.drop_old(max(answered, default=0), "the planner was started again; send it again")
+
+    def _take_over(self, row: TickRow, tick: int) -> bool:
+        """Take over from a planner that died, once the robot stands; returns whether that is done.
+
+        The pose is that of the plan that plays, at its end. The human of that planner is lost: the next one begins from
+        a stand, wherever the robot is. Until a new target arrives the robot stands.
+        """
+        self.ledger.take(tick)
+        self.ledger.refuse_all("the planner was started again, and the robot does not stand yet")
+        if not row.plan:
+            self._succeeds = not row.ready
+            return not self._succeeds
+        offer = self.plans.playing()
+        if int(row.state) != State.HOLD or row.pending or offer is None or offer.ticket.id != int(row.plan):
+            return False
+        self._made = {offer.ticket.id: (offer.ticket, self.planner.without_human(offer.plan))}
+        self._succeeds, self.ledger.halted = False, True
+        return True
 
     def _due(self, row: TickRow, target: Target) -> bool:
         """Whether a plan is to be made now."""
@@ -234,7 +263,7 @@ class Replanner:
         """The target that plans should follow, after the answers that are due; `NO_TARGET` if there is none."""
         ledger = self.ledger
         ledger.take(tick)
-        if not self._follows:
+        if not self.follows_targets:
             ledger.refuse_all(f"{self.planner.source.name}: a source that follows no targets")
         pending = int(row.pending)
         ledger.settle(row, max(int(row.target), self._target_of(pending)), partial(self._start_of, row))

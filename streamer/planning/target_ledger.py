@@ -166,6 +166,12 @@ class TargetLedger:
                 self._publish(entry, "refused", reason)
         self._planned = self._open = None
 
+    def drop_old(self, answered: int, reason: str) -> None:
+        """Refuse the targets that an earlier planner had; it has answered those up to the number `answered`."""
+        for target in self._inbox.read():
+            if target.id > answered:
+                self._publish(_Entry(target, 0.0), "refused", reason)
+
     def _too_old(self, entry: _Entry, now_s: float) -> bool:
         return entry.age_s(now_s) > min(entry.target.take_up_s, entry.target.holds_s)
 

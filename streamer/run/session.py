@@ -81,6 +81,7 @@ class Session:
         services: recorder, viewer and the like; on the real clock each runs in a process of its own.
         seed: of the driver and the source, for the log and the report.
         clock: "lockstep" or "real".
+        waits: on the real clock, a robot that is not there is waited for; else it is an error.
         allow_refused: for the report: what was refused or dropped does not make it fail.
         armed: torque goes on with the first tick; else with the request ARM.
         attended: the run goes on in OFF and in FAULT until END: CLEAR and ARM lead back to READY.
@@ -110,6 +111,7 @@ class Session:
     allow_refused: bool = False
     armed: bool = True
     attended: bool = False
+    waits: bool = False
     elapsed_s: float | None = field(init=False, default=None)
     phase: Phase = field(init=False, default=Phase.NEW)
     requests: RequestChannel = field(init=False)
@@ -399,6 +401,7 @@ class Session:
             realtime=self.realtime,
             services=self.services,
             wake=self.wake,
+            waits=self.waits,
         )
         collector = Collector(self.telemetry, self.record)
         with awake(self.settings.wake_latency_us if self.realtime else None) as self.awake:
