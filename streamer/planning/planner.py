@@ -16,7 +16,6 @@ from flexmotion.retarget.retargeter import Retargeter
 from flexmotion.sampling.blend import take_over
 from flexmotion.streamer.motion.sources import Source
 
-
 _SPARE_S = 0.1
 """Human motion that is sampled beyond what a plan needs, for a plan that joins later than foreseen [s]."""
 

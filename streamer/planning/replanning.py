@@ -81,7 +81,7 @@ class Replanner:
         self._least_unplayed = round(settings.min_unplayed_s * planner.rate)
         self._commit_ticks = max(round(settings.commit_s * planner.rate), 1)
         self._made: dict[int, tuple[Ticket, Plan]] = {}  # by id: plans from the one that plays on
-        self._asked_tick = 0
+        self._asked_tick = self._checked = 0  # `_checked`: rows of the loop that were read for a more urgent plan
         self._heard, self._humans = heard, humans
         source = planner.source.source if isinstance(planner.source, NoisySource) else planner.source
         self._runner = StepRunner(source, planner.rate, self._ended) if isinstance(source, ModelSource) else None
@@ -209,7 +209,7 @@ class Replanner:
         return self._made[plan][0].target if plan in self._made else 0
 
     def _join(self, kind: Kind, row: TickRow, join: int) -> tuple[int, int, Plan | None]:
-        """First tick, not before `join`, at which a plan may take over; id and rows of the plan that plays until then."""
+        """First tick from `join` on at which a plan may take over; id and rows of the plan that plays until then."""
         resumed = self._playing_at(join, row)
         current = self._made[resumed][1] if resumed else None
         if current is not None:
@@ -237,6 +237,9 @@ class Replanner:
 
     def _check_urgency(self, kind: Kind, target: Target) -> None:
         """Raise `Superseded` if a more urgent plan is needed than the one that is being made."""
+        if not (self.ledger.has_target or self.ticks.count > self._checked):
+            return
+        self._checked = self.ticks.count
         row = self._newest_row()
         stop = row is not None and bool(row.must_stop) and kind is not Kind.STOP
         # A plan for a target is made quickly; if it was dropped too, frequent targets would leave no plan at all.
