@@ -16,7 +16,9 @@ class Budgets(Strict):
     """Upper bounds on timing.
 
     Attributes:
-        target_to_command_ms: time from the arrival of a target to the first command computed from it, 99th percentile.
+        target_to_command_ms: time from the arrival of a target to the first command computed from it, 95th percentile.
+        target_to_command_p50_ms, target_to_command_p99_ms: likewise, median and 99th percentile while the machine kept
+            its pace.
         loop_work_p99_ms: work of one loop tick, 99th percentile.
         wake_lateness_p99_ms: lateness of the loop's wake-up, 99th percentile.
         missed_deadlines: ticks of a run that may overrun.
@@ -24,6 +26,8 @@ class Budgets(Strict):
     """
 
     target_to_command_ms: float = Field(default=60.0, gt=0)
+    target_to_command_p50_ms: float = Field(default=35.0, gt=0)
+    target_to_command_p99_ms: float = Field(default=50.0, gt=0)
     loop_work_p99_ms: float = Field(default=2.0, gt=0)
     wake_lateness_p99_ms: float = Field(default=1.0, gt=0)
     missed_deadlines: int = Field(default=0, ge=0)

@@ -66,7 +66,7 @@ class Replanner:
         lockstep: bool = False,
     ) -> None:
         self.planner, self.plans, self.ticks, self.settings = planner, plans, ticks, settings
-        self.lead, self.on_note = lead, on_note
+        self.lead, self.on_note, self._lockstep = lead, on_note, lockstep
         self.ledger = TargetLedger(
             targets.reader(),
             self._publish,
@@ -81,7 +81,7 @@ class Replanner:
         self._least_unplayed = round(settings.min_unplayed_s * planner.rate)
         self._commit_ticks = max(round(settings.commit_s * planner.rate), 1)
         self._made: dict[int, tuple[Ticket, Plan]] = {}  # by id: plans from the one that plays on
-        self._asked_tick = 0
+        self._asked_tick = self._checked = 0  # `_checked`: rows of the loop that were read for a more urgent plan
         self._heard, self._humans = heard, humans
         source = planner.source.source if isinstance(planner.source, NoisySource) else planner.source
         self._runner: StepRunner | None = None
@@ -90,11 +90,12 @@ class Replanner:
             home[body.upper.joints] = planner.retargeter.robot.stand_pose[body.upper.joints]
             self._runner = StepRunner(source, planner.rate, self._ended, home)
 
-    def step(self, tick: int) -> bool:
+    def step(self, tick: int, early: float = 0.0) -> bool:
         """Make and publish a plan if one is due.
 
         Args:
             tick: the tick that the loop does next.
+            early: how long before it it is now, in [0, 1) [ticks].
 
         Returns:
             Whether one was made.
@@ -112,12 +113,8 @@ class Replanner:
             return False
         begin = time.perf_counter()
         kind = self._kind(row, target)
-        join = tick + self.lead.ticks(kind)
-        resumed = self._playing_at(join, row)
-        current = self._made[resumed][1] if resumed else None
-        if current is not None:
-            # A redraw may not replace the first moments of the plan before it; a new target or a stop may.
-            join = max(join, current.start_tick + (self._commit_ticks if kind is Kind.WHOLE else 1))
+        now, sampling_s = tick - early, 0.0
+        join, resumed, current = self._join(kind, row, self.lead.join(kind, now))
         if kind is Kind.STOP:
             target = NO_TARGET
         elif self._is_new(target, row):
@@ -125,6 +122,13 @@ class Replanner:
                 return False
         elif self._runner is not None and self._runner.wanted is not None:
             self._change_step(self._runner, current, join)
+
+        def settle() -> tuple[int, Plan | None]:
+            nonlocal join, resumed, current, sampling_s
+            sampling_s = time.perf_counter() - begin
+            join, resumed, current = self._join(kind, row, max(join, self.lead.join(kind, now, sampling_s)))
+            return join, current
+
         try:
             planned = self.planner.plan(
                 join,
@@ -132,6 +136,7 @@ class Replanner:
                 stop=kind is Kind.STOP or self._rests,
                 partial=kind is Kind.PARTIAL,
                 checkpoint=partial(self._check_urgency, kind, target),
+                settle=None if self._lockstep else settle,
             )
         except Superseded:
             return False
@@ -153,10 +158,15 @@ class Replanner:
         # The plan that plays can always be resumed, however many were refused since.
         self._made = {key: made for key, made in self._made.items() if key >= int(row.plan)}
         self.plans.publish(ticket, planned.plan)
-        self.lead.record(kind, time.perf_counter() - begin)
+        self.lead.record(kind, sampling_s, time.perf_counter() - begin - sampling_s)
         if self._humans is not None and self._humans.watched and planned.plan.human is not None:
             self._humans.publish(ticket.id, planned.plan.human, planned.plan.human_first_frame)
         return True
+
+    @property
+    def has_target(self) -> bool:
+        """Whether a target waits for its plan; else nothing is due before the loop's next row."""
+        return self.ledger.has_target
 
     def warm_up(self) -> None:
         """Plan once from the stand pose and drop the plan, so that the first real one takes no longer than others."""
@@ -227,6 +237,15 @@ class Replanner:
     def _target_of(self, plan: int) -> int:
         return self._made[plan][0].target if plan in self._made else 0
 
+    def _join(self, kind: Kind, row: TickRow, join: int) -> tuple[int, int, Plan | None]:
+        """First tick from `join` on at which a plan may take over; id and rows of the plan that plays until then."""
+        resumed = self._playing_at(join, row)
+        current = self._made[resumed][1] if resumed else None
+        if current is not None:
+            # A redraw may not replace the first moments of the plan before it; a new target or a stop may.
+            join = max(join, current.start_tick + (self._commit_ticks if kind is Kind.WHOLE else 1))
+        return join, resumed, current
+
     def _playing_at(self, join: int, row: TickRow) -> int:
         """Id of the plan that will play just before tick `join`, which the new one resumes."""
         pending = int(row.pending)
@@ -247,6 +266,9 @@ class Replanner:
 
     def _check_urgency(self, kind: Kind, target: Target) -> None:
         """Raise `Superseded` if a more urgent plan is needed than the one that is being made."""
+        if not (self.ledger.has_target or self.ticks.count > self._checked):
+            return
+        self._checked = self.ticks.count
         row = self._newest_row()
         stop = row is not None and bool(row.must_stop) and kind is not Kind.STOP
         # A plan for a target is made quickly; if it was dropped too, frequent targets would leave no plan at all.

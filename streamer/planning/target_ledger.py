@@ -70,6 +70,11 @@ class TargetLedger:
         self._followed: _Entry | None = None
 
     @property
+    def has_target(self) -> bool:
+        """Whether a target has arrived, or is open, which the source may turn to now."""
+        return self._inbox.has_new or (self._open is not None and self._may_change(self._open.target))
+
+    @property
     def wanted(self) -> Target:
         """The target that plans should follow; `NO_TARGET` if there is none."""
         entry = self._planned or (None if self.halted else self._followed)
