@@ -114,6 +114,10 @@ class Planner:
         begin_human(self.retargeter.layout.view(states))
         return replace(plan, states=states, human=None)
 
+    def stands_at(self, join: int, current: Plan | None) -> NDArray[np.float64]:
+        """Where the robot comes to stand if it stops from a join on; see `Retargeter.stands_at`."""
+        return self.retargeter.stands_at(self._state(join, current), join)
+
     def _state(self, join: int, current: Plan | None) -> NDArray[np.float64]:
         if current is None:
             return self.retargeter.standing()

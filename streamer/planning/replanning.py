@@ -7,6 +7,7 @@ from collections.abc import Callable
 from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.stream import StreamSettings
@@ -26,6 +27,8 @@ from flexmotion.streamer.planning.lead import Kind, Lead
 from flexmotion.streamer.planning.planner import Planner
 from flexmotion.streamer.planning.step_runner import StepRunner
 from flexmotion.streamer.planning.target_ledger import TargetLedger
+
+Float = NDArray[np.float64]
 
 EFFECT_RAD = np.radians(2.0)
 """A joint that is sent this much elsewhere shows a target's effect (the report's definition)."""
@@ -107,7 +110,7 @@ class Replanner:
         if row is None or (self._succeeds and not self._take_over(row, tick)):
             return False
         if self._runner is not None:
-            self._runner.update(row, halted=self.ledger.halted)
+            self._runner.update(row, halted=self.ledger.halted, stands_at=partial(self._stands_at, row, tick))
         target = self._newest_target(row, tick)
         if not self._due(row, target):
             return False
@@ -311,17 +314,26 @@ class Replanner:
             self.on_note(remark)
         if self._runner is not None:
             found = self._runner.source.program_at(played[0] + 1)
-            begin = None if found is None else self._runner.turned(found[1], row)
+            begin = None if found is None else self._runner.turned(found[1], row, partial(self._stands_at, row, join))
             if begin is not None:
-                self._runner.source.change(begin, *played)
+                self._runner.source.change(begin, *played[:2], _added(played[2], self._runner.facing))
         self.ledger.turned(target, source.answer if isinstance(source, ModelSource) else None)
         return True
 
     def _change_step(self, runner: StepRunner, current: Plan | None, join: int) -> None:
         """Let the source go on with what the program has next, from the join on."""
         assert runner.wanted is not None
-        runner.source.change(runner.wanted, *self._played(current, join))
+        frame, played, yaw = self._played(current, join)
+        if runner.facing:  # only of a robot that stands
+            played, yaw = None, _added(self.planner.human_yaw(join, current), runner.facing)
+        runner.source.change(runner.wanted, frame, played, yaw)
         runner.changed()
+
+    def _stands_at(self, row: TickRow, tick: int) -> Float:
+        """Where the robot comes to stand by a stop that is asked for at a tick; see `Planner.stands_at`."""
+        join = tick + self.lead.ticks(Kind.STOP)
+        playing = self._playing_at(join, row)
+        return self.planner.stands_at(join, self._made[playing][1] if playing in self._made else None)
 
     def _played(self, current: Plan | None, join: int) -> tuple[int, Motion | None, float | None]:
         """What a source goes on from: see the last three arguments of `LiveSource.turn_to`."""
@@ -346,6 +358,10 @@ class Replanner:
     def _publish(self, heard: Heard) -> None:
         if self._heard is not None:
             self._heard.publish(heard)
+
+
+def _added(yaw: float | None, turn: float) -> float | None:
+    return None if yaw is None else yaw + turn
 
 
 def _effect_row(before: Plan, after: Plan) -> int:
