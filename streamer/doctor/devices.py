@@ -9,7 +9,7 @@ from pathlib import Path
 from flexmotion.streamer.doctor.finding import Finding, fine, problem, warning
 
 SLOWEST_MS = 1
-"""Latency timer of a USB serial adapter that keeps a bus cycle of 8 ms [ms]; an FTDI chip has 16 when it is plugged in."""
+"""Latency timer of a USB serial adapter that keeps a bus cycle of 8 ms; an FTDI chip begins with 16 [ms]."""
 
 Allowed = Callable[[Path], bool]
 
