@@ -6,6 +6,7 @@ from pathlib import Path
 
 from pydantic import Field, model_validator
 
+from flexmotion.configs.gamepad import Gamepad
 from flexmotion.configs.schema import Strict, load
 
 FOLDER = Path(__file__).parent / "stream"
@@ -15,7 +16,9 @@ class Budgets(Strict):
     """Upper bounds on timing.
 
     Attributes:
-        target_to_command_ms: time from the arrival of a target to the first command computed from it, 99th percentile.
+        target_to_command_ms: time from the arrival of a target to the first command computed from it, 95th percentile.
+        target_to_command_p50_ms, target_to_command_p99_ms: likewise, median and 99th percentile while the machine kept
+            its pace.
         loop_work_p99_ms: work of one loop tick, 99th percentile.
         wake_lateness_p99_ms: lateness of the loop's wake-up, 99th percentile.
         missed_deadlines: ticks of a run that may overrun.
@@ -23,6 +26,8 @@ class Budgets(Strict):
     """
 
     target_to_command_ms: float = Field(default=60.0, gt=0)
+    target_to_command_p50_ms: float = Field(default=35.0, gt=0)
+    target_to_command_p99_ms: float = Field(default=50.0, gt=0)
     loop_work_p99_ms: float = Field(default=2.0, gt=0)
     wake_lateness_p99_ms: float = Field(default=1.0, gt=0)
     missed_deadlines: int = Field(default=0, ge=0)
@@ -46,6 +51,9 @@ class Gateway(Strict):
         most_bytes: longest message.
         most_connections: connections at a time; further ones are refused.
         most_unread: a connection that leaves so many answers unread is closed.
+        name: of the robot in keys of zenoh and topics of ROS 2; None: that of the robot file.
+        zenoh_port, zenoh_stop_port: of the gateway and of the stop process for zenoh.
+        gamepad: what its sticks and buttons do.
     """
 
     port: int = Field(default=8790, ge=1, le=65535)
@@ -60,11 +68,18 @@ class Gateway(Strict):
     most_bytes: int = Field(default=4096, ge=512, le=65536)
     most_connections: int = Field(default=32, ge=1)
     most_unread: int = Field(default=1000, ge=10)
+    name: str | None = Field(default=None, pattern=r"^[a-z][a-z0-9_]{0,63}$")
+    zenoh_port: int = Field(default=8792, ge=1, le=65535)
+    zenoh_stop_port: int = Field(default=8793, ge=1, le=65535)
+    gamepad: Gamepad = Gamepad()
 
     @model_validator(mode="after")
     def _apart(self) -> Gateway:
-        if self.port == self.stop_port:
-            raise ValueError(f"port and stop_port are both {self.port}, expected different ports")
+        names = ("port", "stop_port", "zenoh_port", "zenoh_stop_port")
+        for number, name in enumerate(names):
+            for other in names[:number]:
+                if getattr(self, name) == getattr(self, other):
+                    raise ValueError(f"{other} and {name} are both {getattr(self, name)}, expected different ports")
         return self
 
     def priority(self, source: str) -> int:

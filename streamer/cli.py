@@ -22,6 +22,7 @@ from flexmotion.streamer.commands.daemon import daemon
 from flexmotion.streamer.commands.data import data
 from flexmotion.streamer.commands.data_dynamics import dynamics
 from flexmotion.streamer.commands.doctor import doctor
+from flexmotion.streamer.commands.drive import drive
 from flexmotion.streamer.commands.drivers import drivers
 from flexmotion.streamer.commands.dry_run import dry_run
 from flexmotion.streamer.commands.emulate import emulate
@@ -51,7 +52,7 @@ app.command("dry-run")(dry_run)
 app.command("run")(run)
 app.command("daemon")(daemon)
 app.command("doctor")(doctor)
-for _command in (send, status, arm, disarm, stop, estop, clear, kill):
+for _command in (drive, send, status, arm, disarm, stop, estop, clear, kill):
     app.command(_command.__name__)(_command)
 app.command("retarget")(retarget)
 check.command("bus")(bus)

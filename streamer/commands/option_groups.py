@@ -16,6 +16,7 @@ from flexmotion.streamer.commands.options import (
     ClipOption,
     FeedbackOption,
     FoxgloveOption,
+    GamepadOption,
     HeightOption,
     JsonOption,
     ListenOption,
@@ -23,6 +24,7 @@ from flexmotion.streamer.commands.options import (
     MappingOption,
     MassOption,
     MemberOption,
+    NameOption,
     PromptOption,
     RealtimeOption,
     ReportOption,
@@ -36,6 +38,8 @@ from flexmotion.streamer.commands.options import (
     ViewOption,
     WebOption,
     WebPortOption,
+    ZenohOption,
+    ZenohRouterOption,
 )
 
 if TYPE_CHECKING:
@@ -131,13 +135,17 @@ class RunOptions:
     stdin: StdinOption = False
     arm: ArmOption = None
     foxglove: FoxgloveOption = False
+    name: NameOption = None
+    zenoh: ZenohOption = False
+    zenoh_router: ZenohRouterOption = None
+    gamepad: GamepadOption = False
     allow_refused: AllowRefusedOption = False
     as_json: JsonOption = False
 
     @property
     def listens(self) -> bool:
         """Whether targets of other programs are taken."""
-        return self.web or self.stdin
+        return self.web or self.stdin or self.zenoh or self.zenoh_router is not None or self.gamepad
 
     def _listening(self) -> Listening | None:
         if not (self.listens or self.view):
@@ -156,6 +164,10 @@ class RunOptions:
             takes_targets=self.listens,
             # Copies: a forked process closes its standard input.
             lines=(os.dup(0), os.dup(1)) if self.stdin else None,
+            name=self.name,
+            zenoh=self.zenoh,
+            zenoh_router=self.zenoh_router,
+            gamepad=self.gamepad,
         )
 
     def session(

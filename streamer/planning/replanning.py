@@ -7,6 +7,7 @@ from collections.abc import Callable
 from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.stream import StreamSettings
@@ -26,6 +27,8 @@ from flexmotion.streamer.planning.lead import Kind, Lead
 from flexmotion.streamer.planning.planner import Planner
 from flexmotion.streamer.planning.step_runner import StepRunner
 from flexmotion.streamer.planning.target_ledger import TargetLedger
+
+Float = NDArray[np.float64]
 
 EFFECT_RAD = np.radians(2.0)
 """A joint that is sent this much elsewhere shows a target's effect (the report's definition)."""
@@ -66,7 +69,7 @@ class Replanner:
         lockstep: bool = False,
     ) -> None:
         self.planner, self.plans, self.ticks, self.settings = planner, plans, ticks, settings
-        self.lead, self.on_note = lead, on_note
+        self.lead, self.on_note, self._lockstep = lead, on_note, lockstep
         self.ledger = TargetLedger(
             targets.reader(),
             self._publish,
@@ -81,7 +84,7 @@ class Replanner:
         self._least_unplayed = round(settings.min_unplayed_s * planner.rate)
         self._commit_ticks = max(round(settings.commit_s * planner.rate), 1)
         self._made: dict[int, tuple[Ticket, Plan]] = {}  # by id: plans from the one that plays on
-        self._asked_tick = 0
+        self._asked_tick = self._checked = 0  # `_checked`: rows of the loop that were read for a more urgent plan
         self._heard, self._humans = heard, humans
         source = planner.source.source if isinstance(planner.source, NoisySource) else planner.source
         self._runner: StepRunner | None = None
@@ -90,11 +93,12 @@ class Replanner:
             home[body.upper.joints] = planner.retargeter.robot.stand_pose[body.upper.joints]
             self._runner = StepRunner(source, planner.rate, self._ended, home)
 
-    def step(self, tick: int) -> bool:
+    def step(self, tick: int, early: float = 0.0) -> bool:
         """Make and publish a plan if one is due.
 
         Args:
             tick: the tick that the loop does next.
+            early: how long before it it is now, in [0, 1) [ticks].
 
         Returns:
             Whether one was made.
@@ -106,18 +110,14 @@ class Replanner:
         if row is None or (self._succeeds and not self._take_over(row, tick)):
             return False
         if self._runner is not None:
-            self._runner.update(row, halted=self.ledger.halted)
+            self._runner.update(row, halted=self.ledger.halted, stands_at=partial(self._stands_at, row, tick))
         target = self._newest_target(row, tick)
         if not self._due(row, target):
             return False
         begin = time.perf_counter()
         kind = self._kind(row, target)
-        join = tick + self.lead.ticks(kind)
-        resumed = self._playing_at(join, row)
-        current = self._made[resumed][1] if resumed else None
-        if current is not None:
-            # A redraw may not replace the first moments of the plan before it; a new target or a stop may.
-            join = max(join, current.start_tick + (self._commit_ticks if kind is Kind.WHOLE else 1))
+        now, sampling_s = tick - early, 0.0
+        join, resumed, current = self._join(kind, row, self.lead.join(kind, now))
         if kind is Kind.STOP:
             target = NO_TARGET
         elif self._is_new(target, row):
@@ -125,6 +125,13 @@ class Replanner:
                 return False
         elif self._runner is not None and self._runner.wanted is not None:
             self._change_step(self._runner, current, join)
+
+        def settle() -> tuple[int, Plan | None]:
+            nonlocal join, resumed, current, sampling_s
+            sampling_s = time.perf_counter() - begin
+            join, resumed, current = self._join(kind, row, max(join, self.lead.join(kind, now, sampling_s)))
+            return join, current
+
         try:
             planned = self.planner.plan(
                 join,
@@ -132,6 +139,7 @@ class Replanner:
                 stop=kind is Kind.STOP or self._rests,
                 partial=kind is Kind.PARTIAL,
                 checkpoint=partial(self._check_urgency, kind, target),
+                settle=None if self._lockstep else settle,
             )
         except Superseded:
             return False
@@ -153,10 +161,15 @@ class Replanner:
         # The plan that plays can always be resumed, however many were refused since.
         self._made = {key: made for key, made in self._made.items() if key >= int(row.plan)}
         self.plans.publish(ticket, planned.plan)
-        self.lead.record(kind, time.perf_counter() - begin)
+        self.lead.record(kind, sampling_s, time.perf_counter() - begin - sampling_s)
         if self._humans is not None and self._humans.watched and planned.plan.human is not None:
             self._humans.publish(ticket.id, planned.plan.human, planned.plan.human_first_frame)
         return True
+
+    @property
+    def has_target(self) -> bool:
+        """Whether a target waits for its plan; else nothing is due before the loop's next row."""
+        return self.ledger.has_target
 
     def warm_up(self) -> None:
         """Plan once from the stand pose and drop the plan, so that the first real one takes no longer than others."""
@@ -227,6 +240,15 @@ class Replanner:
     def _target_of(self, plan: int) -> int:
         return self._made[plan][0].target if plan in self._made else 0
 
+    def _join(self, kind: Kind, row: TickRow, join: int) -> tuple[int, int, Plan | None]:
+        """First tick from `join` on at which a plan may take over; id and rows of the plan that plays until then."""
+        resumed = self._playing_at(join, row)
+        current = self._made[resumed][1] if resumed else None
+        if current is not None:
+            # A redraw may not replace the first moments of the plan before it; a new target or a stop may.
+            join = max(join, current.start_tick + (self._commit_ticks if kind is Kind.WHOLE else 1))
+        return join, resumed, current
+
     def _playing_at(self, join: int, row: TickRow) -> int:
         """Id of the plan that will play just before tick `join`, which the new one resumes."""
         pending = int(row.pending)
@@ -247,6 +269,9 @@ class Replanner:
 
     def _check_urgency(self, kind: Kind, target: Target) -> None:
         """Raise `Superseded` if a more urgent plan is needed than the one that is being made."""
+        if not (self.ledger.has_target or self.ticks.count > self._checked):
+            return
+        self._checked = self.ticks.count
         row = self._newest_row()
         stop = row is not None and bool(row.must_stop) and kind is not Kind.STOP
         # A plan for a target is made quickly; if it was dropped too, frequent targets would leave no plan at all.
@@ -289,17 +314,26 @@ class Replanner:
             self.on_note(remark)
         if self._runner is not None:
             found = self._runner.source.program_at(played[0] + 1)
-            begin = None if found is None else self._runner.turned(found[1], row)
+            begin = None if found is None else self._runner.turned(found[1], row, partial(self._stands_at, row, join))
             if begin is not None:
-                self._runner.source.change(begin, *played)
+                self._runner.source.change(begin, *played[:2], _added(played[2], self._runner.facing))
         self.ledger.turned(target, source.answer if isinstance(source, ModelSource) else None)
         return True
 
     def _change_step(self, runner: StepRunner, current: Plan | None, join: int) -> None:
         """Let the source go on with what the program has next, from the join on."""
         assert runner.wanted is not None
-        runner.source.change(runner.wanted, *self._played(current, join))
+        frame, played, yaw = self._played(current, join)
+        if runner.facing:  # only of a robot that stands
+            played, yaw = None, _added(self.planner.human_yaw(join, current), runner.facing)
+        runner.source.change(runner.wanted, frame, played, yaw)
         runner.changed()
+
+    def _stands_at(self, row: TickRow, tick: int) -> Float:
+        """Where the robot comes to stand by a stop that is asked for at a tick; see `Planner.stands_at`."""
+        join = tick + self.lead.ticks(Kind.STOP)
+        playing = self._playing_at(join, row)
+        return self.planner.stands_at(join, self._made[playing][1] if playing in self._made else None)
 
     def _played(self, current: Plan | None, join: int) -> tuple[int, Motion | None, float | None]:
         """What a source goes on from: see the last three arguments of `LiveSource.turn_to`."""
@@ -324,6 +358,10 @@ class Replanner:
     def _publish(self, heard: Heard) -> None:
         if self._heard is not None:
             self._heard.publish(heard)
+
+
+def _added(yaw: float | None, turn: float) -> float | None:
+    return None if yaw is None else yaw + turn
 
 
 def _effect_row(before: Plan, after: Plan) -> int:

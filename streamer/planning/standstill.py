@@ -1,8 +1,9 @@
-"""`measured_place`, `Standstill`: where a robot stands by its own odometry, and when it has come to rest."""
+"""`stopping_place`, `Standstill`: where a robot stands by its own odometry, and when it has come to rest."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,10 +13,6 @@ from flexmotion.streamer.control.tick_row import TickRow
 
 Float = NDArray[np.float64]
 
-TURN_AHEAD_S, WALK_AHEAD_S = 0.05, 0.2
-"""A robot that is to stop turns and walks on for about this long at its speed [s]."""
-SPEED_S = 1.0
-"""The speed is the mean over this time [s]: the torso sways with every step."""
 STILL_S = 0.5
 """What has not moved for this long rests [s]."""
 SETTLE_S, LONGEST_SETTLE_S = 1.0, 4.0
@@ -24,18 +21,44 @@ _STILL_M, _STILL_RAD = 0.008, np.radians(1.5)
 """It stands still when it has moved less than this in `STILL_S` [m, rad]."""
 
 
-def measured_place(row: TickRow) -> Float:
-    """Where the robot stands if it stops now: odometry x, y [m] and the heading of its feet [rad], (3,).
+def stopping_place(row: TickRow, stands_at: Callable[[], Float] | None) -> Float:
+    """Where the robot will stand in its odometry if it stops now: x, y [m] and heading [rad], (3,).
 
-    The torso turns ahead of the feet, and back to them where it stops: a turn that ended with the torso's heading
-    made no step and turned back. The feet's heading is the torso's, as measured, less its planned twist.
+    It is where it is now, as measured, and what its plan has left of way and turn: steps that are settled are made, and
+    the feet close. Torso and centre of mass sway by more than what is asked for and turn back.
+
+    Args:
+        row: newest one of the loop.
+        stands_at: gives where a stop ends in the plan's world (`Retargeter.stands_at`); None: where the robot is now.
     """
     place = np.nan_to_num(np.array(row.odometry, float))
-    torso, feet = yaw_of(row.base_ref[3:]), row.foot_ref[:, 3]
-    if math.isfinite(torso) and np.isfinite(feet).all():
-        middle = feet[0] + 0.5 * math.remainder(feet[1] - feet[0], math.tau)
-        place[2] -= math.remainder(torso - middle, math.tau)
+    torso = yaw_of(row.base_ref[3:])
+    if stands_at is None or not math.isfinite(torso) or not np.isfinite(row.com_ref).all():
+        return place
+    x, y, heading = stands_at()
+    dx, dy = x - row.com_ref[0], y - row.com_ref[1]
+    turn = place[2] - torso
+    cos, sin = math.cos(turn), math.sin(turn)
+    place += [cos * dx - sin * dy, sin * dx + cos * dy, math.remainder(heading - torso, math.tau)]
     return place
+
+
+class Closing:
+    """Tells when to stop: what a robot does grows by whole steps, and it stops at the one that ends nearest."""
+
+    def __init__(self) -> None:
+        self._missing, self._step = math.inf, 0.0
+
+    def reached(self, missing: float) -> bool:
+        """Whether the next step would end further from the goal than the robot if it stops now.
+
+        Args:
+            missing: what would be missing then, [m] or [rad]; below 0: too much is done.
+        """
+        if math.isfinite(self._missing):
+            self._step = max(self._step, self._missing - missing)
+        self._missing = missing
+        return missing <= 0.5 * self._step
 
 
 class Standstill:

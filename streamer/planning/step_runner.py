@@ -18,18 +18,11 @@ from numpy.typing import NDArray
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.tick_row import TickRow
 from flexmotion.streamer.motion.heard import End, Heard, HeardStep
-from flexmotion.streamer.motion.intents import Intent, Text, Velocity
+from flexmotion.streamer.motion.intents import SLOWEST_TURN, Goal, Heading, Intent, Text, Velocity
 from flexmotion.streamer.motion.model_source import ModelSource
 from flexmotion.streamer.motion.programs import GESTURE_S, Program, Step
 from flexmotion.streamer.planning.navigator import Navigator
-from flexmotion.streamer.planning.standstill import (
-    SETTLE_S,
-    SPEED_S,
-    TURN_AHEAD_S,
-    WALK_AHEAD_S,
-    Standstill,
-    measured_place,
-)
+from flexmotion.streamer.planning.standstill import SETTLE_S, Closing, Standstill, stopping_place
 from flexmotion.streamer.planning.step_progress import StepProgress
 from flexmotion.text.phrases import STAND
 
@@ -74,6 +67,7 @@ class StepRunner:
 
     Attributes:
         wanted: the intent that the human changes to; None: it goes on. `changed` confirms it.
+        facing: by how much the human that stands looks to the left of where the robot's feet point [rad].
         resting: the robot is to come to its balanced stop, and stands until something is wanted.
         over: the robot rests, and its source has nothing more.
     """
@@ -83,21 +77,24 @@ class StepRunner:
     ) -> None:
         self.source, self.rate_hz, self.on_heard, self.home = source, rate_hz, on_heard, home
         self.wanted: Intent | None = None
+        self.facing = 0.0
         self.resting = self.over = False
         self._program: Program | None = None
         self._index, self._phase = 0, _Phase.OVER
         self._ends: list[HeardStep] = []
         self._at: StepProgress | None = None
         self._navigator: Navigator | None = None
+        self._turned: tuple[int, Navigator | None] = (0, None)  # program of the last target, and how it began
         self._source_s, self._source_tick = math.nan, 0
         self._walked_tick = -(10**9)
+        self._place = np.zeros(3)
 
     def changed(self) -> None:
         """The human changes to what is wanted."""
-        self.wanted, self.resting, self.over = None, False, False
+        self.wanted, self.facing, self.resting, self.over = None, 0.0, False, False
 
-    def turned(self, program: Program, row: TickRow) -> Intent | None:
-        """The source turns to the program of a target.
+    def turned(self, program: Program, row: TickRow, stands_at: Callable[[], Float] | None = None) -> Intent | None:
+        """The source turns to the program of a target; other arguments as of `update`.
 
         Returns:
             What the human does first, where the program does not know it: a goal's first move. None: the program's
@@ -105,17 +102,25 @@ class StepRunner:
         """
         rested = self.resting
         self.changed()
+        self._place = stopping_place(row, stands_at)
         step = program.steps[0]
-        if step.goal is not None:
-            self._navigator = self._navigator_to(step, row)
-            self.resting = self._navigator.move is None
-            return self._navigator.move
-        self.resting = _stands(step) and program.is_open and (rested or self._walks(row)) and not self._is_raised(row)
-        self.resting |= _stands(step) and self._walks(row)
+        goal = self._goal_of(step)
+        if goal is not None:
+            navigator = self._navigator_to(goal, step, row)
+            self._turned = program.number, navigator
+            self.facing, self.resting = navigator.facing, navigator.move is None
+            return _asked(navigator)
+        if _stands(step):
+            self.resting = self._walks(row, rested=rested) or (rested and not self._is_raised(row))
         return None
 
-    def update(self, row: TickRow, *, halted: bool = False) -> None:
-        """Take the newest row of the loop; `halted`: what was asked for has ended by a stop, or by its age."""
+    def update(self, row: TickRow, *, halted: bool = False, stands_at: Callable[[], Float] | None = None) -> None:
+        """Take the newest row of the loop.
+
+        Args:
+            halted: what was asked for has ended by a stop, or by its age.
+            stands_at: gives where the robot comes to stand if it stops now, in the plan's world (`stopping_place`).
+        """
         source_s, tick = float(row.source_s), int(row.tick)
         if not np.all(row.contact_ref):
             self._walked_tick = tick
@@ -133,6 +138,7 @@ class StepRunner:
         if found is None:
             return
         program = found[1]
+        self._place = stopping_place(row, stands_at)
         if self._program is None or program.number != self._program.number:
             self._abandon("superseded")
             self._begin(program, row)
@@ -142,8 +148,8 @@ class StepRunner:
         self.over = self.resting and self.source.is_over(frame)
         if self._phase is _Phase.OVER or self._at is None or not np.isfinite(row.odometry).all():
             return
-        step = program.steps[self._index]
-        self._at.measure(step, row)
+        step = program.steps[min(self._index, len(program.steps) - 1)]
+        self._at.measure(step, row, self._place)
         if self.wanted is None:
             self._advance(self._at, step, row)
             if self._phase is _Phase.OVER and self._index == len(program.steps):
@@ -154,27 +160,29 @@ class StepRunner:
     def _begin(self, program: Program, row: TickRow) -> None:
         self._program, self._index = program, 0
         self._ends = list(program.heard.steps)
-        step = program.steps[0]
-        if step.goal is None:
-            # While the robot rests nobody follows the script.
-            self._start(step, row, step.intent if self.resting else None)
+        number, navigator = self._turned
+        if navigator is not None and number == program.number:
+            self._navigator, self._phase, self._at = navigator, _Phase.ACT, self._fresh(row)
             return
-        if self._navigator is None or self._navigator.goal is not step.goal:
-            self._navigator = self._navigator_to(step, row)
-            self._follow(self._navigator)
-        self._phase, self._at = _Phase.ACT, self._fresh(row)
+        step = program.steps[0]
+        # While the robot rests nobody follows the script.
+        self._start(step, row, step.intent if self.resting else None)
 
     def _start(self, step: Step, row: TickRow, intent: Intent | None) -> None:
         """Begin a step; `intent`: what the human changes to, None where it has already."""
-        self._phase, self._at = _Phase.ACT, self._fresh(row)
-        if _stands(step):
-            if self.resting or self._walks(row):
-                self._settle(self._at, row)
-            else:
-                self._phase, self.wanted = _Phase.LOWER, intent
-            return
-        self.wanted = intent
-        if step.amount is None:
+        self._phase, self._at, self._navigator = _Phase.ACT, self._fresh(row), None
+        goal = self._goal_of(step)
+        if goal is not None:
+            self._navigator = self._navigator_to(goal, step, row)
+            if intent is not None or self._navigator.move != step.intent:
+                self._follow(self._navigator)
+        elif _stands(step) and (self.resting or self._walks(row)):
+            self._settle(self._at, row)
+        elif _stands(step) and step.told.manner is None:
+            self._phase, self.wanted = _Phase.LOWER, intent
+        else:
+            self.wanted = intent
+        if step.amount is None and self._phase is _Phase.ACT and goal is None:
             self._phase = _Phase.OVER  # until something else is asked
 
     def _fresh(self, row: TickRow) -> StepProgress:
@@ -183,7 +191,7 @@ class StepRunner:
             begin_tick=tick,
             act_tick=tick,
             acted_from=0.0,
-            place=measured_place(row),
+            place=self._place.copy(),
             joints=np.array(row.q, float),
         )
 
@@ -203,7 +211,7 @@ class StepRunner:
         if measured is not None:
             known["measured"] = round(measured, 4)
         if ended.goal is not None:
-            known["place"] = tuple(round(float(value), 4) for value in measured_place(row))
+            known["place"] = tuple(round(float(value), 4) for value in self._place)
         self._ends[self._index] = self._ends[self._index].model_copy(update=known)
         self._index += 1
         if self._index < len(self._program.steps):
@@ -219,12 +227,12 @@ class StepRunner:
         assert self._program is not None
         self.on_heard(self._program.heard.model_copy(update={"steps": tuple(self._ends)}))
 
-    def _walks(self, row: TickRow) -> bool:
-        """Whether the robot has stepped just now, or what it does moves it."""
+    def _walks(self, row: TickRow, *, rested: bool = False) -> bool:
+        """Whether the robot has stepped just now, or what it does moves it; `rested`: it came to a stand before."""
         if int(row.tick) - self._walked_tick < _WALKED_S * self.rate_hz:
             return True
         program = self._program
-        under_way = program is not None and self._index < len(program.steps) and not self.resting
+        under_way = program is not None and self._index < len(program.steps) and not (self.resting or rested)
         return under_way and program is not None and _moves(program.steps[self._index])
 
     def _is_raised(self, row: TickRow) -> bool:
@@ -238,13 +246,15 @@ class StepRunner:
         """Change the phase where the robot has done what the phase asks."""
         assert self._program is not None
         tick = int(row.tick)
-        if self._index >= len(self._program.steps) or step.amount is None:
-            if step.goal is not None:
-                self._navigate(step, row)
-            elif self._phase is _Phase.SETTLE and self._is_settled(at, row):
+        done = self._index >= len(self._program.steps)
+        if done or (step.amount is None and step.goal is None):
+            if self._phase is _Phase.SETTLE and self._is_settled(at, row):
                 self._rest(step, row)
             elif self._phase is _Phase.LOWER and self._is_lowered(at, row):
                 self._phase, self.resting = _Phase.OVER, True
+            return
+        if step.amount is None:
+            self._navigate(row, None)
             return
         assert step.limit_s is not None
         quantity, amount = step.amount.quantity, step.amount.value
@@ -252,15 +262,14 @@ class StepRunner:
         elapsed_s = (tick - at.begin_tick) / self.rate_hz
         if elapsed_s > step.limit_s:
             self._next(row, "time limit", value)
+        elif self._navigator is not None:
+            self._navigate(row, value)
         elif quantity == "time":
             self._advance_time(at, step, row, elapsed_s)
         elif quantity == "times":
             self._advance_gesture(at, step, row)
         elif self._phase is _Phase.ACT:
-            at.recent.append((tick, value))
-            while at.recent[0][0] < tick - SPEED_S * self.rate_hz:
-                at.recent.popleft()
-            if self._reached(at, step, value, tick):
+            if self._reached(at, step, value):
                 self._settle(at, row)
         elif self._is_settled(at, row):
             missing = amount - value
@@ -275,15 +284,18 @@ class StepRunner:
         assert step.amount is not None
         if elapsed_s >= step.amount.value:
             self._next(row, "done", elapsed_s)
-        elif self._phase is _Phase.SETTLE and self._is_settled(at, row) and self._is_raised(row):
-            self._phase, self.wanted, at.act_tick = _Phase.LOWER, step.intent, int(row.tick)
+        elif self._phase is _Phase.SETTLE and at.attempts == 1 and self._is_settled(at, row) and self._is_raised(row):
+            self._phase, self.wanted, at.act_tick, at.attempts = _Phase.LOWER, step.intent, int(row.tick), 2
+        elif self._phase is _Phase.LOWER and self._is_lowered(at, row):
+            self._settle(at, row)
 
     def _rest(self, step: Step, row: TickRow) -> None:
         """The robot stands; where its arms are raised, or a manner is asked for, the human stands too."""
-        if step.told.manner is not None or self._is_raised(row):
+        self._phase = _Phase.OVER
+        if step.told.manner is not None:
+            self.wanted = step.intent
+        elif self._is_raised(row):
             self._phase, self.wanted, self._at = _Phase.LOWER, step.intent, self._fresh(row)
-        else:
-            self._phase = _Phase.OVER
 
     def _is_lowered(self, at: StepProgress, row: TickRow) -> bool:
         phase_s = (int(row.tick) - at.act_tick) / self.rate_hz
@@ -291,22 +303,33 @@ class StepRunner:
 
     # ------------------------------------------------------------ goals in the odometry
 
-    def _navigator_to(self, step: Step, row: TickRow) -> Navigator:
-        assert step.goal is not None
-        return Navigator(step.goal, self.source.pace, measured_place(row), int(row.tick) / self.rate_hz)
+    def _goal_of(self, step: Step) -> Goal | None:
+        """Where a step ends in the odometry: its goal, or the heading after a measured turn; None: it does not say."""
+        if step.goal is not None or step.amount is None or step.amount.quantity != "angle":
+            return step.goal
+        if not isinstance(step.intent, Velocity):
+            return None  # the model follows words alone
+        turning = max(abs(step.intent.turning), SLOWEST_TURN)
+        return Heading(float(self._place[2]) + (step.turn or 1) * step.amount.value, turning)
 
-    def _navigate(self, step: Step, row: TickRow) -> None:
+    def _navigator_to(self, goal: Goal, step: Step, row: TickRow) -> Navigator:
+        time_s = int(row.tick) / self.rate_hz
+        winds, manner = step.goal is None, step.told.manner
+        return Navigator(goal, self.source.pace, self._place, time_s, winds=winds, manner=manner)
+
+    def _navigate(self, row: TickRow, measured: float | None) -> None:
         navigator = self._navigator
         assert navigator is not None
         before = navigator.move
-        navigator.update(measured_place(row), int(row.tick) / self.rate_hz)
+        navigator.update(self._place, int(row.tick) / self.rate_hz)
         if navigator.move is not before:
             self._follow(navigator)
         if navigator.over:
-            self._next(row, "done" if navigator.arrived else "time limit", None)
+            self._next(row, "done" if navigator.arrived else "time limit", measured)
 
     def _follow(self, navigator: Navigator) -> None:
-        self.wanted, self.resting = navigator.move, self.resting or navigator.move is None
+        self.wanted, self.facing = _asked(navigator), navigator.facing
+        self.resting |= navigator.move is None
 
     # ------------------------------------------------------------ amounts
 
@@ -326,16 +349,13 @@ class StepRunner:
                 return float(at.counted)
         return (int(row.tick) - at.begin_tick) / self.rate_hz
 
-    def _reached(self, at: StepProgress, step: Step, value: float, tick: int) -> bool:
-        """Whether the robot will have done the amount if its human stands from now on."""
+    def _reached(self, at: StepProgress, step: Step, value: float) -> bool:
+        """Whether the robot will have done the amount if it stops now."""
         assert step.amount is not None
-        amount = step.amount.value
+        missing = step.amount.value - value
         if step.amount.quantity == "steps":
-            return value >= amount
-        (first, before), (last, now) = at.recent[0], at.recent[-1]
-        speed = (now - before) * self.rate_hz / max(last - first, 1)
-        ahead = value + speed * (TURN_AHEAD_S if step.amount.quantity == "angle" else WALK_AHEAD_S)
-        return ahead <= amount if at.acted_from > amount else ahead >= amount
+            return missing <= 0.0
+        return at.closing.reached(-missing if at.acted_from > step.amount.value else missing)
 
     def _is_missing(self, step: Step, missing: float) -> bool:
         assert step.amount is not None
@@ -358,7 +378,7 @@ class StepRunner:
         if step.amount.quantity == "angle" and isinstance(step.intent, Velocity) and value > step.amount.value:
             self.wanted = replace(step.intent, turning=-step.intent.turning)
         at.act_tick, at.acted_from = tick, value
-        at.recent.clear()
+        at.closing = Closing()
 
     def _is_settled(self, at: StepProgress, row: TickRow) -> bool:
         assert at.standstill is not None
@@ -388,3 +408,11 @@ def _stands(step: Step) -> bool:
 def _moves(step: Step) -> bool:
     """Whether a step moves the robot from its place, or turns it."""
     return step.turn != 0 or step.axis != (0, 0) or step.kind == "velocity" or step.goal is not None
+
+
+def _asked(navigator: Navigator) -> Intent | None:
+    """What the human does for a navigator's move; None: nothing, the robot stands."""
+    move = navigator.move
+    if move is None or any((move.forward, move.left, move.turning)):
+        return move
+    return STANDING

@@ -13,8 +13,10 @@ from flexmotion.streamer.control.tick_row import TickRow
 from flexmotion.streamer.planning.replanning import Replanner
 from flexmotion.streamer.run.requests import Request, RequestChannel
 
-_POLL_S = 0.002
-"""Pause between two looks at the loop's newest row [s]."""
+_POLL_S = 0.0005
+"""Pause between two looks for a new row of the loop, or a new target [s]."""
+_PAUSE_S = 0.002
+"""Pause before a target is considered again for which no plan could be made yet [s]."""
 
 
 class Heartbeat:
@@ -66,16 +68,21 @@ def serve(
         replanner.warm_up()
         priority.settle(collect=True)
         priority.claim(priority.PLANNER_PRIORITY, allowed=realtime)
+        seen = 0
         while True:
             heartbeat.beat()
-            latest = ticks.latest()
-            if latest is None:
+            count = ticks.count
+            if count == seen and not replanner.has_target:
                 time.sleep(_POLL_S)
                 continue
+            seen, latest = count, ticks.latest()
+            if latest is None:
+                time.sleep(_PAUSE_S)
+                continue
             row = TickRow(latest)
-            # The tick that the loop does next: it woke for the last one at `stamp_ns`.
-            since = (time.perf_counter_ns() - int(row.stamp_ns)) * 1e-9
-            if not replanner.step(int(row.tick) + 1 + int(since * rate_hz)):
-                time.sleep(_POLL_S)
+            # The loop woke for its last tick at `stamp_ns`.
+            since = (time.perf_counter_ns() - int(row.stamp_ns)) * 1e-9 * rate_hz
+            if not replanner.step(int(row.tick) + 1 + int(since), 1.0 - since % 1.0) and replanner.has_target:
+                time.sleep(_PAUSE_S)
     except (FlexMotionError, ArithmeticError, ValueError, LookupError) as error:
         requests.send(Request.FAULT, f"{type(error).__name__}: {error}")
