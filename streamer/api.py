@@ -38,9 +38,10 @@ from flexmotion.streamer.motion.sources import ClipSource, Performance, Source
 from flexmotion.streamer.planning.offline import Trajectory, retarget_offline
 from flexmotion.streamer.report.metrics import HumanTrack, RobotFigures
 from flexmotion.streamer.report.report import Report, RunInfo, build_report
+from flexmotion.streamer.run.parts import Clock
 from flexmotion.streamer.run.played_human import human_motion
 from flexmotion.streamer.run.requests import Request
-from flexmotion.streamer.run.session import Clock, Phase, Session
+from flexmotion.streamer.run.session import Phase, Session
 
 Followed = Motion | Intent | Sequence[Item]
 """What a robot can follow: a motion, one intent, or a script of intents."""

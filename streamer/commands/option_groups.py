@@ -49,7 +49,8 @@ if TYPE_CHECKING:
     from flexmotion.importers import Import
     from flexmotion.streamer.gateway.listening import Listening
     from flexmotion.streamer.motion.sources import Performance, Source
-    from flexmotion.streamer.run.session import Clock, Session
+    from flexmotion.streamer.run.parts import Clock
+    from flexmotion.streamer.run.session import Session
 
 
 @dataclass(frozen=True)
