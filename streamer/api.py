@@ -27,7 +27,7 @@ from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.control.telemetry import Event
 from flexmotion.streamer.gateway.listening import Listening, listen
 from flexmotion.streamer.log.recorder import Recorder
-from flexmotion.streamer.log.recording import driver_options, record_to
+from flexmotion.streamer.log.recording import driver_options, record_to, show_in_foxglove
 from flexmotion.streamer.motion.intents import Clip, Intent, Stop, Text
 from flexmotion.streamer.motion.model_source import ModelSource
 from flexmotion.streamer.motion.replan_noise import NoisySource
@@ -38,9 +38,10 @@ from flexmotion.streamer.motion.sources import ClipSource, Performance, Source
 from flexmotion.streamer.planning.offline import Trajectory, retarget_offline
 from flexmotion.streamer.report.metrics import HumanTrack, RobotFigures
 from flexmotion.streamer.report.report import Report, RunInfo, build_report
+from flexmotion.streamer.run.parts import Clock
 from flexmotion.streamer.run.played_human import human_motion
 from flexmotion.streamer.run.requests import Request
-from flexmotion.streamer.run.session import Clock, Phase, Session
+from flexmotion.streamer.run.session import Phase, Session
 
 Followed = Motion | Intent | Sequence[Item]
 """What a robot can follow: a motion, one intent, or a script of intents."""
@@ -178,6 +179,7 @@ def open_session(
     next_request: Callable[[], Request | None] | None = None,
     on_event: Callable[[Event], None] | None = None,
     log: str | Path | None = None,
+    foxglove: bool = False,
     listening: Listening | None = None,
     allow_refused: bool = False,
     armed: bool = True,
@@ -211,6 +213,7 @@ def open_session(
             and return a `Request`.
         on_event: called with every event as it happens.
         log: file (.mcap) to record to; None: none.
+        foxglove: show the run live in Foxglove, on the port of the settings, to programs of this machine.
         listening: how the run shows itself in a browser and listens for targets of other programs; None: not at all.
         allow_refused: the report is ok although something that was asked was refused, dropped or not finished.
         armed: torque goes on with the first tick; else with `Request.ARM`.
@@ -253,6 +256,8 @@ def open_session(
             session.telemetry.emit(0, "note", remark)
     if log is not None:
         record_to(Path(log), session, clock)
+    if foxglove:
+        show_in_foxglove(settings.gateway.foxglove_port, session)
     return session
 
 

@@ -191,7 +191,7 @@ def main(
     csv_out: CsvOption = None,
 ) -> Outcome:
     """Stop every walk at every phase, in each way."""
-    names = walks or list(WALKS)
+    names, robots = walks or list(WALKS), (False, True)[: 1 + perturbed]
     tasks = [(walk, hard, seed + number) for hard in robots for number, walk in enumerate(names)]
     done = [t for found in in_order(partial(walk_once, phases=phases, robot_name=robot), tasks, jobs) for t in found]
     console, chosen = Console(), load_robot(robot).safety.emergency_stop

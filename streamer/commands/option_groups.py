@@ -15,6 +15,7 @@ from flexmotion.streamer.commands.options import (
     BundleOption,
     ClipOption,
     FeedbackOption,
+    FoxgloveOption,
     GamepadOption,
     HeightOption,
     JsonOption,
@@ -48,7 +49,8 @@ if TYPE_CHECKING:
     from flexmotion.importers import Import
     from flexmotion.streamer.gateway.listening import Listening
     from flexmotion.streamer.motion.sources import Performance, Source
-    from flexmotion.streamer.run.session import Clock, Session
+    from flexmotion.streamer.run.parts import Clock
+    from flexmotion.streamer.run.session import Session
 
 
 @dataclass(frozen=True)
@@ -133,6 +135,7 @@ class RunOptions:
     token_file: TokenFileOption = None
     stdin: StdinOption = False
     arm: ArmOption = None
+    foxglove: FoxgloveOption = False
     name: NameOption = None
     zenoh: ZenohOption = False
     zenoh_router: ZenohRouterOption = None
@@ -200,6 +203,7 @@ class RunOptions:
             stay=stay,
             realtime=self.realtime,
             log=log_file(self.log, self.report),
+            foxglove=self.foxglove,
             listening=self._listening(),
             allow_refused=self.allow_refused,
             armed=armed if self.arm is None else self.arm,

@@ -190,6 +190,12 @@ TokenFileOption = Annotated[
         show_default=False,
     ),
 ]
+FoxgloveOption = Annotated[
+    bool,
+    typer.Option(
+        "--foxglove/--no-foxglove", help="Show the run live in Foxglove, on this machine (ws://127.0.0.1:8765)."
+    ),
+]
 NameOption = Annotated[
     str | None,
     typer.Option(
