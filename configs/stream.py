@@ -16,7 +16,9 @@ class Budgets(Strict):
     """Upper bounds on timing.
 
     Attributes:
-        target_to_command_ms: time from the arrival of a target to the first command computed from it, 99th percentile.
+        target_to_command_ms: time from the arrival of a target to the first command computed from it, 95th percentile.
+        target_to_command_p50_ms, target_to_command_p99_ms: likewise, median and 99th percentile while the machine kept
+            its pace.
         loop_work_p99_ms: work of one loop tick, 99th percentile.
         wake_lateness_p99_ms: lateness of the loop's wake-up, 99th percentile.
         missed_deadlines: ticks of a run that may overrun.
@@ -24,6 +26,8 @@ class Budgets(Strict):
     """
 
     target_to_command_ms: float = Field(default=60.0, gt=0)
+    target_to_command_p50_ms: float = Field(default=35.0, gt=0)
+    target_to_command_p99_ms: float = Field(default=50.0, gt=0)
     loop_work_p99_ms: float = Field(default=2.0, gt=0)
     wake_lateness_p99_ms: float = Field(default=1.0, gt=0)
     missed_deadlines: int = Field(default=0, ge=0)
@@ -85,6 +89,26 @@ class Gateway(Strict):
         return self.priorities.get(source, self.priorities.get(source.partition(" ")[0], self.other_priority))
 
 
+class LogParts(Strict):
+    """When a log goes on in a new file, and how much of it is kept (`docs/log.md`).
+
+    Attributes:
+        part_mb: size of a file at which the next one is begun [MB].
+        part_s: time that a file holds at most [s].
+        keep_mb: size of all files of a log; beyond it the oldest ones but the first are removed [MB].
+    """
+
+    part_mb: float = Field(default=250.0, gt=0)
+    part_s: float = Field(default=1800.0, gt=0)
+    keep_mb: float = Field(default=10_000.0, gt=0)
+
+    @model_validator(mode="after")
+    def _fits(self) -> LogParts:
+        if self.keep_mb < 3 * self.part_mb:
+            raise ValueError(f"keep_mb {self.keep_mb} must be at least three parts of part_mb {self.part_mb}")
+        return self
+
+
 class StreamSettings(Strict):
     """How the live system streams. Times in seconds.
 
@@ -102,6 +126,7 @@ class StreamSettings(Strict):
             setting; 0: they do not sleep; null: no limit, which draws less power.
         budgets: timing bounds.
         gateway: how targets of other programs are admitted.
+        log: when a log goes on in a new file.
     """
 
     horizon_s: float = Field(default=1.0, gt=0)
@@ -116,6 +141,7 @@ class StreamSettings(Strict):
     wake_latency_us: int | None = Field(default=0, ge=0, le=1_000_000)
     budgets: Budgets = Budgets()
     gateway: Gateway = Gateway()
+    log: LogParts = LogParts()
 
     @model_validator(mode="after")
     def _fits(self) -> StreamSettings:

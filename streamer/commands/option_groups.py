@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args, get_type_hints
 
 from flexmotion.streamer.commands.options import (
     AllowRefusedOption,
+    ArmOption,
     BeltOption,
     BundleOption,
     ClipOption,
@@ -132,6 +133,7 @@ class RunOptions:
     listen: ListenOption = "127.0.0.1"
     token_file: TokenFileOption = None
     stdin: StdinOption = False
+    arm: ArmOption = None
     name: NameOption = None
     zenoh: ZenohOption = False
     zenoh_router: ZenohRouterOption = None
@@ -180,8 +182,13 @@ class RunOptions:
         seed: int,
         seconds: float | None,
         stay: bool = False,
+        armed: bool = True,
     ) -> Session:
-        """The session that `flexmotion.streamer.api.open_session` opens with these options."""
+        """The session that `flexmotion.streamer.api.open_session` opens with these options.
+
+        Args:
+            armed: whether the command itself arms the robot, where `--arm` and `--no-arm` are not given.
+        """
         from flexmotion.streamer.api import open_session
         from flexmotion.streamer.commands.log_option import log_file
 
@@ -199,6 +206,8 @@ class RunOptions:
             log=log_file(self.log, self.report),
             listening=self._listening(),
             allow_refused=self.allow_refused,
+            armed=armed if self.arm is None else self.arm,
+            attended=stay and self.listens,
         )
 
 

@@ -49,7 +49,8 @@ ScriptOption = Annotated[
     Path | None,
     typer.Option(
         "--script",
-        help="YAML list of {at: seconds, text: WORDS | velocity: \\[vx, vy, wz] | stop: true}, or of clips.",
+        help="YAML list of {at: seconds, text: WORDS | velocity: \\[vx, vy, wz] | heading: RAD | waypoint: \\[x, y] | "
+        "stop: true}, or of clips.",
         show_default=False,
     ),
 ]
@@ -220,4 +221,12 @@ GamepadOption = Annotated[
 StdinOption = Annotated[
     bool,
     typer.Option("--stdin", help="Read targets from standard input, a JSON object a line; answers go to stdout."),
+]
+ArmOption = Annotated[
+    bool | None,
+    typer.Option(
+        "--arm/--no-arm",
+        help="Switch the torque on at once, or wait for `flexmotion arm`.",
+        show_default="at once; with --web or --stdin `run` waits",
+    ),
 ]
