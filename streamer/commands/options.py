@@ -215,6 +215,12 @@ ZenohRouterOption = Annotated[
         show_default=False,
     ),
 ]
+Ros2Option = Annotated[
+    bool,
+    typer.Option(
+        "--ros2", help="Take part in ROS 2 over the zenoh router on this machine (rmw_zenoh; topics: docs/live.md)."
+    ),
+]
 GamepadOption = Annotated[
     bool, typer.Option("--gamepad", help="Steer by the gamepads of this machine; buttons: docs/live.md.")
 ]
