@@ -100,7 +100,19 @@ def shown(tab: Page) -> Iterator[Callable[[], Shown]]:
     if shipped_bundle() is None:
         pytest.skip("no shipped model")
     port, stop_port = any_free(), any_free()
-    command = (sys.executable, str(PROGRAM), "run", "-r", "op3", "-d", "sim", "--no-realtime", "--web", "-o", "picked_up_s=1")
+    command = (
+        sys.executable,
+        str(PROGRAM),
+        "run",
+        "-r",
+        "op3",
+        "-d",
+        "sim",
+        "--no-realtime",
+        "--web",
+        "-o",
+        "picked_up_s=1",
+    )
     command += ("--web-port", str(port), "--stop-port", str(stop_port))
     environment = os.environ | {"FASTEST": "1"}  # the browser needs the processor more than the run
     with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=environment) as run:
