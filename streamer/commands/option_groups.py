@@ -14,6 +14,7 @@ from flexmotion.streamer.commands.options import (
     BeltOption,
     BundleOption,
     ClipOption,
+    ClipsOption,
     FeedbackOption,
     FoxgloveOption,
     GamepadOption,
@@ -59,6 +60,7 @@ class MotionOptions:
     """Which motion a robot follows."""
 
     clip: ClipOption = None
+    clips: ClipsOption = None
     script: ScriptOption = None
     prompt: PromptOption = None
     bundle: BundleOption = None
@@ -89,6 +91,7 @@ class MotionOptions:
             seconds=seconds,
             endless=endless,
             listens=listens,
+            clips=self.clips or (),
         )
 
 

@@ -45,6 +45,14 @@ ClipOption = Annotated[
         show_default=False,
     ),
 ]
+ClipsOption = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--clips",
+        help="Motion file that targets may name, by its file name (repeatable; with --web).",
+        show_default=False,
+    ),
+]
 ScriptOption = Annotated[
     Path | None,
     typer.Option(
