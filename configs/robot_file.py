@@ -225,6 +225,14 @@ class Gait(Strict):
         return self
 
 
+EmergencyStop = Literal["freeze", "captured_stop", "crouch"]
+"""What an emergency stop does at first; then the robot parks, and its torque goes off.
+
+freeze: the goals stay as they are. captured_stop: the plan's own balanced stop. crouch: the way to the rest pose begins
+at once, from whatever pose it is in.
+"""
+
+
 class SafetyLimits(Strict):
     """Thresholds at which the ladder acts.
 
@@ -237,6 +245,8 @@ class SafetyLimits(Strict):
         soft_start_speed: greatest joint speed on the way to the stand pose [rad/s].
         standing_margin: how far outside its limits a joint may be when torque goes on [rad]: a limp robot sags onto its
             stops. The servos' own limits are set this much wider, so that goals can be pinned there.
+        emergency_stop: see `EmergencyStop`. "freeze" and "crouch" need a proof that the robot stays up at every phase
+            of a step (`benchmarks/robot/emergency_stop.py`); without one it is the stop that balances itself.
     """
 
     max_stale_reads: int = Field(default=5, ge=1)
@@ -246,6 +256,7 @@ class SafetyLimits(Strict):
     park_s: float = Field(default=2.0, gt=0)
     soft_start_speed: float = Field(default=0.8, gt=0)
     standing_margin: float = Field(default=0.15, ge=0)
+    emergency_stop: EmergencyStop = "captured_stop"
 
 
 class RobotFile(Strict):

@@ -48,7 +48,8 @@ if TYPE_CHECKING:
     from flexmotion.streamer.control.ladder import State
     from flexmotion.streamer.control.run_trace import RunTrace
     from flexmotion.streamer.control.telemetry import Event
-    from flexmotion.streamer.gateway.client import AsyncClient, Client
+    from flexmotion.streamer.gateway.async_client import AsyncClient
+    from flexmotion.streamer.gateway.client import Client
     from flexmotion.streamer.gateway.listening import Listening
     from flexmotion.streamer.gateway.messages import Answer
     from flexmotion.streamer.log.reader import Log, read_log
@@ -94,7 +95,8 @@ _MODULES = {
         "retarget_motion",
     ),
     "streamer.control.ladder": ("State",),
-    "streamer.gateway.client": ("AsyncClient", "Client"),
+    "streamer.gateway.async_client": ("AsyncClient",),
+    "streamer.gateway.client": ("Client",),
     "streamer.gateway.listening": ("Listening",),
     "streamer.gateway.messages": ("Answer",),
     "streamer.control.run_trace": ("RunTrace",),

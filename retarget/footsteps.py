@@ -21,7 +21,7 @@ from flexmotion.retarget.view import HumanView
 
 Float = NDArray[np.float64]
 
-_INSERT_YAW, _INSERT_DISTANCE = 0.26, 0.045
+INSERT_YAW, INSERT_DISTANCE = 0.26, 0.045
 """Feet further than this from their footholds are corrected by an inserted step [rad, m of the robot]."""
 _BESIDE_DISTANCE, _BESIDE_YAW = 0.015, 0.09
 """Feet nearer than this to standing side by side are left as they are at the end of a plan [m, rad]."""
@@ -169,7 +169,7 @@ class FootstepPlanner:
         ]
         gaps = np.array(targets) - made.feet
         apart = np.linalg.norm(gaps[:, :2], axis=1)
-        return np.maximum(np.abs(gaps[:, 3]) / _INSERT_YAW, apart / _INSERT_DISTANCE)
+        return np.maximum(np.abs(gaps[:, 3]) / INSERT_YAW, apart / INSERT_DISTANCE)
 
     def _step(
         self,

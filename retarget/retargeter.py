@@ -93,6 +93,14 @@ class Retargeter:
             return 0
         return max(int(np.floor((tick - source_tick) / self.rate * fps + 1e-6)), 0)
 
+    def stands_at(self, state: Float, tick: int) -> Float:
+        """Where the robot comes to stand by a stop: middle of its feet, heading, in the plan's world, (3,) [m, m, rad].
+
+        Args:
+            state: where the stop resumes, at `tick`, (S,).
+        """
+        return self.walks.stands_at(self.layout.view(state.copy()), tick)
+
     def plan(
         self,
         state: Float,

@@ -84,6 +84,15 @@ class WalkPlanner:
         steps = self.footsteps.gather(start.settled, start.feet, tick)
         return self._lay_out(state, steps, tick, None)
 
+    def stands_at(self, state: RetargetState, tick: int) -> Float:
+        """Middle of the feet and their heading at the end of a stop, (3,) [m, m, rad]; arguments as of `stop`."""
+        start = self._feet_state(state, tick)
+        feet = start.feet
+        for step in self.footsteps.gather(start.settled, feet, tick):
+            feet[step.side] = step.target
+        middle: Float = 0.5 * (feet[0] + feet[1])[[0, 1, 3]]
+        return middle
+
     def _try(self, state: RetargetState, view: HumanView, start: FeetState, put_off: int) -> Walk:
         """The walk with its new steps put off by some ticks."""
         steps = self.footsteps.plan(view, start, put_off)

@@ -180,6 +180,8 @@ def open_session(
     log: str | Path | None = None,
     listening: Listening | None = None,
     allow_refused: bool = False,
+    armed: bool = True,
+    attended: bool = False,
 ) -> Session:
     """A robot, a driver and a source, ready to run.
 
@@ -211,6 +213,8 @@ def open_session(
         log: file (.mcap) to record to; None: none.
         listening: how the run shows itself in a browser and listens for targets of other programs; None: not at all.
         allow_refused: the report is ok although something that was asked was refused, dropped or not finished.
+        armed: torque goes on with the first tick; else with `Request.ARM`.
+        attended: the run goes on in OFF and in FAULT until END: CLEAR and ARM lead back to READY.
 
     Raises:
         ConfigError: unknown or invalid robot, driver, option, source or bundle, or the log cannot be written.
@@ -236,6 +240,8 @@ def open_session(
         clock=clock,
         next_request=next_request,
         allow_refused=allow_refused,
+        armed=armed,
+        attended=attended,
     )
     if on_event is not None:
         session.on_event = on_event

@@ -28,7 +28,8 @@ from benchmarks.shared.options import CsvOption
 from benchmarks.shared.outcome import Outcome, Verdict, write_csv
 from flexmotion.configs.errors import DriverError, GatewayError
 from flexmotion.streamer.commands.choice import SWITCHED_PROMPTS
-from flexmotion.streamer.gateway.client import AsyncClient, Client
+from flexmotion.streamer.gateway.async_client import AsyncClient
+from flexmotion.streamer.gateway.client import Client
 from flexmotion.streamer.gateway.messages import Answer
 from flexmotion.streamer.gateway.ports import any_free
 

@@ -269,6 +269,12 @@ def _change(said: str, asks: Asks) -> float:
     return 0.5 if much else 0.85 if little else 0.7
 
 
+def _turning(text: str) -> list[str]:
+    """A turn to the side that is named; to the right without one, as after half or whole turns it does not matter."""
+    side = sides(text)
+    return ["turn", "to", "the", min(side) if len(side) == 1 else "right"]
+
+
 def _shaped(
     words: list[str], amount: Amount | None, times: int, counted: bool
 ) -> tuple[list[str], Amount | None, str | None]:
@@ -282,20 +288,18 @@ def _shaped(
     quantity = None if amount is None else amount.quantity
     spins = words[:1] in (["spin"], ["rotate"], ["turn"], ["revolve"]) and {"around", "round"} & set(words)
     if counted and amount is None and spins:
-        side = sides(text)  # "spin around once" is a whole turn
+        # "spin around once" is a whole turn
         given = Amount(2 * pi * times, "angle", f"{times} times around")
-        return ["turn", *(["to", "the", min(side)] if len(side) == 1 else ["around"])], given, None
+        return _turning(text), given, None
     if any(text == phrase or text.startswith(phrase + " ") for phrase in known.phrases("around")):
-        side = sides(text)
         wanted = amount if quantity in ("angle", "time") else Amount(pi, "angle", "around")
-        return ["turn", *(["to", "the", min(side)] if len(side) == 1 else ["around"])], wanted, None
+        return _turning(text), wanted, None
     verb = words[0] if words and words[0] in known.verbs else None
     if quantity == "angle" and (verb is None or verb in known.words("walk_verbs") | known.words("turn_verbs")):
-        side = sides(text)
         full = amount is not None and abs(amount.value) % pi < 1e-6
-        if len(side) != 1 and not full:
+        if len(sides(text)) != 1 and not full:
             return words, amount, "turning: to the left or to the right?"
-        return ["turn", *(["to", "the", min(side)] if len(side) == 1 else ["around"])], amount, None
+        return _turning(text), amount, None
     direction = [word for word in words if word in known.words("directions")]
     if verb == "back" and quantity in ("steps", "length"):
         words = ["step", *words]

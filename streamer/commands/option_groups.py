@@ -10,10 +10,12 @@ from typing import TYPE_CHECKING, Any, Literal, get_args, get_type_hints
 
 from flexmotion.streamer.commands.options import (
     AllowRefusedOption,
+    ArmOption,
     BeltOption,
     BundleOption,
     ClipOption,
     FeedbackOption,
+    GamepadOption,
     HeightOption,
     JsonOption,
     ListenOption,
@@ -21,6 +23,7 @@ from flexmotion.streamer.commands.options import (
     MappingOption,
     MassOption,
     MemberOption,
+    NameOption,
     PromptOption,
     RealtimeOption,
     ReportOption,
@@ -34,6 +37,8 @@ from flexmotion.streamer.commands.options import (
     ViewOption,
     WebOption,
     WebPortOption,
+    ZenohOption,
+    ZenohRouterOption,
 )
 
 if TYPE_CHECKING:
@@ -127,13 +132,18 @@ class RunOptions:
     listen: ListenOption = "127.0.0.1"
     token_file: TokenFileOption = None
     stdin: StdinOption = False
+    arm: ArmOption = None
+    name: NameOption = None
+    zenoh: ZenohOption = False
+    zenoh_router: ZenohRouterOption = None
+    gamepad: GamepadOption = False
     allow_refused: AllowRefusedOption = False
     as_json: JsonOption = False
 
     @property
     def listens(self) -> bool:
         """Whether targets of other programs are taken."""
-        return self.web or self.stdin
+        return self.web or self.stdin or self.zenoh or self.zenoh_router is not None or self.gamepad
 
     def _listening(self) -> Listening | None:
         if not (self.listens or self.view):
@@ -152,6 +162,10 @@ class RunOptions:
             takes_targets=self.listens,
             # Copies: a forked process closes its standard input.
             lines=(os.dup(0), os.dup(1)) if self.stdin else None,
+            name=self.name,
+            zenoh=self.zenoh,
+            zenoh_router=self.zenoh_router,
+            gamepad=self.gamepad,
         )
 
     def session(
@@ -164,8 +178,13 @@ class RunOptions:
         seed: int,
         seconds: float | None,
         stay: bool = False,
+        armed: bool = True,
     ) -> Session:
-        """The session that `flexmotion.streamer.api.open_session` opens with these options."""
+        """The session that `flexmotion.streamer.api.open_session` opens with these options.
+
+        Args:
+            armed: whether the command itself arms the robot, where `--arm` and `--no-arm` are not given.
+        """
         from flexmotion.streamer.api import open_session
         from flexmotion.streamer.commands.log_option import log_file
 
@@ -183,6 +202,8 @@ class RunOptions:
             log=log_file(self.log, self.report),
             listening=self._listening(),
             allow_refused=self.allow_refused,
+            armed=armed if self.arm is None else self.arm,
+            attended=stay and self.listens,
         )
 
 

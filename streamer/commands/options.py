@@ -49,7 +49,8 @@ ScriptOption = Annotated[
     Path | None,
     typer.Option(
         "--script",
-        help="YAML list of {at: seconds, text: WORDS | velocity: \\[vx, vy, wz] | stop: true}, or of clips.",
+        help="YAML list of {at: seconds, text: WORDS | velocity: \\[vx, vy, wz] | heading: RAD | waypoint: \\[x, y] | "
+        "stop: true}, or of clips.",
         show_default=False,
     ),
 ]
@@ -189,7 +190,37 @@ TokenFileOption = Annotated[
         show_default=False,
     ),
 ]
+NameOption = Annotated[
+    str | None,
+    typer.Option(
+        "--name",
+        metavar="NAME",
+        help="Name of this robot in keys of zenoh and topics of ROS 2; else that of the robot file.",
+        show_default=False,
+    ),
+]
+ZenohOption = Annotated[bool, typer.Option("--zenoh", help="Take targets and stops over zenoh (keys: docs/live.md).")]
+ZenohRouterOption = Annotated[
+    str | None,
+    typer.Option(
+        "--zenoh-router",
+        metavar="ENDPOINT",
+        help="Zenoh router to connect to, such as tcp/127.0.0.1:7447; another machine's needs a token.",
+        show_default=False,
+    ),
+]
+GamepadOption = Annotated[
+    bool, typer.Option("--gamepad", help="Steer by the gamepads of this machine; buttons: docs/live.md.")
+]
 StdinOption = Annotated[
     bool,
     typer.Option("--stdin", help="Read targets from standard input, a JSON object a line; answers go to stdout."),
+]
+ArmOption = Annotated[
+    bool | None,
+    typer.Option(
+        "--arm/--no-arm",
+        help="Switch the torque on at once, or wait for `flexmotion arm`.",
+        show_default="at once; with --web or --stdin `run` waits",
+    ),
 ]

@@ -1,8 +1,9 @@
-"""`flexmotion send`, `status`, `stop`, `estop`, `clear`, `kill`: speak to a run that was started with --web."""
+"""Commands that speak to a run which was started with --web: `flexmotion send`, `status`, `arm`, `stop` and others."""
 
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -70,6 +71,29 @@ def send(
             "--velocity", metavar="VX VY WZ", help="Forward, left [m/s], turning left [rad/s].", show_default=False
         ),
     ] = None,
+    heading: Annotated[
+        float | None,
+        typer.Option(
+            "--heading", metavar="DEGREES", help="Turn to it: left of where it stood up looking.", show_default=False
+        ),
+    ] = None,
+    waypoint: Annotated[
+        tuple[float, float] | None,
+        typer.Option(
+            "--waypoint",
+            metavar="X Y",
+            help="Walk there: ahead, left of where it stood up [m]. With --heading it then turns to that.",
+            show_default=False,
+        ),
+    ] = None,
+    tolerance: Annotated[
+        float | None,
+        typer.Option("--tolerance", metavar="M", help="How near a waypoint is near enough [m].", show_default="0.1"),
+    ] = None,
+    turning: Annotated[
+        float | None,
+        typer.Option("--turning", metavar="RAD/S", help="Fastest turning to a heading.", show_default="the robot's"),
+    ] = None,
     clip: Annotated[str | None, typer.Option("--clip", help="A clip of the run's library.", show_default=False)] = None,
     hold: Annotated[bool, typer.Option("--hold", help="Come to a stand.")] = False,
     seconds: Annotated[
@@ -85,23 +109,45 @@ def send(
 ) -> None:
     """Send a target to a run and print what it heard; exit code 1 where the target is not followed.
 
-    A velocity holds for 5 s, or for --for; words hold until the next target.
+    A velocity holds for 5 s, or for --for; words hold until the next target. A heading and a waypoint end where the
+    robot has arrived, by its own odometry.
 
     [bold]Examples[/bold]
 
       flexmotion send "wave with the right hand"
 
       flexmotion send --velocity .3 0 0 --for 4
+
+      flexmotion send --heading 90
+
+      flexmotion send --waypoint 1 .5 --heading 180
     """
-    given = {"TEXT": text, "--velocity": velocity, "--clip": clip, "--hold": hold or None}
+    turn = None if waypoint is not None else heading
+    given = {
+        "TEXT": text,
+        "--velocity": velocity,
+        "--heading": turn,
+        "--waypoint": waypoint,
+        "--clip": clip,
+        "--hold": hold or None,
+    }
     chosen = [name for name, value in given.items() if value is not None]
     if len(chosen) != 1:
         raise typer.BadParameter(f"expected one of {', '.join(given)}; found {' and '.join(chosen) or 'none'}")
+    if tolerance is not None and waypoint is None:
+        raise typer.BadParameter("--tolerance is that of a --waypoint")
+    if turning is not None and turn is None:
+        raise typer.BadParameter("--turning is that of a --heading")
+    radians = None if heading is None else math.radians(heading)
     message: dict[str, Any]
     if text is not None:
         message = {"type": "text", "text": text}
     elif velocity is not None:
         message, seconds = {"type": "velocity", "velocity": list(velocity)}, seconds or _VELOCITY_S
+    elif waypoint is not None:
+        message = {"type": "waypoint", "position_m": waypoint, "heading_rad": radians, "tolerance_m": tolerance}
+    elif turn is not None:
+        message = {"type": "heading", "heading_rad": radians, "turning_rad_s": turning}
     else:
         message = {"type": "hold"} if clip is None else {"type": "clip", "clip": clip}
     with _client(host, port, port, source, token_file) as client:
@@ -160,7 +206,9 @@ def estop(
     token_file: TokenFileOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Freeze the robot, then park it; the fault is latched and the run ends. It is no safety function.
+    """Stop the robot as its robot file says, then park it, torque off; the fault is latched. It is no safety function.
+
+    `flexmotion clear` and then `flexmotion arm` lead back.
 
     [bold]Examples[/bold]
 
@@ -182,6 +230,44 @@ def _press(what: str, host: str, stop_port: int, token_file: Path | None, as_jso
         raise typer.Exit(CHECK_FAILED)
 
 
+def arm(
+    host: HostOption = "127.0.0.1",
+    port: PortOption = 8790,
+    source: SourceOption = "command line",
+    token_file: TokenFileOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Switch the robot's torque on: it stands up slowly and then takes targets.
+
+    Refused, with the reason, while a fault is latched, while the robot lies, and while its hardware is not fit for it.
+
+    [bold]Examples[/bold]
+
+      flexmotion arm
+    """
+    with _client(host, port, port, source, token_file) as client:
+        answer = client.arm()
+    _present(answer, as_json)
+
+
+def disarm(
+    host: HostOption = "127.0.0.1",
+    port: PortOption = 8790,
+    source: SourceOption = "command line",
+    token_file: TokenFileOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Bring the robot to a stand, lower it to its rest pose and switch its torque off; the run goes on.
+
+    [bold]Examples[/bold]
+
+      flexmotion disarm
+    """
+    with _client(host, port, port, source, token_file) as client:
+        answer = client.disarm()
+    _present(answer, as_json)
+
+
 def clear(
     host: HostOption = "127.0.0.1",
     port: PortOption = 8790,
@@ -190,6 +276,8 @@ def clear(
     as_json: JsonOption = False,
 ) -> None:
     """Release a STOP once the robot stands; it stands on until a new target arrives.
+
+    After an emergency stop or another fault the robot is then in OFF: `flexmotion arm` stands it up.
 
     [bold]Examples[/bold]
 

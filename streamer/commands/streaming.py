@@ -11,9 +11,10 @@ from typing import Any
 import typer
 
 from flexmotion.streamer import api
-from flexmotion.streamer.commands.exit_codes import CHECK_FAILED, HARDWARE_FAILED, INTERRUPTED
+from flexmotion.streamer.commands.exit_codes import CHECK_FAILED, HARDWARE_FAILED, INTERRUPTED, OK
 from flexmotion.streamer.commands.output import print_json, print_note, print_result, progress_bar
 from flexmotion.streamer.commands.signals import OperatorSignals
+from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.telemetry import Event
 from flexmotion.streamer.gateway.service import GatewayService
 from flexmotion.streamer.log.recorder import Recorder
@@ -64,8 +65,11 @@ def emulated_port(options: Mapping[str, Any]) -> str | None:
     return next((port for port in ports if port and Path(port).resolve().is_relative_to("/dev/pts")), None)
 
 
-def present(outcome: api.Outcome, folder: Path | None, as_json: bool, interrupted: bool = False) -> None:
-    """Print the report, write it where asked, and leave with the exit code that it means."""
+def present(outcome: api.Outcome, folder: Path | None, as_json: bool, signals: OperatorSignals | None = None) -> None:
+    """Print the report, write it where asked, and leave with the exit code that it means.
+
+    SIGTERM is the regular end of a daemon: exit code 0 if the robot is parked without a fault.
+    """
     report = outcome.report
     if as_json:
         print_json(report.json_text().rstrip())
@@ -77,7 +81,10 @@ def present(outcome: api.Outcome, folder: Path | None, as_json: bool, interrupte
         if port := emulated_port(report.options):
             print_note(f"{port} is a pseudo-terminal: its other end may have been late (emulate says so when it ends)")
         raise typer.Exit(HARDWARE_FAILED)
-    if interrupted:
+    if signals is not None and signals.terminated:
+        parked = report.safety.final_state == State.OFF.name and not report.safety.faults
+        raise typer.Exit(OK if parked else CHECK_FAILED)
+    if signals is not None and signals.interrupted:
         raise typer.Exit(INTERRUPTED)
     if report.safety.hardware_failed or not report.ok:
         raise typer.Exit(CHECK_FAILED)

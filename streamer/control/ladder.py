@@ -4,7 +4,11 @@
 OFF ──start──► READY ──plan──► STREAMING ◄──plan── HOLD ──park──► PARK ──► OFF
                                    └──plan over, stop──► ▲
 any state with torque: e-stop ► HOLD (frozen) ► PARK ► FAULT      fall ► DAMPED ► FAULT      kill, lost bus ► FAULT
+FAULT ──clear──► OFF
 ```
+
+What an e-stop does before PARK is the robot file's choice (`flexmotion.configs.robot_file.EmergencyStop`); the line
+above is that of a robot that stays up when it freezes.
 """
 
 from __future__ import annotations
@@ -69,6 +73,8 @@ class Inputs:
         """Clear all, since inputs hold for one tick."""
         self.__init__()  # type: ignore[misc]
 
+
+_STOPPED = {"freeze": "frozen", "captured_stop": "brought to a stand", "crouch": "lowered"}
 
 POWERED = (State.READY, State.STREAMING, State.HOLD, State.PARK, State.DAMPED)
 
@@ -138,15 +144,26 @@ class Ladder:
         elif inputs.fallen:
             self._latch("fall: torso tilted past the robot's limit")
             self.state, self._left = State.DAMPED, self._damp_ticks
-        elif inputs.estop and not self._pressed:
-            self._latch("e-stop: frozen by an operator")
-            self.state, self._frozen, self._left = State.HOLD, True, self._freeze_ticks
+        elif inputs.estop and not self._pressed and self._emergency_stop():
+            pass
         else:
             if inputs.fault is not None and self.fault is None:
                 self._latch(inputs.fault)
                 self.stopping = True
             return False
         return True
+
+    def _emergency_stop(self) -> bool:
+        """Do what the robot file says; returns whether that decides this tick."""
+        does = self.limits.emergency_stop
+        self._latch(f"e-stop: {_STOPPED[does]} by an operator")
+        if does == "freeze":
+            self.state, self._frozen, self._left = State.HOLD, True, self._freeze_ticks
+        elif does == "crouch":
+            self.state, self._frozen = State.PARK, False
+        else:
+            self.stopping = True  # as a fault does: the plan's own stop, then PARK
+        return does != "captured_stop"
 
     def _in_off(self, inputs: Inputs) -> None:
         if inputs.start and not (inputs.estop or inputs.kill) and self.fault is None:

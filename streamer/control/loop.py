@@ -49,6 +49,7 @@ class ControlLoop:
         inputs: requests for the next tick; cleared after it.
         playing: the plan that plays; `waiting`: the accepted plan that takes over at its start tick.
         winding_down: set by the lifecycle: from now on only a plan that stops is accepted.
+        awaits_arm: set by the lifecycle: a start that is refused is no fault, another may be requested.
         hardware_failed: a servo, the IMU, the supply or the bus is why the start was refused or a fault is latched.
     """
 
@@ -80,7 +81,7 @@ class ControlLoop:
         self.stand_pose = retargeter.layout.view(retargeter.standing()).q[0].copy()
         self.playing: Offer | None = None
         self.waiting: Offer | None = None
-        self.winding_down = self.hardware_failed = False
+        self.winding_down = self.hardware_failed = self.awaits_arm = False
         self.tick_count = 0
         self._writer = RowWriter(telemetry.row, robot, driver)
         self._examined = 0  # id of the newest plan that was accepted or refused
@@ -244,10 +245,22 @@ class ControlLoop:
         """Refuse a start, with the reason, while the hardware is not fit for it."""
         if not self.inputs.start:
             return
-        reason = self.audit.refusal(self.state, self._unread, self.estimator.has_imu)
-        if reason is not None:
-            self.inputs.start, self.hardware_failed = False, True
+        reason = self.audit.refusal(self.state, self._unread, self.estimator.has_imu) or self._lies()
+        if reason is None:
+            return
+        self.inputs.start = False
+        if self.awaits_arm:
+            self._emit("refused", f"ARM: {reason}")
+        else:
+            self.hardware_failed = True
             self._emit("fault", f"no start: {reason}")
+
+    def _lies(self) -> str | None:
+        """Why a robot that has been watched for a while cannot stand up: it lies. None where it may."""
+        tilt = math.hypot(*self.estimator.tilt)
+        if not self.estimator.has_imu or tilt <= self.robot.safety.fall_tilt:
+            return None
+        return f"the torso is tilted by {math.degrees(tilt):.0f}°: the robot lies; put it into its rest pose by hand"
 
     def _emit(self, kind: str, message: str) -> None:
         self.telemetry.emit(self.tick_count, kind, message)

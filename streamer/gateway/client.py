@@ -1,4 +1,4 @@
-"""`Client`, `AsyncClient`: another program's side of a run that was started with `--web`.
+"""`Client`: another program's side of a run that was started with `--web`.
 
 ```python
 import flexmotion as fm
@@ -12,121 +12,32 @@ with fm.Client() as robot:
 
 from __future__ import annotations
 
-import asyncio
-import itertools
 import json
-import uuid
 from collections.abc import Mapping
-from contextlib import AsyncExitStack, ExitStack
+from contextlib import ExitStack
 from http.client import HTTPConnection, HTTPException
 from types import TracebackType
 from typing import Any, Self
 
-from pydantic import BaseModel, ConfigDict
-from websockets.asyncio.client import ClientConnection
-from websockets.asyncio.client import connect as connect_async
-from websockets.exceptions import InvalidStatus, WebSocketException
+from websockets.exceptions import WebSocketException
 from websockets.sync.client import connect
 
 from flexmotion.configs.errors import GatewayError
-from flexmotion.configs.stream import Gateway
-from flexmotion.streamer.gateway.admission import find_token
-from flexmotion.streamer.gateway.messages import Answer, KillMessage, MessageError, decode, encode
-
-_DEFAULT = Gateway()
-PATIENCE_S = 10.0
-"""Longest wait for an answer [s]; a run answers within its `take_up_s`."""
-
-
-class StopAnswer(BaseModel):
-    """Answer of the stop process.
-
-    Attributes:
-        asked: "stop" or "estop".
-        state: accepted, or refused for `reason`.
-        arrived_tick: newest tick of the loop when the request arrived; -1: none yet.
-        tick: before which the loop took it.
-    """
-
-    model_config = ConfigDict(extra="ignore", frozen=True)
-
-    asked: str | None
-    state: str
-    arrived_tick: int | None = None
-    tick: int | None = None
-    reason: str | None = None
+from flexmotion.streamer.gateway.connection import (
+    KILL,
+    PATIENCE_S,
+    Messages,
+    StopAnswer,
+    answer_in,
+    heading_content,
+    text_content,
+    velocity_content,
+    waypoint_content,
+)
+from flexmotion.streamer.gateway.messages import Answer
 
 
-class _Messages:
-    """What both clients send.
-
-    Args:
-        host, port, stop_port: of the run.
-        source: name of this program; the run's settings give it a priority.
-        token: of the run; None: the environment variable FLEXMOTION_TOKEN, if it is set.
-    """
-
-    def __init__(
-        self,
-        host: str = "127.0.0.1",
-        port: int = _DEFAULT.port,
-        *,
-        stop_port: int = _DEFAULT.stop_port,
-        source: str = "client",
-        token: str | None = None,
-    ) -> None:
-        self.host, self.port, self.stop_port, self.source = host, port, stop_port, source
-        self.token = find_token() if token is None else token
-        self._ids, self._session = itertools.count(1), uuid.uuid4().hex[:8]
-
-    @property
-    def _url(self) -> str:
-        host = f"[{self.host}]" if ":" in self.host else self.host
-        return f"ws://{host}:{self.port}/targets"
-
-    @property
-    def _options(self) -> dict[str, Any]:
-        return {
-            "additional_headers": self._headers,
-            "open_timeout": PATIENCE_S,
-            "compression": None,
-            "proxy": None,
-        }
-
-    @property
-    def _headers(self) -> dict[str, str]:
-        return {} if self.token is None else {"Authorization": f"Bearer {self.token}"}
-
-    def _message(self, content: Mapping[str, Any]) -> tuple[str, str]:
-        """The id and the text of a message. Raises `MessageError` where it is not valid."""
-        known = {key: value for key, value in content.items() if value is not None}
-        number = next(self._ids)
-        identity = str(known.setdefault("id", f"{self._session}-{number}"))
-        known = {"source": self.source, "sequence": number, **known}
-        return identity, encode(decode(json.dumps(known).encode()))
-
-    def _failed(self, error: Exception) -> GatewayError:
-        where = f"{self.host}:{self.port}"
-        if isinstance(error, InvalidStatus):
-            reason = error.response.body.decode(errors="replace") if error.response.body else str(error)
-            return GatewayError(f"{where}: the run refuses the connection: {reason}")
-        if isinstance(error, ConnectionRefusedError):
-            return GatewayError(f"{where}: no run listens; start one with: flexmotion dry-run --web")
-        return GatewayError(f"{where}: {type(error).__name__}: {error}")
-
-
-def _text(text: str, ttl_s: float | None) -> dict[str, Any]:
-    return {"type": "text", "text": text, "ttl_s": ttl_s}
-
-
-def _velocity(forward: float, left: float, turning: float, ttl_s: float | None) -> dict[str, Any]:
-    return {"type": "velocity", "velocity": [forward, left, turning], "ttl_s": ttl_s}
-
-
-_KILL = {"type": "kill", "confirm": KillMessage.model_fields["confirm"].annotation.__args__[0]}  # type: ignore[union-attr]
-
-
-class Client(_Messages):
+class Client(Messages):
     """A connection to a run, for a program that waits for each answer; see `AsyncClient` for one that does not.
 
     Raises:
@@ -154,18 +65,49 @@ class Client(_Messages):
 
     def text(self, text: str, *, ttl_s: float | None = None) -> Answer:
         """Do what the words say."""
-        return self.ask(_text(text, ttl_s))
+        return self.ask(text_content(text, ttl_s))
 
     def velocity(self, forward: float, left: float, turning: float, *, ttl_s: float | None = None) -> Answer:
         """Walk at a velocity: forward, left [m/s], turning left [rad/s]; for half a second without `ttl_s`."""
-        return self.ask(_velocity(forward, left, turning, ttl_s))
+        return self.ask(velocity_content(forward, left, turning, ttl_s))
+
+    def heading(self, heading: float, *, turning: float | None = None, ttl_s: float | None = None) -> Answer:
+        """Turn to a heading in the robot's odometry [rad], at `turning` at most [rad/s], then stand."""
+        return self.ask(heading_content(heading, turning, ttl_s))
+
+    def waypoint(
+        self,
+        x: float,
+        y: float,
+        heading: float | None = None,
+        *,
+        tolerance_m: float | None = None,
+        ttl_s: float | None = None,
+    ) -> Answer:
+        """Walk to a place in the robot's odometry [m], turn to a heading there [rad], then stand.
+
+        The answer comes when it sets out; `status()["following"]["end"]` says when it has arrived.
+        """
+        return self.ask(waypoint_content(x, y, heading, tolerance_m, ttl_s))
+
+    def clip(self, name: str, *, ttl_s: float | None = None) -> Answer:
+        """Follow a clip that the run was started with, by its name."""
+        return self.ask({"type": "clip", "clip": name, "ttl_s": ttl_s})
 
     def hold(self) -> Answer:
         """Come to a stand; the next target goes on from there."""
         return self.ask({"type": "hold"})
 
+    def arm(self) -> Answer:
+        """Switch the torque on: the robot stands up."""
+        return self.ask({"type": "arm"})
+
+    def disarm(self) -> Answer:
+        """Come to a stand, park, switch the torque off; the run goes on."""
+        return self.ask({"type": "disarm"})
+
     def clear(self) -> Answer:
-        """Release a STOP."""
+        """Release a STOP; after a fault lead to OFF, from where `arm` leads back."""
         return self.ask({"type": "clear"})
 
     def take(self) -> Answer:
@@ -178,14 +120,14 @@ class Client(_Messages):
 
     def kill(self) -> Answer:
         """Switch the torque off at once: the robot falls."""
-        return self.ask(_KILL)
+        return self.ask(KILL)
 
     def stop(self) -> StopAnswer:
         """Come to a stand and stay, by the stop process; needs no token."""
         return self._press("stop")
 
     def estop(self) -> StopAnswer:
-        """Freeze, then park, by the stop process."""
+        """Stop as the robot file says, then park, by the stop process."""
         return self._press("estop")
 
     def status(self) -> dict[str, Any]:
@@ -194,26 +136,26 @@ class Client(_Messages):
 
     def ask(self, message: Mapping[str, Any]) -> Answer:
         """Send any message of `flexmotion.streamer.gateway.messages` and wait for its answer."""
-        identity, text = self._message(message)
+        identity, text = self.message(message)
         self._connect()
         try:
             self._socket.send(text)
             while True:
-                answer = _answer(self._socket.recv(PATIENCE_S))
+                answer = answer_in(self._socket.recv(PATIENCE_S))
                 if answer is not None and answer.id == identity:
                     return answer
         except (OSError, WebSocketException) as error:
             self.close()
-            raise self._failed(error) from error
+            raise self.failed(error) from error
 
     def _connect(self) -> None:
         if self._socket is not None:
             return
         self._open = ExitStack()
         try:
-            self._socket = self._open.enter_context(connect(self._url, **self._options))
+            self._socket = self._open.enter_context(connect(self.url, **self.options))
         except (OSError, WebSocketException) as error:
-            raise self._failed(error) from error
+            raise self.failed(error) from error
 
     def _press(self, what: str) -> StopAnswer:
         return StopAnswer.model_validate(self._http("POST", self.stop_port, f"/{what}"))
@@ -221,91 +163,14 @@ class Client(_Messages):
     def _http(self, method: str, port: int, path: str) -> dict[str, Any]:
         connection = HTTPConnection(self.host, port, timeout=PATIENCE_S)
         try:
-            connection.request(method, path, headers=self._headers)
+            connection.request(method, path, headers=self.headers)
             response = connection.getresponse()
             content = json.loads(response.read())
         except (OSError, HTTPException, ValueError) as error:
-            failed = self._failed(error)
+            failed = self.failed(error)
             raise GatewayError(str(failed).replace(f":{self.port}:", f":{port}:")) from error
         finally:
             connection.close()
         if response.status in (401, 403):
             raise GatewayError(f"{self.host}:{port}: refused: {content.get('reason')}")
         return dict(content)
-
-
-class AsyncClient(_Messages):
-    """`Client` for asyncio; any number of messages may wait for their answers at a time.
-
-    Raises:
-        GatewayError: as `Client`.
-        MessageError: a message is not valid.
-    """
-
-    _socket: ClientConnection | None = None
-
-    async def __aenter__(self) -> Self:
-        self._waiting: dict[str, asyncio.Future[Answer]] = {}
-        self._open = AsyncExitStack()
-        try:
-            self._socket = await self._open.enter_async_context(connect_async(self._url, **self._options))
-        except (OSError, WebSocketException) as error:
-            raise self._failed(error) from error
-        self._reading = asyncio.create_task(self._read())
-        return self
-
-    async def __aexit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        await self._open.aclose()
-        await self._reading
-
-    async def text(self, text: str, *, ttl_s: float | None = None) -> Answer:
-        """Do what the words say."""
-        return await self.ask(_text(text, ttl_s))
-
-    async def velocity(self, forward: float, left: float, turning: float, *, ttl_s: float | None = None) -> Answer:
-        """Walk at a velocity; see `Client.velocity`."""
-        return await self.ask(_velocity(forward, left, turning, ttl_s))
-
-    async def hold(self) -> Answer:
-        """Come to a stand; the next target goes on from there."""
-        return await self.ask({"type": "hold"})
-
-    async def ask(self, message: Mapping[str, Any]) -> Answer:
-        """Send any message and wait for its answer."""
-        assert self._socket is not None, "async with AsyncClient() as robot: robot.ask(...)"
-        identity, text = self._message(message)
-        answered: asyncio.Future[Answer] = asyncio.get_running_loop().create_future()
-        self._waiting[identity] = answered
-        try:
-            await self._socket.send(text)
-            return await asyncio.wait_for(answered, PATIENCE_S)
-        except (OSError, WebSocketException) as error:  # TimeoutError is an OSError
-            raise self._failed(error) from error
-        finally:
-            self._waiting.pop(identity, None)
-
-    async def _read(self) -> None:
-        assert self._socket is not None
-        try:
-            async for frame in self._socket:
-                answer = _answer(frame)
-                waiting = None if answer is None or answer.id is None else self._waiting.get(answer.id)
-                if waiting is not None and not waiting.done():
-                    assert answer is not None
-                    waiting.set_result(answer)
-        except WebSocketException:
-            pass  # those that wait are told below
-        for waiting in self._waiting.values():
-            if not waiting.done():
-                waiting.set_exception(ConnectionResetError("the run closed the connection"))
-
-
-def _answer(frame: str | bytes) -> Answer | None:
-    """The answer in a frame; None where it holds something else, such as the status."""
-    content = json.loads(frame)
-    return Answer.model_validate(content) if content.get("type") == "answer" else None
-
-
-__all__ = ["AsyncClient", "Client", "MessageError", "StopAnswer"]

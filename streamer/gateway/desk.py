@@ -14,7 +14,7 @@ from collections.abc import Callable, Hashable
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.stream import Gateway
 from flexmotion.drivers.realtime.ring import Ring
-from flexmotion.streamer.control.ladder import State
+from flexmotion.streamer.control.ladder import POWERED, State
 from flexmotion.streamer.control.telemetry import Event, Telemetry, events
 from flexmotion.streamer.control.tick_row import TickRow
 from flexmotion.streamer.gateway.asked import Asked, Following, Reply, Sequences
@@ -22,9 +22,10 @@ from flexmotion.streamer.gateway.lease import Lease
 from flexmotion.streamer.gateway.messages import (
     Answer,
     AnswerState,
+    ArmMessage,
     ClearMessage,
+    DisarmMessage,
     EmergencyStopMessage,
-    HeadingMessage,
     KillMessage,
     Message,
     MessageError,
@@ -32,7 +33,6 @@ from flexmotion.streamer.gateway.messages import (
     StopMessage,
     TakeMessage,
     VelocityMessage,
-    WaypointMessage,
     decode,
     intent_of,
 )
@@ -53,12 +53,13 @@ _SOURCES = 256
 _REQUESTS: dict[type, Request] = {
     StopMessage: Request.STOP,
     EmergencyStopMessage: Request.ESTOP,
+    ArmMessage: Request.ARM,
+    DisarmMessage: Request.DISARM,
     ClearMessage: Request.CLEAR,
     KillMessage: Request.KILL,
 }
 _WITHOUT_LEASE = (StopMessage, EmergencyStopMessage)
 _FOLLOWED: tuple[AnswerState, ...] = ("accepted", "slowed", "partly")
-_NOT_YET = "the loop cannot follow it yet: it needs closed-loop control of the robot's odometry"
 
 
 class Desk:
@@ -177,8 +178,6 @@ class Desk:
                 self._reply(asked, "accepted")
             elif type(message) in _REQUESTS:
                 self._request(asked)
-            elif isinstance(message, HeadingMessage | WaypointMessage):
-                self._reply(asked, "refused", f"{message.type}: {_NOT_YET}")
             else:
                 self._target(asked)
         self._tell_lease()
@@ -199,7 +198,7 @@ class Desk:
     def _holds_s(self, message: Message) -> float:
         if message.ttl_s is not None:
             return message.ttl_s
-        return self.settings.velocity_holds_s if isinstance(message, VelocityMessage | HeadingMessage) else math.inf
+        return self.settings.velocity_holds_s if isinstance(message, VelocityMessage) else math.inf
 
     def _target(self, asked: Asked) -> None:
         asked.intent, asked.holds_s = intent_of(asked.message), self._holds_s(asked.message)
@@ -260,32 +259,34 @@ class Desk:
             self.following = Following(asked.message.source, to_content(asked.intent), told, time.perf_counter())
 
     def _match(self, new: list[Event]) -> None:
-        """Reply to the requests that the loop has taken, and to CLEAR once its effect is known."""
+        """Reply to the requests that the loop has taken; to CLEAR and ARM once their effect is known."""
         for event in new:
-            if event.kind != "request":
-                continue
-            for asked in self._asked:
-                if asked.tick < 0 and _REQUESTS[type(asked.message)].name == event.message:
-                    asked.tick = event.tick
+            if event.kind == "request":
+                for asked in self._asked:
+                    if asked.tick < 0 and _name(asked) == event.message:
+                        asked.tick = event.tick
+            elif event.kind == "refused":
+                name, _, reason = event.message.partition(": ")
+                for asked in [one for one in self._asked if one.tick >= 0 and _name(one) == name]:
+                    self._asked.remove(asked)
+                    self._reply(asked, "refused", reason)
+        row = self._ticks.latest()
         for asked in [one for one in self._asked if one.tick >= 0]:
-            row = self._ticks.latest()
-            if isinstance(asked.message, ClearMessage):
+            if isinstance(asked.message, ArmMessage | ClearMessage):
                 if row is None or int(row["tick"]) < asked.tick:
                     continue
-                if row["must_stop"] or int(row["state"]) == State.FAULT:
-                    self._asked.remove(asked)
-                    self._reply(
-                        asked,
-                        "refused",
-                        "a stop is still in force: the robot does not stand yet, or a fault ends the run",
-                    )
-                    continue
+                state = State(int(row["state"]))
+                arms = isinstance(asked.message, ArmMessage)
+                if state is State.FAULT or (state not in POWERED if arms else row["must_stop"]):
+                    continue  # refused by an event that is on its way, or by time
             self._asked.remove(asked)
             self._reply(asked, "accepted", tick=asked.tick)
 
     def _time_out(self, now: float) -> None:
         while self._asked and self._asked[0].due_s < now:
-            self._reply(self._asked.popleft(), "refused", f"the loop did not take it within {_REQUEST_S:g} s")
+            late = self._asked.popleft()
+            why = "did not take it" if late.tick < 0 else "took it, and it had no effect"
+            self._reply(late, "refused", f"the loop {why} within {_REQUEST_S:g} s")
         for number in [number for number, asked in self._open.items() if asked.due_s < now]:
             asked = self._open.pop(number)
             self._reply(asked, "expired", "the planner has not answered", target=number)
@@ -320,3 +321,8 @@ class Desk:
         """The newest row of the loop; None before the first."""
         row = self._ticks.latest()
         return None if row is None else TickRow(row)
+
+
+def _name(asked: Asked) -> str:
+    """Of a request, as in the loop's events."""
+    return _REQUESTS[type(asked.message)].name

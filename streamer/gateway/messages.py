@@ -8,14 +8,28 @@ refused, and so is a version other than `VERSION`.
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Callable
 from typing import Annotated, Any, Literal, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, TypeAdapter, ValidationError, field_validator
 
 from flexmotion.configs.errors import ConfigError
-from flexmotion.streamer.motion.intents import FASTEST, LONGEST_TEXT, Clip, Intent, Stop, Text, Velocity
+from flexmotion.streamer.motion.intents import (
+    CLOSEST_M,
+    FARTHEST_M,
+    FARTHEST_RAD,
+    FASTEST,
+    LONGEST_TEXT,
+    LOOSEST_M,
+    SLOWEST_TURN,
+    Clip,
+    Heading,
+    Intent,
+    Stop,
+    Text,
+    Velocity,
+    Waypoint,
+)
 
 VERSION: Literal[1] = 1
 
@@ -28,6 +42,8 @@ Name = Annotated[str, StringConstraints(pattern=r"^[\w.:@/ -]{1,64}$")]
 _Forward = Annotated[float, Field(ge=-FASTEST[0], le=FASTEST[0])]
 _Left = Annotated[float, Field(ge=-FASTEST[1], le=FASTEST[1])]
 _Turning = Annotated[float, Field(ge=-FASTEST[2], le=FASTEST[2])]
+_Place = Annotated[float, Field(ge=-FARTHEST_M, le=FARTHEST_M)]
+_Heading = Annotated[float, Field(ge=-FARTHEST_RAD, le=FARTHEST_RAD)]
 
 
 def _fits(kind: Callable[[str], Intent], words: str) -> str:
@@ -50,8 +66,8 @@ class _Message(BaseModel):
         sequence: number of the message among those of its source; one that does not ascend is refused.
         stamp_s: when it was sent, seconds since 1970 by the sender's clock. One that is older than its time to live has
             expired; without a stamp it counts from its arrival.
-        ttl_s: time to live [s]. A target ends after it: the robot comes to a stand. None: a velocity and a heading hold
-            as long as the stream settings say, all others until the next target.
+        ttl_s: time to live [s]. A target ends after it: the robot comes to a stand. None: a velocity holds as long as
+            the stream settings say, all others until the next target.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
@@ -88,25 +104,31 @@ class VelocityMessage(_Message):
 
 
 class HeadingMessage(_Message):
-    """Turn to a heading in the robot's odometry. Refused: the loop cannot do it yet.
+    """Turn on the spot to a heading in the robot's odometry, the shorter way, then stand.
 
     Attributes:
-        heading_rad: counterclockwise from the heading at the start [rad].
+        heading_rad: counterclockwise from where the robot looked when it had stood up [rad].
+        turning_rad_s: greatest turning speed [rad/s]; None: the robot's own.
     """
 
     type: Literal["heading"] = "heading"
-    heading_rad: Annotated[float, Field(ge=-2 * math.pi, le=2 * math.pi)]
+    heading_rad: _Heading
+    turning_rad_s: Annotated[float, Field(ge=SLOWEST_TURN, le=FASTEST[2])] | None = None
 
 
 class WaypointMessage(_Message):
-    """Walk to a place in the robot's odometry. Refused: the loop cannot do it yet.
+    """Walk to a place in the robot's odometry, then stand.
 
     Attributes:
-        position_m: x ahead and y left of the place and heading at the start [m].
+        position_m: x ahead and y left of where the robot was when it had stood up [m].
+        heading_rad: heading at the end [rad]; None: as it arrives.
+        tolerance_m: the robot has arrived when it stands within this distance [m].
     """
 
     type: Literal["waypoint"] = "waypoint"
-    position_m: tuple[Annotated[float, Field(ge=-1e3, le=1e3)], Annotated[float, Field(ge=-1e3, le=1e3)]]
+    position_m: tuple[_Place, _Place]
+    heading_rad: _Heading | None = None
+    tolerance_m: Annotated[float, Field(ge=CLOSEST_M, le=LOOSEST_M)] = 0.1
 
 
 class ClipMessage(_Message):
@@ -134,13 +156,25 @@ class StopMessage(_Message):
 
 
 class EmergencyStopMessage(_Message):
-    """Freeze within two periods of the loop, then park; the fault is latched. It is no safety function."""
+    """Stop at once as the robot file says, then park; the fault is latched. It is no safety function."""
 
     type: Literal["estop"] = "estop"
 
 
+class ArmMessage(_Message):
+    """Switch the torque on and stand up. Refused where a fault is latched, the robot lies, or its hardware is unfit."""
+
+    type: Literal["arm"] = "arm"
+
+
+class DisarmMessage(_Message):
+    """Come to a stand, park, switch the torque off; the run goes on, and can be armed again."""
+
+    type: Literal["disarm"] = "disarm"
+
+
 class ClearMessage(_Message):
-    """Release a STOP once the robot stands. It goes on standing until a new target arrives."""
+    """Release a STOP once the robot stands: it stands until a new target. After a fault: to OFF, until `arm`."""
 
     type: Literal["clear"] = "clear"
 
@@ -173,6 +207,8 @@ Message = (
     | HoldMessage
     | StopMessage
     | EmergencyStopMessage
+    | ArmMessage
+    | DisarmMessage
     | ClearMessage
     | KillMessage
     | TakeMessage
@@ -265,7 +301,7 @@ def encode(message: BaseModel) -> str:
 
 
 def intent_of(message: Message) -> Intent | None:
-    """The intent of a target; None where the message is no target, or one that the loop cannot follow yet."""
+    """The intent of a target; None where the message is no target."""
     match message:
         case TextMessage(text=text):
             return Text(text)
@@ -274,6 +310,10 @@ def intent_of(message: Message) -> Intent | None:
             return Velocity(*velocity) if any(velocity) else Stop()
         case ClipMessage(clip=clip):
             return Clip(clip)
+        case HeadingMessage(heading_rad=heading, turning_rad_s=turning):
+            return Heading(heading, turning)
+        case WaypointMessage(position_m=(x, y), heading_rad=heading, tolerance_m=tolerance):
+            return Waypoint(x, y, heading, tolerance)
         case HoldMessage():
             return Stop()
     return None

@@ -14,6 +14,7 @@ from typing import Any
 
 import psutil
 
+from flexmotion.configs.errors import ConfigError
 from flexmotion.drivers.realtime.ring import shared_array
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.plan_buffer import PlanBuffer
@@ -22,10 +23,12 @@ from flexmotion.streamer.log.cdr import ENCAPSULATION
 from flexmotion.streamer.log.header import LogHeader
 from flexmotion.streamer.log.log_file import LogFile
 from flexmotion.streamer.log.messages import plan_message
+from flexmotion.streamer.log.parts import Rotation, later_parts
 from flexmotion.streamer.log.writer import LogWriter
 from flexmotion.streamer.motion.heard import Heard, HeardChannel, heard_since
 from flexmotion.streamer.motion.intents import to_content
 from flexmotion.streamer.motion.targets import TargetMailbox, arrived
+from flexmotion.streamer.run.requests import Request, RequestChannel
 
 NICENESS = 10
 """Niceness of the recorder's process, which shares two cores with the run."""
@@ -44,13 +47,16 @@ class Recorder:
     writes what is left in the rings.
 
     Args:
-        path: path of the file; an existing file is overwritten.
+        path: path of the file; an existing file is overwritten, and its later parts are removed.
         attachments: files to store in the log, by name.
         heard: the answers to what is asked in the run; None: they are not written.
         items: the answers to the script or the prompt, known before.
 
+    Attributes:
+        requests: its channel to the loop, for notes.
+
     Raises:
-        ConfigError: the file cannot be written.
+        ConfigError: the file cannot be written, or another run writes to it.
     """
 
     name = "recorder"
@@ -69,7 +75,12 @@ class Recorder:
         self.path, self.header, self.attachments = path, header, attachments
         self.telemetry, self.plans, self.targets = telemetry, plans, targets
         self.heard, self.items = heard or HeardChannel(), tuple(items)
+        self.requests = RequestChannel()
         self._file = LogFile(path)
+        # The first part stays locked while the run goes on in a later one.
+        self._lock = self._file.held()
+        for part in later_parts(path):
+            part.unlink()
         self._status = RecordingStatus()
         self._parent = os.getpid()
 
@@ -86,6 +97,8 @@ class Recorder:
                 if own_process and self._orphaned():
                     following.follow_to_the_end()
                 following.close()
+                if not own_process:
+                    self.end()
 
         return step
 
@@ -97,9 +110,14 @@ class Recorder:
             return psutil.Process(self._parent).status() in (psutil.STATUS_ZOMBIE, psutil.STATUS_DEAD)
         return True
 
+    def end(self) -> None:
+        """The run is over: the log is no longer locked."""
+        self._file.close()
+        self._lock.close()
+
     def result(self) -> str:
         """Path of the log, and what is missing from it if anything is; after the run."""
-        self._file.close()
+        self.end()
         missing = self._status.missing(self.telemetry.ticks.count)
         return f"{self.path} ({missing})" if missing else str(self.path)
 
@@ -148,6 +166,8 @@ class _Following:
         self._plan = self._tick = self._written = self._lost = self._unflushed = 0
         self._state = State.OFF
         self._stopped = False
+        self._attachments, self._requests = recorder.attachments, recorder.requests
+        self._rotation, self._begun = Rotation(recorder.path, recorder.header.settings.log), 0
         self._writer = LogWriter(file, recorder.header, recorder.attachments)
 
     def step(self) -> None:
@@ -183,9 +203,9 @@ class _Following:
         if self._state not in (State.OFF, State.FAULT):
             note = f"the log ends in {self._state.name}: the loop died there, was cut short, or is no longer recorded"
             self._record_event(self._tick, time.perf_counter_ns(), "note", note)
-        self._flush()
+        self._flush(last=True)
         self._writer.close()
-        self._check()
+        self._check(last=True)
         self._update_status(closed=True)
 
     def _record_ticks(self) -> None:
@@ -221,18 +241,43 @@ class _Following:
             return self.header.start_ns + round(tick * 1e9 / self.header.rate_hz)
         return stamp_ns + self.header.wall_minus_perf_ns
 
-    def _flush(self) -> None:
+    def _flush(self, *, last: bool = False) -> None:
         self._unflushed = 0
         self._writer.flush()
-        self._check()
+        self._check(last=last)
         self._update_status(closed=False)
+        age_s = (self._written - self._begun) / self.header.rate_hz
+        if not last and self.file.error is None and self._rotation.due(self.file.tell(), age_s):
+            self._rotate()
 
-    def _check(self) -> None:
-        """Warn once if writing has failed."""
-        if self.file.error is not None and not self._stopped:
-            self._stopped = True
-            reason = self.file.error.strerror
-            log.warning("%s: recording stopped at tick %d: %s; the run goes on", self.file.path, self._tick, reason)
+    def _rotate(self) -> None:
+        """Go on in a new part."""
+        try:
+            file = LogFile(self._rotation.next)
+        except ConfigError as error:
+            self.file.error = (
+                error.__cause__ if isinstance(error.__cause__, OSError) else OSError(errno.EIO, str(error))
+            )
+            return
+        self._writer.close()
+        self.file, self._begun = file, self._written
+        self._writer = LogWriter(file, self.header, self._attachments)
+        for path in self._rotation.advance():
+            with contextlib.suppress(OSError):  # a reader of this machine cannot hold a file, but may have removed it
+                path.unlink()
+            self._requests.send(Request.NOTE, f"log: {path.name} is removed: the parts of a log take more than keep_mb")
+
+    def _check(self, *, last: bool) -> None:
+        """Say once that writing has failed: to the run, or on stderr where it is over."""
+        if self.file.error is None or self._stopped:
+            return
+        self._stopped = True
+        reason = self.file.error.strerror
+        message = f"{self.file.path}: recording stopped at tick {self._tick}: {reason}; the run goes on without a log"
+        if last:
+            log.warning("%s", message)
+        else:
+            self._requests.send(Request.NOTE, message)
 
     def _update_status(self, *, closed: bool) -> None:
         error = 0 if self.file.error is None else self.file.error.errno or errno.EIO

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from flexmotion.configs.errors import ConfigError
 from flexmotion.human.motion import Motion
 from flexmotion.streamer.motion.intents import Clip, word_of
-from flexmotion.streamer.motion.sequence import placed, poses_only
+from flexmotion.streamer.motion.sequence import placed, poses_only, turned_to
 from flexmotion.streamer.motion.targets import Target
 
 
@@ -30,12 +30,14 @@ class ClipLibrary:
         self.name, self.fps = f"clips:{len(clips)}", self._clip(first).fps
         self._start, self._playing = 0, poses_only(self._clip(first))
 
-    def turn_to(self, target: Target, frame: int, played: Motion | None) -> None:
+    def turn_to(self, target: Target, frame: int, played: Motion | None, yaw: float | None = None) -> None:
         """See `LiveSource.turn_to`. Raises `ConfigError` unless the target names one of the clips."""
         if not isinstance(target.intent, Clip):
             raise ConfigError(f"target: {word_of(target.intent)} cannot be followed, only clips are played here")
         clip = self._clip(target.intent.name)
         at = self._frame(frame) if played is None else played[len(played) - 1 :]
+        if played is None and yaw is not None:
+            at = turned_to(at, yaw)
         scale = at.body.standing_height / clip.body.standing_height
         self._start, self._playing = frame, placed(poses_only(clip), at, scale)
 

@@ -42,6 +42,7 @@ class HeardStep(BaseModel):
         slowed: speed that the motion is slowed to; None: not slowed.
         end: how it ended; None: not yet, or not measured.
         measured: what the robot did of it by its own odometry, in `unit`.
+        place: of a heading or a waypoint: where the robot stood at the end by its odometry, x, y [m], heading [rad].
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -56,10 +57,14 @@ class HeardStep(BaseModel):
     slowed: str | None = None
     end: End | None = None
     measured: float | None = None
+    place: tuple[float, float, float] | None = None
 
     @property
     def done(self) -> str:
-        """What the robot did of the amount, in words."""
+        """What the robot did of the amount, or where it stands, in words."""
+        if self.place is not None:
+            x, y, heading = self.place
+            return f"stands at {x:.2f} m ahead, {y:.2f} m left, heading {np.degrees(heading):.0f}°"
         if self.amount is None or self.unit is None or self.measured is None:
             return "not measured"
         return f"{amount_text(self.measured, self.unit)} of {amount_text(self.amount, self.unit)}"

@@ -13,7 +13,7 @@ from dataclasses import replace
 from flexmotion.sampling.pace import Pace
 from flexmotion.sampling.sampler import Condition
 from flexmotion.streamer.motion.heard import Heard, HeardStep
-from flexmotion.streamer.motion.intents import Intent, Stop, Text, Velocity
+from flexmotion.streamer.motion.intents import Heading, Intent, Stop, Text, Velocity, Waypoint, goal_text, word_of
 from flexmotion.streamer.motion.programs import LEAST, MOST, MOST_STEPS, Program, Step, limit_s, usual_amount
 from flexmotion.streamer.motion.speeds import Model, Speeds, velocity_text
 from flexmotion.text.amounts import Amount
@@ -59,6 +59,11 @@ class Hearing:
                 heard = Heard(asked=asked, state="slowed" if slowed else "accepted", heard_as="velocity", slowed=slowed)
                 step = Step(intent, "velocity", None, (0, 0), 0, None, HeardStep(text=asked, heard_as="velocity"))
                 return Program((step,), heard)
+            case Heading() | Waypoint():
+                kind, words = word_of(intent), goal_text(intent)
+                told = HeardStep(text=words, heard_as=kind)
+                step = Step(Text("stand still"), kind, None, (0, 0), 0, None, told, intent)
+                return Program((step,), Heard(asked=words, state="accepted", heard_as=kind, steps=(told,)))
         heard = Heard(asked="stop" if isinstance(intent, Stop) else repr(intent), state="accepted", heard_as="stop")
         return Program((Step(intent, STAND, None, (0, 0), 0, None, HeardStep(text="stop", heard_as=STAND)),), heard)
 

@@ -16,6 +16,15 @@ FASTEST = (3.0, 1.5, 3.0)
 LONGEST_TEXT = 240
 """In characters."""
 
+FARTHEST_M, FARTHEST_RAD = 1000.0, 1000.0
+"""Bounds of a place and of a heading in the odometry [m, rad]."""
+CLOSEST_M, LOOSEST_M = 0.03, 1.0
+"""Bounds of a waypoint's tolerance [m]: a humanoid's step corrects no less."""
+SLOWEST_TURN = 0.05
+"""Least bound on the turning speed [rad/s]."""
+
+_EXPECTED_HEADING = "heading: expected [heading rad] or [heading rad, fastest turning rad/s]"
+_EXPECTED_WAYPOINT = "waypoint: expected [x m, y m], [x, y, heading rad or null] or [x, y, heading, tolerance m]"
 _EXPECTED_VELOCITY = "velocity: expected [forward m/s, left m/s, turning rad/s]"
 
 
@@ -23,6 +32,14 @@ def _require_words(word: str, value: Any, expected: str) -> None:
     # In shared memory a NUL ends a text.
     if not isinstance(value, str) or not value.strip() or "\0" in value:
         raise ConfigError(f"{word}: expected {expected}, found {value!r}")
+
+
+def _require_numbers(expected: str, values: tuple[Any, ...], bound: float) -> None:
+    # In Python a bool is an int, but it is no measure.
+    for value in values:
+        number = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+        if not number or abs(value) > bound:
+            raise ConfigError(f"{expected}, finite and within ±{bound:g}; found {value!r}")
 
 
 @dataclass(frozen=True)
@@ -75,13 +92,72 @@ class Velocity:
 
 
 @dataclass(frozen=True)
+class Heading:
+    """Turn on the spot to a heading in the robot's odometry, the shorter way, then stand.
+
+    Attributes:
+        heading: counterclockwise from where the robot looked when it had stood up [rad].
+        turning: greatest turning speed [rad/s]; None: the robot's own.
+
+    Raises:
+        ConfigError: a value is not a finite number, or out of bounds.
+    """
+
+    heading: float
+    turning: float | None = None
+
+    def __post_init__(self) -> None:
+        _require_numbers(_EXPECTED_HEADING, (self.heading,), FARTHEST_RAD)
+        if self.turning is not None:
+            _require_numbers(_EXPECTED_HEADING, (self.turning,), FASTEST[2])
+            if self.turning < SLOWEST_TURN:
+                raise ConfigError(f"{_EXPECTED_HEADING}, at {SLOWEST_TURN:g} rad/s or more, found {self.turning!r}")
+
+
+@dataclass(frozen=True)
+class Waypoint:
+    """Walk to a place in the robot's odometry, then stand.
+
+    Attributes:
+        x, y: ahead and left of where the robot was when it had stood up [m].
+        heading: at the end, as of `Heading` [rad]; None: as it arrives.
+        tolerance: the robot has arrived when it stands within this distance [m].
+
+    Raises:
+        ConfigError: a value is not a finite number, or out of bounds.
+    """
+
+    x: float
+    y: float
+    heading: float | None = None
+    tolerance: float = 0.1
+
+    def __post_init__(self) -> None:
+        _require_numbers(_EXPECTED_WAYPOINT, (self.x, self.y), FARTHEST_M)
+        if self.heading is not None:
+            _require_numbers(_EXPECTED_WAYPOINT, (self.heading,), FARTHEST_RAD)
+        _require_numbers(_EXPECTED_WAYPOINT, (self.tolerance,), LOOSEST_M)
+        if self.tolerance < CLOSEST_M:
+            raise ConfigError(f"{_EXPECTED_WAYPOINT}, a tolerance of {CLOSEST_M:g} m or more; found {self.tolerance!r}")
+
+
+@dataclass(frozen=True)
 class Stop:
     """Come to a balanced stop."""
 
 
-Intent = Clip | Text | Velocity | Stop
+Intent = Clip | Text | Velocity | Heading | Waypoint | Stop
+Goal = Heading | Waypoint
+"""An intent that ends by itself, where the robot has arrived by its own odometry."""
 
-WORDS: dict[str, type[Intent]] = {"clip": Clip, "text": Text, "velocity": Velocity, "stop": Stop}
+WORDS: dict[str, type[Intent]] = {
+    "clip": Clip,
+    "text": Text,
+    "velocity": Velocity,
+    "heading": Heading,
+    "waypoint": Waypoint,
+    "stop": Stop,
+}
 
 
 def word_of(intent: Intent) -> str:
@@ -98,9 +174,22 @@ def to_content(intent: Intent) -> dict[str, Any]:
             value = text
         case Velocity(forward, left, turning):
             value = [forward, left, turning]
+        case Heading(heading, turning):
+            value = [heading] if turning is None else [heading, turning]
+        case Waypoint(x, y, heading, tolerance):
+            value = [x, y, heading, tolerance]
         case Stop():
             value = True
     return {word_of(intent): value}
+
+
+def goal_text(goal: Goal) -> str:
+    """A goal in words: "heading 90°", "waypoint 1 m ahead, 0.5 m left, heading 180°"."""
+    if isinstance(goal, Heading):
+        most = "" if goal.turning is None else f", at most {goal.turning:g} rad/s"
+        return f"heading {math.degrees(goal.heading):.0f}°{most}"
+    end = "" if goal.heading is None else f", heading {math.degrees(goal.heading):.0f}°"
+    return f"waypoint {goal.x:g} m ahead, {goal.y:g} m left{end}"
 
 
 def from_content(content: Mapping[str, Any]) -> Intent:
@@ -118,6 +207,15 @@ def from_content(content: Mapping[str, Any]) -> Intent:
         if not isinstance(value, list | tuple) or len(value) != len(FASTEST):
             raise ConfigError(f"{_EXPECTED_VELOCITY}, found {value!r}")
         return Velocity(*value)
+    if word == "heading":
+        numbers = value if isinstance(value, list | tuple) else [value]
+        if not 1 <= len(numbers) <= 2:
+            raise ConfigError(f"{_EXPECTED_HEADING}, found {value!r}")
+        return Heading(*numbers)
+    if word == "waypoint":
+        if not isinstance(value, list | tuple) or not 2 <= len(value) <= 4:
+            raise ConfigError(f"{_EXPECTED_WAYPOINT}, found {value!r}")
+        return Waypoint(*value)
     if word == "stop":
         if value is not True:
             raise ConfigError(f"stop: expected true, found {value!r}")

@@ -8,7 +8,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from flexmotion.configs.errors import ConfigError
 from flexmotion.human.concatenate import concatenate
@@ -16,13 +15,12 @@ from flexmotion.human.motion import Motion
 from flexmotion.sampling.course import MEASURED_S, Course
 from flexmotion.sampling.pace import Pace
 from flexmotion.sampling.sampler import Condition, Sampler
-from flexmotion.spatial.heading import heading
-from flexmotion.spatial.quaternions import continuous_quaternions
 from flexmotion.streamer.motion.heard import Heard
 from flexmotion.streamer.motion.hearing import Hearing
-from flexmotion.streamer.motion.intents import Intent, Stop, Text, Velocity, word_of
+from flexmotion.streamer.motion.intents import Heading, Intent, Stop, Text, Velocity, Waypoint, word_of
 from flexmotion.streamer.motion.programs import Program
 from flexmotion.streamer.motion.script import Item
+from flexmotion.streamer.motion.sequence import turned_to
 from flexmotion.streamer.motion.targets import Target
 from flexmotion.text.prompt_reader import SAME
 
@@ -136,12 +134,12 @@ class ModelSource:
             self._stand_until(first_frame)
         return self._extend(first_frame, last)
 
-    def turn_to(self, target: Target, frame: int, played: Motion | None) -> str | None:
+    def turn_to(self, target: Target, frame: int, played: Motion | None, yaw: float | None = None) -> str | None:
         """See `LiveSource.turn_to`; from `frame` on the script no longer applies."""
         self._require(target.intent)
         current = self.program_at(frame)
         program = self._heard(target.intent, frame + 1, id=target.id)
-        self._replace_after(frame, played)
+        self._replace_after(frame, played, yaw)
         intent: Intent | None = program.steps[0].intent
         if current is not None and current[1].number == program.number:
             # The speed changes, or nothing: the step goes on where it is.
@@ -167,14 +165,9 @@ class ModelSource:
         """Follow another intent of the program from `frame` on; what the script has later stays.
 
         Args:
-            intent, frame, played: see `turn_to`.
-            yaw: heading of the human where it stands [rad]: that of a robot that rested, so that it does not make up
-                for what it lagged behind when it came to rest; None: its own.
+            intent, frame, played, yaw: see `turn_to`.
         """
-        self._replace_after(frame, None if yaw is not None else played)
-        if yaw is not None:
-            self._pieces = [_turned_to(piece, yaw) for piece in self._pieces]
-            self._courses = []
+        self._replace_after(frame, played, yaw)
         later = [one for one in self._schedule if one[0] > frame + 1]
         self._schedule = [(frame + 1, intent), *later]
 
@@ -184,6 +177,10 @@ class ModelSource:
         self._finished = None if current is None else current[1].number
         if self._end is not None and not any(at > frame for at, _ in self._programs):
             self._end = min(self._end, frame + 1)
+
+    def is_over(self, frame: int) -> bool:
+        """Whether the source has nothing from a frame on."""
+        return self._until(frame + 1) <= frame
 
     @property
     def remarks(self) -> tuple[str, ...]:
@@ -232,10 +229,12 @@ class ModelSource:
     def _intent_at(self, frame: int) -> Intent | None:
         return next((intent for at, intent in reversed(self._schedule) if at <= frame), None)
 
-    def _replace_after(self, frame: int, played: Motion | None) -> None:
+    def _replace_after(self, frame: int, played: Motion | None, yaw: float | None) -> None:
         """Forget what was sampled after a frame, and take the motion up to it as it was played (see `turn_to`)."""
         if played is None:
             self._stand_until(frame + 1)
+            if yaw is not None:
+                self._pieces = [turned_to(piece, yaw) for piece in self._pieces]
             return
         begin = frame + 1 - len(played)
         before = self._cut(self._first, begin) if self._first < begin <= self._next else []
@@ -335,12 +334,15 @@ class ModelSource:
         match intent:
             case Text(text):
                 self.sampler.prompt(text)
-            case Velocity() if not self.sampler.follows_velocity:
-                raise ConfigError(f"velocity: model {self.sampler.name} was trained without, expected: text, stop")
-            case Velocity() | Stop():
+            case Velocity() | Heading() | Waypoint() if not self.sampler.follows_velocity:
+                raise ConfigError(
+                    f"{word_of(intent)}: model {self.sampler.name} follows no velocity, expected: text, stop"
+                )
+            case Velocity() | Heading() | Waypoint() | Stop():
                 return
             case _:
-                raise ConfigError(f"target: a model cannot follow {word_of(intent)}, expected: text, velocity, stop")
+                expected = "text, velocity, heading, waypoint, stop"
+                raise ConfigError(f"target: a model cannot follow {word_of(intent)}, expected: {expected}")
 
     def condition(self, intent: Intent | None) -> Condition:
         """Condition of the model for an intent; standing still for None."""
@@ -350,19 +352,3 @@ class ModelSource:
             case Velocity(forward, left, turning, manner):
                 return Condition(velocity=(forward, left, turning), manner=manner, pace=self.pace)
         return Condition()
-
-
-def _turned_to(standing: Motion, yaw: float) -> Motion:
-    """A human that stands, turned on the spot to a heading [rad]."""
-    turn = Rotation.from_euler("z", yaw - heading(standing.root_quaternion[-1]))
-    place = standing.root_position[-1]
-    turned = turn * Rotation.from_quat(standing.root_quaternion, scalar_first=True)
-    return replace(
-        standing,
-        root_position=place + turn.apply(standing.root_position - place),
-        root_quaternion=continuous_quaternions(turned.as_quat(scalar_first=True)),
-        torques=None,
-        wrenches=None,
-        activations=None,
-        contacts=None,
-    )

@@ -8,7 +8,7 @@ from math import pi
 import numpy as np
 
 from flexmotion.streamer.motion.heard import Heard, HeardStep
-from flexmotion.streamer.motion.intents import Intent
+from flexmotion.streamer.motion.intents import Goal, Intent
 from flexmotion.text.amounts import Amount
 from flexmotion.text.phrases import STAND
 from flexmotion.text.vocabulary import Quantity
@@ -41,6 +41,7 @@ class Step:
         turn: side of a turn: 1 left, -1 right, 0 for other motions.
         limit_s: the step ends after this time at the latest [s].
         told: for the answer.
+        goal: heading or place in the odometry, at which the step ends; None: none.
     """
 
     intent: Intent
@@ -50,6 +51,7 @@ class Step:
     turn: int
     limit_s: float | None
     told: HeardStep
+    goal: Goal | None = None
 
 
 @dataclass(frozen=True)
@@ -68,7 +70,8 @@ class Program:
     @property
     def is_open(self) -> bool:
         """Whether it is one motion without an end, which nothing has to measure."""
-        return len(self.steps) == 1 and self.steps[0].amount is None
+        first = self.steps[0]
+        return len(self.steps) == 1 and first.amount is None and first.goal is None
 
     @property
     def limit_s(self) -> float | None:

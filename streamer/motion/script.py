@@ -23,7 +23,9 @@ from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.schema import not_yaml
 from flexmotion.streamer.motion.intents import WORDS, Clip, Intent, Stop, from_content, word_of
 
-_ITEM = "{at: seconds, text: WORDS | velocity: [vx, vy, wz] | clip: FILE | stop: true}"
+_ITEM = (
+    "{at: seconds, text: WORDS | velocity: [vx, vy, wz] | heading: RAD | waypoint: [x, y] | clip: FILE | stop: true}"
+)
 
 
 @dataclass(frozen=True)

@@ -67,6 +67,18 @@ def placed(motion: Motion, at: Motion, scale: float) -> Motion:
     return replace(motion, root_position=path, root_quaternion=continuous_quaternions(turned), body=at.body)
 
 
+def turned_to(standing: Motion, yaw: float) -> Motion:
+    """A human that stands, turned on the spot to a heading [rad]."""
+    turn = Rotation.from_euler("z", yaw - heading(standing.root_quaternion[-1]))
+    place = standing.root_position[-1]
+    turned = turn * Rotation.from_quat(standing.root_quaternion, scalar_first=True)
+    return replace(
+        poses_only(standing),
+        root_position=place + turn.apply(standing.root_position - place),
+        root_quaternion=continuous_quaternions(turned.as_quat(scalar_first=True)),
+    )
+
+
 def _blended(before: Motion, after: Motion, start: int, frames: int) -> Motion:
     """`before` up to frame `start`, then a transition over `frames` frames, then `after`."""
     overlap = min(frames, len(after))

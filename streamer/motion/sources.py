@@ -33,7 +33,7 @@ class Source(Protocol):
 class LiveSource(Source, Protocol):
     """A source that follows targets."""
 
-    def turn_to(self, target: Target, frame: int, played: Motion | None) -> str | None:
+    def turn_to(self, target: Target, frame: int, played: Motion | None, yaw: float | None = None) -> str | None:
         """Follow `target` from `frame` on.
 
         Args:
@@ -41,6 +41,8 @@ class LiveSource(Source, Protocol):
             frame: last frame of the motion as it was; the next one follows the target.
             played: the human as played, some frames up to and including that one; None if it does not move: before the
                 first plan, or after a stop.
+            yaw: heading at which a human that does not move stands [rad]: where the robot's feet point, so that the
+                robot does not make up for what it lagged behind when it stopped; None: as the human stood.
 
         Returns:
             A message for the operator, if the intent is changed before it is followed.

@@ -13,7 +13,7 @@ import numpy as np
 from flexmotion.configs.errors import ConfigError, SessionError
 from flexmotion.drivers.realtime.ring import Reader, Ring
 from flexmotion.records import Float, Int, Record, column
-from flexmotion.streamer.motion.intents import WORDS, Clip, Intent, Stop, Text, Velocity, word_of
+from flexmotion.streamer.motion.intents import WORDS, Clip, Heading, Intent, Stop, Text, Velocity, Waypoint, word_of
 
 _TEXT_BYTES = 240
 _KEPT = 64
@@ -31,6 +31,9 @@ class TargetRow(Record):
     """Of a clip (its name) and of a text, in UTF-8."""
     velocity: Float = column("f8", 3)
     """Forward, left [m/s], turning left [rad/s]."""
+    goal: Float = column("f8", 4)
+    """Of a heading: heading [rad], fastest turning [rad/s]; of a waypoint: x, y [m], heading [rad], tolerance [m]. NaN
+    where none is said."""
     holds_s: Float = column("f8")
     """See `Target`; infinite where it holds until the next one."""
     take_up_s: Float = column("f8")
@@ -131,6 +134,10 @@ class TargetSender:
                     row.text[...] = encoded
                 case Velocity(forward, left, turning):
                     row.velocity[...] = forward, left, turning
+                case Heading(heading, turning):
+                    row.goal[:2] = heading, _or_nan(turning)
+                case Waypoint(x, y, heading, tolerance):
+                    row.goal[...] = x, y, _or_nan(heading), tolerance
             row.holds_s[...], row.take_up_s[...] = holds_s, take_up_s
             target = Target(self._next_id(), time.perf_counter_ns(), intent, holds_s, take_up_s)
             row.id[...], row.stamp_ns[...] = target.id, target.stamp_ns
@@ -187,6 +194,19 @@ def _intent(row: TargetRow) -> Intent:
     if kind == "velocity":
         forward, left, turning = map(float, row.velocity)
         return Velocity(forward, left, turning)
+    if kind == "heading":
+        return Heading(float(row.goal[0]), _or_none(row.goal[1]))
+    if kind == "waypoint":
+        x, y, _, tolerance = map(float, row.goal)
+        return Waypoint(x, y, _or_none(row.goal[2]), tolerance)
     if kind == "stop":
         return Stop()
     return Clip(text) if kind == "clip" else Text(text)
+
+
+def _or_nan(value: float | None) -> float:
+    return math.nan if value is None else value
+
+
+def _or_none(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from flexmotion.configs.errors import RetargetError
 from flexmotion.configs.stream import StreamSettings
 from flexmotion.retarget.plan import Plan
 from flexmotion.retarget.retargeter import Retargeter
+from flexmotion.retarget.view import begin_human
 from flexmotion.sampling.blend import take_over
 from flexmotion.streamer.motion.sources import Source
 
@@ -106,6 +107,16 @@ class Planner:
         state = self.retargeter.layout.view(self._state(join, current))
         heading = float(state.feet[:, 3].mean()) - float(state.heading)
         return heading if np.isfinite(heading) else None
+
+    def without_human(self, plan: Plan) -> Plan:
+        """A plan from whose states another human can be followed, who begins with frame 0 of the source."""
+        states = plan.states.copy()
+        begin_human(self.retargeter.layout.view(states))
+        return replace(plan, states=states, human=None)
+
+    def stands_at(self, join: int, current: Plan | None) -> NDArray[np.float64]:
+        """Where the robot comes to stand if it stops from a join on; see `Retargeter.stands_at`."""
+        return self.retargeter.stands_at(self._state(join, current), join)
 
     def _state(self, join: int, current: Plan | None) -> NDArray[np.float64]:
         if current is None:

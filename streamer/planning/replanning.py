@@ -7,6 +7,7 @@ from collections.abc import Callable
 from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.stream import StreamSettings
@@ -16,7 +17,7 @@ from flexmotion.retarget.plan import Plan
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.plan_buffer import PlanBuffer, Ticket
 from flexmotion.streamer.control.tick_row import TickRow
-from flexmotion.streamer.motion.heard import Heard, HeardChannel
+from flexmotion.streamer.motion.heard import Heard, HeardChannel, heard_since
 from flexmotion.streamer.motion.human_channel import HumanChannel
 from flexmotion.streamer.motion.model_source import ModelSource
 from flexmotion.streamer.motion.replan_noise import NoisySource
@@ -27,12 +28,10 @@ from flexmotion.streamer.planning.planner import Planner
 from flexmotion.streamer.planning.step_runner import StepRunner
 from flexmotion.streamer.planning.target_ledger import TargetLedger
 
+Float = NDArray[np.float64]
+
 EFFECT_RAD = np.radians(2.0)
 """A joint that is sent this much elsewhere shows a target's effect (the report's definition)."""
-
-
-_REST_S = 0.8
-"""A source whose last program is done ends after this time of standing [s]."""
 
 
 class Superseded(Exception):  # noqa: N818 - no error: a newer plan is needed
@@ -50,6 +49,9 @@ class Replanner:
         heard: is sent the answer to every target, to every item of a script, and later versions of them as steps end.
         humans: is sent the human of every plan, while someone watches.
         lockstep: ages of targets are counted in ticks, not by the clock.
+
+    Attributes:
+        follows_targets: whether the source follows targets.
     """
 
     def __init__(
@@ -76,7 +78,8 @@ class Replanner:
             change_s=settings.change_s,
             lockstep=lockstep,
         )
-        self._follows = isinstance(planner.source, LiveSource)
+        self.follows_targets = isinstance(planner.source, LiveSource)
+        self._succeeds = False
         self._replan_ticks = round(settings.replan_s * planner.rate)
         self._least_unplayed = round(settings.min_unplayed_s * planner.rate)
         self._commit_ticks = max(round(settings.commit_s * planner.rate), 1)
@@ -84,7 +87,11 @@ class Replanner:
         self._asked_tick = self._checked = 0  # `_checked`: rows of the loop that were read for a more urgent plan
         self._heard, self._humans = heard, humans
         source = planner.source.source if isinstance(planner.source, NoisySource) else planner.source
-        self._runner = StepRunner(source, planner.rate, self._ended) if isinstance(source, ModelSource) else None
+        self._runner: StepRunner | None = None
+        if isinstance(source, ModelSource):
+            body, home = planner.retargeter.body, np.full(planner.retargeter.robot.n, np.nan)
+            home[body.upper.joints] = planner.retargeter.robot.stand_pose[body.upper.joints]
+            self._runner = StepRunner(source, planner.rate, self._ended, home)
 
     def step(self, tick: int, early: float = 0.0) -> bool:
         """Make and publish a plan if one is due.
@@ -100,10 +107,10 @@ class Replanner:
             FlexMotionError, ArithmeticError, ValueError, LookupError: source or retargeter failed.
         """
         row = self._newest_row()
-        if row is None:
+        if row is None or (self._succeeds and not self._take_over(row, tick)):
             return False
         if self._runner is not None:
-            self._runner.update(row, halted=self.ledger.halted)
+            self._runner.update(row, halted=self.ledger.halted, stands_at=partial(self._stands_at, row, tick))
         target = self._newest_target(row, tick)
         if not self._due(row, target):
             return False
@@ -114,7 +121,7 @@ class Replanner:
         if kind is Kind.STOP:
             target = NO_TARGET
         elif self._is_new(target, row):
-            if not self._turn_to(target, current, join):
+            if not self._turn_to(target, current, join, row):
                 return False
         elif self._runner is not None and self._runner.wanted is not None:
             self._change_step(self._runner, current, join)
@@ -129,7 +136,7 @@ class Replanner:
             planned = self.planner.plan(
                 join,
                 current,
-                stop=kind is Kind.STOP,
+                stop=kind is Kind.STOP or self._rests,
                 partial=kind is Kind.PARTIAL,
                 checkpoint=partial(self._check_urgency, kind, target),
                 settle=None if self._lockstep else settle,
@@ -146,7 +153,7 @@ class Replanner:
             effect_row=-1 if current is None else _effect_row(current, planned.plan),
             partial=kind is Kind.PARTIAL,
             stops=planned.stops,
-            source_over=planned.source_over,
+            source_over=planned.source_over or (self._runner is not None and self._runner.over),
             sample_s=planned.sample_s,
             retarget_s=planned.retarget_s,
         )
@@ -167,6 +174,31 @@ class Replanner:
     def warm_up(self) -> None:
         """Plan once from the stand pose and drop the plan, so that the first real one takes no longer than others."""
         self.planner.plan(0, None)
+
+    def succeed(self) -> None:
+        """Called in a new process: where another one has made plans before, and died, go on from the one that plays."""
+        self._succeeds = self.plans.newest_id > 0
+        if self._succeeds and self._heard is not None:
+            answered = [heard.id for heard in heard_since(self._heard.reader())]
+            self.ledger.drop_old(max(answered, default=0), "the planner was started again; send it again")
+
+    def _take_over(self, row: TickRow, tick: int) -> bool:
+        """Take over from a planner that died, once the robot stands; returns whether that is done.
+
+        The pose is that of the plan that plays, at its end. The human of that planner is lost: the next one begins from
+        a stand, wherever the robot is. Until a new target arrives the robot stands.
+        """
+        self.ledger.take(tick)
+        self.ledger.refuse_all("the planner was started again, and the robot does not stand yet")
+        if not row.plan:
+            self._succeeds = not row.ready
+            return not self._succeeds
+        offer = self.plans.playing()
+        if int(row.state) != State.HOLD or row.pending or offer is None or offer.ticket.id != int(row.plan):
+            return False
+        self._made = {offer.ticket.id: (offer.ticket, self.planner.without_human(offer.plan))}
+        self._succeeds, self.ledger.halted = False, True
+        return True
 
     def _due(self, row: TickRow, target: Target) -> bool:
         """Whether a plan is to be made now."""
@@ -191,8 +223,8 @@ class Replanner:
             return False
         if self._runner is not None and self._runner.wanted is not None:
             return True
-        if self._rests:
-            return not (ticket.stops or row.plan_over)
+        if self._runner is not None and self._runner.resting:
+            return not (ticket.stops or row.plan_over) or (self._runner.over and not ticket.source_over)
         if ticket.partial:
             return True
         if ticket.source_over:
@@ -256,7 +288,7 @@ class Replanner:
         """The target that plans should follow, after the answers that are due; `NO_TARGET` if there is none."""
         ledger = self.ledger
         ledger.take(tick)
-        if not self._follows:
+        if not self.follows_targets:
             ledger.refuse_all(f"{self.planner.source.name}: a source that follows no targets")
         pending = int(row.pending)
         ledger.settle(row, max(int(row.target), self._target_of(pending)), partial(self._start_of, row))
@@ -267,13 +299,13 @@ class Replanner:
         plan = int(row.plan) if int(row.target) >= target else int(row.pending)
         return self._made[plan][1].start_tick if plan in self._made else int(row.plan_start)
 
-    def _turn_to(self, target: Target, current: Plan | None, join: int) -> bool:
+    def _turn_to(self, target: Target, current: Plan | None, join: int, row: TickRow) -> bool:
         """Let the source follow a new target from the join on; returns whether it can."""
         source = self.planner.source
         assert isinstance(source, LiveSource)
-        frame, played = self._played(current, join)
+        played = self._played(current, join)
         try:
-            remark = source.turn_to(target, frame, played)
+            remark = source.turn_to(target, *played)
         except ConfigError as error:
             self.ledger.refuse(target, str(error))
             self.on_note(str(error))
@@ -281,27 +313,37 @@ class Replanner:
         if remark is not None:
             self.on_note(remark)
         if self._runner is not None:
-            self._runner.changed()
+            found = self._runner.source.program_at(played[0] + 1)
+            begin = None if found is None else self._runner.turned(found[1], row, partial(self._stands_at, row, join))
+            if begin is not None:
+                self._runner.source.change(begin, *played[:2], _added(played[2], self._runner.facing))
         self.ledger.turned(target, source.answer if isinstance(source, ModelSource) else None)
         return True
 
     def _change_step(self, runner: StepRunner, current: Plan | None, join: int) -> None:
         """Let the source go on with what the program has next, from the join on."""
         assert runner.wanted is not None
-        frame, played = self._played(current, join)
-        yaw = self.planner.human_yaw(join, current) if runner.resting else None
+        frame, played, yaw = self._played(current, join)
+        if runner.facing:  # only of a robot that stands
+            played, yaw = None, _added(self.planner.human_yaw(join, current), runner.facing)
         runner.source.change(runner.wanted, frame, played, yaw)
         runner.changed()
-        if runner.done:
-            runner.source.finish(frame + round(_REST_S * runner.source.fps))
 
-    def _played(self, current: Plan | None, join: int) -> tuple[int, Motion | None]:
-        """Last frame of the motion as it was before a join, and the human as played up to it; None: it stands."""
+    def _stands_at(self, row: TickRow, tick: int) -> Float:
+        """Where the robot comes to stand by a stop that is asked for at a tick; see `Planner.stands_at`."""
+        join = tick + self.lead.ticks(Kind.STOP)
+        playing = self._playing_at(join, row)
+        return self.planner.stands_at(join, self._made[playing][1] if playing in self._made else None)
+
+    def _played(self, current: Plan | None, join: int) -> tuple[int, Motion | None, float | None]:
+        """What a source goes on from: see the last three arguments of `LiveSource.turn_to`."""
         frame = self.planner.first_frame(join, current)
         if current is None or current.human is None:
-            return frame, None
+            return frame, None, self.planner.human_yaw(join, current)
         place = frame - current.human_first_frame
-        return frame, current.human[: place + 1] if 0 <= place < len(current.human) else None
+        if not 0 <= place < len(current.human):
+            return frame, None, self.planner.human_yaw(join, current)
+        return frame, current.human[: place + 1], None
 
     def _ended(self, heard: Heard) -> None:
         """A step of a program has ended."""
@@ -316,6 +358,10 @@ class Replanner:
     def _publish(self, heard: Heard) -> None:
         if self._heard is not None:
             self._heard.publish(heard)
+
+
+def _added(yaw: float | None, turn: float) -> float | None:
+    return None if yaw is None else yaw + turn
 
 
 def _effect_row(before: Plan, after: Plan) -> int:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import deque
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -11,11 +10,10 @@ from numpy.typing import NDArray
 
 from flexmotion.streamer.control.tick_row import TickRow
 from flexmotion.streamer.motion.programs import Step
+from flexmotion.streamer.planning.standstill import STILL_S, Closing, Standstill
 
 Float = NDArray[np.float64]
 
-STILL_S = 0.5
-"""What has not moved for this long rests [s]."""
 _REST_RAD = 0.08
 """Joints that move less than this within `STILL_S` are at rest [rad]."""
 _HOME_RAD = 0.25
@@ -30,7 +28,7 @@ class StepProgress:
 
     Attributes:
         begin_tick, act_tick: of the step, and of its present attempt or phase.
-        place: last odometry.
+        place: where the robot stood, as of `measure`.
         ahead, aside, turned: way in the torso's own directions [m], turn [rad].
         joints: measured angles at the step's begin (n,) [rad].
         footsteps: of the walk in its direction so far, those included whose foot is on its way.
@@ -40,8 +38,9 @@ class StepProgress:
         attempts: number of the present attempt.
         counted: gestures done.
         deviation: greatest angle of a joint from where it began [rad].
-        recent: ticks and values of the last second, for the speed.
-        still, rested: tick and odometry, tick and joints, since which the robot, and its joints, have not moved.
+        closing: when the amount is reached.
+        standstill: of a robot that was told to stand; None: it was not.
+        rested: tick and joints since which the joints have not moved.
     """
 
     begin_tick: int
@@ -58,13 +57,12 @@ class StepProgress:
     attempts: int = 1
     counted: int = 0
     deviation: float = 0.0
-    recent: deque[tuple[int, float]] = field(default_factory=deque)
-    still: tuple[int, Float] | None = None
+    closing: Closing = field(default_factory=Closing)
+    standstill: Standstill | None = None
     rested: tuple[int, Float] | None = None
 
-    def measure(self, step: Step, row: TickRow) -> None:
-        """Add what the robot did since the last row."""
-        place = np.array(row.odometry, float)
+    def measure(self, step: Step, row: TickRow, place: Float) -> None:
+        """Add what the robot did since the last row; `place`: where it stands if it stops now (`stopping_place`)."""
         dx, dy, turn = place - self.place
         yaw = 0.5 * (place[2] + self.place[2])
         self.ahead += math.cos(yaw) * dx + math.sin(yaw) * dy

@@ -13,74 +13,117 @@ from dataclasses import replace
 from enum import Enum, auto
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.tick_row import TickRow
 from flexmotion.streamer.motion.heard import End, Heard, HeardStep
-from flexmotion.streamer.motion.intents import Intent, Text, Velocity
+from flexmotion.streamer.motion.intents import SLOWEST_TURN, Goal, Heading, Intent, Text, Velocity
 from flexmotion.streamer.motion.model_source import ModelSource
 from flexmotion.streamer.motion.programs import GESTURE_S, Program, Step
-from flexmotion.streamer.planning.step_progress import STILL_S, StepProgress
+from flexmotion.streamer.planning.navigator import Navigator
+from flexmotion.streamer.planning.standstill import SETTLE_S, Closing, Standstill, stopping_place
+from flexmotion.streamer.planning.step_progress import StepProgress
+from flexmotion.text.phrases import STAND
+
+Float = NDArray[np.float64]
 
 STANDING = Text("stand still")
 
-_TURN_AHEAD_S, _WALK_AHEAD_S = 0.05, 0.2
-"""A robot that is to stop turns and walks on for about this long at its speed [s]."""
-_SPEED_S = 1.0
-"""The speed is the mean over this time [s]: the torso sways with every step."""
-_SETTLE_S, _LONGEST_SETTLE_S = 1.0, 4.0
-"""After a walk or a turn the robot stands at least and at most this long before it is measured [s]."""
-_STILL_M, _STILL_RAD = 0.008, np.radians(1.5)
-"""It stands still when it has moved less than this in `STILL_S` [m, rad]."""
 _TURN_TOLERANCE, _WAY_TOLERANCE = np.radians(12.0), 0.12
 """What is missing of a turn [rad], or of a way (share of it), is done in another attempt."""
 _ATTEMPTS = 3
 _LEAST_WAY_M = 0.03
 """A way that is shorter is not worth another attempt [m]."""
 _MOVED_RAD = 0.35
-"""A gesture moves a joint from where it was by at least this [rad]."""
+"""A gesture moves a joint from where it was by at least this; arms further than this from the stand pose are raised
+[rad]."""
 _LONGEST_REST_S = 3.0
 """Longest time in which the arms come back after a gesture [s]."""
+_WALKED_S = 1.0
+"""A robot that has lifted a foot within this time walks [s]."""
+_OVER_S = 0.8
+"""A source whose last program is done ends after this time of standing [s]."""
 
 
 class _Phase(Enum):
     ACT = auto()
     SETTLE = auto()
+    LOWER = auto()  # the arms come down while the human stands; then the robot rests
     OVER = auto()
 
 
 class StepRunner:
     """Follows the programs of a source.
 
+    A robot that is to stand rests: it plays its own balanced stop. A human that is told to stand takes seconds, in
+    which the robot steps on and turns with it; it stands only where arms are to come down, on feet that rest.
+
     Args:
         source: of the human.
         rate_hz: ticks a second.
         on_heard: called with an answer whose steps have ended.
+        home: joint angles of the stand pose, (n,) [rad]; NaN where a joint does not count (legs).
 
     Attributes:
         wanted: the intent that the human changes to; None: it goes on. `changed` confirms it.
-        resting: the robot is to come to its balanced stop, and stands until something is wanted. A human that is told
-            to stand takes seconds, in which the robot walks on.
-        done: whether the newest program is done.
+        facing: by how much the human that stands looks to the left of where the robot's feet point [rad].
+        resting: the robot is to come to its balanced stop, and stands until something is wanted.
+        over: the robot rests, and its source has nothing more.
     """
 
-    def __init__(self, source: ModelSource, rate_hz: float, on_heard: Callable[[Heard], None]) -> None:
-        self.source, self.rate_hz, self.on_heard = source, rate_hz, on_heard
+    def __init__(
+        self, source: ModelSource, rate_hz: float, on_heard: Callable[[Heard], None], home: Float | None = None
+    ) -> None:
+        self.source, self.rate_hz, self.on_heard, self.home = source, rate_hz, on_heard, home
         self.wanted: Intent | None = None
-        self.done = self.resting = False
+        self.facing = 0.0
+        self.resting = self.over = False
         self._program: Program | None = None
         self._index, self._phase = 0, _Phase.OVER
         self._ends: list[HeardStep] = []
         self._at: StepProgress | None = None
+        self._navigator: Navigator | None = None
+        self._turned: tuple[int, Navigator | None] = (0, None)  # program of the last target, and how it began
         self._source_s, self._source_tick = math.nan, 0
+        self._walked_tick = -(10**9)
+        self._place = np.zeros(3)
 
     def changed(self) -> None:
-        """The human changes to what is wanted, or to a new target."""
-        self.wanted, self.resting = None, False
+        """The human changes to what is wanted."""
+        self.wanted, self.facing, self.resting, self.over = None, 0.0, False, False
 
-    def update(self, row: TickRow, *, halted: bool = False) -> None:
-        """Take the newest row of the loop; `halted`: what was asked for has ended by a stop, or by its age."""
+    def turned(self, program: Program, row: TickRow, stands_at: Callable[[], Float] | None = None) -> Intent | None:
+        """The source turns to the program of a target; other arguments as of `update`.
+
+        Returns:
+            What the human does first, where the program does not know it: a goal's first move. None: the program's
+            first step, or the robot rests (`resting`).
+        """
+        rested = self.resting
+        self.changed()
+        self._place = stopping_place(row, stands_at)
+        step = program.steps[0]
+        goal = self._goal_of(step)
+        if goal is not None:
+            navigator = self._navigator_to(goal, step, row)
+            self._turned = program.number, navigator
+            self.facing, self.resting = navigator.facing, navigator.move is None
+            return _asked(navigator)
+        if _stands(step):
+            self.resting = self._walks(row, rested=rested) or (rested and not self._is_raised(row))
+        return None
+
+    def update(self, row: TickRow, *, halted: bool = False, stands_at: Callable[[], Float] | None = None) -> None:
+        """Take the newest row of the loop.
+
+        Args:
+            halted: what was asked for has ended by a stop, or by its age.
+            stands_at: gives where the robot comes to stand if it stops now, in the plan's world (`stopping_place`).
+        """
         source_s, tick = float(row.source_s), int(row.tick)
+        if not np.all(row.contact_ref):
+            self._walked_tick = tick
         if halted or bool(row.must_stop) or int(row.state) not in (State.STREAMING, State.HOLD):
             self._abandon("stopped")
             return
@@ -90,100 +133,205 @@ class StepRunner:
             source_s = self._source_s + (tick - self._source_tick) / self.rate_hz
         if not math.isfinite(source_s):
             return
-        found = self.source.program_at(int(source_s * self.source.fps))
+        frame = int(source_s * self.source.fps)
+        found = self.source.program_at(frame)
         if found is None:
             return
         program = found[1]
+        self._place = stopping_place(row, stands_at)
         if self._program is None or program.number != self._program.number:
             self._abandon("superseded")
             self._begin(program, row)
         elif program is not self._program:
             self._program = program  # at another speed
             self._ends = [*self._ends[: self._index], *program.heard.steps[self._index :]]
+        self.over = self.resting and self.source.is_over(frame)
         if self._phase is _Phase.OVER or self._at is None or not np.isfinite(row.odometry).all():
             return
-        step = program.steps[self._index]
-        self._at.measure(step, row)
+        step = program.steps[min(self._index, len(program.steps) - 1)]
+        self._at.measure(step, row, self._place)
         if self.wanted is None:
             self._advance(self._at, step, row)
+            if self._phase is _Phase.OVER and self._index == len(program.steps):
+                self.source.finish(frame + round(_OVER_S * self.source.fps))
 
     # ------------------------------------------------------------ programs and steps
 
     def _begin(self, program: Program, row: TickRow) -> None:
-        self._program, self._index, self.done = program, 0, False
-        # While the robot rests nobody follows the script.
-        self.wanted = program.steps[0].intent if self.resting else None
+        self._program, self._index = program, 0
         self._ends = list(program.heard.steps)
-        self._phase = _Phase.OVER if program.is_open else _Phase.ACT
-        self._at = None if program.is_open else self._fresh(row)
+        number, navigator = self._turned
+        if navigator is not None and number == program.number:
+            self._navigator, self._phase, self._at = navigator, _Phase.ACT, self._fresh(row)
+            return
+        step = program.steps[0]
+        # While the robot rests nobody follows the script.
+        self._start(step, row, step.intent if self.resting else None)
+
+    def _start(self, step: Step, row: TickRow, intent: Intent | None) -> None:
+        """Begin a step; `intent`: what the human changes to, None where it has already."""
+        self._phase, self._at, self._navigator = _Phase.ACT, self._fresh(row), None
+        goal = self._goal_of(step)
+        if goal is not None:
+            self._navigator = self._navigator_to(goal, step, row)
+            if intent is not None or self._navigator.move != step.intent:
+                self._follow(self._navigator)
+        elif _stands(step) and (self.resting or self._walks(row)):
+            self._settle(self._at, row)
+        elif _stands(step) and step.told.manner is None:
+            self._phase, self.wanted = _Phase.LOWER, intent
+        else:
+            self.wanted = intent
+        if step.amount is None and self._phase is _Phase.ACT and goal is None:
+            self._phase = _Phase.OVER  # until something else is asked
 
     def _fresh(self, row: TickRow) -> StepProgress:
         tick = int(row.tick)
-        place = np.nan_to_num(np.array(row.odometry, float))
         return StepProgress(
             begin_tick=tick,
             act_tick=tick,
             acted_from=0.0,
-            place=place,
+            place=self._place.copy(),
             joints=np.array(row.q, float),
         )
 
     def _abandon(self, end: End) -> None:
         """The program ends before it is done."""
-        if self._program is not None and self._phase is not _Phase.OVER:
+        if self._program is not None and self._index < len(self._program.steps) and not self._program.is_open:
             self._ends = [step if step.end is not None else step.model_copy(update={"end": end}) for step in self._ends]
             self._publish()
+            self._index = len(self._program.steps)
         self._phase, self.wanted, self.resting = _Phase.OVER, None, self.resting and end == "superseded"
 
-    def _next(self, row: TickRow, end: End, measured: float) -> None:
+    def _next(self, row: TickRow, end: End, measured: float | None) -> None:
         """A step has ended."""
         assert self._program is not None
-        told = self._ends[self._index].model_copy(update={"end": end, "measured": round(measured, 4)})
-        self._ends[self._index] = told
+        ended = self._program.steps[self._index]
+        known: dict[str, object] = {"end": end}
+        if measured is not None:
+            known["measured"] = round(measured, 4)
+        if ended.goal is not None:
+            known["place"] = tuple(round(float(value), 4) for value in self._place)
+        self._ends[self._index] = self._ends[self._index].model_copy(update=known)
         self._index += 1
         if self._index < len(self._program.steps):
             step = self._program.steps[self._index]
-            self._phase, self._at, self.wanted = _Phase.ACT, self._fresh(row), step.intent
-            if step.amount is None:
-                self._phase = _Phase.OVER  # until something else is asked
+            self._start(step, row, step.intent)
+        elif _moves(ended) or _stands(ended) or not self._is_raised(row):
+            self._phase, self.resting = _Phase.OVER, True
         else:
-            self._phase, self.wanted, self.done = _Phase.OVER, STANDING, True
+            self._phase, self._at, self.wanted = _Phase.LOWER, self._fresh(row), STANDING
         self._publish()
 
     def _publish(self) -> None:
         assert self._program is not None
         self.on_heard(self._program.heard.model_copy(update={"steps": tuple(self._ends)}))
 
+    def _walks(self, row: TickRow, *, rested: bool = False) -> bool:
+        """Whether the robot has stepped just now, or what it does moves it; `rested`: it came to a stand before."""
+        if int(row.tick) - self._walked_tick < _WALKED_S * self.rate_hz:
+            return True
+        program = self._program
+        under_way = program is not None and self._index < len(program.steps) and not (self.resting or rested)
+        return under_way and program is not None and _moves(program.steps[self._index])
+
+    def _is_raised(self, row: TickRow) -> bool:
+        """Whether an arm is away from the stand pose."""
+        away = self.home is not None and np.isfinite(row.q).all() and np.nanmax(np.abs(row.q - self.home)) > _MOVED_RAD
+        return bool(away)
+
     # ------------------------------------------------------------ one step
 
     def _advance(self, at: StepProgress, step: Step, row: TickRow) -> None:
         """Change the phase where the robot has done what the phase asks."""
-        assert step.amount is not None and step.limit_s is not None
-        tick, quantity, amount = int(row.tick), step.amount.quantity, step.amount.value
+        assert self._program is not None
+        tick = int(row.tick)
+        done = self._index >= len(self._program.steps)
+        if done or (step.amount is None and step.goal is None):
+            if self._phase is _Phase.SETTLE and self._is_settled(at, row):
+                self._rest(step, row)
+            elif self._phase is _Phase.LOWER and self._is_lowered(at, row):
+                self._phase, self.resting = _Phase.OVER, True
+            return
+        if step.amount is None:
+            self._navigate(row, None)
+            return
+        assert step.limit_s is not None
+        quantity, amount = step.amount.quantity, step.amount.value
         value = self._value(at, step, row)
         elapsed_s = (tick - at.begin_tick) / self.rate_hz
         if elapsed_s > step.limit_s:
             self._next(row, "time limit", value)
-            return
-        if quantity == "time":
-            if elapsed_s >= amount:
-                self._next(row, "done", elapsed_s)
+        elif self._navigator is not None:
+            self._navigate(row, value)
+        elif quantity == "time":
+            self._advance_time(at, step, row, elapsed_s)
         elif quantity == "times":
             self._advance_gesture(at, step, row)
         elif self._phase is _Phase.ACT:
-            at.recent.append((tick, value))
-            while at.recent[0][0] < tick - _SPEED_S * self.rate_hz:
-                at.recent.popleft()
-            if self._reached(at, step, value, tick):
-                self._settle(at, tick)
-        elif self._is_settled(at, tick):
+            if self._reached(at, step, value):
+                self._settle(at, row)
+        elif self._is_settled(at, row):
             missing = amount - value
-            again = self._is_missing(step, missing) and not (step.amount.quantity == "steps" and missing < 0.0)
+            again = self._is_missing(step, missing) and not (quantity == "steps" and missing < 0.0)
             if at.attempts < _ATTEMPTS and again:
                 at.attempts += 1
                 self._act(at, step, value, tick)
             else:
                 self._next(row, "time limit" if self._is_missing(step, missing) else "done", value)
+
+    def _advance_time(self, at: StepProgress, step: Step, row: TickRow, elapsed_s: float) -> None:
+        assert step.amount is not None
+        if elapsed_s >= step.amount.value:
+            self._next(row, "done", elapsed_s)
+        elif self._phase is _Phase.SETTLE and at.attempts == 1 and self._is_settled(at, row) and self._is_raised(row):
+            self._phase, self.wanted, at.act_tick, at.attempts = _Phase.LOWER, step.intent, int(row.tick), 2
+        elif self._phase is _Phase.LOWER and self._is_lowered(at, row):
+            self._settle(at, row)
+
+    def _rest(self, step: Step, row: TickRow) -> None:
+        """The robot stands; where its arms are raised, or a manner is asked for, the human stands too."""
+        self._phase = _Phase.OVER
+        if step.told.manner is not None:
+            self.wanted = step.intent
+        elif self._is_raised(row):
+            self._phase, self.wanted, self._at = _Phase.LOWER, step.intent, self._fresh(row)
+
+    def _is_lowered(self, at: StepProgress, row: TickRow) -> bool:
+        phase_s = (int(row.tick) - at.act_tick) / self.rate_hz
+        return phase_s >= _LONGEST_REST_S or (phase_s >= SETTLE_S and at.arms_rest(row, self.rate_hz))
+
+    # ------------------------------------------------------------ goals in the odometry
+
+    def _goal_of(self, step: Step) -> Goal | None:
+        """Where a step ends in the odometry: its goal, or the heading after a measured turn; None: it does not say."""
+        if step.goal is not None or step.amount is None or step.amount.quantity != "angle":
+            return step.goal
+        if not isinstance(step.intent, Velocity):
+            return None  # the model follows words alone
+        turning = max(abs(step.intent.turning), SLOWEST_TURN)
+        return Heading(float(self._place[2]) + (step.turn or 1) * step.amount.value, turning)
+
+    def _navigator_to(self, goal: Goal, step: Step, row: TickRow) -> Navigator:
+        time_s = int(row.tick) / self.rate_hz
+        winds, manner = step.goal is None, step.told.manner
+        return Navigator(goal, self.source.pace, self._place, time_s, winds=winds, manner=manner)
+
+    def _navigate(self, row: TickRow, measured: float | None) -> None:
+        navigator = self._navigator
+        assert navigator is not None
+        before = navigator.move
+        navigator.update(self._place, int(row.tick) / self.rate_hz)
+        if navigator.move is not before:
+            self._follow(navigator)
+        if navigator.over:
+            self._next(row, "done" if navigator.arrived else "time limit", measured)
+
+    def _follow(self, navigator: Navigator) -> None:
+        self.wanted, self.facing = _asked(navigator), navigator.facing
+        self.resting |= navigator.move is None
+
+    # ------------------------------------------------------------ amounts
 
     def _value(self, at: StepProgress, step: Step, row: TickRow) -> float:
         """What is done of the amount, in its unit."""
@@ -201,16 +349,13 @@ class StepRunner:
                 return float(at.counted)
         return (int(row.tick) - at.begin_tick) / self.rate_hz
 
-    def _reached(self, at: StepProgress, step: Step, value: float, tick: int) -> bool:
-        """Whether the robot will have done the amount if its human stands from now on."""
+    def _reached(self, at: StepProgress, step: Step, value: float) -> bool:
+        """Whether the robot will have done the amount if it stops now."""
         assert step.amount is not None
-        amount = step.amount.value
+        missing = step.amount.value - value
         if step.amount.quantity == "steps":
-            return value >= amount
-        (first, before), (last, now) = at.recent[0], at.recent[-1]
-        speed = (now - before) * self.rate_hz / max(last - first, 1)
-        ahead = value + speed * (_TURN_AHEAD_S if step.amount.quantity == "angle" else _WALK_AHEAD_S)
-        return ahead <= amount if at.acted_from > amount else ahead >= amount
+            return missing <= 0.0
+        return at.closing.reached(-missing if at.acted_from > step.amount.value else missing)
 
     def _is_missing(self, step: Step, missing: float) -> bool:
         assert step.amount is not None
@@ -222,9 +367,9 @@ class StepRunner:
         # The other foot may close the stance.
         return not -1.5 < missing < 0.5
 
-    def _settle(self, at: StepProgress, tick: int) -> None:
+    def _settle(self, at: StepProgress, row: TickRow) -> None:
         self._phase, self.resting = _Phase.SETTLE, True
-        at.act_tick, at.still = tick, (tick, at.place.copy())
+        at.act_tick, at.standstill = int(row.tick), Standstill(at.place, int(row.tick) / self.rate_hz)
 
     def _act(self, at: StepProgress, step: Step, value: float, tick: int) -> None:
         """Another attempt, at what is missing."""
@@ -233,17 +378,11 @@ class StepRunner:
         if step.amount.quantity == "angle" and isinstance(step.intent, Velocity) and value > step.amount.value:
             self.wanted = replace(step.intent, turning=-step.intent.turning)
         at.act_tick, at.acted_from = tick, value
-        at.recent.clear()
+        at.closing = Closing()
 
-    def _is_settled(self, at: StepProgress, tick: int) -> bool:
-        since_s = (tick - at.act_tick) / self.rate_hz
-        assert at.still is not None
-        from_tick, place = at.still
-        moved = np.abs(at.place - place)
-        if moved[:2].max() > _STILL_M or moved[2] > _STILL_RAD:
-            at.still = (tick, at.place.copy())
-        still_s = (tick - at.still[0]) / self.rate_hz
-        return since_s >= _LONGEST_SETTLE_S or (since_s >= _SETTLE_S and still_s >= STILL_S)
+    def _is_settled(self, at: StepProgress, row: TickRow) -> bool:
+        assert at.standstill is not None
+        return at.standstill.settled(at.place, int(row.tick) / self.rate_hz)
 
     def _advance_gesture(self, at: StepProgress, step: Step, row: TickRow) -> None:
         assert step.amount is not None
@@ -254,8 +393,26 @@ class StepRunner:
             if phase_s >= GESTURE_S:
                 at.counted += int(at.acted_from > _MOVED_RAD)
                 self._phase, self.wanted, at.act_tick = _Phase.SETTLE, STANDING, tick
-        elif phase_s >= _LONGEST_REST_S or (phase_s >= _SETTLE_S and at.arms_rest(row, self.rate_hz)):
+        elif phase_s >= _LONGEST_REST_S or (phase_s >= SETTLE_S and at.arms_rest(row, self.rate_hz)):
             if at.counted >= step.amount.value:
                 self._next(row, "done", at.counted)
             else:
                 self._phase, self.wanted, at.act_tick, at.acted_from = _Phase.ACT, step.intent, tick, 0.0
+
+
+def _stands(step: Step) -> bool:
+    """Whether a step is to stand."""
+    return step.kind == STAND and step.goal is None
+
+
+def _moves(step: Step) -> bool:
+    """Whether a step moves the robot from its place, or turns it."""
+    return step.turn != 0 or step.axis != (0, 0) or step.kind == "velocity" or step.goal is not None
+
+
+def _asked(navigator: Navigator) -> Intent | None:
+    """What the human does for a navigator's move; None: nothing, the robot stands."""
+    move = navigator.move
+    if move is None or any((move.forward, move.left, move.turning)):
+        return move
+    return STANDING

@@ -14,8 +14,13 @@ from flexmotion.streamer.motion.heard import State as Fate
 from flexmotion.streamer.motion.intents import Stop, Velocity, to_content, word_of
 from flexmotion.streamer.motion.targets import NO_TARGET, Target, TargetReader
 
-_ENDED = (State.PARK, State.DAMPED, State.FAULT)
-"""States in which no target is followed."""
+_ENDED = {
+    State.OFF: "the torque is off: arm the robot first (flexmotion arm, or the page)",
+    State.PARK: "the robot is in PARK: it lowers itself, then its torque goes off",
+    State.DAMPED: "the robot has fallen and gives way (DAMPED)",
+    State.FAULT: "the robot is in FAULT: clear it, then arm the robot",
+}
+"""States in which no target is followed, and why."""
 
 
 @dataclass(frozen=True)
@@ -116,8 +121,7 @@ class TargetLedger:
         state, now_s = State(int(row.state)), self._now_s()
         if bool(row.must_stop) or state in _ENDED:
             self.halted = True
-            why = f"the robot is in {state.name}" if state in _ENDED else "a stop is in force (clear releases a STOP)"
-            self.refuse_all(why)
+            self.refuse_all(_ENDED.get(state, "a stop is in force (clear releases a STOP)"))
             return
         planned, opened, followed = self._planned, self._open, self._followed
         if planned is not None and planned.target.id <= taken:
@@ -170,6 +174,12 @@ class TargetLedger:
             if entry is not None:
                 self._publish(entry, "refused", reason)
         self._planned = self._open = None
+
+    def drop_old(self, answered: int, reason: str) -> None:
+        """Refuse the targets that an earlier planner had; it has answered those up to the number `answered`."""
+        for target in self._inbox.read():
+            if target.id > answered:
+                self._publish(_Entry(target, 0.0), "refused", reason)
 
     def _too_old(self, entry: _Entry, now_s: float) -> bool:
         return entry.age_s(now_s) > min(entry.target.take_up_s, entry.target.holds_s)

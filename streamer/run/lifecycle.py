@@ -31,17 +31,31 @@ class Lifecycle:
     Args:
         seconds: how much of the source is streamed [s]; None: all of it.
         stay: after the source is over, and while no plans come, the robot stands on; else the run ends.
+        armed: torque goes on with the first tick; else it waits for ARM.
+        attended: the run goes on in OFF and in FAULT until END: an operator can clear the fault and arm it again.
 
     Attributes:
         quit: the run ends now, in whatever state the robot is.
         broken: why no more plans can be made; None while they can.
     """
 
-    def __init__(self, loop: ControlLoop, settings: StreamSettings, *, seconds: float | None, stay: bool) -> None:
+    def __init__(
+        self,
+        loop: ControlLoop,
+        settings: StreamSettings,
+        *,
+        seconds: float | None,
+        stay: bool,
+        armed: bool = True,
+        attended: bool = False,
+    ) -> None:
         self.loop, self.settings, self.seconds, self.stay = loop, settings, seconds, stay
+        self.attended, self._arms = attended, armed
+        loop.awaits_arm = attended or not armed
         self.quit = False
         self.broken: str | None = None
-        self._started = self._ending = False
+        self._begun = self._started = self._ending = False  # it ticks; torque was to go on once
+        self._start_tick = 0
         self._withheld: Request | None = None
         self._stream_start: int | None = None
         self._hold_ticks = self._idle_ticks = 0
@@ -51,16 +65,23 @@ class Lifecycle:
     def finished(self) -> bool:
         """Whether the run is over."""
         loop = self.loop
-        if self.quit or (self._most_ticks is not None and loop.tick_count >= self._most_ticks):
+        if self.quit or (self._most_ticks is not None and self._ticks >= self._most_ticks):
             return True
-        return self._started and loop.ladder.state in (State.OFF, State.FAULT)
+        if loop.ladder.state not in (State.OFF, State.FAULT):
+            return False
+        return self._begun and (self._ending or (self._started and not self.attended))
+
+    @property
+    def ending(self) -> bool:
+        """Whether the end was requested."""
+        return self._ending or self.quit
 
     def request(self, request: Request, reason: str = "") -> None:
         """Take a request; it acts on the next tick."""
         inputs = self.loop.inputs
         if request not in (Request.LOST, Request.NOTE):
             self._emit("request", request.name)
-        if not self._started and request in _AGAINST_A_START:
+        if not self._begun and request in _AGAINST_A_START:
             self._withheld = request
         if request is Request.STOP:
             inputs.stop = True
@@ -70,6 +91,10 @@ class Lifecycle:
             inputs.kill = True
         elif request is Request.CLEAR:
             self._clear()
+        elif request is Request.ARM:
+            self._arm()
+        elif request is Request.DISARM:
+            inputs.park = True
         elif request is Request.FAULT:
             self.broken = reason
         elif request in (Request.LOST, Request.NOTE):
@@ -84,30 +109,58 @@ class Lifecycle:
         ladder = self.loop.ladder
         if ladder.state is State.FAULT:
             self.loop.inputs.clear = True
-        elif self._ending or ladder.fault is not None:
-            self._emit("note", "CLEAR changes nothing: the run is ending")
+        elif self._ending:
+            self._emit("refused", "CLEAR: the run is ending")
+        elif ladder.fault is not None:
+            self._emit("refused", f"CLEAR: the robot is still in {ladder.state.name}, on its way to FAULT")
         elif ladder.state in (State.READY, State.HOLD):
             self.loop.inputs.start = True
         else:
             self._emit(
-                "note", f"CLEAR changes nothing in {ladder.state.name}: it releases a STOP once the robot stands"
+                "refused", f"CLEAR: in {ladder.state.name} it changes nothing; it releases a STOP once the robot stands"
             )
+
+    def _arm(self) -> None:
+        """Switch the torque on, where the ladder and the loop permit it."""
+        ladder = self.loop.ladder
+        if self._ending:
+            self._emit("refused", "ARM: the run is ending")
+        elif ladder.state is State.FAULT:
+            self._emit("refused", f"ARM: a fault is latched: {ladder.fault}; clear it first")
+        elif ladder.state is not State.OFF:
+            self._emit("refused", f"ARM: torque is on, the robot is in {ladder.state.name}")
+        else:
+            self._start()
+
+    def _start(self) -> None:
+        self._started = self.loop.inputs.start = True
+        self._start_tick = self.loop.tick_count
+        self._stream_start = None
+
+    @property
+    def _ticks(self) -> int:
+        """Ticks since the robot was armed; 0 before."""
+        return self.loop.tick_count - self._start_tick if self._started else 0
 
     def step(self) -> None:
         """Set the loop's inputs for its next tick."""
         loop, inputs, rate = self.loop, self.loop.inputs, self.loop.robot.rate_hz
         state = loop.ladder.state
-        if not self._started:
-            self._started = True
-            inputs.start = self._withheld is None
+        if not self._begun:
+            self._begun = True
             if self._withheld is not None:
+                self._started = not loop.awaits_arm
                 self._emit("note", f"no start: {self._withheld.name} was requested before it")
+            elif self._arms:
+                self._start()
+            else:
+                self._emit("note", "torque is off: the run waits to be armed (flexmotion arm, or the page)")
         if self._stream_start is None and loop.playing is not None:
             self._stream_start = loop.playing.plan.start_tick
         loop.winding_down = self._ending or self._stream_over()
         if self.broken is not None:
             inputs.fault = f"planner: {self.broken}"
-        if self._most_ticks is not None and loop.tick_count >= self._most_ticks - int(_PARKING_S * rate):
+        if self._most_ticks is not None and self._ticks >= self._most_ticks - int(_PARKING_S * rate):
             inputs.fault = "the run exceeded its time limit"
         if state is State.READY and self._ending:
             inputs.park = True

@@ -20,20 +20,35 @@ _PAUSE_S = 0.002
 
 
 class Heartbeat:
-    """Time of the planner's last sign of life, in shared memory."""
+    """Time and number of a process's signs of life, in shared memory."""
 
     def __init__(self) -> None:
-        self._stamp = shared_array(1, np.int64)
+        self._stamp = shared_array(2, np.int64)
 
     def beat(self) -> None:
         """Set the time to now."""
         self._stamp[0] = time.perf_counter_ns()
+        self._stamp[1] += 1
 
     @property
-    def age_s(self) -> float:
-        """Time since the last beat [s]; 0 before the first."""
+    def beats(self) -> int:
+        """How many there were."""
+        return int(self._stamp[1])
+
+    @property
+    def stamp_ns(self) -> int:
+        """When the last one was (`time.perf_counter_ns`); 0: none."""
+        return int(self._stamp[0])
+
+    def reset(self) -> None:
+        """Forget the beats of an earlier process."""
+        self._stamp[0] = 0
+
+    @property
+    def age_s(self) -> float | None:
+        """Time since the last beat [s]; None before the first."""
         stamp = int(self._stamp[0])
-        return (time.perf_counter_ns() - stamp) * 1e-9 if stamp else 0.0
+        return (time.perf_counter_ns() - stamp) * 1e-9 if stamp else None
 
 
 def serve(
@@ -41,12 +56,15 @@ def serve(
 ) -> None:
     """Plan until this process is ended, or until source or retargeter fail.
 
+    Where plans were made before, by a process that died, it goes on from the one that plays.
+
     Args:
         ticks: the loop's rows.
         requests: is sent a FAULT when planning fails.
         realtime: whether to ask for realtime scheduling.
     """
     try:
+        replanner.succeed()
         replanner.warm_up()
         priority.settle(collect=True)
         priority.claim(priority.PLANNER_PRIORITY, allowed=realtime)

@@ -17,9 +17,10 @@ _REASON_BYTES = 488
 class Request(IntEnum):
     """What may be requested; see `flexmotion.streamer.control.ladder` for what each leads to.
 
-    STOP, ESTOP, KILL, CLEAR: as the ladder defines them. END: a balanced stop, parking, the end of the run. FAULT: an
-    orderly end for the cause in `reason`. LOST: there is no planner; the plan that plays ends in its own stop, and
-    `reason` is recorded as a fault. NOTE: `reason` is recorded. QUIT: the end at once; the driver is closed.
+    STOP, ESTOP, KILL, CLEAR: as the ladder defines them. ARM: torque on, stand up. DISARM: a balanced stop, parking,
+    torque off. END: the same, and the end of the run. FAULT: an orderly end for the cause in `reason`. LOST: there is
+    no planner; the plan that plays ends in its own stop, and `reason` is recorded as a fault. NOTE: `reason` is
+    recorded. QUIT: the end at once; the driver is closed.
     """
 
     STOP = 1
@@ -31,6 +32,8 @@ class Request(IntEnum):
     LOST = 7
     QUIT = 8
     NOTE = 9
+    ARM = 10
+    DISARM = 11
 
 
 class RequestRow(Record):

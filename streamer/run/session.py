@@ -81,7 +81,10 @@ class Session:
         services: recorder, viewer and the like; on the real clock each runs in a process of its own.
         seed: of the driver and the source, for the log and the report.
         clock: "lockstep" or "real".
+        waits: on the real clock, a robot that is not there is waited for; else it is an error.
         allow_refused: for the report: what was refused or dropped does not make it fail.
+        armed: torque goes on with the first tick; else with the request ARM.
+        attended: the run goes on in OFF and in FAULT until END: CLEAR and ARM lead back to READY.
 
     Attributes:
         requests: those of `ask`. A signal handler does not use them: it may interrupt one that is being sent.
@@ -106,6 +109,9 @@ class Session:
     seed: int = 0
     clock: Clock = "lockstep"
     allow_refused: bool = False
+    armed: bool = True
+    attended: bool = False
+    waits: bool = False
     elapsed_s: float | None = field(init=False, default=None)
     phase: Phase = field(init=False, default=Phase.NEW)
     requests: RequestChannel = field(init=False)
@@ -339,7 +345,9 @@ class Session:
             for follow in followers:
                 ending.callback(follow, True)
             loop = self.loop = self.control_loop(driver)
-            lifecycle = Lifecycle(loop, self.settings, seconds=self.seconds, stay=stay)
+            lifecycle = Lifecycle(
+                loop, self.settings, seconds=self.seconds, stay=stay, armed=self.armed, attended=self.attended
+            )
             channels = [channel.reader() for channel in (*requests_of(self.services), self.requests)]
 
             def step() -> bool:
@@ -388,9 +396,12 @@ class Session:
             (self.requests, planner_requests),
             seconds=self.seconds,
             stay=bool(self.stay),
+            armed=self.armed,
+            attended=self.attended,
             realtime=self.realtime,
             services=self.services,
             wake=self.wake,
+            waits=self.waits,
         )
         collector = Collector(self.telemetry, self.record)
         with awake(self.settings.wake_latency_us if self.realtime else None) as self.awake:

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import fields
+from typing import get_args
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from flexmotion.configs.robot_file import SafetyLimits
+from flexmotion.configs.robot_file import EmergencyStop, SafetyLimits
 from flexmotion.streamer.control.ladder import POWERED, Inputs, Ladder, Playback, State
 
 RATE = 100.0
+FREEZES = SafetyLimits(emergency_stop="freeze")
 FREEZE, DAMP = 50, 100
 """Ticks for which a robot is frozen and damped."""
 REQUESTS = ("start", "stop", "park", "clear", "estop", "kill", "plan_ready", "plan_over", "move_done", "fallen")
@@ -36,7 +38,7 @@ def at(state: State) -> Ladder:
         State.DAMPED: [Inputs(start=True), Inputs(fallen=True)],
         State.FAULT: [Inputs(start=True), Inputs(kill=True)],
     }
-    ladder = Ladder(SafetyLimits(), RATE)
+    ladder = Ladder(FREEZES, RATE)
     for inputs in ways[state]:
         ladder.step(inputs)
     assert ladder.state is state
@@ -113,6 +115,54 @@ def test_estop_freezes_then_parks_then_ends_in_fault(state: State) -> None:
     assert ladder.state is State.FAULT and ladder.fault is not None and "e-stop" in ladder.fault
 
 
+def of(stop: EmergencyStop, *inputs: Inputs) -> Ladder:
+    """A ladder of a robot with this emergency stop, after these inputs."""
+    ladder = Ladder(SafetyLimits(emergency_stop=stop), RATE)
+    for one_input in inputs:
+        ladder.step(one_input)
+    return ladder
+
+
+STREAMING = (Inputs(start=True), Inputs(move_done=True, plan_ready=True))
+
+
+def test_a_robot_without_a_proof_stops_by_its_own_plan_then_parks() -> None:
+    """Every robot froze in mid-stride, also those of which nobody knew whether that keeps them up."""
+    assert SafetyLimits().emergency_stop == "captured_stop"
+    ladder = of("captured_stop", *STREAMING)
+    assert ladder.step(Inputs(estop=True, plan_ready=True)) is Playback.PLAN
+    assert ladder.stopping and ladder.fault is not None and ladder.fault.startswith("e-stop")
+    ladder.step(Inputs(plan_ready=True, start=True, clear=True))
+    assert ladder.stopping and ladder.state is State.STREAMING, "nothing undoes it"
+    ladder.step(Inputs(plan_over=True))
+    assert ladder.step(Inputs(plan_over=True)) is Playback.TO_REST
+    ladder.step(Inputs(move_done=True))
+    assert ladder.state is State.FAULT
+
+
+@pytest.mark.parametrize("before", [STREAMING, (*STREAMING, Inputs(plan_over=True)), STREAMING[:1]])
+def test_a_robot_that_crouches_is_on_its_way_at_the_next_tick(before: tuple[Inputs, ...]) -> None:
+    ladder = of("crouch", *before)
+    assert ladder.step(Inputs(estop=True, plan_ready=True)) is Playback.TO_REST
+    assert ladder.step(Inputs(plan_ready=True)) is Playback.TO_REST
+    ladder.step(Inputs(move_done=True))
+    assert ladder.state is State.FAULT and ladder.fault is not None and "e-stop" in ladder.fault
+
+
+@pytest.mark.parametrize("stop", get_args(EmergencyStop))
+def test_after_an_emergency_stop_clear_leads_to_off_and_only_a_start_from_there(stop: EmergencyStop) -> None:
+    ladder = of(stop, *STREAMING, Inputs(estop=True))
+    for _ in range(FREEZE + 5):
+        ladder.step(Inputs(plan_over=True, move_done=True))
+    assert ladder.state is State.FAULT
+    ladder.step(Inputs(clear=True))
+    for _ in range(3):
+        ladder.step(Inputs(plan_ready=True, move_done=True))
+    assert ladder.state is State.OFF and ladder.fault is None
+    ladder.step(Inputs(start=True))
+    assert ladder.state is State.READY
+
+
 def test_an_estop_button_held_down_counts_once() -> None:
     """Each tick of a latching button froze the robot again: it never parked."""
     ladder = at(State.STREAMING)
@@ -127,7 +177,7 @@ def test_an_estop_button_held_down_counts_once() -> None:
 
 @pytest.mark.parametrize("name", ["estop", "kill"])
 def test_no_start_under_a_pressed_button(name: str) -> None:
-    ladder = Ladder(SafetyLimits(), RATE)
+    ladder = Ladder(FREEZES, RATE)
     ladder.step(Inputs(start=True, **{name: True}))
     assert ladder.state is (State.FAULT if name == "kill" else State.OFF)
 
@@ -238,7 +288,7 @@ anything = st.builds(
 def test_for_any_inputs_a_fault_stays_until_cleared_and_torque_returns_only_by_a_start(
     sequence: list[Inputs],
 ) -> None:
-    ladder = Ladder(SafetyLimits(), RATE, freeze_s=0.03, damp_s=0.03)
+    ladder = Ladder(FREEZES, RATE, freeze_s=0.03, damp_s=0.03)
     for inputs in sequence:
         before, fault = ladder.state, ladder.fault
         playback = ladder.step(inputs)

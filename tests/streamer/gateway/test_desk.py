@@ -11,7 +11,7 @@ import pytest
 
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.gateway import desk as desk_module
-from flexmotion.streamer.motion.intents import Stop, Text, Velocity
+from flexmotion.streamer.motion.intents import Heading, Stop, Text, Velocity, Waypoint
 from flexmotion.streamer.run.requests import Request
 
 WAVE = '{"type":"text","text":"wave","id":"w"}'
@@ -137,13 +137,33 @@ def test_a_released_stick_is_a_stop(make_office: Make) -> None:
     assert office.run.arrived()[0].intent == Stop()
 
 
-def test_what_the_loop_cannot_follow_is_refused_by_name(make_office: Make) -> None:
+def test_goals_in_the_odometry_reach_the_planner_and_hold_until_the_next_target(make_office: Make) -> None:
+    """They were refused: the loop could not follow them."""
     office = make_office()
-    office.ask('{"type":"waypoint","position_m":[1,0]}')
-    office.ask('{"type":"heading","heading_rad":1.5}')
-    assert office.states == ["refused", "refused"] and office.run.arrived() == []
-    assert office.told[0].reason.startswith("waypoint: the loop cannot follow it yet")
-    assert office.told[1].reason.startswith("heading: the loop cannot follow it yet")
+    office.ask('{"type":"waypoint","position_m":[1,0],"heading_rad":0.5}')
+    office.ask('{"type":"heading","heading_rad":1.5,"turning_rad_s":0.4}')
+    arrived = office.run.arrived()
+    assert [target.intent for target in arrived] == [Waypoint(1.0, 0.0, 0.5), Heading(1.5, 0.4)]
+    assert [target.holds_s for target in arrived] == [float("inf")] * 2
+
+
+def test_an_arm_is_accepted_once_torque_is_on_and_refused_with_the_loops_reason(make_office: Make) -> None:
+    office = make_office()
+    office.run.state = State.OFF
+    office.ask('{"type":"arm"}')
+    office.run.telemetry.emit(office.run.tick, "request", "ARM")
+    office.run.step()
+    office.desk.pump()
+    assert office.states == [], "torque is still off: it may have been refused, and the reason is on its way"
+    office.run.telemetry.emit(office.run.tick, "refused", "ARM: the torso is tilted by 80°: the robot lies")
+    office.desk.pump()
+    assert office.told[0].state == "refused" and office.told[0].reason == "the torso is tilted by 80°: the robot lies"
+    office.ask('{"type":"arm"}')
+    office.run.telemetry.emit(office.run.tick, "request", "ARM")
+    office.run.state = State.READY
+    office.run.step()
+    office.desk.pump()
+    assert office.states == ["refused", "accepted"] and office.told[1].tick == office.run.tick - 1
 
 
 def test_requests_are_answered_with_the_tick_at_which_the_loop_took_them(make_office: Make) -> None:
@@ -192,8 +212,9 @@ def test_a_clear_is_accepted_only_where_it_releases_the_stop(make_office: Make) 
     office.desk.pump()
     assert office.states == ["accepted"], "before the loop's next row its effect is not known"
     office.run.step()
+    office.run.telemetry.emit(office.run.tick, "refused", "CLEAR: the robot is still in PARK, on its way to FAULT")
     office.desk.pump()
-    assert office.states == ["accepted", "refused"]
+    assert office.states == ["accepted", "refused"] and "in PARK" in office.told[1].reason
 
 
 def test_only_the_operator_is_followed_but_anyone_stops(make_office: Make) -> None:

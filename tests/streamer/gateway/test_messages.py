@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +21,7 @@ from flexmotion.streamer.gateway.messages import (
     intent_of,
 )
 from flexmotion.streamer.gateway.schema import schema_text
-from flexmotion.streamer.motion.intents import FASTEST, Clip, Stop, Text, Velocity
+from flexmotion.streamer.motion.intents import FASTEST, Clip, Heading, Stop, Text, Velocity, Waypoint
 
 DOCUMENT = Path(__file__).parents[3] / "docs" / "messages.schema.json"
 
@@ -43,8 +42,12 @@ OWN: dict[str, dict[str, Any]] = {
     "text": {"text": WORDS},
     "clip": {"clip": WORDS},
     "velocity": {"velocity": st.tuples(*(st.floats(-limit, limit) for limit in FASTEST))},
-    "heading": {"heading_rad": st.floats(-2 * math.pi, 2 * math.pi)},
-    "waypoint": {"position_m": st.tuples(st.floats(-1e3, 1e3), st.floats(-1e3, 1e3))},
+    "heading": {"heading_rad": st.floats(-1e3, 1e3), "turning_rad_s": st.none() | st.floats(0.05, 3.0)},
+    "waypoint": {
+        "position_m": st.tuples(st.floats(-1e3, 1e3), st.floats(-1e3, 1e3)),
+        "heading_rad": st.none() | st.floats(-1e3, 1e3),
+        "tolerance_m": st.floats(0.03, 1.0),
+    },
     "kill": {"confirm": st.just("the robot will fall")},
 }
 
@@ -114,6 +117,9 @@ def test_a_hundred_thousand_random_byte_strings_are_each_read_or_refused() -> No
         ('{"type":"velocity","velocity":[true,0,0]}', "velocity.0"),
         ('{"type":"text","text":"wave\\nbow"}', "expected a line of"),
         ('{"type":"text","text":"%s"}' % ("é" * 130), "260 bytes in UTF-8, expected at most 240"),
+        ('{"type":"waypoint","position_m":[1e9,0]}', "position_m.0: Input should be less than or equal to 1000"),
+        ('{"type":"waypoint","position_m":[1,0],"tolerance_m":0.001}', "tolerance_m: Input should be greater"),
+        ('{"type":"heading","heading_rad":1,"turning_rad_s":0}', "turning_rad_s: Input should be greater"),
         ('{"type":"kill"}', "confirm"),
         ('{"type":"stop","ttl_s":0}', "ttl_s"),
         ('{"type":"stop","source":"<script>"}', "source"),
@@ -141,7 +147,12 @@ def test_targets_become_intents_and_a_released_stick_a_stop() -> None:
     assert intent('{"type":"velocity","velocity":[0,0,-0.0]}') == Stop()
     assert intent('{"type":"clip","clip":"walk"}') == Clip("walk")
     assert intent('{"type":"hold"}') == Stop()
-    assert intent('{"type":"waypoint","position_m":[1,0]}') is None
+    assert intent('{"type":"waypoint","position_m":[1,0]}') == Waypoint(1.0, 0.0, None, 0.1)
+    assert intent('{"type":"waypoint","position_m":[1,0],"heading_rad":-3,"tolerance_m":0.2}') == Waypoint(
+        1, 0, -3, 0.2
+    )
+    assert intent('{"type":"heading","heading_rad":1.5,"turning_rad_s":0.3}') == Heading(1.5, 0.3)
+    assert intent('{"type":"arm"}') is None
 
 
 def test_the_schema_in_the_documents_is_that_of_the_messages() -> None:

@@ -18,7 +18,8 @@ from flexmotion.configs.robot import Robot
 from flexmotion.configs.stream import Gateway
 from flexmotion.streamer.cli import execute
 from flexmotion.streamer.gateway.admission import Admission
-from flexmotion.streamer.gateway.client import AsyncClient, Client
+from flexmotion.streamer.gateway.async_client import AsyncClient
+from flexmotion.streamer.gateway.client import Client
 from flexmotion.streamer.gateway.messages import KINDS, MessageError
 from flexmotion.streamer.gateway.ports import any_free
 from flexmotion.streamer.gateway.service import GatewayService
@@ -100,7 +101,7 @@ def test_a_message_over_each_way_is_answered(begin: Begin, answering: Callable[.
     assert (status, answer["state"]) == (200, "accepted")
     status, answer = http(gateway.port, "POST", "/velocity", b'{"velocity":[0.2,0,0]}')
     assert (status, answer["asked"], answer["state"]) == (200, "velocity", "accepted")
-    status, answer = http(gateway.port, "POST", "/targets", b'{"type":"waypoint","position_m":[1,0]}')
+    status, answer = http(gateway.port, "POST", "/targets", b'{"type":"waypoint","position_m":[1e9,0]}')
     assert (status, answer["state"]) == (409, "refused")
     assert http(gateway.port, "POST", "/velocity", b'{"type":"stop"}')[0] == 200  # its own type counts
     assert http(gateway.port, "POST", "/text", b"[]")[0] == 422

@@ -14,10 +14,12 @@ from flexmotion.streamer.motion.intents import (
     FASTEST,
     WORDS,
     Clip,
+    Heading,
     Intent,
     Stop,
     Text,
     Velocity,
+    Waypoint,
     from_content,
     to_content,
     word_of,
@@ -31,6 +33,8 @@ _INTENTS = st.one_of(
     st.builds(Clip, _WORDS),
     st.builds(Text, _LINES),
     st.builds(Velocity, *(st.floats(-limit, limit) for limit in FASTEST)),
+    st.builds(Heading, st.floats(-1e3, 1e3), st.none() | st.floats(0.05, 3.0)),
+    st.builds(Waypoint, *[st.floats(-1e3, 1e3)] * 2, st.none() | st.floats(-1e3, 1e3), st.floats(0.03, 1.0)),
     st.just(Stop()),
 )
 
@@ -42,7 +46,7 @@ def test_an_intent_comes_back_from_its_words(intent: Intent) -> None:
 
 
 def test_two_at_once_are_refused() -> None:
-    with pytest.raises(ConfigError, match="exactly one of: clip, text, velocity, stop; found text and stop"):
+    with pytest.raises(ConfigError, match="exactly one of: clip, .*, waypoint, stop; found text and stop"):
         from_content({"text": "wave", "stop": True})
 
 

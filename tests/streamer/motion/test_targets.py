@@ -11,7 +11,7 @@ from flexmotion.configs.errors import ConfigError
 from flexmotion.importers.default_clip import default_clip
 from flexmotion.spatial.heading import heading
 from flexmotion.streamer.motion.clip_library import ClipLibrary
-from flexmotion.streamer.motion.intents import Clip, Intent, Stop, Text, Velocity
+from flexmotion.streamer.motion.intents import Clip, Heading, Intent, Stop, Text, Velocity, Waypoint
 from flexmotion.streamer.motion.sources import ClipSource, LiveSource
 from flexmotion.streamer.motion.targets import NO_TARGET, TargetMailbox, arrived
 from flexmotion.streamer.run.requests import Request, RequestChannel
@@ -22,9 +22,16 @@ def test_the_newest_target_counts_and_the_log_sees_all() -> None:
     reader = mailbox.reader()
     assert mailbox.newest() is NO_TARGET
     before = time.perf_counter_ns()
-    asked = (Clip("wave"), Text("gehen – schnell"), Velocity(0.5, -0.1, 1.0), Stop(), Clip("wave"))
+    asked = (
+        Clip("wave"),
+        Text("gehen – schnell"),
+        Velocity(0.5, -0.1, 1.0),
+        Heading(1.5),
+        Waypoint(1.0, -2.0, 0.1),
+        Stop(),
+    )
     sent = [mailbox.send(intent) for intent in asked]
-    assert mailbox.newest() == sent[-1] and sent[-1].id == 5
+    assert mailbox.newest() == sent[-1] and sent[-1].id == 6
     assert before <= sent[0].stamp_ns <= sent[-1].stamp_ns <= time.perf_counter_ns()
     assert arrived(reader) == sent and arrived(reader) == []
 

@@ -11,7 +11,7 @@ import pytest
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.tick_row import TickRow, blank
 from flexmotion.streamer.motion.heard import Heard, HeardStep
-from flexmotion.streamer.motion.intents import Text, Velocity
+from flexmotion.streamer.motion.intents import Heading, Text, Velocity
 from flexmotion.streamer.motion.programs import Program, Step
 from flexmotion.streamer.planning.step_runner import STANDING, StepRunner
 from flexmotion.text.amounts import Amount
@@ -26,6 +26,15 @@ class FakeSource:
 
     def __init__(self, *programs: tuple[int, Program]) -> None:
         self.programs = list(programs)
+
+    pace = None
+    finished: int | None = None
+
+    def is_over(self, frame: int) -> bool:
+        return self.finished is not None and frame >= self.finished
+
+    def finish(self, frame: int) -> None:
+        self.finished = frame
 
     def program_at(self, frame: int) -> tuple[int, Program] | None:
         return next((one for one in reversed(self.programs) if one[0] <= frame), None)
@@ -87,7 +96,7 @@ def test_a_turn_ends_by_the_measured_turn_and_not_by_time() -> None:
     assert not slow.heard and not slow.runner.resting
     quick.run(8.0, turn=0.6)
     assert quick.ends == ["done"] and quick.heard[-1].steps[0].measured == pytest.approx(math.pi / 2, abs=0.1)
-    assert quick.runner.done and quick.asked == [STANDING]
+    assert quick.runner.resting and quick.asked == []
 
 
 def test_a_way_is_measured_in_the_torsos_own_direction() -> None:
@@ -109,7 +118,7 @@ def test_steps_follow_each_other() -> None:
     robot = Robot((0, program(WAIT, TURN, WAIT)))
     robot.run(10.0, turn=0.6)
     assert robot.ends == ["done"] * 3
-    assert robot.asked == [TURN.intent, WAIT.intent, STANDING]
+    assert robot.asked == [TURN.intent] and robot.runner.resting
 
 
 def test_footsteps_count_where_they_carry_a_foot_in_the_walks_direction() -> None:
@@ -138,7 +147,7 @@ def test_a_gesture_counts_if_the_joints_moved_and_is_repeated_until_it_has() -> 
         while not robot.heard and robot.doing == STANDING:
             robot.run(0.1)
     assert robot.ends == ["done"] and robot.heard[-1].steps[0].measured == 2.0
-    assert robot.asked == [STANDING, WAVE.intent, STANDING, WAVE.intent, STANDING, STANDING]
+    assert robot.asked == [STANDING, WAVE.intent, STANDING, WAVE.intent, STANDING]
 
 
 def test_another_target_and_a_stop_end_a_program_and_say_so() -> None:
@@ -163,7 +172,7 @@ def test_a_target_that_is_over_ends_its_program() -> None:
 
 def test_a_script_goes_on_while_the_robot_rests() -> None:
     """While a plan's stop plays no frame of the source does, and the next item of a script never came."""
-    robot = Robot((0, program(TURN)), (120, program(WAIT, number=2)))
+    robot = Robot((0, program(TURN)), (120, program(WAVE, number=2)))
     robot.run(2.9, turn=0.6)
     assert robot.runner.resting
     for _ in range(300):
@@ -173,11 +182,78 @@ def test_a_script_goes_on_while_the_robot_rests() -> None:
         robot.runner.update(robot.row)
         if robot.runner.wanted is not None:
             break
-    assert robot.runner.wanted == WAIT.intent
+    assert robot.runner.wanted == WAVE.intent
 
 
 def test_an_open_program_is_left_alone() -> None:
     open_step = Step(Text("walk"), "walk", None, (1, 0), 0, None, HeardStep(text="walk", heard_as="walk"))
     robot = Robot((0, program(open_step)))
     robot.run(5.0, ahead=0.2)
-    assert not robot.heard and not robot.asked and not robot.runner.done
+    assert not robot.heard and not robot.asked and not robot.runner.resting
+
+
+def test_after_its_last_step_the_robot_rests_and_the_human_is_not_told_to_stand() -> None:
+    """A human that was told to stand went on for five seconds; the robot stepped with it and turned by 20 degrees."""
+    robot = Robot((0, program(WALK)))
+    robot.run(9.0, ahead=0.2)
+    assert robot.ends == ["done"] and robot.runner.resting and robot.asked == []
+    assert robot.runner.source.finished is not None  # type: ignore[attr-defined]
+
+
+STAND = Step(Text("stand"), "stand", None, (0, 0), 0, None, HeardStep(text="stand", heard_as="stand"))
+
+
+def stand_after(walks: bool) -> Robot:
+    """A robot with home pose 0 that is told to stand after two seconds."""
+    open_walk = Step(Text("walk"), "walk", None, (1, 0), 0, None, HeardStep(text="walk", heard_as="walk"))
+    open_wave = Step(Text("wave"), "wave", None, (0, 0), 0, None, HeardStep(text="wave", heard_as="wave"))
+    robot = Robot((0, program(open_walk if walks else open_wave)), (60, program(STAND, number=2)))
+    robot.runner.home = np.zeros(JOINTS)
+    return robot
+
+
+def test_a_robot_that_walks_and_is_told_to_stand_rests_at_once() -> None:
+    robot = stand_after(walks=True)
+    robot.run(1.0, ahead=0.2)
+    robot.row.contact_ref[0] = False
+    robot.run(1.1, ahead=0.2)
+    assert robot.runner.resting and robot.asked == []
+    robot.row.contact_ref[0] = True
+    robot.run(5.0, ahead=0.2)
+    assert robot.runner.resting and robot.asked == []
+
+
+def test_raised_arms_come_down_before_the_robot_rests() -> None:
+    robot = stand_after(walks=False)
+    robot.row.q[1] = 1.0
+    robot.run(2.1)
+    assert not robot.runner.resting, "its stop would hold the arm up"
+    robot.row.q[1] = 0.0
+    robot.run(2.0)
+    assert robot.runner.resting and robot.asked == []
+
+
+def test_arms_that_were_raised_while_it_walked_come_down_after_the_stop() -> None:
+    robot = stand_after(walks=True)
+    robot.row.contact_ref[0] = False
+    robot.row.q[1] = 1.0
+    robot.run(2.1)
+    robot.row.contact_ref[0] = True
+    assert robot.runner.resting
+    robot.run(1.5)
+    assert robot.asked == [STAND.intent] and not robot.runner.resting
+    robot.row.q[1] = 0.0
+    robot.run(2.0)
+    assert robot.runner.resting and robot.asked == [STAND.intent]
+
+
+def test_a_heading_ends_where_the_robot_looks_there_by_its_own_measure() -> None:
+    told = HeardStep(text="heading 90°", heard_as="heading")
+    goal = Step(Text("stand still"), "heading", None, (0, 0), 0, None, told, Heading(math.pi / 2))
+    robot = Robot((0, program(goal)))
+    robot.row.odometry[2] = 0.4
+    robot.run(0.1, turn=0.5)
+    assert robot.asked == [Velocity(0.0, 0.0, 0.5)]
+    robot.run(8.0, turn=0.5)
+    assert robot.ends == ["done"] and robot.runner.resting
+    assert robot.heard[-1].steps[0].place == pytest.approx((0.0, 0.0, math.pi / 2), abs=0.14)

@@ -1,0 +1,127 @@
+"""`AsyncClient`: `flexmotion.streamer.gateway.client.Client` for asyncio."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Mapping
+from contextlib import AsyncExitStack
+from types import TracebackType
+from typing import Any, Self
+
+from websockets.asyncio.client import ClientConnection, connect
+from websockets.exceptions import WebSocketException
+
+from flexmotion.streamer.gateway.connection import (
+    PATIENCE_S,
+    Messages,
+    answer_in,
+    heading_content,
+    text_content,
+    velocity_content,
+    waypoint_content,
+)
+from flexmotion.streamer.gateway.messages import Answer
+
+
+class AsyncClient(Messages):
+    """`Client` for asyncio; any number of messages may wait for their answers at a time.
+
+    Raises:
+        GatewayError: as `Client`.
+        MessageError: a message is not valid.
+    """
+
+    _socket: ClientConnection | None = None
+
+    async def __aenter__(self) -> Self:
+        self._waiting: dict[str, asyncio.Future[Answer]] = {}
+        self._open = AsyncExitStack()
+        try:
+            self._socket = await self._open.enter_async_context(connect(self.url, **self.options))
+        except (OSError, WebSocketException) as error:
+            raise self.failed(error) from error
+        self._reading = asyncio.create_task(self._read())
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        await self._open.aclose()
+        await self._reading
+
+    async def text(self, text: str, *, ttl_s: float | None = None) -> Answer:
+        """Do what the words say."""
+        return await self.ask(text_content(text, ttl_s))
+
+    async def velocity(self, forward: float, left: float, turning: float, *, ttl_s: float | None = None) -> Answer:
+        """Walk at a velocity; see `Client.velocity`."""
+        return await self.ask(velocity_content(forward, left, turning, ttl_s))
+
+    async def heading(self, heading: float, *, turning: float | None = None, ttl_s: float | None = None) -> Answer:
+        """Turn to a heading; see `Client.heading`."""
+        return await self.ask(heading_content(heading, turning, ttl_s))
+
+    async def waypoint(
+        self,
+        x: float,
+        y: float,
+        heading: float | None = None,
+        *,
+        tolerance_m: float | None = None,
+        ttl_s: float | None = None,
+    ) -> Answer:
+        """Walk to a place; see `Client.waypoint`."""
+        return await self.ask(waypoint_content(x, y, heading, tolerance_m, ttl_s))
+
+    async def clip(self, name: str, *, ttl_s: float | None = None) -> Answer:
+        """Follow a clip that the run was started with, by its name."""
+        return await self.ask({"type": "clip", "clip": name, "ttl_s": ttl_s})
+
+    async def hold(self) -> Answer:
+        """Come to a stand; the next target goes on from there."""
+        return await self.ask({"type": "hold"})
+
+    async def arm(self) -> Answer:
+        """Switch the torque on: the robot stands up."""
+        return await self.ask({"type": "arm"})
+
+    async def disarm(self) -> Answer:
+        """Come to a stand, park, switch the torque off; the run goes on."""
+        return await self.ask({"type": "disarm"})
+
+    async def clear(self) -> Answer:
+        """Release a STOP, or a fault; see `Client.clear`."""
+        return await self.ask({"type": "clear"})
+
+    async def ask(self, message: Mapping[str, Any]) -> Answer:
+        """Send any message and wait for its answer."""
+        assert self._socket is not None, "async with AsyncClient() as robot: robot.ask(...)"
+        identity, text = self.message(message)
+        answered: asyncio.Future[Answer] = asyncio.get_running_loop().create_future()
+        self._waiting[identity] = answered
+        try:
+            await self._socket.send(text)
+            return await asyncio.wait_for(answered, PATIENCE_S)
+        except (OSError, WebSocketException) as error:  # TimeoutError is an OSError
+            raise self.failed(error) from error
+        finally:
+            self._waiting.pop(identity, None)
+
+    async def closed(self) -> None:
+        """Come back when the run has closed the connection."""
+        await asyncio.shield(self._reading)
+
+    async def _read(self) -> None:
+        assert self._socket is not None
+        try:
+            async for frame in self._socket:
+                answer = answer_in(frame)
+                waiting = None if answer is None or answer.id is None else self._waiting.get(answer.id)
+                if waiting is not None and not waiting.done():
+                    assert answer is not None
+                    waiting.set_result(answer)
+        except WebSocketException:
+            pass  # those that wait are told below
+        for waiting in self._waiting.values():
+            if not waiting.done():
+                waiting.set_exception(ConnectionResetError("the run closed the connection"))

@@ -1,0 +1,126 @@
+"""A goal is reached by moves that end in a stand, and each is judged by where the robot then stands."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from flexmotion.sampling.pace import Pace
+from flexmotion.streamer.motion.intents import Goal, Heading, Waypoint
+from flexmotion.streamer.planning.navigator import HEADING_TOLERANCE, Navigator, Phase
+from flexmotion.streamer.planning.standstill import Closing, Standstill
+
+DT = 0.02
+PACE = Pace(0.9, 0.45, 0.18, 0.7)
+WALKS = 0.2
+"""Speed of the robot over that of its human."""
+
+
+class Robot:
+    """It follows its human's velocity, later and less than asked, and sideways with an error.
+
+    Args:
+        late_s: it goes on for so long after it was told to stand.
+        drift: angle by which its walks lead astray [rad].
+    """
+
+    def __init__(
+        self, goal: Goal, late_s: float = 0.1, drift: float = 0.0, place: tuple[float, ...] = (0, 0, 0)
+    ) -> None:
+        self.place, self.late_s, self.drift = np.array(place, float), late_s, drift
+        self.time_s, self.phases = 0.0, [Phase.SETTLE]
+        self.navigator = Navigator(goal, PACE, self.place, 0.0)
+        self._moves = [(-1.0, self.navigator.move)]
+
+    def run(self, most_s: float = 300.0) -> None:
+        while not self.navigator.over and self.time_s < most_s:
+            self.time_s += DT
+            move = next((one for at, one in reversed(self._moves) if at <= self.time_s - self.late_s), None)
+            if move is not None:
+                yaw = self.place[2] + self.drift
+                x, y = WALKS * move.forward * DT, 0.5 * WALKS * move.left * DT
+                self.place[:2] += [math.cos(yaw) * x - math.sin(yaw) * y, math.sin(yaw) * x + math.cos(yaw) * y]
+                self.place[2] += 0.9 * move.turning * DT
+            before = self.navigator.phase, self.navigator.move
+            self.navigator.update(self.place, self.time_s)
+            if (self.navigator.phase, self.navigator.move) == before:
+                continue
+            self.phases.append(self.navigator.phase)
+            self._moves.append((self.time_s, self.navigator.move))
+            if self.navigator.phase is Phase.FACE:
+                self.place[2] += self.navigator.facing
+
+    def distance(self, x: float, y: float) -> float:
+        return float(np.hypot(*(self.place[:2] - [x, y])))
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    st.floats(-3.0, 3.0),
+    st.floats(-3.0, 3.0),
+    st.none() | st.floats(-math.pi, math.pi),
+    st.floats(-7.0, 7.0),
+    st.floats(-0.2, 0.2),
+)
+def test_it_arrives_from_anywhere(x: float, y: float, heading: float | None, yaw: float, drift: float) -> None:
+    robot = Robot(Waypoint(x, y, heading, 0.1), drift=drift, place=(0.3, -0.2, yaw))
+    robot.run()
+    assert robot.navigator.over and robot.navigator.arrived
+    assert robot.distance(x, y) <= 0.1
+    if heading is not None:
+        assert abs(math.remainder(robot.place[2] - heading, math.tau)) <= HEADING_TOLERANCE
+
+
+def test_a_heading_is_turned_to_the_shorter_way_and_no_faster_than_allowed() -> None:
+    robot = Robot(Heading(-3.0, 0.2), place=(0.0, 0.0, 3.0))
+    assert robot.navigator.phase is Phase.FACE and robot.navigator.facing == pytest.approx(math.tau - 6.0, abs=1e-9)
+    other = Robot(Heading(0.0, 0.2), place=(0.0, 0.0, 2.0))
+    assert other.navigator.move is not None and other.navigator.move.turning == -0.2
+    other.run()
+    assert other.navigator.arrived and abs(other.place[2]) <= HEADING_TOLERANCE
+
+
+def test_a_turn_of_two_rounds_is_two_rounds() -> None:
+    robot = Robot(Heading(0.0))
+    robot.navigator = Navigator(Heading(4 * math.pi), PACE, robot.place, 0.0, winds=True)
+    robot._moves = [(-1.0, robot.navigator.move)]
+    robot.run()
+    assert robot.place[2] == pytest.approx(4 * math.pi, abs=HEADING_TOLERANCE)
+
+
+def test_a_robot_that_stands_at_the_place_is_not_moved() -> None:
+    robot = Robot(Waypoint(0.05, 0.05, 0.1, 0.1))
+    assert robot.navigator.over and robot.navigator.arrived and robot.navigator.move is None
+
+
+def test_a_robot_that_cannot_move_gives_up_within_its_time_and_says_so() -> None:
+    robot = Robot(Waypoint(1.0, 0.0), late_s=1e9)
+    robot.run(most_s=1000.0)
+    assert robot.navigator.over and not robot.navigator.arrived
+    assert robot.time_s <= robot.navigator.limit_s + 1.0
+
+
+def test_near_the_place_it_shifts_without_turning_to_it() -> None:
+    robot = Robot(Waypoint(0.0, 0.2, 0.0, 0.05))
+    assert robot.navigator.phase is Phase.WALK and robot.navigator.move is not None
+    assert robot.navigator.move.left > 0.0 and robot.navigator.move.forward == pytest.approx(0.0)
+    robot.run()
+    assert robot.navigator.arrived and Phase.TURN not in robot.phases
+
+
+def test_it_stops_at_the_step_that_ends_nearest() -> None:
+    """A robot turns by whole steps: one more would end 20 degrees past the goal, this one ends 8 degrees before it."""
+    closing = Closing()
+    assert [closing.reached(np.radians(angle)) for angle in (90, 90, 62, 62, 34, 34, 8)] == [False] * 6 + [True]
+
+
+def test_a_robot_that_sways_for_ever_counts_as_standing_after_a_while() -> None:
+    still, swaying = Standstill(np.zeros(3), 0.0), Standstill(np.zeros(3), 0.0)
+    assert not still.settled(np.zeros(3), 0.9) and still.settled(np.zeros(3), 1.0)
+    times = np.arange(0.0, 5.0, 0.1)
+    settled = [swaying.settled(np.array([0.02 * (k % 2), 0.0, 0.0]), time) for k, time in enumerate(times)]
+    assert settled.index(True) == 40
