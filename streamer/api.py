@@ -20,6 +20,7 @@ from flexmotion.drivers.interface import Driver
 from flexmotion.drivers.registry import create
 from flexmotion.drivers.simulated import simulated
 from flexmotion.human.motion import Motion
+from flexmotion.human.resample import resample
 from flexmotion.importers import load
 from flexmotion.retarget.human_steps import count_steps
 from flexmotion.sampling.sampler import Sampler
@@ -116,6 +117,7 @@ def open_source(
     name: str | None = None,
     seed: int = 0,
     seconds: float | None = None,
+    clips: Sequence[str | Path] = (),
 ) -> Performance:
     """A source of human motion for a robot.
 
@@ -129,6 +131,7 @@ def open_source(
         blend_frames: frames over which a script's clip takes over from the one before.
         name: what report and log call the source.
         seed: of all that the model draws.
+        clips: files that targets of a model's source may name, by their file name.
         seconds: the source ends after this time; None: a clip with its last frame, a model with a `Stop` [s].
 
     Raises:
@@ -149,10 +152,12 @@ def open_source(
         check_script(items)
         if not isinstance(items[0].intent, Clip):
             sampler = open_sampler(bundle)
-            return ModelSource(sampler, items, name or "model", seed, seconds, human_pace(robot, sampler.body))
+            pace = human_pace(robot, sampler.body)
+            allowed = {Path(clip).name: resample(load_motion(clip, mapping), sampler.fps) for clip in clips}
+            return ModelSource(sampler, items, name or "model", seed, seconds, pace, clips=allowed)
         motion = _sequence(items, mapping, blend_frames)
-    if bundle is not None:
-        raise ConfigError("a bundle is given, but clips need no model")
+    if bundle is not None or clips:
+        raise ConfigError("a bundle or clips for targets are given, but a clip needs no model")
     source = ClipSource(motion if name is None else replace(motion, source=name))
     return source if seconds is None or seconds >= source.seconds else source.cut(seconds)
 

@@ -14,6 +14,7 @@ from flexmotion.streamer.commands.options import (
     BeltOption,
     BundleOption,
     ClipOption,
+    ClipsOption,
     FeedbackOption,
     FoxgloveOption,
     GamepadOption,
@@ -28,6 +29,7 @@ from flexmotion.streamer.commands.options import (
     PromptOption,
     RealtimeOption,
     ReportOption,
+    Ros2Option,
     ScriptOption,
     SecondsOption,
     SeedOption,
@@ -58,6 +60,7 @@ class MotionOptions:
     """Which motion a robot follows."""
 
     clip: ClipOption = None
+    clips: ClipsOption = None
     script: ScriptOption = None
     prompt: PromptOption = None
     bundle: BundleOption = None
@@ -88,6 +91,7 @@ class MotionOptions:
             seconds=seconds,
             endless=endless,
             listens=listens,
+            clips=self.clips or (),
         )
 
 
@@ -139,6 +143,7 @@ class RunOptions:
     name: NameOption = None
     zenoh: ZenohOption = False
     zenoh_router: ZenohRouterOption = None
+    ros2: Ros2Option = False
     gamepad: GamepadOption = False
     allow_refused: AllowRefusedOption = False
     as_json: JsonOption = False
@@ -146,7 +151,8 @@ class RunOptions:
     @property
     def listens(self) -> bool:
         """Whether targets of other programs are taken."""
-        return self.web or self.stdin or self.zenoh or self.zenoh_router is not None or self.gamepad
+        ways = (self.web, self.stdin, self.zenoh, self.zenoh_router is not None, self.ros2, self.gamepad)
+        return any(ways)
 
     def _listening(self) -> Listening | None:
         if not (self.listens or self.view):
@@ -168,6 +174,7 @@ class RunOptions:
             name=self.name,
             zenoh=self.zenoh,
             zenoh_router=self.zenoh_router,
+            ros2=self.ros2,
             gamepad=self.gamepad,
         )
 

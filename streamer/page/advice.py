@@ -7,7 +7,7 @@ import re
 _ADVICE = (
     (r"e-stop", "The robot stopped, then parks. See that nobody is in its way, clear the fault, then arm the robot."),
     (r"kill", "The torque was cut. Put the robot into its rest pose by hand, clear the fault, then arm the robot."),
-    (r"\bfall\b", "Switch the supply off before you touch the robot. Put it up, look for damage, clear the fault, arm."),
+    (r"\bfall\b", "Switch the supply off before you touch it. Put it up, look for damage, clear the fault, arm it."),
     (r"bus lost", "Check the servos' cable and supply; `flexmotion check bus` finds the rest."),
     (r"does not answer", "Check this servo's plug and the cable to it: `flexmotion servo scan`."),
     (r"hardware error", "The servo was too hot or overloaded: let it cool, then `flexmotion servo reboot`."),

@@ -16,7 +16,8 @@ from typing import TYPE_CHECKING, Any
 from flexmotion.streamer.gateway.hub import Hub
 from flexmotion.streamer.gateway.messages import Answer, encode
 from flexmotion.streamer.gateway.status import Status
-from flexmotion.streamer.gateway.transports.zenoh_link import ZenohLink, direct, payload
+from flexmotion.streamer.gateway.transports.zenoh_link import ZenohLink
+from flexmotion.streamer.gateway.transports.zenoh_session import direct, keep_open, payload
 
 if TYPE_CHECKING:
     import zenoh
@@ -38,7 +39,7 @@ class ZenohTargets:
         """See `Transport.begin`."""
         desk = _Desk(self.link, hub)
         reporting = asyncio.create_task(desk.report())
-        close = self.link.begin(desk.serve, "zenoh")
+        close = keep_open(self.link.config, desk.serve, "zenoh", self.link.listen)
 
         def end() -> None:
             reporting.cancel()
