@@ -45,7 +45,7 @@ class SegmentFigures(BaseModel):
 
     @property
     def growth_mb(self) -> float | None:
-        """Growth of memory in ten minutes, by a line through what was measured after the start [MB]; None: too short."""
+        """Growth of memory in ten minutes, by a line through the samples after the start [MB]; None: too few."""
         known = np.array([one for one in self.memory if one[0] >= SETTLED_S]).reshape(-1, 2)
         if len(known) < 10:
             return None
