@@ -6,6 +6,7 @@ import argparse
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 import tempfile
@@ -86,6 +87,8 @@ def _lockstep_run(
         record_to(log, session, "lockstep")
         senders = three(port, lines, now, interval_s, seed) if targets else []
         with session:
+            if targets:
+                _wait_until_it_listens(port)
             for sender in senders:
                 sender.start()
             while begin_s + now() < seconds and session.step():
@@ -104,6 +107,14 @@ def _lockstep_run(
     _count(found, senders)
     found.seconds = begin_s + now()
     found.violations += session.record.violations_sent
+
+
+def _wait_until_it_listens(port: int) -> None:
+    while True:
+        with socket.socket() as probe:
+            if probe.connect_ex(("127.0.0.1", port)) == 0:
+                return
+        time.sleep(0.1)
 
 
 def _send_directly(session: Session, message: dict[str, Any]) -> None:
@@ -129,8 +140,8 @@ def _gateway(session: Session) -> Iterator[tuple[int, Lines]]:
         lines=(to_run, from_run),
     )
     session.services += (gateway,)
-    with os.fdopen(from_test, "wb") as out, os.fdopen(to_test, "rb") as back:
-        yield gateway.port, Lines(out, back)
+    # Not closed here: threads read them until the segment's process ends.
+    yield gateway.port, Lines(os.fdopen(from_test, "wb"), os.fdopen(to_test, "rb"))
 
 
 def wall_clock(seconds: float, seed: int, interval_s: float, log: Path) -> SegmentFigures:
