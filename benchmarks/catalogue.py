@@ -122,6 +122,7 @@ CATALOGUE = (
     Benchmark("realtime/gateway", "9 min", (), "a target unanswered; to command above 35, p99 50 ms; a fall"),
     Benchmark("realtime/page", "5 min", (), "the gateway above .25 cores with 3 pages; plans slowed by over 10 %"),
     Benchmark("realtime/stop", "4 min", (), "parked after more than 5.5 s, a fall"),
+    Benchmark("live/soak", "3 h", (), "unanswered, 1 MB in 10 min, a goal outside the envelope, falls of transports"),
     Benchmark("bus/cycle_time", "1 min", (Need.DEV,)),
     Benchmark("bus/faults", "5 min", (), "bad packets end a run or cost 10 % of the tracking"),
 )

@@ -91,7 +91,8 @@ class TargetLedger:
         """Whether the source may turn to a target now.
 
         Each change cuts the motion and gets a short plan first, and steps are settled further ahead than that reaches.
-        One flood of targets ended in a fall, whose cause is not known (docs/decisions.md).
+        In floods the robot fell: no step was begun any more, or a step was carried out for a motion that had
+        changed (docs/decisions.md).
         """
         if self.halted or isinstance(target.intent, Stop):
             return True
