@@ -33,6 +33,7 @@ class Channels:
     """
 
     def __init__(self, context: Context, joints: tuple[str, ...]) -> None:
+        self._context = context  # channels close with it
         about = {"joints": ",".join(joints)}
         self._tick = _cdr_channel(context, TICK, TICK_SCHEMA, tick_columns(len(joints)), about)
         self._plan = _cdr_channel(context, PLAN, PLAN_SCHEMA, PLAN_COLUMNS, about)

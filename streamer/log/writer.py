@@ -25,7 +25,7 @@ class LogWriter(Channels):
     def __init__(self, file: LogFile, header: LogHeader, attachments: Mapping[str, bytes]) -> None:
         self.file = file
         # A context of its own keeps apart several logs in one process; its channels close with it.
-        context = self._context = Context()
+        context = Context()
         options = MCAPWriteOptions(
             compression=MCAPCompression.Zstd,
             compression_threads=0,  # none: the cores are for the run
