@@ -50,7 +50,7 @@ class LiveRun:
         context = multiprocessing.get_context("fork")
         self._folder = tempfile.TemporaryDirectory()
         self._file = Path(self._folder.name) / "report.json"
-        self._ending = context.Event()
+        self._ending, self._ended = context.Event(), False
         self._process = context.Process(target=self._run)
 
     def __enter__(self) -> Self:
@@ -65,9 +65,15 @@ class LiveRun:
 
     def _run(self) -> None:
         os.setpgid(0, 0)
-        self.session.next_request = lambda: Request.END if self._ending.is_set() else None
+        self.session.next_request = self._next_request
         self.session.run()
         self._file.write_text(api.outcome(self.session).report.json_text(), encoding="utf-8")
+
+    def _next_request(self) -> Request | None:
+        if self._ended or not self._ending.is_set():
+            return None
+        self._ended = True
+        return Request.END
 
     def wait_for(self, *states: State) -> None:
         """Wait until the loop is in one of these states.
