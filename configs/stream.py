@@ -41,6 +41,7 @@ class Gateway(Strict):
 
     Attributes:
         port, stop_port: of the gateway, and of the process that takes stops alone.
+        foxglove_port: of the live view for Foxglove (`--foxglove`).
         priorities: by the name of a source; a source with a higher priority takes the lease over without asking.
         other_priority: of all other sources.
         lease_s: an operator who sends nothing for this long holds the lease no longer.
@@ -59,6 +60,7 @@ class Gateway(Strict):
 
     port: int = Field(default=8790, ge=1, le=65535)
     stop_port: int = Field(default=8791, ge=1, le=65535)
+    foxglove_port: int = Field(default=8765, ge=1, le=65535)
     priorities: dict[str, int] = {}
     other_priority: int = 0
     lease_s: float = Field(default=10.0, gt=0)

@@ -35,8 +35,8 @@ from flexmotion.streamer.gateway.ports import any_free
 
 PAGES = (0, 1, 3)
 MOST_CPU, MOST_EACH, MOST_SLOWER = 0.25, 0.05, 1.1
-"""Bounds: processor time of the gateway with three pages, more of it for each page after the first [cores], and times of
-plans with three pages over those with none."""
+"""Bounds: processor time of the gateway with three pages, more of it for each page after the first [cores]; how much
+longer plans take with three pages than with none."""
 _PROCESSES = ("loop", "robot", "planner", "gateway", "stops")
 
 

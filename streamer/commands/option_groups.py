@@ -14,7 +14,9 @@ from flexmotion.streamer.commands.options import (
     BeltOption,
     BundleOption,
     ClipOption,
+    ClipsOption,
     FeedbackOption,
+    FoxgloveOption,
     GamepadOption,
     HeightOption,
     JsonOption,
@@ -49,7 +51,8 @@ if TYPE_CHECKING:
     from flexmotion.importers import Import
     from flexmotion.streamer.gateway.listening import Listening
     from flexmotion.streamer.motion.sources import Performance, Source
-    from flexmotion.streamer.run.session import Clock, Session
+    from flexmotion.streamer.run.parts import Clock
+    from flexmotion.streamer.run.session import Session
 
 
 @dataclass(frozen=True)
@@ -57,6 +60,7 @@ class MotionOptions:
     """Which motion a robot follows."""
 
     clip: ClipOption = None
+    clips: ClipsOption = None
     script: ScriptOption = None
     prompt: PromptOption = None
     bundle: BundleOption = None
@@ -87,6 +91,7 @@ class MotionOptions:
             seconds=seconds,
             endless=endless,
             listens=listens,
+            clips=self.clips or (),
         )
 
 
@@ -134,6 +139,7 @@ class RunOptions:
     token_file: TokenFileOption = None
     stdin: StdinOption = False
     arm: ArmOption = None
+    foxglove: FoxgloveOption = False
     name: NameOption = None
     zenoh: ZenohOption = False
     zenoh_router: ZenohRouterOption = None
@@ -204,6 +210,7 @@ class RunOptions:
             stay=stay,
             realtime=self.realtime,
             log=log_file(self.log, self.report),
+            foxglove=self.foxglove,
             listening=self._listening(),
             allow_refused=self.allow_refused,
             armed=armed if self.arm is None else self.arm,

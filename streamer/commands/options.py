@@ -45,6 +45,14 @@ ClipOption = Annotated[
         show_default=False,
     ),
 ]
+ClipsOption = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--clips",
+        help="Motion file that targets may name, by its file name (repeatable; with --web).",
+        show_default=False,
+    ),
+]
 ScriptOption = Annotated[
     Path | None,
     typer.Option(
@@ -188,6 +196,12 @@ TokenFileOption = Annotated[
         "--token-file",
         help="File with the token of the run; else the environment variable FLEXMOTION_TOKEN.",
         show_default=False,
+    ),
+]
+FoxgloveOption = Annotated[
+    bool,
+    typer.Option(
+        "--foxglove/--no-foxglove", help="Show the run live in Foxglove, on this machine (ws://127.0.0.1:8765)."
     ),
 ]
 NameOption = Annotated[
