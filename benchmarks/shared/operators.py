@@ -31,7 +31,7 @@ from flexmotion.streamer.gateway.ports import any_free
 from flexmotion.streamer.gateway.transports.ros2_messages import EMPTY, STRING, Ros2Messages
 from flexmotion.streamer.gateway.transports.ros2_node import Ros2Link, Ros2Node
 
-_PATIENCE_S = 30.0
+_PATIENCE_S = 120.0
 _NAME = "benchmark"
 _ANSWERS = ("accepted", "slowed", "partly", "superseded", "expired", "refused")
 
