@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from flexmotion.streamer.gateway.presses import Presses
@@ -35,8 +36,11 @@ class Ros2Stops:
             def reply(content: dict[str, Any]) -> None:
                 send(self._messages.string(json.dumps({**content, "source": self.name})))
 
-            for topic, asked in (("stop", Request.STOP), ("estop", Request.ESTOP)):
-                node.subscribe(topic, EMPTY, lambda _data, asked=asked: presses.press(asked, "ros2", reply))
+            def press(asked: Request, _data: bytes) -> None:
+                presses.press(asked, self.name, reply)
+
+            node.subscribe("stop", EMPTY, partial(press, Request.STOP))
+            node.subscribe("estop", EMPTY, partial(press, Request.ESTOP))
             return node.declared
 
         return keep_open(self.link.config, serve, "ros2-stops", f"the zenoh router at {self.link.router}")

@@ -76,9 +76,13 @@ class _Desk:
         """Publish the status while somebody reads it, without an end."""
         while True:
             await asyncio.sleep(_STATUS_S)
-            publisher = self._status
-            if publisher is not None and publisher.matching_status and self._out.empty():
-                self.hub.ask_status(lambda status, to=publisher: self._later(lambda: to.put(encode(status))))
+            if self._status is not None and self._status.matching_status and self._out.empty():
+                self.hub.ask_status(self._publish)
+
+    def _publish(self, status: Status) -> None:
+        publisher = self._status
+        if publisher is not None:
+            self._later(lambda: publisher.put(encode(status)))
 
     def _put(self, sample: zenoh.Sample) -> None:
         operator = _last(sample)
