@@ -12,12 +12,13 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from typing import Any
 
 import zenoh
 from evdev import ecodes
+from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
 from benchmarks.shared.pads import EmulatedPad, wait_for_readers
@@ -153,8 +154,9 @@ class OverWebSocket(Operator):
         self._client.estop()
 
     def _read(self) -> None:
-        for frame in self._socket:
-            self.told(frame)
+        with suppress(ConnectionClosed):  # the run has ended
+            for frame in self._socket:
+                self.told(frame)
 
 
 class OverZenoh(Operator):

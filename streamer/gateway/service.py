@@ -177,7 +177,8 @@ class _Server:
             robot = service.robot
             return status_of(desk, robot.name, service.driver, robot.rate_hz, service.stop_port)
 
-        pump = asyncio.create_task(_pump(desk, woken))
+        pump: asyncio.Task[Any] = asyncio.create_task(_pump(desk, woken))
+        serving: asyncio.Task[Any]
         if service.lines is not None:
             Lines(*service.lines, desk, woken.set)
         ends = _begin(service.transports, Hub(desk, status, woken.set))
@@ -201,8 +202,8 @@ class _Server:
         for task in (serving, pump, drawing):
             if task is not None and task not in done:
                 task.cancel()
-        for task in done:
-            task.result()
+        for ended in done:
+            ended.result()
 
     async def _listen(self, app: Any, admission: Admission) -> None:
         import uvicorn
