@@ -6,6 +6,7 @@ from pathlib import Path
 
 from pydantic import Field, model_validator
 
+from flexmotion.configs.gamepad import Gamepad
 from flexmotion.configs.schema import Strict, load
 
 FOLDER = Path(__file__).parent / "stream"
@@ -15,7 +16,9 @@ class Budgets(Strict):
     """Upper bounds on timing.
 
     Attributes:
-        target_to_command_ms: time from the arrival of a target to the first command computed from it, 99th percentile.
+        target_to_command_ms: time from the arrival of a target to the first command computed from it, 95th percentile.
+        target_to_command_p50_ms, target_to_command_p99_ms: likewise, median and 99th percentile while the machine kept
+            its pace.
         loop_work_p99_ms: work of one loop tick, 99th percentile.
         wake_lateness_p99_ms: lateness of the loop's wake-up, 99th percentile.
         missed_deadlines: ticks of a run that may overrun.
@@ -23,6 +26,8 @@ class Budgets(Strict):
     """
 
     target_to_command_ms: float = Field(default=60.0, gt=0)
+    target_to_command_p50_ms: float = Field(default=35.0, gt=0)
+    target_to_command_p99_ms: float = Field(default=50.0, gt=0)
     loop_work_p99_ms: float = Field(default=2.0, gt=0)
     wake_lateness_p99_ms: float = Field(default=1.0, gt=0)
     missed_deadlines: int = Field(default=0, ge=0)
@@ -36,6 +41,7 @@ class Gateway(Strict):
 
     Attributes:
         port, stop_port: of the gateway, and of the process that takes stops alone.
+        foxglove_port: of the live view for Foxglove (`--foxglove`).
         priorities: by the name of a source; a source with a higher priority takes the lease over without asking.
         other_priority: of all other sources.
         lease_s: an operator who sends nothing for this long holds the lease no longer.
@@ -45,10 +51,16 @@ class Gateway(Strict):
         most_bytes: longest message.
         most_connections: connections at a time; further ones are refused.
         most_unread: a connection that leaves so many answers unread is closed.
+        name: of the robot in keys of zenoh and topics of ROS 2; None: that of the robot file.
+        zenoh_port, zenoh_stop_port: of the gateway and of the stop process for zenoh.
+        ros2_port: of the zenoh router of ROS 2 on this machine.
+        ros2_rate_hz: joint states and IMU that are published a second.
+        gamepad: what its sticks and buttons do.
     """
 
     port: int = Field(default=8790, ge=1, le=65535)
     stop_port: int = Field(default=8791, ge=1, le=65535)
+    foxglove_port: int = Field(default=8765, ge=1, le=65535)
     priorities: dict[str, int] = {}
     other_priority: int = 0
     lease_s: float = Field(default=10.0, gt=0)
@@ -58,16 +70,45 @@ class Gateway(Strict):
     most_bytes: int = Field(default=4096, ge=512, le=65536)
     most_connections: int = Field(default=32, ge=1)
     most_unread: int = Field(default=1000, ge=10)
+    name: str | None = Field(default=None, pattern=r"^[a-z][a-z0-9_]{0,63}$")
+    zenoh_port: int = Field(default=8792, ge=1, le=65535)
+    zenoh_stop_port: int = Field(default=8793, ge=1, le=65535)
+    ros2_port: int = Field(default=7447, ge=1, le=65535)
+    ros2_rate_hz: float = Field(default=50.0, ge=1, le=250)
+    gamepad: Gamepad = Gamepad()
 
     @model_validator(mode="after")
     def _apart(self) -> Gateway:
-        if self.port == self.stop_port:
-            raise ValueError(f"port and stop_port are both {self.port}, expected different ports")
+        names = ("port", "stop_port", "zenoh_port", "zenoh_stop_port", "ros2_port")
+        for number, name in enumerate(names):
+            for other in names[:number]:
+                if getattr(self, name) == getattr(self, other):
+                    raise ValueError(f"{other} and {name} are both {getattr(self, name)}, expected different ports")
         return self
 
     def priority(self, source: str) -> int:
         """Priority of a source: by its name, else by the first word of it, as of "page 3f"."""
         return self.priorities.get(source, self.priorities.get(source.partition(" ")[0], self.other_priority))
+
+
+class LogParts(Strict):
+    """When a log goes on in a new file, and how much of it is kept (`docs/log.md`).
+
+    Attributes:
+        part_mb: size of a file at which the next one is begun [MB].
+        part_s: time that a file holds at most [s].
+        keep_mb: size of all files of a log; beyond it the oldest ones but the first are removed [MB].
+    """
+
+    part_mb: float = Field(default=250.0, gt=0)
+    part_s: float = Field(default=1800.0, gt=0)
+    keep_mb: float = Field(default=10_000.0, gt=0)
+
+    @model_validator(mode="after")
+    def _fits(self) -> LogParts:
+        if self.keep_mb < 3 * self.part_mb:
+            raise ValueError(f"keep_mb {self.keep_mb} must be at least three parts of part_mb {self.part_mb}")
+        return self
 
 
 class StreamSettings(Strict):
@@ -87,6 +128,7 @@ class StreamSettings(Strict):
             setting; 0: they do not sleep; null: no limit, which draws less power.
         budgets: timing bounds.
         gateway: how targets of other programs are admitted.
+        log: when a log goes on in a new file.
     """
 
     horizon_s: float = Field(default=1.0, gt=0)
@@ -101,6 +143,7 @@ class StreamSettings(Strict):
     wake_latency_us: int | None = Field(default=0, ge=0, le=1_000_000)
     budgets: Budgets = Budgets()
     gateway: Gateway = Gateway()
+    log: LogParts = LogParts()
 
     @model_validator(mode="after")
     def _fits(self) -> StreamSettings:

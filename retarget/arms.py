@@ -14,13 +14,13 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
-from scipy.spatial.transform import Rotation
 from scipy.stats import qmc
 
 from flexmotion.configs.errors import RetargetError
 from flexmotion.configs.robot import Robot
 from flexmotion.human.kinematics import HumanKinematics
 from flexmotion.retarget.legs import SIDE_NAMES
+from flexmotion.spatial.rotations import zyx_yaw_pitch
 
 Float = NDArray[np.float64]
 
@@ -41,6 +41,9 @@ _RESTART_ERROR, _RESTART_FRAMES = 0.12, 4
 """Error over arm length above which another start is searched, every so many frames; it must halve the error."""
 _TRAVEL_WEIGHT = 0.02
 """Cost of a squared radian of joint movement to a new start, in squared error over squared arm length."""
+
+_AT_ORIGIN = (0, 0, 0, 1, 0, 0, 0)
+_SIDES = np.array([[0], [1]])
 
 
 @dataclass(frozen=True)
@@ -77,12 +80,21 @@ class UpperBody:
         self.head = robot.chain("head")
         self.joints = np.concatenate([*self.arms, np.array(sorted(self.head.values()), dtype=int)])
         """Columns of the robot's joints that this class sets."""
+        # Views, looked up once: an attribute of MjData costs as much as the kinematics of this robot.
+        self._qpos, self._xpos, self._xmat, self._xanchor = (
+            getattr(self.data, name) for name in ("qpos", "xpos", "xmat", "xanchor")
+        )
         self._joint_ids = np.array([[self._joint_id(i) for i in arm] for arm in arms])
         self._hand_bodies = np.array([robot.model.body(hand.body).id for hand in (hands.left, hands.right)])
         self._hand_offsets = np.array([hand.point for hand in (hands.left, hands.right)])
+        self._elbow_bodies = self.model.jnt_bodyid[self._joint_ids[:, -1]]
+        self._dofs = self.model.jnt_dofadr[self._joint_ids]
+        self._jacobians = np.zeros((2, 2, 3, self.model.nv))
+        self._error = np.zeros((2, 6))
         self._lower, self._upper = robot.lower[self.arms], robot.upper[self.arms]
         self._head_signs = self._signs()
         self.lengths = self._measure()
+        self._reach_squared = self.lengths.sum(axis=1) ** 2
         self._samples, self._trees = self._sample()
         self._damping = (_DAMPING * self.lengths.sum(axis=1)[:, None, None]) ** 2 * np.eye(len(arms[0]))
 
@@ -121,12 +133,12 @@ class UpperBody:
 
     def _hand_points(self) -> Float:
         """Both hands in the world, (2, 3) [m]."""
-        rotation = self.data.xmat[self._hand_bodies].reshape(2, 3, 3)
-        return self.data.xpos[self._hand_bodies] + (rotation @ self._hand_offsets[:, :, None])[:, :, 0]
+        rotation = self._xmat[self._hand_bodies].reshape(2, 3, 3)
+        return self._xpos[self._hand_bodies] + (rotation @ self._hand_offsets[:, :, None])[:, :, 0]
 
     def _place(self, q: Float) -> None:
-        self.data.qpos[:7] = [0, 0, 0, 1, 0, 0, 0]
-        self.data.qpos[self.robot.qpos_address] = q
+        self._qpos[:7] = _AT_ORIGIN
+        self._qpos[self.robot.qpos_address] = q
         mujoco.mj_kinematics(self.model, self.data)
 
     def targets(self, human: HumanKinematics) -> ArmTargets:
@@ -205,16 +217,21 @@ class UpperBody:
         Returns:
             The step (2, m) [rad], and the squared error before it over the squared arm length, (2,).
         """
-        axes, anchors = self.data.xaxis[self._joint_ids], self.data.xanchor[self._joint_ids]
-        tip, joint = self._hand_points(), anchors[:, -1]
-        jacobian = np.concatenate(
-            [_cross(axes, tip[:, None] - anchors), _ELBOW_WEIGHT * _cross(axes, joint[:, None] - anchors)], axis=2
-        )
-        origin = self.data.xpos[self.torso]
-        error = np.concatenate([hand - (tip - origin), _ELBOW_WEIGHT * (elbow - (joint - origin))], axis=1)
+        data, error = self.data, self._error
+        tip, joint, origin = self._hand_points(), self._xanchor[self._joint_ids[:, -1]], self._xpos[self.torso]
+        mujoco.mj_comPos(self.model, data)
+        for side in (0, 1):
+            mujoco.mj_jac(self.model, data, self._jacobians[side, 0], None, tip[side], self._hand_bodies[side])
+            mujoco.mj_jac(self.model, data, self._jacobians[side, 1], None, joint[side], self._elbow_bodies[side])
+        # Of each arm: hand, then elbow, by its own joints, (2, m, 6).
+        jacobian = self._jacobians.reshape(2, 6, -1)[_SIDES, :, self._dofs]
+        jacobian[:, :, 3:] *= _ELBOW_WEIGHT
+        np.subtract(hand, tip - origin, out=error[:, :3])
+        np.subtract(elbow, joint - origin, out=error[:, 3:])
+        error[:, 3:] *= _ELBOW_WEIGHT
         normal = jacobian @ jacobian.swapaxes(1, 2) + self._damping
         step = np.linalg.solve(normal, jacobian @ error[:, :, None])[:, :, 0]
-        relative = np.sum(error**2, axis=1) / self.lengths.sum(axis=1) ** 2
+        relative = np.sum(error**2, axis=1) / self._reach_squared
         return np.minimum(np.maximum(step, -_LARGEST_STEP), _LARGEST_STEP), relative
 
     def hand_positions(self, q: Float) -> Float:
@@ -224,14 +241,6 @@ class UpperBody:
 
     def _gaze(self, human: HumanKinematics) -> dict[str, Float]:
         relative = np.swapaxes(human.torso_rotation, 1, 2) @ human.head_rotation
-        yaw, pitch, _ = Rotation.from_matrix(relative).as_euler("ZYX").T
+        yaw, pitch = zyx_yaw_pitch(relative)
         angles = {"pan": yaw, "tilt": pitch}
         return {role: sign * angles[role] for role, sign in self._head_signs.items()}
-
-
-_NEXT, _LAST = [1, 2, 0], [2, 0, 1]
-
-
-def _cross(a: Float, b: Float) -> Float:
-    """Cross product over the last axis; `np.cross` takes ten times as long for so few rows."""
-    return a[..., _NEXT] * b[..., _LAST] - a[..., _LAST] * b[..., _NEXT]

@@ -10,10 +10,10 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from flexmotion.configs.robot import Robot
 from flexmotion.retarget.legs import Leg
+from flexmotion.spatial.rotations import matrices
 
 Float = NDArray[np.float64]
 
@@ -91,7 +91,7 @@ class RobotDynamics:
         torque = force[:, robot.dof_address].copy()
         # Root rows: force in the world, moment in the torso frame about its origin.
         total = force[:, :3]
-        moment = Rotation.from_quat(base[:, [4, 5, 6, 3]]).apply(force[:, 3:6])
+        moment = np.einsum("tij,tj->ti", matrices(base[:, 3:]), force[:, 3:6])
         moment = moment + np.cross(base[:, :3], total)
         zmp = np.column_stack([-moment[:, 1], moment[:, 0]]) / np.maximum(total[:, 2:], 1e-6)
         weights = np.column_stack([1.0 - share, share])

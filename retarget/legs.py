@@ -128,34 +128,14 @@ class Leg:
         ankle_roll = np.arctan2(r[:, 1], r[:, 2])
         lean = np.arctan2(-r[:, 0], np.hypot(r[:, 1], r[:, 2]))
         ankle_pitch = lean - np.arctan2(self.thigh * np.sin(knee), self.shank + self.thigh * np.cos(knee))
-        hip_rotation = (
-            np.swapaxes(torso_rotation, 1, 2)
-            @ sole_rotation
-            @ _rotation_x(-ankle_roll)
-            @ _rotation_y(-ankle_pitch - knee)
-        )
-        yaw = np.arctan2(-hip_rotation[:, 0, 1], hip_rotation[:, 1, 1])
-        roll = np.arcsin(np.clip(hip_rotation[:, 2, 1], -1.0, 1.0))
-        pitch = np.arctan2(-hip_rotation[:, 2, 0], hip_rotation[:, 2, 2])
+        # The hip's rotation is turned @ Rx(-ankle_roll) @ Ry(-ankle_pitch - knee); only these parts of it are needed.
+        turned = np.swapaxes(torso_rotation, 1, 2) @ sole_rotation
+        cos, sin = np.cos(ankle_roll), np.sin(ankle_roll)
+        middle = cos[:, None] * turned[:, :, 1] - sin[:, None] * turned[:, :, 2]
+        last, bend = sin * turned[:, 2, 1] + cos * turned[:, 2, 2], ankle_pitch + knee
+        cos, sin = np.cos(bend), np.sin(bend)
+        yaw = np.arctan2(-middle[:, 0], middle[:, 1])
+        roll = np.arcsin(np.clip(middle[:, 2], -1.0, 1.0))
+        pitch = np.arctan2(-cos * turned[:, 2, 0] - sin * last, cos * last - sin * turned[:, 2, 0])
         angles = np.stack([yaw, roll, pitch, knee, ankle_pitch, ankle_roll], axis=1)
         return angles * self.signs, np.abs(distance - reach)
-
-
-def _rotation_x(angle: Float) -> Float:
-    """Rotations about x, (T, 3, 3); with SciPy's `Rotation` here a plan takes 4 % longer, 13 % throughout the leg."""
-    out = np.zeros((len(angle), 3, 3))
-    out[:, 0, 0] = 1.0
-    out[:, 1, 1] = out[:, 2, 2] = np.cos(angle)
-    out[:, 2, 1] = np.sin(angle)
-    out[:, 1, 2] = -out[:, 2, 1]
-    return out
-
-
-def _rotation_y(angle: Float) -> Float:
-    """Rotations about y, (T, 3, 3)."""
-    out = np.zeros((len(angle), 3, 3))
-    out[:, 1, 1] = 1.0
-    out[:, 0, 0] = out[:, 2, 2] = np.cos(angle)
-    out[:, 0, 2] = np.sin(angle)
-    out[:, 2, 0] = -out[:, 0, 2]
-    return out

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import make_interp_spline
 from scipy.signal import butter, sosfilt, sosfilt_zi
-from scipy.spatial.transform import Rotation
 
 from flexmotion.retarget.dynamics import RobotDynamics
 from flexmotion.retarget.schedule import Schedule
 from flexmotion.retarget.state import RetargetState
+from flexmotion.spatial.rotations import turns
 
 Float = NDArray[np.float64]
 
@@ -44,7 +43,7 @@ class JointTorques:
             qd [rad/s], qdd [rad/s²] and torque [N·m], (T, n) each.
         """
         joints, torso = np.concatenate([state.q[::-1], q]), np.concatenate([state.base[::-1], base])
-        moves = np.hstack([np.diff(joints, axis=0), np.diff(torso[:, :3], axis=0), _turns(torso[:, 3:])])
+        moves = np.hstack([np.diff(joints, axis=0), np.diff(torso[:, :3], axis=0), turns(torso[:, 3:])])
         speed, acceleration = self._rates(moves / self.dt)
         n = joints.shape[1]
         qd, qdd = speed[:, :n], acceleration[:, :n]
@@ -59,7 +58,7 @@ class JointTorques:
             schedule.feet[rows],
             schedule.share[rows],
         )
-        return qd, qdd, make_interp_spline(rows, torque, k=1)(np.arange(len(q)))
+        return qd, qdd, _between_rows(rows, torque, len(q))
 
     def _rates(self, between: Float) -> tuple[Float, Float]:
         """Speed and low-passed acceleration at rows, (T, C), from the mean speeds between them, (T + 1, C).
@@ -73,7 +72,10 @@ class JointTorques:
         return 0.5 * (between[1:] + after), smooth
 
 
-def _turns(quaternions: Float) -> Float:
-    """Rotation vectors from row to row in the body's frame, (T + 1, 3), from (T + 2, 4) quaternions w x y z."""
-    rotation = Rotation.from_quat(quaternions, scalar_first=True)
-    return (rotation[:-1].inv() * rotation[1:]).as_rotvec()
+def _between_rows(rows: NDArray[np.int64], values: Float, count: int) -> Float:
+    """Linear interpolation of values at ascending rows from 0 on, (k, n), at every row, (count, n)."""
+    every = np.arange(count)
+    low = np.minimum(np.searchsorted(rows, every, side="right") - 1, len(rows) - 2)
+    share = (every - rows[low]) / (rows[low + 1] - rows[low])
+    found: Float = values[low] + share[:, None] * (values[low + 1] - values[low])
+    return found

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from flexmotion.human.contacts import ContactDetector
 from flexmotion.human.motion import Motion
 from flexmotion.retarget.footholds import Scaling
 from flexmotion.retarget.human import HumanWindow
@@ -112,3 +113,11 @@ def view_human(
 def forget_human(state: RetargetState) -> None:
     """Let the feet represent none of the human's, for a stop: the next human may be somewhere else."""
     state.human_feet[...] = state.steps.human[...] = np.nan
+
+
+def begin_human(state: RetargetState) -> None:
+    """Let the next human be another one, whose time begins anew: for a robot that stands."""
+    forget_human(state)
+    state.source_tick[...] = state.heading[...] = state.yaws[...] = np.nan
+    state.consumed[...] = -np.inf
+    state.detector[...] = ContactDetector().initial()

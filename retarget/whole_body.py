@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
-from scipy.spatial.transform import Rotation
+from scipy.interpolate import make_interp_spline
 
 from flexmotion.configs.robot import Robot
 from flexmotion.retarget.arms import UpperBody
 from flexmotion.retarget.dynamics import RobotDynamics
 from flexmotion.retarget.legs import Leg
+from flexmotion.spatial.rotations import matrices, yaw_matrices, zyx_quaternion
 
 Float = NDArray[np.float64]
 
@@ -67,11 +67,11 @@ class WholeBody:
 
         Arguments as in `solve`; the torso is assumed upright, at the mean yaw of the feet.
         """
-        yaw = yaw_rotation(feet[:, :, 3].mean(axis=1))
+        yaw = yaw_matrices(feet[:, :, 3].mean(axis=1))
         height = np.full(len(feet), np.inf)
         for side, leg in enumerate(self.legs):
             hips = (com - offset) + (yaw @ leg.hip)[:, :2]
-            ankle = feet[:, side, :2] - (yaw_rotation(feet[:, side, 3]) @ leg.sole)[:, :2]
+            ankle = feet[:, side, :2] - (yaw_matrices(feet[:, side, 3]) @ leg.sole)[:, :2]
             away = np.sum((hips - ankle) ** 2, axis=1)
             reach = np.sqrt(np.maximum((BENT_KNEE * self.leg_length) ** 2 - away, (0.5 * self.leg_length) ** 2))
             height = np.minimum(height, reach + feet[:, side, 2])
@@ -96,13 +96,14 @@ class WholeBody:
             (T, 2) [m], and missing length of the legs, (T,) [m].
         """
         height, roll, pitch, yaw = channels[:, : len(POSTURE)].T
-        rotation = Rotation.from_euler("ZYX", np.column_stack([yaw, pitch, roll])).as_matrix()
+        quaternion = zyx_quaternion(yaw, pitch, roll)
+        rotation = matrices(quaternion)
         q = np.broadcast_to(self.robot.stand_pose, (len(feet), self.robot.n)).copy()
         q[:, self.upper.joints] = channels[:, len(POSTURE) :]
         torso = np.empty((len(feet), 3))
         torso[:, 2] = self.ankle_height + height - (rotation @ self.hip_middle)[:, 2]
-        soles = [yaw_rotation(feet[:, side, 3]) for side in (0, 1)]
-        base = np.column_stack([torso, Rotation.from_matrix(rotation).as_quat(scalar_first=True)])
+        soles = [yaw_matrices(feet[:, side, 3]) for side in (0, 1)]
+        base = np.column_stack([torso, quaternion])
 
         def place(rows: NDArray[np.int64], offset: Float) -> Float:
             """Shift the torso and solve the legs at some rows; returns the missing length of the legs there [m]."""
@@ -122,10 +123,5 @@ class WholeBody:
             offset = offset + (found - offset) / (1.0 - self._slope)
         every = np.arange(len(feet))
         if len(rows) < len(every):
-            offset = CubicSpline(rows, offset)(every)
+            offset = make_interp_spline(rows, offset, k=3)(every)
         return base, q, offset, place(every, offset)
-
-
-def yaw_rotation(yaw: Float) -> Float:
-    """Rotations about the vertical, (T, 3, 3)."""
-    return Rotation.from_euler("z", yaw[:, None]).as_matrix().reshape(-1, 3, 3)

@@ -28,7 +28,7 @@ from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.control.telemetry import Event
 from flexmotion.streamer.gateway.listening import Listening, listen
 from flexmotion.streamer.log.recorder import Recorder
-from flexmotion.streamer.log.recording import driver_options, record_to
+from flexmotion.streamer.log.recording import driver_options, record_to, show_in_foxglove
 from flexmotion.streamer.motion.intents import Clip, Intent, Stop, Text
 from flexmotion.streamer.motion.model_source import ModelSource
 from flexmotion.streamer.motion.replan_noise import NoisySource
@@ -184,6 +184,7 @@ def open_session(
     next_request: Callable[[], Request | None] | None = None,
     on_event: Callable[[Event], None] | None = None,
     log: str | Path | None = None,
+    foxglove: bool = False,
     listening: Listening | None = None,
     allow_refused: bool = False,
     armed: bool = True,
@@ -217,6 +218,7 @@ def open_session(
             and return a `Request`.
         on_event: called with every event as it happens.
         log: file (.mcap) to record to; None: none.
+        foxglove: show the run live in Foxglove, on the port of the settings, to programs of this machine.
         listening: how the run shows itself in a browser and listens for targets of other programs; None: not at all.
         allow_refused: the report is ok although something that was asked was refused, dropped or not finished.
         armed: torque goes on with the first tick; else with `Request.ARM`.
@@ -259,6 +261,8 @@ def open_session(
             session.telemetry.emit(0, "note", remark)
     if log is not None:
         record_to(Path(log), session, clock)
+    if foxglove:
+        show_in_foxglove(settings.gateway.foxglove_port, session)
     return session
 
 

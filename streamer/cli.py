@@ -18,8 +18,11 @@ from flexmotion.configs.errors import FlexMotionError
 from flexmotion.streamer.commands.bundles import bundles
 from flexmotion.streamer.commands.check import check
 from flexmotion.streamer.commands.check_bus import bus
+from flexmotion.streamer.commands.daemon import daemon
 from flexmotion.streamer.commands.data import data
 from flexmotion.streamer.commands.data_dynamics import dynamics
+from flexmotion.streamer.commands.doctor import doctor
+from flexmotion.streamer.commands.drive import drive
 from flexmotion.streamer.commands.drivers import drivers
 from flexmotion.streamer.commands.dry_run import dry_run
 from flexmotion.streamer.commands.emulate import emulate
@@ -47,7 +50,9 @@ app = typer.Typer(
 )
 app.command("dry-run")(dry_run)
 app.command("run")(run)
-for _command in (send, status, arm, disarm, stop, estop, clear, kill):
+app.command("daemon")(daemon)
+app.command("doctor")(doctor)
+for _command in (drive, send, status, arm, disarm, stop, estop, clear, kill):
     app.command(_command.__name__)(_command)
 app.command("retarget")(retarget)
 check.command("bus")(bus)

@@ -48,3 +48,9 @@ def end(child: BaseProcess, *, patience_s: float) -> None:
     if child.is_alive():
         child.kill()
         child.join()
+
+
+def cause(child: BaseProcess) -> str:
+    """How a child ended: its signal or its exit code."""
+    code = child.exitcode or 0
+    return f"signal {-code}" if code < 0 else f"exit code {code}"

@@ -100,6 +100,11 @@ class Reader:
         self.lost = 0
         self._next = first
 
+    @property
+    def has_new(self) -> bool:
+        """Whether a row was published since the last `read`."""
+        return self.ring.count > self._next
+
     def read(self, most: int | None = None) -> Rows:
         """Copies of the rows published since the last call, oldest first, at most `most`; shape (k,)."""
         ring = self.ring

@@ -90,8 +90,8 @@ class Import:
         errors: distances to the file's points by name (see `fit.Fit`); empty for FlexMotion's own files.
         belt: velocity of the treadmill's belt that was removed, (2,), in the axes of `motion` [m/s]; zero without one.
         warnings: what a user should know about how the file was read.
-        mass_guess: that the mass is a guess, for whom forces matter; empty where it is known. A robot that follows the
-            motion does not need it.
+        mass_guess: says that the mass is a guess; empty where it is known. Forces depend on the mass; joint angles do
+            not, so a robot can follow the motion either way.
         placement: of the motion in the file.
     """
 

@@ -61,6 +61,8 @@ def words_of(sentence: str) -> list[str]:
     text = sentence.lower().replace("’", "'").replace("‘", "'")
     for symbol, name in _SYMBOLS.items():
         text = text.replace(symbol, name)
+    for phrase, plain in vocabulary().table["same"].items():
+        text = re.sub(rf"\b{phrase}\b", plain, text)
     # "1,000" is a number, "1, 2" are two.
     text = re.sub(r"(?<=\d),(?=\d{3}\b)", "", text)
     numbers, words = vocabulary().table["numbers"], list[str]()
@@ -78,17 +80,53 @@ def is_mark(token: Token) -> bool:
 
 def tokens_of(sentence: str) -> list[Token]:
     """Words and amounts of a sentence in their order."""
-    words, found, place = words_of(sentence), list[Token](), 0
+    words, found, place = _units_first(words_of(sentence)), list[Token](), 0
     while place < len(words):
         token, used = _amount(words, place)
-        found.append(token)
+        same = _same_unit(words, place, found)
+        found.append(token if same is None else same)
         place += used
     return found
+
+
+def _units_first(words: list[str]) -> list[str]:
+    """The words with "two backward steps" as "two steps backward"."""
+    known, words = vocabulary(), list(words)
+    for place in range(1, len(words) - 1):
+        direction, unit = words[place], words[place + 1]
+        counted = words[place - 1] in known.table["numbers"] or _NUMBER.fullmatch(words[place - 1])
+        if counted and direction in known.words("directions") and unit in known.table["units"]["steps"]:
+            words[place : place + 2] = unit, direction
+    return words
+
+
+def _same_unit(words: list[str], place: int, before: list[Token]) -> Amount | None:
+    """The amount that "one" is in "one step to the left and one to the right"; None where it is none."""
+    known = vocabulary().table
+    earlier = next((token for token in reversed(before) if isinstance(token, Amount)), None)
+    joined = place > 0 and words[place - 1] in ("and", "then", ",")
+    if earlier is None or earlier.quantity not in ("steps", "length") or not joined:
+        return None
+    after = " ".join(words[place + 1 : place + 4])
+    if words[place] not in known["numbers"] or not any(after.startswith(way) for way in known["ways"]):
+        return None
+    unit = earlier.value / max(_unit_count(earlier), 1e-9)
+    return Amount(float(known["numbers"][words[place]]) * unit, earlier.quantity, words[place])
+
+
+def _unit_count(amount: Amount) -> float:
+    """How many of its unit an amount is: 2 of "two feet"."""
+    number = _number(amount.said.split(), 0)
+    return amount.value if number is None else number[0]
 
 
 def _amount(words: list[str], place: int) -> tuple[Token, int]:
     """What begins at a word, and how many words it takes."""
     known = vocabulary()
+    if words[place] in ("minus", "negative"):
+        token, used = _amount(words, place + 1) if place + 1 < len(words) else ("", 0)
+        if isinstance(token, Amount):
+            return Amount(-token.value, token.quantity, f"{words[place]} {token.said}"), used + 1
     word, before = words[place], words[place - 1] if place else ""
     after = words[place + 1] if place + 1 < len(words) else ""
     if word in known.table["counts"] and before != "at" and after not in ("more", "again", "you", "you've"):
@@ -117,7 +155,18 @@ def _amount(words: list[str], place: int) -> tuple[Token, int]:
         value += known.table["fractions"][words[end + 2]]
         end += 3
     quantity, size = known.units[unit]
+    if unit in ("metre", "meter") and (hundredths := _hundredths(words, end)) is not None:
+        value, end = value + hundredths[0], end + hundredths[1]  # "one metre fifty"
     return Amount(value * size, quantity, " ".join(words[place:end]), rough), end - place
+
+
+def _hundredths(words: list[str], place: int) -> tuple[float, int] | None:
+    """Hundredths said behind a unit, and how many words they are; None where something of its own is counted there."""
+    number = _number(words, place) if place < len(words) else None
+    if number is None or number[3] or not 10 <= number[0] < 100:
+        return None
+    following = words[place + number[1]] if place + number[1] < len(words) else ""
+    return None if following in vocabulary().units else (number[0] / 100.0, number[1])
 
 
 def _number(words: list[str], place: int) -> tuple[float, int, bool, bool] | None:

@@ -13,7 +13,7 @@ from flexmotion.text.prompt_reader import FORBIDS_NOTHING, WITHOUT_TURNING
 from flexmotion.text.sentence_parts import NEGATES, Part
 from flexmotion.text.sides import sides
 from flexmotion.text.vocabulary import vocabulary
-from flexmotion.text.wording import plain, stem, stripped, taught, taught_words
+from flexmotion.text.wording import begins, plain, stem, stripped, taught, taught_words
 
 _CHANGE = re.compile(
     r"(?:(?:walk|go|move|turn|run|step|keep|be) )?"
@@ -57,6 +57,7 @@ class Clause:
         notes: what was taken for rough words.
         manner: the adverbs of `speed`.
         needs_head: whether only a motion of the head or the eyes does it.
+        until_told: it says that it goes on until something else is said.
     """
 
     said: str
@@ -72,6 +73,7 @@ class Clause:
     notes: tuple[str, ...] = ()
     manner: str = ""
     needs_head: bool = False
+    until_told: bool = False
     joint: str = "then"
 
 
@@ -100,23 +102,30 @@ def clause_of(part: Part, forbidding: bool) -> Clause | None:
             return Clause(said, sentence, refusal=NO_KNOWN_WORD)
     needs_head = _needs_head(words)
     condition = _condition(words)
+    until_told = condition is not None and not plain_stop and condition in known.words("allowed_conditions")
     if condition is not None and not plain_stop:
-        dropped += [condition] if condition not in known.words("allowed_conditions") else []
+        dropped += [] if until_told else [condition]
         tokens = _without_tail(tokens, condition.split()[0])
     uncountable = next((t for t in tokens if isinstance(t, Amount) and not _is_count(t)), None)
     if uncountable is not None:
-        return Clause(said, sentence, refusal=f"{uncountable.said!r} is no number of times")
+        return Clause(said, sentence, refusal=f"{uncountable.said!r}: expected a whole number, 1 or more")
     amount, times, counted, tokens, extra = _amounts(tokens)
     dropped += extra
+    if amount is None and not counted:
+        amount, tokens = _little(tokens)
     if amount is not None and amount.rough:
         notes.append(f"{amount.said!r} is taken as {amount}")
     sentence = plain(tokens)
     if any(isinstance(token, Bare) or token.isdigit() for token in tokens if not isinstance(token, Amount)):
-        return Clause(said, sentence, refusal="a number without a unit that is known")
+        return Clause(said, sentence, refusal="the number in it has no unit that is known")
     asks = _relative(sentence, amount, part.joint)
+    if counted and amount is None and sentence in ("", "more"):
+        asks = Asks.AGAIN  # "two more times"
     if asks is not Asks.MOTION:
         factor = _change(said, asks) if asks in (Asks.FASTER, Asks.SLOWER) else 1.0
         return Clause(said, "", asks, amount, times, counted, factor, dropped=tuple(dropped), notes=tuple(notes))
+    if amount is None and words[:1] and words[0] in known.words("turn_verbs") and "by" in words:
+        return Clause(said, sentence, refusal="the amount is not understood")
     speed, manner, tokens = _speed(tokens)
     words = [token for token in tokens if isinstance(token, str)]
     words = [word for word in words if word not in ("again",)] if len(words) > 1 else words
@@ -142,6 +151,7 @@ def clause_of(part: Part, forbidding: bool) -> Clause | None:
         notes=tuple(notes),
         manner=manner,
         needs_head=needs_head,
+        until_told=until_told,
     )
 
 
@@ -225,6 +235,31 @@ def _amounts(tokens: list[Token]) -> tuple[Amount | None, int, bool, list[Token]
     return amount, times, counted, rest, extra
 
 
+def _little(tokens: list[Token]) -> tuple[Amount | None, list[Token]]:
+    """The amount of a walk or a turn "a bit" and the other tokens; None where there is none, or it is no amount.
+
+    "A little faster" is a change of speed, "wave a little" a manner.
+    """
+    known = vocabulary()
+    first = next((token for token in tokens if isinstance(token, str)), "")
+    turns, walks = first in known.words("turn_verbs"), first in known.words("walk_verbs")
+    for place in range(1, len(tokens)):
+        phrase = begins(tokens, place, known.phrases("little"))
+        if phrase is None:
+            continue
+        end = place + len(phrase.split())
+        following = tokens[end] if end < len(tokens) else ""
+        changes = isinstance(following, str) and (following in known.table["speeds"] or following[-2:] in ("er", "ly"))
+        if not (turns or walks) or changes or following in ("more", "less"):
+            return None, tokens
+        rest = [*tokens[:place], *tokens[end:]]
+        if turns:
+            degrees = float(known.table["little_turn"])
+            return Amount(degrees * pi / 180.0, "angle", phrase, rough=True), rest
+        return Amount(float(known.table["little_walk"]), "length", phrase, rough=True), rest
+    return None, tokens
+
+
 def _speed(tokens: list[Token]) -> tuple[float, str, list[Token]]:
     """The factor that adverbs put on the speed, these adverbs, and the tokens without them."""
     known = vocabulary()
@@ -269,6 +304,12 @@ def _change(said: str, asks: Asks) -> float:
     return 0.5 if much else 0.85 if little else 0.7
 
 
+def _turning(text: str) -> list[str]:
+    """A turn to the side that is named; to the right without one, as after half or whole turns it does not matter."""
+    side = sides(text)
+    return ["turn", "to", "the", min(side) if len(side) == 1 else "right"]
+
+
 def _shaped(
     words: list[str], amount: Amount | None, times: int, counted: bool
 ) -> tuple[list[str], Amount | None, str | None]:
@@ -280,22 +321,21 @@ def _shaped(
     known = vocabulary()
     text = " ".join(words)
     quantity = None if amount is None else amount.quantity
-    spins = words[:1] in (["spin"], ["rotate"], ["turn"], ["revolve"]) and {"around", "round"} & set(words)
+    whirls = words[:1] in (["spin"], ["revolve"], ["whirl"])
+    spins = whirls or words[:1] in (["rotate"], ["turn"]) and bool({"around", "round"} & set(words))
     if counted and amount is None and spins:
-        side = sides(text)  # "spin around once" is a whole turn
+        # "spin around once" is a whole turn
         given = Amount(2 * pi * times, "angle", f"{times} times around")
-        return ["turn", *(["to", "the", min(side)] if len(side) == 1 else ["around"])], given, None
+        return _turning(text), given, None
     if any(text == phrase or text.startswith(phrase + " ") for phrase in known.phrases("around")):
-        side = sides(text)
         wanted = amount if quantity in ("angle", "time") else Amount(pi, "angle", "around")
-        return ["turn", *(["to", "the", min(side)] if len(side) == 1 else ["around"])], wanted, None
+        return _turning(text), wanted, None
     verb = words[0] if words and words[0] in known.verbs else None
     if quantity == "angle" and (verb is None or verb in known.words("walk_verbs") | known.words("turn_verbs")):
-        side = sides(text)
         full = amount is not None and abs(amount.value) % pi < 1e-6
-        if len(side) != 1 and not full:
+        if len(sides(text)) != 1 and not full:
             return words, amount, "turning: to the left or to the right?"
-        return ["turn", *(["to", "the", min(side)] if len(side) == 1 else ["around"])], amount, None
+        return _turning(text), amount, None
     direction = [word for word in words if word in known.words("directions")]
     if verb == "back" and quantity in ("steps", "length"):
         words = ["step", *words]

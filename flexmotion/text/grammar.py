@@ -89,7 +89,8 @@ def _parsed(sentence: str) -> tuple[Clause, ...]:
 
 def _is_plain(clause: Clause) -> bool:
     """Whether the grammar has nothing to add to what a listener hears in the whole sentence."""
-    return clause.asks is Asks.MOTION and clause.amount is None and clause.speed == 1.0 and not clause.counted
+    counts = clause.amount is not None or clause.counted or clause.until_told
+    return clause.asks is Asks.MOTION and clause.speed == 1.0 and not counts
 
 
 def whole(sentence: str) -> Clause | None:

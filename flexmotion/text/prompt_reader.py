@@ -118,6 +118,7 @@ class PromptReader:
         self._kinds, self._embeddings, self._listener = np.array(kinds), embeddings, listener
         own = tuple(dict.fromkeys(kinds))
         self.offered = own if offered is None else tuple(kind for kind in own if kind in offered or kind == STAND)
+        self._told = ", ".join(kind.replace("-", " ") for kind in self.offered)
         self._manner = MannerReader(self._encode, manners, manner_listener)
         self.idle = self.meaning(STAND)
 
@@ -138,16 +139,14 @@ class PromptReader:
         if best <= SAME or is_other_side(kind, plain):
             kind, share = self._classified(sentence, self._encode(sentence), best)
         if kind == NOTHING:
-            known = ", ".join(self.offered)
-            warning = f"{sentence!r} is not understood by this model, it stands still; it knows: {known}"
+            warning = f"{sentence!r} is not understood by this model, it stands still; it can: {self._told}"
             return Prompt(self.idle.embedding, STAND, best, False, warning, share)
         if forbids(plain, kind) and (kind != STAND or best <= SAME):
             warning = f"{sentence!r} is a prohibition, the model stands still; say what to do"
             return Prompt(self.idle.embedding, STAND, best, True, warning, share)
         if kind not in self.offered:
-            can = ", ".join(name.replace("-", " ") for name in self.offered)
             name = kind.replace("-", " ")
-            warning = f"{sentence!r}: this model cannot {name} yet, it stands still; it can: {can}"
+            warning = f"{sentence!r}: this model cannot {name} yet, it stands still; it can: {self._told}"
             return Prompt(self.idle.embedding, STAND, best, False, warning, share, refused=kind)
         alike = self._kinds == kind
         mixture = np.exp(BREADTH * (likeness[alike] - best)) @ self._embeddings[alike]

@@ -11,7 +11,8 @@ from flexmotion.text.vocabulary import vocabulary
 from flexmotion.text.wording import begins, plain, stem, stripped
 
 NEGATES = re.compile(
-    r"""\b(?:not|never|no|without|neither|nor|none|nobody|cannot|avoid|refrain\ from|stop\ short\ of)\b
+    r"""\b(?:not|never|no|without|neither|nor|none|nobody|cannot|avoid|refrain\ from|stop\ short\ of
+        |instead\ of|rather\ than)\b
     | \b(?:do|does|did|ca|wo|must|need|should|would|could|is|are|was)n[^\w\s]?t\b(?:\ you\ dare)?""",
     re.VERBOSE,
 )
@@ -31,6 +32,7 @@ def parts_of(tokens: list[Token]) -> list[Part]:
     """The tokens at every joint, in the order in which the parts are to be done."""
     known = vocabulary()
     then, after, before = known.phrases("then"), known.phrases("after"), known.phrases("before")
+    instead = known.phrases("instead")
     together, at_once = known.phrases("together"), known.phrases("at_once")
     parts = [Part([])]
     swap = False  # the part that begins is to be done before the one before it
@@ -66,7 +68,9 @@ def parts_of(tokens: list[Token]) -> list[Part]:
             parts[-1].joint = "before" if leading else parts[-1].joint
             place += len(phrase.split())
             continue
-        if (phrase := begins(tokens, place, after)) and _names_request(tokens, place + len(phrase.split())):
+        # "in five seconds, wave" is "after five seconds wave"
+        phrase = "in" if _is_delay(tokens, place, parts[-1].tokens) else begins(tokens, place, after)
+        if phrase and _names_request(tokens, place + len(phrase.split())):
             length = len(phrase.split())
             open_part("then")
             if len(parts) == 1:
@@ -76,6 +80,8 @@ def parts_of(tokens: list[Token]) -> list[Part]:
                 swap = True
             place += length
             continue
+        if parts[-1].tokens and begins(tokens, place, instead):
+            open_part(",")  # "wave instead of walking" asks for the one and forbids the other
         if phrase := begins(tokens, place, at_once):
             parts[-1].dropped.append(phrase)
             place += len(phrase.split())
@@ -109,6 +115,13 @@ def parts_of(tokens: list[Token]) -> list[Part]:
     return [part for part in parts if part.tokens or part.dropped]
 
 
+def _is_delay(tokens: list[Token], place: int, before: list[Token]) -> bool:
+    """Whether "in five seconds" begins at a token; "two metres in ten seconds" is a speed."""
+    following = tokens[place + 1] if place + 1 < len(tokens) else ""
+    timed = isinstance(following, Amount) and following.quantity == "time"
+    return tokens[place] == "in" and timed and not any(isinstance(token, Amount) for token in before)
+
+
 def _next_joint(tokens: list[Token], place: int) -> int:
     """Place of the next punctuation mark, or of a phrase that joins; the end without one."""
     then = vocabulary().phrases("then")
@@ -130,7 +143,7 @@ def _begins_request(tokens: list[Token], place: int, before: list[Token]) -> boo
         rest = rest[len(phrase.split()) :]
     own = [token for token in before if token not in known.words("directions")]
     if not rest or (before and not _names_request(own, 0)):
-        return False  # "oh, run along", "left hand, wave", "backward, march": what comes before is no request
+        return False  # "oh, run along", "left hand, wave", "backward, march": the words before do not ask for anything
     first = rest[0]
     if isinstance(first, Amount):
         # "two steps forward and one step back"; not "wave for ten seconds, twice".
@@ -155,6 +168,8 @@ def _names_request(tokens: list[Token], place: int) -> bool:
     """Whether the words from a place on are a request, or name one: a verb, an amount, a direction, "you wave"."""
     known = vocabulary()
     rest = stripped([token for token in tokens[place:] if not is_mark(token)])
+    if phrase := begins(rest, 0, known.phrases("instead")):
+        rest = rest[len(phrase.split()) :]
     if rest and rest[0] in ("you", "have", "having", "you've"):
         rest = rest[1:] if rest[0] != "you" or rest[1:2] != ["have"] else rest[2:]
     if not rest:

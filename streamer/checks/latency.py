@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
 
 import numpy as np
 import psutil
@@ -16,8 +15,8 @@ from flexmotion.configs.stream import Budgets, StreamSettings
 from flexmotion.drivers.interface import Driver
 from flexmotion.drivers.realtime import child
 from flexmotion.drivers.realtime.witness import Witness
-from flexmotion.streamer.checks.latency_result import HISTOGRAM_US, LatencyResult, Stage
-from flexmotion.streamer.checks.standstills import StandstillTimes
+from flexmotion.streamer.checks.latency_result import HISTOGRAM_US, MOST_LEFT_OUT, Bound, LatencyResult, Stage
+from flexmotion.streamer.checks.machine_pace import MachinePace
 from flexmotion.streamer.checks.switching import BETWEEN_S, RandomTargets
 from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.control.telemetry import Event
@@ -26,6 +25,8 @@ from flexmotion.streamer.motion.sources import LiveSource
 from flexmotion.streamer.report.report import Latency
 from flexmotion.streamer.run.requests import Request
 from flexmotion.streamer.run.session import Session
+
+Float = NDArray[np.float64]
 
 _MARGIN_S = 60.0
 """Part of a run that is kept beyond its switches: standing up, settling, parking [s]."""
@@ -76,12 +77,13 @@ def measure(
     )
     switcher = _Switcher(session, intents, seconds, switches, seed, progress, request)
     session.next_request = switcher.next
-    before, witness = _stolen_ms(), Witness()
-    with hogs(load), witness if realtime else contextlib.nullcontext():
+    witness = Witness()
+    # The witness watches the idle machine first, without the load.
+    with witness if realtime else contextlib.nullcontext(), hogs(load):
+        before = _stolen_ms()
         record = session.run()
-    found = witness.standstills() if session.scheduling == "fifo" else None
-    moments = None if found is None else StandstillTimes(record, found, _stolen_ms() - before)
-    return _result(record, session, settings.budgets, load, switcher, moments)
+    pace = MachinePace.of(record, witness, _stolen_ms() - before) if session.scheduling == "fifo" else None
+    return _result(record, session, settings.budgets, load, switcher, pace)
 
 
 class _Switcher:
@@ -140,53 +142,52 @@ def _stolen_ms() -> float:
     return 1e3 * float(psutil.cpu_times().steal)
 
 
+def _stages(record: RunTrace, budgets: Budgets, pace: MachinePace | None) -> dict[str, Stage]:
+    """The times of each stage; of those that end in a tick also while the machine kept its pace."""
+
+    def stage(seconds: Float, *bounds: Bound) -> Stage:
+        return Stage(Latency.of(seconds, 1e-3), bounds)
+
+    def of_ticks(seconds: Float, *bounds: Bound, after: Float | float = 0.0) -> Stage:
+        if pace is None:
+            return stage(seconds, *bounds)
+        kept, measured = pace.apart(seconds, after), int(np.isfinite(seconds).sum())
+        left_out = 1.0 - np.isfinite(kept).sum() / measured if measured else 0.0
+        return Stage(Latency.of(seconds, 1e-3), bounds, Latency.of(kept, 1e-3), float(left_out))
+
+    plans, command = record.plans, record.target_to_command_s
+    return {
+        "loop work": of_ticks(record.work_s, Bound("p99", budgets.loop_work_p99_ms), after=record.work_s),
+        "wake lateness": of_ticks(record.lateness_s, Bound("p99", budgets.wake_lateness_p99_ms)),
+        "robot lateness": of_ticks(record.robot_lateness_s),
+        "sample": stage(np.array([plan.sample_s for plan in plans])),
+        "retarget": stage(np.array([plan.retarget_s for plan in plans])),
+        "plan joins after": stage(np.array([(p.join_tick - p.asked_tick) / record.rate_hz for p in plans])),
+        "target to command": of_ticks(
+            command,
+            Bound("p95", budgets.target_to_command_ms, "all"),
+            Bound("p50", budgets.target_to_command_p50_ms, "kept"),
+            Bound("p99", budgets.target_to_command_p99_ms, "kept"),
+        ),
+        "target to effect": of_ticks(record.target_to_effect_s, after=record.target_to_effect_s - command),
+    }
+
+
 def _result(
     record: RunTrace,
     session: Session,
     budgets: Budgets,
     load: int,
     switcher: _Switcher,
-    moments: StandstillTimes | None,
+    pace: MachinePace | None,
 ) -> LatencyResult:
-    def stage(seconds: NDArray[np.float64], budget_ms: float | None = None) -> Stage:
-        return Stage(Latency.of(seconds, 1e-3), budget_ms)
-
-    def of_ticks(
-        seconds: NDArray[np.float64], budget_ms: float | None = None, after: NDArray[np.float64] | float = 0.0
-    ) -> Stage:
-        apart = None if moments is None else moments.apart(seconds, after)
-        return replace(stage(seconds, budget_ms), apart=apart)
-
-    plans = record.plans
-    stages = {
-        "loop work": of_ticks(record.work_s, budgets.loop_work_p99_ms, record.work_s),
-        "wake lateness": of_ticks(record.lateness_s, budgets.wake_lateness_p99_ms),
-        "robot lateness": of_ticks(record.robot_lateness_s),
-        "sample": stage(np.array([plan.sample_s for plan in plans])),
-        "retarget": stage(np.array([plan.retarget_s for plan in plans])),
-        "plan joins after": stage(np.array([(p.join_tick - p.asked_tick) / record.rate_hz for p in plans])),
-        "target to command": of_ticks(record.target_to_command_s, budgets.target_to_command_ms),
-        "target to effect": of_ticks(
-            record.target_to_effect_s, after=record.target_to_effect_s - record.target_to_command_s
-        ),
-    }
+    stages = _stages(record, budgets, pace)
     failures = ["interrupted"] if switcher.interrupted else []
-    failures += [
-        f"{name}: p99 {stage.time.p99:.3g} ms, budget {stage.budget_ms:g} ms"
-        for name, stage in stages.items()
-        if stage.over and stage.time is not None
-    ]
-    unmeasured = [name for name, stage in stages.items() if stage.budget_ms is not None and stage.time is None]
-    failures.extend(f"{name}: nothing was measured" for name in unmeasured)
     answered, sent = int(np.isfinite(record.target_to_command_s).sum()), switcher.sent
     if answered < sent - 1:  # the end may overtake the last one
         failures.append(f"{sent - answered} of {sent} switches were not followed")
-    robot_late = stages["robot lateness"].time
-    if robot_late is not None and robot_late.max > 1e3 / record.rate_hz:
-        failures.append(f"the simulated robot was {robot_late.max:.3g} ms late, more than a tick: figures do not count")
-    faults = tuple(_fault_text(event, record, moments) for event in record.events if event.kind == "fault")
+    faults = tuple(_fault_text(event, record, pace) for event in record.events if event.kind == "fault")
     for what, count, allowed in (
-        ("missed deadlines", record.missed_deadlines, budgets.missed_deadlines),
         ("under-runs", record.underruns, budgets.underruns),
         ("goals outside the envelope", record.violations_sent, 0),
     ):
@@ -194,6 +195,12 @@ def _result(
             failures.append(f"{what}: {count}, budget {allowed}")
     if session.scheduling != "fifo":
         failures.append("no realtime scheduling (SCHED_FIFO): figures do not count")
+    failures += [f"fault: {fault}" for fault in faults]
+    robot, missed = stages["robot lateness"], record.missed_deadlines
+    kept = failures + [f"{name}: {message}" for name, stage in stages.items() for message in stage.failures_kept]
+    kept += _lateness(robot.kept, missed if pace is None else pace.missed_kept, budgets, record.rate_hz)
+    failures += [f"{name}: {message}" for name, stage in stages.items() for message in stage.failures]
+    failures += _lateness(robot.time, missed, budgets, record.rate_hz)
     late = record.lateness_s * 1e6
     return LatencyResult(
         seconds=record.used / record.rate_hz,
@@ -211,20 +218,45 @@ def _result(
         violations_sent=record.violations_sent,
         lateness=tuple(int(n) for n in np.histogram(late, [*HISTOGRAM_US, np.inf])[0]),
         memory_mb=session.memory_mb,
-        standstills=None if moments is None else moments.summary,
+        standstills=None if pace is None else pace.standstills,
+        slowness=None if pace is None else pace.slowness,
+        left_out=0.0 if pace is None else pace.left_out,
         faults=faults,
-        failures=(*failures, *(f"fault: {fault}" for fault in faults)),
+        failures=tuple(failures),
+        failures_kept=tuple(failures if pace is None else kept),
+        unfit="" if pace is None else _unfit(pace, stages["target to command"]),
     )
 
 
-def _fault_text(event: Event, record: RunTrace, moments: StandstillTimes | None) -> str:
+def _lateness(robot: Latency | None, missed: int, budgets: Budgets, rate_hz: float) -> list[str]:
+    """Failures of the loop and of the simulated robot, each in words."""
+    found = []
+    if robot is not None and robot.max > 1e3 / rate_hz:
+        found.append(f"the simulated robot was {robot.max:.3g} ms late, more than a tick: figures do not count")
+    if missed > budgets.missed_deadlines:
+        found.append(f"missed deadlines: {missed}, budget {budgets.missed_deadlines}")
+    return found
+
+
+def _unfit(pace: MachinePace, command: Stage) -> str:
+    """Why too much is left out for a verdict; empty where it is not."""
+    found = [
+        f"{100 * share:.0f} % of the {what}"
+        for what, share in (("ticks", pace.left_out), ("targets", command.left_out))
+        if share > MOST_LEFT_OUT
+    ]
+    allowed = f"at most {100 * MOST_LEFT_OUT:.0f} % may be left out"
+    return f"the machine did not keep its pace in {' and '.join(found)}, {allowed}" if found else ""
+
+
+def _fault_text(event: Event, record: RunTrace, pace: MachinePace | None) -> str:
     """Message of a fault with its time, and with a standstill that may have caused it."""
     if not record.used:
         return event.message
     row = int(np.searchsorted(record.rows["tick"], event.tick))
     stamp = int(record.stamp_ns[min(row, record.used - 1)])
     at_s = 1e-9 * (stamp - int(record.stamp_ns[0]))
-    return f"{event.message}, at {at_s:.1f} s{'' if moments is None else moments.just_before(stamp)}"
+    return f"{event.message}, at {at_s:.1f} s{'' if pace is None else pace.just_before(stamp)}"
 
 
 @contextlib.contextmanager

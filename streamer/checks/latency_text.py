@@ -9,6 +9,7 @@ from rich.text import Text
 from flexmotion.streamer.checks.latency_result import HISTOGRAM_US, LatencyResult
 
 _BAR = 40
+_OF = {"all": " of all", "kept": " kept", "both": ""}
 _EIGHTHS = " ▏▎▍▌▋▊▉█"
 
 
@@ -18,26 +19,34 @@ def render_latency(result: LatencyResult) -> RenderableType:
 
 
 def _verdict(result: LatencyResult) -> Text:
-    reasons = "; ".join(result.failures) or "every budget kept"
+    """Two lines: the verdict while the machine kept its pace, and the one of all moments."""
+    style = {"PASS": "bold green", "FAIL": "bold red", "UNFIT": "bold yellow"}
+    length = f" {result.seconds:.1f} s at {result.rate_hz:g} Hz, {result.switches} switches"
+    everything = "; ".join(result.failures) or "every budget kept"
+    if result.standstills is None:
+        return Text.assemble((result.verdict, style[result.verdict]), f"{length}: {everything}")
+    kept = result.unfit or "; ".join(result.failures_kept) or "every budget kept"
     return Text.assemble(
-        ("PASS" if result.ok else "FAIL", "bold green" if result.ok else "bold red"),
-        f" {result.seconds:.1f} s at {result.rate_hz:g} Hz, {result.switches} switches: {reasons}",
+        (result.verdict, style[result.verdict]),
+        f"{length}, while the machine kept its pace ({100 * (1 - result.left_out):.1f} % of the ticks): {kept}\n",
+        (result.verdict_all, style[result.verdict_all]),
+        f" all of it: {everything}",
     )
 
 
 def _stages(result: LatencyResult) -> Table:
-    apart = () if result.standstills is None else ("p99 apart", "max apart")
-    table = Table("Stage", "p50", "p99", "p99.9", "max", "budget p99", *apart, title="Times [ms]", title_justify="left")
+    kept = () if result.standstills is None else ("p50 kept", "p99 kept", "max kept")
+    table = Table("Stage", "p50", "p95", "p99", "max", "budget", *kept, title="Times [ms]", title_justify="left")
     for name, stage in result.stages.items():
-        budget = "" if stage.budget_ms is None else f"{stage.budget_ms:g}"
-        style = "red" if stage.over else None
+        budget = ", ".join(f"{one.percentile} {one.ms:g}{_OF[one.of]}" for one in stage.bounds)
         if stage.time is None:
             table.add_row(name, "-", "-", "-", "-", budget)
             continue
         time = stage.time
-        figures = [f"{ms:.3g}" for ms in (time.p50, time.p99, time.p99_9, time.max)]
-        rest = [] if stage.apart is None else [f"{ms:.3g}" for ms in (stage.apart.p99, stage.apart.max)]
-        table.add_row(name, *figures, budget, *rest, style=style)
+        figures = [f"{ms:.3g}" for ms in (time.p50, time.p95, time.p99, time.max)]
+        rest = [] if stage.kept is None else [f"{ms:.3g}" for ms in (stage.kept.p50, stage.kept.p99, stage.kept.max)]
+        judged = stage.failures if result.standstills is None else stage.failures_kept
+        table.add_row(name, *figures, budget, *rest, style="red" if judged else None)
     return table
 
 
@@ -72,14 +81,20 @@ def _counts(result: LatencyResult) -> Text:
 
 
 def _standstills(result: LatencyResult) -> str:
-    """Standstills of the machine itself, which the program cannot avoid."""
-    found = result.standstills
-    if found is None or not found.count:
-        return ""
-    host = f", its host took {found.stolen_ms:.0f} ms" if found.stolen_ms else ""
-    return (
-        f"\nThe machine itself stood still {found.count} times, {found.total_ms:.0f} ms in all, up to "
-        f"{found.longest_ms:.1f} ms (a timer of the highest priority woke that late{host}): "
-        f"{found.missed_deadlines} of {result.missed_deadlines} missed deadlines fall into these times; "
-        "the columns on the right leave them out"
-    )
+    """When the machine itself stood still or was slow, which the program cannot avoid."""
+    found, slow, text = result.standstills, result.slowness, ""
+    if found is not None and found.count:
+        host = f", its host took {found.stolen_ms:.0f} ms" if found.stolen_ms else ""
+        text += (
+            f"\nThe machine itself stood still {found.count} times, {found.total_ms:.0f} ms in all, up to "
+            f"{found.longest_ms:.1f} ms (a timer of the highest priority woke that late{host}): "
+            f"{found.missed_deadlines} of {result.missed_deadlines} missed deadlines fall into these times"
+        )
+    if slow is not None and slow.count:
+        share = f"{100 * slow.share:.1f} % of the run, {100 * slow.idle_share:.1f} % before it"
+        judged = "it grew with the run's own load, nothing is left out for it" if slow.ours else "left out as well"
+        text += (
+            f"\nAll its processors were slow at once {slow.count} times, up to {slow.longest_ms:.1f} ms ({share}): "
+            f"{judged}"
+        )
+    return text

@@ -67,29 +67,31 @@ def dry_run(
     # From here on a signal is a request, also while the rest is loaded. Heavy imports wait until the command runs: help
     # and completion answer at once.
     from flexmotion.streamer.commands.signals import operator_signals
+    from flexmotion.streamer.log.lock import locked_folder
 
-    with operator_signals() as signals:
-        from flexmotion.configs.stream import load_stream
-        from flexmotion.streamer.api import open_driver, open_robot
-        from flexmotion.streamer.commands.driver_options import simulation_options
-        from flexmotion.streamer.commands.streaming import present, stream
-        from flexmotion.streamer.motion.replan_noise import NoisySource
+    with locked_folder(run.report):
+        with operator_signals() as signals:
+            from flexmotion.configs.stream import load_stream
+            from flexmotion.streamer.api import open_driver, open_robot
+            from flexmotion.streamer.commands.driver_options import simulation_options
+            from flexmotion.streamer.commands.streaming import present, stream
+            from flexmotion.streamer.motion.replan_noise import NoisySource
 
-        settings = load_stream(run.settings)
-        chosen = open_robot(robot)
-        stay = run.listens and run.seconds is None
-        source = motion.source(chosen, settings, run.seconds, endless=stay, listens=run.listens)
-        options = simulation_options(perturbed, perturb or ())
-        if stay:
-            options.setdefault("picked_up_s", PICKED_UP_S)
-        session = run.session(
-            open_driver("sim", chosen, **options, seed=motion.seed),
-            NoisySource(source, replan_noise, motion.seed) if replan_noise else source,
-            settings,
-            clock=clock or ("real" if run.view or run.listens else "lockstep"),
-            seed=motion.seed,
-            seconds=None if stay else source.seconds,
-            stay=stay,
-        )
-        outcome = stream(session, signals)
-    present(outcome, run.report, run.as_json, signals.interrupted)
+            settings = load_stream(run.settings)
+            chosen = open_robot(robot)
+            stay = run.listens and run.seconds is None
+            source = motion.source(chosen, settings, run.seconds, endless=stay, listens=run.listens)
+            options = simulation_options(perturbed, perturb or ())
+            if stay:
+                options.setdefault("picked_up_s", PICKED_UP_S)
+            session = run.session(
+                open_driver("sim", chosen, **options, seed=motion.seed),
+                NoisySource(source, replan_noise, motion.seed) if replan_noise else source,
+                settings,
+                clock=clock or ("real" if run.view or run.listens else "lockstep"),
+                seed=motion.seed,
+                seconds=None if stay else source.seconds,
+                stay=stay,
+            )
+            outcome = stream(session, signals)
+        present(outcome, run.report, run.as_json, signals)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import time
 from pathlib import Path
 
@@ -18,7 +19,7 @@ def log_file(log: Path | None, report: Path | None) -> Path | None:
     """
     if log is not None:
         if log.is_dir():
-            return log / f"{time.strftime('%Y%m%d-%H%M%S')}{SUFFIX}"
+            return _new(log, time.strftime("%Y%m%d-%H%M%S"))
         if log.suffix != SUFFIX:
             raise typer.BadParameter(f"--log: {log}: expected a folder or a file that ends in {SUFFIX}")
         return log
@@ -26,3 +27,9 @@ def log_file(log: Path | None, report: Path | None) -> Path | None:
         return None
     report.mkdir(parents=True, exist_ok=True)
     return report / LOG_NAME
+
+
+def _new(folder: Path, stem: str) -> Path:
+    """A file of a folder that does not exist yet: two runs may begin within a second."""
+    names = (stem + ("" if number == 1 else f"-{number}") + SUFFIX for number in itertools.count(1))
+    return next(path for path in map(folder.joinpath, names) if not path.exists())

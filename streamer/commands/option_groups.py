@@ -16,6 +16,8 @@ from flexmotion.streamer.commands.options import (
     ClipOption,
     ClipsOption,
     FeedbackOption,
+    FoxgloveOption,
+    GamepadOption,
     HeightOption,
     JsonOption,
     ListenOption,
@@ -23,9 +25,11 @@ from flexmotion.streamer.commands.options import (
     MappingOption,
     MassOption,
     MemberOption,
+    NameOption,
     PromptOption,
     RealtimeOption,
     ReportOption,
+    Ros2Option,
     ScriptOption,
     SecondsOption,
     SeedOption,
@@ -36,6 +40,8 @@ from flexmotion.streamer.commands.options import (
     ViewOption,
     WebOption,
     WebPortOption,
+    ZenohOption,
+    ZenohRouterOption,
 )
 
 if TYPE_CHECKING:
@@ -133,13 +139,20 @@ class RunOptions:
     token_file: TokenFileOption = None
     stdin: StdinOption = False
     arm: ArmOption = None
+    foxglove: FoxgloveOption = False
+    name: NameOption = None
+    zenoh: ZenohOption = False
+    zenoh_router: ZenohRouterOption = None
+    ros2: Ros2Option = False
+    gamepad: GamepadOption = False
     allow_refused: AllowRefusedOption = False
     as_json: JsonOption = False
 
     @property
     def listens(self) -> bool:
         """Whether targets of other programs are taken."""
-        return self.web or self.stdin
+        ways = (self.web, self.stdin, self.zenoh, self.zenoh_router is not None, self.ros2, self.gamepad)
+        return any(ways)
 
     def _listening(self) -> Listening | None:
         if not (self.listens or self.view):
@@ -158,6 +171,11 @@ class RunOptions:
             takes_targets=self.listens,
             # Copies: a forked process closes its standard input.
             lines=(os.dup(0), os.dup(1)) if self.stdin else None,
+            name=self.name,
+            zenoh=self.zenoh,
+            zenoh_router=self.zenoh_router,
+            ros2=self.ros2,
+            gamepad=self.gamepad,
         )
 
     def session(
@@ -192,6 +210,7 @@ class RunOptions:
             stay=stay,
             realtime=self.realtime,
             log=log_file(self.log, self.report),
+            foxglove=self.foxglove,
             listening=self._listening(),
             allow_refused=self.allow_refused,
             armed=armed if self.arm is None else self.arm,

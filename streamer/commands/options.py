@@ -198,6 +198,40 @@ TokenFileOption = Annotated[
         show_default=False,
     ),
 ]
+FoxgloveOption = Annotated[
+    bool,
+    typer.Option(
+        "--foxglove/--no-foxglove", help="Show the run live in Foxglove, on this machine (ws://127.0.0.1:8765)."
+    ),
+]
+NameOption = Annotated[
+    str | None,
+    typer.Option(
+        "--name",
+        metavar="NAME",
+        help="Name of this robot in keys of zenoh and topics of ROS 2; else that of the robot file.",
+        show_default=False,
+    ),
+]
+ZenohOption = Annotated[bool, typer.Option("--zenoh", help="Take targets and stops over zenoh (keys: docs/live.md).")]
+ZenohRouterOption = Annotated[
+    str | None,
+    typer.Option(
+        "--zenoh-router",
+        metavar="ENDPOINT",
+        help="Zenoh router to connect to, such as tcp/127.0.0.1:7447; another machine's needs a token.",
+        show_default=False,
+    ),
+]
+Ros2Option = Annotated[
+    bool,
+    typer.Option(
+        "--ros2", help="Take part in ROS 2 over the zenoh router on this machine (rmw_zenoh; topics: docs/live.md)."
+    ),
+]
+GamepadOption = Annotated[
+    bool, typer.Option("--gamepad", help="Steer by the gamepads of this machine; buttons: docs/live.md.")
+]
 StdinOption = Annotated[
     bool,
     typer.Option("--stdin", help="Read targets from standard input, a JSON object a line; answers go to stdout."),

@@ -29,6 +29,9 @@ def run(
             "--once", help="End when the motion is over, as --seconds does; without either the robot stays standing."
         ),
     ] = False,
+    wait: Annotated[
+        bool, typer.Option("--wait", help="Wait for a robot that is not there, or not switched on, and say so.")
+    ] = False,
     run: RunOptions,
 ) -> None:
     """Stream a motion to a robot: stand up, follow, then stay standing until stopped.
@@ -36,7 +39,8 @@ def run(
     The command arms the robot: torque goes on at once. With --web or --stdin it waits for `flexmotion arm`, the page's
     button or a program (--arm: at once).
 
-    Ctrl-C or SIGTERM brings the robot to a balanced stop, parks it and ends; a second one ends at once, torque off.
+    Ctrl-C or SIGTERM brings the robot to a balanced stop, parks it and ends; a second one ends at once, torque off. The
+    exit code after SIGTERM is 0 if the robot is parked. `flexmotion daemon` prints a systemd unit.
     SIGUSR1 is a stop (the robot stands), SIGUSR2 an emergency stop (it freezes, then parks, the fault latched).
 
     [bold]Examples[/bold]
@@ -52,31 +56,34 @@ def run(
     # From here on a signal is a request, also while the rest is loaded. Heavy imports wait until the command runs: help
     # and completion answer at once.
     from flexmotion.streamer.commands.signals import operator_signals
+    from flexmotion.streamer.log.lock import locked_folder
 
-    with operator_signals() as signals:
-        from flexmotion.configs.stream import load_stream
-        from flexmotion.streamer.api import open_driver, open_robot
-        from flexmotion.streamer.commands.driver_options import parse_options
-        from flexmotion.streamer.commands.streaming import present, stream
+    with locked_folder(run.report):
+        with operator_signals() as signals:
+            from flexmotion.configs.stream import load_stream
+            from flexmotion.streamer.api import open_driver, open_robot
+            from flexmotion.streamer.commands.driver_options import parse_options
+            from flexmotion.streamer.commands.streaming import present, stream
 
-        settings = load_stream(run.settings)
-        stay = clock == "real" and not once and run.seconds is None
-        chosen = open_robot(robot)
-        source = motion.source(chosen, settings, run.seconds, endless=stay, listens=run.listens)
-        options = parse_options(option or ())
-        if port is not None:
-            options["port"] = port
-        if driver == "sim":
-            options["seed"] = motion.seed
-        session = run.session(
-            open_driver(driver, chosen, **options),
-            source,
-            settings,
-            clock=clock,
-            seed=motion.seed,
-            seconds=None if stay else source.seconds,
-            stay=stay,
-            armed=not run.listens,
-        )
-        outcome = stream(session, signals)
-    present(outcome, run.report, run.as_json, signals.interrupted)
+            settings = load_stream(run.settings)
+            stay = clock == "real" and not once and run.seconds is None
+            chosen = open_robot(robot)
+            source = motion.source(chosen, settings, run.seconds, endless=stay, listens=run.listens)
+            options = parse_options(option or ())
+            if port is not None:
+                options["port"] = port
+            if driver == "sim":
+                options["seed"] = motion.seed
+            session = run.session(
+                open_driver(driver, chosen, **options),
+                source,
+                settings,
+                clock=clock,
+                seed=motion.seed,
+                seconds=None if stay else source.seconds,
+                stay=stay,
+                armed=not run.listens,
+            )
+            session.waits = wait
+            outcome = stream(session, signals)
+        present(outcome, run.report, run.as_json, signals)

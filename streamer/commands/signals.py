@@ -21,12 +21,13 @@ class OperatorSignals:
 
     Attributes:
         interrupted: whether the end was requested.
+        terminated: whether SIGTERM requested it, as a service manager does.
         wake: file descriptor that becomes readable with every signal.
     """
 
     def __init__(self, wake: int) -> None:
         self.wake = wake
-        self.interrupted = False
+        self.interrupted = self.terminated = False
         self._received: deque[int] = deque()
 
     def receive(self, number: int, _frame: FrameType | None) -> None:
@@ -44,7 +45,7 @@ class OperatorSignals:
             return Request.ESTOP
         if self.interrupted:
             return Request.QUIT
-        self.interrupted = True
+        self.interrupted, self.terminated = True, number == signal.SIGTERM
         print_note("stopping: the robot comes to a stand and parks; signal again to end at once")
         return Request.END
 

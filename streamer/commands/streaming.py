@@ -11,11 +11,13 @@ from typing import Any
 import typer
 
 from flexmotion.streamer import api
-from flexmotion.streamer.commands.exit_codes import CHECK_FAILED, HARDWARE_FAILED, INTERRUPTED
+from flexmotion.streamer.commands.exit_codes import CHECK_FAILED, HARDWARE_FAILED, INTERRUPTED, OK
 from flexmotion.streamer.commands.output import print_json, print_note, print_result, progress_bar
 from flexmotion.streamer.commands.signals import OperatorSignals
+from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.telemetry import Event
 from flexmotion.streamer.gateway.service import GatewayService
+from flexmotion.streamer.log.live_view import LiveView
 from flexmotion.streamer.log.recorder import Recorder
 from flexmotion.streamer.motion.sources import Performance
 from flexmotion.streamer.report.summary import render
@@ -43,6 +45,8 @@ def stream(session: Session, signals: OperatorSignals | None = None) -> api.Outc
         for service in session.services:
             if isinstance(service, GatewayService) and service.url is not None:
                 print_note(f"web: {service.url}")
+            if isinstance(service, LiveView):
+                print_note(f"foxglove: open the connection {service.url}")
         try:
             session.run()
         finally:
@@ -64,8 +68,11 @@ def emulated_port(options: Mapping[str, Any]) -> str | None:
     return next((port for port in ports if port and Path(port).resolve().is_relative_to("/dev/pts")), None)
 
 
-def present(outcome: api.Outcome, folder: Path | None, as_json: bool, interrupted: bool = False) -> None:
-    """Print the report, write it where asked, and leave with the exit code that it means."""
+def present(outcome: api.Outcome, folder: Path | None, as_json: bool, signals: OperatorSignals | None = None) -> None:
+    """Print the report, write it where asked, and leave with the exit code that it means.
+
+    SIGTERM is the regular end of a daemon: exit code 0 if the robot is parked without a fault.
+    """
     report = outcome.report
     if as_json:
         print_json(report.json_text().rstrip())
@@ -77,7 +84,10 @@ def present(outcome: api.Outcome, folder: Path | None, as_json: bool, interrupte
         if port := emulated_port(report.options):
             print_note(f"{port} is a pseudo-terminal: its other end may have been late (emulate says so when it ends)")
         raise typer.Exit(HARDWARE_FAILED)
-    if interrupted:
+    if signals is not None and signals.terminated:
+        parked = report.safety.final_state == State.OFF.name and not report.safety.faults
+        raise typer.Exit(OK if parked else CHECK_FAILED)
+    if signals is not None and signals.interrupted:
         raise typer.Exit(INTERRUPTED)
     if report.safety.hardware_failed or not report.ok:
         raise typer.Exit(CHECK_FAILED)

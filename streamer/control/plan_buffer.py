@@ -177,6 +177,14 @@ class PlanBuffer:
         used = {int(self._slot[0]), *self._held.tolist()}
         return next(slot for slot in range(SLOTS) if slot not in used)
 
+    def playing(self) -> Offer | None:
+        """A copy of the plan that the loop plays, for a planner that succeeds another one; None: it plays none.
+
+        Its human is not in the memory. The planner that wrote it must have ended.
+        """
+        slot = int(self._held[0])
+        return None if slot < 0 else _copy(self._offer(slot))
+
     # ---------------------------------------------------------------- the loop's side
 
     def newest(self, seen: int) -> Offer | None:

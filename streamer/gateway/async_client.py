@@ -107,6 +107,10 @@ class AsyncClient(Messages):
         finally:
             self._waiting.pop(identity, None)
 
+    async def closed(self) -> None:
+        """Come back when the run has closed the connection."""
+        await asyncio.shield(self._reading)
+
     async def _read(self) -> None:
         assert self._socket is not None
         try:

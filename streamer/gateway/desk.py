@@ -158,6 +158,7 @@ class Desk:
         message, now = asked.message, asked.since_s
         late = self._late(message)
         if late is not None:
+            self.reject("stale")
             self._reply(asked, *late)
         elif not self._sequences.ascends(message, sender):
             self._reply(asked, "refused", f"sequence {message.sequence} does not come after the last of this source")

@@ -16,6 +16,7 @@ from flexmotion.configs.robot import Robot
 from flexmotion.configs.stream import Gateway
 from flexmotion.streamer.control.telemetry import Telemetry
 from flexmotion.streamer.gateway.admission import Admission
+from flexmotion.streamer.gateway.hub import Hub, Transport
 from flexmotion.streamer.gateway.ports import bound, check_free
 from flexmotion.streamer.motion.heard import HeardChannel
 from flexmotion.streamer.motion.targets import TargetMailbox
@@ -47,6 +48,7 @@ class GatewayService:
         port: to listen on; None: that of the settings.
         stop_port: of the stop process, for the status.
         lines, takes_targets: see `flexmotion.streamer.gateway.listening.Listening`.
+        transports: other ways for messages, such as zenoh.
         feed: makes the feed of its page, given who sent a target; None: it has no page.
         pace: of a human that the robot keeps up with; None: not known.
 
@@ -75,6 +77,7 @@ class GatewayService:
         stop_port: int | None = None,
         lines: tuple[int, int] | None = None,
         takes_targets: bool = True,
+        transports: tuple[Transport, ...] = (),
         feed: Callable[[Callable[[int], str | None]], Feed] | None = None,
         pace: Pace | None = None,
     ) -> None:
@@ -82,7 +85,7 @@ class GatewayService:
         self.feed, self.pace = feed, pace
         self.settings, self.telemetry, self.heard, self.admission = settings, telemetry, heard, admission
         self.port, self.stop_port = settings.port if port is None else port, stop_port
-        self.lines = lines
+        self.lines, self.transports = lines, transports
         if admission is not None:
             check_free(admission.address, self.port, "--web-port")
         self.targets = targets.sender()
@@ -122,6 +125,8 @@ class _Server:
         self.service = service
         self.error: BaseException | None = None
         self._server: Any = None
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._closed = asyncio.Event()
         self._thread = threading.Thread(target=self._run, name="gateway", daemon=True)
         self._thread.start()
 
@@ -129,7 +134,9 @@ class _Server:
         """End the server, its connections with it."""
         if self._server is not None:
             self._server.should_exit = self._server.force_exit = True
-            self._thread.join(_CLOSE_S)
+        if self._loop is not None and self._loop.is_running():
+            self._loop.call_soon_threadsafe(self._closed.set)
+        self._thread.join(_CLOSE_S)
 
     def _run(self) -> None:
         try:
@@ -139,16 +146,15 @@ class _Server:
 
     async def _serve(self) -> None:
         # FastAPI takes half a second to load; only this process needs it.
-        import uvicorn
-
         from flexmotion.streamer.gateway.desk import Desk
         from flexmotion.streamer.gateway.lines import Lines
+        from flexmotion.streamer.gateway.metrics import metrics_text
         from flexmotion.streamer.gateway.pages import Pages
         from flexmotion.streamer.gateway.server import Connections, build_app
         from flexmotion.streamer.gateway.status import Status, status_of
         from flexmotion.streamer.page.body import page_robot
 
-        service = self.service
+        service, self._loop = self.service, asyncio.get_running_loop()
         woken = asyncio.Event()
         everyone: list[Connections] = []
 
@@ -174,37 +180,61 @@ class _Server:
         pump = asyncio.create_task(_pump(desk, woken))
         if service.lines is not None:
             Lines(*service.lines, desk, woken.set)
+        ends = _begin(service.transports, Hub(desk, status, woken.set))
+        pages = drawing = None
         if service.admission is None:
-            await pump
-            return
-        pages = None
-        if service.feed is not None:
-            pages = Pages(
-                partial(service.feed, desk.sources.get),
-                partial(page_robot, service.robot, service.driver, service.pace),
-            )
-        app, connections = build_app(desk, service.admission, status, woken.set, pages)
-        everyone.append(connections)
-        drawing = None if pages is None else asyncio.create_task(pages.run())
+            serving = asyncio.create_task(self._closed.wait())
+        else:
+            if service.feed is not None:
+                pages = Pages(
+                    partial(service.feed, desk.sources.get),
+                    partial(page_robot, service.robot, service.driver, service.pace),
+                )
+                drawing = asyncio.create_task(pages.run())
+            metrics = partial(metrics_text, desk, service.robot.name, service.driver, service.robot.joint_names)
+            app, connections = build_app(desk, service.admission, status, woken.set, pages, metrics)
+            everyone.append(connections)
+            serving = asyncio.create_task(self._listen(app, service.admission))
+        done, _ = await asyncio.wait([serving, pump], return_when=asyncio.FIRST_COMPLETED)
+        for end in ends:
+            end()
+        for task in (serving, pump, drawing):
+            if task is not None and task not in done:
+                task.cancel()
+        for task in done:
+            task.result()
+
+    async def _listen(self, app: Any, admission: Admission) -> None:
+        import uvicorn
+
+        settings = self.service.settings
         config = uvicorn.Config(
             app,
             log_level="warning",
             access_log=False,
             lifespan="off",
-            ws_max_size=16 * service.settings.most_bytes,
+            ws_max_size=16 * settings.most_bytes,
             ws_max_queue=8,
             # In a flood the answer to a ping waits behind the messages before it.
             ws_ping_timeout=_PING_S,
             ws_per_message_deflate=False,
-            limit_concurrency=4 * service.settings.most_connections,
+            limit_concurrency=4 * settings.most_connections,
             server_header=False,
         )
         self._server = uvicorn.Server(config)
-        with bound(service.admission.address, service.port) as listening:
+        with bound(admission.address, self.service.port) as listening:
             await self._server.serve(sockets=[listening])
-        pump.cancel()
-        if drawing is not None:
-            drawing.cancel()
+
+
+def _begin(transports: tuple[Transport, ...], hub: Hub) -> list[Callable[[], None]]:
+    """Start the transports that can be started; returns what ends them."""
+    ends = []
+    for one in transports:
+        try:
+            ends.append(one.begin(hub))
+        except Exception:  # a library's; the other transports go on
+            log.exception("no targets come over %s", one.name)
+    return ends
 
 
 async def _pump(desk: Any, woken: asyncio.Event) -> None:
@@ -227,6 +257,7 @@ def check_installed() -> None:
     """Check that the server's libraries are there. Raises `ConfigError`."""
     from importlib.util import find_spec
 
-    missing = [name for name in ("fastapi", "uvicorn", "websockets") if find_spec(name) is None]
+    missing = [name for name in ("fastapi", "prometheus_client", "uvicorn", "websockets") if find_spec(name) is None]
     if missing:
-        raise ConfigError(f"--web needs {', '.join(missing)}: pip install fastapi uvicorn websockets")
+        packages = " ".join(missing).replace("_", "-")
+        raise ConfigError(f"--web needs {', '.join(missing)}: pip install {packages}")

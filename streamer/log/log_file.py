@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import IO
 
 from flexmotion.configs.errors import ConfigError
+from flexmotion.streamer.log.lock import lock
 
 
 class LogFile:
@@ -14,6 +16,8 @@ class LogFile:
     After a failed write the file is cut back to the last `mark`, so that it stays readable, and later writes are
     dropped.
 
+    It is locked while it is open, here or in a process that was forked meanwhile.
+
     Args:
         path: path of the file; an existing file is overwritten.
 
@@ -21,7 +25,7 @@ class LogFile:
         error: error of the failed write; None without one.
 
     Raises:
-        ConfigError: the file cannot be written.
+        ConfigError: the file cannot be written, or another run writes to it.
     """
 
     def __init__(self, path: Path) -> None:
@@ -29,8 +33,11 @@ class LogFile:
         self.error: OSError | None = None
         self._marked = 0
         try:
+            descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
             # Unbuffered: a write fails at once, and a fork holds no copy of a buffer.
-            self._file = open(path, "wb", buffering=0)  # noqa: SIM115 (closed by `close`)
+            self._file = os.fdopen(descriptor, "r+b", buffering=0)
+            lock(descriptor, path, "--log")
+            os.ftruncate(descriptor, 0)
         except OSError as error:
             raise ConfigError(f"{path}: cannot be written ({error.strerror or error})") from error
 
@@ -44,6 +51,10 @@ class LogFile:
             self.error = error
             os.ftruncate(self._file.fileno(), self._marked)
         return len(content)
+
+    def held(self) -> IO[bytes]:
+        """A file object that keeps the lock until it is closed, also after `close`."""
+        return os.fdopen(os.dup(self._file.fileno()), "rb", buffering=0)
 
     def mark(self) -> None:
         """Mark what has been written so far as complete."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import struct
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +23,7 @@ from flexmotion.streamer.control.tick_row import TickRow, blank
 from flexmotion.streamer.log.cdr import ENCAPSULATION, decode, parse_schema, row_dtype
 from flexmotion.streamer.log.header import SCHEMA, LogHeader, is_header, require_version, robot_files
 from flexmotion.streamer.log.messages import EVENT, HEARD, PLAN, TARGET, TICK
+from flexmotion.streamer.log.parts import later_parts, part_number
 from flexmotion.streamer.log.source import unpack
 from flexmotion.streamer.motion.heard import Heard, merged
 from flexmotion.streamer.motion.sources import Source
@@ -50,6 +51,8 @@ class Log:
         heard: the answers, each in its newest version; none in logs of older versions.
         files: attachments by name.
         whole: whether the log was closed; if not, it ends where writing ended.
+        parts: its files, in order.
+        missing: numbers of parts that were removed between them.
     """
 
     path: Path
@@ -62,6 +65,8 @@ class Log:
     files: dict[str, bytes]
     topics: dict[str, Topic]
     whole: bool
+    parts: tuple[Path, ...]
+    missing: tuple[int, ...] = ()
 
     def record(self) -> RunTrace:
         """The record of the run."""
@@ -87,11 +92,30 @@ class Log:
 def read_log(path: str | Path) -> Log:
     """Read a log; one that was cut off is read as far as it goes.
 
+    Args:
+        path: of the log, which is read with all its later parts; or of a later part, which is read alone.
+
     Raises:
         ConfigError: the file is missing, no log of FlexMotion, of another version, or damaged.
     """
     path = Path(path)
     content = _Content(path)
+    whole, parts = _read(path, content), [path]
+    for later in later_parts(path):
+        if not later.stat().st_size:
+            continue  # the recorder was killed as it began this part
+        part = _Content(later)
+        closed = _read(later, part)
+        if content.goes_on_in(part):
+            parts.append(later)
+            whole = closed
+    numbers = range(1, part_number(parts[-1])) if len(parts) > 1 else range(0)
+    missing = set(numbers) - {part_number(part) for part in parts}
+    return replace(content.log(whole), parts=tuple(parts), missing=tuple(sorted(missing)))
+
+
+def _read(path: Path, content: _Content) -> bool:
+    """Read a file; returns whether it was closed. Raises as `read_log` does."""
     whole = False
     try:
         with open(path, "rb") as file:
@@ -102,7 +126,7 @@ def read_log(path: str | Path) -> Log:
         raise ConfigError(f"{path}: cannot be read ({error.strerror or error})") from error
     except (McapError, ValueError, KeyError, struct.error) as error:
         raise ConfigError(f"{path}: damaged, or not a log of FlexMotion (an .mcap file, as --log writes it)") from error
-    return content.log(whole)
+    return whole
 
 
 def _records(reader: StreamReader) -> Iterator[McapRecord]:
@@ -121,6 +145,8 @@ class _Content:
     schemas: dict[int, Schema] = field(default_factory=dict)
     channels: dict[int, Channel] = field(default_factory=dict)
     topics: dict[str, Topic] = field(default_factory=dict)
+    texts: dict[str, str] = field(default_factory=dict)
+    """The schema of each topic."""
     header: LogHeader | None = None
     files: dict[str, bytes] = field(default_factory=dict)
     ticks: list[bytes] = field(default_factory=list)
@@ -143,6 +169,7 @@ class _Content:
             self.channels[record.id] = record
             schema = self.schemas[record.schema_id]
             self.topics.setdefault(record.topic, Topic(schema.name, record.message_encoding))
+            self.texts.setdefault(record.topic, schema.data.decode())
 
     def _take_message(self, message: Message) -> None:
         name, data = self.channels[message.channel_id].topic, message.data
@@ -163,10 +190,23 @@ class _Content:
             event = json.loads(data)
             self.events.append(Event(event["tick"], event["kind"], event["message"]))
 
+    def goes_on_in(self, part: _Content) -> bool:
+        """Add what a later part holds, if it is one of the same run; returns whether it is."""
+        if self.header is None or part.header is None or part.header.start_ns != self.header.start_ns:
+            return False
+        for name in ("ticks", "plans", "targets", "heard", "events"):
+            getattr(self, name).extend(getattr(part, name))
+        self.texts = part.texts | self.texts
+        for name, topic in part.topics.items():
+            own = self.topics.setdefault(name, Topic(topic.schema, topic.encoding))
+            own.messages += topic.messages
+            own.size_bytes += topic.size_bytes
+        return True
+
     def log(self, whole: bool) -> Log:
         if self.header is None:
             raise ConfigError(f"{self.path}: no log of FlexMotion, it has no metadata record {SCHEMA!r}")
-        plan_columns = parse_schema(self._schema(PLAN)) if self.plans else []
+        plan_columns = parse_schema(self.texts[PLAN]) if self.plans else []
         return Log(
             path=self.path,
             header=self.header,
@@ -178,11 +218,8 @@ class _Content:
             files=self.files,
             topics=self.topics,
             whole=whole,
+            parts=(self.path,),
         )
-
-    def _schema(self, topic: str) -> str:
-        ids = (channel.schema_id for channel in self.channels.values() if channel.topic == topic)
-        return self.schemas[next(ids)].data.decode()
 
     def _rows(self, joints: int) -> NDArray[Any]:
         """The ticks as rows of this version, column by column: an older log may lack some."""
@@ -190,7 +227,7 @@ class _Content:
         rows = blank(dtype, len(self.ticks))
         if not self.ticks:
             return rows
-        fields = row_dtype(parse_schema(self._schema(TICK))).descr
+        fields = row_dtype(parse_schema(self.texts[TICK])).descr
         logged = np.dtype([("encapsulation", "V", len(ENCAPSULATION)), *fields])
         wrong = {len(message) for message in self.ticks} - {logged.itemsize}
         if wrong:

@@ -97,6 +97,12 @@ def replay(log: Log, subject: Subject, progress: Callable[[float], None] | None 
     """
     if not len(log.rows) or log.rows["tick"][0]:
         raise ConfigError(f"{log.path}: cannot be replayed, its first ticks are missing")
+    if log.missing:
+        numbers = ", ".join(map(str, log.missing))
+        raise ConfigError(
+            f"{log.path}: cannot be replayed, its parts {numbers} were removed; the first part alone can be, "
+            "copied to another folder"
+        )
     if subject.robot.joint_names != log.header.joints:
         raise ConfigError(f"{log.path}: cannot be replayed, robot {log.header.robot} has other joints now")
     again = _run(log, subject, progress)

@@ -93,7 +93,10 @@ def _unpack_model(parts: Parts, origin: Path) -> ModelSource:
         raise ConfigError(f"{origin}: source {parts['name']}: sampled from a bundle that this version comes without")
     bundle = Bundle(folder)
     if parts["hash"] not in bundle.hashes:
-        raise ConfigError(f"{origin}: source {parts['name']}: {folder} is not the bundle of the run (hash)")
+        raise ConfigError(
+            f"{origin}: source {parts['name']}: {folder} is not the bundle of the run: its hash is {bundle.hash}, "
+            f"the run's {parts['hash']}; replay it with the release that recorded it"
+        )
     items = [Item(content["at"], from_content(content)) for content in parts["items"]]
     pace = _unpack_pace(parts.get("pace"), origin)  # older logs have none
     straight = parts.get("straight", False)  # older runs kept no course

@@ -28,6 +28,8 @@ def describe(log: Log) -> dict[str, Any]:
         "schema": SHOW_SCHEMA,
         "file": str(log.path),
         "whole": log.whole,
+        "parts": [part.name for part in log.parts],
+        "missing_parts": list(log.missing),
         "software": header.software,
         "started": datetime.fromtimestamp(header.start_ns * 1e-9, UTC).isoformat(timespec="seconds"),
         "robot": header.robot,
@@ -93,6 +95,10 @@ def render_log(content: dict[str, Any]) -> RenderableType:
     about = _table("", "")
     end = "" if content["whole"] else ", not closed: it ends where writing ended"
     about.add_row("log", f"{content['file']}, begun {content['started']}{end}")
+    if len(content["parts"]) > 1:
+        missing = ", ".join(map(str, content["missing_parts"]))
+        removed = f"; parts {missing} were removed" if missing else ""
+        about.add_row("parts", f"{len(content['parts'])}, the last {content['parts'][-1]}{removed}")
     about.add_row("run", "{robot} on {driver}, {source}, seed {seed}, clock {clock}".format(**content))
     length = f"{content['duration_s']:.2f} s, {content['ticks']} ticks at {content['rate_hz']:g} Hz"
     about.add_row("length", f"{length}, {content['missing_ticks']} missing")

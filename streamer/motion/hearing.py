@@ -203,7 +203,13 @@ class Hearing:
             repeated = before[-1:] if before else list(last.steps) if last is not None else []
             if not repeated:
                 raise _RefusedError("nothing was done before that could be repeated")
-            return repeated * clause.times
+            repeated = repeated * clause.times
+            # A motion without an end has one where another follows it.
+            ends = in_sequence or len(repeated) > 1
+            return [
+                self._measured(step, usual_amount(step, 1), 1) if ends and step.amount is None else step
+                for step in repeated
+            ]
         if clause.asks is Asks.CONTINUE:
             if clause.amount is None and in_sequence:
                 return []

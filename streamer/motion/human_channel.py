@@ -14,11 +14,10 @@ from flexmotion.human.kinematics import forward
 from flexmotion.human.motion import Motion
 from flexmotion.records import Float, Int, Record, column
 
-POINTS = ("pelvis", "vertex", *(f"{side}_{name}" for side in ("left", "right") for name in (
-    "hip", "knee", "ankle", "heel", "toe", "shoulder", "elbow", "hand")))  # fmt: skip
+_SIDED = ("hip", "knee", "ankle", "heel", "toe", "shoulder", "elbow", "hand")
+POINTS = ("pelvis", "vertex", *(f"{side}_{name}" for side in ("left", "right") for name in _SIDED))
 """Points of the human, in their order."""
 
-_SIDED = ("hip", "knee", "ankle", "heel", "toe", "shoulder", "elbow", "hand")
 _FRAMES = 96
 _KEPT = 16
 _WATCHED_S = 3.0

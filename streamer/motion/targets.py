@@ -158,11 +158,21 @@ class TargetReader:
         self._rings = rings
         self._readers: list[Reader] = []
 
+    @property
+    def has_new(self) -> bool:
+        """Whether `read` would return a target."""
+        self._know_all()
+        return any(reader.has_new for reader in self._readers)
+
     def read(self) -> list[Target]:
         """The targets since the last call, by id."""
-        self._readers += [ring.reader() for ring in self._rings[len(self._readers) :]]
+        self._know_all()
         found = [_target(TargetRow(row)) for reader in self._readers for row in reader.read()]
         return sorted(found, key=lambda target: target.id)
+
+    def _know_all(self) -> None:
+        """Read from senders that were added since the last call too."""
+        self._readers += [ring.reader() for ring in self._rings[len(self._readers) :]]
 
 
 def _new_ring() -> Ring:

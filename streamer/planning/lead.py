@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from enum import Enum
 from typing import Protocol
@@ -18,14 +19,19 @@ class Kind(Enum):
 
 
 class Lead(Protocol):
-    """Gives the distance to the join, from the times that plans took."""
+    """Gives the tick at which a plan can join, from the times that plans took."""
 
-    def ticks(self, kind: Kind) -> int:
-        """Ticks from now to the join."""
+    def join(self, kind: Kind, now: float, spent_s: float | None = None) -> int:
+        """First tick by whose beginning a plan of this kind will be ready.
+
+        Args:
+            now: the present, or the moment at which the plan was begun if `spent_s` is given [ticks].
+            spent_s: the human motion is sampled, which took so long [s]; None: not yet.
+        """
         ...
 
-    def record(self, kind: Kind, seconds: float) -> None:
-        """A plan took this long [s]."""
+    def record(self, kind: Kind, sampling_s: float, rest_s: float) -> None:
+        """A plan took this long until its human motion was sampled, and after that [s]."""
         ...
 
 
@@ -35,23 +41,28 @@ class FixedLead:
     def __init__(self, ticks: int) -> None:
         self._ticks = ticks
 
-    def ticks(self, kind: Kind) -> int:
-        """See `Lead.ticks`."""
-        return self._ticks
+    def join(self, kind: Kind, now: float, spent_s: float | None = None) -> int:
+        """See `Lead.join`."""
+        return math.ceil(now) + self._ticks
 
-    def record(self, kind: Kind, seconds: float) -> None:
+    def record(self, kind: Kind, sampling_s: float, rest_s: float) -> None:
         """See `Lead.record`."""
 
 
 _REMEMBERED = 32
 """Plans of each kind whose times count."""
 _SHARE = 95
-"""Percentile of their times that a plan has; one in twenty comes late and is made again."""
+"""Percentile of their times that a plan has after its motion is sampled; one in twenty would come late without the
+margin."""
 _MARGIN = 1.15
 
 
 class MeasuredLead:
-    """A percentile of the times that the last plans of each kind took.
+    """The times that the last plans of each kind took.
+
+    A plan joins as early as a percentile of the times after sampling permits. Sampling is counted by its median first,
+    and by what it took once it is done: slow sampling, or words that were read for the first time, put a plan off, and
+    do not make it late.
 
     Args:
         rate_hz: ticks a second.
@@ -62,15 +73,19 @@ class MeasuredLead:
 
     def __init__(self, rate_hz: float, at_first: dict[Kind, float], most_s: float) -> None:
         self._rate, self._most_s = rate_hz, most_s
-        self._took = {kind: deque([seconds], maxlen=_REMEMBERED) for kind, seconds in at_first.items()}
+        self._sampling: dict[Kind, deque[float]] = {kind: deque(maxlen=_REMEMBERED) for kind in at_first}
+        self._rest = {kind: deque([seconds], maxlen=_REMEMBERED) for kind, seconds in at_first.items()}
 
-    def ticks(self, kind: Kind) -> int:
-        """See `Lead.ticks`."""
-        seconds = min(_MARGIN * float(np.percentile(self._took[kind], _SHARE)), self._most_s)
-        # Counted from the next tick, which is half a period away on average: that adds to the margin.
-        return max(int(np.ceil(seconds * self._rate)), 1)
+    def join(self, kind: Kind, now: float, spent_s: float | None = None) -> int:
+        """See `Lead.join`."""
+        rest_s = _MARGIN * float(np.percentile(self._rest[kind], _SHARE))
+        if spent_s is None:
+            sampling = self._sampling[kind]
+            spent_s = float(np.median(sampling)) if sampling else 0.0
+        return math.ceil(now + min(spent_s + rest_s, self._most_s) * self._rate)
 
-    def record(self, kind: Kind, seconds: float) -> None:
+    def record(self, kind: Kind, sampling_s: float, rest_s: float) -> None:
         """See `Lead.record`."""
-        if seconds < self._most_s:
-            self._took[kind].append(seconds)
+        if sampling_s + rest_s < self._most_s:
+            self._sampling[kind].append(sampling_s)
+            self._rest[kind].append(rest_s)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +13,12 @@ from flexmotion.configs.errors import RetargetError
 from flexmotion.configs.stream import StreamSettings
 from flexmotion.retarget.plan import Plan
 from flexmotion.retarget.retargeter import Retargeter
+from flexmotion.retarget.view import begin_human
 from flexmotion.sampling.blend import take_over
 from flexmotion.streamer.motion.sources import Source
+
+_SPARE_S = 0.1
+"""Human motion that is sampled beyond what a plan needs, for a plan that joins later than foreseen [s]."""
 
 
 @dataclass(frozen=True)
@@ -50,6 +54,7 @@ class Planner:
         stop: bool = False,
         partial: bool = False,
         checkpoint: Callable[[], None] = lambda: None,
+        settle: Callable[[], tuple[int, Plan | None]] | None = None,
     ) -> Planned:
         """The plan that plays from tick `join` on.
 
@@ -58,6 +63,8 @@ class Planner:
             stop: come to a balanced stop from there, whatever the source has.
             partial: follow the source only for the settings' `first_s`, which takes less time.
             checkpoint: called every few milliseconds; raises to abandon the plan.
+            settle: called once the human motion is sampled, which takes the most uncertain time; returns the tick at
+                which the plan joins in fact, not before `join`, and the plan that plays until then. None: as given.
 
         Raises:
             RetargetError: the plan has values that are not finite.
@@ -70,9 +77,17 @@ class Planner:
         horizon_s = self.settings.first_s if partial else self.settings.horizon_s
         horizon = int(round(horizon_s * self.rate))
         frames = int(np.ceil(horizon_s * self.source.fps)) + 2
-        motion = None if stop else self.source.window(first, frames)
+        spare = 0 if settle is None else int(np.ceil(_SPARE_S * self.source.fps))
+        motion = None if stop else self.source.window(first, frames + spare)
         sampled = time.perf_counter()
         checkpoint()
+        if settle is not None:
+            join, current = settle()
+            state = self._state(join, current)
+            later = retargeter.next_frame(state, join, self.source.fps) - first
+            if motion is not None:
+                motion = motion[later : later + frames] if later <= spare else self.source.window(first + later, frames)
+            first += later
         ended = motion is None or len(motion) < frames
         if motion is not None and current is not None and current.human is not None:
             motion = take_over(current.human, current.human_first_frame, motion, first, self.settings.blend_frames)
@@ -92,6 +107,12 @@ class Planner:
         state = self.retargeter.layout.view(self._state(join, current))
         heading = float(state.feet[:, 3].mean()) - float(state.heading)
         return heading if np.isfinite(heading) else None
+
+    def without_human(self, plan: Plan) -> Plan:
+        """A plan from whose states another human can be followed, who begins with frame 0 of the source."""
+        states = plan.states.copy()
+        begin_human(self.retargeter.layout.view(states))
+        return replace(plan, states=states, human=None)
 
     def stands_at(self, join: int, current: Plan | None) -> NDArray[np.float64]:
         """Where the robot comes to stand if it stops from a join on; see `Retargeter.stands_at`."""

@@ -17,7 +17,7 @@ from flexmotion.retarget.plan import Plan
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.plan_buffer import PlanBuffer, Ticket
 from flexmotion.streamer.control.tick_row import TickRow
-from flexmotion.streamer.motion.heard import Heard, HeardChannel
+from flexmotion.streamer.motion.heard import Heard, HeardChannel, heard_since
 from flexmotion.streamer.motion.human_channel import HumanChannel
 from flexmotion.streamer.motion.model_source import ModelSource
 from flexmotion.streamer.motion.replan_noise import NoisySource
@@ -49,6 +49,9 @@ class Replanner:
         heard: is sent the answer to every target, to every item of a script, and later versions of them as steps end.
         humans: is sent the human of every plan, while someone watches.
         lockstep: ages of targets are counted in ticks, not by the clock.
+
+    Attributes:
+        follows_targets: whether the source follows targets.
     """
 
     def __init__(
@@ -66,7 +69,7 @@ class Replanner:
         lockstep: bool = False,
     ) -> None:
         self.planner, self.plans, self.ticks, self.settings = planner, plans, ticks, settings
-        self.lead, self.on_note = lead, on_note
+        self.lead, self.on_note, self._lockstep = lead, on_note, lockstep
         self.ledger = TargetLedger(
             targets.reader(),
             self._publish,
@@ -75,12 +78,13 @@ class Replanner:
             change_s=settings.change_s,
             lockstep=lockstep,
         )
-        self._follows = isinstance(planner.source, LiveSource)
+        self.follows_targets = isinstance(planner.source, LiveSource)
+        self._succeeds = False
         self._replan_ticks = round(settings.replan_s * planner.rate)
         self._least_unplayed = round(settings.min_unplayed_s * planner.rate)
         self._commit_ticks = max(round(settings.commit_s * planner.rate), 1)
         self._made: dict[int, tuple[Ticket, Plan]] = {}  # by id: plans from the one that plays on
-        self._asked_tick = 0
+        self._asked_tick = self._checked = 0  # `_checked`: rows of the loop that were read for a more urgent plan
         self._heard, self._humans = heard, humans
         source = planner.source.source if isinstance(planner.source, NoisySource) else planner.source
         self._runner: StepRunner | None = None
@@ -89,11 +93,12 @@ class Replanner:
             home[body.upper.joints] = planner.retargeter.robot.stand_pose[body.upper.joints]
             self._runner = StepRunner(source, planner.rate, self._ended, home)
 
-    def step(self, tick: int) -> bool:
+    def step(self, tick: int, early: float = 0.0) -> bool:
         """Make and publish a plan if one is due.
 
         Args:
             tick: the tick that the loop does next.
+            early: how long before it it is now, in [0, 1) [ticks].
 
         Returns:
             Whether one was made.
@@ -102,7 +107,7 @@ class Replanner:
             FlexMotionError, ArithmeticError, ValueError, LookupError: source or retargeter failed.
         """
         row = self._newest_row()
-        if row is None:
+        if row is None or (self._succeeds and not self._take_over(row, tick)):
             return False
         if self._runner is not None:
             self._runner.update(row, halted=self.ledger.halted, stands_at=partial(self._stands_at, row, tick))
@@ -111,12 +116,8 @@ class Replanner:
             return False
         begin = time.perf_counter()
         kind = self._kind(row, target)
-        join = tick + self.lead.ticks(kind)
-        resumed = self._playing_at(join, row)
-        current = self._made[resumed][1] if resumed else None
-        if current is not None:
-            # A redraw may not replace the first moments of the plan before it; a new target or a stop may.
-            join = max(join, current.start_tick + (self._commit_ticks if kind is Kind.WHOLE else 1))
+        now, sampling_s = tick - early, 0.0
+        join, resumed, current = self._join(kind, row, self.lead.join(kind, now))
         if kind is Kind.STOP:
             target = NO_TARGET
         elif self._is_new(target, row):
@@ -124,6 +125,13 @@ class Replanner:
                 return False
         elif self._runner is not None and self._runner.wanted is not None:
             self._change_step(self._runner, current, join)
+
+        def settle() -> tuple[int, Plan | None]:
+            nonlocal join, resumed, current, sampling_s
+            sampling_s = time.perf_counter() - begin
+            join, resumed, current = self._join(kind, row, max(join, self.lead.join(kind, now, sampling_s)))
+            return join, current
+
         try:
             planned = self.planner.plan(
                 join,
@@ -131,6 +139,7 @@ class Replanner:
                 stop=kind is Kind.STOP or self._rests,
                 partial=kind is Kind.PARTIAL,
                 checkpoint=partial(self._check_urgency, kind, target),
+                settle=None if self._lockstep else settle,
             )
         except Superseded:
             return False
@@ -152,14 +161,44 @@ class Replanner:
         # The plan that plays can always be resumed, however many were refused since.
         self._made = {key: made for key, made in self._made.items() if key >= int(row.plan)}
         self.plans.publish(ticket, planned.plan)
-        self.lead.record(kind, time.perf_counter() - begin)
+        self.lead.record(kind, sampling_s, time.perf_counter() - begin - sampling_s)
         if self._humans is not None and self._humans.watched and planned.plan.human is not None:
             self._humans.publish(ticket.id, planned.plan.human, planned.plan.human_first_frame)
         return True
 
+    @property
+    def has_target(self) -> bool:
+        """Whether a target waits for its plan; else nothing is due before the loop's next row."""
+        return self.ledger.has_target
+
     def warm_up(self) -> None:
         """Plan once from the stand pose and drop the plan, so that the first real one takes no longer than others."""
         self.planner.plan(0, None)
+
+    def succeed(self) -> None:
+        """Called in a new process: where another one has made plans before, and died, go on from the one that plays."""
+        self._succeeds = self.plans.newest_id > 0
+        if self._succeeds and self._heard is not None:
+            answered = [heard.id for heard in heard_since(self._heard.reader())]
+            self.ledger.drop_old(max(answered, default=0), "the planner was started again; send it again")
+
+    def _take_over(self, row: TickRow, tick: int) -> bool:
+        """Take over from a planner that died, once the robot stands; returns whether that is done.
+
+        The pose is that of the plan that plays, at its end. The human of that planner is lost: the next one begins from
+        a stand, wherever the robot is. Until a new target arrives the robot stands.
+        """
+        self.ledger.take(tick)
+        self.ledger.refuse_all("the planner was started again, and the robot does not stand yet")
+        if not row.plan:
+            self._succeeds = not row.ready
+            return not self._succeeds
+        offer = self.plans.playing()
+        if int(row.state) != State.HOLD or row.pending or offer is None or offer.ticket.id != int(row.plan):
+            return False
+        self._made = {offer.ticket.id: (offer.ticket, self.planner.without_human(offer.plan))}
+        self._succeeds, self.ledger.halted = False, True
+        return True
 
     def _due(self, row: TickRow, target: Target) -> bool:
         """Whether a plan is to be made now."""
@@ -201,6 +240,15 @@ class Replanner:
     def _target_of(self, plan: int) -> int:
         return self._made[plan][0].target if plan in self._made else 0
 
+    def _join(self, kind: Kind, row: TickRow, join: int) -> tuple[int, int, Plan | None]:
+        """First tick from `join` on at which a plan may take over; id and rows of the plan that plays until then."""
+        resumed = self._playing_at(join, row)
+        current = self._made[resumed][1] if resumed else None
+        if current is not None:
+            # A redraw may not replace the first moments of the plan before it; a new target or a stop may.
+            join = max(join, current.start_tick + (self._commit_ticks if kind is Kind.WHOLE else 1))
+        return join, resumed, current
+
     def _playing_at(self, join: int, row: TickRow) -> int:
         """Id of the plan that will play just before tick `join`, which the new one resumes."""
         pending = int(row.pending)
@@ -221,6 +269,9 @@ class Replanner:
 
     def _check_urgency(self, kind: Kind, target: Target) -> None:
         """Raise `Superseded` if a more urgent plan is needed than the one that is being made."""
+        if not (self.ledger.has_target or self.ticks.count > self._checked):
+            return
+        self._checked = self.ticks.count
         row = self._newest_row()
         stop = row is not None and bool(row.must_stop) and kind is not Kind.STOP
         # A plan for a target is made quickly; if it was dropped too, frequent targets would leave no plan at all.
@@ -237,7 +288,7 @@ class Replanner:
         """The target that plans should follow, after the answers that are due; `NO_TARGET` if there is none."""
         ledger = self.ledger
         ledger.take(tick)
-        if not self._follows:
+        if not self.follows_targets:
             ledger.refuse_all(f"{self.planner.source.name}: a source that follows no targets")
         pending = int(row.pending)
         ledger.settle(row, max(int(row.target), self._target_of(pending)), partial(self._start_of, row))
@@ -280,7 +331,7 @@ class Replanner:
 
     def _stands_at(self, row: TickRow, tick: int) -> Float:
         """Where the robot comes to stand by a stop that is asked for at a tick; see `Planner.stands_at`."""
-        join = tick + self.lead.ticks(Kind.STOP)
+        join = self.lead.join(Kind.STOP, tick)
         playing = self._playing_at(join, row)
         return self.planner.stands_at(join, self._made[playing][1] if playing in self._made else None)
 

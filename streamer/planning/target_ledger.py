@@ -75,6 +75,11 @@ class TargetLedger:
         self._followed: _Entry | None = None
 
     @property
+    def has_target(self) -> bool:
+        """Whether a target has arrived, or is open, which the source may turn to now."""
+        return self._inbox.has_new or (self._open is not None and self._may_change(self._open.target))
+
+    @property
     def wanted(self) -> Target:
         """The target that plans should follow; `NO_TARGET` if there is none."""
         entry = self._planned or (None if self.halted else self._followed)
@@ -170,6 +175,12 @@ class TargetLedger:
             if entry is not None:
                 self._publish(entry, "refused", reason)
         self._planned = self._open = None
+
+    def drop_old(self, answered: int, reason: str) -> None:
+        """Refuse the targets that an earlier planner had; it has answered those up to the number `answered`."""
+        for target in self._inbox.read():
+            if target.id > answered:
+                self._publish(_Entry(target, 0.0), "refused", reason)
 
     def _too_old(self, entry: _Entry, now_s: float) -> bool:
         return entry.age_s(now_s) > min(entry.target.take_up_s, entry.target.holds_s)

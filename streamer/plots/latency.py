@@ -18,7 +18,7 @@ def draw_latency(result: LatencyResult) -> Figure:
         10.0,
         4.2,
         f"Latency over {result.seconds:.0f} s at {result.rate_hz:g} Hz ({result.scheduling}, {result.load} hogs)",
-        "left: how late the loop woke; right: median, 99th percentile and maximum of each stage, budget in red",
+        "left: how late the loop woke; right: median, 99th percentile and maximum of each stage, budgets in red",
     )
     left, right = figure.subplots(1, 2, width_ratios=(1.1, 1.0))
     edges = [f"{edge:g}" for edge in HISTOGRAM_US]
@@ -37,8 +37,8 @@ def draw_latency(result: LatencyResult) -> Figure:
         right.plot([max(time.p50, 1e-3), max(time.max, 1e-3)], [row, row], color=MUTED, linewidth=1.0)
         right.plot(max(time.p50, 1e-3), row, "o", color=LEFT, markersize=5)
         right.plot(max(time.p99, 1e-3), row, "D", color=RIGHT, markersize=4)
-        if stage.budget_ms is not None:
-            right.plot([stage.budget_ms] * 2, [row - 0.35, row + 0.35], color=WARN, linewidth=2.0)
+        for bound in stage.bounds:
+            right.plot([bound.ms] * 2, [row - 0.35, row + 0.35], color=WARN, linewidth=2.0)
     right.set_xscale("log")
     right.set_yticks(range(len(names)), names)
     right.invert_yaxis()

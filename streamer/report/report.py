@@ -44,6 +44,7 @@ class Latency(_Section):
     """Percentiles of a time; its key names the unit."""
 
     p50: Figure
+    p95: Figure
     p99: Figure
     p99_9: Figure
     max: Figure
@@ -55,8 +56,8 @@ class Latency(_Section):
         values = values[np.isfinite(values)] / unit_s
         if not len(values):
             return None
-        p50, p99, p99_9 = np.percentile(values, (50, 99, 99.9))
-        return cls(p50=p50, p99=p99, p99_9=p99_9, max=values.max())
+        p50, p95, p99, p99_9 = np.percentile(values, (50, 95, 99, 99.9))
+        return cls(p50=p50, p95=p95, p99=p99, p99_9=p99_9, max=values.max())
 
 
 class LoopSection(_Section):

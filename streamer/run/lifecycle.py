@@ -71,6 +71,11 @@ class Lifecycle:
             return False
         return self._begun and (self._ending or (self._started and not self.attended))
 
+    @property
+    def ending(self) -> bool:
+        """Whether the end was requested."""
+        return self._ending or self.quit
+
     def request(self, request: Request, reason: str = "") -> None:
         """Take a request; it acts on the next tick."""
         inputs = self.loop.inputs

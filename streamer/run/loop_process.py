@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import signal
+import time
 from collections.abc import Sequence
 from multiprocessing.connection import Connection
 
@@ -12,16 +13,30 @@ from flexmotion.drivers.realtime import priority
 from flexmotion.drivers.realtime.ticker import Ticker
 from flexmotion.streamer.control.loop import ControlLoop
 from flexmotion.streamer.run.lifecycle import Lifecycle
-from flexmotion.streamer.run.requests import Request, RequestChannel
+from flexmotion.streamer.run.planner_process import Heartbeat
+from flexmotion.streamer.run.requests import Request, RequestChannel, RequestReader
+
+WAITING = "waiting for the robot:"
+"""Begins the note about a robot that is not there."""
+
+_RETRY_S, _LOOK_S = 1.0, 0.1
+"""Time between two attempts to open the driver of a robot that is waited for, and between two looks at requests [s]."""
 
 
 def serve(
-    loop: ControlLoop, lifecycle: Lifecycle, channels: Sequence[RequestChannel], realtime: bool, outcome: Connection
+    loop: ControlLoop,
+    lifecycle: Lifecycle,
+    channels: Sequence[RequestChannel],
+    opening: Heartbeat | None,
+    realtime: bool,
+    outcome: Connection,
 ) -> None:
     """Open the driver, tick until the run is over, close the driver.
 
     Args:
         channels: requests from other processes.
+        opening: the run waits for a robot that is not there, and beats with every attempt to reach it; None: it does
+            not wait.
         realtime: whether to ask for realtime scheduling.
         outcome: is sent the scheduling that was granted, then the error that ended the run or None.
     """
@@ -30,12 +45,19 @@ def serve(
     signal.signal(signal.SIGTERM, lambda _number, _frame: signalled.append(Request.END))
     error: Exception | None = None
     try:
-        with loop.driver:
+        readers = [channel.reader() for channel in channels]
+        if opening is None:
+            loop.driver.open()
+        elif not _await_robot(loop, lifecycle, readers, signalled, opening):
+            outcome.send("other")
+            outcome.send(None)
+            return
+        with contextlib.closing(loop.driver):
             loop.touch()
             # Locking memory takes long inside the kernel: done before this process has a priority that delays others.
             priority.settle(collect=False)
             outcome.send(priority.claim(priority.LOOP_PRIORITY, allowed=realtime))
-            _run(loop, lifecycle, channels, signalled)
+            _run(loop, lifecycle, readers, signalled)
     except FlexMotionError as failure:
         error = failure
     except Exception as failure:  # of any kind: the supervisor must report it and the log must hold it
@@ -46,8 +68,47 @@ def serve(
         outcome.send(error)
 
 
-def _run(loop: ControlLoop, lifecycle: Lifecycle, channels: Sequence[RequestChannel], signalled: list[Request]) -> None:
-    readers = [channel.reader() for channel in channels]
+def _await_robot(
+    loop: ControlLoop,
+    lifecycle: Lifecycle,
+    readers: Sequence[RequestReader],
+    signalled: list[Request],
+    opening: Heartbeat,
+) -> bool:
+    """Try to open the driver until the robot answers; returns whether it did before the end was requested.
+
+    Torque stays as it is. Each new reason why the robot cannot be reached is told once.
+    """
+    told = ""
+    while True:
+        opening.beat()
+        try:
+            loop.driver.open()
+        except DriverError as error:
+            if str(error) != told:
+                told = str(error)
+                loop.telemetry.emit(0, "note", f"{WAITING} {error}")
+        else:
+            if told:
+                loop.telemetry.emit(0, "note", "the robot answers")
+            return True
+        for _ in range(round(_RETRY_S / _LOOK_S)):
+            time.sleep(_LOOK_S)
+            _take(lifecycle, readers, signalled)
+            if lifecycle.ending:
+                return False
+
+
+def _take(lifecycle: Lifecycle, readers: Sequence[RequestReader], signalled: list[Request]) -> None:
+    """Take the requests that have arrived."""
+    while signalled:
+        lifecycle.request(signalled.pop())
+    for reader in readers:
+        for request, reason in reader.read():
+            lifecycle.request(request, reason)
+
+
+def _run(loop: ControlLoop, lifecycle: Lifecycle, readers: Sequence[RequestReader], signalled: list[Request]) -> None:
     row = loop.telemetry.row
     ticker = Ticker(1.0 / loop.robot.rate_hz)
     while not lifecycle.finished:
@@ -55,10 +116,6 @@ def _run(loop: ControlLoop, lifecycle: Lifecycle, channels: Sequence[RequestChan
         row.missed_deadlines += ticker.missed
         # Skip, never shift in time: the plan has continued meanwhile, as the robot has.
         loop.tick_count += ticker.skipped
-        while signalled:
-            lifecycle.request(signalled.pop())
-        for reader in readers:
-            for request, reason in reader.read():
-                lifecycle.request(request, reason)
+        _take(lifecycle, readers, signalled)
         lifecycle.step()
         loop.tick(ticker.late_ns)

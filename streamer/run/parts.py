@@ -53,6 +53,7 @@ class RunParts:
         allow_refused: for the report: what was refused or dropped does not make it fail.
         armed: torque goes on with the first tick; else with the request ARM.
         attended: the run goes on in OFF and in FAULT until END: CLEAR and ARM lead back to READY.
+        waits: on the real clock, a robot that is not there is waited for; else it is an error.
 
     Attributes:
         answers: what the run has heard.
@@ -80,6 +81,7 @@ class RunParts:
     allow_refused: bool = False
     armed: bool = True
     attended: bool = False
+    waits: bool = False
     requests: RequestChannel = field(init=False)
     telemetry: Telemetry = field(init=False)
     plans: PlanBuffer = field(init=False)

@@ -13,25 +13,42 @@ from flexmotion.streamer.control.tick_row import TickRow
 from flexmotion.streamer.planning.replanning import Replanner
 from flexmotion.streamer.run.requests import Request, RequestChannel
 
-_POLL_S = 0.002
-"""Pause between two looks at the loop's newest row [s]."""
+_POLL_S = 0.0005
+"""Pause between two looks for a new row of the loop, or a new target [s]."""
+_PAUSE_S = 0.002
+"""Pause before a target is considered again for which no plan could be made yet [s]."""
 
 
 class Heartbeat:
-    """Time of the planner's last sign of life, in shared memory."""
+    """Time and number of a process's signs of life, in shared memory."""
 
     def __init__(self) -> None:
-        self._stamp = shared_array(1, np.int64)
+        self._stamp = shared_array(2, np.int64)
 
     def beat(self) -> None:
         """Set the time to now."""
         self._stamp[0] = time.perf_counter_ns()
+        self._stamp[1] += 1
 
     @property
-    def age_s(self) -> float:
-        """Time since the last beat [s]; 0 before the first."""
+    def beats(self) -> int:
+        """How many there were."""
+        return int(self._stamp[1])
+
+    @property
+    def stamp_ns(self) -> int:
+        """When the last one was (`time.perf_counter_ns`); 0: none."""
+        return int(self._stamp[0])
+
+    def reset(self) -> None:
+        """Forget the beats of an earlier process."""
+        self._stamp[0] = 0
+
+    @property
+    def age_s(self) -> float | None:
+        """Time since the last beat [s]; None before the first."""
         stamp = int(self._stamp[0])
-        return (time.perf_counter_ns() - stamp) * 1e-9 if stamp else 0.0
+        return (time.perf_counter_ns() - stamp) * 1e-9 if stamp else None
 
 
 def serve(
@@ -39,25 +56,33 @@ def serve(
 ) -> None:
     """Plan until this process is ended, or until source or retargeter fail.
 
+    Where plans were made before, by a process that died, it goes on from the one that plays.
+
     Args:
         ticks: the loop's rows.
         requests: is sent a FAULT when planning fails.
         realtime: whether to ask for realtime scheduling.
     """
     try:
+        replanner.succeed()
         replanner.warm_up()
         priority.settle(collect=True)
         priority.claim(priority.PLANNER_PRIORITY, allowed=realtime)
+        seen = 0
         while True:
             heartbeat.beat()
-            latest = ticks.latest()
-            if latest is None:
+            count = ticks.count
+            if count == seen and not replanner.has_target:
                 time.sleep(_POLL_S)
                 continue
+            seen, latest = count, ticks.latest()
+            if latest is None:
+                time.sleep(_PAUSE_S)
+                continue
             row = TickRow(latest)
-            # The tick that the loop does next: it woke for the last one at `stamp_ns`.
-            since = (time.perf_counter_ns() - int(row.stamp_ns)) * 1e-9
-            if not replanner.step(int(row.tick) + 1 + int(since * rate_hz)):
-                time.sleep(_POLL_S)
+            # The loop woke for its last tick at `stamp_ns`.
+            since = (time.perf_counter_ns() - int(row.stamp_ns)) * 1e-9 * rate_hz
+            if not replanner.step(int(row.tick) + 1 + int(since), 1.0 - since % 1.0) and replanner.has_target:
+                time.sleep(_PAUSE_S)
     except (FlexMotionError, ArithmeticError, ValueError, LookupError) as error:
         requests.send(Request.FAULT, f"{type(error).__name__}: {error}")

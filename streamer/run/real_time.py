@@ -38,6 +38,7 @@ def run_in_real_time(run: RunParts) -> None:
         realtime=run.realtime,
         services=run.services,
         wake=run.wake,
+        waits=run.waits,
     )
 
     def next_request() -> Request | None:

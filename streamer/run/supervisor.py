@@ -22,20 +22,22 @@ from flexmotion.configs.errors import DriverError
 from flexmotion.configs.stream import StreamSettings
 from flexmotion.drivers.realtime import child
 from flexmotion.drivers.realtime.priority import Scheduling
+from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.loop import ControlLoop
 from flexmotion.streamer.control.run_trace import Collector
 from flexmotion.streamer.control.telemetry import Event
 from flexmotion.streamer.control.tick_row import TickRow
 from flexmotion.streamer.planning.replanning import Replanner
-from flexmotion.streamer.run import loop_process, planner_process
+from flexmotion.streamer.run import loop_process
 from flexmotion.streamer.run.lifecycle import Lifecycle
+from flexmotion.streamer.run.loop_process import WAITING
+from flexmotion.streamer.run.notify import Notifier
+from flexmotion.streamer.run.planner_guard import PlannerGuard
 from flexmotion.streamer.run.planner_process import Heartbeat
 from flexmotion.streamer.run.requests import Request, RequestChannel
 
 _POLL_S = 0.02
 """Pause between two checks of the processes [s]."""
-_SILENT_S = 0.6
-"""A planner without a heartbeat for this long is reported [s]."""
 _STILL_S, _OPENING_S, _QUIT_S = 2.0, 30.0, 1.0
 """The loop's process is killed if it does not tick for this long, opens its driver for this long, or does not end this
 long after a request to quit [s]."""
@@ -72,6 +74,15 @@ class RequestingService(Service, Protocol):
     requests: RequestChannel
 
 
+@runtime_checkable
+class HeldService(Service, Protocol):
+    """A service that holds something until the run is over, such as the lock of a log."""
+
+    def end(self) -> None:
+        """Called in the process that started the run, when it is over."""
+        ...
+
+
 def requests_of(services: tuple[Service, ...]) -> list[RequestChannel]:
     """The channels of those services that send requests."""
     return [service.requests for service in services if isinstance(service, RequestingService)]
@@ -89,7 +100,7 @@ class Supervisor:
 
     Args:
         channels: requests of this process's user, and of the planner.
-        seconds, stay, armed, attended, realtime, services, wake: see `flexmotion.streamer.run.session.Session`.
+        seconds, stay, armed, attended, realtime, services, wake, waits: see `flexmotion.streamer.run.session.Session`.
 
     Attributes:
         memory_mb: memory of the loop's process, some seconds after its start and last [MB]; None if never measured.
@@ -109,14 +120,16 @@ class Supervisor:
         realtime: bool,
         services: tuple[Service, ...] = (),
         wake: int | None = None,
+        waits: bool = False,
     ) -> None:
         self.loop, self.replanner, self.realtime = loop, replanner, realtime
         self.lifecycle = Lifecycle(loop, settings, seconds=seconds, stay=stay, armed=armed, attended=attended)
         self.services, self.wake = services, wake
         self.user_requests, self.planner_requests = channels
         self.requests = RequestChannel()
-        self.heartbeat = Heartbeat()
-        self._silent = False
+        self.waits, self.opening = waits, Heartbeat()
+        self.notifier = Notifier()
+        self._told = ""
         self._begun_ns, self._quit_ns, self._killed = time.perf_counter_ns(), 0, ""
         self.memory_mb: tuple[float, float] | None = None
 
@@ -140,16 +153,13 @@ class Supervisor:
             DriverError: the driver failed, or the loop's process died.
         """
         outcome_receiver, outcome_sender = Pipe(duplex=False)
-        rate = self.loop.robot.rate_hz
-        planner = child.start(
-            "planner",
-            planner_process.serve,
+        planner = PlannerGuard(
             self.replanner,
             self.loop.telemetry.ticks,
-            rate,
+            self.loop.robot.rate_hz,
             self.planner_requests,
-            self.heartbeat,
-            self.realtime,
+            self.requests,
+            realtime=self.realtime,
         )
         running = [
             _Running(service, child.start(service.name, _follow, service, orphaned=signal.SIGTERM))
@@ -161,6 +171,7 @@ class Supervisor:
             self.loop,
             self.lifecycle,
             [*requests_of(self.services), self.user_requests, self.requests, self.planner_requests],
+            self.opening if self.waits else None,
             self.realtime,
             outcome_sender,
             orphaned=signal.SIGTERM,
@@ -172,14 +183,18 @@ class Supervisor:
                 request = None if next_request is None else next_request()
                 if request is not None:
                     self.requests.send(request)
+                if request in (Request.END, Request.QUIT):
+                    self.notifier.stopping()
                 self._check_loop(loop, request)
-                self._check_planner(planner)
+                planner.check()
                 self._check_services(running)
                 self._measure_memory(loop)
+                self._notify()
                 # The reader of a pipe that events are printed to may have gone; the run continues.
                 with contextlib.suppress(OSError, ValueError):
                     for event in collector.collect():
                         on_event(event)
+                        self._told = event.message if event.message.startswith(WAITING) else self._told
                     if progress is not None and collector.record.used:
                         progress(float(collector.record.source_s[-1]))
             with contextlib.suppress(OSError, ValueError):
@@ -192,11 +207,13 @@ class Supervisor:
             loop.join(_PARKING_S)
             raise
         finally:
-            for process in (loop, planner):
-                child.end(process, patience_s=0.0)
+            child.end(loop, patience_s=0.0)
+            planner.end()
             for one in running:
                 one.process.terminate()
                 child.end(one.process, patience_s=_CLOSING_S)
+                if isinstance(one.service, HeldService):
+                    one.service.end()
 
     def _wait(self, loop: BaseProcess) -> None:
         """Wait until the loop's process ends, `wake` is readable, or the next check is due."""
@@ -212,7 +229,7 @@ class Supervisor:
         if request is Request.QUIT:
             self._quit_ns = self._quit_ns or now
         newest = self.loop.telemetry.ticks.latest()
-        since, patience = (self._begun_ns, _OPENING_S)
+        since, patience = (max(self._begun_ns, self.opening.stamp_ns), _OPENING_S)
         if newest is not None:
             since, patience = int(TickRow(newest).stamp_ns), _STILL_S
         if now - since > patience * 1e9:
@@ -222,18 +239,14 @@ class Supervisor:
         if self._killed:
             loop.kill()
 
-    def _check_planner(self, planner: BaseProcess) -> None:
-        """Report once to the loop that the planner died or stands still; the plan that plays ends in its own stop."""
-        silent = not planner.is_alive() or self.heartbeat.age_s > _SILENT_S
-        if silent == self._silent:
-            return
-        self._silent = silent
-        if not silent:
-            self.requests.send(Request.NOTE, "the planner runs again")
-        elif planner.is_alive():
-            self.requests.send(Request.LOST, f"the planner has not run for {_SILENT_S:g} s")
-        elif planner.exitcode:
-            self.requests.send(Request.LOST, f"the planner's process died ({_cause(planner)})")
+    def _notify(self) -> None:
+        """Tell the service manager what the loop does."""
+        telemetry = self.loop.telemetry.ticks
+        row = telemetry.latest()
+        if row is None:
+            self.notifier.progress(self.opening.beats, self._told or "starting")
+        else:
+            self.notifier.progress(self.opening.beats + telemetry.count, State(int(row["state"])).name)
 
     def _measure_memory(self, loop: BaseProcess) -> None:
         if self.loop.telemetry.ticks.count < _WARM_S * self.loop.robot.rate_hz or loop.pid is None:
@@ -248,7 +261,9 @@ class Supervisor:
         for one in running:
             if not one.reported and not one.process.is_alive():
                 one.reported = True
-                self.requests.send(Request.NOTE, f"{one.service.name} ended ({_cause(one.process)}); the run goes on")
+                self.requests.send(
+                    Request.NOTE, f"{one.service.name} ended ({child.cause(one.process)}); the run goes on"
+                )
 
     def _outcome(self, loop: BaseProcess, outcome_receiver: Connection) -> Scheduling:
         """The scheduling that the loop's process had. Raises the error that ended it, if any."""
@@ -260,16 +275,11 @@ class Supervisor:
                 break
         loop.join()
         if loop.exitcode:
-            reason = f"was ended: {self._killed}" if self._killed else f"died ({_cause(loop)})"
+            reason = f"was ended: {self._killed}" if self._killed else f"died ({child.cause(loop)})"
             raise DriverError(f"the control loop's process {reason}: the servos are left to their watchdog")
         if received[-1] is not None:
             raise received[-1]
         return cast(Scheduling, received[0])
-
-
-def _cause(process: BaseProcess) -> str:
-    code = process.exitcode or 0
-    return f"signal {-code}" if code < 0 else f"exit code {code}"
 
 
 def _follow(service: Service) -> None:

@@ -6,7 +6,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from flexmotion.retarget.retargeter import Retargeter
-from flexmotion.retarget.whole_body import POSTURE, WholeBody, yaw_rotation
+from flexmotion.retarget.whole_body import POSTURE, WholeBody
+from flexmotion.spatial.rotations import yaw_matrices
 
 ROWS = 40
 
@@ -67,5 +68,5 @@ def test_home_feet_are_mirror_images_around_the_origin(body: WholeBody) -> None:
     assert body.stand_width == pytest.approx(2 * body.home_feet[0, 1])
 
 
-def test_yaw_rotation_turns_left() -> None:
-    np.testing.assert_allclose(yaw_rotation(np.array([np.pi / 2]))[0] @ [1, 0, 0], [0, 1, 0], atol=1e-12)
+def test_yaw_matrices_turns_left() -> None:
+    np.testing.assert_allclose(yaw_matrices(np.array([np.pi / 2]))[0] @ [1, 0, 0], [0, 1, 0], atol=1e-12)

@@ -13,12 +13,21 @@ import pytest
 
 from flexmotion.configs.errors import DriverError
 from flexmotion.streamer.control.ladder import State
+from flexmotion.streamer.motion.intents import Text, Velocity
+from flexmotion.streamer.motion.model_source import ModelSource
+from flexmotion.streamer.motion.script import Item
 from flexmotion.streamer.run.requests import Request
+from flexmotion.streamer.run.session import Session
+
+from ..streamer.stub_sampler import StubSampler
 
 Live = Callable[..., Any]
 Send = Callable[..., Any]
 Ask = Callable[..., Any]
 
+RATE = 125
+LARGEST_CHANGE = 0.15
+"""Of a goal from tick to tick [rad]: the steps of these runs change it by 0.08."""
 LOOKS_S = 0.06
 """The supervisor looks every 20 ms; three of them."""
 MID_WALK = 1.9
@@ -45,6 +54,97 @@ def test_a_planner_that_is_stopped_and_goes_on_is_used_again(live: Live, send: S
     walked = [State.STREAMING, State.HOLD, State.STREAMING, State.HOLD, State.PARK, State.OFF]
     assert run.states[-6:] == walked and run.upright
     assert run.record.violations_sent == 0
+
+
+def standing_human() -> ModelSource:
+    """A source that follows targets."""
+    return ModelSource(StubSampler(), [Item(0.0, Text("stand still"))], "model:stub")  # type: ignore[arg-type]
+
+
+def turning(session: Session) -> None:
+    """An act: the robot is to turn to the left."""
+    session.targets.send(Velocity(0.0, 0.0, 0.3))
+
+
+def test_a_planner_that_dies_in_mid_walk_is_started_again_and_follows_the_next_target(live: Live, send: Send) -> None:
+    """A dead planner once left a robot that stood until its run was ended, whatever was asked of it."""
+    run = live(
+        [(0.5, turning), (2.5, send(signal.SIGKILL, "fm-planner")), (6.0, turning)],
+        end_s=4.0,
+        source=standing_human(),
+    )
+    again = "it is started again (1 of 3), the robot stands until a new target"
+    assert run.messages("fault") == [f"the planner's process died (signal 9); {again}"]
+    assert "the planner runs again" in run.messages("note")
+    rows = run.record.rows
+    streaming = State.STREAMING
+    between = (rows["stamp_ns"] > run.acted_ns[1]) & (rows["stamp_ns"] < run.acted_ns[2])
+    held = rows["state"][between] == State.HOLD
+    # It came to a stand, and stood until the target.
+    assert held[-RATE:].all()
+    after = rows[rows["stamp_ns"] > run.acted_ns[2]]
+    assert (after["state"] == streaming).any() and after["target"].max() > rows["target"][between].max()
+    assert after["steps_planned"][-1] > after["steps_planned"][0]
+    assert np.abs(np.diff(rows["q_cmd"][rows["state"] == streaming], axis=0)).max() < LARGEST_CHANGE
+    assert run.states[-1] is State.OFF and run.upright
+    assert run.record.violations_sent == 0 and run.record.missed_deadlines == 0
+
+
+def test_what_is_asked_while_there_is_no_planner_is_refused(live: Live, send: Send) -> None:
+    """A new planner reads the targets that the old one had, too: none of them may move the robot."""
+    run = live(
+        [(0.5, turning), (2.5, send(signal.SIGKILL, "fm-planner")), (2.52, turning), (5.0, lambda _session: None)],
+        end_s=1.5,
+        source=standing_human(),
+    )
+    first, second = run.session.heard[-2:]
+    assert first.state == "accepted"
+    assert second.state == "refused" and "the planner was started again" in str(second.reason)
+    late = run.record.rows[run.record.stamp_ns > run.acted_ns[3]]
+    assert State.STREAMING not in late["state"] and run.upright
+
+
+def test_a_planner_that_dies_again_and_again_is_given_up(live: Live, send: Send) -> None:
+    kill = send(signal.SIGKILL, "fm-planner")
+    run = live([(0.5 + k, kill) for k in range(4)], end_s=2.0, source=standing_human())
+    faults = run.messages("fault")
+    assert len(faults) == 4 and faults[-1].endswith("it was started 3 times again, no more")
+    assert run.states[-3:] == [State.HOLD, State.PARK, State.OFF] and run.upright
+
+
+def test_a_planner_that_hangs_is_ended_and_started_again(live: Live, send: Send) -> None:
+    run = live(
+        [(0.5, turning), (2.0, send(signal.SIGSTOP, "fm-planner")), (15.0, turning)],
+        end_s=3.0,
+        source=standing_human(),
+    )
+    silent, ended = run.messages("fault")
+    assert silent == "the planner has not run for 0.6 s"
+    assert ended.startswith("the planner has not run for 10 s and was ended; it is started again (1 of 3)")
+    assert run.session.heard[-1].state == "accepted" and run.upright
+
+
+def test_a_planner_that_is_stopped_for_three_seconds_follows_again(live: Live, send: Send) -> None:
+    """Velocities end meanwhile, and the robot comes to a stand by the plan's own stop."""
+
+    def briefly(session: Session) -> None:
+        session.targets.send(Velocity(0.0, 0.0, 0.3), holds_s=2.0)
+
+    run = live(
+        [
+            (0.5, briefly),
+            (1.5, send(signal.SIGSTOP, "fm-planner")),
+            (4.5, send(signal.SIGCONT, "fm-planner")),
+            (6.0, turning),
+        ],
+        end_s=2.0,
+        source=standing_human(),
+    )
+    assert run.messages("fault") == ["the planner has not run for 0.6 s"]
+    stopped = (run.record.stamp_ns > run.acted_ns[2]) & (run.record.stamp_ns < run.acted_ns[3])
+    assert (run.record.state[stopped][-RATE // 2 :] == State.HOLD).all()
+    assert run.session.heard[-1].state == "accepted" and run.upright
+    assert run.record.violations_sent == 0 and run.record.missed_deadlines == 0
 
 
 def test_a_run_that_should_end_by_itself_does_not_wait_for_a_dead_planner(live: Live, send: Send) -> None:

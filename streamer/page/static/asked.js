@@ -160,18 +160,23 @@ function made(tag, text, kind = "") {
   return element;
 }
 
+// A kind of motion in words: "walk-back" is "walk back".
+function plain(kind) {
+  return kind.replaceAll("-", " ");
+}
+
 // How it was heard, and what became of it.
 function explained(entry, own) {
   const { heard_as, certainty, slowed, dropped, notes, reason, steps } = entry.answer;
   const parts = [];
   if (heard_as && heard_as !== entry.text && !entry.stick) {
-    parts.push(`heard as ${heard_as}${certainty ? ` (${Math.round(100 * certainty)} % sure)` : ""}`);
+    parts.push(`heard as ${plain(heard_as)}${certainty ? ` (${Math.round(100 * certainty)} % sure)` : ""}`);
   }
   if (slowed) parts.push(`slowed to ${slowed}`);
   if (dropped?.length) parts.push(`not done: ${dropped.join(", ")}`);
   if (reason) parts.push(reason);
   parts.push(...(notes ?? []));
-  for (const step of steps ?? []) if (step.end) parts.push(`${step.heard_as}: ${step.end}`);
+  for (const step of steps ?? []) if (step.end) parts.push(`${plain(step.heard_as)}: ${step.end}`);
   if (entry.source && entry.source !== own) parts.push(`from ${entry.source}`);
   return parts.join("; ");
 }

@@ -1,4 +1,4 @@
-"""A timer process that reports when the machine itself stood still."""
+"""Timer processes that report when the machine itself stood still, or was slow."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from flexmotion.drivers.realtime.priority import WITNESS_PRIORITY
-from flexmotion.drivers.realtime.witness import Witness, overlapping
+from flexmotion.drivers.realtime.witness import Slowness, Witness, common, covered
 
 from ...waiting import wait_until
 
@@ -25,13 +25,36 @@ _spans = st.lists(st.tuples(st.integers(0, 60), st.integers(0, 20)), max_size=6)
 
 
 @given(intervals=_spans, moments=_spans)
-def test_intervals_that_overlap_a_standstill_are_found(
+def test_how_much_of_an_interval_a_standstill_covers(
     intervals: list[tuple[int, int]], moments: list[tuple[int, int]]
 ) -> None:
     spans = np.array([(begin, begin + length) for begin, length in intervals], np.int64).reshape(-1, 2)
     told = np.array(sorted((begin, begin + length + 1) for begin, length in moments), np.int64).reshape(-1, 2)
-    expected = [any(a < end and begin <= b for begin, end in told) for a, b in spans]
-    np.testing.assert_array_equal(overlapping(spans[:, 0], spans[:, 1], told), np.array(expected, bool))
+    expected = [sum(any(begin <= t < end for begin, end in told) for t in range(a, b)) for a, b in spans]
+    np.testing.assert_allclose(covered(spans[:, 0], spans[:, 1], told), np.array(expected, float))
+
+
+@given(first=_spans, second=_spans)
+def test_the_machine_is_slow_when_every_processor_is(
+    first: list[tuple[int, int]], second: list[tuple[int, int]]
+) -> None:
+    """One slow processor shares its core with another that is busy: that was laid to the machine."""
+    both = []
+    for lengths in (first, second):
+        ends = np.cumsum([(gap + 1, length + 1) for gap, length in lengths])  # spans one after the other
+        both.append(np.asarray(ends, np.int64).reshape(-1, 2))
+    expected = {t for t in range(400) if all(any(begin <= t < end for begin, end in spans) for spans in both)}
+    assert {t for begin, end in common(both) for t in range(begin, end)} == expected
+
+
+def test_one_slow_piece_of_work_is_an_interrupt_two_are_a_slow_processor() -> None:
+    slowness = Slowness(limit_ns=45)
+    told = [
+        slowness.piece(begin, begin + took) for begin, took in ((0, 30), (100, 90), (200, 30), (300, 60), (400, 80))
+    ]
+    assert told == [None] * 5
+    assert slowness.piece(500, 530) == (300, 480)
+    assert slowness.piece(600, 630) is None
 
 
 def _may_have_priority() -> bool:
@@ -53,8 +76,10 @@ def test_a_standstill_is_reported_with_begin_and_end() -> None:
     """The timers' processes are stopped, as by a host that stops the machine's processors."""
     if not _may_have_priority():
         pytest.skip("the system grants no realtime scheduling")
-    with Witness() as witness:
-        wait_until(lambda: witness.standstills() is not None, "all timers run with their priority")
+    with Witness(idle_s=0.2) as witness:
+        assert witness.watches
+        begin, end = witness.idle_ns
+        assert begin < end <= time.perf_counter_ns()
         timers = [p for p in psutil.Process().children() if p.name().startswith("fm-witness")]
         assert timers
         for timer in timers:

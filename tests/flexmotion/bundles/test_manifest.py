@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexmotion.bundles.bundle import Bundle
+from flexmotion.bundles.bundle import HASH_LENGTH, Bundle, sha256
 from flexmotion.bundles.manifest import (
     CORRECTIONS_OF_3,
     MANIFEST,
@@ -31,8 +31,17 @@ from flexmotion.streamer.motion.intents import Text
 from flexmotion.streamer.motion.model_source import ModelSource
 from flexmotion.streamer.motion.script import Item
 
-SHIPPED_IN_SCHEMA_3 = "363bd437c93721c6"
-"""Hash of the shipped bundle in logs recorded before schema 4."""
+OF_0_1_0 = Path(__file__).parent / "data" / "manifest_4.json"
+"""Manifest of the bundle that FlexMotion 0.1.0 shipped, in schema 4."""
+
+HASH_OF_0_1_0 = "363bd437c93721c6"
+"""Hash of that bundle in logs recorded before schema 4."""
+
+
+def of_schema_3(folder: Path) -> Bundle:
+    """A copy of the shipped bundle with a manifest of schema 3."""
+    since = dict.fromkeys(("corrections", "joint_contact", "manner", "manner_guidance", "repertoire"))
+    return changed(folder, schema_="flexmotion.bundle/3", **since)
 
 
 def changed(folder: Path, **fields: Any) -> Bundle:
@@ -45,16 +54,22 @@ def changed(folder: Path, **fields: Any) -> Bundle:
     return Bundle(folder)
 
 
-def test_the_shipped_bundle_is_the_one_of_schema_3(tmp_path: Path) -> None:
-    shipped, former = Bundle(FOLDER), changed(tmp_path / "3", schema_="flexmotion.bundle/3", corrections=None)
-    assert former.hash == SHIPPED_IN_SCHEMA_3
-    assert former.manifest == shipped.manifest and former.manifest.corrections == CORRECTIONS_OF_3
-    write_manifest(shipped.manifest, tmp_path / "3" / MANIFEST)
-    newest = Bundle(tmp_path / "3")
-    assert newest.manifest == shipped.manifest and newest.manifest.schema_ == SCHEMA
-    expected = {newest.hash, shipped.hash, SHIPPED_IN_SCHEMA_3}
-    assert set(former.hashes) == set(shipped.hashes) == set(newest.hashes)
-    assert expected < set(newest.hashes) and len(set(newest.hashes)) == 4  # in the schemas 3 to 6
+def test_a_log_of_schema_3_names_the_bundle_in_the_newest_schema_too(tmp_path: Path) -> None:
+    manifest = read_manifest(OF_0_1_0)
+    assert manifest.schema_ == SCHEMA and manifest.corrections == CORRECTIONS_OF_3
+    hashes = [found[:HASH_LENGTH] for found in equivalent_hashes(manifest)]
+    assert hashes[-1] == HASH_OF_0_1_0 and len(set(hashes)) == 4  # in the schemas 6 to 3
+    assert hashes[2] == sha256(OF_0_1_0)[:HASH_LENGTH]
+    write_manifest(manifest, tmp_path / MANIFEST)
+    assert read_manifest(tmp_path / MANIFEST) == manifest
+    assert hashes[0] == sha256(tmp_path / MANIFEST)[:HASH_LENGTH]
+
+
+def test_a_bundle_keeps_its_hashes_in_another_schema(tmp_path: Path) -> None:
+    shipped, former = Bundle(FOLDER), of_schema_3(tmp_path / "3")
+    assert former.hash != shipped.hash
+    assert former.manifest == shipped.manifest
+    assert {former.hash, shipped.hash} < set(former.hashes) == set(shipped.hashes)
 
 
 def test_a_bundle_without_joint_contact_keeps_its_layout(tmp_path: Path) -> None:
@@ -80,9 +95,9 @@ def test_another_correction_is_another_bundle(tmp_path: Path) -> None:
 
 
 def test_a_log_opens_with_the_bundle_of_its_run_only(tmp_path: Path) -> None:
-    former = changed(tmp_path / "3", schema_="flexmotion.bundle/3", corrections=None)
+    former = of_schema_3(tmp_path / "3")
     parts, _ = pack(ModelSource(Sampler(former), [Item(0.0, Text("walk"))], "walk"))
-    assert parts["hash"] == SHIPPED_IN_SCHEMA_3
+    assert parts["hash"] == former.hash != Bundle(FOLDER).hash
     reopened = unpack(parts | {"bundle": None}, {}, Path("run.mcap"))
     assert isinstance(reopened, ModelSource) and reopened.sampler.bundle.folder == FOLDER
     changed(tmp_path / "other", corrections=None)
@@ -138,7 +153,7 @@ def test_corrections_are_read_from_a_bundle_or_a_file(tmp_path: Path) -> None:
 
 def test_speeds_of_unknown_kinds_are_refused(tmp_path: Path) -> None:
     with pytest.raises(
-        ConfigError, match=r"speeds\.runn: unknown kind, expected one of: bow, .*run, .*walk-turn-right, "
+        ConfigError, match=r"speeds\.runn: unknown kind, expected one of: .*bow, .*run, .*walk-turn-right, "
     ):
         changed(tmp_path / "other", corrections={"speeds": {"runn": [2.3, 0, 0]}})
 

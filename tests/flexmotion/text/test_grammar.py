@@ -108,7 +108,7 @@ def test_looking_is_told_from_turning_before_a_listener_hears_it(sentence: str) 
         ("walk as if you were eighty for five seconds", "walk as if you were eighty", "5 s"),
         ("turn 90 degrees to the left angrily", "turn to the left angrily", "90°"),
         ("walk two steps without confidence", "walk without confidence", "2 steps"),
-        ("spin around once like a child", "turn around like a child", "360°"),
+        ("spin around once like a child", "turn to the right like a child", "360°"),
     ],
 )
 def test_words_of_a_manner_are_no_amount_and_no_prohibition_and_stay(

@@ -32,11 +32,12 @@ def test_forces_of_the_history_have_no_effect() -> None:
     history = torch.randn(1, window.history, layout.size)
     other = history.clone()
     other[..., layout.blocks["torques"].start :] = 7.0
-    latent, present = torch.randn(1, config.autoencoder.latent), torch.ones(1, 2)
-    sentence, velocity, time = torch.randn(1, config.diffusion.text), torch.randn(1, 3), torch.tensor([500])
+    latent, present = torch.randn(1, config.autoencoder.latent), torch.ones(1, 3)
+    sentence, manner = torch.randn(2, 1, config.diffusion.text)
+    velocity, time = torch.randn(1, 3), torch.tensor([500])
     with torch.no_grad():
         assert torch.equal(autoencoder.decode(history, latent), autoencoder.decode(other, latent))
-        first, second = (denoiser(latent, time, past, sentence, velocity, present) for past in (history, other))
+        first, second = (denoiser(latent, time, past, sentence, velocity, manner, present) for past in (history, other))
     assert torch.equal(first, second)
 
 
@@ -57,7 +58,7 @@ def test_absent_conditions_have_no_effect() -> None:
     denoiser = Denoiser(config.diffusion, config.window, Layout(30.0, 290), 128)
     history, latent = torch.randn(2, 8, Layout(30.0, 290).size), torch.randn(1, 128).expand(2, -1)
     history = history[:1].expand(2, -1, -1)
-    time, absent = torch.tensor([500, 500]), torch.zeros(2, 2)
+    time, absent = torch.tensor([500, 500]), torch.zeros(2, 3)
     with torch.no_grad():
-        found = denoiser(latent, time, history, torch.randn(2, 384), torch.randn(2, 3), absent)
+        found = denoiser(latent, time, history, torch.randn(2, 384), torch.randn(2, 3), torch.randn(2, 384), absent)
     torch.testing.assert_close(found[0], found[1])

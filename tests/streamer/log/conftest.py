@@ -45,7 +45,8 @@ def logged_session() -> Callable[..., Logged]:
 
     def make(path: Path, source: Source | None = None, clock: str = "lockstep", **options: Any) -> Logged:
         source = ClipSource(default_clip()[225:290]) if source is None else source
-        session = Session(robot, create("sim", robot, seed=SEED), source, SETTINGS, seed=SEED, **options)
+        given = {"settings": SETTINGS, "clock": clock, **options}
+        session = Session(robot, create("sim", robot, seed=SEED), source, seed=SEED, **given)
         return Logged(session, record_to(path, session, clock))
 
     return make

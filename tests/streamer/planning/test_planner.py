@@ -158,3 +158,20 @@ def test_a_cut_clip_keeps_its_name_and_its_first_seconds() -> None:
     assert source.seconds == CLIP.duration
     assert ClipSource(CLIP).window(len(CLIP) - 1, 9) is None
     assert len(source.window(len(CLIP) - 5, 9) or []) == 5
+
+
+@pytest.mark.parametrize("later", [0, 6, 20], ids=["as foreseen", "within the spare frames", "after them"])
+def test_a_plan_that_joins_later_than_foreseen_is_the_one_made_for_then(planner: Planner, later: int) -> None:
+    current = planner.plan(0, None).plan
+    expected = planner.plan(90 + later, current).plan
+    settled: list[int] = []
+
+    def settle() -> tuple[int, Plan | None]:
+        settled.append(90 + later)
+        return 90 + later, current
+
+    found = planner.plan(90, current, settle=settle).plan
+    assert settled == [90 + later]
+    assert (found.start_tick, found.human_first_frame) == (expected.start_tick, expected.human_first_frame)
+    np.testing.assert_array_equal(found.q, expected.q)
+    np.testing.assert_array_equal(found.states, expected.states)

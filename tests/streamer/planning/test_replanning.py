@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -17,7 +18,7 @@ from flexmotion.streamer.control.telemetry import Telemetry
 from flexmotion.streamer.motion.clip_library import ClipLibrary
 from flexmotion.streamer.motion.intents import Clip
 from flexmotion.streamer.motion.targets import TargetMailbox
-from flexmotion.streamer.planning.lead import FixedLead, Kind, MeasuredLead
+from flexmotion.streamer.planning.lead import FixedLead, Kind, Lead, MeasuredLead
 from flexmotion.streamer.planning.planner import Planner
 from flexmotion.streamer.planning.replanning import Replanner, Superseded
 
@@ -37,14 +38,20 @@ def retargeter(op3: Robot) -> Retargeter:
 class Bench:
     """A replanner with its inputs: rows of the loop, targets, plans."""
 
-    def __init__(self, op3: Robot, retargeter: Retargeter) -> None:
+    def __init__(self, op3: Robot, retargeter: Retargeter, lead: Lead | None = None) -> None:
         motion = default_clip()
         self.library = ClipLibrary({"wave": motion[0:120], "walk": motion[225:330], "bow": motion[100:200]}, "wave")
         self.telemetry, self.targets = Telemetry(op3.n, op3.rate_hz), TargetMailbox()
         self.plans = PlanBuffer(op3.n, retargeter.layout.size, retargeter.horizon, op3.rate_hz)
         self.planner = Planner(retargeter, self.library, load_stream())
         self.replanner = Replanner(
-            self.planner, self.plans, self.telemetry.ticks, load_stream(), self.targets, FixedLead(LEAD), lockstep=True
+            self.planner,
+            self.plans,
+            self.telemetry.ticks,
+            load_stream(),
+            self.targets,
+            FixedLead(LEAD) if lead is None else lead,
+            lockstep=lead is None,
         )
 
     def publish_row(self, tick: int, **fields: int) -> None:
@@ -203,17 +210,58 @@ def test_an_effect_is_two_degrees_away_from_what_would_have_been_sent(bench: Ben
     assert apart[row] > np.radians(2.0) and (apart[:row] <= np.radians(2.0)).all()
 
 
+def _ticks(lead: MeasuredLead, kind: Kind, now: float = 100.0, spent_s: float | None = None) -> int:
+    return lead.join(kind, now, spent_s) - 100
+
+
 def test_the_lead_follows_the_times_of_plans_but_not_one_slow_plan() -> None:
     lead = MeasuredLead(125.0, dict.fromkeys(Kind, 0.05), 0.75)
-    assert lead.ticks(Kind.WHOLE) == 8  # 1.15 * 50 ms
+    assert _ticks(lead, Kind.WHOLE) == 8  # 1.15 * 50 ms
     for _ in range(40):
-        lead.record(Kind.WHOLE, 0.012)
-    assert lead.ticks(Kind.WHOLE) == 2 and lead.ticks(Kind.STOP) == 8
-    lead.record(Kind.WHOLE, 0.2)
-    assert lead.ticks(Kind.WHOLE) == 2
+        lead.record(Kind.WHOLE, 0.0, 0.012)
+    assert _ticks(lead, Kind.WHOLE) == 2 and _ticks(lead, Kind.STOP) == 8
+    lead.record(Kind.WHOLE, 0.0, 0.2)
+    assert _ticks(lead, Kind.WHOLE) == 2
     for _ in range(5):
-        lead.record(Kind.WHOLE, 0.03)
-    assert lead.ticks(Kind.WHOLE) == 5
+        lead.record(Kind.WHOLE, 0.0, 0.03)
+    assert _ticks(lead, Kind.WHOLE) == 5
+
+
+def test_the_lead_counts_from_now_and_not_from_the_next_tick() -> None:
+    """A plan of 14 ms that began just after a tick joined 24 ms later, at the third tick instead of the second."""
+    lead = MeasuredLead(125.0, dict.fromkeys(Kind, 0.012), 0.75)  # 1.725 ticks with the margin
+    assert [_ticks(lead, Kind.PARTIAL, 100.0 + part) for part in (0.05, 0.25, 0.3, 0.95)] == [2, 2, 3, 3]
+
+
+def test_slow_sampling_puts_a_plan_off_and_does_not_make_it_late() -> None:
+    """Words that are read for the first time took longer than the lead: the plan was late, and was made once more."""
+    lead = MeasuredLead(125.0, dict.fromkeys(Kind, 0.01), 0.75)
+    for took in (0.01, 0.012, 0.09):
+        lead.record(Kind.PARTIAL, took, 0.01)
+    assert _ticks(lead, Kind.PARTIAL) == 3  # the median of sampling
+    assert _ticks(lead, Kind.PARTIAL, spent_s=0.004) == 2
+    assert _ticks(lead, Kind.PARTIAL, spent_s=0.09) == 13
+
+
+class _SlowSampling:
+    """A lead that finds out, once the motion is sampled, that a plan joins later."""
+
+    def join(self, kind: Kind, now: float, spent_s: float | None = None) -> int:
+        return math.ceil(now) + (LEAD if spent_s is None else 3 * LEAD)
+
+    def record(self, kind: Kind, sampling_s: float, rest_s: float) -> None:
+        assert sampling_s > 0.0 and rest_s > 0.0
+
+
+def test_a_plan_whose_sampling_took_long_joins_later(op3: Robot, retargeter: Retargeter) -> None:
+    bench = Bench(op3, retargeter, _SlowSampling())
+    bench.publish_row(99)
+    assert bench.replanner.step(100)
+    bench.publish_row(115, state=State.STREAMING, plan=1, ready=False)
+    bench.targets.send(Clip("walk"))
+    assert bench.replanner.step(116, early=0.25)
+    offer = bench.plans.newest(1)
+    assert offer is not None and offer.plan.start_tick == 131
 
 
 def test_after_any_number_of_refused_plans_the_next_is_made(bench: Bench) -> None:
@@ -245,8 +293,8 @@ def test_a_target_that_cannot_be_followed_is_reported_and_planning_continues(ben
 def test_the_lead_is_bounded_and_ignores_delayed_plans() -> None:
     """A planner that had been stopped for seconds made plans that joined seconds ahead."""
     lead = MeasuredLead(125.0, dict.fromkeys(Kind, 0.02), 0.75)
-    lead.record(Kind.STOP, 3.6)
-    assert lead.ticks(Kind.STOP) == 3
+    lead.record(Kind.STOP, 0.0, 3.6)
+    assert _ticks(lead, Kind.STOP) == 3
     for _ in range(40):
-        lead.record(Kind.STOP, 0.74)
-    assert lead.ticks(Kind.STOP) == 94
+        lead.record(Kind.STOP, 0.0, 0.74)
+    assert _ticks(lead, Kind.STOP) == 94

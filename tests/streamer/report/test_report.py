@@ -39,7 +39,7 @@ def test_keys_of_the_contract(record: RunTrace, figures: RobotFigures, human: Hu
     assert content["schema"] == "flexmotion.report/1"
     assert set(content["limits"]["repairs"]) == {"position", "speed", "acceleration", "torque"}
     assert content["limits"]["joints"]["l_knee"]["torque_limit_nm"] == 2.5
-    assert content["loop"]["work_us"] == {"p50": 300.0, "p99": 300.0, "p99_9": 300.0, "max": 300.0}
+    assert content["loop"]["work_us"] == {"p50": 300.0, "p95": 300.0, "p99": 300.0, "p99_9": 300.0, "max": 300.0}
     assert content["loop"]["realtime_factor"] == 5.0
     assert content["safety"] == {"final_state": "HOLD", "faults": [], "hardware_failed": False}
     assert content["ok"] is True
@@ -119,7 +119,7 @@ def test_deadline_budget(record: RunTrace, figures: RobotFigures) -> None:
 
 def test_latency_percentiles() -> None:
     latency = Latency.of(np.arange(1001) * 1e-6, 1e-6)
-    assert latency == Latency(p50=500, p99=990, p99_9=999, max=1000)
+    assert latency == Latency(p50=500, p95=950, p99=990, p99_9=999, max=1000)
     assert Latency.of([np.nan], 1.0) is None
 
 

@@ -278,7 +278,7 @@ def test_words_without_meaning_are_reported_before_the_robot_moves(
     dry_run("--script", str(script), "--bundle", str(bundle), "--json")
     out, err = capsys.readouterr()
     assert json.loads(out)["source"] == "script:talk.yaml"
-    assert "note: 'xyzzy plugh qwrtzp' is not understood by this model, it stands still; it knows: " in err
+    assert "note: 'xyzzy plugh qwrtzp' is not understood by this model, it stands still; it can: " in err
 
 
 def test_a_refused_prompt_does_not_pass_and_the_report_says_why(
@@ -289,7 +289,7 @@ def test_a_refused_prompt_does_not_pass_and_the_report_says_why(
     assert dry_run(*asked, "--json", "--report", str(tmp_path)) == 1
     (answer,) = json.loads(capsys.readouterr().out)["targets"]
     assert (answer["asked"], answer["state"], answer["heard_as"]) == ("look to the left", "refused", None)
-    assert "no motion of the head" in answer["reason"]
+    assert "this model cannot look left yet" in answer["reason"]
     assert dry_run(*asked) == 1
     told = capsys.readouterr().out.replace("\n", " ")
     assert "FAIL" in told and "refused: 'look to the left'" in told

@@ -1,0 +1,73 @@
+"""`flexmotion daemon`: the unit that it prints."""
+
+from __future__ import annotations
+
+import configparser
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from flexmotion.streamer.cli import execute
+from flexmotion.streamer.commands import daemon as command
+from flexmotion.streamer.commands.daemon import unit
+
+OPTIONS = ["--robot", "op3", "--driver", "dynamixel", "--port", "/dev/ttyUSB0"]
+
+
+def service(text: str) -> configparser.SectionProxy:
+    parser = configparser.RawConfigParser(strict=True)
+    parser.optionxform = str  # type: ignore[assignment, method-assign]
+    parser.read_string(text)
+    return parser["Service"]
+
+
+def test_a_unit_reports_progress_and_never_stands_a_fallen_robot_up(capsys: pytest.CaptureFixture[str]) -> None:
+    assert execute(["daemon", "--user", "robot", "--", *OPTIONS]) == 0
+    found = service(capsys.readouterr().out)
+    assert (found["Type"], found["Restart"], found["User"]) == ("notify", "no", "robot")
+    assert found["AmbientCapabilities"] == "CAP_SYS_NICE" and float(found["WatchdogSec"]) > 0
+    # Another signal, or one to all processes, would end the planner or the loop while the robot walks.
+    assert (found["WatchdogSignal"], found["KillMode"]) == ("SIGTERM", "process")
+    words = found["ExecStart"].split()
+    assert words[1:8] == ["run", *OPTIONS] and words[8:] == ["--web", "--wait", "--log", "%L/flexmotion"]
+    assert Path(words[0]).is_absolute() and Path(words[0]).exists()
+
+
+def test_what_is_given_is_not_added() -> None:
+    text = unit([*OPTIONS, "--prompt", "walk", "--log=/data", "--wait"], "robot")
+    words = service(text)["ExecStart"].split()
+    assert words.count("--wait") == 1 and "--web" not in words and "%L/flexmotion" not in words
+
+
+def test_words_are_quoted_for_systemd() -> None:
+    text = unit(["-r", "op3", "-d", "sim", "--prompt", 'say 100 % of "$HOME"'], "robot")
+    assert r'"say 100 %% of \"$$HOME\""' in service(text)["ExecStart"]
+
+
+def test_options_that_run_does_not_take_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    assert execute(["daemon", "--", "--robot", "op3"]) == 2
+    assert "--driver" in capsys.readouterr().err
+    assert execute(["daemon", "--", *OPTIONS, "--no-such-option"]) == 2
+    assert "--no-such-option" in capsys.readouterr().err
+
+
+def test_it_is_installed_where_systemd_looks(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(command, "UNIT", tmp_path / "flexmotion.service")
+    assert execute(["daemon", "--install", "--", *OPTIONS]) == 0
+    assert service(command.UNIT.read_text())["Type"] == "notify"
+    assert "systemctl enable --now flexmotion" in capsys.readouterr().err
+    monkeypatch.setattr(command, "UNIT", tmp_path / "no" / "flexmotion.service")
+    assert execute(["daemon", "--install", "--", *OPTIONS]) == 2
+
+
+@pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="systemd-analyze is not installed")
+def test_systemd_finds_nothing_wrong_with_it(tmp_path: Path) -> None:
+    file = tmp_path / "flexmotion.service"
+    file.write_text(unit(OPTIONS, "root"))
+    done = subprocess.run(["systemd-analyze", "verify", str(file)], capture_output=True, text=True, check=False)
+    told = [line for line in done.stderr.splitlines() if "flexmotion.service" in line]
+    assert told == []

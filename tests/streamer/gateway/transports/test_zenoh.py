@@ -1,0 +1,203 @@
+"""Messages, status and stops over zenoh: real sessions on 127.0.0.1."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from typing import Any
+
+import pytest
+
+from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.stream import Gateway
+from flexmotion.streamer.gateway.messages import KINDS
+from flexmotion.streamer.gateway.ports import any_free
+from flexmotion.streamer.gateway.transports.zenoh_link import zenoh_links
+from flexmotion.streamer.gateway.transports.zenoh_stops import ZenohStops
+from flexmotion.streamer.gateway.transports.zenoh_targets import ZenohTargets
+from flexmotion.streamer.motion.intents import Text
+from flexmotion.streamer.run.requests import Request
+
+from ....waiting import HANGING_S, wait_until
+from .conftest import Serve, Served, open_session
+
+zenoh = pytest.importorskip("zenoh", reason="needs eclipse-zenoh (extra 'zenoh')")
+
+TOKEN = "correct horse battery"
+
+
+class Network:
+    """Two processes of a run in one, reached over zenoh."""
+
+    def __init__(self, serve: Serve, token: str | None = None, router: str | None = None, **fields: Any) -> None:
+        settings = Gateway.model_validate({"zenoh_port": any_free(), "zenoh_stop_port": any_free(), **fields})
+        targets, stops = zenoh_links("op3", "127.0.0.1", token, settings, router)
+        self.gate, self.stop_gate = targets.listen, stops.listen
+        self.served: Served = serve((ZenohTargets(targets),), (ZenohStops(stops),), **fields)
+
+    def client(self, sessions: ExitStack, *, router: str | None = None, token: str | None = None) -> Client:
+        session = sessions.enter_context(open_session([router or self.gate]))
+        client = Client(session, token)
+        wait_until(lambda: client.alive() == {"gateway", "stops"}, "both processes to be seen over zenoh")
+        return client
+
+
+class Client:
+    """An operator."""
+
+    def __init__(self, session: Any, token: str | None) -> None:
+        self.session, self.token = session, token
+
+    def alive(self) -> set[str]:
+        found = self.session.liveliness().get("flexmotion/op3/alive/*", timeout=1.0)
+        return {str(reply.ok.key_expr).rpartition("/")[2] for reply in found if reply.ok is not None}
+
+    def ask(self, key: str, content: Any = None) -> Any:
+        data = content if isinstance(content, bytes) else json.dumps(content).encode()
+        replies = list(
+            self.session.get(f"flexmotion/op3/{key}", payload=data, attachment=self.token, timeout=HANGING_S)
+        )
+        assert len(replies) == 1, "expected one reply"
+        return json.loads(replies[0].ok.payload.to_bytes())
+
+    def put(self, key: str, content: Any) -> None:
+        data = content if isinstance(content, bytes) else json.dumps(content).encode()
+        self.session.put(
+            f"flexmotion/op3/{key}", data, attachment=self.token, congestion_control=zenoh.CongestionControl.BLOCK
+        )
+
+    def answers(self, operator: str) -> list[Any]:
+        found: list[Any] = []
+        self.session.declare_subscriber(
+            f"flexmotion/op3/answers/{operator}", lambda sample: found.append(json.loads(sample.payload.to_bytes()))
+        )
+        return found
+
+
+@pytest.fixture
+def sessions() -> Iterator[ExitStack]:
+    with ExitStack() as stack:
+        yield stack
+
+
+def test_a_query_is_answered_by_its_reply_and_a_put_on_the_operators_key(serve: Serve, sessions: ExitStack) -> None:
+    network = Network(serve)
+    client = network.client(sessions)
+    answer = client.ask("targets/alice", {"type": "text", "text": "wave", "id": "1"})
+    assert (answer["id"], answer["state"], answer["heard_as"]) == ("1", "accepted", "wave")
+    answers = client.answers("alice")
+    wait_until(lambda: client.ask("targets/alice", {"type": "take"}) and True, "the subscriber to be known")
+    client.put("targets/alice", {"type": "hold", "id": "2"})
+    wait_until(lambda: answers, "the answer to a put")
+    assert (answers[0]["id"], answers[0]["source"], answers[0]["state"]) == ("2", "alice", "accepted")
+    assert network.served.loop.seen[0].intent == Text("wave")
+
+
+def test_the_key_says_who_sends(serve: Serve, sessions: ExitStack) -> None:
+    """A source that is only named in the message could take any other's priority."""
+    client = Network(serve, priorities={"rescue": 1}).client(sessions)
+    assert client.ask("targets/rescue", {"type": "take"})["state"] == "accepted"
+    answer = client.ask("targets/mallory", {"type": "text", "text": "wave", "source": "rescue"})
+    assert (answer["source"], answer["state"]) == ("mallory", "refused") and "'rescue' is the operator" in answer[
+        "reason"
+    ]
+
+
+def test_every_type_of_message_is_answered_and_so_is_what_is_none(serve: Serve, sessions: ExitStack) -> None:
+    client = Network(serve).client(sessions)
+    for kind in KINDS:
+        answer = client.ask("targets/alice", {"type": kind, "id": kind})
+        assert answer["id"] == kind and answer["state"] in ("accepted", "refused")
+    for data in (b"", b"no message", b"[]", b"\xff\x00", b"[" * 3000, json.dumps("x" * 10_000).encode()):
+        assert client.ask("targets/alice", data)["state"] == "refused"
+    assert client.ask("status")["counts"]["rejected: too large"] == 1
+
+
+def test_two_hundred_targets_are_all_answered(serve: Serve, sessions: ExitStack) -> None:
+    network = Network(serve)
+    client = network.client(sessions)
+    answers = client.answers("alice")
+    wait_until(lambda: client.ask("targets/alice", {"type": "take"}) and True, "the subscriber to be known")
+    ids = [str(number) for number in range(200)]
+    for number in ids:
+        client.put("targets/alice", {"type": "velocity", "velocity": [0.1 + int(number) % 9 / 10, 0, 0], "id": number})
+    wait_until(lambda: len(answers) >= 200, "all answers")
+    assert sorted(answer["id"] for answer in answers) == sorted(ids)
+    assert {answer["state"] for answer in answers} == {"accepted", "superseded"}
+
+
+def test_the_status_is_told_to_who_asks_and_who_reads(serve: Serve, sessions: ExitStack) -> None:
+    client = Network(serve).client(sessions)
+    assert client.ask("status")["robot"] == "op3"
+    read: list[Any] = []
+    client.session.declare_subscriber("flexmotion/*/status", lambda sample: read.append(sample.payload.to_bytes()))
+    wait_until(lambda: len(read) >= 3, "the status to be published")
+    assert json.loads(read[0])["loop"] == "ticks"
+
+
+def test_stops_reach_the_stop_process_with_the_gateway_dead(serve: Serve, sessions: ExitStack) -> None:
+    network = Network(serve)
+    session = sessions.enter_context(open_session([network.gate, network.stop_gate], "peer"))
+    client = Client(session, None)
+    wait_until(lambda: client.alive() == {"gateway", "stops"}, "both processes to be seen over zenoh")
+    answer = client.ask("stop")
+    assert (answer["asked"], answer["state"]) == ("stop", "accepted") and answer["tick"] > answer["arrived_tick"] >= 0
+    network.served.ends.pop()(True)
+    wait_until(lambda: client.alive() == {"stops"}, "the gateway to be gone")
+    answers = client.answers("estop")
+    client.put("estop", b"")
+    wait_until(lambda: answers, "the answer to the emergency stop")
+    assert answers[0]["state"] == "accepted"
+    assert network.served.loop.requested == [Request.STOP, Request.ESTOP]
+
+
+def test_a_client_that_knows_the_gateway_alone_reaches_the_stop_process(serve: Serve, sessions: ExitStack) -> None:
+    network = Network(serve)
+    client = network.client(sessions)
+    assert client.ask("estop")["state"] == "accepted"
+    assert network.served.loop.requested == [Request.ESTOP]
+
+
+def test_without_the_token_a_stop_is_taken_and_nothing_else(serve: Serve, sessions: ExitStack) -> None:
+    network = Network(serve, TOKEN)
+    client, stranger = network.client(sessions, token=TOKEN), network.client(sessions, token="wrong wrong wrong")
+    assert stranger.ask("stop")["state"] == "accepted"
+    for key, content in (("estop", None), ("targets/alice", {"type": "text", "text": "wave"}), ("status", None)):
+        assert "token" in stranger.ask(key, content)["reason"]
+    stranger.put("estop", b"")
+    assert network.served.loop.requested == [Request.STOP] and network.served.loop.seen == []
+    assert client.ask("status")["counts"]["rejected: token"] == 2
+    assert client.ask("estop")["state"] == "accepted"
+
+
+def test_a_router_that_is_killed_and_comes_back_is_used_again(
+    serve: Serve, sessions: ExitStack, start_router: Callable[[str], subprocess.Popen[str]]
+) -> None:
+    endpoint = f"tcp/127.0.0.1:{any_free()}"
+    network = Network(serve, router=endpoint)  # it waits for its router
+    router = start_router(endpoint)
+    client = network.client(sessions, router=endpoint)
+    assert client.ask("targets/alice", {"type": "text", "text": "wave"})["state"] == "accepted"
+    router.kill()
+    router.communicate()
+    wait_until(lambda: not client.alive(), "the router's end to be noticed")
+    assert list(client.session.get("flexmotion/op3/targets/alice", payload=b"{}", timeout=1.0)) == []
+    # Meanwhile a direct connection goes on.
+    assert network.client(sessions).ask("status")["robot"] == "op3"
+    start_router(endpoint)
+    wait_until(lambda: client.alive() == {"gateway", "stops"}, "both processes to be back")
+    assert client.ask("targets/alice", {"type": "text", "text": "wave"})["state"] == "accepted"
+    assert client.ask("estop")["state"] == "accepted"
+
+
+def test_nobody_is_listened_to_beyond_this_machine_without_a_token() -> None:
+    settings = Gateway(zenoh_port=any_free(), zenoh_stop_port=any_free())
+    with pytest.raises(ConfigError, match="needs a token"):
+        zenoh_links("op3", "0.0.0.0", None, settings)
+    with pytest.raises(ConfigError, match=r"192\.168\.0\.10 is another machine"):
+        zenoh_links("op3", "127.0.0.1", None, settings, "tcp/192.168.0.10:7447")
+    with pytest.raises(ConfigError, match="expected PROTOCOL/HOST:PORT"):
+        zenoh_links("op3", "127.0.0.1", None, settings, "192.168.0.10")
+    zenoh_links("op3", "127.0.0.1", TOKEN, settings, "tcp/[fe80::1]:7447")
