@@ -1,4 +1,4 @@
-"""The failure campaign that a robot's daemon must stand: floods, slow readers, a gateway that hangs, a robot that is away.
+"""The failure campaign that a robot's daemon must stand: floods, slow readers, a hanging gateway, an absent robot.
 
 Other parts of it: `test_faults.py` (planner, clock), `test_gateway.py` (a dead gateway), `tests/streamer/log`
 (full disk, locks), `tests/streamer/gateway` (random bytes, every message); docs/live.md lists the ends.
