@@ -150,7 +150,9 @@ def lift(session: Session) -> int:
     raise RuntimeError(f"the left foot does not lift for {LONGEST_CYCLE_S:g} s")
 
 
-def walk_once(task: tuple[str, bool, int], phases: int, robot_name: str) -> list[Trial]:
+def walk_once(
+    task: tuple[str, bool, int], phases: int, robot_name: str, kinds: tuple[EmergencyStop, ...]
+) -> list[Trial]:
     """All stops of one walk."""
     walk, perturbed, seed = task
     robot = load_robot(robot_name)
@@ -167,7 +169,7 @@ def walk_once(task: tuple[str, bool, int], phases: int, robot_name: str) -> list
         for number in range(phases):
             while session.state.tick < begin + round(number * ticks / phases):
                 session.step()
-            for kind in KINDS:
+            for kind in kinds:
                 trials.append(forked(session, kind, walk, perturbed, seed, number / phases))
         session.finish()
     return trials
@@ -197,25 +199,31 @@ def main(
     robot: Annotated[str, typer.Option(help="Name or folder of the robot.")] = "op3",
     phases: Annotated[int, typer.Option(min=1, help="Moments of a gait cycle.")] = 12,
     walks: Annotated[list[str] | None, typer.Option("--walk", help="Only this walk (repeatable).")] = None,
+    only: Annotated[list[str] | None, typer.Option("--kind", help="Only this emergency stop (repeatable).")] = None,
     perturbed: Annotated[bool, typer.Option("--perturbed/--nominal", help="Perturbed robots too.")] = True,
     jobs: JobsOption = 2,
     seed: Annotated[int, typer.Option(help="Of motion and robots.")] = 0,
     csv_out: CsvOption = None,
 ) -> Outcome:
     """Stop every walk at every phase, in each way."""
+    kinds = tuple(kind for kind in KINDS if only is None or kind in only)
     names, robots = walks or list(WALKS), (False, True)[: 1 + perturbed]
     tasks = [(walk, hard, seed + number) for hard in robots for number, walk in enumerate(names)]
-    done = [t for found in in_order(partial(walk_once, phases=phases, robot_name=robot), tasks, jobs) for t in found]
+    done = [
+        t
+        for found in in_order(partial(walk_once, phases=phases, robot_name=robot, kinds=kinds), tasks, jobs)
+        for t in found
+    ]
     console, chosen = Console(), load_robot(robot).safety.emergency_stop
     by_walk = {
         (kind, hard, walk): [t for t in done if (t.kind, t.perturbed, t.walk) == (kind, hard, walk)]
-        for kind in KINDS
+        for kind in kinds
         for hard in robots
         for walk in names
     }
     console.print(table(by_walk))
     figures, verdicts = {}, []
-    for kind in KINDS:
+    for kind in kinds:
         for hard in robots:
             group = [t for t in done if (t.kind, t.perturbed) == (kind, hard)]
             name = f"{kind}, {'perturbed' if hard else 'nominal'}"
@@ -227,7 +235,8 @@ def main(
             }
     group = [t for t in done if t.kind == chosen and not t.perturbed]
     well = all(t.upright and not t.violations for t in group)
-    verdicts.append(Verdict(f"{robot}: {chosen}, nominal: upright {_counted(group)} (all)", well))
+    if group:
+        verdicts.append(Verdict(f"{robot}: {chosen}, nominal: upright {_counted(group)} (all)", well))
     if csv_out is not None:
         write_csv(csv_out, [asdict(t) for t in done])
     return Outcome(verdicts, figures)

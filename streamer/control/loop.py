@@ -238,6 +238,7 @@ class ControlLoop:
         if not bias.done:
             return
         self.estimator.gyro_bias[:] = bias.bias
+        self.estimator.odometry[:] = 0.0  # it begins where the robot has stood up
         if not bias.known and self.estimator.has_imu:
             self._emit("warning", f"{bias.reason}: the gyro's bias is not known, none is subtracted")
 

@@ -100,8 +100,8 @@ class TickRow(Record):
     foot_ref: Float = column("f8", 2, 4)
     """Planned soles: x, y, z [m] and yaw [rad], left then right."""
     odometry: Float = column("f8", 3)
-    """Way of the centre of mass x, y [m] and turn of the torso [rad] since the robot stood up, from gyroscope, joint
-    speeds and the planned stance; whole turns are counted."""
+    """Way of the centre of mass x, y [m] and turn of the torso [rad] since the robot had stood up, from gyroscope,
+    joint speeds and the planned stance; whole turns are counted."""
     base_ref: Float = column("f8", 7)
     """Planned torso: position [m] and quaternion w x y z."""
 

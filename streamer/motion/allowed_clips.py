@@ -22,6 +22,9 @@ class AllowedClips:
         fps: of the model.
         body: of the model's human.
 
+    Attributes:
+        clips: by name.
+
     Raises:
         ConfigError: a clip has another frame rate, or fewer than two frames.
     """
@@ -30,24 +33,24 @@ class AllowedClips:
         wrong = [name for name, clip in clips.items() if clip.fps != fps or len(clip) < 2]
         if wrong:
             raise ConfigError(f"clip {wrong[0]!r}: expected two frames or more at {fps:g} frames a second")
-        self._clips, self._body = dict(clips), body
+        self.clips, self._body = dict(clips), body
         self._first, self._placed = 0, None
 
     _placed: Motion | None
 
     def require(self, clip: Clip) -> None:
         """Raise `ConfigError` if there is no such clip; names those that there are."""
-        if clip.name not in self._clips:
-            known = ", ".join(sorted(self._clips)[:_NAMED]) or "none: start the run with --clips"
+        if clip.name not in self.clips:
+            known = ", ".join(sorted(self.clips)[:_NAMED]) or "none: start the run with --clips"
             raise ConfigError(f"clip: {clip.name!r} is not one of those that the run was started with: {known}")
 
     def seconds(self, clip: Clip) -> float:
         """Length of a clip [s]."""
-        return self._clips[clip.name].duration
+        return self.clips[clip.name].duration
 
     def begin(self, clip: Clip, frame: int, at: Motion) -> None:
         """Follow a clip from a frame on, at the place and heading of the human in the frame before it (`at`)."""
-        motion = poses_only(self._clips[clip.name])
+        motion = poses_only(self.clips[clip.name])
         scale = self._body.standing_height / motion.body.standing_height
         self._first, self._placed = frame, placed(motion, at, scale)
 

@@ -20,10 +20,10 @@ from flexmotion.streamer.motion.heard import Heard
 from flexmotion.streamer.motion.hearing import Hearing
 from flexmotion.streamer.motion.intents import Clip, Heading, Intent, Stop, Text, Velocity, Waypoint, word_of
 from flexmotion.streamer.motion.programs import Program
+from flexmotion.streamer.motion.remarks import remark_on
 from flexmotion.streamer.motion.script import Item
 from flexmotion.streamer.motion.sequence import turned_to
 from flexmotion.streamer.motion.targets import Target
-from flexmotion.text.prompt_reader import SAME
 
 _KEPT_S = 2.0
 """Motion older than a requested window by this much is dropped [s]; an abandoned plan may have requested later
@@ -72,8 +72,7 @@ class ModelSource:
         self.fps, self.body = sampler.fps, sampler.body
         self._length_s = seconds
         self._end = None if seconds is None else int(np.floor(seconds * self.fps)) + 1
-        self._allowed = dict(clips or {})
-        self._clips = AllowedClips(self._allowed, sampler.fps, sampler.body)
+        self._clips = AllowedClips(clips or {}, sampler.fps, sampler.body)
         self._hearing = Hearing(sampler, pace, self._clips.seconds)
         self._schedule: list[tuple[int, Intent]] = []  # first frames and what to do from there on, ascending
         self._programs: list[tuple[int, Program]] = []  # the same of whole programs
@@ -105,20 +104,12 @@ class ModelSource:
 
     def cut(self, seconds: float) -> ModelSource:
         """See `flexmotion.streamer.motion.sources.Performance.cut`."""
-        return ModelSource(
-            self.sampler,
-            self.items,
-            self.name,
-            self.seed,
-            seconds,
-            self.pace,
-            clips=self._allowed,
-            straight=self.straight,
-        )
+        how: dict[str, Any] = {"clips": self._clips.clips, "straight": self.straight}
+        return ModelSource(self.sampler, self.items, self.name, self.seed, seconds, self.pace, **how)
 
     @property
     def is_measured(self) -> bool:
-        """Whether a step of a script ends when the robot has done it, so that its motion is known in the run alone."""
+        """Whether the robot decides when a step of the script ends, so that its motion is known in the run alone."""
         return not all(program.is_open for program in self._item_programs)
 
     @property
@@ -167,7 +158,7 @@ class ModelSource:
         if isinstance(intent, Clip):
             self._clips.begin(intent, frame + 1, self._frames(frame, frame + 1))
         self.answer = program.heard
-        remark, last = self._remark(target.intent, program), self._remarked
+        remark, last = remark_on(self.sampler, target.intent, program), self._remarked
         # A joystick sends ten velocities a second: the message that they are slowed comes once, until another intent.
         kind = "velocity" if isinstance(target.intent, Velocity) else remark
         self._remarked = None if remark is None else kind
@@ -202,28 +193,14 @@ class ModelSource:
     def remarks(self) -> tuple[str, ...]:
         """See `flexmotion.streamer.motion.sources.Performance.remarks`."""
         found = [
-            self._remark(item.intent, program) for item, program in zip(self.items, self._item_programs, strict=True)
+            remark_on(self.sampler, item.intent, program)
+            for item, program in zip(self.items, self._item_programs, strict=True)
         ]
         if self.pace is not None and not self.sampler.follows_velocity:
             found.append(
                 f"model {self.sampler.name} follows no velocity: its motion is not slowed to the robot's speed"
             )
         return tuple(dict.fromkeys(remark for remark in found if remark is not None))
-
-    def _remark(self, intent: Intent, program: Program) -> str | None:
-        """Message about an intent: what words are taken for, a slower velocity; None: there is none."""
-        heard = program.heard
-        if not isinstance(intent, Text) or not program.is_open or heard.state not in ("accepted", "slowed"):
-            return heard.told()
-        # A sentence is taken for one kind of motion, which may not be the one that was meant.
-        prompt = self.sampler.prompt(intent.text)
-        if prompt.warning is not None:
-            return prompt.warning
-        exact = heard.manner is None and (prompt.likeness >= SAME or intent.text == prompt.kind)
-        found = [] if exact else [f"heard as {heard.heard_as}" + (f", {heard.manner}" if heard.manner else "")]
-        found += [] if heard.slowed is None else [f"slowed to {heard.slowed}"]
-        found += list(heard.notes)
-        return f"{intent.text!r} is {' and '.join(found)}" if found else None
 
     def _heard(self, intent: Intent, frame: int, **about: Any) -> Program:
         """The program of an intent that is followed from a frame on; `about`: fields of its answer."""
@@ -309,8 +286,7 @@ class ModelSource:
         change = min((at for at, _ in self._schedule if at > begin), default=begin + self.sampler.future)
         clip = self._clips.window(begin, change - begin) if isinstance(intent, Clip) else None
         if clip is not None:
-            self._append(clip)
-            return
+            return self._append(clip)
         # Seeded by frame, noise does not depend on the number of plans; frames before 0 are never sampled.
         history = self._frames(max(begin - self.sampler.remembers, self._first), begin)
         window = self.sampler.sample(history, self._kept_straight(begin, intent), (self.seed << 32) + begin)

@@ -53,6 +53,16 @@ class Step:
     told: HeardStep
     goal: Goal | None = None
 
+    @property
+    def stands(self) -> bool:
+        """Whether it is to stand."""
+        return self.kind == STAND and self.goal is None
+
+    @property
+    def moves(self) -> bool:
+        """Whether it moves the robot from its place, or turns it."""
+        return self.turn != 0 or self.axis != (0, 0) or self.kind == "velocity" or self.goal is not None
+
 
 @dataclass(frozen=True)
 class Program:

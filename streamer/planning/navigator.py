@@ -15,10 +15,13 @@ from numpy.typing import NDArray
 
 from flexmotion.retarget.footsteps import INSERT_YAW
 from flexmotion.sampling.pace import Pace
-from flexmotion.streamer.motion.intents import Goal, Heading, Velocity, Waypoint
+from flexmotion.streamer.motion.intents import SLOWEST_TURN, Goal, Heading, Intent, Text, Velocity, Waypoint
+from flexmotion.streamer.motion.programs import Step
 from flexmotion.streamer.planning.standstill import Closing, Standstill
 
 Float = NDArray[np.float64]
+
+STANDING = Text("stand still")
 
 TURNING = 0.5
 """Greatest turning speed of a turn, within the robot's pace [rad/s]."""
@@ -104,6 +107,12 @@ class Navigator:
     def over(self) -> bool:
         """Whether it has ended."""
         return self.phase is Phase.OVER
+
+    @property
+    def asked(self) -> Intent | None:
+        """What the human does; None: nothing, the robot stands."""
+        move = self.move
+        return STANDING if move is not None and not any((move.forward, move.left, move.turning)) else move
 
     def update(self, place: Float, time_s: float) -> None:
         """Take a measurement: odometry as in the constructor, and its time [s]."""
@@ -223,6 +232,26 @@ class Navigator:
     def _bearing(self, place: Float) -> float:
         x, y = self._away(place)
         return math.atan2(y, x)
+
+
+def navigator_for(step: Step, pace: Pace | None, place: Float, time_s: float) -> Navigator | None:
+    """The way to where a step ends in the odometry: its goal, or the heading after a measured turn.
+
+    Args:
+        step: of a program.
+        pace, place, time_s: as of `Navigator`.
+
+    Returns:
+        None where the step does not say, or its model follows words alone.
+    """
+    manner = step.told.manner
+    if step.goal is not None:
+        return Navigator(step.goal, pace, place, time_s, manner=manner)
+    if step.amount is None or step.amount.quantity != "angle" or not isinstance(step.intent, Velocity):
+        return None
+    turning = max(abs(step.intent.turning), SLOWEST_TURN)
+    goal = Heading(float(place[2]) + (step.turn or 1) * step.amount.value, turning)
+    return Navigator(goal, pace, place, time_s, winds=True, manner=manner)
 
 
 def _wrapped(angle: float) -> float:

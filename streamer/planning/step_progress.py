@@ -18,6 +18,9 @@ _REST_RAD = 0.08
 """Joints that move less than this within `STILL_S` are at rest [rad]."""
 _HOME_RAD = 0.25
 """A gesture is over when all joints are this close to where they began [rad]."""
+MOVED_RAD = 0.35
+"""A gesture moves a joint from where it was by at least this; arms further than this from the stand pose are raised
+[rad]."""
 _STEP_M = 0.015
 """A step carries its foot at least this far in the direction of the walk [m]."""
 
@@ -106,3 +109,8 @@ class StepProgress:
             carried = step.axis[0] * (cos * dx + sin * dy) + step.axis[1] * (cos * dy - sin * dx)
             if not self.counts[side] and (step.axis == (0, 0) or carried > _STEP_M):
                 self.footsteps, self.counts[side] = self.footsteps + 1, True
+
+
+def is_raised(row: TickRow, home: Float | None) -> bool:
+    """Whether an arm is away from the stand pose `home`, (n,) [rad]: NaN where a joint does not count."""
+    return home is not None and bool(np.isfinite(row.q).all() and np.nanmax(np.abs(row.q - home)) > MOVED_RAD)

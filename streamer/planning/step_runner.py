@@ -18,26 +18,18 @@ from numpy.typing import NDArray
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.tick_row import TickRow
 from flexmotion.streamer.motion.heard import End, Heard, HeardStep
-from flexmotion.streamer.motion.intents import SLOWEST_TURN, Goal, Heading, Intent, Text, Velocity
+from flexmotion.streamer.motion.intents import Intent, Velocity
 from flexmotion.streamer.motion.model_source import ModelSource
 from flexmotion.streamer.motion.programs import GESTURE_S, Program, Step
-from flexmotion.streamer.planning.navigator import Navigator
+from flexmotion.streamer.planning.navigator import STANDING, Navigator, navigator_for
 from flexmotion.streamer.planning.standstill import SETTLE_S, Closing, Standstill, stopping_place
-from flexmotion.streamer.planning.step_progress import StepProgress
-from flexmotion.text.phrases import STAND
+from flexmotion.streamer.planning.step_amounts import done_of, is_missing, is_reached
+from flexmotion.streamer.planning.step_progress import MOVED_RAD, StepProgress, is_raised
 
 Float = NDArray[np.float64]
 
-STANDING = Text("stand still")
-
-_TURN_TOLERANCE, _WAY_TOLERANCE = np.radians(12.0), 0.12
-"""What is missing of a turn [rad], or of a way (share of it), is done in another attempt."""
 _ATTEMPTS = 3
-_LEAST_WAY_M = 0.03
-"""A way that is shorter is not worth another attempt [m]."""
-_MOVED_RAD = 0.35
-"""A gesture moves a joint from where it was by at least this; arms further than this from the stand pose are raised
-[rad]."""
+"""Moves towards an amount, the first included."""
 _LONGEST_REST_S = 3.0
 """Longest time in which the arms come back after a gesture [s]."""
 _WALKED_S = 1.0
@@ -104,14 +96,13 @@ class StepRunner:
         self.changed()
         self._place = stopping_place(row, stands_at)
         step = program.steps[0]
-        goal = self._goal_of(step)
-        if goal is not None:
-            navigator = self._navigator_to(goal, step, row)
+        navigator = self._navigator_to(step, row)
+        if navigator is not None:
             self._turned = program.number, navigator
             self.facing, self.resting = navigator.facing, navigator.move is None
-            return _asked(navigator)
-        if _stands(step):
-            self.resting = self._walks(row, rested=rested) or (rested and not self._is_raised(row))
+            return navigator.asked
+        if step.stands:
+            self.resting = self._walks(row, rested=rested) or (rested and not is_raised(row, self.home))
         return None
 
     def update(self, row: TickRow, *, halted: bool = False, stands_at: Callable[[], Float] | None = None) -> None:
@@ -170,19 +161,17 @@ class StepRunner:
 
     def _start(self, step: Step, row: TickRow, intent: Intent | None) -> None:
         """Begin a step; `intent`: what the human changes to, None where it has already."""
-        self._phase, self._at, self._navigator = _Phase.ACT, self._fresh(row), None
-        goal = self._goal_of(step)
-        if goal is not None:
-            self._navigator = self._navigator_to(goal, step, row)
+        self._phase, self._at, self._navigator = _Phase.ACT, self._fresh(row), self._navigator_to(step, row)
+        if self._navigator is not None:
             if intent is not None or self._navigator.move != step.intent:
                 self._follow(self._navigator)
-        elif _stands(step) and (self.resting or self._walks(row)):
+        elif step.stands and (self.resting or self._walks(row)):
             self._settle(self._at, row)
-        elif _stands(step) and step.told.manner is None:
+        elif step.stands and step.told.manner is None:
             self._phase, self.wanted = _Phase.LOWER, intent
         else:
             self.wanted = intent
-        if step.amount is None and self._phase is _Phase.ACT and goal is None:
+        if step.amount is None and self._phase is _Phase.ACT and self._navigator is None:
             self._phase = _Phase.OVER  # until something else is asked
 
     def _fresh(self, row: TickRow) -> StepProgress:
@@ -217,7 +206,7 @@ class StepRunner:
         if self._index < len(self._program.steps):
             step = self._program.steps[self._index]
             self._start(step, row, step.intent)
-        elif _moves(ended) or _stands(ended) or not self._is_raised(row):
+        elif ended.moves or ended.stands or not is_raised(row, self.home):
             self._phase, self.resting = _Phase.OVER, True
         else:
             self._phase, self._at, self.wanted = _Phase.LOWER, self._fresh(row), STANDING
@@ -233,12 +222,7 @@ class StepRunner:
             return True
         program = self._program
         under_way = program is not None and self._index < len(program.steps) and not (self.resting or rested)
-        return under_way and program is not None and _moves(program.steps[self._index])
-
-    def _is_raised(self, row: TickRow) -> bool:
-        """Whether an arm is away from the stand pose."""
-        away = self.home is not None and np.isfinite(row.q).all() and np.nanmax(np.abs(row.q - self.home)) > _MOVED_RAD
-        return bool(away)
+        return under_way and program is not None and program.steps[self._index].moves
 
     # ------------------------------------------------------------ one step
 
@@ -258,7 +242,7 @@ class StepRunner:
             return
         assert step.limit_s is not None
         quantity, amount = step.amount.quantity, step.amount.value
-        value = self._value(at, step, row)
+        value = done_of(at, step, (tick - at.begin_tick) / self.rate_hz)
         elapsed_s = (tick - at.begin_tick) / self.rate_hz
         if elapsed_s > step.limit_s:
             self._next(row, "time limit", value)
@@ -269,22 +253,27 @@ class StepRunner:
         elif quantity == "times":
             self._advance_gesture(at, step, row)
         elif self._phase is _Phase.ACT:
-            if self._reached(at, step, value):
+            if is_reached(at, step, value):
                 self._settle(at, row)
         elif self._is_settled(at, row):
             missing = amount - value
-            again = self._is_missing(step, missing) and not (quantity == "steps" and missing < 0.0)
+            again = is_missing(step, missing) and not (quantity == "steps" and missing < 0.0)
             if at.attempts < _ATTEMPTS and again:
                 at.attempts += 1
                 self._act(at, step, value, tick)
             else:
-                self._next(row, "time limit" if self._is_missing(step, missing) else "done", value)
+                self._next(row, "time limit" if is_missing(step, missing) else "done", value)
 
     def _advance_time(self, at: StepProgress, step: Step, row: TickRow, elapsed_s: float) -> None:
         assert step.amount is not None
         if elapsed_s >= step.amount.value:
             self._next(row, "done", elapsed_s)
-        elif self._phase is _Phase.SETTLE and at.attempts == 1 and self._is_settled(at, row) and self._is_raised(row):
+        elif (
+            self._phase is _Phase.SETTLE
+            and at.attempts == 1
+            and self._is_settled(at, row)
+            and is_raised(row, self.home)
+        ):
             self._phase, self.wanted, at.act_tick, at.attempts = _Phase.LOWER, step.intent, int(row.tick), 2
         elif self._phase is _Phase.LOWER and self._is_lowered(at, row):
             self._settle(at, row)
@@ -294,7 +283,7 @@ class StepRunner:
         self._phase = _Phase.OVER
         if step.told.manner is not None:
             self.wanted = step.intent
-        elif self._is_raised(row):
+        elif is_raised(row, self.home):
             self._phase, self.wanted, self._at = _Phase.LOWER, step.intent, self._fresh(row)
 
     def _is_lowered(self, at: StepProgress, row: TickRow) -> bool:
@@ -303,19 +292,8 @@ class StepRunner:
 
     # ------------------------------------------------------------ goals in the odometry
 
-    def _goal_of(self, step: Step) -> Goal | None:
-        """Where a step ends in the odometry: its goal, or the heading after a measured turn; None: it does not say."""
-        if step.goal is not None or step.amount is None or step.amount.quantity != "angle":
-            return step.goal
-        if not isinstance(step.intent, Velocity):
-            return None  # the model follows words alone
-        turning = max(abs(step.intent.turning), SLOWEST_TURN)
-        return Heading(float(self._place[2]) + (step.turn or 1) * step.amount.value, turning)
-
-    def _navigator_to(self, goal: Goal, step: Step, row: TickRow) -> Navigator:
-        time_s = int(row.tick) / self.rate_hz
-        winds, manner = step.goal is None, step.told.manner
-        return Navigator(goal, self.source.pace, self._place, time_s, winds=winds, manner=manner)
+    def _navigator_to(self, step: Step, row: TickRow) -> Navigator | None:
+        return navigator_for(step, self.source.pace, self._place, int(row.tick) / self.rate_hz)
 
     def _navigate(self, row: TickRow, measured: float | None) -> None:
         navigator = self._navigator
@@ -328,44 +306,10 @@ class StepRunner:
             self._next(row, "done" if navigator.arrived else "time limit", measured)
 
     def _follow(self, navigator: Navigator) -> None:
-        self.wanted, self.facing = _asked(navigator), navigator.facing
+        self.wanted, self.facing = navigator.asked, navigator.facing
         self.resting |= navigator.move is None
 
     # ------------------------------------------------------------ amounts
-
-    def _value(self, at: StepProgress, step: Step, row: TickRow) -> float:
-        """What is done of the amount, in its unit."""
-        assert step.amount is not None
-        match step.amount.quantity:
-            case "angle":
-                return at.turned * (step.turn or 1)
-            case "length":
-                if step.axis == (0, 0):
-                    return math.hypot(at.ahead, at.aside)
-                return at.ahead * step.axis[0] + at.aside * step.axis[1]
-            case "steps":
-                return float(at.steps(step))
-            case "times":
-                return float(at.counted)
-        return (int(row.tick) - at.begin_tick) / self.rate_hz
-
-    def _reached(self, at: StepProgress, step: Step, value: float) -> bool:
-        """Whether the robot will have done the amount if it stops now."""
-        assert step.amount is not None
-        missing = step.amount.value - value
-        if step.amount.quantity == "steps":
-            return missing <= 0.0
-        return at.closing.reached(-missing if at.acted_from > step.amount.value else missing)
-
-    def _is_missing(self, step: Step, missing: float) -> bool:
-        assert step.amount is not None
-        match step.amount.quantity:
-            case "angle":
-                return abs(missing) > _TURN_TOLERANCE
-            case "length":
-                return missing > max(_WAY_TOLERANCE * step.amount.value, _LEAST_WAY_M)  # walks do not go back
-        # The other foot may close the stance.
-        return not -1.5 < missing < 0.5
 
     def _settle(self, at: StepProgress, row: TickRow) -> None:
         self._phase, self.resting = _Phase.SETTLE, True
@@ -391,28 +335,10 @@ class StepRunner:
         if self._phase is _Phase.ACT:
             at.acted_from = max(at.acted_from, at.deviation)
             if phase_s >= GESTURE_S:
-                at.counted += int(at.acted_from > _MOVED_RAD)
+                at.counted += int(at.acted_from > MOVED_RAD)
                 self._phase, self.wanted, at.act_tick = _Phase.SETTLE, STANDING, tick
         elif phase_s >= _LONGEST_REST_S or (phase_s >= SETTLE_S and at.arms_rest(row, self.rate_hz)):
             if at.counted >= step.amount.value:
                 self._next(row, "done", at.counted)
             else:
                 self._phase, self.wanted, at.act_tick, at.acted_from = _Phase.ACT, step.intent, tick, 0.0
-
-
-def _stands(step: Step) -> bool:
-    """Whether a step is to stand."""
-    return step.kind == STAND and step.goal is None
-
-
-def _moves(step: Step) -> bool:
-    """Whether a step moves the robot from its place, or turns it."""
-    return step.turn != 0 or step.axis != (0, 0) or step.kind == "velocity" or step.goal is not None
-
-
-def _asked(navigator: Navigator) -> Intent | None:
-    """What the human does for a navigator's move; None: nothing, the robot stands."""
-    move = navigator.move
-    if move is None or any((move.forward, move.left, move.turning)):
-        return move
-    return STANDING

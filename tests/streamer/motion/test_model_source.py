@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Any
 
@@ -10,9 +11,10 @@ import pytest
 
 from flexmotion.configs.errors import ConfigError
 from flexmotion.human.motion import Motion
+from flexmotion.human.resample import resample
 from flexmotion.sampling.pace import Pace
-from flexmotion.spatial.heading import continuous_heading
-from flexmotion.streamer.motion.intents import Clip, Intent, Stop, Text, Velocity
+from flexmotion.spatial.heading import continuous_heading, heading
+from flexmotion.streamer.motion.intents import Clip, Heading, Intent, Stop, Text, Velocity, Waypoint
 from flexmotion.streamer.motion.model_source import ModelSource
 from flexmotion.streamer.motion.script import Item
 from flexmotion.streamer.motion.sources import ClipSource, LiveSource, Performance
@@ -224,11 +226,54 @@ def test_an_hour_takes_no_more_memory_than_a_minute() -> None:
 
 
 def test_an_intent_that_the_model_cannot_follow_is_refused() -> None:
-    with pytest.raises(ConfigError, match="cannot follow clip, expected: text, velocity, stop"):
+    with pytest.raises(ConfigError, match="clip: 'walk.bvh' is not one of those that the run was started with: none"):
         source().turn_to(target(Clip("walk.bvh")), 3, None)
-    without = StubSampler(follows_velocity=False)
-    with pytest.raises(ConfigError, match="model stub was trained without"):
-        source(Item(0.0, Velocity(1.0, 0.0, 0.0)), sampler=without)
+    for intent in (Velocity(1.0, 0.0, 0.0), Heading(1.0), Waypoint(1.0, 0.0)):
+        with pytest.raises(ConfigError, match="model stub follows no velocity"):
+            source(Item(0.0, intent), sampler=StubSampler(follows_velocity=False))
+
+
+def with_clip() -> tuple[ModelSource, Motion]:
+    """A source with a clip of two seconds that walks ahead."""
+    from flexmotion.importers.default_clip import default_clip
+
+    clip = resample(default_clip()[225:465], 30.0)
+    items = [Item(0.0, Velocity(0.0, 0.0, 1.0))]
+    return ModelSource(StubSampler(), items, "model:stub", clips={"walk.bvh": clip}), clip  # type: ignore[arg-type]
+
+
+def test_a_clip_that_the_run_was_started_with_is_followed_where_the_human_stands_and_then_it_stands() -> None:
+    """Targets that named a clip were refused in every run of a model."""
+    it, clip = with_clip()
+    before = it.window(0, 45)
+    assert before is not None
+    it.turn_to(target(Clip("walk.bvh")), 40, before[:41])
+    motion = it.window(41, len(clip) + 40)
+    assert motion is not None and len(motion) == len(clip) + 40
+    np.testing.assert_allclose(motion.joints[: len(clip)], clip.joints)
+    np.testing.assert_allclose(motion.root_position[0, :2], before.root_position[40, :2], atol=1e-9)
+    turned = heading(before.root_quaternion[40]) - heading(motion.root_quaternion[0])
+    assert abs(math.remainder(turned, math.tau)) < 1e-6
+    # After its end the model goes on from the clip's last pose, and is asked for nothing.
+    assert it.sampler.asked[-1].condition.velocity is None  # type: ignore[attr-defined]
+
+
+def test_a_clip_is_answered_with_its_length_and_an_unknown_one_with_the_names() -> None:
+    it, clip = with_clip()
+    it.turn_to(target(Clip("walk.bvh")), 3, None)
+    assert it.answer is not None and it.answer.heard_as == "clip"
+    assert it.answer.steps[0].amount == pytest.approx(clip.duration, abs=1e-3)
+    with pytest.raises(ConfigError, match="'bow' is not one of those that the run was started with: walk.bvh"):
+        it.turn_to(target(Clip("bow")), 30, None)
+
+
+def test_a_goal_is_answered_and_its_human_stands_until_the_robots_place_is_known() -> None:
+    it = source()
+    it.turn_to(target(Waypoint(1.0, 0.5, math.pi)), 3, None)
+    assert it.answer is not None and it.answer.state == "accepted"
+    assert it.answer.asked == "waypoint 1 m ahead, 0.5 m left, heading 180°"
+    found = it.program_at(10)
+    assert found is not None and found[1].steps[0].goal == Waypoint(1.0, 0.5, math.pi) and not found[1].is_open
 
 
 def test_a_clip_is_a_performance_and_not_a_live_source() -> None:

@@ -13,7 +13,8 @@ from flexmotion.streamer.control.tick_row import TickRow, blank
 from flexmotion.streamer.motion.heard import Heard, HeardStep
 from flexmotion.streamer.motion.intents import Heading, Text, Velocity
 from flexmotion.streamer.motion.programs import Program, Step
-from flexmotion.streamer.planning.step_runner import STANDING, StepRunner
+from flexmotion.streamer.planning.navigator import STANDING
+from flexmotion.streamer.planning.step_runner import StepRunner
 from flexmotion.text.amounts import Amount
 
 RATE, FPS, JOINTS = 100.0, 30.0, 4

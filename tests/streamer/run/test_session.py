@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import get_args
 
 import numpy as np
 import pytest
 
 from flexmotion.configs.robot import Robot, load_robot
+from flexmotion.configs.robot_file import EmergencyStop
 from flexmotion.configs.stream import load_stream
 from flexmotion.drivers.interface import JointCommand, RobotState
 from flexmotion.drivers.sim.driver import SimDriver
@@ -268,6 +270,38 @@ def test_estop_in_mid_walk_freezes_at_once_then_parks_in_fault(run: Callable[...
     np.testing.assert_array_equal(held, np.broadcast_to(record.q_cmd[tick - 1], held.shape))
     assert any("e-stop" in message for message in frozen.messages("fault"))
     assert frozen.tilt < 0.8 and record.violations_sent == 0
+
+
+def swinging(part: float) -> When:
+    """When a foot has been in the air for a part of a swing of .3 s."""
+    seen: list[int] = []
+
+    def when(loop: ControlLoop) -> bool:
+        if not loop.now.contacts.all():
+            seen.append(loop.tick_count)
+        return len(seen) > part * 0.3 * loop.robot.rate_hz
+
+    return when
+
+
+@pytest.mark.parametrize("stop", get_args(EmergencyStop))
+@pytest.mark.parametrize("part", [0.0, 0.5, 0.9])
+def test_every_kind_of_emergency_stop_keeps_the_robot_up_in_mid_swing(
+    run: Callable[..., Run], op3: Robot, monkeypatch: pytest.MonkeyPatch, stop: EmergencyStop, part: float
+) -> None:
+    """What an emergency stop did was one for all robots; `benchmarks/robot/emergency_stop.py` has every phase."""
+    monkeypatch.setattr(op3, "safety", op3.safety.model_copy(update={"emergency_stop": stop}))
+    stopped = run(request=Request.ESTOP, when=swinging(part))
+    assert stopped.states[-2:] == [State.PARK, State.FAULT]
+    assert (
+        stopped.record.state[stopped.acted_tick]
+        == {
+            "freeze": State.HOLD,
+            "captured_stop": State.STREAMING,
+            "crouch": State.PARK,
+        }[stop]
+    )
+    assert stopped.tilt < 0.8 and stopped.record.violations_sent == 0
 
 
 def test_kill_in_mid_walk_cuts_torque_within_the_tick(run: Callable[..., Run]) -> None:
