@@ -121,6 +121,7 @@ CATALOGUE = (
     Benchmark("realtime/latency", "1 min", (), "a budget of the stream settings is passed"),
     Benchmark("realtime/gateway", "9 min", (), "a target unanswered; to command above 35, p99 50 ms; a fall"),
     Benchmark("realtime/page", "5 min", (), "the gateway above .25 cores with 3 pages; plans slowed by over 10 %"),
+    Benchmark("realtime/transports", "20 min", (Need.DEV,), "a target unanswered, E-STOP after more than two periods"),
     Benchmark("realtime/stop", "4 min", (), "parked after more than 5.5 s, a fall"),
     Benchmark("bus/cycle_time", "1 min", (Need.DEV,)),
     Benchmark("bus/faults", "5 min", (), "bad packets end a run or cost 10 % of the tracking"),

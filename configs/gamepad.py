@@ -34,6 +34,7 @@ class Gamepad(Strict):
         "BTN_EAST": {"type": "stop"},
         "BTN_MODE": {"type": "estop"},
         "BTN_START": {"type": "clear"},
+        "BTN_TR": {"type": "arm"},
         "BTN_SELECT": {"type": "take"},
         "BTN_NORTH": {"type": "text", "text": "wave with the right hand"},
         "BTN_WEST": {"type": "text", "text": "bow"},

@@ -41,6 +41,7 @@ class Gateway(Strict):
 
     Attributes:
         port, stop_port: of the gateway, and of the process that takes stops alone.
+        foxglove_port: of the live view for Foxglove (`--foxglove`).
         priorities: by the name of a source; a source with a higher priority takes the lease over without asking.
         other_priority: of all other sources.
         lease_s: an operator who sends nothing for this long holds the lease no longer.
@@ -52,11 +53,14 @@ class Gateway(Strict):
         most_unread: a connection that leaves so many answers unread is closed.
         name: of the robot in keys of zenoh and topics of ROS 2; None: that of the robot file.
         zenoh_port, zenoh_stop_port: of the gateway and of the stop process for zenoh.
+        ros2_port: of the zenoh router of ROS 2 on this machine.
+        ros2_rate_hz: joint states and IMU that are published a second.
         gamepad: what its sticks and buttons do.
     """
 
     port: int = Field(default=8790, ge=1, le=65535)
     stop_port: int = Field(default=8791, ge=1, le=65535)
+    foxglove_port: int = Field(default=8765, ge=1, le=65535)
     priorities: dict[str, int] = {}
     other_priority: int = 0
     lease_s: float = Field(default=10.0, gt=0)
@@ -69,11 +73,13 @@ class Gateway(Strict):
     name: str | None = Field(default=None, pattern=r"^[a-z][a-z0-9_]{0,63}$")
     zenoh_port: int = Field(default=8792, ge=1, le=65535)
     zenoh_stop_port: int = Field(default=8793, ge=1, le=65535)
+    ros2_port: int = Field(default=7447, ge=1, le=65535)
+    ros2_rate_hz: float = Field(default=50.0, ge=1, le=250)
     gamepad: Gamepad = Gamepad()
 
     @model_validator(mode="after")
     def _apart(self) -> Gateway:
-        names = ("port", "stop_port", "zenoh_port", "zenoh_stop_port")
+        names = ("port", "stop_port", "zenoh_port", "zenoh_stop_port", "ros2_port")
         for number, name in enumerate(names):
             for other in names[:number]:
                 if getattr(self, name) == getattr(self, other):

@@ -54,7 +54,7 @@ if TYPE_CHECKING:
     from flexmotion.streamer.gateway.messages import Answer
     from flexmotion.streamer.log.reader import Log, read_log
     from flexmotion.streamer.motion.heard import Heard
-    from flexmotion.streamer.motion.intents import Clip, Stop, Text, Velocity
+    from flexmotion.streamer.motion.intents import Clip, Heading, Stop, Text, Velocity, Waypoint
     from flexmotion.streamer.motion.script import Item, load_script
     from flexmotion.streamer.motion.sources import Performance, Source
     from flexmotion.streamer.motion.targets import Target
@@ -103,7 +103,7 @@ _MODULES = {
     "streamer.control.telemetry": ("Event",),
     "streamer.log.reader": ("Log", "read_log"),
     "streamer.motion.heard": ("Heard",),
-    "streamer.motion.intents": ("Clip", "Stop", "Text", "Velocity"),
+    "streamer.motion.intents": ("Clip", "Heading", "Stop", "Text", "Velocity", "Waypoint"),
     "streamer.motion.script": ("Item", "load_script"),
     "streamer.motion.sources": ("Performance", "Source"),
     "streamer.motion.targets": ("Target",),
@@ -129,6 +129,7 @@ __all__ = [
     "Event",
     "FlexMotionError",
     "GatewayError",
+    "Heading",
     "Heard",
     "Item",
     "Listening",
@@ -154,6 +155,7 @@ __all__ = [
     "Text",
     "Trajectory",
     "Velocity",
+    "Waypoint",
     "concatenate",
     "load_motion",
     "load_script",

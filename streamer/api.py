@@ -20,6 +20,7 @@ from flexmotion.drivers.interface import Driver
 from flexmotion.drivers.registry import create
 from flexmotion.drivers.simulated import simulated
 from flexmotion.human.motion import Motion
+from flexmotion.human.resample import resample
 from flexmotion.importers import load
 from flexmotion.retarget.human_steps import count_steps
 from flexmotion.sampling.sampler import Sampler
@@ -27,7 +28,7 @@ from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.control.telemetry import Event
 from flexmotion.streamer.gateway.listening import Listening, listen
 from flexmotion.streamer.log.recorder import Recorder
-from flexmotion.streamer.log.recording import driver_options, record_to
+from flexmotion.streamer.log.recording import driver_options, record_to, show_in_foxglove
 from flexmotion.streamer.motion.intents import Clip, Intent, Stop, Text
 from flexmotion.streamer.motion.model_source import ModelSource
 from flexmotion.streamer.motion.replan_noise import NoisySource
@@ -38,9 +39,10 @@ from flexmotion.streamer.motion.sources import ClipSource, Performance, Source
 from flexmotion.streamer.planning.offline import Trajectory, retarget_offline
 from flexmotion.streamer.report.metrics import HumanTrack, RobotFigures
 from flexmotion.streamer.report.report import Report, RunInfo, build_report
+from flexmotion.streamer.run.parts import Clock
 from flexmotion.streamer.run.played_human import human_motion
 from flexmotion.streamer.run.requests import Request
-from flexmotion.streamer.run.session import Clock, Phase, Session
+from flexmotion.streamer.run.session import Phase, Session
 
 Followed = Motion | Intent | Sequence[Item]
 """What a robot can follow: a motion, one intent, or a script of intents."""
@@ -115,6 +117,7 @@ def open_source(
     name: str | None = None,
     seed: int = 0,
     seconds: float | None = None,
+    clips: Sequence[str | Path] = (),
 ) -> Performance:
     """A source of human motion for a robot.
 
@@ -128,6 +131,7 @@ def open_source(
         blend_frames: frames over which a script's clip takes over from the one before.
         name: what report and log call the source.
         seed: of all that the model draws.
+        clips: files that targets of a model's source may name, by their file name.
         seconds: the source ends after this time; None: a clip with its last frame, a model with a `Stop` [s].
 
     Raises:
@@ -148,10 +152,12 @@ def open_source(
         check_script(items)
         if not isinstance(items[0].intent, Clip):
             sampler = open_sampler(bundle)
-            return ModelSource(sampler, items, name or "model", seed, seconds, human_pace(robot, sampler.body))
+            pace = human_pace(robot, sampler.body)
+            allowed = {Path(clip).name: resample(load_motion(clip, mapping), sampler.fps) for clip in clips}
+            return ModelSource(sampler, items, name or "model", seed, seconds, pace, clips=allowed)
         motion = _sequence(items, mapping, blend_frames)
-    if bundle is not None:
-        raise ConfigError("a bundle is given, but clips need no model")
+    if bundle is not None or clips:
+        raise ConfigError("a bundle or clips for targets are given, but a clip needs no model")
     source = ClipSource(motion if name is None else replace(motion, source=name))
     return source if seconds is None or seconds >= source.seconds else source.cut(seconds)
 
@@ -178,6 +184,7 @@ def open_session(
     next_request: Callable[[], Request | None] | None = None,
     on_event: Callable[[Event], None] | None = None,
     log: str | Path | None = None,
+    foxglove: bool = False,
     listening: Listening | None = None,
     allow_refused: bool = False,
     armed: bool = True,
@@ -211,6 +218,7 @@ def open_session(
             and return a `Request`.
         on_event: called with every event as it happens.
         log: file (.mcap) to record to; None: none.
+        foxglove: show the run live in Foxglove, on the port of the settings, to programs of this machine.
         listening: how the run shows itself in a browser and listens for targets of other programs; None: not at all.
         allow_refused: the report is ok although something that was asked was refused, dropped or not finished.
         armed: torque goes on with the first tick; else with `Request.ARM`.
@@ -253,6 +261,8 @@ def open_session(
             session.telemetry.emit(0, "note", remark)
     if log is not None:
         record_to(Path(log), session, clock)
+    if foxglove:
+        show_in_foxglove(settings.gateway.foxglove_port, session)
     return session
 
 

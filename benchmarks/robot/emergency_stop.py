@@ -9,11 +9,14 @@ off. Judged is the kind that the robot file names.
 
 from __future__ import annotations
 
+import mmap
 import os
 import pickle
+from contextlib import AbstractContextManager
 from dataclasses import asdict, dataclass
 from functools import partial
 from typing import Annotated, get_args
+from unittest.mock import patch
 
 import numpy as np
 import typer
@@ -27,6 +30,7 @@ from benchmarks.shared.outcome import Outcome, Verdict, write_csv
 from benchmarks.shared.processes import in_order
 from flexmotion.configs.robot import load_robot
 from flexmotion.configs.robot_file import EmergencyStop
+from flexmotion.drivers.realtime import ring
 from flexmotion.streamer import api
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.motion.intents import Velocity
@@ -88,7 +92,7 @@ def stopped(session: Session, kind: EmergencyStop, walk: str, perturbed: bool, s
     while session.state.tick < begin + AFTER_S * rate and session.step():
         pass
     record = session.record
-    rows = record.tick > begin
+    rows = record.ticks.tick > begin
     _, x, y, _ = record.true_base[rows, 3:].T
     speed = np.linalg.norm(np.diff(record.true_com[rows, :2], axis=0), axis=1) * rate
     moving = np.flatnonzero(speed > 0.02)
@@ -108,7 +112,7 @@ def stopped(session: Session, kind: EmergencyStop, walk: str, perturbed: bool, s
 
 
 def forked(session: Session, kind: EmergencyStop, walk: str, perturbed: bool, seed: int, phase: float) -> Trial:
-    """`stopped` in a process of its own, a copy of this one: the session itself goes on walking."""
+    """`stopped` in a process of its own, a copy of this one (see `copied_memory`): the session itself walks on."""
     reader, writer = os.pipe()
     child = os.fork()
     if child == 0:
@@ -128,6 +132,12 @@ def forked(session: Session, kind: EmergencyStop, walk: str, perturbed: bool, se
     return outcome
 
 
+def copied_memory() -> AbstractContextManager[object]:
+    """Context in which memory is made that a forked process has a copy of, instead of sharing it."""
+    private = partial(mmap.mmap, flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
+    return patch.object(ring.mmap, "mmap", private)
+
+
 def lift(session: Session) -> int:
     """Step to the next lift of the left foot; returns its tick. Raises `RuntimeError` where it does not lift."""
     before = False
@@ -145,7 +155,9 @@ def walk_once(task: tuple[str, bool, int], phases: int, robot_name: str) -> list
     walk, perturbed, seed = task
     robot = load_robot(robot_name)
     trials: list[Trial] = []
-    with api.open_session(robot, simulator(robot, perturbed, seed), seed=seed) as session:
+    with copied_memory():
+        opened = api.open_session(robot, simulator(robot, perturbed, seed), seed=seed)
+    with opened as session:
         session.advance(3.0)
         session.send(WALKS[walk])
         session.advance(WALKED_S)
@@ -191,7 +203,7 @@ def main(
     csv_out: CsvOption = None,
 ) -> Outcome:
     """Stop every walk at every phase, in each way."""
-    names = walks or list(WALKS)
+    names, robots = walks or list(WALKS), (False, True)[: 1 + perturbed]
     tasks = [(walk, hard, seed + number) for hard in robots for number, walk in enumerate(names)]
     done = [t for found in in_order(partial(walk_once, phases=phases, robot_name=robot), tasks, jobs) for t in found]
     console, chosen = Console(), load_robot(robot).safety.emergency_stop

@@ -114,7 +114,7 @@ def recorded_ranges(recording: Path) -> dict[int, tuple[int, int]]:
     return {int(one["code"], 16): (int(one["low"]), int(one["high"])) for one in found if one}
 
 
-class _Reader(InputDevice):  # type: ignore[misc]
+class _Reader(InputDevice):
     """What `InputDevice` is for a device file."""
 
     def __init__(self, pad: EmulatedPad) -> None:

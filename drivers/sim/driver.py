@@ -149,7 +149,7 @@ class SimDriver(LockstepDriver):
         pose = robot.stand_pose if options.start == "stand" else robot.rest_pose
         data.qpos[:] = start_qpos(robot, self.model, pose, options)
         data.mocap_pos[0], data.mocap_quat[0] = data.qpos[:3], data.qpos[3:7]
-        data.eq_active[self._weld] = options.suspended or options.held
+        data.eq_active[self._weld] = options.suspended or options.held or options.picked_up_s is not None
         mujoco.mj_forward(self.model, data)
         imu = robot.config.imu
         if imu is not None and self._imu is not None:
@@ -227,6 +227,18 @@ class SimDriver(LockstepDriver):
         hot = self.plant.temperature > self._temperature_limit
         if hot.any():
             self._shut_down(hot)
+        if self._settings.picked_up_s is not None:
+            self._lie(seconds, self._settings.picked_up_s)
+
+    def _lie(self, seconds: float, picked_up_s: float) -> None:
+        """Count the time without torque, then set the robot up; `_off_s` is infinite before torque, and after that."""
+        if self.plant.enabled.any():
+            self._off_s = 0.0
+        elif np.isfinite(self._off_s):
+            self._off_s += seconds
+            if self._off_s > picked_up_s:
+                self._off_s = np.inf
+                self.place()
 
     def truth(self) -> Truth:
         """The true state now; torque and saturation are those of the last `advance`."""
@@ -252,7 +264,7 @@ class SimDriver(LockstepDriver):
         self._read_steps = round(options.read_delay_s / options.timestep)
         self._history = np.zeros((self._read_steps + 1, 2 * n + 6))
         self._torque, self._saturated = np.zeros(n), np.zeros(n)
-        self._steps, self._owed, self._pushed = 0, 0.0, False
+        self._steps, self._owed, self._pushed, self._off_s = 0, 0.0, False, np.inf
         self.place()
 
     def _step(self) -> None:

@@ -35,6 +35,8 @@ class SimOptions(Strict):
         start: pose at `open`, feet on the floor.
         suspended: the torso is held all the time, feet in the air.
         held: the torso is held until torque is first switched on; otherwise the robot collapses.
+        picked_up_s: this long after all torque has gone off, the robot is back in its start pose where it began, its
+            torso held until torque goes on, as if somebody had set it up [s]; None: it stays where it sank down.
         command_delay_s: time from `write` to the servos acting, as the driver reports it [s]; assumption: bus time at
             2 Mbaud plus the servo's own cycle.
         read_delay_s: age of what `read` returns [s]; assumption, as above.
@@ -60,6 +62,7 @@ class SimOptions(Strict):
     start: Literal["stand", "rest"] = "stand"
     suspended: bool = False
     held: bool = True
+    picked_up_s: float | None = Field(default=None, gt=0)
 
     command_delay_s: float = Field(default=0.004, ge=0, le=0.1)
     read_delay_s: float = Field(default=0.004, ge=0, le=0.1)

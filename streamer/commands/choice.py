@@ -56,6 +56,7 @@ def choose_source(
     seconds: float | None = None,
     endless: bool = False,
     listens: bool = False,
+    clips: Sequence[Path] = (),
 ) -> Performance:
     """The source that a clip, a script or a prompt asks for, or the shipped one; the report says its name.
 
@@ -66,6 +67,7 @@ def choose_source(
         seed: of all that a model draws.
         seconds: longest that the source is followed [s].
         endless: a model goes on with its last item until the run is ended.
+        clips: motion files that targets may name.
         listens: the run listens for targets: where nothing is asked for, the robot stands and waits for one.
 
     Raises:
@@ -76,23 +78,31 @@ def choose_source(
     given = [name for name, value in choices.items() if value is not None]
     if len(given) > 1:
         raise typer.BadParameter(f"{' and '.join(given)} exclude each other; give one")
+    if clips and not listens:
+        raise typer.BadParameter("--clips are for targets of other programs: give --web or --stdin too")
+    if clips and clip is not None:
+        raise typer.BadParameter("--clips and --clip exclude each other: a clip that is followed takes no targets")
     if clip is not None:
         return _clips(robot, choose_motion(clip, mapping), clip.name, bundle, seconds)
     if script is not None:
         items, name = load_script(script), f"script:{script.name}"
         if isinstance(items[0].intent, Clip):
             return _clips(robot, items, name, bundle, seconds, mapping, blend_frames)
-        return _model(robot, items, name, str(script), bundle, seed, seconds, endless)
+        return _model(robot, items, name, str(script), bundle, seed, seconds, endless, clips)
     if prompt is not None:
         if not prompt.strip():
             raise typer.BadParameter('--prompt is empty: say in words what to do, such as "walk forward"')
-        return _model(robot, [Item(0.0, Text(prompt))], f"prompt:{prompt}", "--prompt", bundle, seed, seconds, endless)
+        return _model(
+            robot, [Item(0.0, Text(prompt))], f"prompt:{prompt}", "--prompt", bundle, seed, seconds, endless, clips
+        )
     if listens:
-        return _model(robot, [Item(0.0, api.STANDING)], "model:live", "--web", bundle, seed, seconds, endless)
+        return _model(robot, [Item(0.0, api.STANDING)], "model:live", "--web", bundle, seed, seconds, endless, clips)
     if bundle is None and shipped_bundle() is None:
         return _clips(robot, choose_motion(), None, None, seconds)
     with as_file(files("flexmotion") / "data" / DEFAULT_SCRIPT) as path:
-        return _model(robot, load_script(path), "model:default", "the default script", bundle, seed, seconds, endless)
+        return _model(
+            robot, load_script(path), "model:default", "the default script", bundle, seed, seconds, endless, clips
+        )
 
 
 def choose_motion(clip: Path | None = None, mapping: str | None = None) -> Motion:
@@ -191,9 +201,10 @@ def _model(
     seed: int,
     seconds: float | None,
     endless: bool,
+    clips: Sequence[Path],
 ) -> Performance:
     _needs_model(bundle, asker)
-    source = api.open_source(robot, items, bundle=bundle, name=name, seed=seed, seconds=seconds)
+    source = api.open_source(robot, items, bundle=bundle, name=name, seed=seed, seconds=seconds, clips=clips)
     if seconds is not None or endless or not isinstance(source, ModelSource):
         return source
     # A program ends when the robot has done it, at the latest with the time limits of its steps.

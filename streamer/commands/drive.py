@@ -33,7 +33,8 @@ def drive(
     import asyncio
 
     from flexmotion.streamer.gateway.admission import find_token
-    from flexmotion.streamer.gateway.client import AsyncClient, Client
+    from flexmotion.streamer.gateway.async_client import AsyncClient
+    from flexmotion.streamer.gateway.client import Client
     from flexmotion.streamer.gateway.keyboard import Keyboard, keys_at_once
 
     token, terminal = find_token(token_file), sys.stdin.fileno()

@@ -9,6 +9,9 @@ import typer
 from flexmotion.streamer.commands.option_groups import MotionOptions, RunOptions, grouped
 from flexmotion.streamer.commands.options import Clock, ReplanNoiseOption, RobotOption
 
+PICKED_UP_S = 3.0
+"""A run that takes targets goes on after a fall or a stop: the simulated robot is set up this long after it [s]."""
+
 
 @grouped
 def dry_run(
@@ -79,6 +82,8 @@ def dry_run(
             stay = run.listens and run.seconds is None
             source = motion.source(chosen, settings, run.seconds, endless=stay, listens=run.listens)
             options = simulation_options(perturbed, perturb or ())
+            if stay:
+                options.setdefault("picked_up_s", PICKED_UP_S)
             session = run.session(
                 open_driver("sim", chosen, **options, seed=motion.seed),
                 NoisySource(source, replan_noise, motion.seed) if replan_noise else source,

@@ -14,7 +14,9 @@ from flexmotion.streamer.commands.options import (
     BeltOption,
     BundleOption,
     ClipOption,
+    ClipsOption,
     FeedbackOption,
+    FoxgloveOption,
     GamepadOption,
     HeightOption,
     JsonOption,
@@ -27,6 +29,7 @@ from flexmotion.streamer.commands.options import (
     PromptOption,
     RealtimeOption,
     ReportOption,
+    Ros2Option,
     ScriptOption,
     SecondsOption,
     SeedOption,
@@ -48,7 +51,8 @@ if TYPE_CHECKING:
     from flexmotion.importers import Import
     from flexmotion.streamer.gateway.listening import Listening
     from flexmotion.streamer.motion.sources import Performance, Source
-    from flexmotion.streamer.run.session import Clock, Session
+    from flexmotion.streamer.run.parts import Clock
+    from flexmotion.streamer.run.session import Session
 
 
 @dataclass(frozen=True)
@@ -56,6 +60,7 @@ class MotionOptions:
     """Which motion a robot follows."""
 
     clip: ClipOption = None
+    clips: ClipsOption = None
     script: ScriptOption = None
     prompt: PromptOption = None
     bundle: BundleOption = None
@@ -86,6 +91,7 @@ class MotionOptions:
             seconds=seconds,
             endless=endless,
             listens=listens,
+            clips=self.clips or (),
         )
 
 
@@ -133,9 +139,11 @@ class RunOptions:
     token_file: TokenFileOption = None
     stdin: StdinOption = False
     arm: ArmOption = None
+    foxglove: FoxgloveOption = False
     name: NameOption = None
     zenoh: ZenohOption = False
     zenoh_router: ZenohRouterOption = None
+    ros2: Ros2Option = False
     gamepad: GamepadOption = False
     allow_refused: AllowRefusedOption = False
     as_json: JsonOption = False
@@ -143,7 +151,8 @@ class RunOptions:
     @property
     def listens(self) -> bool:
         """Whether targets of other programs are taken."""
-        return self.web or self.stdin or self.zenoh or self.zenoh_router is not None or self.gamepad
+        ways = (self.web, self.stdin, self.zenoh, self.zenoh_router is not None, self.ros2, self.gamepad)
+        return any(ways)
 
     def _listening(self) -> Listening | None:
         if not (self.listens or self.view):
@@ -165,6 +174,7 @@ class RunOptions:
             name=self.name,
             zenoh=self.zenoh,
             zenoh_router=self.zenoh_router,
+            ros2=self.ros2,
             gamepad=self.gamepad,
         )
 
@@ -200,6 +210,7 @@ class RunOptions:
             stay=stay,
             realtime=self.realtime,
             log=log_file(self.log, self.report),
+            foxglove=self.foxglove,
             listening=self._listening(),
             allow_refused=self.allow_refused,
             armed=armed if self.arm is None else self.arm,

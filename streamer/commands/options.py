@@ -45,6 +45,14 @@ ClipOption = Annotated[
         show_default=False,
     ),
 ]
+ClipsOption = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--clips",
+        help="Motion file that targets may name, by its file name (repeatable; with --web).",
+        show_default=False,
+    ),
+]
 ScriptOption = Annotated[
     Path | None,
     typer.Option(
@@ -190,6 +198,12 @@ TokenFileOption = Annotated[
         show_default=False,
     ),
 ]
+FoxgloveOption = Annotated[
+    bool,
+    typer.Option(
+        "--foxglove/--no-foxglove", help="Show the run live in Foxglove, on this machine (ws://127.0.0.1:8765)."
+    ),
+]
 NameOption = Annotated[
     str | None,
     typer.Option(
@@ -207,6 +221,12 @@ ZenohRouterOption = Annotated[
         metavar="ENDPOINT",
         help="Zenoh router to connect to, such as tcp/127.0.0.1:7447; another machine's needs a token.",
         show_default=False,
+    ),
+]
+Ros2Option = Annotated[
+    bool,
+    typer.Option(
+        "--ros2", help="Take part in ROS 2 over the zenoh router on this machine (rmw_zenoh; topics: docs/live.md)."
     ),
 ]
 GamepadOption = Annotated[

@@ -17,6 +17,7 @@ from flexmotion.streamer.commands.signals import OperatorSignals
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.telemetry import Event
 from flexmotion.streamer.gateway.service import GatewayService
+from flexmotion.streamer.log.live_view import LiveView
 from flexmotion.streamer.log.recorder import Recorder
 from flexmotion.streamer.motion.sources import Performance
 from flexmotion.streamer.report.summary import render
@@ -44,6 +45,8 @@ def stream(session: Session, signals: OperatorSignals | None = None) -> api.Outc
         for service in session.services:
             if isinstance(service, GatewayService) and service.url is not None:
                 print_note(f"web: {service.url}")
+            if isinstance(service, LiveView):
+                print_note(f"foxglove: open the connection {service.url}")
         try:
             session.run()
         finally:

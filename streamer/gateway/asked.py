@@ -8,6 +8,7 @@ from collections.abc import Callable, Hashable
 from dataclasses import dataclass
 
 from flexmotion.streamer.gateway.messages import Answer, Message
+from flexmotion.streamer.motion.heard import HeardStep
 from flexmotion.streamer.motion.intents import Intent
 
 Reply = Callable[[Answer], None]
@@ -41,12 +42,14 @@ class Following:
         asked: its word and value, as in a script.
         answer: as its sender got it.
         stamp_s: when it was accepted, on the gateway's clock [s].
+        last: its last step, in the newest version of the planner's answer; None: it has no steps.
     """
 
     source: str
     asked: dict[str, object]
     answer: Answer
     stamp_s: float
+    last: HeardStep | None = None
 
 
 class Sequences:

@@ -10,6 +10,7 @@ import math
 import time
 from collections import Counter, OrderedDict, deque
 from collections.abc import Callable, Hashable
+from dataclasses import replace
 
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.stream import Gateway
@@ -157,6 +158,7 @@ class Desk:
         message, now = asked.message, asked.since_s
         late = self._late(message)
         if late is not None:
+            self.reject("stale")
             self._reply(asked, *late)
         elif not self._sequences.ascends(message, sender):
             self._reply(asked, "refused", f"sequence {message.sequence} does not come after the last of this source")
@@ -241,8 +243,10 @@ class Desk:
             if heard.state != "superseded":
                 self._reply(self._open.pop(number), "superseded", "a newer target came first", target=number)
         asked = self._open.pop(heard.id, None)
-        if asked is None:
-            return  # of another sender, of a script, or a later version: a step has ended
+        if asked is None:  # of another sender, of a script, or a later version: a step has ended
+            if self.following is not None and self.following.answer.target == heard.id:
+                self.following = replace(self.following, last=heard.steps[-1] if heard.steps else None)
+            return
         told = self._reply(
             asked,
             heard.state,

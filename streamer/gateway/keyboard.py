@@ -16,14 +16,16 @@ from collections.abc import Callable, Coroutine, Iterator, Mapping
 from typing import Any, TextIO
 
 from flexmotion.configs.errors import ConfigError, GatewayError
-from flexmotion.streamer.gateway.client import AsyncClient, Client, MessageError
+from flexmotion.streamer.gateway.async_client import AsyncClient
+from flexmotion.streamer.gateway.client import Client
 from flexmotion.streamer.gateway.keys import HeldKeys, KeyReader
-from flexmotion.streamer.gateway.messages import Answer
+from flexmotion.streamer.gateway.messages import Answer, MessageError
 
 HELP = """w s, arrows up down   forward, back            space   STOP
 a d, arrows           turn                     c       clear a STOP
 q e                   to the side              !       emergency stop: freezes, parks, ends the run
-+ -                   faster, slower           t       take over from another operator
++ -                   faster, slower           o       arm: torque on, stand up
+t                     take over from another operator
 / or Enter            type a sentence (Escape: none)   Ctrl-C  end; the robot stands"""
 
 _LOOK_S, _AGAIN_S, _HOLDS_S = 0.05, 0.1, 0.4
@@ -33,6 +35,7 @@ _FASTER, _SLOWEST, _FASTEST = 1.25, 0.2, 3.0
 """Factor of "+" and "-", and its bounds in all."""
 _END_KEYS = {"\x03", "\x04"}
 """Ctrl-C and Ctrl-D."""
+_WORDS = {"c": "clear", "o": "arm", "t": "take"}
 _TEXT_KEYS, _SEND_KEYS, _ERASE_KEYS = ("/", "\n", "\r"), ("\n", "\r"), ("\x7f", "\b")
 
 
@@ -117,8 +120,8 @@ class Keyboard:
             self._stop("stop")
         elif key == "!":
             self._stop("estop")
-        elif key in ("c", "t"):
-            self._later(self._ask({"type": "clear" if key == "c" else "take"}))
+        elif key in _WORDS:
+            self._later(self._ask({"type": _WORDS[key]}))
         elif key in ("+", "-"):
             self._factor = min(max(self._factor * (_FASTER if key == "+" else 1.0 / _FASTER), _SLOWEST), _FASTEST)
             forward, left, turning = (round(self._factor * speed, 3) for speed in self._fastest)

@@ -8,13 +8,19 @@ from dataclasses import dataclass
 from functools import partial
 
 from flexmotion.configs.errors import ConfigError
+from flexmotion.human.body import Body
+from flexmotion.retarget.whole_body import WholeBody
 from flexmotion.streamer.gateway.admission import Admission
 from flexmotion.streamer.gateway.hub import Transport
 from flexmotion.streamer.gateway.presses import StopInput
 from flexmotion.streamer.gateway.service import GatewayService, check_installed
 from flexmotion.streamer.gateway.stops import StopService
+from flexmotion.streamer.gateway.transports.extras import need
 from flexmotion.streamer.gateway.transports.gamepad import GamepadStops, GamepadTargets, check_gamepad
 from flexmotion.streamer.gateway.transports.pads import Find
+from flexmotion.streamer.gateway.transports.ros2_node import Ros2Link, domain_from_environment
+from flexmotion.streamer.gateway.transports.ros2_stops import Ros2Stops
+from flexmotion.streamer.gateway.transports.ros2_targets import Ros2Targets
 from flexmotion.streamer.gateway.transports.zenoh_link import zenoh_links
 from flexmotion.streamer.gateway.transports.zenoh_stops import ZenohStops
 from flexmotion.streamer.gateway.transports.zenoh_targets import ZenohTargets
@@ -37,6 +43,7 @@ class Listening:
         name: of the robot in keys and topics; None: that of the stream settings, else that of the robot file.
         zenoh: whether messages are taken over zenoh.
         zenoh_router: endpoint of a zenoh router to connect to, such as "tcp/127.0.0.1:7447"; None: none.
+        ros2: whether the robot takes part in ROS 2, over the zenoh router on this machine.
         gamepad: whether the gamepads of this machine steer, or a function that finds others.
     """
 
@@ -50,6 +57,7 @@ class Listening:
     name: str | None = None
     zenoh: bool = False
     zenoh_router: str | None = None
+    ros2: bool = False
     gamepad: bool | Find = False
 
 
@@ -103,6 +111,14 @@ def _ways(session: Session, listening: Listening) -> tuple[tuple[Transport, ...]
         targets, stops = zenoh_links(name, listening.address, listening.token, settings, listening.zenoh_router)
         transports.append(ZenohTargets(targets))
         inputs.append(ZenohStops(stops))
+    if listening.ros2:
+        need("zenoh", "--ros2", "ros2")
+        need("rosbags", "--ros2", "ros2")
+        link = Ros2Link(name, settings.ros2_port, domain_from_environment())
+        body = session.source.body if isinstance(session.source, ModelSource) else Body()
+        ratio = body.leg / WholeBody(session.robot).leg_length
+        transports.append(Ros2Targets(link, session.robot, ratio, settings.ros2_rate_hz))
+        inputs.append(Ros2Stops(link))
     if listening.gamepad:
         check_gamepad(settings.gamepad)
         find = listening.gamepad if callable(listening.gamepad) else None

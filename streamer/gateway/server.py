@@ -21,6 +21,7 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 from flexmotion.streamer.gateway.admission import Admission
 from flexmotion.streamer.gateway.desk import Desk
 from flexmotion.streamer.gateway.messages import KINDS, Answer, Message, encode
+from flexmotion.streamer.gateway.metrics import METRICS_TYPE
 from flexmotion.streamer.gateway.pages import FILES, Pages, add_pages
 from flexmotion.streamer.gateway.status import Status
 
@@ -156,10 +157,12 @@ def build_app(
     status: Callable[[], Status],
     wake: Callable[[], None],
     pages: Pages | None = None,
+    metrics: Callable[[], bytes] | None = None,
 ) -> tuple[ASGIApp, Connections]:
     """The application.
 
     Args:
+        metrics: gives those of the run for `/metrics`; None: it has none.
         wake: called after a message has come in, so that the desk's pump runs.
         pages: of the run; None: it has none.
     """
@@ -201,6 +204,13 @@ def build_app(
     async def get_status() -> Status:
         """The run now."""
         return status()
+
+    if metrics is not None:
+        text = metrics
+
+        @app.get("/metrics", include_in_schema=False)
+        async def get_metrics() -> Response:
+            return Response(text(), media_type=METRICS_TYPE)
 
     @app.get("/docs", response_class=HTMLResponse)
     async def get_docs() -> HTMLResponse:

@@ -148,6 +148,7 @@ class _Server:
         # FastAPI takes half a second to load; only this process needs it.
         from flexmotion.streamer.gateway.desk import Desk
         from flexmotion.streamer.gateway.lines import Lines
+        from flexmotion.streamer.gateway.metrics import metrics_text
         from flexmotion.streamer.gateway.pages import Pages
         from flexmotion.streamer.gateway.server import Connections, build_app
         from flexmotion.streamer.gateway.status import Status, status_of
@@ -190,7 +191,8 @@ class _Server:
                     partial(page_robot, service.robot, service.driver, service.pace),
                 )
                 drawing = asyncio.create_task(pages.run())
-            app, connections = build_app(desk, service.admission, status, woken.set, pages)
+            metrics = partial(metrics_text, desk, service.robot.name, service.driver, service.robot.joint_names)
+            app, connections = build_app(desk, service.admission, status, woken.set, pages, metrics)
             everyone.append(connections)
             serving = asyncio.create_task(self._listen(app, service.admission))
         done, _ = await asyncio.wait([serving, pump], return_when=asyncio.FIRST_COMPLETED)
@@ -255,6 +257,7 @@ def check_installed() -> None:
     """Check that the server's libraries are there. Raises `ConfigError`."""
     from importlib.util import find_spec
 
-    missing = [name for name in ("fastapi", "uvicorn", "websockets") if find_spec(name) is None]
+    missing = [name for name in ("fastapi", "prometheus_client", "uvicorn", "websockets") if find_spec(name) is None]
     if missing:
-        raise ConfigError(f"--web needs {', '.join(missing)}: pip install fastapi uvicorn websockets")
+        packages = " ".join(missing).replace("_", "-")
+        raise ConfigError(f"--web needs {', '.join(missing)}: pip install {packages}")

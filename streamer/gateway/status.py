@@ -16,7 +16,12 @@ _OLD_S = 0.5
 
 
 class Followed(BaseModel):
-    """The newest target that was accepted, and who asked for it."""
+    """The newest target that was accepted, and who asked for it.
+
+    Attributes:
+        end: how its last step ended ("done", "time limit", …); None: it goes on, or has no end.
+        place: of a heading or a waypoint that has ended: where the robot stands in its odometry, x, y, heading.
+    """
 
     source: str
     asked: dict[str, Any]
@@ -24,6 +29,8 @@ class Followed(BaseModel):
     slowed: str | None
     target: int | None
     tick: int | None
+    end: str | None = None
+    place: tuple[float, float, float] | None = None
 
 
 class Status(BaseModel):
@@ -36,6 +43,7 @@ class Status(BaseModel):
         time_s: of the robot, since the first tick.
         tilt: roll and pitch of the torso.
         place: estimated x and y of the centre of mass in the plan's world [m].
+        odometry: x, y [m] and heading [rad] since the robot stood up, as headings and waypoints are meant.
         hottest, coldest supply: greatest temperature of a servo, least supply voltage [V].
         target: number of the newest target that the robot follows; 0: none yet.
         following: the newest target that came over the gateway and was accepted.
@@ -57,6 +65,7 @@ class Status(BaseModel):
     time_s: float | None = None
     tilt: tuple[float, float] | None = None
     place: tuple[float, float] | None = None
+    odometry: tuple[float, float, float] | None = None
     hottest: float | None = None
     supply: float | None = None
     missed_deadlines: int | None = None
@@ -81,6 +90,8 @@ def status_of(desk: Desk, robot: str, driver: str, rate_hz: float, stop_port: in
             slowed=answer.slowed,
             target=answer.target,
             tick=answer.tick,
+            end=None if followed.last is None else followed.last.end,
+            place=None if followed.last is None else followed.last.place,
         )
     row = desk.row()
     if row is None:
@@ -94,6 +105,7 @@ def status_of(desk: Desk, robot: str, driver: str, rate_hz: float, stop_port: in
         time_s=round(int(row.tick) / rate_hz, 3),
         tilt=_pair(row.tilt),
         place=_pair(row.com),
+        odometry=_rounded(row.odometry),
         hottest=_extreme(row.temperature, np.max),
         supply=_extreme(row.voltage, np.min),
         missed_deadlines=int(row.missed_deadlines),
@@ -104,6 +116,11 @@ def status_of(desk: Desk, robot: str, driver: str, rate_hz: float, stop_port: in
 
 def _pair(values: np.ndarray) -> tuple[float, float] | None:
     return (round(float(values[0]), 4), round(float(values[1]), 4)) if np.isfinite(values).all() else None
+
+
+def _rounded(values: np.ndarray) -> tuple[float, float, float] | None:
+    x, y, heading = (round(float(value), 4) for value in values)
+    return (x, y, heading) if np.isfinite(values).all() else None
 
 
 def _extreme(values: np.ndarray, of: Any) -> float | None:

@@ -7,7 +7,9 @@ from typing import Any, Literal
 
 from flexmotion.configs.robot import list_robots
 from flexmotion.drivers.interface import Driver
+from flexmotion.streamer.log.following import Published
 from flexmotion.streamer.log.header import begin_header, robot_files
+from flexmotion.streamer.log.live_view import LiveView
 from flexmotion.streamer.log.recorder import Recorder
 from flexmotion.streamer.log.source import pack
 from flexmotion.streamer.run.session import Session
@@ -20,8 +22,30 @@ def record_to(file: Path, session: Session, clock: Literal["real", "lockstep"]) 
         clock: that the session will run on.
 
     Raises:
-        ConfigError: the file cannot be written.
+        ConfigError: the file cannot be written, or another run writes to it.
     """
+    published, motions = _published(session, clock)
+    recorder = Recorder(file, motions | robot_files(session.robot), published)
+    session.services += (recorder,)
+    return recorder
+
+
+def show_in_foxglove(port: int, session: Session) -> LiveView:
+    """Show a session in Foxglove while it runs, to programs of this machine.
+
+    Args:
+        port: that Foxglove connects to.
+
+    Raises:
+        ConfigError: the port is taken.
+    """
+    view = LiveView(port, _published(session, session.clock)[0])
+    session.services += (view,)
+    return view
+
+
+def _published(session: Session, clock: Literal["real", "lockstep"]) -> tuple[Published, dict[str, bytes]]:
+    """What a session publishes, and the motions that it follows, by attachment name."""
     robot = session.robot
     parts, motions = pack(session.source)
     header = begin_header(
@@ -38,12 +62,8 @@ def record_to(file: Path, session: Session, clock: Literal["real", "lockstep"]) 
         feedback=session.feedback,
         allow_refused=session.allow_refused,
     )
-    files = motions | robot_files(robot)
-    recorder = Recorder(
-        file, header, files, session.telemetry, session.plans, session.targets, session.heard_channel, session.heard
-    )
-    session.services += (recorder,)
-    return recorder
+    channels = (session.telemetry, session.plans, session.targets, session.heard_channel)
+    return Published(header, *channels, tuple(session.heard)), motions
 
 
 def driver_options(driver: Driver) -> dict[str, Any]:

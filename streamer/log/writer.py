@@ -2,36 +2,20 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
-from typing import Any
 
 import foxglove
-from foxglove import Channel, Context, Schema
+from foxglove import Context
 from foxglove.mcap import MCAPCompression, MCAPWriteOptions
 
-from flexmotion.streamer.log.cdr import Column, schema_text
+from flexmotion.streamer.log.channels import Channels
 from flexmotion.streamer.log.header import SCHEMA, LogHeader
 from flexmotion.streamer.log.log_file import LogFile
-from flexmotion.streamer.log.messages import (
-    EVENT,
-    EVENT_SCHEMA,
-    HEARD,
-    HEARD_SCHEMA,
-    PLAN,
-    PLAN_COLUMNS,
-    PLAN_SCHEMA,
-    TARGET,
-    TARGET_SCHEMA,
-    TICK,
-    TICK_SCHEMA,
-    tick_columns,
-)
 
 _MEDIA_TYPES = {".npz": "application/x-npz", ".xml": "application/xml", ".yaml": "application/yaml"}
 
 
-class LogWriter:
+class LogWriter(Channels):
     """Topics of one log, each with its schema; times are nanoseconds since the epoch.
 
     Args:
@@ -58,33 +42,8 @@ class LogWriter:
                 media_type=_MEDIA_TYPES.get(name[name.rfind(".") :], "application/octet-stream"),
                 data=content,
             )
-        about = {"joints": ",".join(header.joints)}
-        self._tick = _cdr_channel(context, TICK, TICK_SCHEMA, tick_columns(len(header.joints)), about)
-        self._plan = _cdr_channel(context, PLAN, PLAN_SCHEMA, PLAN_COLUMNS, about)
-        self._target = Channel(TARGET, schema=TARGET_SCHEMA, context=context)
-        self._heard = Channel(HEARD, schema=HEARD_SCHEMA, context=context)
-        self._event = Channel(EVENT, schema=EVENT_SCHEMA, context=context)
+        super().__init__(context, header.joints)
         self.flush()
-
-    def tick(self, message: bytes, time_ns: int) -> None:
-        """Write the row of a tick, as CDR."""
-        self._tick.log(message, log_time=time_ns)
-
-    def plan(self, message: bytes, time_ns: int) -> None:
-        """Write a plan, as CDR."""
-        self._plan.log(message, log_time=time_ns)
-
-    def target(self, content: dict[str, Any], time_ns: int) -> None:
-        """Write a target."""
-        self._target.log(json.dumps(content).encode(), log_time=time_ns)
-
-    def heard(self, content: dict[str, Any], time_ns: int) -> None:
-        """Write an answer."""
-        self._heard.log(json.dumps(content).encode(), log_time=time_ns)
-
-    def event(self, content: dict[str, Any], time_ns: int) -> None:
-        """Write an event."""
-        self._event.log(json.dumps(content).encode(), log_time=time_ns)
 
     def flush(self) -> None:
         """Write everything to the file, where it stays readable if this process dies."""
@@ -95,8 +54,3 @@ class LogWriter:
         """Write index and statistics, and close the file."""
         self._mcap.close()
         self.file.close()
-
-
-def _cdr_channel(context: Context, topic: str, name: str, columns: list[Column], about: dict[str, str]) -> Channel:
-    schema = Schema(name=name, encoding="ros2msg", data=schema_text(columns).encode())
-    return Channel(topic, schema=schema, message_encoding="cdr", context=context, metadata=about)

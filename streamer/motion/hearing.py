@@ -7,13 +7,13 @@ follows would be done in another place than it was meant for.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from flexmotion.sampling.pace import Pace
 from flexmotion.sampling.sampler import Condition
 from flexmotion.streamer.motion.heard import Heard, HeardStep
-from flexmotion.streamer.motion.intents import Heading, Intent, Stop, Text, Velocity, Waypoint, goal_text, word_of
+from flexmotion.streamer.motion.intents import Clip, Heading, Intent, Stop, Text, Velocity, Waypoint, goal_text, word_of
 from flexmotion.streamer.motion.programs import LEAST, MOST, MOST_STEPS, NOT_SAID, Program, Step, limit_s, usual_amount
 from flexmotion.streamer.motion.speeds import Model, Speeds, velocity_text
 from flexmotion.text.amounts import Amount
@@ -38,10 +38,11 @@ class Hearing:
     Args:
         model: that follows them.
         pace: greatest speed of the human; None: no limit.
+        seconds: gives the length of a clip [s].
     """
 
-    def __init__(self, model: Model, pace: Pace | None) -> None:
-        self.model, self.pace, self.speeds = model, pace, Speeds(model, pace)
+    def __init__(self, model: Model, pace: Pace | None, seconds: Callable[[Clip], float] | None = None) -> None:
+        self.model, self.pace, self.speeds, self.seconds = model, pace, Speeds(model, pace), seconds
 
     def __call__(self, intent: Intent, under_way: Program | None = None, last: Program | None = None) -> Program:
         """The program of an intent.
@@ -59,6 +60,11 @@ class Hearing:
                 heard = Heard(asked=asked, state="slowed" if slowed else "accepted", heard_as="velocity", slowed=slowed)
                 step = Step(intent, "velocity", None, (0, 0), 0, None, HeardStep(text=asked, heard_as="velocity"))
                 return Program((step,), heard)
+            case Clip(name) if self.seconds is not None:
+                seconds = self.seconds(intent)
+                told = HeardStep(text=name, heard_as="clip", amount=round(seconds, 3), unit="time")
+                step = Step(intent, "clip", Amount(seconds, "time", name), (0, 0), 0, seconds + 2.0, told)
+                return Program((step,), Heard(asked=name, state="accepted", heard_as="clip", steps=(told,)))
             case Heading() | Waypoint():
                 kind, words = word_of(intent), goal_text(intent)
                 told = HeardStep(text=words, heard_as=kind)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -15,9 +15,10 @@ from flexmotion.human.motion import Motion
 from flexmotion.sampling.course import MEASURED_S, Course
 from flexmotion.sampling.pace import Pace
 from flexmotion.sampling.sampler import Condition, Sampler
+from flexmotion.streamer.motion.allowed_clips import AllowedClips
 from flexmotion.streamer.motion.heard import Heard
 from flexmotion.streamer.motion.hearing import Hearing
-from flexmotion.streamer.motion.intents import Heading, Intent, Stop, Text, Velocity, Waypoint, word_of
+from flexmotion.streamer.motion.intents import Clip, Heading, Intent, Stop, Text, Velocity, Waypoint, word_of
 from flexmotion.streamer.motion.programs import Program
 from flexmotion.streamer.motion.script import Item
 from flexmotion.streamer.motion.sequence import turned_to
@@ -43,6 +44,7 @@ class ModelSource:
         seed: of all noise.
         seconds: length [s]; None: until a stop.
         pace: greatest speed of the human, so that a robot keeps up (`streamer/motion/robot_pace.py`); None: no limit.
+        clips: that targets may name; None: none.
         straight: whether what is asked without a turn keeps its heading and place (`flexmotion/sampling/course.py`).
 
     Attributes:
@@ -62,6 +64,7 @@ class ModelSource:
         seconds: float | None = None,
         pace: Pace | None = None,
         *,
+        clips: Mapping[str, Motion] | None = None,
         straight: bool = True,
     ) -> None:
         self.sampler, self.items, self.name, self.seed, self.pace = sampler, tuple(items), name, seed, pace
@@ -69,7 +72,9 @@ class ModelSource:
         self.fps, self.body = sampler.fps, sampler.body
         self._length_s = seconds
         self._end = None if seconds is None else int(np.floor(seconds * self.fps)) + 1
-        self._hearing = Hearing(sampler, pace)
+        self._allowed = dict(clips or {})
+        self._clips = AllowedClips(self._allowed, sampler.fps, sampler.body)
+        self._hearing = Hearing(sampler, pace, self._clips.seconds)
         self._schedule: list[tuple[int, Intent]] = []  # first frames and what to do from there on, ascending
         self._programs: list[tuple[int, Program]] = []  # the same of whole programs
         self._numbers = 0
@@ -100,7 +105,16 @@ class ModelSource:
 
     def cut(self, seconds: float) -> ModelSource:
         """See `flexmotion.streamer.motion.sources.Performance.cut`."""
-        return ModelSource(self.sampler, self.items, self.name, self.seed, seconds, self.pace, straight=self.straight)
+        return ModelSource(
+            self.sampler,
+            self.items,
+            self.name,
+            self.seed,
+            seconds,
+            self.pace,
+            clips=self._allowed,
+            straight=self.straight,
+        )
 
     @property
     def is_measured(self) -> bool:
@@ -150,6 +164,8 @@ class ModelSource:
         else:
             self._programs = [(frame + 1, program)]
         self._schedule = [] if intent is None else [(frame + 1, intent)]
+        if isinstance(intent, Clip):
+            self._clips.begin(intent, frame + 1, self._frames(frame, frame + 1))
         self.answer = program.heard
         remark, last = self._remark(target.intent, program), self._remarked
         # A joystick sends ten velocities a second: the message that they are slowed comes once, until another intent.
@@ -291,6 +307,10 @@ class ModelSource:
         begin = self._next
         intent = self._intent_at(begin)
         change = min((at for at, _ in self._schedule if at > begin), default=begin + self.sampler.future)
+        clip = self._clips.window(begin, change - begin) if isinstance(intent, Clip) else None
+        if clip is not None:
+            self._append(clip)
+            return
         # Seeded by frame, noise does not depend on the number of plans; frames before 0 are never sampled.
         history = self._frames(max(begin - self.sampler.remembers, self._first), begin)
         window = self.sampler.sample(history, self._kept_straight(begin, intent), (self.seed << 32) + begin)
@@ -338,11 +358,8 @@ class ModelSource:
                 raise ConfigError(
                     f"{word_of(intent)}: model {self.sampler.name} follows no velocity, expected: text, stop"
                 )
-            case Velocity() | Heading() | Waypoint() | Stop():
-                return
-            case _:
-                expected = "text, velocity, heading, waypoint, stop"
-                raise ConfigError(f"target: a model cannot follow {word_of(intent)}, expected: {expected}")
+            case Clip():
+                self._clips.require(intent)
 
     def condition(self, intent: Intent | None) -> Condition:
         """Condition of the model for an intent; standing still for None."""

@@ -331,7 +331,7 @@ class Replanner:
 
     def _stands_at(self, row: TickRow, tick: int) -> Float:
         """Where the robot comes to stand by a stop that is asked for at a tick; see `Planner.stands_at`."""
-        join = tick + self.lead.ticks(Kind.STOP)
+        join = self.lead.join(Kind.STOP, tick)
         playing = self._playing_at(join, row)
         return self.planner.stands_at(join, self._made[playing][1] if playing in self._made else None)
 

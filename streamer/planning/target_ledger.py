@@ -120,7 +120,8 @@ class TargetLedger:
         """
         state, now_s = State(int(row.state)), self._now_s()
         if bool(row.must_stop) or state in _ENDED:
-            self.halted = True
+            # Before it is armed nothing has ended: the robot will follow what its run was started with.
+            self.halted |= state is not State.OFF
             self.refuse_all(_ENDED.get(state, "a stop is in force (clear releases a STOP)"))
             return
         planned, opened, followed = self._planned, self._open, self._followed

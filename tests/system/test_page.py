@@ -100,7 +100,19 @@ def shown(tab: Page) -> Iterator[Callable[[], Shown]]:
     if shipped_bundle() is None:
         pytest.skip("no shipped model")
     port, stop_port = any_free(), any_free()
-    command = (sys.executable, str(PROGRAM), "run", "-r", "op3", "-d", "sim", "--no-realtime", "--web")
+    command = (
+        sys.executable,
+        str(PROGRAM),
+        "run",
+        "-r",
+        "op3",
+        "-d",
+        "sim",
+        "--no-realtime",
+        "--web",
+        "-o",
+        "picked_up_s=1",
+    )
     command += ("--web-port", str(port), "--stop-port", str(stop_port))
     environment = os.environ | {"FASTEST": "1"}  # the browser needs the processor more than the run
     with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=environment) as run:
@@ -118,7 +130,9 @@ def test_a_prompt_raises_the_hand_the_stick_walks_and_the_stops_stop(shown: Call
     page = shown()
     page.open()
     tab = page.tab
-    wait_until(lambda: page.status["state"] == "STREAMING", "the robot to stand")
+    assert page.status["state"] == "OFF"  # torque goes on only when somebody says so
+    tab.get_by_role("button", name="Arm", exact=True).click()
+    wait_until(lambda: page.status["state"] == "HOLD", "the robot to stand")
     low = page.body(HAND)[2]
     tab.fill("#prompt", "raise your right hand")
     tab.press("#prompt", "Enter")
@@ -150,5 +164,10 @@ def test_a_prompt_raises_the_hand_the_stick_walks_and_the_stops_stop(shown: Call
 
     tab.get_by_role("button", name="EMERGENCY STOP").click()
     page.until("document.getElementById('alarm').textContent.includes('e-stop')", "the page to say what happened")
+    wait_until(lambda: page.status["state"] == "FAULT", "the robot to have parked", every_s=0.2)
+    tab.get_by_role("button", name="Clear fault").click()
+    wait_until(lambda: page.status["state"] == "OFF", "the fault to be cleared", every_s=0.2)
+    tab.get_by_role("button", name="Arm", exact=True).click()
+    wait_until(lambda: page.status["state"] == "READY", "the robot to stand up again", every_s=0.2)
     assert not page.problems and not page.abroad
     assert tab.evaluate("() => document.documentElement.scrollWidth <= innerWidth")  # nothing beyond a phone's width

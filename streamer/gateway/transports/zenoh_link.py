@@ -5,31 +5,22 @@
 
 from __future__ import annotations
 
-import json
-import logging
 import re
-import threading
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.stream import Gateway
 from flexmotion.streamer.gateway.admission import Admission, is_loopback
 from flexmotion.streamer.gateway.ports import check_free
 from flexmotion.streamer.gateway.transports.extras import need
+from flexmotion.streamer.gateway.transports.zenoh_session import configuration
 
 if TYPE_CHECKING:
     import zenoh
 
 ROOT = "flexmotion"
-_LARGEST = 65536
-"""Longest message that is put together from its parts [bytes]; the desk refuses far shorter ones and says so."""
-_RETRY_S = 2.0
-"""Time between two attempts to open a session [s]."""
 _HOST = re.compile(r"^[a-z0-9_]+/(?:\[(?P<six>[^]]+)\]|(?P<host>[^:/#?]+)):\d+(?:[#?].*)?$")
-
-log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -57,73 +48,16 @@ class ZenohLink:
         return self.admission.opens(b"" if message.attachment is None else message.attachment.to_bytes())
 
     def config(self) -> zenoh.Config:
-        """The configuration of its session: a peer that looks for nobody by itself."""
-        import zenoh
-
-        config = zenoh.Config()
-        for key, value in {
-            "mode": "peer",
-            "listen/endpoints": [self.listen],
-            "connect/endpoints": list(self.connect),
-            # A router may come later, and come back.
-            "connect/timeout_ms": -1,
-            "connect/exit_on_failure": False,
-            "connect/retry": {"period_init_ms": 250, "period_max_ms": 2000, "period_increase_factor": 2},
-            "scouting/multicast/enabled": False,
-            "scouting/gossip/enabled": False,
-            "transport/link/rx/max_message_size": _LARGEST,
-        }.items():
-            config.insert_json5(key, json.dumps(value))
-        return config
-
-    def begin(self, serve: Callable[[zenoh.Session], list[Any]], name: str) -> Callable[[], None]:
-        """Open a session in a thread of its own, and again until it works; returns what closes it.
-
-        Args:
-            serve: declares what the session is for, once, and returns it: it lasts as long as somebody refers to it.
-            name: of the thread, and in messages.
-        """
-        ended = threading.Event()
-        opened: list[zenoh.Session] = []
-        declared: list[Any] = []
-
-        def run() -> None:
-            import zenoh
-
-            while not ended.is_set():
-                try:
-                    session = zenoh.open(self.config())
-                except zenoh.ZError as error:
-                    log.warning("%s: zenoh cannot be opened at %s: %s", name, self.listen, error)
-                    ended.wait(_RETRY_S)
-                    continue
-                opened.append(session)
-                declared.extend(serve(session))
-                return
-
-        thread = threading.Thread(target=run, name=name, daemon=True)
-        thread.start()
-
-        def end() -> None:
-            ended.set()
-            thread.join(_RETRY_S)
-            declared.clear()
-            for session in opened:
-                session.close()
-
-        return end
-
-
-def _check_router(endpoint: str, token: str | None) -> None:
-    """Raise `ConfigError` where a router's endpoint is none, or is on another machine and the run has no token."""
-    found = _HOST.match(endpoint)
-    if found is None:
-        raise ConfigError(f"--zenoh-router: {endpoint}: expected PROTOCOL/HOST:PORT, such as tcp/192.168.0.10:7447")
-    host = found["six"] or found["host"]
-    if token is None and not is_loopback(host):
-        raise ConfigError(
-            f"--zenoh-router: {host} is another machine, from which others reach this robot: set FLEXMOTION_TOKEN or "
-            "give --token-file"
+        """The configuration of its session: a peer."""
+        return configuration(
+            {
+                "mode": "peer",
+                "listen/endpoints": [self.listen],
+                "connect/endpoints": list(self.connect),
+                # A router may come later.
+                "connect/timeout_ms": -1,
+                "connect/exit_on_failure": False,
+            }
         )
 
 
@@ -149,13 +83,14 @@ def zenoh_links(
     return ZenohLink(robot, admission, targets, (*routers, stops)), ZenohLink(robot, admission, stops, routers)
 
 
-def payload(message: Any) -> bytes:
-    """The bytes of a sample or a query; a query may have none."""
-    return b"" if message.payload is None else bytes(message.payload.to_bytes())
-
-
-def direct(take: Callable[[Any], None]) -> Any:
-    """A handler that is called in zenoh's own thread: a function that waits makes the sender wait."""
-    from zenoh import handlers
-
-    return handlers.Callback(take, indirect=False)
+def _check_router(endpoint: str, token: str | None) -> None:
+    """Raise `ConfigError` where a router's endpoint is none, or is on another machine and the run has no token."""
+    found = _HOST.match(endpoint)
+    if found is None:
+        raise ConfigError(f"--zenoh-router: {endpoint}: expected PROTOCOL/HOST:PORT, such as tcp/192.168.0.10:7447")
+    host = found["six"] or found["host"]
+    if token is None and not is_loopback(host):
+        raise ConfigError(
+            f"--zenoh-router: {host} is another machine, from which others reach this robot: set FLEXMOTION_TOKEN or "
+            "give --token-file"
+        )

@@ -11,7 +11,8 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from flexmotion.streamer.gateway.presses import Presses, told
-from flexmotion.streamer.gateway.transports.zenoh_link import ZenohLink, direct
+from flexmotion.streamer.gateway.transports.zenoh_link import ZenohLink
+from flexmotion.streamer.gateway.transports.zenoh_session import direct, keep_open
 from flexmotion.streamer.run.requests import Request
 
 if TYPE_CHECKING:
@@ -39,7 +40,7 @@ class ZenohStops:
                 declared.append(session.declare_queryable(key, direct(self._answerer(presses, word, asked))))
             return declared
 
-        return self.link.begin(serve, "zenoh-stops")
+        return keep_open(self.link.config, serve, "zenoh-stops", self.link.listen)
 
     def _presser(
         self, session: zenoh.Session, presses: Presses, word: str, asked: Request

@@ -16,7 +16,8 @@ from typing import TYPE_CHECKING, Any
 from flexmotion.streamer.gateway.hub import Hub
 from flexmotion.streamer.gateway.messages import Answer, encode
 from flexmotion.streamer.gateway.status import Status
-from flexmotion.streamer.gateway.transports.zenoh_link import ZenohLink, direct, payload
+from flexmotion.streamer.gateway.transports.zenoh_link import ZenohLink
+from flexmotion.streamer.gateway.transports.zenoh_session import direct, keep_open, payload
 
 if TYPE_CHECKING:
     import zenoh
@@ -38,7 +39,7 @@ class ZenohTargets:
         """See `Transport.begin`."""
         desk = _Desk(self.link, hub)
         reporting = asyncio.create_task(desk.report())
-        close = self.link.begin(desk.serve, "zenoh")
+        close = keep_open(self.link.config, desk.serve, "zenoh", self.link.listen)
 
         def end() -> None:
             reporting.cancel()
@@ -75,9 +76,13 @@ class _Desk:
         """Publish the status while somebody reads it, without an end."""
         while True:
             await asyncio.sleep(_STATUS_S)
-            publisher = self._status
-            if publisher is not None and publisher.matching_status and self._out.empty():
-                self.hub.ask_status(lambda status, to=publisher: self._later(lambda: to.put(encode(status))))
+            if self._status is not None and self._status.matching_status and self._out.empty():
+                self.hub.ask_status(self._publish)
+
+    def _publish(self, status: Status) -> None:
+        publisher = self._status
+        if publisher is not None:
+            self._later(lambda: publisher.put(encode(status)))
 
     def _put(self, sample: zenoh.Sample) -> None:
         operator = _last(sample)

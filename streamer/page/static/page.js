@@ -8,7 +8,7 @@ import { Stick } from "./stick.js";
 import { Stops } from "./stops.js";
 
 const STATES = {
-  OFF: ["torque off", ""], READY: ["getting up", "warn"], STREAMING: ["moving", "good"], HOLD: ["standing", "good"],
+  OFF: ["torque off", ""], READY: ["ready", "good"], STREAMING: ["moving", "good"], HOLD: ["standing", "good"],
   PARK: ["parking", "warn"], DAMPED: ["fallen", "bad"], FAULT: ["fault", "bad"],
 };
 const EVENTS_KEPT = 40;
@@ -111,7 +111,7 @@ function showEvent({ time_s, kind, message, advice }) {
   const list = element("events");
   list.prepend(item);
   while (list.children.length > EVENTS_KEPT) list.lastChild.remove();
-  if (kind === "fault" || (kind === "state" && advice)) showAlarm(message, advice);
+  if (kind === "fault" || kind === "refused" || (kind === "state" && advice)) showAlarm(message, advice);
 }
 
 function showAlarm(message, advice) {

@@ -9,9 +9,11 @@ export class Stops {
     const stop = document.getElementById("stop");
     const estop = document.getElementById("estop");
     this.clear = document.getElementById("clear");
+    this.arm = document.getElementById("arm");
     stop.onclick = () => this.press("stop", stop);
     estop.onclick = () => this.press("estop", estop);
     this.clear.onclick = () => this.link.send({ type: "clear" });
+    this.arm.onclick = () => this.link.send({ type: this.arm.dataset.asks });
     addEventListener("keydown", (event) => {
       if (event.key === "Escape" && !event.repeat) this.press("stop", stop);
     });
@@ -31,8 +33,17 @@ export class Stops {
     }
   }
 
-  // After a STOP targets are refused until it is released.
+  // After a STOP targets are refused until it is released; after a fault the torque stays off until it is cleared and the
+  // robot is armed.
   show(status) {
-    this.clear.hidden = !(status.must_stop && status.state === "HOLD");
+    const fault = status.state === "FAULT";
+    this.clear.hidden = !(fault || (status.must_stop && status.state === "HOLD"));
+    this.clear.textContent = fault ? "Clear fault" : "Release stop";
+    const off = status.state === "OFF";
+    const stands = ["READY", "HOLD"].includes(status.state) && !status.must_stop;
+    this.arm.hidden = status.loop === "silent" || !(off || stands);
+    this.arm.dataset.asks = off ? "arm" : "disarm";
+    this.arm.textContent = off ? "Arm" : "Disarm";
+    this.arm.title = off ? "Switches the torque on: the robot stands up" : "Lowers the robot and switches the torque off";
   }
 }

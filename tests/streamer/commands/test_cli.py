@@ -30,7 +30,7 @@ from flexmotion.streamer.report.report import TIMING_KEYS
 from flexmotion.streamer.run.requests import Request
 
 COMMANDS = [
-    *("dry-run", "run", "send", "status", "stop", "estop", "clear", "kill"),
+    *("dry-run", "run", "send", "status", "arm", "disarm", "stop", "estop", "clear", "kill"),
     *("retarget", "check torque", "robots", "drivers"),
 ]
 

@@ -11,6 +11,8 @@ import pytest
 
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.gateway import desk as desk_module
+from flexmotion.streamer.gateway.status import status_of
+from flexmotion.streamer.motion.heard import Heard, HeardStep
 from flexmotion.streamer.motion.intents import Heading, Stop, Text, Velocity, Waypoint
 from flexmotion.streamer.run.requests import Request
 
@@ -145,6 +147,22 @@ def test_goals_in_the_odometry_reach_the_planner_and_hold_until_the_next_target(
     arrived = office.run.arrived()
     assert [target.intent for target in arrived] == [Waypoint(1.0, 0.0, 0.5), Heading(1.5, 0.4)]
     assert [target.holds_s for target in arrived] == [float("inf")] * 2
+
+
+def test_a_later_version_of_an_answer_says_where_the_robot_arrived_and_is_no_second_answer(make_office: Make) -> None:
+    """The sender of a waypoint could not know when the robot was there."""
+    office = make_office()
+    office.ask('{"type":"waypoint","position_m":[1,0]}')
+    (target,) = office.run.arrived()
+    office.run.answer(target.id)
+    office.desk.pump()
+    step = HeardStep(text="waypoint", heard_as="waypoint", end="done", place=(0.97, 0.02, 0.1))
+    office.run.heard.publish(Heard(id=target.id, asked="waypoint", state="accepted", steps=(step,)))
+    office.run.step()
+    office.desk.pump()
+    assert office.states == ["accepted"]
+    followed = status_of(office.desk, "op3", "sim", 125.0, None).following
+    assert followed is not None and (followed.end, followed.place) == ("done", (0.97, 0.02, 0.1))
 
 
 def test_an_arm_is_accepted_once_torque_is_on_and_refused_with_the_loops_reason(make_office: Make) -> None:

@@ -19,7 +19,8 @@ from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.robot import Robot
 from flexmotion.configs.stream import Gateway
 from flexmotion.streamer.gateway.admission import Admission
-from flexmotion.streamer.gateway.client import AsyncClient, Client
+from flexmotion.streamer.gateway.async_client import AsyncClient
+from flexmotion.streamer.gateway.client import Client
 from flexmotion.streamer.gateway.keyboard import Keyboard, keys_at_once
 from flexmotion.streamer.gateway.keys import AGAIN_S, FIRST_S, HeldKeys, KeyReader
 from flexmotion.streamer.gateway.ports import any_free

@@ -282,8 +282,9 @@ def test_what_a_page_knows_of_the_robot_is_json_with_every_mesh(robot: Robot) ->
     [
         ("STREAMING -> FAULT: bus lost: no joint has answered for 6 reads", "cable"),
         ("servo of l_knee (id 14) reports hardware error 0x20", "reboot"),
-        ("e-stop: frozen by an operator", "start the run again"),
+        ("e-stop: frozen by an operator", "clear the fault, then arm"),
         ("fall: torso tilted past the robot's limit", "supply off"),
+        ("ARM: the torso is tilted by 80°: the robot lies; put it into its rest pose by hand", "then arm it"),
         ("OFF -> READY", None),
     ],
 )

@@ -118,8 +118,8 @@ def test_a_clear_while_the_robot_still_comes_to_a_stand_changes_nothing(live: Li
     session.ask(Request.CLEAR)
     live.until_state(State.HOLD)
     assert session.record.ticks.must_stop[-1]
-    notes = [event.message for event in session.record.events if event.kind == "note"]
-    assert any("CLEAR changes nothing in STREAMING" in note for note in notes)
+    refused = [event.message for event in session.record.events if event.kind == "refused"]
+    assert len(refused) == 1 and refused[0].startswith("CLEAR: in STREAMING it changes nothing")
     session.finish()
 
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import json
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -58,3 +61,47 @@ def serve(run: Run, op3: Robot, answering: Callable[..., Answering]) -> Iterator
     yield start
     for one in begun:
         one.end()
+
+
+def open_session(connect: list[str], mode: str = "client", listen: list[str] | None = None) -> Any:
+    import zenoh
+
+    config = zenoh.Config()
+    config.insert_json5("mode", json.dumps(mode))
+    config.insert_json5("listen/endpoints", json.dumps(listen or []))
+    config.insert_json5("connect/endpoints", json.dumps(connect))
+    config.insert_json5("connect/timeout_ms", "-1")
+    config.insert_json5("connect/retry", '{"period_init_ms": 250, "period_max_ms": 500, "period_increase_factor": 2}')
+    config.insert_json5("scouting/multicast/enabled", "false")
+    return zenoh.open(config)
+
+
+ROUTER = """
+import json, sys, time, zenoh
+config = zenoh.Config()
+config.insert_json5("mode", '"router"')
+config.insert_json5("listen/endpoints", json.dumps([sys.argv[1]]))
+config.insert_json5("scouting/multicast/enabled", "false")
+session = zenoh.open(config)
+print("routes", flush=True)
+sys.stdin.read()
+"""
+
+
+@pytest.fixture
+def start_router() -> Iterator[Callable[[str], subprocess.Popen[str]]]:
+    """Function (endpoint) -> a router, in a process."""
+    begun: list[subprocess.Popen[str]] = []
+
+    def start(endpoint: str) -> subprocess.Popen[str]:
+        router = subprocess.Popen(
+            [sys.executable, "-c", ROUTER, endpoint], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        )
+        begun.append(router)
+        assert router.stdout is not None and router.stdout.readline() == "routes\n"
+        return router
+
+    yield start
+    for router in begun:
+        router.kill()
+        router.communicate()

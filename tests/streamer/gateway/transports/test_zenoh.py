@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from typing import Any
@@ -22,22 +21,11 @@ from flexmotion.streamer.motion.intents import Text
 from flexmotion.streamer.run.requests import Request
 
 from ....waiting import HANGING_S, wait_until
-from .conftest import Serve, Served
+from .conftest import Serve, Served, open_session
 
 zenoh = pytest.importorskip("zenoh", reason="needs eclipse-zenoh (extra 'zenoh')")
 
 TOKEN = "correct horse battery"
-
-
-def open_session(connect: list[str], mode: str = "client", listen: list[str] | None = None) -> Any:
-    config = zenoh.Config()
-    config.insert_json5("mode", json.dumps(mode))
-    config.insert_json5("listen/endpoints", json.dumps(listen or []))
-    config.insert_json5("connect/endpoints", json.dumps(connect))
-    config.insert_json5("connect/timeout_ms", "-1")
-    config.insert_json5("connect/retry", '{"period_init_ms": 250, "period_max_ms": 500, "period_increase_factor": 2}')
-    config.insert_json5("scouting/multicast/enabled", "false")
-    return zenoh.open(config)
 
 
 class Network:
@@ -182,37 +170,6 @@ def test_without_the_token_a_stop_is_taken_and_nothing_else(serve: Serve, sessio
     assert network.served.loop.requested == [Request.STOP] and network.served.loop.seen == []
     assert client.ask("status")["counts"]["rejected: token"] == 2
     assert client.ask("estop")["state"] == "accepted"
-
-
-ROUTER = """
-import json, sys, time, zenoh
-config = zenoh.Config()
-config.insert_json5("mode", '"router"')
-config.insert_json5("listen/endpoints", json.dumps([sys.argv[1]]))
-config.insert_json5("scouting/multicast/enabled", "false")
-session = zenoh.open(config)
-print("routes", flush=True)
-sys.stdin.read()
-"""
-
-
-@pytest.fixture
-def start_router() -> Iterator[Callable[[str], subprocess.Popen[str]]]:
-    """Function (endpoint) -> a router, in a process."""
-    begun: list[subprocess.Popen[str]] = []
-
-    def start(endpoint: str) -> subprocess.Popen[str]:
-        router = subprocess.Popen(
-            [sys.executable, "-c", ROUTER, endpoint], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-        )
-        begun.append(router)
-        assert router.stdout is not None and router.stdout.readline() == "routes\n"
-        return router
-
-    yield start
-    for router in begun:
-        router.kill()
-        router.communicate()
 
 
 def test_a_router_that_is_killed_and_comes_back_is_used_again(

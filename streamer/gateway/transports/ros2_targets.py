@@ -1,0 +1,159 @@
+"""`Ros2Targets`: velocities, words and any message from ROS 2; answers, joint states and the IMU to it."""
+
+from __future__ import annotations
+
+import json
+import queue
+import threading
+import time
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from flexmotion.configs.robot import Robot
+from flexmotion.streamer.gateway.hub import Hub
+from flexmotion.streamer.gateway.messages import Answer, encode
+from flexmotion.streamer.gateway.transports.ros2_messages import (
+    IMU,
+    JOINT_STATE,
+    STRING,
+    TWIST,
+    TWIST_STAMPED,
+    Ros2Messages,
+)
+from flexmotion.streamer.gateway.transports.ros2_node import Ros2Link, Ros2Node
+from flexmotion.streamer.gateway.transports.zenoh_session import keep_open
+
+if TYPE_CHECKING:
+    import zenoh
+
+SOURCE = "ros2"
+FRAME = "torso"
+"""Of the IMU: x forward, y left, z up."""
+
+
+class Ros2Targets:
+    """A `flexmotion.streamer.gateway.hub.Transport`.
+
+    Args:
+        link: where ROS 2 is.
+        robot: of the run.
+        ratio: length of the human's leg over the robot's: a velocity is the robot's in ROS 2, the human's in a message.
+        rate_hz: joint states and IMU a second.
+    """
+
+    name = SOURCE
+
+    def __init__(self, link: Ros2Link, robot: Robot, ratio: float, rate_hz: float) -> None:
+        self.link, self.robot, self.ratio, self.rate_hz = link, robot, ratio, rate_hz
+
+    def begin(self, hub: Hub) -> Callable[[], None]:
+        """See `Transport.begin`."""
+        desk = _Desk(self, hub)
+        close = keep_open(self.link.config, desk.serve, SOURCE, f"the zenoh router at {self.link.router}")
+
+        def end() -> None:
+            desk.ended.set()
+            close()
+
+        return end
+
+
+class _Desk:
+    """The gateway's end of a session."""
+
+    def __init__(self, transport: Ros2Targets, hub: Hub) -> None:
+        self.transport, self.hub = transport, hub
+        self.ended = threading.Event()
+        self._answers: queue.Queue[Answer] = queue.Queue(hub.settings.most_unread)
+        self._messages = Ros2Messages()
+
+    def serve(self, session: zenoh.Session) -> list[Any]:
+        node = Ros2Node(self.transport.link, session, "flexmotion", self._messages)
+        outs = {
+            "answers": node.publish("answers", STRING),
+            "joint_states": node.publish("joint_states", JOINT_STATE),
+            "imu": node.publish("imu", IMU),
+        }
+        threading.Thread(target=self._answer, args=(outs["answers"],), name="ros2-answers", daemon=True).start()
+        threading.Thread(
+            target=self._tell, args=(outs["joint_states"], outs["imu"]), name="ros2-states", daemon=True
+        ).start()
+        for topic, kind, content in (
+            ("targets", STRING, lambda message: json.loads(message.data)),
+            ("text", STRING, lambda message: {"type": "text", "text": message.data}),
+            ("cmd_vel", TWIST_STAMPED, self._stamped),
+            ("cmd_vel_unstamped", TWIST, self._velocity),
+        ):
+            node.subscribe(topic, kind, self._taker(topic, kind, content))
+        return node.declared
+
+    def _taker(self, topic: str, kind: str, content: Callable[[Any], Any]) -> Callable[[bytes], None]:
+        def take(data: bytes) -> None:
+            try:
+                # One source: words and velocities of one network do not take the lease from each other.
+                message = json.dumps({**content(self._messages.decode(kind, data)), "source": SOURCE})
+            except (ValueError, TypeError, RecursionError) as error:
+                self.hub.reject("not valid")
+                self._reply(Answer(source=SOURCE, state="refused", reason=str(error)[:200]))
+                return
+            self.hub.receive(message.encode(), self._reply, (SOURCE, topic))
+
+        return take
+
+    def _velocity(self, twist: Any) -> dict[str, Any]:
+        ratio = self.transport.ratio
+        return {"type": "velocity", "velocity": [ratio * twist.linear.x, ratio * twist.linear.y, twist.angular.z]}
+
+    def _stamped(self, message: Any) -> dict[str, Any]:
+        stamp = message.header.stamp
+        return {**self._velocity(message.twist), "stamp_s": stamp.sec + 1e-9 * stamp.nanosec}
+
+    def _reply(self, answer: Answer) -> None:
+        try:
+            self._answers.put_nowait(answer)
+        except queue.Full:
+            self.hub.reject("slow reader")
+
+    def _answer(self, send: Callable[[bytes], None]) -> None:
+        import zenoh
+
+        while not self.ended.is_set():
+            try:
+                send(self._messages.string(encode(self._answers.get(timeout=0.5))))
+            except queue.Empty:
+                continue
+            except zenoh.ZError:
+                self.hub.reject("not delivered")
+
+    def _tell(self, joint_states: Callable[[bytes], None], imu: Callable[[bytes], None]) -> None:
+        """Publish the robot's state until the end."""
+        import zenoh
+
+        names = list(self.transport.robot.joint_names)
+        newest = -1
+        while not self.ended.wait(1.0 / self.transport.rate_hz):
+            row = self.hub.row()
+            if row is None or int(row.tick) == newest:
+                continue
+            newest = int(row.tick)
+            stamp_ns = time.time_ns() - time.perf_counter_ns() + int(row.stamp_ns)
+            try:
+                joint_states(self._messages.joint_state(stamp_ns, names, row.q, row.qd, _known(row.effort)))
+                if int(row.imu_stale) >= 0:
+                    imu(self._messages.imu(stamp_ns, FRAME, _orientation(row), row.gyro, row.accel))
+            except zenoh.ZError:
+                self.hub.reject("not delivered")
+
+
+def _known(values: Any) -> Any:
+    """The values, or none where none is known, as `JointState` has it."""
+    return values if np.isfinite(values).any() else np.zeros(0)
+
+
+def _orientation(row: Any) -> Any:
+    """Quaternion w x y z of the torso, its heading counted from where the robot stood up; None where unknown."""
+    angles = np.array([row.odometry[2], row.tilt[1], row.tilt[0]], float)
+    return Rotation.from_euler("ZYX", angles).as_quat(scalar_first=True) if np.isfinite(angles).all() else None

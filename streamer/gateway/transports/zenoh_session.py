@@ -1,0 +1,92 @@
+"""Sessions of zenoh: their configuration, and how a process keeps one."""
+
+from __future__ import annotations
+
+import json
+import logging
+import threading
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import zenoh
+
+_LARGEST = 65536
+"""Longest message that is put together from its parts [bytes]; the desk refuses far shorter ones and says so."""
+_RETRY_S = 2.0
+"""Time between two attempts to open a session [s]."""
+
+log = logging.getLogger(__name__)
+
+
+def configuration(values: Mapping[str, Any]) -> zenoh.Config:
+    """A configuration with these values, of a session that looks for nobody by itself and connects again."""
+    import zenoh
+
+    config = zenoh.Config()
+    common = {
+        "connect/retry": {"period_init_ms": 250, "period_max_ms": 2000, "period_increase_factor": 2},
+        "scouting/multicast/enabled": False,
+        "scouting/gossip/enabled": False,
+        "transport/link/rx/max_message_size": _LARGEST,
+    }
+    for key, value in {**common, **values}.items():
+        config.insert_json5(key, json.dumps(value))
+    return config
+
+
+def keep_open(
+    config: Callable[[], zenoh.Config], serve: Callable[[zenoh.Session], list[Any]], name: str, where: str
+) -> Callable[[], None]:
+    """Open a session in a thread of its own, and again until it works; returns what closes it.
+
+    Args:
+        config: makes its configuration.
+        serve: declares what the session is for, once, and returns it: it lasts as long as somebody refers to it.
+        name: of the thread, and in messages.
+        where: it is opened, for messages.
+    """
+    ended = threading.Event()
+    opened: list[zenoh.Session] = []
+    declared: list[Any] = []
+
+    def run() -> None:
+        import zenoh
+
+        told = False
+        while not ended.is_set():
+            try:
+                session = zenoh.open(config())
+            except zenoh.ZError as error:
+                if not told:
+                    log.warning("%s: %s cannot be reached, waiting for it: %s", name, where, error)
+                told = True
+                ended.wait(_RETRY_S)
+                continue
+            opened.append(session)
+            declared.extend(serve(session))
+            return
+
+    thread = threading.Thread(target=run, name=name, daemon=True)
+    thread.start()
+
+    def end() -> None:
+        ended.set()
+        thread.join(2.0 * _RETRY_S)
+        declared.clear()
+        for session in opened:
+            session.close()
+
+    return end
+
+
+def payload(message: Any) -> bytes:
+    """The bytes of a sample or a query; a query may have none."""
+    return b"" if message.payload is None else bytes(message.payload.to_bytes())
+
+
+def direct(take: Callable[[Any], None]) -> Any:
+    """A handler that is called in zenoh's own thread: a function that waits makes the sender wait."""
+    from zenoh import handlers
+
+    return handlers.Callback(take, indirect=False)

@@ -1,0 +1,160 @@
+"""Torque goes on by an explicit arm alone, and after a fault only by way of CLEAR and OFF."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from flexmotion.configs.robot import load_robot
+from flexmotion.configs.stream import load_stream
+from flexmotion.drivers.registry import create
+from flexmotion.streamer.control.ladder import POWERED, State
+from flexmotion.streamer.motion.heard import Heard
+from flexmotion.streamer.motion.intents import Text, Velocity
+from flexmotion.streamer.motion.model_source import ModelSource
+from flexmotion.streamer.motion.script import Item
+from flexmotion.streamer.run.requests import Request
+from flexmotion.streamer.run.session import Session
+
+from ..stub_sampler import StubSampler
+
+TURN = Velocity(0.0, 0.0, 0.3)
+MOST_S = 20.0
+"""Bound against hanging [s of the robot]."""
+
+
+class Attended:
+    """A run that an operator attends: it waits to be armed, and goes on after a fault."""
+
+    def __init__(self, **options: object) -> None:
+        robot = load_robot("op3")
+        source = ModelSource(StubSampler(), [Item(0.0, Text("stand"))], "model:stub")  # type: ignore[arg-type]
+        driver = create("sim", robot, seed=0, **options)
+        self.session = Session(robot, driver, source, load_stream(), stay=True, armed=False, attended=True)
+
+    def until(self, happens: Callable[[], object], what: str) -> None:
+        for _ in range(int(MOST_S * 125)):
+            if happens():
+                return
+            assert self.session.step(), f"the run ended before {what}"
+        raise AssertionError(f"waited {MOST_S:g} s of the robot for {what}")
+
+    def until_state(self, state: State) -> None:
+        self.until(lambda: self.session.state.ladder is state, state.name)
+
+    def answer(self, target: int) -> Heard:
+        self.until(lambda: any(heard.id == target for heard in self.session.heard), "an answer")
+        return next(heard for heard in self.session.heard if heard.id == target)
+
+    def messages(self, kind: str) -> list[str]:
+        return [event.message for event in self.session.record.events if event.kind == kind]
+
+    def ask(self, request: Request) -> None:
+        self.session.ask(request)
+        self.session.advance(0.1)
+
+
+def test_nothing_moves_before_the_robot_is_armed_and_targets_are_told_why() -> None:
+    """A robot stood up as soon as its program was started."""
+    run = Attended()
+    with run.session as session:
+        session.advance(1.0)
+        assert session.state.ladder is State.OFF and np.isnan(session.state.q_cmd).all()
+        refused = run.answer(session.send(TURN).id)
+        assert refused.state == "refused" and "arm the robot first" in str(refused.reason)
+        run.ask(Request.ARM)
+        run.until_state(State.HOLD)
+        assert run.answer(session.send(TURN).id).state == "accepted"
+        run.ask(Request.ARM)
+        (told,) = run.messages("refused")
+        assert told.startswith("ARM: torque is on, the robot is in")
+        session.finish()
+    assert session.record.state[-1] == State.OFF and not run.messages("fault")
+
+
+def test_after_an_emergency_stop_clear_leads_to_off_and_arm_from_there_back_to_a_stand() -> None:
+    """The run ended with an emergency stop; the program had to be started again."""
+    run = Attended(picked_up_s=1.0)  # a robot without torque tips over
+    with run.session as session:
+        run.ask(Request.ARM)
+        run.until_state(State.HOLD)
+        session.send(TURN)
+        session.advance(1.5)
+        run.ask(Request.ESTOP)
+        run.ask(Request.CLEAR)
+        assert run.messages("refused")[-1] == "CLEAR: the robot is still in HOLD, on its way to FAULT"
+        run.until_state(State.FAULT)
+        run.ask(Request.ARM)
+        assert "a fault is latched: e-stop" in run.messages("refused")[-1] and session.state.ladder is State.FAULT
+        refused = run.answer(session.send(TURN).id)
+        assert refused.state == "refused" and "clear it, then arm" in str(refused.reason)
+        run.ask(Request.CLEAR)
+        session.advance(6.0)
+        assert session.state.ladder is State.OFF, "CLEAR alone switches no torque on"
+        run.ask(Request.ARM)
+        run.until(lambda: session.telemetry.ticks.latest()["ready"], "the robot to stand")
+        session.advance(1.0)
+        assert session.state.ladder is State.READY, "what was asked before does not go on"
+        accepted = run.answer(session.send(TURN).id)
+        assert accepted.state == "accepted"
+        session.advance(1.0)
+        assert session.state.ladder is State.STREAMING
+        session.finish()
+    on = [state in POWERED for state in map(State, session.record.state)]
+    assert on[-1] is False and session.record.violations_sent == 0
+
+
+def test_a_robot_that_lies_is_not_armed() -> None:
+    run = Attended()
+    with run.session as session:
+        run.ask(Request.ARM)
+        run.until_state(State.HOLD)
+        run.ask(Request.KILL)
+        session.advance(4.0)
+        assert session.state.ladder is State.FAULT
+        run.ask(Request.CLEAR)
+        assert session.state.ladder is State.OFF
+        run.ask(Request.ARM)
+        assert session.state.ladder is State.OFF
+        assert run.messages("refused")[-1].startswith("ARM: the torso is tilted by")
+        run.session.ask(Request.END)
+        assert not session.advance(0.1), "a run whose torque is off ends at once"
+
+
+def test_a_robot_that_is_disarmed_parks_and_the_run_goes_on() -> None:
+    run = Attended(picked_up_s=1.0)
+    with run.session as session:
+        run.ask(Request.ARM)
+        run.until_state(State.HOLD)
+        session.send(TURN)
+        session.advance(1.0)
+        run.ask(Request.DISARM)
+        refused = run.answer(session.send(TURN).id)
+        assert refused.state == "refused"
+        run.until_state(State.PARK)
+        run.until_state(State.OFF)
+        assert session.advance(1.0) and not run.messages("fault")
+
+
+def test_a_run_that_nobody_attends_ends_with_its_fault() -> None:
+    run = Attended()
+    run.session.armed, run.session.attended = True, False
+    with run.session as session:
+        run.until_state(State.HOLD)
+        session.ask(Request.ESTOP)
+        while session.step():
+            pass
+        assert session.state.ladder is State.FAULT
+
+
+@pytest.mark.parametrize("asked", [Request.STOP, Request.ESTOP])
+def test_a_stop_before_the_start_leaves_torque_off_and_does_not_end_an_attended_run(asked: Request) -> None:
+    run = Attended()
+    run.session.armed = True
+    with run.session as session:
+        session.ask(asked)
+        assert session.advance(0.5) and session.state.ladder is State.OFF
+        run.ask(Request.ARM)
+        assert session.state.ladder is State.READY
