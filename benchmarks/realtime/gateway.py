@@ -75,14 +75,17 @@ def wait_until_streaming(port: int, run: subprocess.Popen[str]) -> None:
     """Wait until the run listens and streams.
 
     Raises:
-        DriverError: it ended without.
+        DriverError: it ended, or has a fault, before.
     """
     while run.poll() is None:
         try:
-            if Client(port=port).status()["state"] == "STREAMING":
-                return
+            state = Client(port=port).status()["state"]
         except GatewayError:
-            pass  # it does not listen yet
+            state = ""  # it does not listen yet
+        if state == "STREAMING":
+            return
+        if state == "FAULT":
+            raise DriverError("the run is in FAULT before it streamed: was the machine busy with something else?")
         time.sleep(0.1)
     raise DriverError(f"the run ended with exit code {run.returncode} before it streamed")
 

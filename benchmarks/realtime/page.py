@@ -14,8 +14,8 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import AsyncIterator
-from contextlib import AsyncExitStack, asynccontextmanager
+from collections.abc import AsyncIterator, Iterator
+from contextlib import AsyncExitStack, asynccontextmanager, contextmanager
 from dataclasses import asdict, dataclass
 from typing import Annotated, Any
 
@@ -107,6 +107,7 @@ def measured(pages: int, targets: int, interval_s: float, seed: int) -> Run:
     with (
         tempfile.TemporaryFile("w+") as notes,
         subprocess.Popen(command, stdout=subprocess.PIPE, stderr=notes, text=True, process_group=0) as run,
+        _ended(run),
     ):
         wait_until_streaming(port, run)
         open_pages = [Page() for _ in range(pages)]
@@ -139,6 +140,16 @@ def measured(pages: int, targets: int, interval_s: float, seed: int) -> Run:
         kilobytes_s=float(np.mean([page.received for page in open_pages])) / passed / 1e3 if pages else 0.0,
         **cores,
     )
+
+
+@contextmanager
+def _ended(run: subprocess.Popen[str]) -> Iterator[None]:
+    """Context that ends a run also where the benchmark fails or is interrupted: it would go on for ever."""
+    try:
+        yield
+    finally:
+        if run.poll() is None:
+            run.send_signal(signal.SIGINT)
 
 
 def _processor_s(parent: int) -> dict[str, float]:

@@ -61,8 +61,6 @@ def words_of(sentence: str) -> list[str]:
     text = sentence.lower().replace("’", "'").replace("‘", "'")
     for symbol, name in _SYMBOLS.items():
         text = text.replace(symbol, name)
-    for phrase, plain in vocabulary().table["same"].items():
-        text = re.sub(rf"\b{phrase}\b", plain, text)
     # "1,000" is a number, "1, 2" are two.
     text = re.sub(r"(?<=\d),(?=\d{3}\b)", "", text)
     numbers, words = vocabulary().table["numbers"], list[str]()

@@ -119,6 +119,8 @@ def clause_of(part: Part, forbidding: bool) -> Clause | None:
     if any(isinstance(token, Bare) or token.isdigit() for token in tokens if not isinstance(token, Amount)):
         return Clause(said, sentence, refusal="the number in it has no unit that is known")
     asks = _relative(sentence, amount, part.joint)
+    if amount is not None and amount.quantity == "time" and sentence in known.words("hold"):
+        asks = Asks.CONTINUE
     if counted and amount is None and sentence in ("", "more"):
         asks = Asks.AGAIN  # "two more times"
     if asks is not Asks.MOTION:

@@ -8,6 +8,7 @@ words as given.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -16,17 +17,26 @@ from flexmotion.text.clauses import Asks, Clause, clause_of
 from flexmotion.text.manner_phrases import MannerPhrase, manner_phrases
 from flexmotion.text.phrases import STAND
 from flexmotion.text.sentence_parts import Part, parts_of
+from flexmotion.text.vocabulary import vocabulary
 from flexmotion.text.wording import plain, taught
 
 
 def parse(sentence: str) -> tuple[Clause, ...]:
     """The requests of a sentence, at least one, in the order in which they are to be done."""
+    sentence = _reworded(sentence)
     if taught().get(plain(tokens_of(sentence))) == STAND:
         return (Clause(sentence, sentence),)  # "look out", "never mind the walking, quit it"
     # "Like a ninety year old" is no amount, "without confidence" no prohibition.
     phrases = [phrase for phrase in manner_phrases(sentence) if " " in phrase.text]
     found = _parsed(_with_names(sentence, phrases))
     return tuple(_with_manner(_with_phrases(clause, phrases)) for clause in found)
+
+
+def _reworded(sentence: str) -> str:
+    """The sentence with one wording for what has several: "at most" for "no more than"."""
+    for phrase, same in vocabulary().table["same"].items():
+        sentence = re.sub(rf"\b{phrase}\b", same, sentence, flags=re.IGNORECASE)
+    return sentence
 
 
 def _with_names(sentence: str, phrases: Sequence[MannerPhrase]) -> str:

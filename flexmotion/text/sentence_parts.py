@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from flexmotion.text.amounts import Amount, Token, is_mark
 from flexmotion.text.prompt_reader import FORBIDS, FORBIDS_NOTHING
 from flexmotion.text.vocabulary import vocabulary
-from flexmotion.text.wording import begins, plain, stem, stripped
+from flexmotion.text.wording import begins, opens_by_number, plain, stem, stripped
 
 NEGATES = re.compile(
     r"""\b(?:not|never|no|without|neither|nor|none|nobody|cannot|avoid|refrain\ from|stop\ short\ of
@@ -141,6 +141,7 @@ def _begins_request(tokens: list[Token], place: int, before: list[Token]) -> boo
     rest = tokens[place:]
     while rest and (phrase := begins(rest, 0, known.phrases("fillers"))):
         rest = rest[len(phrase.split()) :]
+    rest = rest[1:] if opens_by_number(rest) else rest
     own = [token for token in before if token not in known.words("directions")]
     if not rest or (before and not _names_request(own, 0)):
         return False  # "oh, run along", "left hand, wave", "backward, march": the words before do not ask for anything
@@ -157,7 +158,12 @@ def _begins_request(tokens: list[Token], place: int, before: list[Token]) -> boo
     if begins(rest, 0, tuple(p for p in known.phrases("again") if p not in ("again", "once again", "once more"))):
         return True
     if first in known.words("directions"):
-        return any(isinstance(token, Amount) for token in [*rest[1:3], *before])
+        # "walk forward and back" is two walks.
+        back = known.words("backward")
+        opposite = len(rest) == 1 and (first in back) != bool(back & {t for t in before if isinstance(t, str)})
+        there = any(token in known.words("onward") for token in before) if first in back else opposite
+        ways = opposite and there and first not in ("left", "right", "sideways")
+        return ways or any(isinstance(token, Amount) for token in [*rest[1:3], *before])
     things = [thing.split()[-1] for thing in known.table["things"].values()]
     if first in ("a", "another") and rest[1:2] and rest[1] in things:
         return True

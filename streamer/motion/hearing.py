@@ -14,7 +14,7 @@ from flexmotion.sampling.pace import Pace
 from flexmotion.sampling.sampler import Condition
 from flexmotion.streamer.motion.heard import Heard, HeardStep
 from flexmotion.streamer.motion.intents import Clip, Heading, Intent, Stop, Text, Velocity, Waypoint, goal_text, word_of
-from flexmotion.streamer.motion.programs import LEAST, MOST, MOST_STEPS, Program, Step, limit_s, usual_amount
+from flexmotion.streamer.motion.programs import LEAST, MOST, MOST_STEPS, NOT_SAID, Program, Step, limit_s, usual_amount
 from flexmotion.streamer.motion.speeds import Model, Speeds, velocity_text
 from flexmotion.text.amounts import Amount
 from flexmotion.text.clauses import NO_KNOWN_WORD, Asks, Clause
@@ -231,7 +231,8 @@ class Hearing:
                 raise _RefusedError("nothing is under way that could go on")
             return [] if before or under_way is None else [under_way.steps[-1]]
         if before:
-            if before[-1].told.amount is None or before[-1].told.unit == "time":
+            last = before[-1].amount
+            if last is None or last.quantity == "time" or last.said == NOT_SAID:
                 before[-1] = self._measured(before[-1], clause.amount, 1)
                 return []
             return [self._measured(self._standing(clause.said), clause.amount, 1)]

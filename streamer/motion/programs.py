@@ -25,6 +25,9 @@ MOST_STEPS = 12
 WALK_S, STAND_S, TURN_RAD = 4.0, 2.0, pi / 2
 """Amounts of a walk, of a wait and of a turn in a sequence that says none."""
 
+NOT_SAID = "no amount said"
+"""Words of an amount that the sentence did not say."""
+
 GESTURE_S = 3.5
 """Time of one wave, one bow and so on: a window of the model before it and after it, and the motion [s]."""
 
@@ -93,12 +96,12 @@ class Program:
 def usual_amount(step: Step, times: int) -> Amount:
     """What a request without an amount means in a sequence."""
     if step.turn:
-        return Amount(TURN_RAD * times, "angle", "no angle said")
+        return Amount(TURN_RAD * times, "angle", NOT_SAID)
     if step.axis != (0, 0):
-        return Amount(WALK_S * times, "time", "no amount said")
+        return Amount(WALK_S * times, "time", NOT_SAID)
     if step.kind == STAND:
-        return Amount(STAND_S * times, "time", "no time said")
-    return Amount(float(times), "times", "no amount said")
+        return Amount(STAND_S * times, "time", NOT_SAID)
+    return Amount(float(times), "times", NOT_SAID)
 
 
 def limit_s(step: Step, amount: Amount) -> float:
