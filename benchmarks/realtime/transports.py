@@ -123,9 +123,8 @@ def main(
         report = run.report
     # Each in a process of its own: a run is forked, which a process with threads of zenoh must not be.
     with ProcessPoolExecutor(1, get_context("spawn"), max_tasks_per_child=1) as pool:
-        planned = [
-            pool.submit(estop_over, name, float(random.uniform(0.5, 1.5))) for name in chosen for _ in range(stops)
-        ]
+        moments = [(name, float(random.uniform(0.5, 1.5))) for name in chosen for _ in range(stops)]
+        planned = [pool.submit(estop_over, name, moment_s) for name, moment_s in moments]
         pressed = []
         for (name, _), one in zip(moments, track(planned, "stops", console=Console(stderr=True)), strict=True):
             try:
