@@ -126,9 +126,9 @@ def main(
         moments = [(name, float(random.uniform(0.5, 1.5))) for name in chosen for _ in range(stops)]
         planned = [pool.submit(estop_over, name, moment_s) for name, moment_s in moments]
         pressed = []
-        for (name, _), one in zip(moments, track(planned, "stops", console=Console(stderr=True)), strict=True):
+        for (name, _), stopped in zip(moments, track(planned, "stops", console=Console(stderr=True)), strict=True):
             try:
-                pressed.append(one.result())
+                pressed.append(stopped.result())
             except (DriverError, TimeoutError) as error:  # of one run; the others are measured
                 Console(stderr=True).print(f"{name}: not measured: {error}", markup=False)
     missing = len(moments) - len(pressed)

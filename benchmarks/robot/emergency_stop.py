@@ -30,7 +30,6 @@ from benchmarks.shared.outcome import Outcome, Verdict, write_csv
 from benchmarks.shared.processes import in_order
 from flexmotion.configs.robot import load_robot
 from flexmotion.configs.robot_file import EmergencyStop
-from flexmotion.drivers.realtime import ring
 from flexmotion.streamer import api
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.motion.intents import Velocity
@@ -135,7 +134,7 @@ def forked(session: Session, kind: EmergencyStop, walk: str, perturbed: bool, se
 def copied_memory() -> AbstractContextManager[object]:
     """Context in which memory is made that a forked process has a copy of, instead of sharing it."""
     private = partial(mmap.mmap, flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
-    return patch.object(ring.mmap, "mmap", private)
+    return patch.object(mmap, "mmap", private)
 
 
 def lift(session: Session) -> int:

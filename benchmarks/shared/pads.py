@@ -14,6 +14,7 @@ import struct
 import tempfile
 import threading
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -123,11 +124,11 @@ class _Reader(InputDevice):
         connection.connect(pad.path)
         self.fd = connection.detach()
 
-    def read(self) -> list[InputEvent]:
+    def read(self) -> Iterator[InputEvent]:
         events = list(super().read())
         if not events:
             raise OSError(errno.ENODEV, "no such device")
-        return events
+        return iter(events)
 
     def absinfo(self, axis_num: int) -> AbsInfo:
         low, high = self._pad.ranges[axis_num]
@@ -136,7 +137,7 @@ class _Reader(InputDevice):
     def active_keys(self, verbose: bool = False) -> list[int]:
         return sorted(self._pad.pressed)
 
-    def capabilities(self, verbose: bool = False, absinfo: bool = True) -> dict[int, Any]:
+    def capabilities(self, verbose: bool = False, absinfo: bool = True) -> dict[Any, Any]:
         return {ecodes.EV_ABS: list(self._pad.ranges)}
 
 

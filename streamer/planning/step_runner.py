@@ -143,10 +143,14 @@ class StepRunner:
         self._at.measure(step, row, self._place)
         if self.wanted is None:
             self._advance(self._at, step, row)
-            if self._phase is _Phase.OVER and self._index == len(program.steps):
+            if self._is_done(program):
                 self.source.finish(frame + round(_OVER_S * self.source.fps))
 
     # ------------------------------------------------------------ programs and steps
+
+    def _is_done(self, program: Program) -> bool:
+        """Whether the last step has ended."""
+        return self._phase is _Phase.OVER and self._index == len(program.steps)
 
     def _begin(self, program: Program, row: TickRow) -> None:
         self._program, self._index = program, 0
