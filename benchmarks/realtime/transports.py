@@ -93,6 +93,9 @@ def _acted_ns(run: LiveRun, since_ns: int) -> int:
     ticks = run.session.telemetry.ticks
     rows = [TickRow(row) for row in ticks.reader().read()]
     rows = [row for row in rows if int(row.stamp_ns) >= since_ns - 50_000_000]
+    before = [row for row in rows if int(row.stamp_ns) < since_ns]
+    if len(before) < 2 or (before[0].q_cmd == before[-1].q_cmd).all():
+        raise DriverError("the goals did not move before the emergency stop: it measures nothing")
     for number, row in enumerate(rows[:-_STILL_TICKS]):
         same = all((rows[number + ahead].q_cmd == row.q_cmd).all() for ahead in range(1, _STILL_TICKS))
         if same and int(row.stamp_ns) >= since_ns:
