@@ -268,7 +268,7 @@ def _tell(now_s: float, seconds: float, senders: list[Sender]) -> None:
     print(f"{now_s:.0f} of {seconds:.0f} s, {sent} targets", file=sys.stderr, flush=True)
 
 
-def main() -> None:
+def measure() -> None:
     """Run a segment."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("clock", choices=("lockstep", "real"))
@@ -287,4 +287,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    measure()

@@ -41,8 +41,9 @@ class AllowedClips:
     def require(self, clip: Clip) -> None:
         """Raise `ConfigError` if there is no such clip; names those that there are."""
         if clip.name not in self.clips:
-            known = ", ".join(sorted(self.clips)[:_NAMED]) or "none: start the run with --clips"
-            raise ConfigError(f"clip: {clip.name!r} is not one of those that the run was started with: {known}")
+            known = ", ".join(sorted(self.clips)[:_NAMED])
+            may = f"this run takes: {known}" if known else "this run takes none; start it with --clips FILE"
+            raise ConfigError(f"clip: {clip.name!r} is unknown; {may}")
 
     def seconds(self, clip: Clip) -> float:
         """Length of a clip [s]."""

@@ -66,19 +66,20 @@ class MeasuredLead:
 
     Args:
         rate_hz: ticks a second.
-        at_first: assumed time of each kind until plans were made [s].
+        at_first: assumed time of each kind until one was made [s].
         most_s: longest lead: further ahead the plan that plays would be over. Longer times are taken for delays of the
             machine and ignored [s].
     """
 
     def __init__(self, rate_hz: float, at_first: dict[Kind, float], most_s: float) -> None:
-        self._rate, self._most_s = rate_hz, most_s
+        self._rate, self._most_s, self._at_first = rate_hz, most_s, dict(at_first)
         self._sampling: dict[Kind, deque[float]] = {kind: deque(maxlen=_REMEMBERED) for kind in at_first}
-        self._rest = {kind: deque([seconds], maxlen=_REMEMBERED) for kind, seconds in at_first.items()}
+        self._rest: dict[Kind, deque[float]] = {kind: deque(maxlen=_REMEMBERED) for kind in at_first}
 
     def join(self, kind: Kind, now: float, spent_s: float | None = None) -> int:
         """See `Lead.join`."""
-        rest_s = _MARGIN * float(np.percentile(self._rest[kind], _SHARE))
+        rest = self._rest[kind]
+        rest_s = _MARGIN * (float(np.percentile(rest, _SHARE)) if rest else self._at_first[kind])
         if spent_s is None:
             sampling = self._sampling[kind]
             spent_s = float(np.median(sampling)) if sampling else 0.0

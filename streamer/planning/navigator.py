@@ -40,6 +40,8 @@ _FACE_RAD, _FACE_S = np.radians(25.0), 2.0
 """A turn up to this angle is made by a standing human that looks there for this time: the feet follow [rad, s]."""
 _LEAST_FACE_RAD = 1.03 * INSERT_YAW
 """The feet follow no smaller turn [rad]."""
+_NO_STEP_RAD, _FURTHER_RAD = np.radians(3.0), np.radians(8.0)
+"""The robot made no step if it turned by less than the first; then the human looks aside by the second more [rad]."""
 _COURSE_S = 1.0
 """The heading of a walk is its mean over this time [s]."""
 _ATTEMPTS = 8
@@ -97,6 +99,8 @@ class Navigator:
         self._along = np.zeros(2)  # direction of the walk
         self._steered_s = time_s
         self._recent: deque[tuple[float, float]] = deque()  # times and headings
+        self._faced_from: float | None = None  # heading at which the human began to look aside
+        self._bias = 0.0  # turn of the robot beyond that of the human that looked aside: its feet are not parallel
         self._closing = Closing()
         self._standstill: Standstill | None = None
         self.limit_s = _GRACE_S + self._distance(place) / _SLOWEST_M_S + math.tau / _SLOWEST_RAD_S
@@ -139,6 +143,7 @@ class Navigator:
 
     def _decide(self, place: Float, time_s: float) -> None:
         """The next move of a robot that stands, or begins."""
+        self._learn(place)
         missing = self._distance(place)
         near = missing <= (self.goal.tolerance if isinstance(self.goal, Waypoint) else 0.0)
         heading = self.goal.heading
@@ -169,14 +174,29 @@ class Navigator:
         missing = self._missing_turn(heading, place)
         self._heading, self._steered_s = place[2] + missing, time_s
         if abs(missing) <= _FACE_RAD:
-            facing = math.copysign(max(abs(missing), _LEAST_FACE_RAD), missing)
-            self.phase, self.facing, self.move = Phase.FACE, facing, Velocity(0.0, 0.0, 0.0)
+            self._faced_from = float(place[2])
+            self.facing = math.copysign(max(abs(missing), _LEAST_FACE_RAD), missing) - self._bias
+            self.phase, self.move = Phase.FACE, Velocity(0.0, 0.0, 0.0)
             return
         fastest = TURNING if self.pace is None else min(TURNING, self.pace.turning)
         if isinstance(self.goal, Heading) and self.goal.turning is not None:
             fastest = min(fastest, self.goal.turning)
         self.phase, self.move = Phase.TURN, Velocity(0.0, 0.0, math.copysign(fastest, missing), self.manner)
         self._closing = Closing()
+
+    def _learn(self, place: Float) -> None:
+        """Compare a turn made by a human that looked aside with what was meant.
+
+        The robot's feet follow those of the human, which may point elsewhere than its pelvis.
+        """
+        if self._faced_from is None:
+            return
+        turned = float(place[2]) - self._faced_from
+        self._faced_from = None
+        if abs(turned) < _NO_STEP_RAD:
+            self._bias -= math.copysign(_FURTHER_RAD, self.facing)
+        else:
+            self._bias = turned - self.facing
 
     # ------------------------------------------------------------ walks
 

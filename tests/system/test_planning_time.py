@@ -24,6 +24,8 @@ MARGIN = 1.15
 """The measured lead is this much longer than plans took."""
 AT_FIRST_S = 0.02
 """Assumed time of a plan for a new target, until one was made [s]."""
+WHOLE_AT_FIRST_S = 0.05
+"""Likewise of a whole plan [s]."""
 POLL_TICKS = 2
 """A plan is begun this long after it is due: the planner looks every 2 ms, at rows of the tick before."""
 
@@ -51,7 +53,9 @@ def test_the_lead_follows_the_time_that_plans_take(live: Live, plan_s: float) ->
     assert len(lead) > 8
     assert costs_s(run) == pytest.approx(plan_s, abs=1e-6)
     rate = run.record.rate_hz
-    assert lead.min() >= plan_s * rate and lead.max() <= MARGIN * plan_s * rate + POLL_TICKS
+    # The first plan and the stop at the end are the first of their kinds: what they take after sampling is assumed.
+    assert lead.min() > plan_s * rate - 1 and lead[1:-1].max() <= MARGIN * plan_s * rate + POLL_TICKS
+    assert lead.max() <= MARGIN * (plan_s + WHOLE_AT_FIRST_S) * rate + POLL_TICKS
 
 
 def test_a_target_becomes_commands_within_the_time_of_one_plan(live: Live) -> None:

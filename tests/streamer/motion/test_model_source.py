@@ -226,7 +226,7 @@ def test_an_hour_takes_no_more_memory_than_a_minute() -> None:
 
 
 def test_an_intent_that_the_model_cannot_follow_is_refused() -> None:
-    with pytest.raises(ConfigError, match="clip: 'walk.bvh' is not one of those that the run was started with: none"):
+    with pytest.raises(ConfigError, match="clip: 'walk.bvh' is unknown; this run takes none; start it with --clips"):
         source().turn_to(target(Clip("walk.bvh")), 3, None)
     for intent in (Velocity(1.0, 0.0, 0.0), Heading(1.0), Waypoint(1.0, 0.0)):
         with pytest.raises(ConfigError, match="model stub follows no velocity"):
@@ -263,7 +263,7 @@ def test_a_clip_is_answered_with_its_length_and_an_unknown_one_with_the_names() 
     it.turn_to(target(Clip("walk.bvh")), 3, None)
     assert it.answer is not None and it.answer.heard_as == "clip"
     assert it.answer.steps[0].amount == pytest.approx(clip.duration, abs=1e-3)
-    with pytest.raises(ConfigError, match="'bow' is not one of those that the run was started with: walk.bvh"):
+    with pytest.raises(ConfigError, match="'bow' is unknown; this run takes: walk.bvh"):
         it.turn_to(target(Clip("bow")), 30, None)
 
 

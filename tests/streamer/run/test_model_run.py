@@ -159,7 +159,7 @@ def test_a_target_that_cannot_be_followed_is_reported_and_the_run_continues() ->
     record, (sent, ended) = driven(run, (follows(0), Clip("walk.bvh")), (follows(0, ticks=100), Request.END))
     assert (record.state[sent:ended] == State.STREAMING).all()
     notes = [event.message for event in record.events if event.kind == "note"]
-    assert notes == ["target: a model cannot follow clip, expected: text, velocity, stop"]
+    assert notes == ["clip: 'walk.bvh' is unknown; this run takes none; start it with --clips FILE"]
     assert not record.ticks.target.any() and State(record.state[-1]) is State.OFF
 
 

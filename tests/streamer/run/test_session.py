@@ -274,12 +274,15 @@ def test_estop_in_mid_walk_freezes_at_once_then_parks_in_fault(run: Callable[...
 
 def swinging(part: float) -> When:
     """When a foot has been in the air for a part of a swing of .3 s."""
-    seen: list[int] = []
+    since: int | None = None
 
     def when(loop: ControlLoop) -> bool:
-        if not loop.now.contacts.all():
-            seen.append(loop.tick_count)
-        return len(seen) > part * 0.3 * loop.robot.rate_hz
+        nonlocal since
+        if loop.now.contacts.all():
+            since = None
+            return False
+        since = loop.tick_count if since is None else since
+        return loop.tick_count - since > part * 0.3 * loop.robot.rate_hz
 
     return when
 

@@ -194,7 +194,7 @@ def test_arguments_that_are_wrong_are_refused_at_once(options: dict[str, Any], e
 
 def test_targets_and_requests_that_are_none_are_refused_before_they_reach_the_loop() -> None:
     with open_session("op3", source=library()) as session:
-        with pytest.raises(ConfigError, match="target: 'walk', expected one of: Clip, Text, Velocity, Stop"):
+        with pytest.raises(ConfigError, match="target: 'walk', expected one of: Clip, .*Heading, Waypoint, Stop"):
             session.send("walk")  # type: ignore[arg-type]
         with pytest.raises(ValueError, match="99 is not a valid Request"):
             session.ask(99)  # type: ignore[arg-type]
