@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from flexmotion.retarget.footsteps import INSERT_YAW
 from flexmotion.sampling.pace import Pace
 from flexmotion.streamer.motion.intents import Goal, Heading, Waypoint
 from flexmotion.streamer.planning.navigator import HEADING_TOLERANCE, Navigator, Phase
@@ -26,12 +27,18 @@ class Robot:
     Args:
         late_s: it goes on for so long after it was told to stand.
         drift: angle by which its walks lead astray [rad].
+        splay: angle between the feet and the pelvis of a human that looks aside [rad].
     """
 
     def __init__(
-        self, goal: Goal, late_s: float = 0.1, drift: float = 0.0, place: tuple[float, ...] = (0, 0, 0)
+        self,
+        goal: Goal,
+        late_s: float = 0.1,
+        drift: float = 0.0,
+        place: tuple[float, ...] = (0, 0, 0),
+        splay: float = 0.0,
     ) -> None:
-        self.place, self.late_s, self.drift = np.array(place, float), late_s, drift
+        self.place, self.late_s, self.drift, self.splay = np.array(place, float), late_s, drift, splay
         self.time_s, self.phases = 0.0, [Phase.SETTLE]
         self.navigator = Navigator(goal, PACE, self.place, 0.0)
         self._moves = [(-1.0, self.navigator.move)]
@@ -52,10 +59,21 @@ class Robot:
             self.phases.append(self.navigator.phase)
             self._moves.append((self.time_s, self.navigator.move))
             if self.navigator.phase is Phase.FACE:
-                self.place[2] += self.navigator.facing
+                follows = self.navigator.facing + self.splay
+                self.place[2] += follows if abs(follows) > INSERT_YAW else 0.0
 
     def distance(self, x: float, y: float) -> float:
         return float(np.hypot(*(self.place[:2] - [x, y])))
+
+
+@pytest.mark.parametrize("splay", [-0.2, 0.2])
+@pytest.mark.parametrize("missing", [-0.4, -0.2, 0.2, 0.4])
+def test_a_small_turn_of_feet_that_point_elsewhere_than_the_pelvis_arrives(missing: float, splay: float) -> None:
+    """A turn of 15 degrees became one of 27, and its correction none: the turn ended by its time limit."""
+    robot = Robot(Heading(missing, 0.5), splay=splay)
+    robot.run()
+    assert robot.navigator.arrived and Phase.FACE in robot.phases
+    assert abs(robot.place[2] - missing) <= HEADING_TOLERANCE
 
 
 @settings(max_examples=40, deadline=None)
