@@ -15,7 +15,6 @@ import typer
 from flexmotion.streamer.commands.output import print_note
 
 UNIT = Path("/etc/systemd/system/flexmotion.service")
-_TAKES_TARGETS = ("--web", "--stdin", "--clip", "-c", "--script", "--prompt")
 _LOGS = "%L/flexmotion"
 """The folder of `LogsDirectory=` in a unit."""
 
@@ -63,10 +62,9 @@ def unit(options: list[str], user: str) -> str:
     _check(options)
     given = {option.partition("=")[0] for option in options}
     whole = [*options]
-    if given.isdisjoint(_TAKES_TARGETS):
-        whole.append("--web")
-    if "--wait" not in given:
-        whole.append("--wait")
+    whole += [option for option in ("--web", "--wait") if option not in given]
+    if given.isdisjoint(("--arm", "--no-arm")):
+        whole.append("--no-arm")  # a motion that is given would else begin when somebody powers the robot
     words = [*map(_quoted, [*_program(), "run", *whole])]
     if given.isdisjoint(("--log", "--report")):
         words += ["--log", _LOGS]

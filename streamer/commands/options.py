@@ -241,6 +241,6 @@ ArmOption = Annotated[
     typer.Option(
         "--arm/--no-arm",
         help="Switch the torque on at once, or wait for `flexmotion arm`.",
-        show_default="at once; with --web or --stdin `run` waits",
+        show_default="at once; a `run` that takes targets of other programs waits",
     ),
 ]

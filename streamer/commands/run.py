@@ -41,7 +41,7 @@ def run(
 
     Ctrl-C or SIGTERM brings the robot to a balanced stop, parks it and ends; a second one ends at once, torque off. The
     exit code after SIGTERM is 0 if the robot is parked. `flexmotion daemon` prints a systemd unit.
-    SIGUSR1 is a stop (the robot stands), SIGUSR2 an emergency stop (it freezes, then parks, the fault latched).
+    SIGUSR1 is a stop (the robot stands), SIGUSR2 an emergency stop (what the robot file says; then it parks).
 
     [bold]Examples[/bold]
 

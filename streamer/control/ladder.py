@@ -166,7 +166,8 @@ class Ladder:
         return does != "captured_stop"
 
     def _in_off(self, inputs: Inputs) -> None:
-        if inputs.start and not (inputs.estop or inputs.kill) and self.fault is None:
+        stopped = inputs.stop or inputs.park or inputs.estop or inputs.kill
+        if inputs.start and not stopped and self.fault is None:
             self.state = State.READY
             self.stopping = self._frozen = self._parking = False
         elif inputs.kill:
@@ -182,8 +183,8 @@ class Ladder:
                 self.state = State.STREAMING
 
     def _update_stopping(self, inputs: Inputs) -> None:
-        """A stop holds until the next start request; a new plan does not undo it."""
-        self.stopping = (self.stopping or inputs.stop) and not inputs.start
+        """A stop holds until the next start request without one; a new plan does not undo it."""
+        self.stopping = inputs.stop or (self.stopping and not inputs.start)
 
     def _in_streaming(self, inputs: Inputs) -> None:
         self._parking |= inputs.park

@@ -60,6 +60,8 @@ _REQUESTS: dict[type, Request] = {
     KillMessage: Request.KILL,
 }
 _WITHOUT_LEASE = (StopMessage, EmergencyStopMessage)
+_AT_ANY_TIME = (*_WITHOUT_LEASE, KillMessage)
+"""An emergency depends on no order of arrival, and not on two clocks that agree."""
 _FOLLOWED: tuple[AnswerState, ...] = ("accepted", "slowed", "partly")
 
 
@@ -160,10 +162,10 @@ class Desk:
         if late is not None:
             self.reject("stale")
             self._reply(asked, *late)
-        elif not self._sequences.ascends(message, sender):
-            self._reply(asked, "refused", f"sequence {message.sequence} does not come after the last of this source")
         elif type(message) in _WITHOUT_LEASE:
             self._request(asked)
+        elif type(message) not in _AT_ANY_TIME and not self._sequences.ascends(message, sender):
+            self._reply(asked, "refused", f"sequence {message.sequence} does not come after the last of this source")
         elif not self.takes_targets and not isinstance(message, KillMessage | ClearMessage):
             self._reply(asked, "refused", "this run only shows itself (--view); start it with --web to steer it")
         elif isinstance(message, ReleaseMessage):
@@ -186,8 +188,7 @@ class Desk:
 
     def _late(self, message: Message) -> tuple[AnswerState, str] | None:
         """Why a message's stamp makes it invalid."""
-        # An emergency must not depend on two clocks that agree.
-        if message.stamp_s is None or type(message) in _WITHOUT_LEASE:
+        if message.stamp_s is None or type(message) in _AT_ANY_TIME:
             return None
         age_s = time.time() - message.stamp_s
         if age_s < -_AHEAD_S:

@@ -23,7 +23,7 @@ from flexmotion.streamer.gateway.messages import Answer, MessageError
 
 HELP = """w s, arrows up down   forward, back            space   STOP
 a d, arrows           turn                     c       clear a STOP
-q e                   to the side              !       emergency stop: freezes, parks, ends the run
+q e                   to the side              !       emergency stop, as the robot file says
 + -                   faster, slower           o       arm: torque on, stand up
 t                     take over from another operator
 / or Enter            type a sentence (Escape: none)   Ctrl-C  end; the robot stands"""

@@ -37,6 +37,7 @@ class Lifecycle:
     Attributes:
         quit: the run ends now, in whatever state the robot is.
         broken: why no more plans can be made; None while they can.
+        robot_answers: set to False while a robot that is not there is waited for.
     """
 
     def __init__(
@@ -53,8 +54,10 @@ class Lifecycle:
         self.attended, self._arms = attended, armed
         loop.awaits_arm = attended or not armed
         self.quit = False
+        self.robot_answers = True
         self.broken: str | None = None
-        self._begun = self._started = self._ending = False  # it ticks; torque was to go on once
+        # It ticks; torque was to go on once, and went on.
+        self._begun = self._started = self._was_on = self._ending = False
         self._start_tick = 0
         self._withheld: Request | None = None
         self._stream_start: int | None = None
@@ -69,7 +72,8 @@ class Lifecycle:
             return True
         if loop.ladder.state not in (State.OFF, State.FAULT):
             return False
-        return self._begun and (self._ending or (self._started and not self.attended))
+        over = self._started and not self.attended and (self._was_on or not loop.awaits_arm)
+        return self._begun and (self._ending or over)
 
     @property
     def ending(self) -> bool:
@@ -125,6 +129,11 @@ class Lifecycle:
         ladder = self.loop.ladder
         if self._ending:
             self._emit("refused", "ARM: the run is ending")
+        elif not self.robot_answers:
+            # A start that waited for the robot would switch torque on minutes later, when somebody powers it.
+            self._emit("refused", "ARM: the robot is not there yet")
+        elif self.broken is not None:
+            self._emit("refused", f"ARM: no plan can be made: {self.broken}; end the run and start it again")
         elif ladder.state is State.FAULT:
             self._emit("refused", f"ARM: a fault is latched: {ladder.fault}; clear it first")
         elif ladder.state is not State.OFF:
@@ -146,6 +155,7 @@ class Lifecycle:
         """Set the loop's inputs for its next tick."""
         loop, inputs, rate = self.loop, self.loop.inputs, self.loop.robot.rate_hz
         state = loop.ladder.state
+        self._was_on |= state is not State.OFF
         if not self._begun:
             self._begun = True
             if self._withheld is not None:

@@ -85,10 +85,12 @@ def _await_robot(
         try:
             loop.driver.open()
         except DriverError as error:
+            lifecycle.robot_answers = False
             if str(error) != told:
                 told = str(error)
                 loop.telemetry.emit(0, "note", f"{WAITING} {error}")
         else:
+            lifecycle.robot_answers = True
             if told:
                 loop.telemetry.emit(0, "note", "the robot answers")
             return True

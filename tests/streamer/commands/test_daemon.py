@@ -31,14 +31,21 @@ def test_a_unit_reports_progress_and_never_stands_a_fallen_robot_up(capsys: pyte
     # Another signal, or one to all processes, would end the planner or the loop while the robot walks.
     assert (found["WatchdogSignal"], found["KillMode"]) == ("SIGTERM", "process")
     words = found["ExecStart"].split()
-    assert words[1:8] == ["run", *OPTIONS] and words[8:] == ["--web", "--wait", "--log", "%L/flexmotion"]
+    assert words[1:8] == ["run", *OPTIONS] and words[8:] == ["--web", "--wait", "--no-arm", "--log", "%L/flexmotion"]
     assert Path(words[0]).is_absolute() and Path(words[0]).exists()
 
 
 def test_what_is_given_is_not_added() -> None:
-    text = unit([*OPTIONS, "--prompt", "walk", "--log=/data", "--wait"], "robot")
+    text = unit([*OPTIONS, "--web", "--log=/data", "--wait", "--arm"], "robot")
     words = service(text)["ExecStart"].split()
-    assert words.count("--wait") == 1 and "--web" not in words and "%L/flexmotion" not in words
+    assert words.count("--wait") == words.count("--web") == 1
+    assert "--no-arm" not in words and "%L/flexmotion" not in words
+
+
+def test_a_unit_with_a_motion_waits_to_be_armed_too() -> None:
+    """Its robot would have stood up and walked as soon as somebody powered it, with nobody to stop it."""
+    words = service(unit([*OPTIONS, "--prompt", "walk"], "robot"))["ExecStart"].split()
+    assert "--no-arm" in words and "--web" in words
 
 
 def test_words_are_quoted_for_systemd() -> None:

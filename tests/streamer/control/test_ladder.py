@@ -103,6 +103,18 @@ def test_it_streams_only_once_it_stands_and_has_a_plan() -> None:
     assert ladder.step(Inputs(move_done=True, plan_ready=True)) is Playback.PLAN
 
 
+@pytest.mark.parametrize("stop", ["stop", "park"])
+def test_a_stop_in_the_tick_of_a_start_wins(stop: str) -> None:
+    """A STOP of one person and a CLEAR or ARM of another within one tick: the stop was answered, and lost."""
+    off = at(State.OFF)
+    off.step(Inputs(start=True, **{stop: True}))
+    assert off.state is State.OFF
+    for state in (State.READY, State.HOLD):
+        ladder = at(state)
+        ladder.step(Inputs(start=True, stop=True, plan_ready=True, move_done=True))
+        assert ladder.state is state and ladder.stopping
+
+
 @pytest.mark.parametrize("state", [s for s in POWERED if s is not State.DAMPED])
 def test_estop_freezes_then_parks_then_ends_in_fault(state: State) -> None:
     ladder = at(state)

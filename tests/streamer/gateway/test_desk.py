@@ -254,6 +254,16 @@ def test_only_the_operator_is_followed_but_anyone_stops(make_office: Make) -> No
     assert changes == [("page", "phone"), ("phone", None)]
 
 
+def test_an_emergency_depends_on_no_order_of_arrival(make_office: Make) -> None:
+    """A client that began to count anew had its STOP refused for its sequence number."""
+    office = make_office()
+    reader = office.requests.reader()
+    office.ask('{"type":"text","text":"wave","sequence":7}')
+    office.ask('{"type":"stop","sequence":1}')
+    office.ask('{"type":"kill","confirm":"the robot will fall","sequence":2,"stamp_s":9e9}')
+    assert [request for request, _ in reader.read()] == [Request.STOP, Request.KILL]
+
+
 def test_a_message_that_is_too_large_is_refused_and_counted(make_office: Make) -> None:
     office = make_office(most_bytes=512)
     office.ask(b'{"type":"text","text":"' + b"a" * 600 + b'"}')
