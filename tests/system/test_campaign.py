@@ -208,6 +208,25 @@ def test_a_robot_that_is_not_there_is_waited_for_and_the_manager_told(op3: Robot
     assert State(session.record.state[-1]) is State.OFF
 
 
+def test_an_arm_while_the_robot_is_away_is_refused_and_not_kept(op3: Robot, manager: Manager) -> None:
+    """It was kept: the robot stood up minutes later, when somebody switched its supply on."""
+    session = service(op3, AbsentRobot(op3))
+    session.armed, session.attended = False, True
+    asked: list[Request] = []
+
+    def operate() -> Request | None:
+        if not asked and any("no such port" in line for line in manager.look()):
+            asked.append(Request.ARM)
+            return Request.ARM
+        return Request.END if asked and session.state.tick > 60 else None
+
+    session.next_request = operate
+    with virtual_time():
+        session.run()
+    assert "ARM: the robot is not there yet" in [event.message for event in session.record.events]
+    assert session.record.used > 60 and (session.record.state == State.OFF).all()
+
+
 def test_the_end_is_taken_while_the_robot_is_waited_for(op3: Robot, manager: Manager) -> None:
     driver = AbsentRobot(op3)
     driver._attempts = -10_000
