@@ -60,7 +60,7 @@ def run_segment(arguments: list[str], interval_s: float) -> SegmentFigures:
 
 
 def known(state: Path | None) -> dict[str, SegmentFigures]:
-    """The segments of a checkpoint file, by their arguments. Raises `ConfigError` where it is no such file."""
+    """The segments of a checkpoint file, by their arguments. Raises `ConfigError` for any other file."""
     if state is None or not state.exists():
         return {}
     found = {}

@@ -3,8 +3,8 @@
 The robot walks as the shipped model does, in lockstep: ahead, fast and slow, back, aside, in a curve, on the spot.
 After some seconds the run is split at equal parts of a gait cycle, from one lift of the left foot to the next. In each
 part an emergency stop of each kind is asked for (`flexmotion.configs.robot_file.EmergencyStop`): the goals freeze, the
-plan's own stop is played, or the way to the rest pose begins. Upright is who never tilts by 45° until its torque goes
-off. Judged is the kind that the robot file names.
+plan's own stop is played, or the way to the rest pose begins. A robot is upright if it never tilts by 45° until its
+torque goes off. Judged is the kind that the robot file names.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ WALKS = {
 WALKED_S = 4.0
 """Time that it walks before [s]."""
 LONGEST_CYCLE_S = 4.0
-"""A gait whose left foot does not lift twice within this time is no walk [s]."""
+"""A gait whose left foot does not lift twice within this time does not walk [s]."""
 AFTER_S = 8.0
 """Longest time from the stop until the torque is off [s]."""
 UPRIGHT = float(np.cos(np.radians(45.0)))
