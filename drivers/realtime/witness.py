@@ -19,7 +19,7 @@ from flexmotion.drivers.realtime import child
 from flexmotion.drivers.realtime.priority import WITNESS_PRIORITY, claim, motion_processors, settle
 from flexmotion.drivers.realtime.ring import Ring, shared_array
 from flexmotion.drivers.realtime.ticker import Ticker
-from flexmotion.records import Float, Int, Record, column
+from flexmotion.records import Bool, Float, Int, Record, column
 
 _PERIOD_S = 0.002
 _WORTH_NS = 500_000
@@ -35,6 +35,8 @@ _IDLE_S = 3.0
 """How long the idle machine is watched [s]."""
 _START_S = 0.02
 """Pause between two looks whether the timers are ready [s]."""
+_STARTS, _READY, _WATCHES, _REFUSED = range(4)
+"""States of a timer."""
 _ROW = np.dtype([("begin_ns", "i8"), ("end_ns", "i8"), ("slow", "?")])
 
 
@@ -42,7 +44,9 @@ class _Timer(Record):
     """What a timer reports about itself, in shared memory."""
 
     state: Int = column("i8")
-    """0: it starts; 1: it watches; -1: the system did not grant its priority."""
+    """It starts, is ready, watches, or the system refused its priority."""
+    begins: Bool = column("?")
+    """Whether it may begin: a timer begins with the others, so that all have watched the same idle time."""
     idle_ns: Int = column("i8", 2)
     """Begin and end of the time in which it watched the idle machine [ns]."""
 
@@ -70,8 +74,10 @@ class Witness:
             self._children.append(
                 child.start(f"witness-{processor}", _watch, processor, ring, timer, round(self._idle_s / _PERIOD_S))
             )
-        while not self._timers.state.all() and all(one.is_alive() for one in self._children):
-            time.sleep(_START_S)
+        self._wait_while(_STARTS)
+        if (self._timers.state == _READY).all():
+            self._timers.begins[...] = True
+            self._wait_while(_READY)
         return self
 
     def __exit__(
@@ -85,7 +91,7 @@ class Witness:
     @property
     def watches(self) -> bool:
         """Whether the system granted the priority to every timer."""
-        return bool((self._timers.state == 1).all())
+        return bool((self._timers.state == _WATCHES).all())
 
     @property
     def idle_ns(self) -> tuple[int, int]:
@@ -110,6 +116,11 @@ class Witness:
         """
         found = self._spans(slow=True)
         return None if found is None else common(found)
+
+    def _wait_while(self, state: int) -> None:
+        """Until no timer is in `state`, or one has ended."""
+        while (self._timers.state == state).any() and all(one.is_alive() for one in self._children):
+            time.sleep(_START_S)
 
     def _spans(self, *, slow: bool) -> list[Int] | None:
         """Begins and ends that each timer found, (k, 2) each."""
@@ -169,11 +180,15 @@ class Slowness:
 
 def _watch(processor: int, ring: Ring, timer: _Timer, idle: int) -> None:
     os.sched_setaffinity(0, {processor})
-    if claim(WITNESS_PRIORITY) != "fifo":
-        timer.state[...] = -1
-        return
+    # First: a thread that the linear algebra library starts after a fork would inherit the priority, and spin for .1 s.
     settle(collect=False)
+    if claim(WITNESS_PRIORITY) != "fifo":
+        timer.state[...] = _REFUSED
+        return
     ticker, row, end = Ticker(_PERIOD_S), np.zeros((), _ROW), 0
+    timer.state[...] = _READY
+    while not timer.begins:
+        ticker.wait()
 
     def publish(begin_ns: int, end_ns: int, slow: bool) -> None:
         row["begin_ns"], row["end_ns"], row["slow"] = begin_ns, end_ns, slow
@@ -189,7 +204,7 @@ def _watch(processor: int, ring: Ring, timer: _Timer, idle: int) -> None:
         if span is not None:
             publish(*span, True)
     timer.idle_ns[:] = pieces[0, 0], pieces[-1, 1]
-    timer.state[...] = 1
+    timer.state[...] = _WATCHES
     while True:
         ticker.wait()
         # From the first deadline that passed, including skipped ones, but not before the end of the last standstill.

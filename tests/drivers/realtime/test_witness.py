@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import signal
 import time
+from multiprocessing.process import BaseProcess
+from typing import Any
 
 import numpy as np
 import psutil
@@ -12,6 +14,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from flexmotion.drivers.realtime import child
 from flexmotion.drivers.realtime.priority import WITNESS_PRIORITY
 from flexmotion.drivers.realtime.witness import Slowness, Witness, common, covered
 
@@ -70,6 +73,22 @@ def _covered(witness: Witness, begin: int, end: int) -> int:
     """Standstills that cover the time from `begin`, plus a timer's period, to `end`."""
     found = witness.standstills()
     return 0 if found is None else int(((found[:, 0] <= begin + PERIOD_NS) & (found[:, 1] >= end)).sum())
+
+
+def test_timers_that_start_one_after_the_other_watch_the_same_idle_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    """On a busy machine the second timer started when the first had watched all its time: no common time was left."""
+    if not _may_have_priority():
+        pytest.skip("the system grants no realtime scheduling")
+    start = child.start
+
+    def start_late(*args: Any) -> BaseProcess:
+        time.sleep(0.15)
+        return start(*args)
+
+    monkeypatch.setattr(child, "start", start_late)
+    with Witness(idle_s=0.1) as witness:
+        begin, end = witness.idle_ns
+    assert begin < end
 
 
 def test_a_standstill_is_reported_with_begin_and_end() -> None:
