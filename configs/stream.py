@@ -53,7 +53,9 @@ class Gateway(Strict):
         most_unread: a connection that leaves so many answers unread is closed.
         name: of the robot in keys of zenoh and topics of ROS 2; None: that of the robot file.
         zenoh_port, zenoh_stop_port: of the gateway and of the stop process for zenoh.
+        zenoh_open_router: whether a zenoh router may be used without a token: whoever reaches it steers the robot.
         ros2_port: of the zenoh router of ROS 2 on this machine.
+        ros2_types: messages that are taken over ROS 2, which has no token.
         ros2_rate_hz: joint states and IMU that are published a second.
         gamepad: what its sticks and buttons do.
     """
@@ -73,7 +75,9 @@ class Gateway(Strict):
     name: str | None = Field(default=None, pattern=r"^[a-z][a-z0-9_]{0,63}$")
     zenoh_port: int = Field(default=8792, ge=1, le=65535)
     zenoh_stop_port: int = Field(default=8793, ge=1, le=65535)
+    zenoh_open_router: bool = False
     ros2_port: int = Field(default=7447, ge=1, le=65535)
+    ros2_types: tuple[str, ...] = ("text", "velocity", "stop", "estop")
     ros2_rate_hz: float = Field(default=50.0, ge=1, le=250)
     gamepad: Gamepad = Gamepad()
 

@@ -33,6 +33,8 @@ from flexmotion.streamer.gateway.transports.ros2_messages import EMPTY, STRING, 
 from flexmotion.streamer.gateway.transports.ros2_node import Ros2Link, Ros2Node
 
 _PATIENCE_S = 120.0
+_ROS2_TYPES = (*Gateway().ros2_types, "take")
+"""As shipped, and the change of operators."""
 _NAME = "benchmark"
 _ANSWERS = ("accepted", "slowed", "partly", "superseded", "expired", "refused")
 
@@ -58,7 +60,9 @@ class Place:
         stack.callback(pad.close)
         names = ("port", "stop_port", "zenoh_port", "zenoh_stop_port", "ros2_port")
         ports = {name: any_free() for name in names}
-        settings = load_stream().model_copy(update={"gateway": Gateway.model_validate(ports)})
+        settings = load_stream().model_copy(
+            update={"gateway": Gateway.model_validate({**ports, "ros2_types": _ROS2_TYPES})}
+        )
         return cls(settings, Listening(zenoh=True, ros2=True, gamepad=pad.find), pad)
 
     @property

@@ -53,20 +53,33 @@ class Following:
 
 
 class Sequences:
-    """The last sequence number of each sender's sources."""
+    """The last sequence number of each sender's sources.
 
-    def __init__(self) -> None:
-        self._last: OrderedDict[Hashable, int] = OrderedDict()
+    A number is forgotten with its connection, and after a silence: a program that is started again counts anew.
 
-    def ascends(self, message: Message, sender: Hashable) -> bool:
+    Args:
+        silence_s: after it the numbers of a source begin anew [s].
+    """
+
+    def __init__(self, silence_s: float) -> None:
+        self._silence_s = silence_s
+        self._last: OrderedDict[tuple[Hashable, str], tuple[int, float]] = OrderedDict()
+
+    def ascends(self, message: Message, sender: Hashable, now_s: float) -> bool:
         """Take a message's number; returns whether it comes after the last one, or it has none."""
         if message.sequence is None:
             return True
         key = (sender, message.source)
-        if message.sequence <= self._last.get(key, -1):
+        last, then_s = self._last.get(key, (-1, now_s))
+        if message.sequence <= last and now_s - then_s <= self._silence_s:
             return False
-        self._last[key] = message.sequence
+        self._last[key] = message.sequence, now_s
         self._last.move_to_end(key)
         while len(self._last) > _SOURCES:
             self._last.popitem(last=False)
         return True
+
+    def forget(self, sender: Hashable) -> None:
+        """A connection is closed."""
+        for key in [key for key in self._last if key[0] == sender]:
+            del self._last[key]

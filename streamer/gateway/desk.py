@@ -106,7 +106,7 @@ class Desk:
         self._waiting: Asked | None = None  # the target that is sent when the interval of coalescing is over
         self._open: dict[int, Asked] = {}  # targets that the planner has not answered, by id, ascending
         self._asked: deque[Asked] = deque()  # requests that the loop has not taken
-        self._sequences = Sequences()
+        self._sequences = Sequences(settings.lease_s)
         self._sent_s = -math.inf
         self._holder: str | None = None
 
@@ -121,7 +121,7 @@ class Desk:
         Args:
             data: JSON, one message.
             reply: takes the answer; must not raise.
-            sender: connection that it came by; sequence numbers ascend within one.
+            sender: connection that it came by, until `forget`; sequence numbers ascend within one.
         """
         self.counts["received"] += 1
         if len(data) > self.settings.most_bytes:
@@ -136,6 +136,10 @@ class Desk:
             reply(self._counted(error.answer))
             return
         self._take(Asked(message, reply, time.perf_counter()), sender)
+
+    def forget(self, sender: Hashable) -> None:
+        """A connection is closed: the next one of this name counts its messages anew."""
+        self._sequences.forget(sender)
 
     def reject(self, why: str) -> None:
         """Count a message or a connection that is refused as such."""
@@ -164,7 +168,7 @@ class Desk:
             self._reply(asked, *late)
         elif type(message) in _WITHOUT_LEASE:
             self._request(asked)
-        elif type(message) not in _AT_ANY_TIME and not self._sequences.ascends(message, sender):
+        elif type(message) not in _AT_ANY_TIME and not self._sequences.ascends(message, sender, now):
             self._reply(asked, "refused", f"sequence {message.sequence} does not come after the last of this source")
         elif not self.takes_targets and not isinstance(message, KillMessage | ClearMessage):
             self._reply(asked, "refused", "this run only shows itself (--view); start it with --web to steer it")

@@ -12,6 +12,7 @@ from flexmotion.human.body import Body
 from flexmotion.retarget.whole_body import WholeBody
 from flexmotion.streamer.gateway.admission import Admission
 from flexmotion.streamer.gateway.hub import Transport
+from flexmotion.streamer.gateway.messages import KINDS
 from flexmotion.streamer.gateway.presses import StopInput
 from flexmotion.streamer.gateway.service import GatewayService, check_installed
 from flexmotion.streamer.gateway.stops import StopService
@@ -114,10 +115,11 @@ def _ways(session: Session, listening: Listening) -> tuple[tuple[Transport, ...]
     if listening.ros2:
         need("zenoh", "--ros2", "ros2")
         need("rosbags", "--ros2", "ros2")
+        _check_types(settings.ros2_types)
         link = Ros2Link(name, settings.ros2_port, domain_from_environment())
         body = session.source.body if isinstance(session.source, ModelSource) else Body()
         ratio = body.leg / WholeBody(session.robot).leg_length
-        transports.append(Ros2Targets(link, session.robot, ratio, settings.ros2_rate_hz))
+        transports.append(Ros2Targets(link, session.robot, ratio, settings.ros2_rate_hz, settings.ros2_types))
         inputs.append(Ros2Stops(link))
     if listening.gamepad:
         check_gamepad(settings.gamepad)
@@ -125,6 +127,12 @@ def _ways(session: Session, listening: Listening) -> tuple[tuple[Transport, ...]
         transports.append(GamepadTargets(settings.gamepad, find))
         inputs.append(GamepadStops(settings.gamepad, find))
     return tuple(transports), tuple(inputs)
+
+
+def _check_types(types: tuple[str, ...]) -> None:
+    unknown = [one for one in types if one not in KINDS]
+    if unknown:
+        raise ConfigError(f"gateway.ros2_types: {', '.join(unknown)}: expected any of {', '.join(KINDS)}")
 
 
 def robot_name(name: str) -> str:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import asyncio
 import html
+import itertools
 import json
 import math
 from collections.abc import Awaitable, Callable
@@ -73,6 +74,7 @@ class Connections:
     ) -> None:
         self.desk, self.status, self.wake, self.pages = desk, status, wake, pages
         self._open: dict[int, asyncio.Queue[str | bytes]] = {}
+        self._numbers = itertools.count()
 
     def tell(self, text: str) -> None:
         """Send a text to all; one whose answers pile up does not get it."""
@@ -90,7 +92,7 @@ class Connections:
         await socket.accept()
         queue: asyncio.Queue[str | bytes] = asyncio.Queue(settings.most_unread)
         full = asyncio.Event()
-        key = id(socket)
+        key = next(self._numbers)  # never one that another connection has had
         self._open[key] = queue
 
         def reply(answer: Answer) -> None:
@@ -120,6 +122,7 @@ class Connections:
             pass  # closed by the other side, or cut
         finally:
             del self._open[key]
+            self.desk.forget(key)
             if self.pages is not None:
                 self.pages.remove(queue)
             for task in tasks:

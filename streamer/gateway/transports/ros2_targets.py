@@ -6,7 +6,7 @@ import json
 import queue
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from flexmotion.configs.robot import Robot
 from flexmotion.streamer.gateway.hub import Hub
-from flexmotion.streamer.gateway.messages import Answer, encode
+from flexmotion.streamer.gateway.messages import KINDS, Answer, MessageError, encode
 from flexmotion.streamer.gateway.transports.ros2_messages import (
     IMU,
     JOINT_STATE,
@@ -32,6 +32,11 @@ if TYPE_CHECKING:
 SOURCE = "ros2"
 FRAME = "torso"
 """Of the IMU: x forward, y left, z up."""
+_NO_STAMP = (
+    "header.stamp is 0, which means that it is not set, so nobody knows how old this velocity is: "
+    "set the stamp, or publish a Twist on cmd_vel_unstamped"
+)
+_LONGEST_REASON = 200
 
 
 class Ros2Targets:
@@ -42,12 +47,13 @@ class Ros2Targets:
         robot: of the run.
         ratio: length of the human's leg over the robot's: a velocity is the robot's in ROS 2, the human's in a message.
         rate_hz: joint states and IMU a second.
+        types: of messages that are taken.
     """
 
     name = SOURCE
 
-    def __init__(self, link: Ros2Link, robot: Robot, ratio: float, rate_hz: float) -> None:
-        self.link, self.robot, self.ratio, self.rate_hz = link, robot, ratio, rate_hz
+    def __init__(self, link: Ros2Link, robot: Robot, ratio: float, rate_hz: float, types: Collection[str]) -> None:
+        self.link, self.robot, self.ratio, self.rate_hz, self.types = link, robot, ratio, rate_hz, frozenset(types)
 
     def begin(self, hub: Hub) -> Callable[[], None]:
         """See `Transport.begin`."""
@@ -93,15 +99,24 @@ class _Desk:
     def _taker(self, topic: str, kind: str, content: Callable[[Any], Any]) -> Callable[[bytes], None]:
         def take(data: bytes) -> None:
             try:
+                asked = content(self._messages.decode(kind, data))
                 # One source: words and velocities of one network do not take the lease from each other.
-                message = json.dumps({**content(self._messages.decode(kind, data)), "source": SOURCE})
+                message = json.dumps({**asked, "source": SOURCE})
             except (ValueError, TypeError, RecursionError) as error:
-                self.hub.reject("not valid")
-                self._reply(Answer(source=SOURCE, state="refused", reason=str(error)[:200]))
+                self._refuse("not valid", str(error)[:_LONGEST_REASON])
+                return
+            word = asked.get("type")
+            if isinstance(word, str) and word in KINDS and word not in self.transport.types:
+                self._refuse("not over ROS 2", _not_taken(word, self.transport.types), asked)
                 return
             self.hub.receive(message.encode(), self._reply, (SOURCE, topic))
 
         return take
+
+    def _refuse(self, why: str, reason: str, asked: dict[str, Any] | None = None) -> None:
+        """Count and answer a message that does not get to the desk."""
+        self.hub.reject(why)
+        self._reply(MessageError(reason, {**(asked or {}), "source": SOURCE}).answer)
 
     def _velocity(self, twist: Any) -> dict[str, Any]:
         ratio = self.transport.ratio
@@ -109,6 +124,8 @@ class _Desk:
 
     def _stamped(self, message: Any) -> dict[str, Any]:
         stamp = message.header.stamp
+        if not stamp.sec and not stamp.nanosec:
+            raise ValueError(_NO_STAMP)
         return {**self._velocity(message.twist), "stamp_s": stamp.sec + 1e-9 * stamp.nanosec}
 
     def _reply(self, answer: Answer) -> None:
@@ -146,6 +163,13 @@ class _Desk:
                     imu(self._messages.imu(stamp_ns, FRAME, _orientation(row), row.gyro, row.accel))
             except zenoh.ZError:
                 self.hub.reject("not delivered")
+
+
+def _not_taken(asked: str, types: Collection[str]) -> str:
+    return (
+        f"{asked}: not taken over ROS 2, where nobody proves who they are; taken are {', '.join(sorted(types))} "
+        "(gateway.ros2_types in the stream settings); use the page, `flexmotion send` or zenoh with a token"
+    )
 
 
 def _known(values: Any) -> Any:

@@ -85,6 +85,11 @@ def payload(message: Any) -> bytes:
     return b"" if message.payload is None else bytes(message.payload.to_bytes())
 
 
+def attached(message: Any) -> bytes:
+    """The bytes of a message's attachment; none: b""."""
+    return b"" if message.attachment is None else bytes(message.attachment.to_bytes())
+
+
 def direct(take: Callable[[Any], None]) -> Any:
     """A handler that is called in zenoh's own thread: a function that waits makes the sender wait."""
     from zenoh import handlers

@@ -71,7 +71,8 @@ class ZenohStops:
         asked: Request,
         reply: Callable[[dict[str, Any]], None],
     ) -> None:
-        if asked is Request.STOP or self.link.admits(message):
+        refusal = None if asked is Request.STOP else self.link.refusal(message, at_any_time=True)
+        if refusal is None:
             presses.press(asked, "zenoh", reply)
         else:
-            reply(told(asked, "refused", reason="expected the run's token as the attachment"))
+            reply(told(asked, "refused", reason=refusal.reason))

@@ -15,16 +15,16 @@ from typing import TYPE_CHECKING, Any
 
 from flexmotion.streamer.gateway.hub import Hub
 from flexmotion.streamer.gateway.messages import Answer, encode
+from flexmotion.streamer.gateway.proofs import session_of
 from flexmotion.streamer.gateway.status import Status
 from flexmotion.streamer.gateway.transports.zenoh_link import ZenohLink
-from flexmotion.streamer.gateway.transports.zenoh_session import direct, keep_open, payload
+from flexmotion.streamer.gateway.transports.zenoh_session import attached, direct, keep_open, payload
 
 if TYPE_CHECKING:
     import zenoh
 
 _STATUS_S = 0.1
 """Time between two publications of the status, while somebody reads it [s]."""
-_NO_TOKEN = "expected the run's token as the attachment"
 
 
 class ZenohTargets:
@@ -105,9 +105,10 @@ class _Desk:
         self._take(query, operator, reply)
 
     def _tell(self, query: zenoh.Query) -> None:
-        if not self.link.admits(query):
-            self.hub.reject("token")
-            _reply(query, encode(Answer(state="refused", reason=_NO_TOKEN)))
+        refusal = self.link.refusal(query)
+        if refusal is not None:
+            self.hub.reject(refusal.why)
+            self._later(lambda: _reply(query, encode(Answer(state="refused", reason=refusal.reason))))
             return
 
         def reply(status: Status) -> None:
@@ -116,11 +117,14 @@ class _Desk:
         self.hub.ask_status(reply)
 
     def _take(self, message: zenoh.Sample | zenoh.Query, operator: str, reply: Callable[[Answer], None]) -> None:
-        if self.link.admits(message):
-            self.hub.receive(_of(payload(message), operator), reply, ("zenoh", operator))
+        refusal = self.link.refusal(message)
+        if refusal is None:
+            # A program that is started again numbers its messages anew, and so does each proof's session.
+            sender = ("zenoh", operator, session_of(attached(message)))
+            self.hub.receive(_of(payload(message), operator), reply, sender)
         else:
-            self.hub.reject("token")
-            reply(Answer(state="refused", reason=_NO_TOKEN))
+            self.hub.reject(refusal.why)
+            reply(Answer(state="refused", reason=refusal.reason))
 
     def _later(self, what: Callable[[], None]) -> None:
         try:

@@ -130,6 +130,21 @@ def test_sequence_numbers_ascend_within_a_connection(make_office: Make) -> None:
     office.ask('{"type":"hold","sequence":4}')
     assert office.states == ["refused", "refused"] and "sequence 5 does not come after" in office.told[0].reason
     office.ask('{"type":"hold","sequence":0}', sender="another connection")
+    office.desk.forget("a")
+    office.ask('{"type":"hold","sequence":0}')
+    assert len(office.told) == 2
+
+
+def test_numbers_begin_anew_after_a_silence(make_office: Make) -> None:
+    """A program that sends by POST was refused for ever once it had been started again."""
+    office = make_office(lease_s=0.05)
+    office.ask('{"type":"hold","sequence":5}')
+    office.ask('{"type":"hold","sequence":4}')
+    assert office.states[:1] == ["refused"]
+    before = len(office.told)
+    time.sleep(0.1)
+    office.ask('{"type":"hold","sequence":1}')
+    assert "refused" not in office.states[before:]
     assert len(office.run.arrived()) == 2
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import socket
 import threading
@@ -22,12 +23,13 @@ from flexmotion.streamer.gateway.async_client import AsyncClient
 from flexmotion.streamer.gateway.client import Client
 from flexmotion.streamer.gateway.messages import KINDS, MessageError
 from flexmotion.streamer.gateway.ports import any_free
+from flexmotion.streamer.gateway.server import Connections
 from flexmotion.streamer.gateway.service import GatewayService
 from flexmotion.streamer.motion.intents import Text, Velocity
 from flexmotion.streamer.run.requests import Request
 
 from ...waiting import HANGING_S, wait_until
-from .conftest import Answering, Run
+from .conftest import Answering, Office, Run
 
 TOKEN = "correct horse battery"
 
@@ -83,6 +85,34 @@ def answered(client: ClientConnection) -> Any:
 
 def counts(port: int, **headers: str) -> dict[str, int]:
     return dict(http(port, "GET", "/status", **headers)[1]["counts"])
+
+
+class _Socket:
+    """A connection that sends one message and closes."""
+
+    open = False
+
+    async def accept(self) -> None: ...
+
+    async def receive(self) -> dict[str, str]:
+        self.open = not self.open
+        return (
+            {"type": "websocket.receive", "text": '{"type":"hold","sequence":1}'}
+            if self.open
+            else {"type": "websocket.disconnect"}
+        )
+
+    async def send_text(self, text: str) -> None: ...
+
+
+def test_each_connection_numbers_its_messages_anew(make_office: Callable[..., Office]) -> None:
+    """A new connection was refused as old: it was known by its address in memory, which a closed one had had."""
+    desk = make_office().desk
+    connections = Connections(desk, lambda: None, lambda: None)  # type: ignore[arg-type, return-value]
+    socket = _Socket()  # the same one twice: the second has the address of the first
+    for _ in range(2):
+        asyncio.run(connections.serve(socket, 0.0))  # type: ignore[arg-type]
+    assert desk.counts["received"] == 2 and desk.counts["refused"] == 0
 
 
 def test_a_message_over_each_way_is_answered(begin: Begin, answering: Callable[..., Answering]) -> None:

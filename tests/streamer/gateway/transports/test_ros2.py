@@ -17,6 +17,10 @@ from scipy.spatial.transform import Rotation
 
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.robot import Robot
+from flexmotion.configs.stream import Gateway, load_stream
+from flexmotion.drivers.registry import create
+from flexmotion.importers.default_clip import default_clip
+from flexmotion.streamer.gateway.listening import Listening, listen
 from flexmotion.streamer.gateway.ports import any_free
 from flexmotion.streamer.gateway.transports.ros2_messages import (
     DEFINITIONS,
@@ -32,7 +36,9 @@ from flexmotion.streamer.gateway.transports.ros2_node import Ros2Link, Ros2Node,
 from flexmotion.streamer.gateway.transports.ros2_stops import Ros2Stops
 from flexmotion.streamer.gateway.transports.ros2_targets import Ros2Targets
 from flexmotion.streamer.motion.intents import Stop, Text, Velocity
+from flexmotion.streamer.motion.sources import ClipSource
 from flexmotion.streamer.run.requests import Request
+from flexmotion.streamer.run.session import Session
 
 from ....waiting import wait_until
 from ..conftest import Run
@@ -71,9 +77,16 @@ class Peer:
 class Network:
     """A run, a router and a peer."""
 
-    def __init__(self, serve: Serve, sessions: ExitStack, op3: Robot, start_router: StartRouter) -> None:
+    def __init__(
+        self,
+        serve: Serve,
+        sessions: ExitStack,
+        op3: Robot,
+        start_router: StartRouter,
+        types: tuple[str, ...] = Gateway().ros2_types,
+    ) -> None:
         self.link = Ros2Link("op3", any_free(), 3)
-        self.served: Served = serve((Ros2Targets(self.link, op3, RATIO, 100.0),), (Ros2Stops(self.link),))
+        self.served: Served = serve((Ros2Targets(self.link, op3, RATIO, 100.0, types),), (Ros2Stops(self.link),))
         self.router = start_router(self.link.router)
         self.peer = Peer(sessions.enter_context(open_session([self.link.router])), self.link)
         self.wait()
@@ -107,7 +120,7 @@ def test_words_velocities_and_any_message_are_answered(network: Network) -> None
     for topic, kind, data, asked in (
         ("text", STRING, messages.string("wave"), Text("wave")),
         ("cmd_vel_unstamped", TWIST, messages.twist((0.1, -0.05, 0.0), (0.0, 0.0, 0.5)), Velocity(0.4, -0.2, 0.5)),
-        ("targets", STRING, messages.string('{"type":"hold","id":"7"}'), Stop()),
+        ("targets", STRING, messages.string('{"type":"velocity","velocity":[0,0,0],"id":"7"}'), Stop()),
     ):
         before = len(network.served.loop.seen)
         network.peer.send(topic, kind, data)
@@ -126,13 +139,59 @@ def test_a_stale_stamp_is_refused_and_counted(network: Network) -> None:
         message = network.peer.messages.twist_stamped(stamp_ns, (0.1, 0.0, 0.0), (0.0, 0.0, 0.0))
         network.peer.send("cmd_vel", TWIST_STAMPED, message)
 
-    for number, stamp_ns in enumerate((time.time_ns() - 2_000_000_000, 0, time.time_ns() + 60_000_000_000)):
+    for number, stamp_ns in enumerate((time.time_ns() - 2_000_000_000, 1, time.time_ns() + 60_000_000_000)):
         send(stamp_ns)
         wait_until(lambda number=number: len(answers) > number, "the refusal")
     assert [json.loads(answer.data)["state"] for answer in answers] == ["expired", "expired", "refused"]
     assert network.served.loop.seen == []
     send(time.time_ns() + 500_000_000)
     wait_until(lambda: network.served.loop.seen, "the velocity")
+
+
+def test_a_stamp_that_is_not_set_is_refused_for_that_reason(network: Network) -> None:
+    """It always expired, "sent 1792000000 s ago": ROS 2 has 0 for a stamp that nobody has set."""
+    answers = network.peer.heard("answers", STRING)
+    message = network.peer.messages.twist_stamped(0, (0.1, 0.0, 0.0), (0.0, 0.0, 0.0))
+    network.peer.send("cmd_vel", TWIST_STAMPED, message)
+    wait_until(lambda: answers, "the refusal")
+    told = json.loads(answers[0].data)
+    assert told["state"] == "refused" and "header.stamp is 0, which means that it is not set" in told["reason"]
+    assert network.served.loop.seen == []
+
+
+def test_who_cannot_prove_who_they_are_may_steer_and_stop_and_nothing_else(network: Network) -> None:
+    """Any node of the network armed the robot, released a STOP, and cut the torque."""
+    answers = network.peer.heard("answers", STRING)
+    kill = {"type": "kill", "confirm": "the robot will fall"}
+    refused = [{"type": "arm"}, {"type": "clear"}, kill, {"type": "take"}, {"type": "disarm", "id": "7"}]
+    for number, content in enumerate(refused):
+        network.peer.send("targets", STRING, network.peer.messages.string(json.dumps(content)))
+        wait_until(lambda number=number: len(answers) > number, "the refusal")
+    told = [json.loads(answer.data) for answer in answers]
+    assert [(one["asked"], one["state"]) for one in told] == [(one["type"], "refused") for one in refused]
+    assert (
+        told[-1]["id"] == "7" and "disarm: not taken over ROS 2, where nobody proves who they are" in told[-1]["reason"]
+    )
+    assert network.served.loop.requested == []
+    network.peer.send("targets", STRING, network.peer.messages.string('{"type":"stop"}'))
+    wait_until(lambda: network.served.loop.requested == [Request.STOP], "STOP")
+
+
+def test_the_settings_say_what_is_taken(serve: Serve, op3: Robot, start_router: StartRouter) -> None:
+    with ExitStack() as sessions:
+        network = Network(serve, sessions, op3, start_router, ("clear",))
+        network.peer.send("targets", STRING, network.peer.messages.string('{"type":"clear"}'))
+        wait_until(lambda: network.served.loop.requested == [Request.CLEAR], "CLEAR")
+    session = open_session_for(op3)
+    with pytest.raises(ConfigError, match=r"gateway\.ros2_types: dance: expected any of text, "):
+        listen(session, Listening(network=False, ros2=True))
+
+
+def open_session_for(op3: Robot) -> Session:
+    settings = load_stream()
+    gateway = settings.gateway.model_copy(update={"ros2_types": ("dance",)})
+    changed = settings.model_copy(update={"gateway": gateway})
+    return Session(op3, create("sim", op3, seed=0), ClipSource(default_clip()[225:330]), changed, clock="real")
 
 
 def test_what_is_no_message_is_refused_and_the_next_one_read(network: Network) -> None:

@@ -14,6 +14,7 @@ from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.stream import Gateway
 from flexmotion.streamer.gateway.messages import KINDS
 from flexmotion.streamer.gateway.ports import any_free
+from flexmotion.streamer.gateway.proofs import Prover
 from flexmotion.streamer.gateway.transports.zenoh_link import zenoh_links
 from flexmotion.streamer.gateway.transports.zenoh_stops import ZenohStops
 from flexmotion.streamer.gateway.transports.zenoh_targets import ZenohTargets
@@ -48,25 +49,25 @@ class Client:
     """An operator."""
 
     def __init__(self, session: Any, token: str | None) -> None:
-        self.session, self.token = session, token
+        self.session = session
+        self.prover = None if token is None else Prover(token)
 
     def alive(self) -> set[str]:
         found = self.session.liveliness().get("flexmotion/op3/alive/*", timeout=1.0)
         return {str(reply.ok.key_expr).rpartition("/")[2] for reply in found if reply.ok is not None}
 
     def ask(self, key: str, content: Any = None) -> Any:
-        data = content if isinstance(content, bytes) else json.dumps(content).encode()
-        replies = list(
-            self.session.get(f"flexmotion/op3/{key}", payload=data, attachment=self.token, timeout=HANGING_S)
-        )
+        key, data = f"flexmotion/op3/{key}", content if isinstance(content, bytes) else json.dumps(content).encode()
+        replies = list(self.session.get(key, payload=data, attachment=self.proof(key, data), timeout=HANGING_S))
         assert len(replies) == 1, "expected one reply"
         return json.loads(replies[0].ok.payload.to_bytes())
 
     def put(self, key: str, content: Any) -> None:
-        data = content if isinstance(content, bytes) else json.dumps(content).encode()
-        self.session.put(
-            f"flexmotion/op3/{key}", data, attachment=self.token, congestion_control=zenoh.CongestionControl.BLOCK
-        )
+        key, data = f"flexmotion/op3/{key}", content if isinstance(content, bytes) else json.dumps(content).encode()
+        self.session.put(key, data, attachment=self.proof(key, data), congestion_control=zenoh.CongestionControl.BLOCK)
+
+    def proof(self, key: str, data: bytes) -> str | None:
+        return None if self.prover is None else self.prover.prove(key, data)
 
     def answers(self, operator: str) -> list[Any]:
         found: list[Any] = []
@@ -172,11 +173,55 @@ def test_without_the_token_a_stop_is_taken_and_nothing_else(serve: Serve, sessio
     assert client.ask("estop")["state"] == "accepted"
 
 
+def test_who_reads_a_message_on_the_router_cannot_send_it_again(
+    serve: Serve, sessions: ExitStack, start_router: Callable[[str], subprocess.Popen[str]]
+) -> None:
+    """The token was the attachment of each message: every subscriber of the router read it, and could steer."""
+    endpoint = f"tcp/127.0.0.1:{any_free()}"
+    start_router(endpoint)
+    network = Network(serve, TOKEN, endpoint)
+    client, listener = network.client(sessions, router=endpoint, token=TOKEN), open_session([endpoint])
+    sessions.enter_context(listener)
+    read: list[Any] = []
+    listener.declare_subscriber("flexmotion/**", read.append)
+    message = {"type": "text", "text": "wave", "id": "1"}
+    wait_until(lambda: client.put("targets/alice", message) or read, "the listener to read along", every_s=0.2)
+    wait_until(lambda: network.served.loop.seen, "the words to arrive")
+    client.put("estop", b"")
+    wait_until(lambda: any(str(one.key_expr).endswith("/estop") for one in read), "the emergency stop to be read")
+    wait_until(lambda: network.served.loop.requested == [Request.ESTOP], "the emergency stop")
+    sent = [one for one in read if one.attachment is not None]
+    assert sent and not any(TOKEN.encode() in one.attachment.to_bytes() for one in sent)
+    before = len(network.served.loop.seen)
+    answers = client.answers("*")
+    wait_until(lambda: client.ask("targets/alice", {"type": "take"}) and True, "the subscriber to be known")
+    for one in sent:
+        key, data, proof = str(one.key_expr), one.payload.to_bytes(), one.attachment.to_bytes()
+        listener.put(key, data, attachment=proof)
+        if "targets" in key:
+            listener.put(key, json.dumps({"type": "clear"}), attachment=proof)
+            listener.put(key.replace("alice", "mallory"), data, attachment=proof)
+    expected = 3 * sum("targets" in str(one.key_expr) for one in sent) + 1
+    wait_until(lambda: len(answers) >= expected, "all to be refused")
+    assert {answer["state"] for answer in answers} == {"refused"}
+    assert len(network.served.loop.seen) == before and network.served.loop.requested == [Request.ESTOP]
+
+
+def test_a_program_that_is_started_again_numbers_its_messages_anew(serve: Serve, sessions: ExitStack) -> None:
+    """Its messages were refused as old: the numbers of the program before it were remembered by the operator's name."""
+    network = Network(serve, TOKEN)
+    for _ in range(2):
+        client = network.client(sessions, token=TOKEN)
+        for number in (1, 2):
+            message = {"type": "text", "text": "wave", "sequence": number}
+            assert client.ask("targets/alice", message)["state"] == "accepted"
+
+
 def test_a_router_that_is_killed_and_comes_back_is_used_again(
     serve: Serve, sessions: ExitStack, start_router: Callable[[str], subprocess.Popen[str]]
 ) -> None:
     endpoint = f"tcp/127.0.0.1:{any_free()}"
-    network = Network(serve, router=endpoint)  # it waits for its router
+    network = Network(serve, router=endpoint, zenoh_open_router=True)  # it waits for its router
     router = start_router(endpoint)
     client = network.client(sessions, router=endpoint)
     assert client.ask("targets/alice", {"type": "text", "text": "wave"})["state"] == "accepted"
@@ -192,12 +237,18 @@ def test_a_router_that_is_killed_and_comes_back_is_used_again(
     assert client.ask("estop")["state"] == "accepted"
 
 
-def test_nobody_is_listened_to_beyond_this_machine_without_a_token() -> None:
+def test_nobody_is_listened_to_and_no_router_is_used_without_a_token() -> None:
+    """A router on this machine asked for no token, and listened to a whole network."""
     settings = Gateway(zenoh_port=any_free(), zenoh_stop_port=any_free())
     with pytest.raises(ConfigError, match="needs a token"):
         zenoh_links("op3", "0.0.0.0", None, settings)
-    with pytest.raises(ConfigError, match=r"192\.168\.0\.10 is another machine"):
-        zenoh_links("op3", "127.0.0.1", None, settings, "tcp/192.168.0.10:7447")
+    for router in ("tcp/192.168.0.10:7447", "tcp/127.0.0.1:7447"):
+        with pytest.raises(
+            ConfigError, match="whoever reaches this router could steer the robot: set FLEXMOTION_TOKEN"
+        ):
+            zenoh_links("op3", "127.0.0.1", None, settings, router)
+        chosen = settings.model_copy(update={"zenoh_open_router": True})
+        assert zenoh_links("op3", "127.0.0.1", None, chosen, router)[0].connect[0] == router
     with pytest.raises(ConfigError, match="expected PROTOCOL/HOST:PORT"):
         zenoh_links("op3", "127.0.0.1", None, settings, "192.168.0.10")
     zenoh_links("op3", "127.0.0.1", TOKEN, settings, "tcp/[fe80::1]:7447")
