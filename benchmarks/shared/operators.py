@@ -31,6 +31,8 @@ from flexmotion.streamer.gateway.listening import Listening
 from flexmotion.streamer.gateway.ports import any_free
 from flexmotion.streamer.gateway.transports.ros2_messages import EMPTY, STRING, Ros2Messages
 from flexmotion.streamer.gateway.transports.ros2_node import Ros2Link, Ros2Node
+from flexmotion.streamer.gateway.ways import Way
+from flexmotion.streamer.run.requests import RequestChannel
 
 _PATIENCE_S = 120.0
 _ROS2_TYPES = (*Gateway().ros2_types, "take")
@@ -197,7 +199,7 @@ class OverRos2(Operator):
         link, self._messages = Ros2Link("op3", place.gateway.ros2_port, 0), Ros2Messages()
         stack.enter_context(session("router", [], [link.router]))
         own = stack.enter_context(session("client", [link.router]))
-        self._node = Ros2Node(link, own, _NAME, self._messages)
+        self._node = Ros2Node(link, own, _NAME, self._messages, Way(_NAME, RequestChannel()))
         ends = ("flexmotion/%op3%cmd_vel_unstamped", "flexmotion_stops/%op3%estop")
         alive = own.liveliness()
         _wait(lambda: all(list(alive.get(f"@ros2_lv/**/{end}/**")) for end in ends), "the run in ROS 2")

@@ -32,12 +32,14 @@ class EmulatedPad:
 
     Attributes:
         pressed, axes: buttons that are held, and values of the axes: what a reader that opens it is told.
+        looked: readers of this process that have asked for that; what is moved before counts as held from the start.
     """
 
     def __init__(self, axes: dict[int, tuple[int, int]] | None = None) -> None:
         self.ranges = AXES if axes is None else axes
         self.axes = {axis: (low + high + 1) // 2 for axis, (low, high) in self.ranges.items()}
         self.pressed: set[int] = set()
+        self.looked: set[int] = set()
         self.folder = tempfile.TemporaryDirectory()
         self.path = os.path.join(self.folder.name, "pad")
         self._readers: list[socket.socket] = []
@@ -59,6 +61,7 @@ class EmulatedPad:
         for reader in self._readers:
             reader.close()
         self._readers.clear()
+        self.looked.clear()
 
     def close(self) -> None:
         """Pull it out for ever."""
@@ -135,6 +138,7 @@ class _Reader(InputDevice):
         return AbsInfo(self._pad.axes[axis_num], low, high, 0, 0, 0)
 
     def active_keys(self, verbose: bool = False) -> list[int]:
+        self._pad.looked.add(self.fd)
         return sorted(self._pad.pressed)
 
     def capabilities(self, verbose: bool = False, absinfo: bool = True) -> dict[Any, Any]:

@@ -13,6 +13,7 @@ from flexmotion.streamer.control.tick_row import TickRow
 from flexmotion.streamer.gateway.asked import Reply
 from flexmotion.streamer.gateway.desk import Desk
 from flexmotion.streamer.gateway.status import Status
+from flexmotion.streamer.gateway.ways import Way
 
 _MOST_WAITING = 256
 """Messages that the desk has not looked at; a thread with a further one waits."""
@@ -74,6 +75,11 @@ class Transport(Protocol):
 
     name: str
 
-    def begin(self, hub: Hub) -> Callable[[], None]:
-        """Take messages from now on; returns what ends it. Runs in the gateway's process, and must not wait."""
+    def begin(self, hub: Hub, way: Way) -> Callable[[], None]:
+        """Take messages from now on; returns what ends it. Runs in the gateway's process, and must not wait.
+
+        Args:
+            hub: of the gateway.
+            way: is told whether messages can come.
+        """
         ...

@@ -10,6 +10,7 @@ from collections.abc import Callable
 
 from flexmotion.streamer.gateway.desk import Desk
 from flexmotion.streamer.gateway.messages import Answer, encode
+from flexmotion.streamer.gateway.ways import Way
 
 
 class Lines:
@@ -18,16 +19,23 @@ class Lines:
     Args:
         source, sink: file descriptors to read from and to write to.
         wake: called after a message has come in.
+        way: is told where the input cannot be read any more.
     """
 
-    def __init__(self, source: int, sink: int, desk: Desk, wake: Callable[[], None]) -> None:
-        self.desk, self._wake = desk, wake
+    def __init__(self, source: int, sink: int, desk: Desk, wake: Callable[[], None], way: Way) -> None:
+        self.desk, self._wake, self.way = desk, wake, way
         self._loop = asyncio.get_running_loop()
         self._told: queue.Queue[Answer] = queue.Queue(desk.settings.most_unread)
         threading.Thread(target=self._read, args=(source,), name="lines-in", daemon=True).start()
         threading.Thread(target=self._write, args=(sink,), name="lines-out", daemon=True).start()
 
     def _read(self, source: int) -> None:
+        try:
+            self._read_lines(source)
+        except Exception as error:  # such as a terminal that hangs up
+            self.way.fails(f"cannot be read any more: {type(error).__name__}: {error}")
+
+    def _read_lines(self, source: int) -> None:
         most = self.desk.settings.most_bytes
         with os.fdopen(source, "rb") as lines:
             while line := lines.readline(most + 2):

@@ -98,6 +98,7 @@ def listen(session: Session, listening: Listening) -> None:
         transports=transports,
         feed=partial(_feed, session) if listening.network else None,
         pace=session.source.pace if isinstance(session.source, ModelSource) else None,
+        stops=stops[0].health if stops else None,
     )
     session.services += (*stops, gateway)
 

@@ -17,6 +17,7 @@ from prometheus_client.registry import Collector
 
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.gateway.desk import Desk
+from flexmotion.streamer.gateway.health import WORKS, Health
 
 METRICS_TYPE = "text/plain; version=0.0.4; charset=utf-8"
 
@@ -28,10 +29,14 @@ class RunCollector(Collector):
         desk: of the run.
         robot, driver: their names.
         joints: the robot's joints, in the order of the rows.
+        health: of the ways to the run; None: it has none beside HTTP.
     """
 
-    def __init__(self, desk: Desk, robot: str, driver: str, joints: tuple[str, ...]) -> None:
+    def __init__(
+        self, desk: Desk, robot: str, driver: str, joints: tuple[str, ...], health: Health | None = None
+    ) -> None:
         self.desk, self.robot, self.driver, self.joints = desk, robot, driver, joints
+        self.health = health or Health()
 
     def collect(self) -> Iterator[Metric]:
         """See `Collector`."""
@@ -78,12 +83,16 @@ class RunCollector(Collector):
         for state, number in sorted(self.desk.counts.items()):
             counts.add_metric([state], number)
         yield counts
+        ways = GaugeMetricFamily("flexmotion_way_works", "1 while targets or stops can come this way.", labels=["way"])
+        for way, state in self.health.problems().items():
+            _add(ways, way, float(state == WORKS))
+        yield ways
 
 
-def metrics_text(desk: Desk, robot: str, driver: str, joints: tuple[str, ...]) -> bytes:
+def metrics_text(desk: Desk, robot: str, driver: str, joints: tuple[str, ...], health: Health | None = None) -> bytes:
     """All metrics of the run, now."""
     registry = CollectorRegistry(auto_describe=False)
-    registry.register(RunCollector(desk, robot, driver, joints))
+    registry.register(RunCollector(desk, robot, driver, joints, health))
     return generate_latest(registry)
 
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from flexmotion.streamer.control.telemetry import Telemetry, events
+from flexmotion.streamer.gateway.ways import Way
 from flexmotion.streamer.run.requests import Request, RequestChannel
 
 LOOK_S = 0.001
@@ -84,7 +85,12 @@ class Presses:
             self._look()
 
     def _look(self) -> None:
-        for event in events(self._seen):
+        try:
+            new = events(self._seen)
+        except Exception:  # the next stop is sent, whatever becomes of the answer to this one
+            log.exception("what the loop has taken cannot be read")
+            new = []
+        for event in new:
             press = self._open.get(event.message) if event.kind == "request" else None
             if press is not None:
                 press.told = told(press.asked, "accepted", arrived_tick=press.arrived_tick, tick=event.tick)
@@ -126,6 +132,11 @@ class StopInput(Protocol):
 
     name: str
 
-    def begin(self, presses: Presses) -> Callable[[], None]:
-        """Take stops from now on; returns what ends it. Runs in the stop process, and must not wait."""
+    def begin(self, presses: Presses, way: Way) -> Callable[[], None]:
+        """Take stops from now on; returns what ends it. Runs in the stop process, and must not wait.
+
+        Args:
+            presses: of the stop process.
+            way: is told whether stops can come.
+        """
         ...

@@ -1,4 +1,4 @@
-"""`Prover` and `Proofs`: a message proves that its sender knows the run's token, without showing it.
+r"""`Prover` and `Proofs`: a message proves that its sender knows the run's token, without showing it.
 
 On a network where others read along (a zenoh router tells every subscriber), a token that travels with a message is
 everybody's. A proof is the text `1 SESSION NUMBER TIME MAC`, in ASCII, apart by one space:
@@ -7,7 +7,7 @@ everybody's. A proof is the text `1 SESSION NUMBER TIME MAC`, in ASCII, apart by
     NUMBER   counts the program's messages
     TIME     when it was sent, milliseconds since 1970
     MAC      HMAC-SHA256 (RFC 2104), in hexadecimal digits, with the token as its key, of the bytes of
-             "1 SESSION NUMBER TIME\\nKEY\\n" and the payload; KEY is the key expression that the message is sent to
+             "1 SESSION NUMBER TIME\nKEY\n" and the payload; KEY is the key expression that the message is sent to
 
 It holds for one message to one key, once, and for `FRESH_S`.
 """

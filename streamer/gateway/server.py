@@ -2,7 +2,7 @@
 
 `/targets` is a WebSocket: a message a frame in, an answer a frame out, `?status=HZ` adds the status so many times a
 second, `?page` pictures and figures for a page. `POST /targets` and `POST /TYPE` take one message and give its answer.
-`GET /` is the page, further `/status`, `/openapi.json`, `/docs`.
+`GET /` is the page, further `/status`, `/health`, `/metrics`, `/openapi.json`, `/docs`.
 """
 
 from __future__ import annotations
@@ -207,6 +207,13 @@ def build_app(
     async def get_status() -> Status:
         """The run now."""
         return status()
+
+    @app.get("/health")
+    async def get_health(response: Response) -> dict[str, Any]:
+        """Whether the loop ticks and every way to the run works; 503 where not."""
+        now = status()
+        response.status_code = 200 if now.well else 503
+        return {"ok": now.well, "loop": now.loop, "ways": now.ways}
 
     if metrics is not None:
         text = metrics

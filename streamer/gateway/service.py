@@ -16,8 +16,10 @@ from flexmotion.configs.robot import Robot
 from flexmotion.configs.stream import Gateway
 from flexmotion.streamer.control.telemetry import Telemetry
 from flexmotion.streamer.gateway.admission import Admission
+from flexmotion.streamer.gateway.health import Health
 from flexmotion.streamer.gateway.hub import Hub, Transport
 from flexmotion.streamer.gateway.ports import bound, check_free
+from flexmotion.streamer.gateway.ways import Way, began, ended
 from flexmotion.streamer.motion.heard import HeardChannel
 from flexmotion.streamer.motion.targets import TargetMailbox
 from flexmotion.streamer.run.requests import RequestChannel
@@ -51,10 +53,13 @@ class GatewayService:
         transports: other ways for messages, such as zenoh.
         feed: makes the feed of its page, given who sent a target; None: it has no page.
         pace: of a human that the robot keeps up with; None: not known.
+        stops: health of the stop process, for the status; None: the run has none.
 
     Attributes:
         name: of its process.
         requests: its channel to the loop.
+        ways: whether messages can come over the transports.
+        health: of the ways to the run.
         url: of its page.
 
     Raises:
@@ -80,6 +85,7 @@ class GatewayService:
         transports: tuple[Transport, ...] = (),
         feed: Callable[[Callable[[int], str | None]], Feed] | None = None,
         pace: Pace | None = None,
+        stops: Health | None = None,
     ) -> None:
         self.robot, self.driver, self.takes_targets = robot, driver, takes_targets
         self.feed, self.pace = feed, pace
@@ -90,6 +96,9 @@ class GatewayService:
             check_free(admission.address, self.port, "--web-port")
         self.targets = targets.sender()
         self.requests = RequestChannel()
+        names = [*(one.name for one in transports), *(["standard input"] if lines is not None else [])]
+        self.ways = tuple(Way(f"targets over {name}", self.requests) for name in names)
+        self.health = Health(self.ways) if stops is None else Health((*self.ways, *stops.ways), stops.alive)
 
     @property
     def url(self) -> str | None:
@@ -175,13 +184,17 @@ class _Server:
 
         def status() -> Status:
             robot = service.robot
-            return status_of(desk, robot.name, service.driver, robot.rate_hz, service.stop_port)
+            return status_of(desk, robot.name, service.driver, robot.rate_hz, service.stop_port, service.health)
 
         pump: asyncio.Task[Any] = asyncio.create_task(_pump(desk, woken))
         serving: asyncio.Task[Any]
         if service.lines is not None:
-            Lines(*service.lines, desk, woken.set)
-        ends = _begin(service.transports, Hub(desk, status, woken.set))
+            Lines(*service.lines, desk, woken.set, service.ways[-1])
+        hub = Hub(desk, status, woken.set)
+        transports = [
+            asyncio.create_task(began(partial(one.begin, hub, way), way))
+            for one, way in zip(service.transports, service.ways, strict=False)
+        ]
         pages = drawing = None
         if service.admission is None:
             serving = asyncio.create_task(self._closed.wait())
@@ -192,18 +205,18 @@ class _Server:
                     partial(page_robot, service.robot, service.driver, service.pace),
                 )
                 drawing = asyncio.create_task(pages.run())
-            metrics = partial(metrics_text, desk, service.robot.name, service.driver, service.robot.joint_names)
+            robot = service.robot
+            metrics = partial(metrics_text, desk, robot.name, service.driver, robot.joint_names, service.health)
             app, connections = build_app(desk, service.admission, status, woken.set, pages, metrics)
             everyone.append(connections)
             serving = asyncio.create_task(self._listen(app, service.admission))
         done, _ = await asyncio.wait([serving, pump], return_when=asyncio.FIRST_COMPLETED)
-        for end in ends:
-            end()
+        await ended(transports)
         for task in (serving, pump, drawing):
             if task is not None and task not in done:
                 task.cancel()
-        for ended in done:
-            ended.result()
+        for task in done:
+            task.result()
 
     async def _listen(self, app: Any, admission: Admission) -> None:
         import uvicorn
@@ -225,17 +238,6 @@ class _Server:
         self._server = uvicorn.Server(config)
         with bound(admission.address, self.service.port) as listening:
             await self._server.serve(sockets=[listening])
-
-
-def _begin(transports: tuple[Transport, ...], hub: Hub) -> list[Callable[[], None]]:
-    """Start the transports that can be started; returns what ends them."""
-    ends = []
-    for one in transports:
-        try:
-            ends.append(one.begin(hub))
-        except Exception:  # a library's; the other transports go on
-            log.exception("no targets come over %s", one.name)
-    return ends
 
 
 async def _pump(desk: Any, woken: asyncio.Event) -> None:

@@ -10,6 +10,7 @@ from pydantic import BaseModel, ConfigDict
 
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.gateway.desk import Desk
+from flexmotion.streamer.gateway.health import WORKS, Health
 
 _OLD_S = 0.5
 """A loop whose newest row is older does not run [s]."""
@@ -50,6 +51,7 @@ class Status(BaseModel):
         operator: who holds the lease.
         counts: of messages, by what became of them.
         stop_port: of the process that takes stops alone.
+        ways: of each way for targets and for stops beside HTTP: "works", or why it does not.
     """
 
     model_config = ConfigDict(extra="forbid")
@@ -74,12 +76,21 @@ class Status(BaseModel):
     operator: str | None = None
     counts: dict[str, int] = {}
     stop_port: int | None = None
+    ways: dict[str, str] = {}
+
+    @property
+    def well(self) -> bool:
+        """Whether the loop ticks and every way works."""
+        return self.loop == "ticks" and all(state == WORKS for state in self.ways.values())
 
 
-def status_of(desk: Desk, robot: str, driver: str, rate_hz: float, stop_port: int | None) -> Status:
+def status_of(
+    desk: Desk, robot: str, driver: str, rate_hz: float, stop_port: int | None, health: Health | None = None
+) -> Status:
     """The status from the loop's newest row and the gateway's own record."""
     known: dict[str, Any] = {"robot": robot, "driver": driver, "operator": desk.lease.holder, "stop_port": stop_port}
     known["counts"] = dict(sorted(desk.counts.items()))
+    known["ways"] = {} if health is None else health.problems()
     followed = desk.following
     if followed is not None:
         answer = followed.answer

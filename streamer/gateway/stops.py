@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import asyncio
 import json
-import logging
 import os
 import threading
 import time
@@ -23,8 +22,11 @@ from flexmotion.configs.stream import Gateway
 from flexmotion.drivers.realtime import priority
 from flexmotion.streamer.control.telemetry import Telemetry
 from flexmotion.streamer.gateway.admission import Admission
+from flexmotion.streamer.gateway.health import Health
 from flexmotion.streamer.gateway.ports import bound, check_free
 from flexmotion.streamer.gateway.presses import LOOK_S, Presses, StopInput, told
+from flexmotion.streamer.gateway.ways import Way, began, ended
+from flexmotion.streamer.run.planner_process import Heartbeat
 from flexmotion.streamer.run.requests import Request, RequestChannel
 
 _ASKS = {b"/stop": Request.STOP, b"/estop": Request.ESTOP}
@@ -36,8 +38,8 @@ _MOST_BYTES = 8192
 _MOST_CONNECTIONS = 100
 """Beyond these the oldest connection is closed: one that sends nothing keeps no other out."""
 _CLOSE_S, _LINGER_S = 1.0, 0.5
-
-log = logging.getLogger(__name__)
+_BEAT_S = 0.5
+"""Time between two signs of life [s]."""
 
 
 class StopService:
@@ -52,6 +54,9 @@ class StopService:
     Attributes:
         name: of its process.
         requests: its channel to the loop.
+        ways: whether stops can come over the inputs.
+        alive: beats while it takes stops.
+        health: both.
 
     Raises:
         ConfigError: the port is taken.
@@ -74,6 +79,9 @@ class StopService:
         if admission is not None:
             check_free(admission.address, self.port, "stop port of the gateway")
         self.requests = RequestChannel()
+        self.ways = tuple(Way(f"stops over {one.name}", self.requests) for one in inputs)
+        self.alive = Heartbeat()
+        self.health = Health(self.ways, self.alive)
         self._parent = os.getpid()
 
     def follow(self) -> Callable[[bool], None]:
@@ -124,24 +132,24 @@ class _Server:
         # Of this thread, which handles the stops: on a busy machine one waited 50 ms for other programs.
         priority.claim(priority.STOP_PRIORITY, allowed=self.service.realtime)
         # Threads that the inputs start inherit the priority.
-        ends = self._begin_inputs()
+        inputs = [
+            asyncio.create_task(began(partial(one.begin, self._presses, way), way))
+            for one, way in zip(self.service.inputs, self.service.ways, strict=True)
+        ]
+        beating = asyncio.create_task(self._beat())
         try:
             if self.service.admission is None:
                 await self._ended.wait()
             else:
                 await self._listen(self.service.admission)
         finally:
-            for end in ends:
-                end()
+            beating.cancel()
+            await ended(inputs)
 
-    def _begin_inputs(self) -> list[Callable[[], None]]:
-        ends = []
-        for one in self.service.inputs:
-            try:
-                ends.append(one.begin(self._presses))
-            except Exception:  # a library's; the other ways to stop go on
-                log.exception("stops do not come over %s", one.name)
-        return ends
+    async def _beat(self) -> None:
+        while True:
+            self.service.alive.beat()
+            await asyncio.sleep(_BEAT_S)
 
     async def _listen(self, admission: Admission) -> None:
         with bound(admission.address, self.service.port) as listening:

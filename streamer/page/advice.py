@@ -20,6 +20,8 @@ _ADVICE = (
     (r"no start", "The robot did not start; the message says what to mend. Nothing has moved."),
     (r"time limit", "The run was ended by its --seconds."),
     (r"planner", "The planner hangs or has ended. The robot stands by itself; start the run again."),
+    (r"^stops over", "The robot cannot be stopped this way now. Keep another at hand: this page, `flexmotion stop`."),
+    (r"^targets over", "No targets come this way now; it is started again by itself. The message says what to mend."),
     (r"feet are in the air", "The robot hangs: balance is off until its feet bear it."),
 )  # fmt: skip
 

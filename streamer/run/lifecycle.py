@@ -23,6 +23,13 @@ MARGIN_S = 30.0
 """Longest run beyond the source's length: standing up, stopping, parking [s]."""
 _AGAINST_A_START = (Request.STOP, Request.ESTOP, Request.KILL, Request.END)
 """If one of these arrives before the start, torque stays off."""
+_TOLD = {
+    Request.LOST: "fault",
+    Request.GIVEN_UP: "fault",
+    Request.WARNING: "warning",
+    Request.NOTE: "note",
+}
+"""Kinds of event of what is told to the run; all others are requests."""
 
 
 class Lifecycle:
@@ -56,6 +63,7 @@ class Lifecycle:
         self.quit = False
         self.robot_answers = True
         self.broken: str | None = None
+        self._given_up: str | None = None
         # It ticks; torque was to go on once, and went on.
         self._begun = self._started = self._was_on = self._ending = False
         self._start_tick = 0
@@ -83,8 +91,8 @@ class Lifecycle:
     def request(self, request: Request, reason: str = "") -> None:
         """Take a request; it acts on the next tick."""
         inputs = self.loop.inputs
-        if request not in (Request.LOST, Request.NOTE):
-            self._emit("request", request.name)
+        kind = _TOLD.get(request)
+        self._emit(*(("request", request.name) if kind is None else (kind, reason)))
         if not self._begun and request in _AGAINST_A_START:
             self._withheld = request
         if request is Request.STOP:
@@ -101,11 +109,11 @@ class Lifecycle:
             inputs.park = True
         elif request is Request.FAULT:
             self.broken = reason
-        elif request in (Request.LOST, Request.NOTE):
-            self._emit("fault" if request is Request.LOST else "note", reason)
+        elif request is Request.GIVEN_UP:
+            self._given_up = reason
         elif request is Request.QUIT:
             self.quit = True
-        elif not self._ending:
+        elif request is Request.END and not self._ending:
             self._ending = inputs.stop = True
 
     def _clear(self) -> None:
@@ -134,6 +142,9 @@ class Lifecycle:
             self._emit("refused", "ARM: the robot is not there yet")
         elif self.broken is not None:
             self._emit("refused", f"ARM: no plan can be made: {self.broken}; end the run and start it again")
+        elif self._given_up is not None:
+            # The robot would stand up for no target that it could ever follow.
+            self._emit("refused", f"ARM: there is no planner: {self._given_up}; end the run and start it again")
         elif ladder.state is State.FAULT:
             self._emit("refused", f"ARM: a fault is latched: {ladder.fault}; clear it first")
         elif ladder.state is not State.OFF:

@@ -84,10 +84,10 @@ class PlannerGuard:
     def _restart(self, failure: str) -> None:
         if not self._restarts:
             self._given_up = True
-            self._to_loop.send(Request.LOST, failure)
+            self._to_loop.send(Request.GIVEN_UP, failure)
         elif self._started > self._restarts:
             self._given_up = True
-            self._to_loop.send(Request.LOST, f"{failure}; it was started {self._restarts} times again, no more")
+            self._to_loop.send(Request.GIVEN_UP, f"{failure}; it was started {self._restarts} times again, no more")
         else:
             again = f"it is started again ({self._started} of {self._restarts}), the robot stands until a new target"
             self._to_loop.send(Request.LOST, f"{failure}; {again}")

@@ -19,8 +19,9 @@ class Request(IntEnum):
 
     STOP, ESTOP, KILL, CLEAR: as the ladder defines them. ARM: torque on, stand up. DISARM: a balanced stop, parking,
     torque off. END: the same, and the end of the run. FAULT: an orderly end for the cause in `reason`. LOST: there is
-    no planner; the plan that plays ends in its own stop, and `reason` is recorded as a fault. NOTE: `reason` is
-    recorded. QUIT: the end at once; the driver is closed.
+    no planner; the plan that plays ends in its own stop, and `reason` is recorded as a fault. GIVEN_UP: the same, and
+    there will be none: ARM is refused. WARNING, NOTE: `reason` is recorded. QUIT: the end at once; the driver is
+    closed.
     """
 
     STOP = 1
@@ -34,6 +35,8 @@ class Request(IntEnum):
     NOTE = 9
     ARM = 10
     DISARM = 11
+    WARNING = 12
+    GIVEN_UP = 13
 
 
 class RequestRow(Record):

@@ -17,9 +17,11 @@ from flexmotion.configs.gamepad import Gamepad
 from flexmotion.streamer.gateway.hub import Hub
 from flexmotion.streamer.gateway.messages import Answer, MessageError, decode
 from flexmotion.streamer.gateway.presses import Presses
+from flexmotion.streamer.gateway.transports.buttons import Buttons
 from flexmotion.streamer.gateway.transports.extras import need
 from flexmotion.streamer.gateway.transports.pads import ConnectedPads, Find, code, watch
 from flexmotion.streamer.gateway.transports.sticks import Sticks
+from flexmotion.streamer.gateway.ways import Way
 from flexmotion.streamer.run.requests import Request
 
 if TYPE_CHECKING:
@@ -69,9 +71,9 @@ class GamepadTargets:
     def __init__(self, settings: Gamepad, find: Find | None = None) -> None:
         self.settings, self.find = settings, find or ConnectedPads(settings.device)
 
-    def begin(self, hub: Hub) -> Callable[[], None]:
+    def begin(self, hub: Hub, way: Way) -> Callable[[], None]:
         """See `Transport.begin`."""
-        return watch(self.find, lambda device: _Steering(self.settings, device, hub), SOURCE)
+        return watch(self.find, lambda device: _Steering(self.settings, device, hub), way, SOURCE)
 
 
 class _Steering:
@@ -80,18 +82,17 @@ class _Steering:
     def __init__(self, settings: Gamepad, device: InputDevice, hub: Hub) -> None:
         self.hub, self._name = hub, str(device.name)
         self._messages = {code(name): content for name, content in settings.buttons.items()}
-        self._sticks = Sticks(settings, device)
+        self._sticks, self._buttons = Sticks(settings, device), Buttons(device)
         self._sent, self._sent_s = (0.0, 0.0, 0.0), 0.0
         self._numbers = itertools.count(1)
         self._told: str | None = None
         log.info("gamepad: %s is plugged in", self._name)
 
     def take(self, events: list[InputEvent]) -> None:
-        from evdev import ecodes
-
         for event in events:
-            if event.type == ecodes.EV_KEY and event.value == 1 and event.code in self._messages:
-                self._send(self._messages[event.code])
+            for button in self._buttons.pressed(event):
+                if button in self._messages:
+                    self._send(self._messages[button])
             self._sticks.take(event)
         # A stick that is released does not wait for the next round.
         if any(self._sticks.velocity) != any(self._sent):
@@ -132,28 +133,27 @@ class GamepadStops:
     def __init__(self, settings: Gamepad, find: Find | None = None) -> None:
         self.settings, self.find = settings, find or ConnectedPads(settings.device)
 
-    def begin(self, presses: Presses) -> Callable[[], None]:
+    def begin(self, presses: Presses, way: Way) -> Callable[[], None]:
         """See `StopInput.begin`."""
         stops = {
             code(name): _STOPS[content["type"]]
             for name, content in self.settings.buttons.items()
             if content.get("type") in _STOPS
         }
-        return watch(self.find, lambda _device: _Stopping(stops, presses), "gamepad-stops")
+        return watch(self.find, lambda device: _Stopping(stops, device, presses), way, "gamepad-stops")
 
 
 class _Stopping:
     """The buttons of one gamepad that stop."""
 
-    def __init__(self, stops: dict[int, Request], presses: Presses) -> None:
-        self._stops, self._presses = stops, presses
+    def __init__(self, stops: dict[int, Request], device: InputDevice, presses: Presses) -> None:
+        self._stops, self._presses, self._buttons = stops, presses, Buttons(device)
 
     def take(self, events: list[InputEvent]) -> None:
-        from evdev import ecodes
-
         for event in events:
-            if event.type == ecodes.EV_KEY and event.value == 1 and event.code in self._stops:
-                self._presses.press(self._stops[event.code], SOURCE)
+            for button in self._buttons.pressed(event):
+                if button in self._stops:
+                    self._presses.press(self._stops[button], SOURCE)
 
     def due(self) -> None:
         """Nothing: a stop is pressed once."""

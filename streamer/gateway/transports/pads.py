@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import select
 import threading
 from collections.abc import Callable, Iterable
+from functools import partial
 from typing import TYPE_CHECKING, Any, Protocol
+
+from flexmotion.streamer.gateway.ways import Way
 
 if TYPE_CHECKING:
     from evdev import InputDevice, InputEvent
@@ -16,6 +20,9 @@ _SCAN_S, _DUE_S = 1.0, 0.05
 
 Find = Callable[[set[str]], Iterable["InputDevice"]]
 """Function (paths of known gamepads) -> further ones, opened."""
+
+
+log = logging.getLogger(__name__)
 
 
 class Follower(Protocol):
@@ -70,17 +77,17 @@ class ConnectedPads:
         return is_pad and (self.name is None or self.name in device.name)
 
 
-def watch(find: Find, follow: Callable[[InputDevice], Follower], name: str) -> Callable[[], None]:
+def watch(find: Find, follow: Callable[[InputDevice], Follower], way: Way, name: str) -> Callable[[], None]:
     """Follow all gamepads in a thread of its own, those plugged in later as well; returns what ends it.
 
     Args:
         find: finds gamepads.
         follow: makes what is done with a new one.
+        way: is told what fails; then gamepads are looked for anew.
         name: of the thread.
     """
     ended = threading.Event()
-    thread = threading.Thread(target=_watch, args=(find, follow, ended), name=name, daemon=True)
-    thread.start()
+    thread = way.keep(partial(_watch, find, follow, way, ended), ended, name)
 
     def end() -> None:
         ended.set()
@@ -89,29 +96,41 @@ def watch(find: Find, follow: Callable[[InputDevice], Follower], name: str) -> C
     return end
 
 
-def _watch(find: Find, follow: Callable[[InputDevice], Follower], ended: threading.Event) -> None:
+def _watch(find: Find, follow: Callable[[InputDevice], Follower], way: Way, ended: threading.Event) -> None:
     pads: dict[int, tuple[InputDevice, Follower]] = {}
     rounds = 0
-    while not ended.is_set():
-        if rounds % round(_SCAN_S / _DUE_S) == 0:
-            for device in find({str(known.path) for known, _ in pads.values()}):
+    try:
+        while not ended.is_set():
+            if rounds % round(_SCAN_S / _DUE_S) == 0:
+                for device in find({str(known.path) for known, _ in pads.values()}):
+                    try:
+                        pads[device.fd] = (device, follow(device))
+                    except OSError:  # pulled out again
+                        device.close()
+                way.works()
+            rounds += 1
+            for descriptor in select.select(list(pads), [], [], _DUE_S)[0]:
+                device, follower = pads[descriptor]
                 try:
-                    pads[device.fd] = (device, follow(device))
-                except OSError:  # pulled out again
-                    device.close()
-        rounds += 1
-        for descriptor in select.select(list(pads), [], [], _DUE_S)[0]:
-            device, follower = pads[descriptor]
-            try:
-                follower.take(list(device.read()))
-            except OSError:  # pulled out
-                del pads[descriptor]
-                follower.lost()
-                device.close()
-        for _, follower in pads.values():
-            follower.due()
-    for device, follower in pads.values():
+                    follower.take(list(device.read()))
+                except OSError:  # pulled out
+                    _lose(*pads.pop(descriptor))
+                except Exception as error:  # of one gamepad: it is opened again, the others go on
+                    _lose(*pads.pop(descriptor))
+                    way.failed(error)
+            for _, follower in pads.values():
+                follower.due()
+    finally:
+        for device, follower in pads.values():
+            _lose(device, follower)
+
+
+def _lose(device: InputDevice, follower: Follower) -> None:
+    try:
         follower.lost()
+    except Exception:
+        log.exception("gamepad: %s was lost in disorder", device.name)
+    finally:
         device.close()
 
 

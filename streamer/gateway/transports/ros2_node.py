@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 from flexmotion.configs.errors import ConfigError
 from flexmotion.streamer.gateway.transports.ros2_messages import Ros2Messages
 from flexmotion.streamer.gateway.transports.zenoh_session import configuration, direct, payload
+from flexmotion.streamer.gateway.ways import Way
 
 if TYPE_CHECKING:
     import zenoh
@@ -71,13 +72,14 @@ class Ros2Node:
         link: where it is.
         session: of zenoh, open.
         name: of the node.
+        way: is told of errors in what takes its messages.
 
     Attributes:
         declared: what has been declared; it lasts as long as somebody refers to it.
     """
 
-    def __init__(self, link: Ros2Link, session: zenoh.Session, name: str, messages: Ros2Messages) -> None:
-        self.link, self.messages = link, messages
+    def __init__(self, link: Ros2Link, session: zenoh.Session, name: str, messages: Ros2Messages, way: Way) -> None:
+        self.link, self.messages, self.way = link, messages, way
         self._session, self._name, self._entities = session, name, 0
         self._node = f"@ros2_lv/{link.domain}/{session.info.zid()}/0"
         self.declared: list[Any] = [session.liveliness().declare_token(f"{self._node}/0/NN/%/%{link.robot}/{name}")]
@@ -86,7 +88,9 @@ class Ros2Node:
         """Have `take` called with each message of a topic, as CDR, in zenoh's own thread."""
         # Any hash: distributions before Jazzy send none.
         key = f"{self._key(topic, kind)}/*"
-        self.declared.append(self._session.declare_subscriber(key, direct(lambda sample: take(payload(sample)))))
+        self.declared.append(
+            self._session.declare_subscriber(key, direct(lambda sample: take(payload(sample)), self.way))
+        )
         self._announce("MS", topic, kind)
 
     def publish(self, topic: str, kind: str) -> Callable[[bytes], None]:

@@ -11,6 +11,7 @@ from flexmotion.streamer.gateway.presses import Presses
 from flexmotion.streamer.gateway.transports.ros2_messages import EMPTY, STRING, Ros2Messages
 from flexmotion.streamer.gateway.transports.ros2_node import Ros2Link, Ros2Node
 from flexmotion.streamer.gateway.transports.zenoh_session import keep_open
+from flexmotion.streamer.gateway.ways import Way
 from flexmotion.streamer.run.requests import Request
 
 if TYPE_CHECKING:
@@ -26,11 +27,11 @@ class Ros2Stops:
         self.link = link
         self._messages = Ros2Messages()  # before the process is forked: the library takes a second to load
 
-    def begin(self, presses: Presses) -> Callable[[], None]:
+    def begin(self, presses: Presses, way: Way) -> Callable[[], None]:
         """See `StopInput.begin`."""
 
         def serve(session: zenoh.Session) -> list[Any]:
-            node = Ros2Node(self.link, session, "flexmotion_stops", self._messages)
+            node = Ros2Node(self.link, session, "flexmotion_stops", self._messages, way)
             send = node.publish("answers", STRING)
 
             def reply(content: dict[str, Any]) -> None:
@@ -43,4 +44,4 @@ class Ros2Stops:
             node.subscribe("estop", EMPTY, partial(press, Request.ESTOP))
             return node.declared
 
-        return keep_open(self.link.config, serve, "ros2-stops", f"the zenoh router at {self.link.router}")
+        return keep_open(self.link.config, serve, way, "ros2-stops", f"the zenoh router at {self.link.router}")

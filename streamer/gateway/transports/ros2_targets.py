@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+import logging
 import queue
 import threading
 import time
 from collections.abc import Callable, Collection
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -25,6 +27,7 @@ from flexmotion.streamer.gateway.transports.ros2_messages import (
 )
 from flexmotion.streamer.gateway.transports.ros2_node import Ros2Link, Ros2Node
 from flexmotion.streamer.gateway.transports.zenoh_session import keep_open
+from flexmotion.streamer.gateway.ways import Way
 
 if TYPE_CHECKING:
     import zenoh
@@ -37,6 +40,10 @@ _NO_STAMP = (
     "set the stamp, or publish a Twist on cmd_vel_unstamped"
 )
 _LONGEST_REASON = 200
+_LOOK_S = 0.5
+"""Time between two looks whether the run has ended [s]."""
+
+log = logging.getLogger(__name__)
 
 
 class Ros2Targets:
@@ -55,10 +62,13 @@ class Ros2Targets:
     def __init__(self, link: Ros2Link, robot: Robot, ratio: float, rate_hz: float, types: Collection[str]) -> None:
         self.link, self.robot, self.ratio, self.rate_hz, self.types = link, robot, ratio, rate_hz, frozenset(types)
 
-    def begin(self, hub: Hub) -> Callable[[], None]:
+    def begin(self, hub: Hub, way: Way) -> Callable[[], None]:
         """See `Transport.begin`."""
-        desk = _Desk(self, hub)
-        close = keep_open(self.link.config, desk.serve, SOURCE, f"the zenoh router at {self.link.router}")
+        desk = _Desk(self, hub, way)
+        close = keep_open(self.link.config, desk.serve, way, SOURCE, f"the zenoh router at {self.link.router}")
+        # Threads of their own: a reader that takes nothing holds up no target.
+        way.keep(desk.answer, desk.ended, "ros2-answers")
+        way.keep(desk.tell, desk.ended, "ros2-states")
 
         def end() -> None:
             desk.ended.set()
@@ -70,23 +80,20 @@ class Ros2Targets:
 class _Desk:
     """The gateway's end of a session."""
 
-    def __init__(self, transport: Ros2Targets, hub: Hub) -> None:
-        self.transport, self.hub = transport, hub
+    def __init__(self, transport: Ros2Targets, hub: Hub, way: Way) -> None:
+        self.transport, self.hub, self.way = transport, hub, way
+        self._outs: dict[str, Callable[[bytes], None]] = {}
         self.ended = threading.Event()
         self._answers: queue.Queue[Answer] = queue.Queue(hub.settings.most_unread)
         self._messages = Ros2Messages()
 
     def serve(self, session: zenoh.Session) -> list[Any]:
-        node = Ros2Node(self.transport.link, session, "flexmotion", self._messages)
-        outs = {
+        node = Ros2Node(self.transport.link, session, "flexmotion", self._messages, self.way)
+        self._outs = {
             "answers": node.publish("answers", STRING),
             "joint_states": node.publish("joint_states", JOINT_STATE),
             "imu": node.publish("imu", IMU),
         }
-        threading.Thread(target=self._answer, args=(outs["answers"],), name="ros2-answers", daemon=True).start()
-        threading.Thread(
-            target=self._tell, args=(outs["joint_states"], outs["imu"]), name="ros2-states", daemon=True
-        ).start()
         for topic, kind, content in (
             ("targets", STRING, lambda message: json.loads(message.data)),
             ("text", STRING, lambda message: {"type": "text", "text": message.data}),
@@ -134,35 +141,33 @@ class _Desk:
         except queue.Full:
             self.hub.reject("slow reader")
 
-    def _answer(self, send: Callable[[bytes], None]) -> None:
-        import zenoh
+    def _send(self, topic: str, data: bytes) -> None:
+        try:
+            self._outs[topic](data)
+        except Exception as error:  # of the library, such as a session that has just been closed
+            self.hub.reject("not delivered")
+            log.debug("%s: %s", topic, error)
 
+    def answer(self) -> None:
+        """Send the answers until the end."""
         while not self.ended.is_set():
-            try:
-                send(self._messages.string(encode(self._answers.get(timeout=0.5))))
-            except queue.Empty:
-                continue
-            except zenoh.ZError:
-                self.hub.reject("not delivered")
+            with suppress(queue.Empty):
+                self._send("answers", self._messages.string(encode(self._answers.get(timeout=_LOOK_S))))
 
-    def _tell(self, joint_states: Callable[[bytes], None], imu: Callable[[bytes], None]) -> None:
+    def tell(self) -> None:
         """Publish the robot's state until the end."""
-        import zenoh
-
         names = list(self.transport.robot.joint_names)
         newest = -1
         while not self.ended.wait(1.0 / self.transport.rate_hz):
             row = self.hub.row()
-            if row is None or int(row.tick) == newest:
+            if not self._outs or row is None or int(row.tick) == newest:
                 continue
             newest = int(row.tick)
             stamp_ns = time.time_ns() - time.perf_counter_ns() + int(row.stamp_ns)
-            try:
-                joint_states(self._messages.joint_state(stamp_ns, names, row.q, row.qd, _known(row.effort)))
-                if int(row.imu_stale) >= 0:
-                    imu(self._messages.imu(stamp_ns, FRAME, _orientation(row), row.gyro, row.accel))
-            except zenoh.ZError:
-                self.hub.reject("not delivered")
+            joints = self._messages.joint_state(stamp_ns, names, row.q, row.qd, _known(row.effort))
+            self._send("joint_states", joints)
+            if int(row.imu_stale) >= 0:
+                self._send("imu", self._messages.imu(stamp_ns, FRAME, _orientation(row), row.gyro, row.accel))
 
 
 def _not_taken(asked: str, types: Collection[str]) -> str:

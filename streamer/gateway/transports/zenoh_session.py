@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import json
-import logging
 import threading
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
+
+from flexmotion.streamer.gateway.ways import Way
 
 if TYPE_CHECKING:
     import zenoh
@@ -14,9 +15,7 @@ if TYPE_CHECKING:
 _LARGEST = 65536
 """Longest message that is put together from its parts [bytes]; the desk refuses far shorter ones and says so."""
 _RETRY_S = 2.0
-"""Time between two attempts to open a session [s]."""
-
-log = logging.getLogger(__name__)
+"""Time between two attempts to open a session, and between two looks whether it is open [s]."""
 
 
 def configuration(values: Mapping[str, Any]) -> zenoh.Config:
@@ -36,46 +35,49 @@ def configuration(values: Mapping[str, Any]) -> zenoh.Config:
 
 
 def keep_open(
-    config: Callable[[], zenoh.Config], serve: Callable[[zenoh.Session], list[Any]], name: str, where: str
+    config: Callable[[], zenoh.Config],
+    serve: Callable[[zenoh.Session], list[Any]],
+    way: Way,
+    name: str,
+    where: str,
 ) -> Callable[[], None]:
-    """Open a session in a thread of its own, and again until it works; returns what closes it.
+    """Keep a session open in a thread of its own, which opens it again where it fails; returns what closes it.
 
     Args:
         config: makes its configuration.
-        serve: declares what the session is for, once, and returns it: it lasts as long as somebody refers to it.
-        name: of the thread, and in messages.
+        serve: declares what the session is for, and returns it: it lasts as long as somebody refers to it.
+        way: is told whether the session is open.
+        name: of the thread.
         where: it is opened, for messages.
     """
     ended = threading.Event()
-    opened: list[zenoh.Session] = []
-    declared: list[Any] = []
 
-    def run() -> None:
+    def work() -> None:
         import zenoh
 
-        told = False
         while not ended.is_set():
             try:
                 session = zenoh.open(config())
             except zenoh.ZError as error:
-                if not told:
-                    log.warning("%s: %s cannot be reached, waiting for it: %s", name, where, error)
-                told = True
+                way.fails(f"{where} cannot be reached, it is waited for: {error}")
                 ended.wait(_RETRY_S)
                 continue
-            opened.append(session)
-            declared.extend(serve(session))
-            return
+            declared: list[Any] = []
+            try:
+                declared += serve(session)
+                way.works()
+                while not ended.wait(_RETRY_S):
+                    if session.is_closed():
+                        raise ConnectionError("the session was closed")
+            finally:
+                declared.clear()
+                session.close()
 
-    thread = threading.Thread(target=run, name=name, daemon=True)
-    thread.start()
+    thread = way.keep(work, ended, name)
 
     def end() -> None:
         ended.set()
         thread.join(2.0 * _RETRY_S)
-        declared.clear()
-        for session in opened:
-            session.close()
 
     return end
 
@@ -90,8 +92,8 @@ def attached(message: Any) -> bytes:
     return b"" if message.attachment is None else bytes(message.attachment.to_bytes())
 
 
-def direct(take: Callable[[Any], None]) -> Any:
+def direct(take: Callable[[Any], None], way: Way) -> Any:
     """A handler that is called in zenoh's own thread: a function that waits makes the sender wait."""
     from zenoh import handlers
 
-    return handlers.Callback(take, indirect=False)
+    return handlers.Callback(way.guarded(take), indirect=False)

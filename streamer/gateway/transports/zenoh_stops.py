@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from flexmotion.streamer.gateway.presses import Presses, told
 from flexmotion.streamer.gateway.transports.zenoh_link import ZenohLink
 from flexmotion.streamer.gateway.transports.zenoh_session import direct, keep_open
+from flexmotion.streamer.gateway.ways import Way
 from flexmotion.streamer.run.requests import Request
 
 if TYPE_CHECKING:
@@ -29,18 +30,19 @@ class ZenohStops:
     def __init__(self, link: ZenohLink) -> None:
         self.link = link
 
-    def begin(self, presses: Presses) -> Callable[[], None]:
+    def begin(self, presses: Presses, way: Way) -> Callable[[], None]:
         """See `StopInput.begin`."""
 
         def serve(session: zenoh.Session) -> list[Any]:
             declared: list[Any] = [session.liveliness().declare_token(self.link.key("alive", "stops"))]
             for word, asked in _ASKS.items():
                 key = self.link.key(word)
-                declared.append(session.declare_subscriber(key, direct(self._presser(session, presses, word, asked))))
-                declared.append(session.declare_queryable(key, direct(self._answerer(presses, word, asked))))
+                presser, answerer = self._presser(session, presses, word, asked), self._answerer(presses, word, asked)
+                declared.append(session.declare_subscriber(key, direct(presser, way)))
+                declared.append(session.declare_queryable(key, direct(answerer, way)))
             return declared
 
-        return keep_open(self.link.config, serve, "zenoh-stops", self.link.listen)
+        return keep_open(self.link.config, serve, way, "zenoh-stops", self.link.listen)
 
     def _presser(
         self, session: zenoh.Session, presses: Presses, word: str, asked: Request

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import logging
 import queue
 import threading
 from collections.abc import Callable
@@ -19,12 +20,17 @@ from flexmotion.streamer.gateway.proofs import session_of
 from flexmotion.streamer.gateway.status import Status
 from flexmotion.streamer.gateway.transports.zenoh_link import ZenohLink
 from flexmotion.streamer.gateway.transports.zenoh_session import attached, direct, keep_open, payload
+from flexmotion.streamer.gateway.ways import Way
 
 if TYPE_CHECKING:
     import zenoh
 
 _STATUS_S = 0.1
 """Time between two publications of the status, while somebody reads it [s]."""
+_LOOK_S = 0.5
+"""Time between two looks whether the run has ended [s]."""
+
+log = logging.getLogger(__name__)
 
 
 class ZenohTargets:
@@ -35,14 +41,17 @@ class ZenohTargets:
     def __init__(self, link: ZenohLink) -> None:
         self.link = link
 
-    def begin(self, hub: Hub) -> Callable[[], None]:
+    def begin(self, hub: Hub, way: Way) -> Callable[[], None]:
         """See `Transport.begin`."""
-        desk = _Desk(self.link, hub)
+        desk = _Desk(self.link, hub, way)
         reporting = asyncio.create_task(desk.report())
-        close = keep_open(self.link.config, desk.serve, "zenoh", self.link.listen)
+        close = keep_open(self.link.config, desk.serve, way, "zenoh", self.link.listen)
+        # Sent in a thread of its own: a reader that takes nothing holds up no target.
+        way.keep(desk.send, desk.ended, "zenoh-out")
 
         def end() -> None:
             reporting.cancel()
+            desk.ended.set()
             close()
 
         return end
@@ -51,9 +60,9 @@ class ZenohTargets:
 class _Desk:
     """The gateway's end of a session."""
 
-    def __init__(self, link: ZenohLink, hub: Hub) -> None:
-        self.link, self.hub = link, hub
-        # Sent in a thread of its own: a reader that takes nothing holds up no target.
+    def __init__(self, link: ZenohLink, hub: Hub, way: Way) -> None:
+        self.link, self.hub, self.way = link, hub, way
+        self.ended = threading.Event()
         self._out: queue.Queue[Callable[[], None]] = queue.Queue(hub.settings.most_unread)
         self._status: zenoh.Publisher | None = None
 
@@ -62,13 +71,12 @@ class _Desk:
         from zenoh import CongestionControl
 
         self._session, self._block = session, CongestionControl.BLOCK
-        threading.Thread(target=self._send, name="zenoh-out", daemon=True).start()
         targets, status = self.link.key("targets", "*"), self.link.key("status")
         self._status = session.declare_publisher(status)
         return [
-            session.declare_subscriber(targets, direct(self._put)),
-            session.declare_queryable(targets, direct(self._ask)),
-            session.declare_queryable(status, direct(self._tell)),
+            session.declare_subscriber(targets, direct(self._put, self.way)),
+            session.declare_queryable(targets, direct(self._ask, self.way)),
+            session.declare_queryable(status, direct(self._tell, self.way)),
             session.liveliness().declare_token(self.link.key("alive", "gateway")),
         ]
 
@@ -132,14 +140,16 @@ class _Desk:
         except queue.Full:
             self.hub.reject("slow reader")
 
-    def _send(self) -> None:
-        import zenoh
-
-        while True:
+    def send(self) -> None:
+        """Send what is to be sent until the end."""
+        while not self.ended.is_set():
             try:
-                self._out.get()()
-            except zenoh.ZError:
+                self._out.get(timeout=_LOOK_S)()
+            except queue.Empty:
+                continue
+            except Exception as error:  # of the library, such as a reader or a session that is gone
                 self.hub.reject("not delivered")
+                log.debug("not delivered: %s", error)
 
 
 def _last(message: zenoh.Sample | zenoh.Query) -> str:

@@ -4,27 +4,18 @@ from __future__ import annotations
 
 import json
 import socket
-import threading
 from collections.abc import Callable, Iterator
 from http.client import HTTPConnection
 from typing import Any
 
-import numpy as np
 import pytest
 
-from flexmotion.configs.robot import load_robot
-from flexmotion.configs.stream import Gateway, load_stream
-from flexmotion.drivers.interface import JointCommand
-from flexmotion.drivers.registry import create
-from flexmotion.importers.default_clip import default_clip
+from flexmotion.configs.stream import Gateway
 from flexmotion.streamer.cli import execute
-from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.gateway.admission import Admission
 from flexmotion.streamer.gateway.ports import any_free
 from flexmotion.streamer.gateway.stops import StopService
-from flexmotion.streamer.motion.sources import ClipSource
 from flexmotion.streamer.run.requests import Request
-from flexmotion.streamer.run.session import Session
 
 from ...waiting import HANGING_S, wait_until
 from .conftest import Answering, Run
@@ -131,46 +122,3 @@ def test_the_command_line_presses(
     assert loop.requested == [Request.STOP, Request.ESTOP]
     assert "accepted before tick" in capsys.readouterr().out
     assert execute(["estop", "--stop-port", str(any_free())]) == 3
-
-
-@pytest.mark.parametrize("after_s", [2.5, 3.1])
-def test_an_emergency_stop_is_at_the_driver_within_two_periods_of_its_arrival(
-    after_s: float, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Counted in ticks: the loop makes none while the process handles the request."""
-    robot = load_robot("op3")
-    driver = create("sim", robot, seed=0)
-    session = Session(robot, driver, ClipSource(default_clip()[225:330]), load_stream())
-    service = StopService(session.settings.gateway, session.telemetry, Admission(), port=any_free())
-    session.services = (service,)
-    written: list[np.ndarray] = []
-    write = driver.write
-
-    def record(command: JointCommand) -> None:
-        written.append(command.position.copy())
-        write(command)
-
-    monkeypatch.setattr(driver, "write", record)
-    with session:
-        wait_until(lambda: listens(service.port), "the stop service to listen")
-        while session.state.ladder is not State.STREAMING:
-            session.step()
-        session.advance(after_s)
-        told: list[Any] = []
-        pressing = threading.Thread(target=lambda: told.append(press(service.port, "/estop")))
-        requests = service.requests._ring
-        pressing.start()
-        wait_until(lambda: requests.count == 1, "the request to reach the loop's memory")
-        arrived, before = session.state.tick, len(written)
-        session.step()
-        session.step()
-        pressing.join(HANGING_S)
-        assert len(written) == before + 2
-        frozen = [bool((goals == written[before - 1]).all()) for goals in written[before:]]
-        assert frozen[-1], "the goals still move two periods after the emergency stop"
-        assert session.state.ladder is State.HOLD and session.state.tick == arrived + 2
-        status, answer, _ = told[0]
-        assert status == 200 and 0 < answer["tick"] - answer["arrived_tick"] <= 2
-        while session.step():
-            pass
-    assert session.state.ladder is State.FAULT

@@ -56,6 +56,20 @@ class Attended:
         self.session.advance(0.1)
 
 
+def test_without_a_planner_the_robot_is_not_stood_up() -> None:
+    """The planner was given up after three restarts, and ARM stood the robot up for targets that nobody followed."""
+    run = Attended()
+    with run.session:
+        run.session.requests.send(Request.GIVEN_UP, "the planner died; it was started 3 times again, no more")
+        run.ask(Request.ARM)
+        assert run.session.state.ladder is State.OFF
+        assert run.messages("refused") == [
+            "ARM: there is no planner: the planner died; it was started 3 times again, no more; "
+            "end the run and start it again"
+        ]
+        assert run.messages("fault") == ["the planner died; it was started 3 times again, no more"]
+
+
 def test_nothing_moves_before_the_robot_is_armed_and_targets_are_told_why() -> None:
     """A robot stood up as soon as its program was started."""
     run = Attended()

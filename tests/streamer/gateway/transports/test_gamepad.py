@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ import pytest
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.gamepad import Gamepad
 from flexmotion.streamer.control.ladder import State
+from flexmotion.streamer.gateway.presses import Presses
 from flexmotion.streamer.gateway.transports.gamepad import GamepadStops, GamepadTargets, check_gamepad
 from flexmotion.streamer.gateway.transports.sticks import Sticks, curve
 from flexmotion.streamer.motion.intents import Stop, Text, Velocity
@@ -22,7 +24,7 @@ from ..conftest import Run
 from .conftest import Serve, Served
 
 evdev = pytest.importorskip("evdev", reason="needs evdev (extra 'gamepad')")
-from benchmarks.shared.pads import EmulatedPad, recorded_ranges, wait_for_readers  # noqa: E402
+from benchmarks.shared.pads import EmulatedPad, recorded_ranges  # noqa: E402
 
 codes = evdev.ecodes
 RECORDING = Path(__file__).parent / "data" / "drive.evemu"
@@ -46,7 +48,7 @@ def steer(serve: Serve, pad: EmulatedPad) -> Callable[..., Served]:
     def start(**fields: Any) -> Served:
         settings = Gamepad.model_validate(fields)
         served = serve((GamepadTargets(settings, pad.find),), (GamepadStops(settings, pad.find),))
-        wait_for_readers(pad, 2)
+        wait_until(lambda: len(pad.looked) == 2, "both to read the gamepad")
         return served
 
     return start
@@ -116,7 +118,7 @@ def test_a_gamepad_that_is_plugged_in_again_steers_and_one_that_is_held_does_not
     pad.pull_out()
     pad.axes[codes.ABS_Y] = -32768
     pad.plug_in()
-    wait_for_readers(pad, 2)
+    wait_until(lambda: len(pad.looked) == 2, "both to read the gamepad")
     pad.send(codes.EV_ABS, codes.ABS_Y, -32000)
     pad.send(*SYN)
     pad.press(codes.BTN_NORTH)
@@ -162,6 +164,49 @@ class Device:
 
     def capabilities(self, absinfo: bool = True) -> dict[int, list[int]]:
         return {codes.EV_ABS: list(self.values)}
+
+
+@pytest.mark.parametrize("at", ["scan", "read"])
+def test_stops_come_again_after_an_error(
+    at: str, serve: Serve, pad: EmulatedPad, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An error that was no `OSError` ended the thread, and no button stopped the robot any more."""
+    errors = [ValueError("a device like no other"), KeyError("BTN_NEW")]
+    find, press = pad.find, Presses.press
+
+    def scan(known: set[str]) -> list[Any]:
+        if at == "scan" and errors:
+            raise errors.pop()
+        return find(known)
+
+    def take(self: Presses, *arguments: Any) -> Any:
+        if at == "read" and errors:
+            raise errors.pop()
+        return press(self, *arguments)
+
+    monkeypatch.setattr(Presses, "press", take)
+    served = serve((), (GamepadStops(Gamepad(), scan),))
+    while errors or Request.ESTOP not in served.loop.requested:
+        if pad.looked:
+            pad.press(codes.BTN_MODE)
+        time.sleep(0.1)
+    assert Request.WARNING in served.loop.requested
+    wait_until(lambda: served.stops.health.problems()["stops over gamepad"] == "works", "the gamepad to work again")
+
+
+def test_a_stop_button_among_lost_events_stops(serve: Serve, pad: EmulatedPad) -> None:
+    """The press was among the events that the kernel dropped: the robot walked on while the button was held."""
+    served = serve((), (GamepadStops(Gamepad(), pad.find),))
+    wait_until(lambda: pad.looked, "the gamepad to be read")
+    pad.pressed.add(codes.BTN_MODE)  # its event is dropped
+    pad.send(codes.EV_SYN, codes.SYN_DROPPED, 0)
+    pad.send(*SYN)
+    wait_until(lambda: Request.ESTOP in served.loop.requested, "the emergency stop")
+    pad.send(codes.EV_SYN, codes.SYN_DROPPED, 0)
+    pad.send(*SYN)
+    pad.press(codes.BTN_EAST)
+    wait_until(lambda: Request.STOP in served.loop.requested, "STOP")
+    assert served.loop.requested == [Request.ESTOP, Request.STOP], "a button that is held on is pressed once"
 
 
 def test_after_a_lost_event_the_gamepad_is_asked_for_its_state() -> None:

@@ -35,9 +35,10 @@ from flexmotion.streamer.gateway.transports.ros2_messages import (
 from flexmotion.streamer.gateway.transports.ros2_node import Ros2Link, Ros2Node, domain_from_environment
 from flexmotion.streamer.gateway.transports.ros2_stops import Ros2Stops
 from flexmotion.streamer.gateway.transports.ros2_targets import Ros2Targets
+from flexmotion.streamer.gateway.ways import Way
 from flexmotion.streamer.motion.intents import Stop, Text, Velocity
 from flexmotion.streamer.motion.sources import ClipSource
-from flexmotion.streamer.run.requests import Request
+from flexmotion.streamer.run.requests import Request, RequestChannel
 from flexmotion.streamer.run.session import Session
 
 from ....waiting import wait_until
@@ -56,7 +57,7 @@ class Peer:
 
     def __init__(self, session: Any, link: Ros2Link) -> None:
         self.session, self.messages = session, Ros2Messages()
-        self.node = Ros2Node(link, session, "peer", self.messages)
+        self.node = Ros2Node(link, session, "peer", self.messages, Way("peer", RequestChannel()))
         self._senders: dict[str, Callable[[bytes], None]] = {}
 
     def tokens(self) -> list[str]:

@@ -207,6 +207,43 @@ def test_who_reads_a_message_on_the_router_cannot_send_it_again(
     assert len(network.served.loop.seen) == before and network.served.loop.requested == [Request.ESTOP]
 
 
+def test_a_session_that_is_lost_or_cannot_be_served_is_opened_again(
+    serve: Serve, sessions: ExitStack, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An error while the session was set up ended its thread: no stop came over zenoh, and nobody was told."""
+    opened, opens = [], zenoh.open
+    errors = [RuntimeError("no room"), RuntimeError("no room")]
+
+    class Failing:
+        def __init__(self, session: Any) -> None:
+            self.session = session
+
+        def __getattr__(self, name: str) -> Any:
+            if name == "liveliness" and errors:
+                raise errors.pop()
+            return getattr(self.session, name)
+
+    def open_failing(config: Any) -> Any:
+        opened.append(opens(config))
+        return Failing(opened[-1]) if errors else opened[-1]
+
+    monkeypatch.setattr(zenoh, "open", open_failing)
+    network = Network(serve)
+    wait_until(lambda: not errors, "both failures")
+    client = network.client(sessions)
+    assert client.ask("estop")["state"] == "accepted"
+    loop = network.served.loop
+    assert Request.WARNING in loop.requested and Request.ESTOP in loop.requested
+    stops = network.served.stops.health
+    wait_until(lambda: stops.problems()["stops over zenoh"] == "works", "the way to work again")
+    for session in opened:
+        if session is not client.session:
+            session.close()
+    wait_until(lambda: "session was closed" in str(stops.problems()), "the loss to be noticed")
+    wait_until(lambda: client.alive() == {"gateway", "stops"}, "both to be back")
+    assert client.ask("stop")["state"] == "accepted"
+
+
 def test_a_program_that_is_started_again_numbers_its_messages_anew(serve: Serve, sessions: ExitStack) -> None:
     """Its messages were refused as old: the numbers of the program before it were remembered by the operator's name."""
     network = Network(serve, TOKEN)
