@@ -23,6 +23,8 @@ Float = NDArray[np.float64]
 
 INSERT_YAW, INSERT_DISTANCE = 0.26, 0.045
 """Feet further than this from their footholds are corrected by an inserted step [rad, m of the robot]."""
+EXACT_YAW = 0.06
+"""Likewise, of a human that looks where the robot's feet are to point: what a plan for it corrects [rad]."""
 _BESIDE_DISTANCE, _BESIDE_YAW = 0.015, 0.09
 """Feet nearer than this to standing side by side are left as they are at the end of a plan [m, rad]."""
 
@@ -169,7 +171,8 @@ class FootstepPlanner:
         ]
         gaps = np.array(targets) - made.feet
         apart = np.linalg.norm(gaps[:, :2], axis=1)
-        return np.maximum(np.abs(gaps[:, 3]) / INSERT_YAW, apart / INSERT_DISTANCE)
+        turned = EXACT_YAW if view.exact else INSERT_YAW
+        return np.maximum(np.abs(gaps[:, 3]) / turned, apart / INSERT_DISTANCE)
 
     def _step(
         self,

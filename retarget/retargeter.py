@@ -109,6 +109,7 @@ class Retargeter:
         tick: int,
         *,
         horizon: int | None = None,
+        exact: bool = False,
         checkpoint: Callable[[], None] = lambda: None,
     ) -> Plan:
         """The plan that starts at `tick`.
@@ -119,6 +120,7 @@ class Retargeter:
             first_frame: index of the motion's first frame on the source's own clock (frame 0 at its time 0).
             tick: loop tick of the first row.
             horizon: most rows that may follow the human; the settings' where not given.
+            exact: the feet turn to where a standing human looks by small steps too.
             checkpoint: called every few milliseconds; what it raises ends the work.
 
         Returns:
@@ -135,6 +137,7 @@ class Retargeter:
             lead_in_s=self.settings.lead_in_s,
             leg_length=self.body.leg_length,
             rate_hz=self.rate,
+            exact=exact,
         )
         checkpoint()
         if view is None:

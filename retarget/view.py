@@ -28,6 +28,7 @@ class HumanView:
         tick: first tick of the plan.
         follow: number of rows that follow the human, at least 1; the rest of the plan is its stop tail.
         whole: whether the frames reach to the horizon, so that the human may continue after them.
+        exact: whether the feet turn to where the human looks by small steps too.
     """
 
     window: HumanWindow
@@ -37,6 +38,7 @@ class HumanView:
     tick: int
     follow: int
     whole: bool
+    exact: bool = False
 
     @property
     def end_tick(self) -> int:
@@ -71,6 +73,7 @@ def view_human(
     lead_in_s: float,
     leg_length: float,
     rate_hz: float,
+    exact: bool = False,
 ) -> HumanView | None:
     """Read the frames that a plan is given.
 
@@ -83,6 +86,7 @@ def view_human(
         lead_in_s: time from the first plan's start to source time 0 [s].
         leg_length: of the robot [m].
         rate_hz: loop ticks a second.
+        exact: see `HumanView`.
 
     Returns:
         None where no row of the plan can follow the human.
@@ -107,7 +111,7 @@ def view_human(
         heading=float(state.heading),
         human_width=motion.body.segments.hip_width,
     )
-    return HumanView(window, scaling, source_tick, rate_hz, tick, follow, whole=follow == horizon)
+    return HumanView(window, scaling, source_tick, rate_hz, tick, follow, whole=follow == horizon, exact=exact)
 
 
 def forget_human(state: RetargetState) -> None:

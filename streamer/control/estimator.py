@@ -27,6 +27,10 @@ _VELOCITY_CUTOFF_HZ = 12.0
 """Low-pass of the centre of mass's velocity, since encoder speeds are coarse [Hz]."""
 
 
+_LEAST_COSINE = 0.2
+"""Of the torso's pitch; beyond it the robot lies, and has no heading to speak of."""
+
+
 class Estimator:
     """Fills its attributes each tick; allocates nothing that grows.
 
@@ -64,7 +68,6 @@ class Estimator:
         self.com, self.dcm = np.zeros(2), np.zeros(2)
         self.com_velocity = np.zeros(2)
         self.odometry = np.zeros(3)
-        self._yaw: float | None = None  # of the attitude, at the last update
         self.leg_axes = np.zeros((2, 6, 3))
         self._smoothing = 1.0 - np.exp(-2 * np.pi * _VELOCITY_CUTOFF_HZ * self.dt)
         self._spatial, self._euler = np.zeros(6), np.zeros(3)
@@ -85,18 +88,20 @@ class Estimator:
             quaternion = self.ahrs.get_quaternion()
             self.tilt[:] = roll_pitch(quaternion)
             self.tilt_rate[:] = self._gyro[:2]
-            self._turn(yaw_of(quaternion))
+            self.odometry[2] += self._turning() * self.dt
         else:
-            self._yaw = None
             self.tilt[:], self.tilt_rate[:] = roll_pitch(reference.base[3:]), 0.0
         if reference.balanced:
             self._anchor(state, reference)
 
-    def _turn(self, yaw: float) -> None:
-        """Add the turn since the last update to the odometry."""
-        if self._yaw is not None:
-            self.odometry[2] += math.remainder(yaw - self._yaw, math.tau)
-        self._yaw = yaw
+    def _turning(self) -> float:
+        """Rate of the torso's heading by the gyroscope [rad/s], z-y-x order.
+
+        The heading of the attitude is of no use: the filter holds it at zero in its first seconds.
+        """
+        roll, pitch = self.tilt
+        about_z = self._gyro[1] * math.sin(roll) + self._gyro[2] * math.cos(roll)
+        return float(about_z / max(math.cos(pitch), _LEAST_COSINE))
 
     def _anchor(self, state: RobotState, reference: Reference) -> None:
         model, data, robot = self.model, self.data, self.robot

@@ -8,7 +8,7 @@ from math import pi
 import numpy as np
 
 from flexmotion.streamer.motion.heard import Heard, HeardStep
-from flexmotion.streamer.motion.intents import Goal, Intent
+from flexmotion.streamer.motion.intents import Goal, Intent, Velocity
 from flexmotion.text.amounts import Amount
 from flexmotion.text.phrases import STAND
 from flexmotion.text.vocabulary import Quantity
@@ -60,6 +60,12 @@ class Step:
     def stands(self) -> bool:
         """Whether it is to stand."""
         return self.kind == STAND and self.goal is None
+
+    @property
+    def is_led(self) -> bool:
+        """Whether the odometry leads the human, who stands until then: to a goal, or through a measured turn."""
+        turns = self.amount is not None and self.amount.quantity == "angle" and isinstance(self.intent, Velocity)
+        return self.goal is not None or turns
 
     @property
     def moves(self) -> bool:

@@ -13,7 +13,7 @@ from enum import Enum, auto
 import numpy as np
 from numpy.typing import NDArray
 
-from flexmotion.retarget.footsteps import INSERT_YAW
+from flexmotion.retarget.footsteps import EXACT_YAW
 from flexmotion.sampling.pace import Pace
 from flexmotion.streamer.motion.intents import SLOWEST_TURN, Goal, Heading, Intent, Text, Velocity, Waypoint
 from flexmotion.streamer.motion.programs import Step
@@ -25,8 +25,9 @@ STANDING = Text("stand still")
 
 TURNING = 0.5
 """Greatest turning speed of a turn, within the robot's pace [rad/s]."""
-HEADING_TOLERANCE = 0.14
-"""The robot looks where it should when it stands within this angle [rad]: half of what a step of correction turns."""
+HEADING_TOLERANCE = 0.08
+"""The robot looks where it should when it stands within this angle [rad]: the feet turn to within `EXACT_YAW` of where
+the human looks, whose pelvis turns by some degrees until it stands."""
 _WALKING = 0.8
 """Speed of the human of a walk, where the robot has no pace of its own [m/s]."""
 _NEAR_M = 0.3
@@ -38,9 +39,9 @@ _STEER_S, _STEER_GAIN, _STEER_MOST, _STEER_LEAST = 1.0, 0.6, 0.3, 0.1
 change that is worth a cut of the motion [rad/s]."""
 _FACE_RAD, _FACE_S = np.radians(25.0), 2.0
 """A turn up to this angle is made by a standing human that looks there for this time: the feet follow [rad, s]."""
-_LEAST_FACE_RAD = 1.03 * INSERT_YAW
+_LEAST_FACE_RAD = 1.5 * EXACT_YAW
 """The feet follow no smaller turn [rad]."""
-_NO_STEP_RAD, _FURTHER_RAD = np.radians(3.0), np.radians(8.0)
+_NO_STEP_RAD, _FURTHER_RAD = 0.5 * EXACT_YAW, EXACT_YAW
 """The robot made no step if it turned by less than the first; then the human looks aside by the second more [rad]."""
 _COURSE_S = 1.0
 """The heading of a walk is its mean over this time [s]."""
@@ -267,8 +268,9 @@ def navigator_for(step: Step, pace: Pace | None, place: Float, time_s: float) ->
     manner = step.told.manner
     if step.goal is not None:
         return Navigator(step.goal, pace, place, time_s, manner=manner)
-    if step.amount is None or step.amount.quantity != "angle" or not isinstance(step.intent, Velocity):
+    if not step.is_led:
         return None
+    assert step.amount is not None and isinstance(step.intent, Velocity)
     turning = max(abs(step.intent.turning), SLOWEST_TURN)
     goal = Heading(float(place[2]) + (step.turn or 1) * step.amount.value, turning)
     return Navigator(goal, pace, place, time_s, winds=True, manner=manner)

@@ -53,6 +53,7 @@ class Planner:
         *,
         stop: bool = False,
         partial: bool = False,
+        exact: bool = False,
         checkpoint: Callable[[], None] = lambda: None,
         settle: Callable[[], tuple[int, Plan | None]] | None = None,
     ) -> Planned:
@@ -62,6 +63,7 @@ class Planner:
             current: the plan that plays until then; None when the robot stands at its stand pose.
             stop: come to a balanced stop from there, whatever the source has.
             partial: follow the source only for the settings' `first_s`, which takes less time.
+            exact: the feet turn to where the human looks by small steps too.
             checkpoint: called every few milliseconds; raises to abandon the plan.
             settle: called once the human motion is sampled, which takes the most uncertain time; returns the tick at
                 which the plan joins in fact, not before `join`, and the plan that plays until then. None: as given.
@@ -91,7 +93,7 @@ class Planner:
         ended = motion is None or len(motion) < frames
         if motion is not None and current is not None and current.human is not None:
             motion = take_over(current.human, current.human_first_frame, motion, first, self.settings.blend_frames)
-        plan = retargeter.plan(state, motion, first, join, horizon=horizon, checkpoint=checkpoint)
+        plan = retargeter.plan(state, motion, first, join, horizon=horizon, exact=exact, checkpoint=checkpoint)
         if not (np.isfinite(plan.q).all() and np.isfinite(plan.qd).all() and np.isfinite(plan.torque).all()):
             raise RetargetError(f"{self.source.name}: the plan for tick {join} holds values that are no numbers")
         # A short window is the source's end only if the plan has followed all of it.
@@ -103,9 +105,12 @@ class Planner:
         return self.retargeter.next_frame(self._state(join, current), join, self.source.fps)
 
     def human_yaw(self, join: int, current: Plan | None) -> float | None:
-        """Heading of a human that looks where the robot's feet point at a join [rad]; None before the first plan."""
+        """Heading of a human that looks where the robot's feet point after a stop [rad]; None before the first plan.
+
+        Until the last foot has come beside the other, their mean is between two headings.
+        """
         state = self.retargeter.layout.view(self._state(join, current))
-        heading = float(state.feet[:, 3].mean()) - float(state.heading)
+        heading = float(self.stands_at(join, current)[2]) - float(state.heading)
         return heading if np.isfinite(heading) else None
 
     def without_human(self, plan: Plan) -> Plan:

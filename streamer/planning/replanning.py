@@ -138,6 +138,7 @@ class Replanner:
                 current,
                 stop=kind is Kind.STOP or self._rests,
                 partial=kind is Kind.PARTIAL,
+                exact=self._runner is not None and self._runner.faces,
                 checkpoint=partial(self._check_urgency, kind, target),
                 settle=None if self._lockstep else settle,
             )

@@ -21,7 +21,7 @@ from flexmotion.streamer.motion.heard import End, Heard, HeardStep
 from flexmotion.streamer.motion.intents import Intent, Velocity
 from flexmotion.streamer.motion.model_source import ModelSource
 from flexmotion.streamer.motion.programs import GESTURE_S, Program, Step
-from flexmotion.streamer.planning.navigator import STANDING, Navigator, navigator_for
+from flexmotion.streamer.planning.navigator import STANDING, Navigator, Phase, navigator_for
 from flexmotion.streamer.planning.standstill import SETTLE_S, Closing, Standstill, stopping_place
 from flexmotion.streamer.planning.step_amounts import done_of, is_missing, is_reached
 from flexmotion.streamer.planning.step_progress import MOVED_RAD, StepProgress, is_raised
@@ -80,6 +80,11 @@ class StepRunner:
         self._source_s, self._source_tick = math.nan, 0
         self._walked_tick = -(10**9)
         self._place = np.zeros(3)
+
+    @property
+    def faces(self) -> bool:
+        """Whether the human stands and looks where the robot's feet are to point."""
+        return self._navigator is not None and self._navigator.phase is Phase.FACE
 
     def changed(self) -> None:
         """The human changes to what is wanted."""
@@ -167,8 +172,7 @@ class StepRunner:
         """Begin a step; `intent`: what the human changes to, None where it has already."""
         self._phase, self._at, self._navigator = _Phase.ACT, self._fresh(row), self._navigator_to(step, row)
         if self._navigator is not None:
-            if intent is not None or self._navigator.move != step.intent:
-                self._follow(self._navigator)
+            self._follow(self._navigator)
         elif step.stands and (self.resting or self._walks(row)):
             self._settle(self._at, row)
         elif step.stands and step.told.manner is None:

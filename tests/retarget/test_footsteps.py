@@ -6,11 +6,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from flexmotion.human.body import Body
 from flexmotion.human.motion import Motion
 from flexmotion.importers.default_clip import build_clip
-from flexmotion.retarget.footsteps import FeetState
+from flexmotion.retarget.footsteps import EXACT_YAW, FeetState
 from flexmotion.retarget.retargeter import Retargeter
 from flexmotion.retarget.steps import NOTICE_S, UNHURRIED_S, Step
 
@@ -259,3 +260,20 @@ def test_an_unfinished_swing_lands_past_the_window(plan: Planned, walk: Motion) 
     cut = walk[:42]
     (step,) = plan(cut)
     assert step.land >= (len(cut) - 1) / cut.fps * RATE
+
+
+@pytest.mark.parametrize("turned", [-0.15, 0.15])
+def test_a_plan_that_is_exact_turns_the_feet_by_small_steps(
+    retargeter: Retargeter, view: Views, stand: Callable[..., Motion], turned: float
+) -> None:
+    """The feet followed no turn below 15°: a turn of 10° became one of 0 or 20°, and ended by its time limit."""
+    still = stand(90)
+    root = Rotation.from_euler("z", [[turned]] * len(still)).as_quat(scalar_first=True)
+    human = view(replace(still, root_quaternion=root))
+    feet = retargeter.body.home_feet
+    start = FeetState(feet, np.full((2, 2), np.nan), np.full(2, -np.inf), np.zeros(2), [], at_rest=True)
+    assert retargeter.footsteps.plan(human, start) == []
+    steps = retargeter.footsteps.plan(replace(human, exact=True), start)
+    assert sorted(step.side for step in steps) == [0, 1]
+    for step in steps:
+        assert step.target[3] == pytest.approx(turned, abs=EXACT_YAW)

@@ -175,3 +175,14 @@ def test_a_plan_that_joins_later_than_foreseen_is_the_one_made_for_then(planner:
     assert (found.start_tick, found.human_first_frame) == (expected.start_tick, expected.human_first_frame)
     np.testing.assert_array_equal(found.q, expected.q)
     np.testing.assert_array_equal(found.states, expected.states)
+
+
+def test_a_human_looks_where_the_feet_point_once_the_robot_stands(planner: Planner) -> None:
+    """A turn that stopped with one foot behind took the mean of both feet for its heading: 8° fell short."""
+    current = planner.plan(0, None).plan
+    states = current.states.copy()
+    last = RETARGETER.layout.view(states[-1])
+    before = planner.human_yaw(len(current), current)
+    last.feet[1, 3] += 0.3
+    turned = planner.human_yaw(len(current), replace(current, states=states))
+    assert before is not None and turned == pytest.approx(before + 0.3, abs=1e-6)
