@@ -14,6 +14,7 @@ from typing import IO, Any
 
 import psutil
 
+from benchmarks.shared.lines import Lines
 from flexmotion.configs.errors import DriverError, GatewayError
 from flexmotion.streamer.gateway.client import Client
 from flexmotion.streamer.gateway.ports import any_free
@@ -33,10 +34,12 @@ class ServedRun:
     Attributes:
         process: of the run; it is the parent of the others.
         port, stop_port: where it listens.
+        lines: its standard input and output; None: messages come over its ports alone.
         report: its figures, after `end`.
     """
 
     report: dict[str, Any]
+    lines: Lines | None = None
 
     def __init__(self, process: subprocess.Popen[bytes], ports: tuple[int, int], out: IO[str], notes: IO[str]) -> None:
         self.process, (self.port, self.stop_port) = process, ports
@@ -92,13 +95,18 @@ class ServedRun:
         if self.process.poll() is None:
             self.process.send_signal(how)
         self.process.wait(_ENDED_S)
-        self._out.seek(0)
-        # Answers to lines come before it.
-        text = self._out.read()
-        begin = text.find('{\n  "schema"')
-        if begin < 0:
+        text = self._printed()
+        if not text.startswith("{"):
             raise DriverError(f"the run has no report: {self.last_notes()}")
-        self.report = json.loads(text[begin:])
+        self.report = json.loads(text)
+
+    def _printed(self) -> str:
+        """What the run has printed, without answers to lines."""
+        if self.lines is not None:
+            self.lines.end()
+            return "".join(self.lines.rest)
+        self._out.seek(0)
+        return self._out.read()
 
     def last_notes(self) -> str:
         """The last lines of what the run has told."""
@@ -107,11 +115,12 @@ class ServedRun:
 
 
 @contextmanager
-def served_run(*options: str, program: Sequence[str] = PROGRAM) -> Iterator[ServedRun]:
+def served_run(*options: str, lines: bool = False, program: Sequence[str] = PROGRAM) -> Iterator[ServedRun]:
     """Context of a run that follows targets: it is waited for, and ended also where the benchmark fails.
 
     Args:
         options: further ones of `flexmotion dry-run`.
+        lines: whether it takes messages on its standard input too.
         program: that is `flexmotion`.
 
     Raises:
@@ -119,15 +128,18 @@ def served_run(*options: str, program: Sequence[str] = PROGRAM) -> Iterator[Serv
     """
     port, stop_port = any_free(), any_free()
     command = [*program, "dry-run", "--web", "--json", "--allow-refused"]
-    command += ["--web-port", str(port), "--stop-port", str(stop_port), *options]
+    command += ["--web-port", str(port), "--stop-port", str(stop_port), *(["--stdin"] if lines else []), *options]
+    pipe = subprocess.PIPE if lines else None
     # Files, since nobody reads pipes meanwhile. A group of its own: a terminal's Ctrl-C reaches the benchmark alone.
     with (
         tempfile.TemporaryFile("w+") as out,
         tempfile.TemporaryFile("w+") as notes,
-        subprocess.Popen(command, stdout=out, stderr=notes, process_group=0) as process,
+        subprocess.Popen(command, stdin=pipe, stdout=pipe or out, stderr=notes, process_group=0) as process,
     ):
         try:
             run = ServedRun(process, (port, stop_port), out, notes)
+            if process.stdin is not None and process.stdout is not None:
+                run.lines = Lines(process.stdin, process.stdout)
             run.wait_until_it_follows()
             yield run
             if not hasattr(run, "report"):

@@ -97,6 +97,7 @@ def listen(session: Session, listening: Listening) -> None:
         transports=transports,
         feed=partial(_feed, session) if listening.network else None,
         pace=session.source.pace if isinstance(session.source, ModelSource) else None,
+        clips=session.source.clips if isinstance(session.source, ModelSource) else (),
     )
     session.services += (*stops, gateway)
 
