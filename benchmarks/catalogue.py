@@ -80,6 +80,7 @@ CATALOGUE = (
     Benchmark("robot/replan_noise", "20 min", (Need.CLIPS,), "at 5 cm upright below 90 %, a join above 3 mm a tick"),
     Benchmark("robot/switching", "5 min", (Need.CLIPS,), "more than 1 fall in 200 changes"),
     Benchmark("robot/emergency_stop", "15 min", (), "the robot file's emergency stop: a nominal robot falls"),
+    Benchmark("robot/steering", "15 min", (), "a fall; a stick that does not move the robot, a STOP without a stand"),
     Benchmark("robot/faults", "15 min", (Need.CLIPS,), "upright below 90 % (silent planner), 95 % (stops)"),
     Benchmark("model/hearing", "5 s", (), "below 97 %, a kind below 85 %, left taken for right; manners below 90 %"),
     Benchmark("model/manners", "5 min", (Need.TRAIN, Need.SET), "below 60 % of samples in the manner asked for"),

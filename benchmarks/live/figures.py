@@ -4,25 +4,32 @@ from __future__ import annotations
 
 from collections import Counter
 
-import numpy as np
 from pydantic import BaseModel, ConfigDict
 
-SETTLED_S = 120.0
-"""After this time every buffer of a run has its full size [s]."""
+from benchmarks.shared.memory import Growth, Sample, growth
+
+
+class Fall(BaseModel):
+    """A fall: when, and what was asked shortly before, oldest first, each with its time [s] and its answer."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    at_s: float
+    asked: list[str] = []
 
 
 class SegmentFigures(BaseModel):
     """One segment.
 
     Attributes:
-        clock, seed, targets: how it was run: with targets over the transports, or without.
+        clock, seed, targets: how it was run: with targets over the transports, or the same ones without.
         seconds: of the robot.
-        falls: times that the robot fell; the run went on after each.
+        falls: the run went on after each.
         violations: goals outside the envelope that were sent.
         missed: ticks that were not done in time; of a segment on the wall clock.
         sent: targets by transport.
         states: their answers by state.
-        memory: time of the run and memory of all its processes [s, MB].
+        memory: of each process, by its name.
         parts: files of the log; `unreadable` of them could not be read.
         exit_code: of the program; 0 where the segment has none of its own.
     """
@@ -32,24 +39,22 @@ class SegmentFigures(BaseModel):
     clock: str
     seed: int
     targets: bool
-    seconds: float
-    falls: int = 0
+    seconds: float = 0.0
+    falls: list[Fall] = []
     violations: int = 0
     missed: int = 0
     sent: dict[str, int] = {}
     states: dict[str, int] = {}
-    memory: list[tuple[float, float]] = []
+    memory: dict[str, list[Sample]] = {}
     parts: int = 0
     unreadable: int = 0
     exit_code: int = 0
 
     @property
-    def growth_mb(self) -> float | None:
-        """Growth of memory in ten minutes, by a line through the samples after the start [MB]; None: too few."""
-        known = np.array([one for one in self.memory if one[0] >= SETTLED_S]).reshape(-1, 2)
-        if len(known) < 10:
-            return None
-        return float(np.polyfit(known[:, 0], known[:, 1], 1)[0] * 600.0)
+    def growths(self) -> dict[str, Growth]:
+        """Growth of each process in ten minutes; of a segment that is long enough."""
+        found = {name: growth(samples) for name, samples in self.memory.items()}
+        return {name: one for name, one in found.items() if one is not None}
 
 
 def total(segments: list[SegmentFigures], name: str) -> Counter[str]:

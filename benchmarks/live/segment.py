@@ -7,29 +7,29 @@ import json
 import os
 import signal
 import socket
-import subprocess
 import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import psutil
 
-from benchmarks.live.figures import SegmentFigures
-from benchmarks.live.senders import Lines, Sender, drawn, three
-from flexmotion.configs.errors import ConfigError, DriverError, GatewayError
+from benchmarks.live.figures import Fall, SegmentFigures
+from benchmarks.live.senders import Sender, merged, three
+from benchmarks.shared.lines import Lines
+from benchmarks.shared.memory import of_family, of_process
+from benchmarks.shared.served_run import ServedRun, served_run
+from flexmotion.configs.errors import ConfigError, DriverError
 from flexmotion.configs.robot import load_robot
 from flexmotion.configs.stream import LogParts, StreamSettings, load_stream
 from flexmotion.drivers.registry import create
-from flexmotion.streamer.api import STANDING, open_source
+from flexmotion.streamer import api
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.gateway.admission import Admission
-from flexmotion.streamer.gateway.client import Client
 from flexmotion.streamer.gateway.connection import PATIENCE_S
 from flexmotion.streamer.gateway.messages import decode, intent_of
 from flexmotion.streamer.gateway.ports import any_free
@@ -37,76 +37,129 @@ from flexmotion.streamer.gateway.service import GatewayService
 from flexmotion.streamer.log.parts import later_parts
 from flexmotion.streamer.log.reader import read_log
 from flexmotion.streamer.log.recording import record_to
+from flexmotion.streamer.run.requests import Request
 from flexmotion.streamer.run.session import Session
 
-PART_S = 300.0
-KEPT_S = 20.0
+PARTS = 6
+"""Parts of a segment's log, at least; the oldest are removed meanwhile."""
+KEPT_S, PICKED_UP_S = 20.0, 3.0
+STAND_UP_S = 60.0
+"""Longest time until the robot stands [s]."""
 _SAMPLE_S = 5.0
-_AGAIN_S = 6.0
-"""Time for a robot that fell to lie still and to be picked up, before it is armed again [s]."""
+_AGAIN_S = 1.0
+"""Time between two attempts to arm a robot that fell [s]."""
+_BEFORE_S = 10.0
+"""Targets of so long before a fall are told with it [s]."""
 
 
-def settings() -> StreamSettings:
+def settings(seconds: float) -> StreamSettings:
     """The shipped settings, with short parts of the log."""
-    return load_stream().model_copy(update={"log": LogParts(part_mb=60.0, part_s=PART_S, keep_mb=400.0)})
+    parts = LogParts(part_mb=60.0, part_s=max(seconds / PARTS, 10.0), keep_mb=400.0)
+    return load_stream().model_copy(update={"log": parts})
+
+
+class Falls:
+    """Notices falls by the ladder's state, and what was asked before.
+
+    Args:
+        found: gets the falls.
+        newest: gives the last targets, each as time [s], target and answer.
+    """
+
+    def __init__(self, found: SegmentFigures, newest: Callable[[], list[tuple[float, dict[str, Any], str]]]) -> None:
+        self._found, self._newest, self._lies = found, newest, False
+
+    def see(self, state: str | None, now_s: float) -> bool:
+        """Take the state of the ladder; returns whether the robot must be armed again."""
+        down = state in ("DAMPED", "FAULT", "OFF")
+        if down and not self._lies:
+            recent = sorted((one for one in self._newest() if one[0] > now_s - _BEFORE_S), key=lambda one: one[0])
+            asked = [f"{at_s - now_s:+.2f} s {_told(target)}: {answer}" for at_s, target, answer in recent]
+            self._found.falls.append(Fall(at_s=round(now_s, 2), asked=asked))
+        self._lies = down
+        return state in ("FAULT", "OFF")
+
+
+def _told(target: dict[str, Any]) -> str:
+    return str(target.get("text") or target.get("velocity") or target["type"])
+
+
+# ---------------------------------------------------------------- in lockstep
 
 
 def lockstep(seconds: float, seed: int, interval_s: float, log: Path, *, targets: bool) -> SegmentFigures:
     """A segment in lockstep. Without `targets` the same targets are sent by the program itself, over no transport."""
-    found = SegmentFigures(clock="lockstep", seed=seed, targets=targets, seconds=0.0)
-    number = 0
-    while found.seconds < seconds:
-        # A robot that has fallen begins anew, with other noise.
-        path = log.with_name(f"{log.stem}-{number}{log.suffix}")
-        _lockstep_run(found, seconds, seed + 1000 * number, interval_s, path, targets=targets)
-        _read_parts(found, path)
-        number += 1
-    return found
-
-
-def _lockstep_run(
-    found: SegmentFigures, seconds: float, seed: int, interval_s: float, log: Path, *, targets: bool
-) -> None:
+    found = SegmentFigures(clock="lockstep", seed=seed, targets=targets)
     robot = load_robot("op3")
     session = Session(
         robot,
-        create("sim", robot, seed=seed),
-        open_source(robot, STANDING, seed=seed),
-        settings(),
+        create("sim", robot, seed=seed, picked_up_s=PICKED_UP_S),
+        api.open_source(robot, api.STANDING, seed=seed),
+        settings(seconds),
         stay=True,
+        attended=True,
         kept_s=KEPT_S,
         seed=seed,
     )
-    begin_s, memory, own = found.seconds, psutil.Process(), np.random.default_rng(seed)
-
-    def now() -> float:
-        return session.telemetry.ticks.count / robot.rate_hz
-
-    due_s = sampled_s = 0.0
-    with _gateway(session) as (port, lines):
+    run = _Lockstep(session, found, interval_s)
+    with ExitStack() as stack:
+        port, lines = stack.enter_context(_gateway(session))
         record_to(log, session, "lockstep")
-        senders = three(port, lines, now, interval_s, seed) if targets else []
-        with session:
-            if targets:
-                _wait_until_it_listens(port)
-            for sender in senders:
-                sender.start()
-            while begin_s + now() < seconds and session.step():
-                if not targets and now() >= due_s:
-                    due_s = now() + float(own.uniform(0.2, 1.8)) * interval_s
-                    _send_directly(session, drawn(own))
-                if now() >= sampled_s:
-                    sampled_s = now() + _SAMPLE_S
-                    found.memory.append((begin_s + now(), memory.memory_info().rss * 1e-6))
-                    _tell(begin_s + now(), seconds, senders)
-            if session.state.ladder in (State.DAMPED, State.FAULT):
-                found.falls += 1
-            else:
-                _end(senders, lambda: session.step())
-                session.finish()
+        stack.enter_context(session)
+        run.stand_up()
+        senders = three(port, lines, run.now, interval_s, seed) if targets else []
+        if targets:
+            _wait_until_it_listens(port)
+        for sender in senders:
+            sender.start()
+        run.follow(seconds, senders, merged(interval_s, seed) if not targets else None)
+        _end(senders, session.step)
+        session.finish()
     _count(found, senders)
-    found.seconds = begin_s + now()
-    found.violations += session.record.violations_sent
+    found.seconds = run.now()
+    found.violations = session.record.violations_sent
+    _read_parts(found, log)
+    return found
+
+
+class _Lockstep:
+    """A session in lockstep that is armed again after each fall."""
+
+    def __init__(self, session: Session, found: SegmentFigures, interval_s: float) -> None:
+        self.session, self.found, self.interval_s = session, found, interval_s
+        self._begin_s = 0.0
+
+    def now(self) -> float:
+        """Time of the run since the robot stood up [s]."""
+        return self.session.telemetry.ticks.count / self.session.robot.rate_hz - self._begin_s
+
+    def stand_up(self) -> None:
+        """Step until the robot stands. Raises `DriverError` where it does not."""
+        while self.session.state.ladder not in (State.HOLD, State.STREAMING):
+            if not self.session.step() or self.now() > STAND_UP_S:
+                raise DriverError(f"the robot does not stand: {self.session.state.ladder.name}")
+        self._begin_s = self.now()
+
+    def follow(self, seconds: float, senders: list[Sender], own: Iterator[tuple[float, dict[str, Any]]] | None) -> None:
+        """Step for some time; `own`: targets that this program sends itself."""
+        session, now, memory = self.session, self.now, self.found.memory.setdefault("all", [])
+        sent: list[tuple[float, dict[str, Any], str]] = []
+        falls = Falls(self.found, lambda: [one for sender in senders for one in sender.newest] + sent[-20:])
+        waiting = next(own) if own is not None else None
+        sampled_s = armed_s = 0.0
+        while now() < seconds and session.step():
+            if own is not None and waiting is not None and now() >= waiting[0]:
+                _send_directly(session, waiting[1])
+                sent = [*sent[-20:], (now(), waiting[1], "sent")]
+                self.found.sent["none"] = self.found.sent.get("none", 0) + 1
+                waiting = next(own)
+            if falls.see(session.state.ladder.name, now()) and now() >= armed_s:
+                armed_s = now() + _AGAIN_S
+                session.ask(Request.CLEAR if session.state.ladder is State.FAULT else Request.ARM)
+            if now() >= sampled_s:
+                sampled_s = now() + _SAMPLE_S
+                memory.append((now(), *of_process(os.getpid())))
+                _tell(now(), seconds, sum(self.found.sent.values()) + sum(sender.sent for sender in senders))
 
 
 def _wait_until_it_listens(port: int) -> None:
@@ -118,9 +171,11 @@ def _wait_until_it_listens(port: int) -> None:
 
 
 def _send_directly(session: Session, message: dict[str, Any]) -> None:
-    intent = intent_of(decode(json.dumps(message).encode()))
+    intent = intent_of(decode(json.dumps(message)))
     assert intent is not None
-    session.targets.send(intent, holds_s=message.get("ttl_s", float("inf")), take_up_s=5.0)
+    session.targets.send(
+        intent, holds_s=message.get("ttl_s", float("inf")), take_up_s=session.settings.gateway.take_up_s
+    )
 
 
 @contextmanager
@@ -144,97 +199,7 @@ def _gateway(session: Session) -> Iterator[tuple[int, Lines]]:
     yield gateway.port, Lines(os.fdopen(from_test, "wb"), os.fdopen(to_test, "rb"))
 
 
-def wall_clock(seconds: float, seed: int, interval_s: float, log: Path) -> SegmentFigures:
-    """A segment of the whole program on the wall clock: `flexmotion dry-run --web --stdin`."""
-    found = SegmentFigures(clock="real", seed=seed, targets=True, seconds=0.0)
-    port, stop_port = any_free(), any_free()
-    with tempfile.TemporaryDirectory() as folder:
-        file, report = Path(folder) / "stream.yaml", Path(folder) / "report"
-        file.write_text(json.dumps(settings().model_dump(mode="json")), encoding="utf-8")  # JSON is YAML
-        command = [
-            sys.executable,
-            "-m",
-            "flexmotion.streamer",
-            "dry-run",
-            "--web",
-            "--stdin",
-            "--arm",
-            "--allow-refused",
-        ]
-        command += ["--web-port", str(port), "--stop-port", str(stop_port), "--seed", str(seed)]
-        command += ["--settings", str(file), "--log", str(log), "--report", str(report)]
-        with (
-            open(Path(folder) / "notes", "w+", encoding="utf-8") as notes,
-            subprocess.Popen(
-                command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=notes, process_group=0
-            ) as run,
-        ):
-            _follow(found, run, port, seconds, seed, interval_s)
-            notes.seek(0)
-            if not (report / "report.json").is_file():
-                raise DriverError(f"the run has no report: {notes.read().strip()[-300:]}")
-            told = json.loads((report / "report.json").read_text(encoding="utf-8"))
-    found.exit_code = run.returncode
-    found.violations = told["limits"]["violations_sent"]
-    found.missed = told["loop"]["missed_deadlines"]
-    found.seconds = told["duration_s"]
-    _read_parts(found, log)
-    return found
-
-
-def _follow(
-    found: SegmentFigures, run: subprocess.Popen[bytes], port: int, seconds: float, seed: int, interval_s: float
-) -> None:
-    """Send targets to a run until its time is over, then end it as a service manager does."""
-    assert run.stdin is not None and run.stdout is not None
-    client = Client(port=port)
-    status = _status(client, run)
-    while status.get("state") != "STREAMING":
-        time.sleep(0.5)
-        status = _status(client, run)
-    begin = time.monotonic()
-    senders = three(port, Lines(run.stdin, run.stdout), time.monotonic, interval_s, seed)
-    for sender in senders:
-        sender.start()
-    while (passed := time.monotonic() - begin) < seconds and run.poll() is None:
-        time.sleep(_SAMPLE_S)
-        found.memory.append((passed, _family_mb(run.pid)))
-        _tell(passed, seconds, senders)
-        if _status(client, run).get("state") == "FAULT":
-            found.falls += 1
-            time.sleep(_AGAIN_S)
-            for ask in (client.take, client.clear, client.arm):
-                ask()
-    for sender in senders:
-        sender.end(PATIENCE_S)
-    _count(found, senders)
-    run.send_signal(signal.SIGTERM)
-    run.stdin.close()
-    run.wait()
-
-
-def _status(client: Client, run: subprocess.Popen[bytes]) -> dict[str, Any]:
-    """The status; empty where the gateway does not answer yet, or is busy."""
-    if run.poll() is not None:
-        raise DriverError(f"the run ended with exit code {run.returncode}")
-    try:
-        return client.status()
-    except GatewayError:
-        return {}
-
-
-def _family_mb(pid: int) -> float:
-    """Memory of a run's processes that is their own [MB]; what they share with each other is not counted twice."""
-    own = 0.0
-    for process in (psutil.Process(pid), *psutil.Process(pid).children(recursive=True)):
-        try:
-            own += process.memory_full_info().uss * 1e-6
-        except psutil.NoSuchProcess:
-            continue
-    return own
-
-
-def _end(senders: list[Sender], step: Any) -> None:
+def _end(senders: list[Sender], step: Callable[[], bool]) -> None:
     """End the senders; a run in lockstep must go on for their last answers."""
     for sender in senders:
         sender.end(0.0)
@@ -243,11 +208,66 @@ def _end(senders: list[Sender], step: Any) -> None:
         pass
 
 
+# ---------------------------------------------------------------- on the wall clock
+
+
+def wall_clock(seconds: float, seed: int, interval_s: float, log: Path) -> SegmentFigures:
+    """A segment of the whole program on the wall clock: `flexmotion dry-run --web --stdin`."""
+    found = SegmentFigures(clock="real", seed=seed, targets=True)
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "stream.yaml"
+        file.write_text(json.dumps(settings(seconds).model_dump(mode="json")), encoding="utf-8")  # JSON is YAML
+        options = ("--arm", "--seed", str(seed), "--settings", str(file), "--log", str(log))
+        with served_run(*options, lines=True) as run:
+            assert run.lines is not None
+            _follow(found, run, run.lines, seconds, seed, interval_s)
+            run.end(signal.SIGTERM)  # as a service manager does
+    found.exit_code = run.process.returncode
+    found.violations = run.report["limits"]["violations_sent"]
+    found.missed = run.report["loop"]["missed_deadlines"]
+    found.seconds = run.report["duration_s"]
+    _read_parts(found, log)
+    return found
+
+
+def _follow(found: SegmentFigures, run: ServedRun, lines: Lines, seconds: float, seed: int, interval_s: float) -> None:
+    """Send targets to a run until its time is over."""
+    begin = time.monotonic()
+
+    def now() -> float:
+        return time.monotonic() - begin
+
+    senders = three(run.port, lines, now, interval_s, seed)
+    falls = Falls(found, lambda: [one for sender in senders for one in sender.newest])
+    for sender in senders:
+        sender.start()
+    sampled_s = 0.0
+    while now() < seconds:
+        time.sleep(_AGAIN_S)
+        # Another sender may take the lease in between: then it is asked again.
+        if falls.see(run.status().get("state"), now()):
+            client = run.client("soak")
+            for ask in (client.take, client.clear, client.arm):
+                ask()
+            client.close()
+        if now() >= sampled_s:
+            sampled_s = now() + _SAMPLE_S
+            for name, (resident, private) in of_family(run.process.pid).items():
+                found.memory.setdefault(name, []).append((now(), resident, private))
+            _tell(now(), seconds, sum(sender.sent for sender in senders))
+    for sender in senders:
+        sender.end(PATIENCE_S)
+    _count(found, senders)
+
+
+# ---------------------------------------------------------------- of both
+
+
 def _count(found: SegmentFigures, senders: list[Sender]) -> None:
     states = Counter(found.states)
     for sender in senders:
         sender.end(PATIENCE_S)
-        found.sent[sender.name] = found.sent.get(sender.name, 0) + sender.sent
+        found.sent[sender.name] = sender.sent
         states.update(sender.states)
     found.states = dict(sorted(states.items()))
 
@@ -263,9 +283,9 @@ def _read_parts(found: SegmentFigures, log: Path) -> None:
         part.unlink()
 
 
-def _tell(now_s: float, seconds: float, senders: list[Sender]) -> None:
-    sent = sum(sender.sent for sender in senders)
-    print(f"{now_s:.0f} of {seconds:.0f} s, {sent} targets", file=sys.stderr, flush=True)
+def _tell(now_s: float, seconds: float, targets: int) -> None:
+    load = psutil.getloadavg()[0]
+    print(f"{now_s:.0f} of {seconds:.0f} s, {targets} targets, load {load:.1f}", file=sys.stderr, flush=True)
 
 
 def measure() -> None:

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import heapq
 import json
 import threading
-import time
-from collections import Counter
-from collections.abc import Callable
+from collections import Counter, deque
+from collections.abc import Callable, Iterator
 from http.client import HTTPConnection, HTTPException
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
 
+from benchmarks.shared.lines import Lines
 from flexmotion.configs.errors import GatewayError
 from flexmotion.streamer.commands.choice import SWITCHED_PROMPTS
 from flexmotion.streamer.gateway.client import Client
@@ -19,10 +20,15 @@ from flexmotion.streamer.gateway.connection import PATIENCE_S
 
 FASTEST = 0.4
 """Bound of turning [rad/s], and of walking ahead [m/s of the human]."""
+WAYS = ("websocket", "http", "lines")
+"""Names of the senders."""
 _LOOK_S = 0.01
+_REMEMBERED = 20
 
 Ask = Callable[[dict[str, Any]], str]
 """Sends a message and returns the state of its answer."""
+Due = tuple[float, dict[str, Any]]
+"""When a target is due [s], and the target."""
 
 
 def drawn(random: np.random.Generator) -> dict[str, Any]:
@@ -36,42 +42,64 @@ def drawn(random: np.random.Generator) -> dict[str, Any]:
     return {"type": "hold"}
 
 
+def schedule(interval_s: float, seed: int) -> Iterator[Due]:
+    """Random targets at random intervals, without an end; the same ones for the same seed."""
+    random, due_s = np.random.default_rng(seed), 0.0
+    while True:
+        yield due_s, drawn(random)
+        due_s += float(random.uniform(0.2, 1.8)) * interval_s
+
+
+def schedules(interval_s: float, seed: int) -> dict[str, Iterator[Due]]:
+    """One for each sender; together they send at the mean interval."""
+    return {name: schedule(interval_s * len(WAYS), seed + number) for number, name in enumerate(WAYS)}
+
+
+def merged(interval_s: float, seed: int) -> Iterator[Due]:
+    """The targets of all senders, as one schedule."""
+    return heapq.merge(*schedules(interval_s, seed).values(), key=lambda due: due[0])
+
+
 class Sender(threading.Thread):
-    """One program that sends a random target every now and then, and waits for each answer.
+    """One program that sends targets when they are due, and waits for each answer.
 
     Args:
         name: of its source, and of the transport.
         ask: sends a message over the transport.
         now: time of the run [s].
-        interval_s: mean time between two targets, on that clock [s].
+        due: the targets.
 
     Attributes:
         sent: targets sent.
         states: answers by state; "none" where none came.
+        newest: the last targets, each as time [s], target and state.
     """
 
-    def __init__(self, name: str, ask: Ask, now: Callable[[], float], interval_s: float, seed: int) -> None:
+    def __init__(self, name: str, ask: Ask, now: Callable[[], float], due: Iterator[Due]) -> None:
         super().__init__(name=name, daemon=True)
-        self.ask, self.now, self.interval_s = ask, now, interval_s
+        self.ask, self.now, self.due = ask, now, due
         self.sent, self.states = 0, Counter[str]()
-        self._random, self._ended = np.random.default_rng(seed), threading.Event()
+        self.newest: deque[tuple[float, dict[str, Any], str]] = deque(maxlen=_REMEMBERED)
+        self._ended = threading.Event()
 
     def run(self) -> None:
         """See `Thread`."""
-        due = self.now()
-        while not self._ended.is_set():
-            if self.now() < due:
-                self._ended.wait(_LOOK_S)
-                continue
-            due = self.now() + float(self._random.uniform(0.2, 1.8)) * self.interval_s
-            # Each takes the lease from the one before: all have the same priority.
-            message = {**drawn(self._random), "source": self.name}
+        for due_s, target in self.due:
+            while self.now() < due_s:
+                if self._ended.wait(_LOOK_S):
+                    return
+            if self._ended.is_set():
+                return
             self.sent += 1
+            at_s = self.now()
             try:
+                # Each takes the lease from the one before: all have the same priority.
                 self.ask({"type": "take", "source": self.name})
-                self.states[self.ask(message)] += 1
+                state = self.ask({**target, "source": self.name})
             except GatewayError:
-                self.states["none"] += 1
+                state = "none"
+            self.states[state] += 1
+            self.newest.append((at_s, target, state))
 
     def end(self, patience_s: float) -> None:
         """Send no more, and wait for the last answer."""
@@ -101,48 +129,11 @@ def over_http(port: int, name: str) -> Ask:
     return ask
 
 
-class Lines:
-    """The other end of a run's standard input and output: messages and answers, a JSON object a line."""
-
-    def __init__(self, to_run: IO[bytes], from_run: IO[bytes]) -> None:
-        self._to_run, self._from_run = to_run, from_run
-        self._answers: dict[str, str] = {}
-        self._arrived = threading.Condition()
-        self._number = 0
-        threading.Thread(target=self._read, daemon=True).start()
-
-    def _read(self) -> None:
-        for line in self._from_run:
-            try:
-                answer = json.loads(line)
-            except ValueError:
-                continue  # the report, at the end
-            if not isinstance(answer, dict) or answer.get("type") != "answer":
-                continue
-            with self._arrived:
-                self._answers[str(answer.get("id"))] = answer["state"]
-                self._arrived.notify_all()
-
-    def ask(self, message: dict[str, Any]) -> str:
-        """Send a message and wait for its answer. Raises `GatewayError` where none comes."""
-        self._number += 1
-        identity = f"line {self._number}"
-        self._to_run.write(json.dumps({**message, "id": identity}).encode() + b"\n")
-        self._to_run.flush()
-        end = time.monotonic() + PATIENCE_S
-        with self._arrived:
-            while identity not in self._answers:
-                if not self._arrived.wait(max(end - time.monotonic(), 0.0)) and time.monotonic() >= end:
-                    raise GatewayError("standard input: no answer")
-            return self._answers.pop(identity)
-
-
 def three(port: int, lines: Lines, now: Callable[[], float], interval_s: float, seed: int) -> list[Sender]:
-    """A sender for each transport, not yet started; each sends at a third of the rate."""
+    """A sender for each transport, not yet started."""
     ways: dict[str, Ask] = {
         "websocket": over_websocket(port, "websocket"),
         "http": over_http(port, "http"),
         "lines": lines.ask,
     }
-    each = interval_s * len(ways)
-    return [Sender(name, ask, now, each, seed + number) for number, (name, ask) in enumerate(ways.items())]
+    return [Sender(name, ways[name], now, due) for name, due in schedules(interval_s, seed).items()]

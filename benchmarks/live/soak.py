@@ -2,7 +2,8 @@
 
 In lockstep the simulated robot is stepped as fast as it computes, with its gateway; on the wall clock the whole program
 runs as a daemon. Targets come over a WebSocket, over HTTP and as lines, at random, each with the lease taken from the
-others. The same targets without transports say how often the robot falls without them. Each segment is a process; with
+others. The same targets at the same times without transports say how often the robot falls without them; a robot that
+fell is armed again. Memory is that of each process, after its start. Each segment is a process; with
 --state finished ones are not run again, so that an interrupted soak goes on.
 """
 
@@ -11,6 +12,7 @@ from __future__ import annotations
 import subprocess
 import sys
 import tempfile
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
@@ -100,38 +102,54 @@ def main(
 
 
 def _show(found: list[SegmentFigures]) -> None:
-    table = Table("clock", "targets", "min", "falls", "violations", "missed", "MB in 10 min", "parts")
+    table = Table("clock", "targets", "min", "falls", "violations", "missed", "MB in 10 min: most", "parts")
     for one in found:
-        growth = "-" if one.growth_mb is None else f"{one.growth_mb:.2f}"
-        counts = (one.falls, one.violations, one.missed)
-        sent = str(sum(one.sent.values())) if one.targets else "without transports"
-        table.add_row(one.clock, sent, f"{one.seconds / 60:.1f}", *map(str, counts), growth, str(one.parts))
+        worst = max(one.growths.items(), key=lambda own: own[1].private_mb, default=None)
+        growth = "too short" if worst is None else f"{worst[0]} {worst[1].private_mb:.2f}"
+        counts = (len(one.falls), one.violations, one.missed)
+        sent = str(sum(one.sent.values()))
+        kind = one.clock if one.targets else f"{one.clock}, without transports"
+        table.add_row(kind, sent, f"{one.seconds / 60:.1f}", *map(str, counts), growth, str(one.parts))
+    memory = Table("clock", "process", "resident", "private", "95 %", "over s", title="MB in ten minutes")
+    for one in found:
+        for name, own in sorted(one.growths.items()):
+            bounds = f"{own.least_mb:.2f} to {own.most_mb:.2f}"
+            memory.add_row(
+                one.clock, name, f"{own.resident_mb:.2f}", f"{own.private_mb:.2f}", bounds, f"{own.seconds:.0f}"
+            )
     console = Console(width=120)
     console.print(table)
+    if memory.row_count:
+        console.print(memory)
     console.print(", ".join(f"{name} {number}" for name, number in sorted(total(found, "states").items())))
+    for one in found:
+        for fall in one.falls:
+            ways = "" if one.targets else ", without transports"
+            print(f"fell at {fall.at_s:.1f} s, {one.clock}, seed {one.seed}{ways}; asked: {'; '.join(fall.asked)}")
 
 
 def _judged(found: list[SegmentFigures]) -> Outcome:
     with_targets = [one for one in found if one.targets]
     plain = [one for one in found if not one.targets]
     hours = {True: sum(one.seconds for one in with_targets) / 3600, False: sum(one.seconds for one in plain) / 3600}
-    falls = {True: sum(one.falls for one in with_targets), False: sum(one.falls for one in plain)}
-    states, sent = total(found, "states"), total(found, "sent")
-    growths = [one.growth_mb for one in found if one.growth_mb is not None]
+    falls = {True: sum(len(one.falls) for one in with_targets), False: sum(len(one.falls) for one in plain)}
+    states = total(found, "states")
+    sent = sum(total(with_targets, "sent").values())
     violations, parts = sum(one.violations for one in found), sum(one.parts for one in found)
     unreadable = sum(one.unreadable for one in found)
     answered = sum(states.values()) - states["none"]
+    codes = {one.exit_code for one in found}
     verdicts = [
-        Verdict(f"answered: {answered} of {sum(sent.values())}", answered == sum(sent.values())),
+        Verdict(f"answered: {answered} of {sent}", answered == sent),
         Verdict(f"goals outside the envelope: {violations} (0)", violations == 0),
         Verdict(f"parts of logs that cannot be read: {unreadable} of {parts} (0)", unreadable == 0 and parts > 0),
-        Verdict("exit code 0 after SIGTERM", all(one.exit_code == 0 for one in found)),
+        Verdict(f"exit codes after SIGTERM: {', '.join(map(str, sorted(codes)))} (0)", codes <= {0}),
     ]
+    growths = [(name, own) for one in found for name, own in one.growths.items() if own.judged]
     if growths:
-        worst = max(growths)
-        verdicts.append(
-            Verdict(f"memory in ten minutes: {worst:.2f} MB (< {MOST_GROWTH_MB:g})", worst < MOST_GROWTH_MB)
-        )
+        name, worst = max(growths, key=lambda one: one[1].private_mb)
+        sentence = f"private memory in ten minutes: {worst.private_mb:.2f} MB, {name} (< {MOST_GROWTH_MB:g})"
+        verdicts.append(Verdict(sentence, worst.private_mb < MOST_GROWTH_MB))
     if plain and with_targets:
         # As often as without transports; one more may be chance.
         allowed = falls[False] / hours[False] * hours[True] + 1
@@ -144,11 +162,16 @@ def _judged(found: list[SegmentFigures]) -> Outcome:
         "falls": falls[True],
         "falls_without_transports": falls[False],
         "hours_without_transports": hours[False],
-        "sent": dict(sent),
+        "fallen_after": [fall.model_dump() for one in found for fall in one.falls],
+        "sent": dict(total(with_targets, "sent")),
         "answers": dict(states),
         "violations": violations,
         "missed_deadlines": sum(one.missed for one in found),
-        "growth_mb_in_ten_minutes": growths,
+        "growth_in_ten_minutes": [
+            {"clock": one.clock, "process": name, **asdict(own)}
+            for one in found
+            for name, own in sorted(one.growths.items())
+        ],
         "parts": parts,
     }
     return Outcome(verdicts, figures)

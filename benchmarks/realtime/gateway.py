@@ -9,11 +9,6 @@ command of the plan. Meant for an otherwise idle machine.
 from __future__ import annotations
 
 import asyncio
-import json
-import signal
-import subprocess
-import sys
-import tempfile
 import time
 from collections import Counter
 from dataclasses import asdict, dataclass
@@ -26,12 +21,10 @@ from rich.table import Table
 
 from benchmarks.shared.options import CsvOption
 from benchmarks.shared.outcome import Outcome, Verdict, write_csv
-from flexmotion.configs.errors import DriverError, GatewayError
+from benchmarks.shared.served_run import served_run
 from flexmotion.streamer.commands.choice import SWITCHED_PROMPTS
 from flexmotion.streamer.gateway.async_client import AsyncClient
-from flexmotion.streamer.gateway.client import Client
 from flexmotion.streamer.gateway.messages import Answer
-from flexmotion.streamer.gateway.ports import any_free
 
 MEDIAN_MS, P99_MS = 35.0, 50.0
 """Bounds of the time from target to command [ms]."""
@@ -71,25 +64,6 @@ async def drive(port: int, targets: int, burst: int, interval_s: float, seed: in
         return told + list(await asyncio.gather(*(one(client, drawn()) for _ in range(burst))))
 
 
-def wait_until_streaming(port: int, run: subprocess.Popen[str]) -> None:
-    """Wait until the run listens and streams.
-
-    Raises:
-        DriverError: it ended, or has a fault, before.
-    """
-    while run.poll() is None:
-        try:
-            state = Client(port=port).status()["state"]
-        except GatewayError:
-            state = ""  # it does not listen yet
-        if state == "STREAMING":
-            return
-        if state == "FAULT":
-            raise DriverError("the run is in FAULT before it streamed: was the machine busy with something else?")
-        time.sleep(0.1)
-    raise DriverError(f"the run ended with exit code {run.returncode} before it streamed")
-
-
 def main(
     targets: Annotated[int, typer.Option(min=1, help="Number of targets at random intervals.")] = 1000,
     burst: Annotated[int, typer.Option(min=0, help="Number of targets at once, after them.")] = 1000,
@@ -98,22 +72,10 @@ def main(
     csv_out: CsvOption = None,
 ) -> Outcome:
     """Send targets to a run and measure."""
-    port = any_free()
-    ports = ["--web-port", str(port), "--stop-port", str(any_free())]
-    command = [sys.executable, "-m", "flexmotion.streamer", "dry-run", "--web", *ports, "--json", "--allow-refused"]
-    # A file, since nobody reads the notes meanwhile.
-    with (
-        tempfile.TemporaryFile("w+") as notes,
-        subprocess.Popen(command, stdout=subprocess.PIPE, stderr=notes, text=True, process_group=0) as run,
-    ):
-        wait_until_streaming(port, run)
-        told = asyncio.run(drive(port, targets, burst, interval_s, seed))
-        run.send_signal(signal.SIGINT)
-        out, _ = run.communicate()
-        notes.seek(0)
-        if not out.startswith("{"):
-            raise DriverError(f"the run has no report: {notes.read().strip()[-200:]}")
-    report = json.loads(out)
+    with served_run() as run:
+        told = asyncio.run(drive(run.port, targets, burst, interval_s, seed))
+        run.end()
+    report = run.report
     latency = report["planner"]["target_to_command_ms"]
     states = Counter(one.state for one in told)
     answered = np.array([one.answered_ms for one in told[:targets]])

@@ -8,36 +8,28 @@ machines are slower at times. What a browser needs to draw it is not measured: i
 from __future__ import annotations
 
 import asyncio
-import json
-import signal
-import subprocess
-import sys
-import tempfile
 import time
-from collections.abc import AsyncIterator, Iterator
-from contextlib import AsyncExitStack, asynccontextmanager, contextmanager
+from collections.abc import AsyncIterator
+from contextlib import AsyncExitStack, asynccontextmanager
 from dataclasses import asdict, dataclass
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
-import psutil
 import typer
 from rich.console import Console
 from rich.table import Table
 from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed
 
-from benchmarks.realtime.gateway import drive, wait_until_streaming
+from benchmarks.realtime.gateway import drive
 from benchmarks.shared.options import CsvOption
 from benchmarks.shared.outcome import Outcome, Verdict, write_csv
-from flexmotion.configs.errors import DriverError
-from flexmotion.streamer.gateway.ports import any_free
+from benchmarks.shared.served_run import PROCESSES, served_run
 
 PAGES = (0, 1, 3)
 MOST_CPU, MOST_EACH, MOST_SLOWER = 0.25, 0.05, 1.1
 """Bounds: processor time of the gateway with three pages, more of it for each page after the first [cores]; how much
 longer plans take with three pages than with none."""
-_PROCESSES = ("loop", "robot", "planner", "gateway", "stops")
 
 
 @dataclass(frozen=True)
@@ -51,7 +43,7 @@ class Run:
         work_p50_us: work of a tick [µs].
         sample_ms, retarget_ms, command_ms: medians of making plans, and from target to command [ms].
         kilobytes_s: sent to each page [kB/s].
-        loop, robot, planner, gateway, stops: processor time of the process over clock time [cores].
+        loop, robot, planner, gateway, estop: processor time of the process over clock time [cores].
     """
 
     pages: int
@@ -66,7 +58,7 @@ class Run:
     robot: float
     planner: float
     gateway: float
-    stops: float
+    estop: float
 
 
 class Page:
@@ -78,7 +70,7 @@ class Page:
     @asynccontextmanager
     async def opened(self, port: int) -> AsyncIterator[None]:
         """The page is open in this context."""
-        async with connect(f"ws://127.0.0.1:{port}/targets?page=1", max_size=None) as socket:
+        async with connect(f"ws://127.0.0.1:{port}/targets?page&status=4", max_size=None) as socket:
 
             async def read() -> None:
                 try:
@@ -100,34 +92,21 @@ def measured(pages: int, targets: int, interval_s: float, seed: int) -> Run:
     Raises:
         DriverError: it has no report.
     """
-    port = any_free()
-    ports = ["--web-port", str(port), "--stop-port", str(any_free())]
-    command = [sys.executable, "-m", "flexmotion.streamer", "dry-run", "--web", *ports, "--json", "--allow-refused"]
-    # A file, since nobody reads the notes meanwhile.
-    with (
-        tempfile.TemporaryFile("w+") as notes,
-        subprocess.Popen(command, stdout=subprocess.PIPE, stderr=notes, text=True, process_group=0) as run,
-        _ended(run),
-    ):
-        wait_until_streaming(port, run)
-        open_pages = [Page() for _ in range(pages)]
+    open_pages = [Page() for _ in range(pages)]
+    with served_run("--seed", str(seed)) as run:
 
         async def watch() -> tuple[dict[str, float], float]:
             async with AsyncExitStack() as entered:
                 for page in open_pages:
-                    await entered.enter_async_context(page.opened(port))
-                before, begin = _processor_s(run.pid), time.perf_counter()
-                await drive(port, targets, 0, interval_s, seed)
-                after, passed = _processor_s(run.pid), time.perf_counter() - begin
-            return {name: (after[name] - before[name]) / passed for name in _PROCESSES}, passed
+                    await entered.enter_async_context(page.opened(run.port))
+                before, begin = run.processor_s(), time.perf_counter()
+                await drive(run.port, targets, 0, interval_s, seed)
+                after, passed = run.processor_s(), time.perf_counter() - begin
+            return {name: (after[name] - before[name]) / passed for name in PROCESSES}, passed
 
         cores, passed = asyncio.run(watch())
-        run.send_signal(signal.SIGINT)
-        out, _ = run.communicate()
-        notes.seek(0)
-        if not out.startswith("{"):
-            raise DriverError(f"the run has no report: {notes.read().strip()[-200:]}")
-    report: dict[str, Any] = json.loads(out)
+        run.end()
+    report = run.report
     loop, planner = report["loop"], report["planner"]
     return Run(
         pages=pages,
@@ -140,27 +119,6 @@ def measured(pages: int, targets: int, interval_s: float, seed: int) -> Run:
         kilobytes_s=float(np.mean([page.received for page in open_pages])) / passed / 1e3 if pages else 0.0,
         **cores,
     )
-
-
-@contextmanager
-def _ended(run: subprocess.Popen[str]) -> Iterator[None]:
-    """Context that ends a run also where the benchmark fails or is interrupted: it would go on for ever."""
-    try:
-        yield
-    finally:
-        if run.poll() is None:
-            run.send_signal(signal.SIGINT)
-
-
-def _processor_s(parent: int) -> dict[str, float]:
-    """Processor time of each process of a run so far [s]."""
-    found = dict.fromkeys(_PROCESSES, 0.0)
-    for process in psutil.Process(parent).children(recursive=True):
-        name = process.name().removeprefix("fm-")
-        if name in found:
-            times = process.cpu_times()
-            found[name] = times.user + times.system
-    return found
 
 
 def main(

@@ -9,14 +9,9 @@ torque goes off. Judged is the kind that the robot file names.
 
 from __future__ import annotations
 
-import mmap
-import os
-import pickle
-from contextlib import AbstractContextManager
 from dataclasses import asdict, dataclass
 from functools import partial
 from typing import Annotated, get_args
-from unittest.mock import patch
 
 import numpy as np
 import typer
@@ -24,6 +19,7 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks.robot.simulation import simulator
+from benchmarks.shared.branches import copied_memory, in_branch
 from benchmarks.shared.cells import share
 from benchmarks.shared.options import CsvOption, JobsOption
 from benchmarks.shared.outcome import Outcome, Verdict, write_csv
@@ -110,33 +106,6 @@ def stopped(session: Session, kind: EmergencyStop, walk: str, perturbed: bool, s
     )
 
 
-def forked(session: Session, kind: EmergencyStop, walk: str, perturbed: bool, seed: int, phase: float) -> Trial:
-    """`stopped` in a process of its own, a copy of this one (see `copied_memory`): the session itself walks on."""
-    reader, writer = os.pipe()
-    child = os.fork()
-    if child == 0:
-        with os.fdopen(writer, "wb") as out:
-            try:
-                pickle.dump(stopped(session, kind, walk, perturbed, seed, phase), out)
-            except BaseException as error:
-                pickle.dump(error, out)
-        os._exit(0)
-    os.close(writer)
-    with os.fdopen(reader, "rb") as found:
-        outcome = pickle.load(found)
-    os.waitpid(child, 0)
-    if isinstance(outcome, BaseException):
-        raise outcome
-    assert isinstance(outcome, Trial)
-    return outcome
-
-
-def copied_memory() -> AbstractContextManager[object]:
-    """Context in which memory is made that a forked process has a copy of, instead of sharing it."""
-    private = partial(mmap.mmap, flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
-    return patch.object(mmap, "mmap", private)
-
-
 def lift(session: Session) -> int:
     """Step to the next lift of the left foot; returns its tick. Raises `RuntimeError` where it does not lift."""
     before = False
@@ -169,7 +138,7 @@ def walk_once(
             while session.state.tick < begin + round(number * ticks / phases):
                 session.step()
             for kind in kinds:
-                trials.append(forked(session, kind, walk, perturbed, seed, number / phases))
+                trials.append(in_branch(partial(stopped, session, kind, walk, perturbed, seed, number / phases)))
         session.finish()
     return trials
 

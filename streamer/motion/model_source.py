@@ -48,6 +48,7 @@ class ModelSource:
         straight: whether what is asked without a turn keeps its heading and place (`flexmotion/sampling/course.py`).
 
     Attributes:
+        clips: names of those that targets may name.
         heard_items: the answers to the items.
         answer: the answer to the last target; None: none yet.
 
@@ -73,6 +74,7 @@ class ModelSource:
         self._length_s = seconds
         self._end = None if seconds is None else int(np.floor(seconds * self.fps)) + 1
         self._clips = AllowedClips(clips or {}, sampler.fps, sampler.body)
+        self.clips = tuple(self._clips.clips)
         self._hearing = Hearing(sampler, pace, self._clips.seconds)
         self._schedule: list[tuple[int, Intent]] = []  # first frames and what to do from there on, ascending
         self._programs: list[tuple[int, Program]] = []  # the same of whole programs

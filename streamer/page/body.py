@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -38,11 +39,12 @@ _USUAL_PACE = Pace(ahead=0.5, back=0.3, aside=0.2, turning=0.5)
 """For a robot whose file says none, in a human's speed [m/s, rad/s]."""
 
 
-def page_robot(robot: Robot, driver: str, pace: Pace | None) -> dict[str, Any]:
+def page_robot(robot: Robot, driver: str, pace: Pace | None, clips: Sequence[str] = ()) -> dict[str, Any]:
     """Meshes, names, limits and the stick's range as JSON. Arrays of numbers are base64 of float32 or uint32.
 
     Args:
         pace: of a human that the robot keeps up with: the full deflection of the stick.
+        clips: names of those that targets may name.
     """
     pose = Pose(robot)
     pace = pace or _USUAL_PACE
@@ -69,6 +71,7 @@ def page_robot(robot: Robot, driver: str, pace: Pace | None) -> dict[str, Any]:
         "points": POINTS,
         "bones": BONES,
         "pace": [pace.ahead, pace.back, pace.aside, pace.turning],
+        "clips": sorted(clips),
         "temperature_limit": temperature,
         "temperature_margin": robot.safety.thermal_margin,
         "voltage_min": robot.safety.voltage_min,

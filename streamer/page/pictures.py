@@ -28,7 +28,8 @@ class Pictures:
 
     A picture is a list of float32, NaN where unknown: time [s]; of each body of the measured and of the planned robot
     position [m] and quaternion w x y z; the human's points [m]; of each sole x, y, z [m], yaw [rad] and whether it
-    bears load; zero-moment point as planned and as commanded, divergent component (x, y) [m]; centre of mass [m].
+    bears load; zero-moment point as planned and as commanded, divergent component (x, y) [m]; centre of mass [m];
+    odometry x, y [m], heading [rad].
     """
 
     def __init__(self, robot: Robot, humans: HumanChannel | None) -> None:
@@ -53,6 +54,7 @@ class Pictures:
             row["zmp_ref"] + row["zmp_shift"],
             row["dcm"],
             self.measured.com if known else np.full(3, np.nan),
+            row["odometry"],
         )
         return np.concatenate([np.ravel(part) for part in parts]).astype("<f4").tobytes()
 

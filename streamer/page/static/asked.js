@@ -5,6 +5,7 @@ import { fitted } from "./curves.js";
 const SUGGESTIONS = ["wave with the right hand", "walk forward", "turn 90 degrees to the left", "two steps back, then bow", "raise both arms", "stand still"];
 const SHOWN_S = 60;
 const KEPT = 40;
+const LONGEST = 160; // characters of an answer that is not folded
 const MARKS = {
   accepted: ["accepted", "good"], slowed: ["slowed", "good"], partly: ["in part", "warn"], done: ["done", "good"], late: ["not finished", "warn"],
   refused: ["refused", "bad"], expired: ["too late", "bad"], superseded: ["replaced", "wait"], wait: ["sent", "wait"],
@@ -15,6 +16,7 @@ export class Asked {
     this.link = link;
     this.entries = []; // newest first: {key, text, source, state, answer, at_s}
     this.list = document.getElementById("history");
+    this.said = document.getElementById("said");
     this.timeline = document.getElementById("timeline");
     this.prompt = document.getElementById("prompt");
     this.past = [];
@@ -31,18 +33,25 @@ export class Asked {
     }
   }
 
-  async ask(words) {
+  ask(words) {
     const text = words.trim();
     if (!text) return;
     this.prompt.value = "";
     this.past.push(text);
     this.place = this.past.length;
+    this.send({ type: "text", text }, text);
+  }
+
+  // Send a target, told as `text`; resolves to its answer.
+  async send(message, text) {
     const entry = { key: null, text, source: this.link.source, state: "wait", answer: {} };
     this.add(entry);
-    const answer = await this.link.send({ type: "text", text });
+    const answer = await this.link.send(message);
     Object.assign(entry, { state: answer.state, answer, key: answer.target ?? null, at_s: entry.at_s ?? null });
     this.merge(entry);
     this.show();
+    this.said.textContent = `${text}: ${MARKS[outcome(entry)]?.[0] ?? answer.state}${answer.reason ? `, ${answer.reason}` : ""}`;
+    return answer;
   }
 
   // The answer to a target of anyone; a later version of one says how its steps ended.
@@ -96,9 +105,20 @@ export class Asked {
       item.append(made("b", entry.text));
       item.append(made("span", words, `mark ${kind}`));
       const told = explained(entry, this.link.source);
-      if (told) item.append(made("p", told, kind === "bad" ? "no" : ""));
+      if (told) item.append(this.told(entry, told, kind === "bad" ? "no" : ""));
       return item;
     }));
+  }
+
+  // What became of it; a long one is folded behind its first part.
+  told(entry, text, kind) {
+    const end = text.indexOf("; ");
+    if (text.length <= LONGEST || end < 0) return made("p", text, kind);
+    const folded = document.createElement("details");
+    folded.open = Boolean(entry.unfolded);
+    folded.ontoggle = () => { entry.unfolded = folded.open; };
+    folded.append(made("summary", text.slice(0, end)), document.createTextNode(text.slice(end + 2)));
+    return folded;
   }
 
   // What the robot follows now, in words; "" where it stands.
@@ -121,11 +141,9 @@ export class Asked {
       const [left, right] = [Math.max(x(entry.at_s), 0), x(end)];
       const refused = entry.state === "refused";
       context.fillStyle = refused ? colour("--bad") : entry.stick ? colour("--plan") : colour("--accent");
-      context.globalAlpha = 0.85;
       context.beginPath();
       context.roundRect(left, 4, Math.max(right - left - 2, 3), 28, 6);
       context.fill();
-      context.globalAlpha = 1;
       if (right - left > 30) {
         context.save();
         context.beginPath();

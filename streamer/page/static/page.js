@@ -2,6 +2,7 @@
 
 import { Asked } from "./asked.js";
 import { Curves } from "./curves.js";
+import { Floor } from "./floor.js";
 import { Link } from "./link.js";
 import { Scene } from "./scene.js";
 import { Stick } from "./stick.js";
@@ -14,25 +15,28 @@ const STATES = {
 const EVENTS_KEPT = 40;
 const element = (id) => document.getElementById(id);
 
-let robot = null, scene = null, curves = null, status = {}, alarm = null, seen = 0;
+const ALARMS = new Map(); // by kind, the most urgent first: what was not taken, what is lost, what has happened
+const KINDS = ["press", "lost", "fault"];
+
+let robot = null, scene = null, floor = null, curves = null, status = {}, seen = 0;
 
 const link = new Link({
   open: begin,
-  closed: () => pill("no connection", "bad"),
+  closed: lost,
   refused: askToken,
   picture: (numbers) => { scene?.take(numbers); seen = performance.now(); },
   message: ({ type, ...content }) => ({ status: showStatus, health: showHealth, curves: takeCurves, event: showEvent, heard: (one) => asked.heard(one), lease: () => {} })[type]?.(content),
 });
 const asked = new Asked(link);
 const stick = new Stick(link, () => robot?.pace ?? [0.4, 0.3, 0.2, 0.5]);
-const stops = new Stops(link, () => status.stop_port ?? 8791);
+const stops = new Stops(link, () => status.stop_port ?? 8791, (message, advice) => showAlarm("press", message, advice));
 
 async function start() {
   theme(localStorage.getItem("theme") ?? (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light"));
   try {
     robot = await link.get("/robot");
   } catch {
-    pill("no connection", "bad");
+    lost();
     setTimeout(start, 1500);
     return;
   }
@@ -42,6 +46,9 @@ async function start() {
   curves = new Curves(1000 / robot.rate_hz);
   scene = new Scene(element("scene"), robot);
   scene.paint();
+  floor = new Floor(element("scene"), scene, asked);
+  element("clips").hidden = !robot.clips.length;
+  element("clip").replaceChildren(...robot.clips.map((name) => new Option(name)));
   for (const [id, name] of [["show-plan", "plan"], ["show-human", "human"], ["show-balance", "balance"]]) {
     element(id).onchange = ({ target }) => { scene.shown[name] = target.checked; };
   }
@@ -53,8 +60,26 @@ async function start() {
 
 function begin() {
   element("events").replaceChildren();
-
+  element("scene").parentElement.classList.remove("lost");
+  showAlarm("lost", null);
 }
+
+// The picture, and all figures, are those of the last moment in which the run could be reached.
+function lost() {
+  pill("no connection", "bad");
+  element("scene").parentElement.classList.add("lost");
+  element("stick").classList.add("off");
+  element("following").textContent = "";
+  floor?.forget();
+  stops.lost();
+  showAlarm("lost", "No connection to the run", "What you see is old. STOP and EMERGENCY STOP go to a process of their own: press them all the same.");
+}
+
+element("clips").onsubmit = (event) => {
+  event.preventDefault();
+  const clip = element("clip").value;
+  asked.send({ type: "clip", clip }, clip);
+};
 
 function draw() {
   scene.draw();
@@ -77,15 +102,18 @@ function pill(text, kind) {
 }
 
 function showStatus(now) {
+  const before = status.state;
   status = now;
   const [text, kind] = STATES[now.state] ?? ["starting", ""];
   const silent = now.loop === "silent";
   const stopped = now.must_stop && ["HOLD", "STREAMING"].includes(now.state);
   pill(silent ? (now.state ? "run has ended" : "starting") : stopped ? "stopped" : text, silent || stopped ? "warn" : kind);
   stops.show(now);
-  element("following").textContent = stopped
+  element("following").textContent = silent ? "" : stopped
     ? (now.state === "HOLD" ? "stopped: release the stop to go on" : "stopping")
+    : now.state === "OFF" ? "torque is off; see that nobody is in its way, then arm it"
     : now.state === "STREAMING" ? asked.now : "";
+  floor?.show(now);
   const other = now.operator && now.operator !== link.source ? now.operator : null;
   element("operator").textContent = now.operator ? (other ? `operator: ${other}` : "you steer") : "";
   const lease = element("lease");
@@ -95,7 +123,8 @@ function showStatus(now) {
     lease.lastElementChild.onclick = () => link.send({ type: "take" });
   }
   element("stick").classList.toggle("off", Boolean(stopped || silent || other));
-  if (alarm && !["FAULT", "DAMPED", "PARK", "OFF", "HOLD"].includes(now.state)) showAlarm(null);
+  const cleared = before === "FAULT" && now.state === "OFF";
+  if (cleared || !["FAULT", "DAMPED", "PARK", "OFF", "HOLD"].includes(now.state)) showAlarm("fault", null);
 }
 
 function showEvent({ time_s, kind, message, advice }) {
@@ -111,18 +140,20 @@ function showEvent({ time_s, kind, message, advice }) {
   const list = element("events");
   list.prepend(item);
   while (list.children.length > EVENTS_KEPT) list.lastChild.remove();
-  if (kind === "fault" || kind === "refused" || (kind === "state" && advice)) showAlarm(message, advice);
+  if (kind === "fault" || kind === "refused" || (kind === "state" && advice)) showAlarm("fault", message, advice ?? "The robot stands or parks. See the messages.");
 }
 
-function showAlarm(message, advice) {
-  alarm = message;
+function showAlarm(kind, message, advice) {
+  if (message) ALARMS.set(kind, [message, advice]);
+  else if (!ALARMS.delete(kind)) return;
   const box = element("alarm");
-  box.hidden = !message;
-  box.replaceChildren();
-  if (!message) return;
+  const first = KINDS.find((one) => ALARMS.has(one));
+  box.hidden = !first;
+  if (!first) return box.replaceChildren();
+  const [what, todo] = ALARMS.get(first);
   const head = document.createElement("strong");
-  head.textContent = message.replace(/^[A-Z]+ -> [A-Z]+:? ?/, "");
-  box.append(head, advice ?? "The robot stands or parks. See the messages.");
+  head.textContent = what.replace(/^[A-Z]+ -> [A-Z]+:? ?/, "");
+  box.replaceChildren(head, todo ?? "");
 }
 
 function showHealth(now) {

@@ -6,6 +6,7 @@ import { OrbitControls } from "/page/three/OrbitControls.js";
 const LEFT = "#0072b2", RIGHT = "#d55e00"; // told apart with any colour vision
 const FOLLOW_S = 0.4;
 const PATH_STEP_M = 0.01, PATH_KEPT = 800;
+const PATH_MEAN_S = 1.0; // its sway from foot to foot is no part of the way
 const HALO_M = 0.004;
 
 export class Scene {
@@ -39,6 +40,8 @@ export class Scene {
     this.addHuman();
     this.addBalance();
     this.addPath();
+    this.addMark();
+    this.odometry = [NaN, NaN, NaN];
     this.shown = { plan: true, human: true, balance: false };
     this.resize = new ResizeObserver(() => this.fit());
     this.resize.observe(canvas.parentElement);
@@ -152,6 +155,14 @@ export class Scene {
     this.world.add(this.line);
   }
 
+  addMark() {
+    const h = this.height;
+    this.marked = new THREE.Mesh(new THREE.RingGeometry(0.06 * h, 0.09 * h, 40), new THREE.MeshBasicMaterial({ depthTest: false, transparent: true }));
+    this.marked.renderOrder = 1;
+    this.marked.visible = false;
+    this.world.add(this.marked);
+  }
+
   // Colours of the page: light or dark.
   paint() {
     const style = getComputedStyle(document.documentElement);
@@ -163,6 +174,7 @@ export class Scene {
     this.planMaterial.color = colour("--plan");
     this.humanMaterial.color = colour("--human");
     this.line.material.color = colour("--quiet");
+    this.marked.material.color = colour("--accent");
     this.changed = true;
   }
 
@@ -171,13 +183,56 @@ export class Scene {
     const count = this.robot.bodies.length * 7;
     let place = 1;
     const part = (length) => numbers.subarray(place, (place += length));
+    this.passed = Math.max(numbers[0] - (this.time ?? numbers[0]), 0);
     this.time = numbers[0];
     this.changed = true;
     pose(this.measured, part(count), true);
     pose(this.planned, part(count), this.shown.plan);
     this.showHuman(part(3 * this.robot.points.length));
-    this.showBalance(part(10), part(2), part(2), part(2), part(3));
+    const balance = [part(10), part(2), part(2), part(2), part(3)];
+    this.showBalance(...balance);
+    this.com = balance[4].slice(0, 2);
+    this.odometry = part(3).slice();
     if (this.measured.root.visible) this.follow(this.measured.bodies[1].position);
+  }
+
+  // Heading of the measured robot in the drawn world [rad].
+  get heading() {
+    const forward = new THREE.Vector3(1, 0, 0).applyQuaternion(this.measured.bodies[1].quaternion);
+    return Math.atan2(forward.y, forward.x);
+  }
+
+  // The place on the floor under a pixel, x and y in the drawn world [m]; null: there is none, or it is far away.
+  floorAt(clientX, clientY) {
+    const box = this.canvas.getBoundingClientRect();
+    const place = new THREE.Vector2((2 * (clientX - box.left)) / box.width - 1, 1 - (2 * (clientY - box.top)) / box.height);
+    const ray = new THREE.Raycaster();
+    ray.setFromCamera(place, this.camera);
+    const hit = ray.ray.intersectPlane(new THREE.Plane(new THREE.Vector3(0, 0, 1), 0), new THREE.Vector3());
+    if (!hit || hit.distanceTo(this.camera.position) > 14 * this.height) return null;
+    hit.sub(this.world.position);
+    return [hit.x, hit.y];
+  }
+
+  // A place in the drawn world as seen by the robot: ahead and left of its centre of mass [m]; NaN where it is unknown.
+  fromRobot([x, y]) {
+    const [dx, dy] = [x - this.com[0], y - this.com[1]];
+    const [cos, sin] = [Math.cos(this.heading), Math.sin(this.heading)];
+    return [cos * dx + sin * dy, cos * dy - sin * dx].map((value) => (Number.isFinite(this.odometry[0]) ? value : NaN));
+  }
+
+  // The other way; null where the robot's place is unknown.
+  beforeRobot(ahead, left) {
+    const [cos, sin] = [Math.cos(this.heading), Math.sin(this.heading)];
+    const place = [this.com?.[0] + cos * ahead - sin * left, this.com?.[1] + sin * ahead + cos * left];
+    return place.every(Number.isFinite) && Number.isFinite(this.odometry[0]) ? place : null;
+  }
+
+  // Mark a place of the drawn world; null: none.
+  mark(place) {
+    this.marked.visible = place !== null;
+    if (place) this.marked.position.set(...place, 0.003);
+    this.changed = true;
   }
 
   showHuman(points) {
@@ -220,9 +275,11 @@ export class Scene {
     this.centre.lerp(at, share);
     this.world.position.set(-this.centre.x, -this.centre.y, 0);
     this.tiles.offset.set((this.centre.x / this.cell) % 1, (this.centre.y / this.cell) % 1);
+    this.mean ??= at.clone();
+    this.mean.lerp(at, 1 - Math.exp(-this.passed / PATH_MEAN_S));
     const last = this.path.at(-1);
-    if (!last || Math.hypot(last.x - at.x, last.y - at.y) > PATH_STEP_M) {
-      this.path.push(new THREE.Vector3(at.x, at.y, 0.0015));
+    if (!last || Math.hypot(last.x - this.mean.x, last.y - this.mean.y) > PATH_STEP_M) {
+      this.path.push(new THREE.Vector3(this.mean.x, this.mean.y, 0.0015));
       if (this.path.length > PATH_KEPT) this.path.shift();
       this.line.geometry.dispose();
       this.line.geometry = new THREE.BufferGeometry().setFromPoints(this.path);

@@ -131,7 +131,7 @@ def parts(robot: Robot, picture: bytes) -> dict[str, np.ndarray]:
     """A picture's parts by name, as the page takes them apart."""
     bodies = robot.model.nbody
     sizes = {"time": (1,), "measured": (bodies, 7), "planned": (bodies, 7), "human": (len(POINTS), 3), "feet": (2, 5)}
-    sizes |= {"zmp_ref": (2,), "zmp": (2,), "dcm": (2,), "com": (3,)}
+    sizes |= {"zmp_ref": (2,), "zmp": (2,), "dcm": (2,), "com": (3,), "odometry": (3,)}
     numbers, found = np.frombuffer(picture, "<f4"), {}
     for name, shape in sizes.items():
         count = int(np.prod(shape))
@@ -151,6 +151,8 @@ def test_a_picture_has_every_body_where_it_is(robot: Robot, streaming: Row) -> N
     assert found["time"] == pytest.approx(streaming["tick"] / robot.rate_hz)
     np.testing.assert_allclose(found["feet"][:, :4], streaming["foot_ref"], atol=1e-6)
     np.testing.assert_array_equal(found["feet"][:, 4] > 0.5, streaming["contact_ref"])
+    # A click on the floor becomes a place in the odometry: it must be that of this very picture.
+    np.testing.assert_allclose(found["odometry"], streaming["odometry"], atol=1e-6)
     np.testing.assert_allclose(found["zmp"], streaming["zmp_ref"] + streaming["zmp_shift"], atol=1e-6)
     assert np.isnan(found["human"]).all()  # nobody sends one
 
@@ -269,7 +271,8 @@ def test_a_page_gets_the_last_half_minute_and_then_what_is_new(robot: Robot, row
 
 
 def test_what_a_page_knows_of_the_robot_is_json_with_every_mesh(robot: Robot) -> None:
-    known = json.loads(json.dumps(page_robot(robot, "sim", None)))
+    known = json.loads(json.dumps(page_robot(robot, "sim", None, ("walk.bvh", "bow.bvh"))))
+    assert known["clips"] == ["bow.bvh", "walk.bvh"]
     assert len(known["meshes"]) == len(geom_meshes(robot.model)) and known["joints"] == list(robot.joint_names)
     for mesh in known["meshes"]:
         vertices = np.frombuffer(base64.b64decode(mesh["vertices"]), "<f4").reshape(-1, 3)
