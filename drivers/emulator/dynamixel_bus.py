@@ -79,6 +79,12 @@ class EmulatedDynamixelBus:
         if device is not None:
             device.reboot(now)
 
+    def trip(self, id_: int) -> None:
+        """See `EmulatedBus`."""
+        device = self._by_id.get(id_)
+        if isinstance(device, XServo):
+            device.trip()
+
     # ---------------------------------------------------------------- instructions
 
     def _index(self) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 
 from flexmotion.configs.servo import Servo
 from flexmotion.drivers.bus.packet import BROADCAST, SumPacket
+from flexmotion.drivers.emulator.false_readings import ServoError
 from flexmotion.drivers.emulator.servo import Joints
 from flexmotion.drivers.emulator.sum_bus import SumBus, SumServo
 from flexmotion.drivers.emulator.wire import Reply
@@ -58,14 +59,16 @@ class StsServo(SumServo):
         """Update the measurements in the table."""
         plant, index, robot = self.joints.body.plant, self.index, self.joints.body.robot
         direction = robot.direction[index]
-        torque = direction * plant.torque[index]
-        self.put("present_position", int(self.joints.ticks[index]))
-        self.put("present_speed", round(direction * self.joints.body.velocity[index] / self.servo.tick_rad))
-        self.put("present_load", round(1000 * torque / self.servo.stall_torque))
-        self.put("present_voltage", round(plant.voltage / VOLTAGE))
-        self.put("present_temperature", min(round(plant.temperature[index]), 255))
+        error = self.joints.false_readings.of_servo(index) or ServoError()
+        torque = direction * plant.torque[index] + error.torque
+        speed = direction * self.joints.body.velocity[index] + error.speed
         constant = self.servo.torque_constant or self.servo.stall_torque / self.servo.stall_current
-        self.put("present_current", round(torque / constant / (self.servo.current_unit or math.inf)))
+        self._report("present_position", self.joints.ticks[index] + error.position)
+        self._report("present_speed", speed / self.servo.tick_rad)
+        self._report("present_load", 1000 * torque / self.servo.stall_torque)
+        self._report("present_voltage", (plant.voltage + error.voltage) / VOLTAGE)
+        self._report("present_temperature", plant.temperature[index] + error.temperature)
+        self._report("present_current", torque / constant / (self.servo.current_unit or math.inf))
 
     def write(self, address: int, data: bytes) -> None:
         """Write data; read-only registers and locked EEPROM keep their values."""
@@ -117,6 +120,13 @@ class StsServo(SumServo):
             joints.goal[index] = (angle - robot.zero[index]) * robot.direction[index]
             joints.fresh[index] = True
             joints.touch()
+
+    def _report(self, name: str, value: float) -> None:
+        """Set a measured register to the nearest value that it can hold."""
+        register = sts()[name]
+        signed = register.sign_bit is not None
+        largest = (1 << (register.sign_bit if register.sign_bit is not None else 8 * register.size)) - 1
+        self.put(name, min(max(round(value), -largest if signed else 0), largest))
 
     def _pin(self) -> None:
         self.joints.refresh()

@@ -48,6 +48,9 @@ class EmulatedBus(Protocol):
     def reset(self, id_: int, now: float) -> None:
         """Interrupt the power of a servo."""
 
+    def trip(self, id_: int) -> None:
+        """Let the bus watchdog of a servo trip. Raises `ConfigError` if it has none."""
+
 
 class Port(Protocol):
     """The emulator's end of a serial port.

@@ -6,6 +6,7 @@ import numpy as np
 
 from flexmotion.configs.servo import Servo
 from flexmotion.drivers.bus.packet import BROADCAST, SumPacket
+from flexmotion.drivers.emulator.false_readings import ServoError
 from flexmotion.drivers.emulator.servo import Joints
 from flexmotion.drivers.emulator.sum_bus import SumBus, SumServo
 from flexmotion.drivers.emulator.wire import Reply
@@ -66,15 +67,18 @@ class Lx16aServo(SumServo):
     def answer(self, command: int) -> bytes | None:
         """Params of the answer to a command; None: no answer."""
         plant = self.joints.body.plant
+        error = self.joints.false_readings.of_servo(self.index) or ServoError()
         if command == Command.READ_POSITION:
             self.joints.refresh()
-            return int(self.joints.ticks[self.index]).to_bytes(2, "little", signed=True)
+            tick = round(self.joints.ticks[self.index] + error.position)
+            return min(max(tick, -32768), 32767).to_bytes(2, "little", signed=True)
         if command == Command.READ_LIMITS:
             return self.servo.min_tick.to_bytes(2, "little") + self.servo.max_tick.to_bytes(2, "little")
         if command == Command.READ_VOLTAGE:
-            return round(plant.voltage / MILLIVOLT).to_bytes(2, "little")
+            volts = round((plant.voltage + error.voltage) / MILLIVOLT)
+            return min(max(volts, 0), 0xFFFF).to_bytes(2, "little")
         if command == Command.READ_TEMPERATURE:
-            return bytes([min(round(plant.temperature[self.index]), 255)])
+            return bytes([min(max(round(plant.temperature[self.index] + error.temperature), 0), 255)])
         if command == Command.READ_LOAD:
             return bytes([self.loaded])
         return bytes([self.id]) if command == Command.READ_ID else None

@@ -18,6 +18,7 @@ from flexmotion.drivers.dynamixel.packet import Error
 from flexmotion.drivers.dynamixel.registers import PWM_FULL, VELOCITY_RPM, VOLTAGE, WATCHDOG_S, table_of
 from flexmotion.drivers.emulator.body import Body
 from flexmotion.drivers.emulator.device import Device
+from flexmotion.drivers.emulator.false_readings import FalseReadings
 
 POSITION, CURRENT_POSITION = 3, 5
 MODES = (POSITION, CURRENT_POSITION)
@@ -45,10 +46,12 @@ class Joints:
         ticks: positions at the last `refresh`, (n,) [servo units].
         present: of every joint at the last `measure`: position [ticks], velocity [register units], torque in the
             servo's direction [N·m], temperature [°C]. Plain numbers, because they are written to registers one by one.
+        false_readings: what servos report wrongly.
     """
 
-    def __init__(self, body: Body) -> None:
+    def __init__(self, body: Body, false_readings: FalseReadings | None = None) -> None:
         self.body = body
+        self.false_readings = FalseReadings() if false_readings is None else false_readings
         n = body.robot.n
         self.goal = body.receiver.goal.copy()
         self.bound = np.full(n, np.inf)
@@ -144,8 +147,14 @@ class XServo(Device):
     def refresh(self, now: float) -> None:
         """See `Device`."""
         ticks, speed, torque, temperature = self.joints.present[self.index]
-        pwm, load = round(torque * self._pwm_per_torque), round(torque * self._load_per_torque)
         volts = round(self.joints.body.plant.voltage / VOLTAGE)
+        error = self.joints.false_readings.of_servo(self.index)
+        if error is not None:
+            ticks, speed = ticks + round(error.position), speed + round(error.speed / _RAD_S)
+            torque += error.torque
+            volts = max(volts + round(error.voltage / VOLTAGE), 0)
+            temperature = min(max(temperature + round(error.temperature), 0), 255)
+        pwm, load = (_short(torque * unit) for unit in (self._pwm_per_torque, self._load_per_torque))
         struct.pack_into("<hhii", self.memory, self._dynamic, pwm, load, speed, ticks)
         struct.pack_into("<HB", self.memory, 144, volts, temperature)
         struct.pack_into("<HB", self.memory, 120, int(now * 1000) % TICK_WRAP, abs(speed) > self._moving_threshold)
@@ -169,8 +178,12 @@ class XServo(Device):
             self.fail(error)
         units = self.get("bus_watchdog")
         if units > 0 and self.torque and now - self.fed > units * WATCHDOG_S:
-            self.put("bus_watchdog", TRIPPED)
-            self._stop_here()
+            self.trip()
+
+    def trip(self) -> None:
+        """Let the bus watchdog trip: the servo holds its position and refuses goals."""
+        self.put("bus_watchdog", TRIPPED)
+        self._stop_here()
 
     def fail(self, error: int) -> None:
         """Set the hardware error status; errors in the shutdown register switch torque off until a reboot."""
@@ -272,3 +285,8 @@ class XServo(Device):
         joints.goal[index] = joints.body.position[index]
         joints.refresh()
         self.put("goal_position", int(joints.ticks[index]))
+
+
+def _short(value: float) -> int:
+    """Rounded, and clipped to 16 bits."""
+    return min(max(round(value), -32768), 32767)

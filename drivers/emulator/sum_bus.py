@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from typing import ClassVar, Generic, TypeVar
 
+from flexmotion.configs.errors import ConfigError
 from flexmotion.drivers.bus.packet import SumDecoder, SumFormat, SumPacket
 from flexmotion.drivers.emulator.servo import Joints
 from flexmotion.drivers.emulator.wire import Reply
@@ -100,3 +101,7 @@ class SumBus(ABC, Generic[ServoKind]):
         for servo in self.servos:
             if servo.address == id_:
                 servo.restart(now)
+
+    def trip(self, id_: int) -> None:
+        """See `EmulatedBus`."""
+        raise ConfigError(f"fault tripped:{id_}: servos of this protocol have no bus watchdog")
