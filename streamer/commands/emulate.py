@@ -35,8 +35,8 @@ def emulate(
             "--fault",
             metavar="KIND[:ARG[:VALUE]][@S[+DURATION|+once]]",
             help="Fault to inject (repeatable), S seconds after torque goes on: lost, corrupt, late, duplicated, "
-            "truncated, dead:ID, overheat:ID, voltage:V, reset:ID, cable, port, imu, blocked:ID, tripped:ID; false "
-            "readings, off by VALUE: false_position:ID:TICKS, false_speed, false_torque, false_voltage, "
+            "truncated, dead:ID, overheat:ID, voltage:V, reset:ID, cable, port, imu, echo, blocked:ID, tripped:ID; "
+            "false readings, off by VALUE: false_position:ID:TICKS, false_speed, false_torque, false_voltage, "
             "false_temperature, false_gyro:VALUE, false_accel:VALUE.",
         ),
     ] = None,
@@ -170,4 +170,6 @@ def _line(counts: dict[str, Any]) -> str:
         packets = f"{counts['packets']} packets received, {counts['bad_packets']} of them broken"
         parts = [packets, f"{counts['collisions']} collisions", *parts]
     spoilt = ", ".join(f"{count} {kind}" for kind, count in counts["spoilt"].items())
+    if counts.get("refused"):
+        parts.append("refused: " + ", ".join(f"{count} {rule}" for rule, count in counts["refused"].items()))
     return ", ".join(parts) + (f"; injected faults: {spoilt}" if spoilt else "")
