@@ -65,6 +65,10 @@ class Body(ABC):
     def step(self, seconds: float) -> None:
         """Let time pass, in whole physics steps."""
 
+    @abstractmethod
+    def block(self, joint: int, on: bool) -> None:
+        """Hold a joint mechanically where it is, or let it go."""
+
     def sense(self) -> None:  # noqa: B027 - on a bench the values never change
         """Update `gyro` and `accel`."""
 
@@ -83,6 +87,7 @@ class BenchBody(Body):
         self._position, self._velocity = robot.stand_pose.copy(), np.zeros(robot.n)
         self._inertia = inertia + np.array([servo.armature for servo in robot.servos])
         self._friction = np.array([servo.frictionloss for servo in robot.servos])
+        self._blocked = np.zeros(robot.n, np.bool_)
         self._receiver.pin(self._position)
         self._plant.goal[:] = self._receiver.goal
 
@@ -117,6 +122,10 @@ class BenchBody(Body):
         """See `Body`."""
         self._plant.enabled[which] = on
 
+    def block(self, joint: int, on: bool) -> None:
+        """See `Body`."""
+        self._blocked[joint] = on
+
     def step(self, seconds: float) -> None:
         """See `Body`. Semi-implicit Euler; dry friction never reverses a motion."""
         for _ in range(round(seconds / self.timestep)):
@@ -124,5 +133,6 @@ class BenchBody(Body):
             speed = self._velocity + torque / self._inertia * self.timestep
             drag = self._friction / self._inertia * self.timestep
             self._velocity[:] = np.sign(speed) * np.maximum(np.abs(speed) - drag, 0.0)
+            self._velocity[self._blocked] = 0.0
             self._position += self._velocity * self.timestep
         self._plant.draw(self._plant.torque, seconds)

@@ -14,6 +14,7 @@ from flexmotion.drivers.emulator.body import Body
 from flexmotion.drivers.emulator.device import Device
 from flexmotion.drivers.emulator.dynamixel_bus import EmulatedDynamixelBus
 from flexmotion.drivers.emulator.emulator import Emulator
+from flexmotion.drivers.emulator.false_readings import FalseReadings
 from flexmotion.drivers.emulator.faults import Damage, Fault
 from flexmotion.drivers.emulator.feetech_bus import EmulatedFeetechBus, StsServo
 from flexmotion.drivers.emulator.line import BusLine, EmulatedBus, Line, Port
@@ -37,6 +38,7 @@ def build_emulator(
     timed: bool = True,
     faults: Sequence[Fault] = (),
     bad_packets: float = 0.0,
+    false_readings: float = 0.0,
     seed: int = 0,
 ) -> Emulator:
     """Build one pseudo-terminal for every bus of the body's robot, and one for its IMU if that has a port of its own.
@@ -45,6 +47,7 @@ def build_emulator(
         link: symbolic link to the port; `.NAME` is appended if there are several buses, `.imu` for the IMU.
         timed: whether bytes take time on the wire, at the baud rate.
         faults, bad_packets, seed: see `flexmotion.drivers.emulator.faults`.
+        false_readings: share of readings that are false at random, see `flexmotion.drivers.emulator.false_readings`.
 
     Raises `ConfigError` if a bus mixes protocols, a link exists, or a fault names an unknown servo.
     """
@@ -54,7 +57,15 @@ def build_emulator(
         for name in port_names(body.robot):
             alone = name in buses and len(buses) == 1
             ports[name] = Terminal(link if link is None or alone else link.with_name(f"{link.name}.{name}"))
-        return assemble(body, ports, timed=timed, faults=faults, bad_packets=bad_packets, seed=seed)
+        return assemble(
+            body,
+            ports,
+            timed=timed,
+            faults=faults,
+            bad_packets=bad_packets,
+            false_readings=false_readings,
+            seed=seed,
+        )
     except BaseException:
         for terminal in ports.values():
             terminal.close()
@@ -68,18 +79,20 @@ def assemble(
     timed: bool = True,
     faults: Sequence[Fault] = (),
     bad_packets: float = 0.0,
+    false_readings: float = 0.0,
     seed: int = 0,
 ) -> Emulator:
     """Build the same on existing ports, by the names of `port_names`."""
-    joints = Joints(body)
+    false = FalseReadings(false_readings, seed)
+    joints = Joints(body, false)
     lines: list[Line] = []
     for number, (name, port) in enumerate(ports.items()):
         wire, damage = Wire(timed=timed), Damage(bad_packets, seed + number)
         if name in body.robot.config.buses:
             lines.append(BusLine(name, make_bus(joints, name), port, wire, damage))
         else:
-            lines.append(_imu_line(body, name, port, wire, damage))
-    return Emulator(body, lines, faults)
+            lines.append(_imu_line(body, name, port, wire, damage, false))
+    return Emulator(body, lines, faults, false)
 
 
 def port_names(robot: Robot) -> list[str]:
@@ -122,15 +135,16 @@ def _dynamixels(joints: Joints, robot: Robot, name: str) -> list[Device]:
             devices.append(_set_up(XServo(joints, index, joint.id, servo), bus.baud, bus.return_delay_us))
     imu = robot.config.imu
     if imu is not None and imu.driver == BoardDriver.name and imu.bus == name and imu.id is not None:
-        devices.append(_set_up(OpenCr(joints.body, imu.id, imu.quaternion), bus.baud, bus.return_delay_us))
+        board = OpenCr(joints.body, imu.id, imu.quaternion, false_readings=joints.false_readings)
+        devices.append(_set_up(board, bus.baud, bus.return_delay_us))
     return devices
 
 
-def _imu_line(body: Body, name: str, port: Port, wire: Wire, damage: Damage) -> WitMotionLine:
+def _imu_line(body: Body, name: str, port: Port, wire: Wire, damage: Damage, false: FalseReadings) -> WitMotionLine:
     imu = body.robot.config.imu
     assert imu is not None
     options = parse(WitOptions, {"port": name} | imu.options, f"{body.robot.file}: field imu.options")
-    return WitMotionLine(name, body, imu.quaternion, options.baud, port, wire, damage)
+    return WitMotionLine(name, body, imu.quaternion, options.baud, port, wire, damage, false)
 
 
 def _set_up(device: Device, baud: int, return_delay_us: float) -> Device:

@@ -10,7 +10,8 @@ from typing import Any
 
 from flexmotion.configs.errors import ConfigError
 from flexmotion.drivers.emulator.body import Body
-from flexmotion.drivers.emulator.faults import Fault, FaultKind
+from flexmotion.drivers.emulator.false_readings import FalseReadings
+from flexmotion.drivers.emulator.faults import FALSE_OF_SERVO, OF_SERVO, Fault, FaultKind
 from flexmotion.drivers.emulator.line import BusLine, Line
 
 WATCH_S = 0.01
@@ -30,6 +31,7 @@ class Emulator:
         body: the body that servos move.
         lines: its buses, and other devices with a port.
         faults: faults to inject.
+        false_readings: what the devices report wrongly.
 
     Attributes:
         powered_at: time at which torque of a servo first went on [s]; NaN before.
@@ -37,12 +39,18 @@ class Emulator:
         lost_s: time that physics skipped [s].
     """
 
-    def __init__(self, body: Body, lines: Sequence[Line], faults: Sequence[Fault] = ()) -> None:
+    def __init__(
+        self,
+        body: Body,
+        lines: Sequence[Line],
+        faults: Sequence[Fault] = (),
+        false_readings: FalseReadings | None = None,
+    ) -> None:
         self.body, self.lines, self.faults = body, list(lines), list(faults)
+        self.false_readings = FalseReadings() if false_readings is None else false_readings
         boards = {id_ for line in self.lines if isinstance(line, BusLine) for id_ in line.bus.imu_ids}
         for fault in self.faults:
-            of_servo = fault.kind in (FaultKind.OVERHEAT, FaultKind.RESET)
-            if of_servo or (fault.kind is FaultKind.DEAD and fault.argument not in boards):
+            if fault.kind in OF_SERVO and not (fault.kind is FaultKind.DEAD and fault.argument in boards):
                 self._owner(fault)
         self.powered_at = math.nan
         self.lateness_s = self.lost_s = 0.0
@@ -96,7 +104,9 @@ class Emulator:
 
     def report(self) -> dict[str, Any]:
         """Figures of the run, once `run` has returned."""
+        told = {str(kind): count for kind, count in self.false_readings.told.items() if count}
         return self.body.report() | {
+            "false_readings": told,
             "buses": {line.name: line.report(self._elapsed) for line in self.lines},
             "elapsed_s": round(self._elapsed, 3),
             "processor_share": round(self._processor / self._elapsed, 4),
@@ -133,6 +143,7 @@ class Emulator:
         if acting == self._acting:
             return
         begun = [fault for fault in acting if fault not in self._acting]
+        over = [fault for fault in self._acting if fault not in acting]
         self._acting = acting
         plant = self.body.plant
         volts = [fault.argument for fault in acting if fault.kind is FaultKind.VOLTAGE]
@@ -143,6 +154,13 @@ class Emulator:
                 plant.temperature[index] = self.body.robot.servos[index].temperature_limit + 5
             elif fault.kind is FaultKind.RESET:
                 self._owner(fault)[0].bus.reset(int(fault.argument), now)
+            elif fault.kind is FaultKind.TRIPPED:
+                self._owner(fault)[0].bus.trip(int(fault.argument))
+        for fault in (*over, *begun):
+            if fault.kind is FaultKind.BLOCKED:
+                self.body.block(self._owner(fault)[1], fault in begun)
+        joint_of = {fault: self._owner(fault)[1] for fault in acting if fault.kind in FALSE_OF_SERVO}
+        self.false_readings.act(acting, joint_of)
         for line in self.lines:
             line.act(acting)
 

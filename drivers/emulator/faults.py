@@ -28,6 +28,16 @@ class FaultKind(StrEnum):
     CABLE = "cable"
     PORT = "port"
     IMU = "imu"
+    ECHO = "echo"
+    BLOCKED = "blocked"
+    TRIPPED = "tripped"
+    FALSE_POSITION = "false_position"
+    FALSE_SPEED = "false_speed"
+    FALSE_TORQUE = "false_torque"
+    FALSE_VOLTAGE = "false_voltage"
+    FALSE_TEMPERATURE = "false_temperature"
+    FALSE_GYRO = "false_gyro"
+    FALSE_ACCEL = "false_accel"
 
 
 PACKET_FAULTS = (
@@ -38,6 +48,16 @@ PACKET_FAULTS = (
     FaultKind.TRUNCATED,
 )
 """Faults of one packet, in either direction."""
+
+FALSE_OF_SERVO = (
+    FaultKind.FALSE_POSITION,
+    FaultKind.FALSE_SPEED,
+    FaultKind.FALSE_TORQUE,
+    FaultKind.FALSE_VOLTAGE,
+    FaultKind.FALSE_TEMPERATURE,
+)
+FALSE_OF_IMU = (FaultKind.FALSE_GYRO, FaultKind.FALSE_ACCEL)
+"""False readings of a servo, and of an inertial sensor (`flexmotion.drivers.emulator.false_readings`)."""
 
 MEANING = {
     FaultKind.LOST: "every packet is lost",
@@ -52,10 +72,28 @@ MEANING = {
     FaultKind.CABLE: "the cable to the servos is pulled: no byte passes",
     FaultKind.PORT: "the adapter is unplugged: the port is gone",
     FaultKind.IMU: "the inertial sensor is silent",
+    FaultKind.ECHO: "the adapter returns what the host sends, as one without a direction switch does",
+    FaultKind.BLOCKED: "the joint of the servo with id ARGUMENT does not move",
+    FaultKind.TRIPPED: "the bus watchdog of the servo with id ARGUMENT trips, once",
+    FaultKind.FALSE_POSITION: "the servo with id ARGUMENT reports its position plus VALUE [servo units]",
+    FaultKind.FALSE_SPEED: "the servo with id ARGUMENT reports its speed plus VALUE [rad/s]",
+    FaultKind.FALSE_TORQUE: "the servo with id ARGUMENT reports its torque plus VALUE [N·m]",
+    FaultKind.FALSE_VOLTAGE: "the servo with id ARGUMENT reports its supply plus VALUE [V]",
+    FaultKind.FALSE_TEMPERATURE: "the servo with id ARGUMENT reports its temperature plus VALUE [°C]",
+    FaultKind.FALSE_GYRO: "the inertial sensor reports ARGUMENT more on every axis of its gyroscope [rad/s]",
+    FaultKind.FALSE_ACCEL: "the inertial sensor reports ARGUMENT more on every axis of its accelerometer [m/s²]",
 }
 
-_WITH_ARGUMENT = {FaultKind.DEAD, FaultKind.OVERHEAT, FaultKind.VOLTAGE, FaultKind.RESET}
-_TEXT = re.compile(r"(?P<kind>[a-z]+)(:(?P<argument>[\d.]+))?(@(?P<at>[\d.]+)(\+(?P<seconds>[\d.]+))?)?")
+OF_SERVO = {
+    *(FaultKind.DEAD, FaultKind.OVERHEAT, FaultKind.RESET, FaultKind.BLOCKED, FaultKind.TRIPPED, *FALSE_OF_SERVO),
+}
+"""Kinds whose argument is the id of a servo."""
+_WITH_ARGUMENT = OF_SERVO | {FaultKind.VOLTAGE, *FALSE_OF_IMU}
+_FORM = "KIND[:ARGUMENT[:VALUE]][@SECONDS[+DURATION|+once]]"
+_TEXT = re.compile(
+    r"(?P<kind>[a-z_]+)(:(?P<argument>-?[\d.]+)(:(?P<value>-?[\d.]+))?)?"
+    r"(@(?P<at>[\d.]+)(\+((?P<seconds>[\d.]+)|(?P<once>once)))?)?"
+)
 
 
 @dataclass(frozen=True)
@@ -67,30 +105,41 @@ class Fault:
         argument: id, voltage [V] or time [s], depending on the kind; NaN: none.
         at: start, counted from the time that torque first goes on [s]; negative: from the start of the emulation.
         seconds: duration [s].
+        value: error of a servo's false readings, in the unit of `MEANING`; NaN: none.
+        once: whether a single reading is false, the next one after `at`.
     """
 
     kind: FaultKind
     argument: float = math.nan
     at: float = -math.inf
     seconds: float = math.inf
+    value: float = math.nan
+    once: bool = False
 
     @classmethod
     def parse(cls, text: str) -> Fault:
-        """`KIND[:ARGUMENT][@SECONDS[+DURATION]]`, as on the command line. Raises `ConfigError`."""
+        """`KIND[:ARGUMENT[:VALUE]][@SECONDS[+DURATION|+once]]`, as on the command line. Raises `ConfigError`."""
         match = _TEXT.fullmatch(text)
         kinds = ", ".join(FaultKind)
         if match is None or match["kind"] not in set(FaultKind):
-            raise ConfigError(f"fault {text!r}: expected KIND[:ARGUMENT][@SECONDS[+DURATION]], KIND one of: {kinds}")
-        kind = FaultKind(match["kind"])
+            raise ConfigError(f"fault {text!r}: expected {_FORM}, KIND one of: {kinds}")
+        kind, false = FaultKind(match["kind"]), match["kind"] in {*FALSE_OF_SERVO, *FALSE_OF_IMU}
         if kind in _WITH_ARGUMENT and match["argument"] is None:
             raise ConfigError(f"fault {text!r}: {kind} needs an argument: {MEANING[kind]}")
+        if (kind in FALSE_OF_SERVO) != (match["value"] is not None):
+            raise ConfigError(
+                f"fault {text!r}: {'needs a' if kind in FALSE_OF_SERVO else 'has no'} VALUE: {MEANING[kind]}"
+            )
+        if match["once"] and not false:
+            raise ConfigError(f"fault {text!r}: only a false reading can be for once")
         try:
             argument = float(match["argument"] or "nan")
             at = float(match["at"] or "-inf")
             seconds = float(match["seconds"] or "inf")
+            value = float(match["value"] or "nan")
         except ValueError as error:
             raise ConfigError(f"fault {text!r}: {error}") from error
-        return cls(kind, argument, at, seconds)
+        return cls(kind, argument, at, seconds, value, once=match["once"] is not None)
 
     def active(self, since_torque: float) -> bool:
         """Whether it is active; `since_torque` is the time since torque first went on [s], negative before."""

@@ -6,6 +6,7 @@ import numpy as np
 
 from flexmotion.configs.servo import Servo
 from flexmotion.drivers.bus.packet import BROADCAST, SumPacket
+from flexmotion.drivers.emulator.false_readings import ServoError
 from flexmotion.drivers.emulator.servo import Joints
 from flexmotion.drivers.emulator.sum_bus import SumBus, SumServo
 from flexmotion.drivers.emulator.wire import Reply
@@ -22,7 +23,7 @@ class Lx16aServo(SumServo):
     """
 
     def __init__(self, joints: Joints, index: int, id_: int, servo: Servo) -> None:
-        super().__init__()
+        super().__init__("lx16a")
         self.joints, self.index, self.id, self.servo = joints, index, id_, servo
         self.loaded = False
         joints.refresh()
@@ -45,6 +46,7 @@ class Lx16aServo(SumServo):
 
     def load(self, on: bool) -> None:
         """Switch the torque."""
+        self.ram_writes += 1
         self.loaded = on
         body = self.joints.body
         body.set_torque(np.arange(body.robot.n) == self.index, on)
@@ -52,6 +54,9 @@ class Lx16aServo(SumServo):
     def move(self, tick: int) -> None:
         """Take a goal."""
         self.goal = min(max(tick, self.servo.min_tick), self.servo.max_tick)
+        if self.goal != tick:
+            self.refusals.note("goal_clipped")
+        self.ram_writes += 1
         robot, joints, index = self.joints.body.robot, self.joints, self.index
         angle = (self.goal - self.servo.centre_tick) * robot.tick_rad[index]
         joints.goal[index] = (angle - robot.zero[index]) * robot.direction[index]
@@ -66,15 +71,18 @@ class Lx16aServo(SumServo):
     def answer(self, command: int) -> bytes | None:
         """Params of the answer to a command; None: no answer."""
         plant = self.joints.body.plant
+        error = self.joints.false_readings.of_servo(self.index) or ServoError()
         if command == Command.READ_POSITION:
             self.joints.refresh()
-            return int(self.joints.ticks[self.index]).to_bytes(2, "little", signed=True)
+            tick = round(self.joints.ticks[self.index] + error.position)
+            return min(max(tick, -32768), 32767).to_bytes(2, "little", signed=True)
         if command == Command.READ_LIMITS:
             return self.servo.min_tick.to_bytes(2, "little") + self.servo.max_tick.to_bytes(2, "little")
         if command == Command.READ_VOLTAGE:
-            return round(plant.voltage / MILLIVOLT).to_bytes(2, "little")
+            volts = round((plant.voltage + error.voltage) / MILLIVOLT)
+            return min(max(volts, 0), 0xFFFF).to_bytes(2, "little")
         if command == Command.READ_TEMPERATURE:
-            return bytes([min(round(plant.temperature[self.index]), 255)])
+            return bytes([min(max(round(plant.temperature[self.index] + error.temperature), 0), 255)])
         if command == Command.READ_LOAD:
             return bytes([self.loaded])
         return bytes([self.id]) if command == Command.READ_ID else None
@@ -98,6 +106,7 @@ class EmulatedLx16aBus(SumBus[Lx16aServo]):
                 servo.load(params[0] == 1)
             elif packet.code == Command.SET_ID and len(params) == 1:
                 servo.id = params[0]
+                servo.eeprom_writes += 1
             else:
                 answer = servo.answer(packet.code)
                 if answer is not None:

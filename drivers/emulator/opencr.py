@@ -11,6 +11,7 @@ from flexmotion.configs.robot_file import Quaternion
 from flexmotion.drivers.dynamixel.registers import VOLTAGE, open_cr
 from flexmotion.drivers.emulator.body import Body
 from flexmotion.drivers.emulator.device import Device
+from flexmotion.drivers.emulator.false_readings import FalseReadings
 from flexmotion.spatial.gravity import GRAVITY
 
 FIRMWARE = 5
@@ -23,10 +24,20 @@ class OpenCr(Device):
         body: that carries it.
         mount: orientation of the sensor in the body, as in the robot file, w x y z.
         powered: initial state of the power switch.
+        false_readings: what its sensor reports wrongly.
     """
 
-    def __init__(self, body: Body, id_: int, mount: Quaternion = (1.0, 0.0, 0.0, 0.0), *, powered: bool = True) -> None:
+    def __init__(
+        self,
+        body: Body,
+        id_: int,
+        mount: Quaternion = (1.0, 0.0, 0.0, 0.0),
+        *,
+        powered: bool = True,
+        false_readings: FalseReadings | None = None,
+    ) -> None:
         self.body = body
+        self._false = FalseReadings() if false_readings is None else false_readings
         file = open_cr()
         super().__init__(file.table, id_, file.model_number, FIRMWARE)
         units = file.units
@@ -47,8 +58,10 @@ class OpenCr(Device):
         """Update the measurements in the table, clipped to 16 bits."""
         body, raw = self.body, self._raw
         body.sense()
-        np.multiply(self._unmount @ body.gyro, self._gyro_scale, out=raw[:3])
-        np.multiply(self._unmount @ body.accel, self._accel_scale, out=raw[3:])
+        error = self._false.of_imu()
+        gyro, accel = (body.gyro, body.accel) if error is None else (body.gyro + error.gyro, body.accel + error.accel)
+        np.multiply(self._unmount @ gyro, self._gyro_scale, out=raw[:3])
+        np.multiply(self._unmount @ accel, self._accel_scale, out=raw[3:])
         np.rint(raw, out=raw)
         np.clip(raw, -32768, 32767, out=raw)
         self.memory[self._first : self._first + 12] = raw.astype("<i2").tobytes()

@@ -78,6 +78,10 @@ class SimBody(Body):
         if self.plant.enabled.all():
             self.driver.release()
 
+    def block(self, joint: int, on: bool) -> None:
+        """See `Body`."""
+        self.driver.block(joint, on)
+
     def step(self, seconds: float) -> None:
         """See `Body`."""
         self.driver.advance(seconds)

@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from flexmotion.configs.robot_file import Quaternion
 from flexmotion.drivers.emulator.body import Body
+from flexmotion.drivers.emulator.false_readings import FalseReadings, ImuError
 from flexmotion.drivers.emulator.faults import Damage, Fault, FaultKind
 from flexmotion.drivers.emulator.line import Line, Port
 from flexmotion.drivers.emulator.wire import Reply, Wire
@@ -45,15 +46,25 @@ class WitMotionLine(Line):
         body: that carries it.
         mount: orientation of the sensor in the body, as in the robot file, w x y z.
         baud: its bit rate; at another one neither side can decode the other's bytes.
+        false_readings: what it reports wrongly.
 
     Attributes:
         samples: number of samples sent so far.
     """
 
     def __init__(
-        self, name: str, body: Body, mount: Quaternion, baud: int, terminal: Port, wire: Wire, damage: Damage
+        self,
+        name: str,
+        body: Body,
+        mount: Quaternion,
+        baud: int,
+        terminal: Port,
+        wire: Wire,
+        damage: Damage,
+        false_readings: FalseReadings,
     ) -> None:
         super().__init__(name, terminal, wire, damage)
+        self._false = false_readings
         self.samples = 0
         self._body, self._baud = body, baud
         self._unmount = Rotation.from_quat(mount, scalar_first=True).as_matrix().T
@@ -106,8 +117,9 @@ class WitMotionLine(Line):
     def _send(self, now: float) -> None:
         body = self._body
         body.sense()
-        accel = self._numbers(body.accel, ACCEL_FULL_G * GRAVITY)
-        gyro = self._numbers(body.gyro, math.radians(GYRO_FULL_DEG_S))
+        error = self._false.of_imu() or ImuError()
+        accel = self._numbers(body.accel + error.accel, ACCEL_FULL_G * GRAVITY)
+        gyro = self._numbers(body.gyro + error.gyro, math.radians(GYRO_FULL_DEG_S))
         frames = []
         if Output.ACCEL in self._output:
             frames.append(frame(Kind.ACCEL, accel))

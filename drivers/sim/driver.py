@@ -27,6 +27,9 @@ Float = NDArray[np.float64]
 OVERHEATED = 0x04
 """Hardware error bit of a servo that overheated and shut down (bit 2 of Dynamixel's hardware error status)."""
 
+BLOCKED_DAMPING = 1e4
+"""Damping of a blocked joint: against all torque of a servo it moves by less than a tick a second [N·m·s/rad]."""
+
 UNBOUND = 1e6
 """Torque bound above every servo's torque [N·m]; finite, because the delay line averages bounds."""
 
@@ -58,6 +61,7 @@ class SimDriver(LockstepDriver):
         self._truth = GroundTruth(robot, self.model, self.data)
         self._weld = self.model.equality(HOLDER).id
         self._has_current = np.array([servo.current_unit is not None for servo in robot.servos])
+        self._free_damping: dict[int, float] = {}
         self._open = False
         self._reset()
 
@@ -170,6 +174,13 @@ class SimDriver(LockstepDriver):
         self._command_row[:n] = receiver.goal
         np.minimum(bound, UNBOUND, out=self._command_row[n:])
         self._delay.push(self._command_row)
+
+    def block(self, joint: int, on: bool) -> None:
+        """Hold a joint by damping that no servo overcomes, or let it go."""
+        dof = int(self.robot.dof_address[joint])
+        if joint not in self._free_damping:
+            self._free_damping[joint] = float(self.model.dof_damping[dof])
+        self.model.dof_damping[dof] = BLOCKED_DAMPING if on else self._free_damping[joint]
 
     def damp(self) -> None:
         """Pin the goals and lower gain and voltage (see `ServoPlant.damp`)."""

@@ -33,13 +33,18 @@ def emulate(
         list[str] | None,
         typer.Option(
             "--fault",
-            metavar="KIND[:ARG][@S[+DURATION]]",
+            metavar="KIND[:ARG[:VALUE]][@S[+DURATION|+once]]",
             help="Fault to inject (repeatable), S seconds after torque goes on: lost, corrupt, late, duplicated, "
-            "truncated, dead:ID, overheat:ID, voltage:V, reset:ID, cable, port, imu.",
+            "truncated, dead:ID, overheat:ID, voltage:V, reset:ID, cable, port, imu, echo, blocked:ID, tripped:ID; "
+            "false readings, off by VALUE: false_position:ID:TICKS, false_speed, false_torque, false_voltage, "
+            "false_temperature, false_gyro:VALUE, false_accel:VALUE.",
         ),
     ] = None,
     bad_packets: Annotated[
         float, typer.Option("--bad-packets", min=0, max=1, help="Share of packets that are faulty at random.")
+    ] = 0.0,
+    false_readings: Annotated[
+        float, typer.Option("--false-readings", min=0, max=1, help="Share of readings that are false at random.")
     ] = 0.0,
     perturb: Annotated[
         list[str] | None,
@@ -85,7 +90,15 @@ def emulate(
     chosen = load_robot(robot)
     options = parse(SimOptions, simulation_options(perturbed, perturb or ()) | {"seed": seed}, "options of --perturb")
     body = BenchBody(chosen) if bench else SimBody(chosen, options)
-    emulator = build_emulator(body, link=port_link, timed=timing, faults=faults, bad_packets=bad_packets, seed=seed)
+    emulator = build_emulator(
+        body,
+        link=port_link,
+        timed=timing,
+        faults=faults,
+        bad_packets=bad_packets,
+        false_readings=false_readings,
+        seed=seed,
+    )
     with emulator, _ended_by_signals(emulator):
         for line in emulator.lines:
             print_note(f"{chosen.name}, {line.name}: {line.terminal.path}")
@@ -122,6 +135,9 @@ def describe(figures: dict[str, Any], tick_ms: float) -> str:
     """
     lines = [_robot(figures)]
     lines += [f"{name}: {_line(counts)}" for name, counts in figures["buses"].items()]
+    if figures["false_readings"]:
+        told = ", ".join(f"{count} {kind.removeprefix('false_')}" for kind, count in figures["false_readings"].items())
+        lines.append(f"false readings: {told}")
     late, lost = figures["lateness_ms"], figures["lost_ms"]
     given_up = f", {lost:.0f} ms of physics given up" if lost else ""
     lines.append(
@@ -154,4 +170,6 @@ def _line(counts: dict[str, Any]) -> str:
         packets = f"{counts['packets']} packets received, {counts['bad_packets']} of them broken"
         parts = [packets, f"{counts['collisions']} collisions", *parts]
     spoilt = ", ".join(f"{count} {kind}" for kind, count in counts["spoilt"].items())
+    if counts.get("refused"):
+        parts.append("refused: " + ", ".join(f"{count} {rule}" for rule, count in counts["refused"].items()))
     return ", ".join(parts) + (f"; injected faults: {spoilt}" if spoilt else "")

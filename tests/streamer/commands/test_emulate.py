@@ -11,6 +11,7 @@ def figures(**changed: Any) -> dict[str, Any]:
     bus = {"packets": 900, "bad_packets": 2, "collisions": 0, "wire_busy_share": 0.31, "spoilt": {"lost": 3, "late": 1}}
     told: dict[str, Any] = {
         "violations": 0,
+        "false_readings": {},
         "fell": False,
         "lowest_height_share": 0.81,
         "steepest_tilt_rad": 0.1,
@@ -45,8 +46,14 @@ def test_a_late_emulator_explains_the_consequence() -> None:
     )
 
 
+def test_false_readings_are_counted() -> None:
+    told = describe(figures(false_readings={"false_position": 7, "false_gyro": 2}), 8.0)
+    assert "false readings: 7 position, 2 gyro" in told.splitlines()
+
+
 def test_servos_on_a_bench_do_not_fall() -> None:
-    bench = {key: value for key, value in figures().items() if key in ("violations", "buses", "elapsed_s")}
+    kept = ("violations", "false_readings", "buses", "elapsed_s")
+    bench = {key: value for key, value in figures().items() if key in kept}
     bench |= {"processor_share": 0.1, "lateness_ms": 0.1, "lost_ms": 0.0}
     assert describe(bench, 8.0).startswith("servos: goals outside the envelope that arrived: 0")
 
