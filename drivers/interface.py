@@ -119,6 +119,11 @@ class Driver(ABC):
     def delay_s(self) -> float:
         """Time from `write` to the servo acting on it [s], measured if the driver can, otherwise an assumption."""
 
+    @property
+    def turns(self) -> int:
+        """Reads within which every joint is read once: a slow bus reads its servos in turns."""
+        return 1
+
     @abstractmethod
     def open(self) -> None:
         """Connect and check every servo; torque stays as it is. Raises if one is missing or differs from the file."""

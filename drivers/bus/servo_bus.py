@@ -127,6 +127,11 @@ class ServoBus(ABC):
         """Bytes and time of a cycle on the bus `name` if every device answers."""
 
     @classmethod
+    def turns(cls, robot: Robot, name: str) -> int:
+        """Cycles within which every servo is read once."""
+        return 1
+
+    @classmethod
     def bounds_torque(cls, robot: Robot) -> bool:
         """Whether torque bounds are sent to the servos."""
         return False
