@@ -7,6 +7,7 @@ place. Joints are in the order of the robot file. `flexmotion.drivers.simulated`
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import ClassVar
 
@@ -150,6 +151,16 @@ class Driver(ABC):
     @abstractmethod
     def damp(self) -> None:
         """Lower stiffness and torque, as far as servos can, so that joints give way. Only after a detected fall."""
+
+    @property
+    def connected(self) -> bool:
+        """Whether goals can still be sent: False once the hardware is known to be out of reach, such as a port gone."""
+        return True
+
+    @property
+    def holding(self) -> Sequence[str]:
+        """Servos that have not confirmed that their torque went off in the last `set_torque(False)`, for messages."""
+        return ()
 
     @property
     def violations(self) -> int:

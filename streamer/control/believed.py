@@ -51,26 +51,28 @@ class Believed:
         m: number of values.
         lowest, highest: the range, (m,).
         step: greatest change that is believed at once.
-        agreeing: readings in a row that must agree on a larger one.
+        agreeing: readings in a row that must agree on a larger one; None: it is never believed.
 
     Attributes:
         value: (m,); NaN before the first.
     """
 
-    def __init__(self, m: int, lowest: Float, highest: Float, *, step: float = math.inf, agreeing: int = 2) -> None:
+    def __init__(
+        self, m: int, lowest: Float, highest: Float, *, step: float = math.inf, agreeing: int | None = 2
+    ) -> None:
         self.value = np.full(m, np.nan)
         self._lowest, self._highest, self._step, self._agreeing = lowest, highest, step, agreeing
         self._candidate, self._repeats = np.full(m, np.nan), np.zeros(m, np.int64)
 
-    def take(self, values: Float) -> Bool:
+    def take(self, values: Float, widened: float = 1.0) -> Bool:
         """Replace the values that are not believed by the last believed ones, in place; which they were, (m,).
 
-        NaN (unknown) is left as it is.
+        NaN (unknown) is left as it is. `widened` multiplies the step that is believed at once.
         """
         with np.errstate(invalid="ignore"):
             outside = (values < self._lowest) | (values > self._highest)
-            wrong = outside | (np.abs(values - self.value) > self._step)
-            if wrong.any():
+            wrong = outside | (np.abs(values - self.value) > widened * self._step)
+            if wrong.any() and self._agreeing is not None:
                 again = wrong & ~outside & (np.abs(values - self._candidate) <= self._step)
                 self._repeats = np.where(again, self._repeats + 1, 1)
                 np.copyto(self._candidate, values)
@@ -79,5 +81,5 @@ class Believed:
                 self._candidate.fill(np.nan)
                 self._repeats.fill(0)
         np.copyto(self.value, values, where=~wrong & ~np.isnan(values))
-        np.copyto(values, self.value, where=wrong)
+        np.copyto(values, self.value, where=wrong & ~np.isnan(self.value))
         return wrong

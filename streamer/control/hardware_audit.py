@@ -97,6 +97,12 @@ class HardwareAudit:
             return "the robot file requires an IMU and none answers"
         return self.problem(measured)
 
+    def warn_of_imu(self) -> None:
+        """Warn that there is no IMU, or none that can be believed."""
+        wrong = self.plausibility.imu_suspicion.level[0] > self.robot.safety.max_stale_reads
+        what = "the IMU measures what cannot be" if wrong else "no IMU"
+        self.warn("imu", f"{what}: the robot runs open loop, falls are not detected")
+
     def warn(self, kind: str, message: str) -> None:
         """Warn, unless a warning of this kind was given before."""
         if kind not in self._warned:

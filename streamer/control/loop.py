@@ -33,8 +33,9 @@ from flexmotion.streamer.control.tick_row import REPAIRS
 Float = NDArray[np.float64]
 
 _POSITION, _TORQUE = REPAIRS.index("position"), REPAIRS.index("torque")
-_JUDGED = (State.READY, State.STREAMING, State.HOLD)
+_JUDGED = (State.READY, State.STREAMING, State.HOLD, State.PARK)
 """States in which joints must follow their goals. In PARK the ground or a hand may be in the way."""
+_MAY_HOLD = "their joints may be stiff; switch the power off"
 _LATE_TICKS = 3
 """Ticks from one to the next after which goals begin where the servos hold them."""
 _STAND_MOVE_S = 0.5
@@ -225,10 +226,12 @@ class ControlLoop:
         lost = self.audit.lost_bus(measured)
         if lost is not None:
             self._hardware_fault = inputs.bus_lost = lost
+            if not self.driver.connected:
+                inputs.cut_off = lost
         elif inputs.fault is None:
             self._hardware_fault = inputs.fault = self.audit.problem(measured)
         if not self.estimator.has_imu:
-            self.audit.warn("imu", "no IMU: the robot runs open loop, falls are not detected")
+            self.audit.warn_of_imu()
 
     def _measure_gyro_bias(self) -> None:
         """While the robot stands and waits, the gyro measures its bias."""
@@ -299,6 +302,8 @@ class ControlLoop:
         elif state in (State.OFF, State.FAULT):
             self._forget_plans()
             self.driver.set_torque(False)
+            if self.driver.holding:
+                self._emit("fault", f"torque off is not confirmed by {', '.join(self.driver.holding)}: {_MAY_HOLD}")
 
     def _forget_plans(self) -> None:
         self.playing = self.waiting = None
@@ -309,6 +314,7 @@ class ControlLoop:
             self.now.balanced = False
             return
         if playback is Playback.FREEZE:
+            self.now.qd[:] = 0.0
             self.driver.write(self.command)
             return
         if playback is Playback.PLAN and self.plan is not None:
@@ -345,6 +351,7 @@ class ControlLoop:
         writer.write_state(self.tick_count, self.ladder.state, self.estimator)
         row.ready[...], row.plan_over[...], row.must_stop[...] = self.ready, self.plan_over, self.must_stop
         row.offer[...], row.pending[...] = self._examined, 0 if self.waiting is None else self.waiting.ticket.id
+        row.disbelieved[...] = self.plausibility.disbelieved
         row.hung[...], row.hardware_failed[...] = self.suspension.hung, self.hardware_failed
         writer.write_measured(self.state)
         writer.write_plan(self.playing)

@@ -8,15 +8,13 @@ All limits follow from the robot file and the servo catalogue.
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
 from flexmotion.configs.robot import Robot
 from flexmotion.drivers.interface import RobotState
-from flexmotion.spatial.gravity import GRAVITY
 from flexmotion.streamer.control.believed import Believed, Suspicion
+from flexmotion.streamer.control.imu_plausibility import ImuPlausibility
 from flexmotion.streamer.control.servo_command import SUPPLY_MARGIN
 
 Float = NDArray[np.float64]
@@ -28,18 +26,16 @@ KINDS = ("position", "speed", "voltage", "temperature")
 OVERSPEED = 1.25
 """Greatest speed of a joint over the servo's no-load speed at the highest supply: the load may drive the servo. Walking
 and falling robots in simulation reach 0.95 of the no-load speed."""
+SPEED_SHARE, LAG_SHARE = 0.5, 0.1
+"""Difference of a speed from the change of the position, over the no-load speed. From the first on one of them is
+wrong, beyond the second (and the quantisation of the position) the speed is bounded. Robots in simulation reach 0.06,
+servos that filter their speed more."""
 MARGIN_TICKS = 12
 """Error of a position that is not a wrong reading: quantisation, play, the time stamp of the reading [servo units]."""
 COLDEST, HOTTEST = -20.0, 50.0
 """Valid temperatures: from this [°C] to the servo's own limit plus this [K] (assumption)."""
 TEMPERATURE_STEP = 4.0
 """Change between two readings that a heat capacity permits [K] (assumption)."""
-FALL_STEPS = 4.0
-"""Change of the angular velocity in a tick, over that of a falling robot, g / h: pushes and steps stay below. A larger
-one (an impact) is believed once it is seen twice."""
-MOST_ACCEL, ACCEL_STEP = 17.0 * GRAVITY, 5.0 * GRAVITY
-"""Greatest specific force, above the range of the usual sensors, and the greatest change that is believed at once
-[m/s²]. The foot of a walking robot strikes with up to 4 g."""
 
 
 class Plausibility:
@@ -67,7 +63,9 @@ class Plausibility:
         # Outside its limits a joint rests on its stops, or the load bends it out by what the servo can hold.
         beyond = robot.safety.standing_margin + robot.usable_torque / robot.kp + self._margin
         self._lower, self._upper = robot.lower - beyond, robot.upper + beyond
-        self._position = np.full(n, np.nan)
+        self._lag, self._strange = LAG_SHARE * robot.no_load_speed, SPEED_SHARE * robot.no_load_speed
+        self._in_turns = turns > 1
+        self._position, self._velocity = np.full(n, np.nan), np.zeros(n)
         self._since = np.full(n, np.inf)  # time since a joint's last believed reading [s]
         self._stamp_ns, self._tick = 0, -1
         self.unread = np.full(n, patience + 1, np.int64)
@@ -81,13 +79,7 @@ class Plausibility:
         self._temperature = Believed(
             n, np.full(n, COLDEST), limits + HOTTEST, step=TEMPERATURE_STEP, agreeing=patience + 1
         )
-        # A robot that topples turns with sqrt(3 g / h) where it hits the ground; its joints may add their speed.
-        height = robot.gait.stand_hip_height
-        turn = 2.0 * (math.sqrt(3 * GRAVITY / height) + float(robot.no_load_speed.max()))
-        turn_step = FALL_STEPS * GRAVITY / height / robot.rate_hz
-        self._gyro = Believed(3, np.full(3, -turn), np.full(3, turn), step=turn_step)
-        self._accel = Believed(3, np.full(3, -MOST_ACCEL), np.full(3, MOST_ACCEL), step=ACCEL_STEP)
-        self._imu_unread = 0
+        self._imu = ImuPlausibility(robot, self.imu_suspicion)
 
     @property
     def disbelieved(self) -> int:
@@ -106,20 +98,19 @@ class Plausibility:
             self._never.fill(False)
             for suspicion in (*self.suspicions, self.imu_suspicion):
                 suspicion.reset()
-        self._check_joints(state, speed, self._elapsed(state, tick), powered)
+        # By the readings' own stamps, if they have any; a stall of the loop may be longer.
+        stamped = (state.stamp_ns - self._stamp_ns) * 1e-9
+        ticked = (tick - self._tick) / self.robot.rate_hz
+        self._tick, self._stamp_ns = tick, state.stamp_ns
+        self._check_joints(state, speed, max(stamped, ticked), stamped if stamped > 0 else ticked, powered)
         voltage, temperature = self.suspicions[2:]
         asked = state.stale == 0
         voltage.note(self._voltage.take(state.voltage), asked)
         temperature.note(self._temperature.take(state.temperature), asked)
-        self._check_imu(state)
+        self._imu.check(state, max(stamped, ticked))
 
-    def _elapsed(self, state: RobotState, tick: int) -> float:
-        """Time since the reading before [s]: by the loop's ticks, or longer by the readings' stamps."""
-        passed = max((tick - self._tick) / self.robot.rate_hz, (state.stamp_ns - self._stamp_ns) * 1e-9)
-        self._tick, self._stamp_ns = tick, state.stamp_ns
-        return passed
-
-    def _check_joints(self, state: RobotState, speed: Float, elapsed: float, powered: bool) -> None:
+    def _check_joints(self, state: RobotState, speed: Float, elapsed: float, between: float, powered: bool) -> None:
+        """`elapsed`, `between`: time since the last check, and between the readings [s]."""
         position, velocity = state.position, state.velocity
         came = np.isfinite(position) & np.isfinite(velocity)
         fresh = came & (state.stale == 0)
@@ -130,9 +121,14 @@ class Plausibility:
             racing = np.abs(velocity) > self._fastest
             if powered:
                 jumped |= (position < self._lower) | (position > self._upper) | self._never
+        unseen = racing.copy()
+        if not self._in_turns and between > 0:
+            known = fresh & (self.unread == 0) & ~jumped
+            unseen &= ~known
+            self._compare(position, velocity, between, known, jumped, racing)
         jumped &= fresh
         racing &= fresh & ~jumped
-        np.logical_or(jumped, racing, out=self.doubted)
+        np.logical_or(jumped, unseen & fresh, out=self.doubted)
         for suspicion, wrong in zip(self.suspicions, (jumped, racing), strict=False):
             suspicion.note(wrong, fresh)
             if powered:
@@ -148,19 +144,24 @@ class Plausibility:
         self._since[believed] = 0.0
         np.copyto(state.stale, np.maximum(state.stale, self.unread), where=~came | self.doubted)
         np.copyto(self._position, position)
+        np.copyto(self._velocity, velocity)
 
-    def _check_imu(self, state: RobotState) -> None:
-        if not (np.isfinite(state.gyro).all() and np.isfinite(state.accel).all()):
-            state.gyro.fill(0.0)
-            if state.imu_stale >= 0:
-                self._imu_unread += 1
-                state.imu_stale = max(state.imu_stale, self._imu_unread)
-            return
-        self._imu_unread = 0
-        if state.imu_stale != 0:
-            return
-        wrong = bool(self._gyro.take(state.gyro).any()) | bool(self._accel.take(state.accel).any())
-        self.imu_suspicion.note(np.array([wrong]), np.ones(1, np.bool_))
-        level = int(self.imu_suspicion.level[0])
-        if wrong and level > self.robot.safety.max_stale_reads:
-            state.imu_stale = level
+    def _compare(
+        self, position: Float, velocity: Float, between: float, known: Bool, jumped: Bool, racing: Bool
+    ) -> None:
+        """Compare speeds with the change of the positions in `between` [s], of the joints in `known`.
+
+        Of two that disagree, the one nearer to the last speed is believed: a wrong speed is replaced, a wrong position
+        is marked in `jumped`; `racing` marks speeds that are clearly wrong.
+        """
+        moved = (position - self._position) / between
+        slack = self._lag + self.robot.tick_rad / between
+        with np.errstate(invalid="ignore"):
+            away = np.abs(velocity - moved)
+            if not (known & (away > slack)).any():
+                return
+            speed_lies = np.abs(velocity - self._velocity) > np.abs(moved - self._velocity)
+            strange = known & (away > self._strange + self.robot.tick_rad / between)
+        np.copyto(velocity, np.clip(velocity, moved - slack, moved + slack), where=known & speed_lies)
+        racing |= strange & speed_lies
+        jumped |= strange & ~speed_lies
