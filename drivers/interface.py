@@ -7,6 +7,7 @@ place. Joints are in the order of the robot file. `flexmotion.drivers.simulated`
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import ClassVar
 
@@ -119,6 +120,11 @@ class Driver(ABC):
     def delay_s(self) -> float:
         """Time from `write` to the servo acting on it [s], measured if the driver can, otherwise an assumption."""
 
+    @property
+    def turns(self) -> int:
+        """Reads within which every joint is read once: a slow bus reads its servos in turns."""
+        return 1
+
     @abstractmethod
     def open(self) -> None:
         """Connect and check every servo; torque stays as it is. Raises if one is missing or differs from the file."""
@@ -145,6 +151,16 @@ class Driver(ABC):
     @abstractmethod
     def damp(self) -> None:
         """Lower stiffness and torque, as far as servos can, so that joints give way. Only after a detected fall."""
+
+    @property
+    def connected(self) -> bool:
+        """Whether goals can still be sent: False once the hardware is known to be out of reach, such as a port gone."""
+        return True
+
+    @property
+    def holding(self) -> Sequence[str]:
+        """Servos that have not confirmed that their torque went off in the last `set_torque(False)`, for messages."""
+        return ()
 
     @property
     def violations(self) -> int:

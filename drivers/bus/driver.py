@@ -78,6 +78,21 @@ class BusDriver(Driver):
         return max(self.Bus.budget(robot, name).cycle_s for name in robot.config.buses) + SERVO_CYCLE_S
 
     @property
+    def turns(self) -> int:
+        """See `Driver`."""
+        return max(self.Bus.turns(self.robot, name) for name in self.robot.config.buses)
+
+    @property
+    def connected(self) -> bool:
+        """False once every port is lost."""
+        return not self.buses or any(bus.port.lost is None for bus in self.buses)
+
+    @property
+    def holding(self) -> list[str]:
+        """See `Driver`."""
+        return [servo for bus in self.buses for servo in bus.holding]
+
+    @property
     def violations(self) -> int:
         """Goals outside their envelope, replaced before they were sent; see `flexmotion.drivers.bus.goal_guard`."""
         return self._violations + sum(bus.guard.violations for bus in self.buses)

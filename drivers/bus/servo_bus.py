@@ -88,6 +88,7 @@ class ServoBus(ABC):
         measured: the newest values.
         guard: replaces goals outside the envelope before they are sent.
         pins: goals that servos were last pinned to, (m,) [servo units]; NaN once the driver has taken them.
+        holding: servos that have not confirmed that torque is off since `switch_off`, as `JOINT (id N)`.
         imu: inertial sensor on this bus; None if there is none.
     """
 
@@ -107,6 +108,7 @@ class ServoBus(ABC):
         ends = np.stack([robot.to_ticks(robot.lower), robot.to_ticks(robot.upper)])[:, self.joints]
         self.guard = GoalGuard(ends.min(axis=0), ends.max(axis=0))
         self.pins = np.full(len(self.joints), np.nan)
+        self.holding: list[str] = []
         self.imu: Imu | None = None
 
     @classmethod
@@ -125,6 +127,11 @@ class ServoBus(ABC):
     @abstractmethod
     def budget(cls, robot: Robot, name: str) -> Budget:
         """Bytes and time of a cycle on the bus `name` if every device answers."""
+
+    @classmethod
+    def turns(cls, robot: Robot, name: str) -> int:
+        """Cycles within which every servo is read once."""
+        return 1
 
     @classmethod
     def bounds_torque(cls, robot: Robot) -> bool:
@@ -174,7 +181,7 @@ class ServoBus(ABC):
 
     @abstractmethod
     def switch_off(self) -> None:
-        """Switch torque off; sent more than once."""
+        """Switch torque off; sent more than once. Fills `holding`."""
 
     @abstractmethod
     def damp(self) -> None:
@@ -198,6 +205,11 @@ class ServoBus(ABC):
     def joint_name(self, slot: int) -> str:
         """`servo of JOINT (id N)` for messages."""
         return f"servo of {self.robot.joint_names[self.joints[slot]]} (id {self.ids[slot]})"
+
+    def confirm_off(self, off: Bool) -> None:
+        """Set `holding` to the servos that are not in `off`, (m,)."""
+        names = self.robot.joint_names
+        self.holding = [f"{names[self.joints[slot]]} (id {self.ids[slot]})" for slot in np.flatnonzero(~off)]
 
     def close(self) -> None:
         """Release the port."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,7 @@ from flexmotion.drivers.dynamixel.exchange import Exchange, ReadMany, ReadOne
 from flexmotion.drivers.dynamixel.goals import GoalPacket, sync_write
 from flexmotion.drivers.dynamixel.layout import Layout, Span, layout_of
 from flexmotion.drivers.dynamixel.opencr import OpenCr
-from flexmotion.drivers.dynamixel.read_cycle import ReadCycle
+from flexmotion.drivers.dynamixel.read_cycle import PATIENCE_S, ReadCycle
 from flexmotion.drivers.dynamixel.registers import BAUD_RATES, WATCHDOG_S, table_of
 from flexmotion.drivers.dynamixel.sdk import Client
 from flexmotion.drivers.dynamixel.setup import audit
@@ -26,6 +27,9 @@ from flexmotion.drivers.port import BITS_A_BYTE, SerialPort
 
 Float = NDArray[np.float64]
 Bool = NDArray[np.bool_]
+
+LATE_S = 0.05
+"""Time beyond that on the wire that the confirmation of torque off may take: answers that are late count there [s]."""
 
 RECENT_SHARE = 0.5
 """Age up to which the positions of the last cycle are used to pin goals [ticks]."""
@@ -219,13 +223,14 @@ class DynamixelBus(ServoBus):
         """See `ServoBus`."""
         self._on = False
         every = np.ones(len(self.ids), np.bool_)
+        off = np.zeros(len(self.ids), np.bool_)
         for _ in range(TRIES):
             self._switch(every, on=False)
-            if self.port.lost is not None:
-                return
-            self.cycle.run()
-            if self.measured.fresh.all() and not self.measured.torque.any():
+            off |= self._registers(("torque_enable",), LATE_S)[:, 0] == 0
+            if off.all() or self.port.lost is not None:
                 break
+        self.confirm_off(off)
+        self.measured.torque[:] &= ~off
         self._write_all("bus_watchdog", 0)
 
     def damp(self) -> None:
@@ -291,21 +296,30 @@ class DynamixelBus(ServoBus):
 
     def _pinned(self) -> Bool:
         """Which servos hold the goal that `_pin` has sent, and an armed watchdog, (m,)."""
+        held = self._registers(("bus_watchdog", "goal_position"), PATIENCE_S)
+        return (held[:, 0] == self._units) & (held[:, 1] == self._last_ticks.astype(np.int64))
+
+    def _registers(self, names: Sequence[str], slack: float) -> Float:
+        """Read registers of all servos, from the first named to the last, blocking; (m, names), NaN without an answer.
+
+        Args:
+            slack: time beyond that on the wire that the answers may take [s].
+        """
         table = table_of(self.servos[0].name)
-        span = Span(table["bus_watchdog"].address, table["goal_position"].end - table["bus_watchdog"].address)
-        check = ReadMany(self.ids, span, fast=False, where=f"bus {self.name}")
+        first = table[names[0]].address
+        check = ReadMany(self.ids, Span(first, table[names[-1]].end - first), fast=False, where=f"bus {self.name}")
         self.port.receive()
         self.port.send(check.begin())
-        patience = self.cycle.answered_by(check)
+        patience = self.cycle.answered_by(check, slack)
         while (now := self.port.now()) < patience and self.port.lost is None:
             if check.take(self.port.wait(patience - now)):
                 break
-        pinned = np.zeros(len(self.ids), np.bool_)
+        values = np.full((len(self.ids), len(names)), np.nan)
         for id_, (_, data) in check.answers.items():
-            slot = self._slot[id_]
-            goal = table["goal_position"].unpack(data[-4:])
-            pinned[slot] = data[0] == self._units and goal == int(self._last_ticks[slot])
-        return pinned
+            values[self._slot[id_]] = [
+                table[name].unpack(data[table[name].address - first : table[name].end - first]) for name in names
+            ]
+        return values
 
 
 def _board(robot: Robot, bus: str) -> OpenCr | None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from flexmotion.drivers.bus.driver import BusDriver
 from flexmotion.drivers.emulator.loopback import Loopback
 from flexmotion.drivers.emulator.sim_body import SimBody
@@ -36,6 +38,21 @@ class LockstepBus(LockstepDriver):
     def delay_s(self) -> float:
         """See `Driver`."""
         return self._driver.delay_s
+
+    @property
+    def turns(self) -> int:
+        """See `Driver`."""
+        return self._driver.turns
+
+    @property
+    def connected(self) -> bool:
+        """See `Driver`."""
+        return self._driver.connected
+
+    @property
+    def holding(self) -> Sequence[str]:
+        """See `Driver`."""
+        return self._driver.holding
 
     @property
     def violations(self) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,6 +67,12 @@ class Lx16aBus(ServoBus):
         write = m * (FORMAT.overhead + 4)
         return Budget(read, write, read * BITS_A_BYTE / BAUD, write * BITS_A_BYTE / BAUD)
 
+    @classmethod
+    def turns(cls, robot: Robot, name: str) -> int:
+        """See `ServoBus`. Once more where a servo does not answer in its turn."""
+        m = sum(joint.bus == name for joint in robot.joints)
+        return 2 * math.ceil(m / _positions_a_cycle(m, robot.rate_hz))
+
     def audit(self) -> None:
         """See `ServoBus`. There is no model number to check."""
         for slot in range(len(self.ids)):
@@ -87,8 +94,7 @@ class Lx16aBus(ServoBus):
         self._decoder.clear()
         measured, m = self.measured, len(self.ids)
         measured.fresh[:] = measured.asked[:] = False
-        each = self.port.seconds(2 * FORMAT.overhead + 2)
-        many = min(m, max(1, int(READ_SHARE / self.robot.rate_hz / each) - 1))
+        many = _positions_a_cycle(m, self.robot.rate_hz)
         turn = [(self._next_read + k) % m for k in range(many)]
         self._next_read = (self._next_read + many) % m
         self._queue = [(slot, Command.READ_POSITION) for slot in turn]
@@ -217,3 +223,9 @@ class Lx16aBus(ServoBus):
             measured.temperature[slot] = params[0]
         elif command is Command.READ_LOAD:
             measured.torque[slot] = params[0] == 1
+
+
+def _positions_a_cycle(m: int, rate_hz: float) -> int:
+    """How many of m servos are asked for their position in a tick; one more answer is a status."""
+    each = (2 * FORMAT.overhead + 2) * BITS_A_BYTE / BAUD
+    return min(m, max(1, int(READ_SHARE / rate_hz / each) - 1))

@@ -108,6 +108,16 @@ class SimProcess(SimulatedDriver):
         return self.simulation.delay_s
 
     @property
+    def turns(self) -> int:
+        """Those of the simulation."""
+        return self.simulation.turns
+
+    @property
+    def connected(self) -> bool:
+        """False once the process has died."""
+        return self._process is None or self._process.is_alive()
+
+    @property
     def violations(self) -> int:
         """Goals outside the servos' envelope, up to the last `read`."""
         return int(self._newest.violations)

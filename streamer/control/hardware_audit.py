@@ -9,7 +9,12 @@ from numpy.typing import NDArray
 
 from flexmotion.configs.robot import Robot
 from flexmotion.drivers.interface import RobotState
+from flexmotion.streamer.control.obedience import Obedience
+from flexmotion.streamer.control.plausibility import KINDS, Plausibility
 from flexmotion.streamer.control.punctuality import Punctuality
+
+SUPPLY_ERROR = 0x01
+"""Error bit of Dynamixel and Feetech servos: the supply is outside the servo's own limits; torque stays on."""
 
 
 class HardwareAudit:
@@ -17,14 +22,24 @@ class HardwareAudit:
 
     Args:
         punctuality: lateness of the loop; a message about silence mentions it.
+        plausibility: which sensors give readings that cannot be.
+        obedience: which servos do not do what their goals ask.
         warn: called once with each kind of warning.
     """
 
-    def __init__(self, robot: Robot, punctuality: Punctuality, warn: Callable[[str], None]) -> None:
+    def __init__(
+        self,
+        robot: Robot,
+        punctuality: Punctuality,
+        plausibility: Plausibility,
+        obedience: Obedience,
+        warn: Callable[[str], None],
+    ) -> None:
         self.robot, self.punctuality = robot, punctuality
+        self.plausibility, self.obedience = plausibility, obedience
         self._warn_of = warn
         self._warned: set[str] = set()
-        self._low_reads = 0
+        self._low_reads, self._supply_reads = np.zeros(robot.n, np.int64), np.zeros(robot.n, np.int64)
         self._shutdown_at = np.array([servo.temperature_limit for servo in robot.servos])
 
     def lost_bus(self, measured: RobotState) -> str | None:
@@ -37,25 +52,33 @@ class HardwareAudit:
     def problem(self, measured: RobotState) -> str | None:
         """Why the run must come to an orderly end; None while servos, IMU and supply are well. Call it once a tick."""
         limits = self.robot.safety
+        wrong = self._wrong_sensor()
+        if wrong is not None:
+            return wrong
         if measured.stale.max() > limits.max_stale_reads:
             return self._of_servo(f"does not answer{self.punctuality.remark}", int(np.argmax(measured.stale)))
-        if measured.hardware_error.any():
-            worst = int(np.flatnonzero(measured.hardware_error)[0])
-            return self._of_servo(f"reports hardware error 0x{int(measured.hardware_error[worst]):02x}", worst)
+        error = self._hardware_error(measured)
+        if error is not None:
+            return error
         imu = self.robot.config.imu
         if imu is not None and imu.required and measured.imu_stale > limits.max_stale_reads:
+            if self.plausibility.imu_suspicion.level[0] > limits.max_stale_reads:
+                return "IMU measures what cannot be"
             return f"IMU has not answered for {measured.imu_stale} reads{self.punctuality.remark}"
+        disobedient = self.obedience.worst
+        if disobedient is not None:
+            return self._of_servo(f"does not follow its goals: {self.obedience.describe(disobedient)}", disobedient)
         return self._overheating(measured) or self._low_supply(measured)
 
     def refusal(self, measured: RobotState, unread: NDArray[np.int64], has_imu: bool) -> str | None:
         """Why torque must not be switched on; None where a start is safe.
 
         Args:
-            unread: reads since each joint last returned a number, (n,).
+            unread: reads since each joint was last believed, (n,).
             has_imu: whether the IMU answers.
         """
         robot, position = self.robot, measured.position
-        silent = np.flatnonzero(unread)
+        silent = np.flatnonzero(unread > robot.safety.max_stale_reads)
         # A joint sags into its stops by up to this margin. Further out it was forced or its zero is wrong, and no goal
         # can be pinned there.
         margin = robot.safety.standing_margin
@@ -73,6 +96,12 @@ class HardwareAudit:
         if imu is not None and imu.required and not has_imu:
             return "the robot file requires an IMU and none answers"
         return self.problem(measured)
+
+    def warn_of_imu(self) -> None:
+        """Warn that there is no IMU, or none that can be believed."""
+        wrong = self.plausibility.imu_suspicion.level[0] > self.robot.safety.max_stale_reads
+        what = "the IMU measures what cannot be" if wrong else "no IMU"
+        self.warn("imu", f"{what}: the robot runs open loop, falls are not detected")
 
     def warn(self, kind: str, message: str) -> None:
         """Warn, unless a warning of this kind was given before."""
@@ -95,13 +124,36 @@ class HardwareAudit:
         return None
 
     def _low_supply(self, measured: RobotState) -> str | None:
-        """Why the supply ends the run: it was low for more reads in a row than a servo may be silent."""
+        """Why the supply ends the run: a servo measured it low for more reads in a row than it may be silent."""
         limits = self.robot.safety
-        supply = np.fmin.reduce(measured.voltage)
-        low = limits.voltage_min is not None and supply < limits.voltage_min
-        self._low_reads = self._low_reads + 1 if low else 0
-        if self._low_reads > limits.max_stale_reads:
-            return f"supply at {supply:.1f} V, below {limits.voltage_min:.1f} V"
+        if limits.voltage_min is None:
+            return None
+        low = measured.voltage < limits.voltage_min
+        self._low_reads[:] = np.where(low, self._low_reads + 1, 0)
+        if self._low_reads.max() > limits.max_stale_reads:
+            return f"supply at {np.fmin.reduce(measured.voltage[low]):.1f} V, below {limits.voltage_min:.1f} V"
+        return None
+
+    def _hardware_error(self, measured: RobotState) -> str | None:
+        """Which servo reports an error. A supply outside its limits may last as long as a silence."""
+        errors = measured.hardware_error
+        if not errors.any() and not self._supply_reads.any():
+            return None
+        supply = (errors & SUPPLY_ERROR) != 0
+        self._supply_reads[:] = np.where(supply, self._supply_reads + 1, 0)
+        counted = self._supply_reads > self.robot.safety.max_stale_reads
+        serious = np.flatnonzero(((errors & ~SUPPLY_ERROR) != 0) | counted)
+        if not len(serious):
+            return None
+        worst = int(serious[0])
+        return self._of_servo(f"reports hardware error 0x{int(errors[worst]):02x}", worst)
+
+    def _wrong_sensor(self) -> str | None:
+        """Which servo goes on measuring what cannot be."""
+        for kind, suspicion in zip(KINDS, self.plausibility.suspicions, strict=True):
+            worst = int(np.argmax(suspicion.level))
+            if suspicion.level[worst] > self.robot.safety.max_stale_reads:
+                return self._of_servo(f"measures a {kind} that cannot be", worst)
         return None
 
     def _of_servo(self, what: str, joint: int) -> str:

@@ -3,12 +3,14 @@
 ```
 OFF ──start──► READY ──plan──► STREAMING ◄──plan── HOLD ──park──► PARK ──► OFF
                                    └──plan over, stop──► ▲
-any state with torque: e-stop ► HOLD (frozen) ► PARK ► FAULT      fall ► DAMPED ► FAULT      kill, lost bus ► FAULT
+any state with torque: e-stop, lost bus ► HOLD (frozen) ► PARK ► FAULT      fall ► DAMPED ► FAULT      kill ► FAULT
 FAULT ──clear──► OFF
 ```
 
-What an e-stop does before PARK is the robot file's choice (`flexmotion.configs.robot_file.EmergencyStop`); the line
-above is that of a robot that stays up when it freezes.
+What an e-stop or a lost bus does before PARK is the robot file's choice
+(`flexmotion.configs.robot_file.EmergencyStop`); the line above is that of a robot that stays up when it freezes. Servos
+that do not answer may still receive goals: the robot is held and lowered without measurements. Where goals cannot be
+sent any more, the ladder goes to FAULT.
 """
 
 from __future__ import annotations
@@ -53,7 +55,8 @@ class Inputs:
         move_done: the slow move of this state is done.
         fallen: the torso is tilted past the robot's limit.
         fault: why servos, sensors, supply or planner require an orderly end, or None.
-        bus_lost: why the bus counts as lost, or None.
+        bus_lost: why the bus counts as lost, or None; goals are sent on.
+        cut_off: why no goal can be sent any more, or None.
     """
 
     start: bool = False
@@ -68,6 +71,7 @@ class Inputs:
     fallen: bool = False
     fault: str | None = None
     bus_lost: str | None = None
+    cut_off: str | None = None
 
     def reset(self) -> None:
         """Clear all, since inputs hold for one tick."""
@@ -100,9 +104,11 @@ class Ladder:
         self.fault: str | None = None
         self.stopping = False
         self._freeze_ticks = int(round(freeze_s * rate_hz))
+        self._lost_ticks = int(round(limits.lost_bus_hold_s * rate_hz))
         self._damp_ticks = int(round(damp_s * rate_hz))
         self._left = 0
         self._frozen = False
+        self._lost = False  # what a lost bus demands has begun
         self._parking = False  # park once the robot stands: requested while streaming
         self._pressed = False  # an e-stop button that is held down counts once
 
@@ -136,16 +142,18 @@ class Ladder:
         if inputs.kill:
             self._latch("kill: torque cut by an operator")
             self.state = State.FAULT
-        elif inputs.bus_lost is not None:
-            self._latch(inputs.bus_lost)
+        elif inputs.cut_off is not None:
+            self._latch(inputs.cut_off)
             self.state = State.FAULT
         elif self.state is State.DAMPED:
             return False
         elif inputs.fallen:
             self._latch("fall: torso tilted past the robot's limit")
             self.state, self._left = State.DAMPED, self._damp_ticks
-        elif inputs.estop and not self._pressed and self._emergency_stop():
-            pass
+        elif inputs.estop and not self._pressed:
+            return self._emergency_stop(self._freeze_ticks)
+        elif inputs.bus_lost is not None and not self._lost:
+            return self._lose(inputs.bus_lost)
         else:
             if inputs.fault is not None and self.fault is None:
                 self._latch(inputs.fault)
@@ -153,12 +161,22 @@ class Ladder:
             return False
         return True
 
-    def _emergency_stop(self) -> bool:
-        """Do what the robot file says; returns whether that decides this tick."""
+    def _lose(self, cause: str) -> bool:
+        """Begin what a lost bus demands; returns whether that decides this tick."""
+        self._lost = True
+        self._latch(cause)
+        return self.state is not State.PARK and self._stop_at_once(self._lost_ticks)
+
+    def _emergency_stop(self, ticks: int) -> bool:
+        """Do what an operator demands; returns whether that decides this tick."""
+        self._latch(f"e-stop: {_STOPPED[self.limits.emergency_stop]} by an operator")
+        return self._stop_at_once(ticks)
+
+    def _stop_at_once(self, ticks: int) -> bool:
+        """Stop as the robot file says, frozen for `ticks`; returns whether that decides this tick."""
         does = self.limits.emergency_stop
-        self._latch(f"e-stop: {_STOPPED[does]} by an operator")
         if does == "freeze":
-            self.state, self._frozen, self._left = State.HOLD, True, self._freeze_ticks
+            self.state, self._frozen, self._left = State.HOLD, True, ticks
         elif does == "crouch":
             self.state, self._frozen = State.PARK, False
         else:
@@ -169,7 +187,7 @@ class Ladder:
         stopped = inputs.stop or inputs.park or inputs.estop or inputs.kill
         if inputs.start and not stopped and self.fault is None:
             self.state = State.READY
-            self.stopping = self._frozen = self._parking = False
+            self.stopping = self._frozen = self._parking = self._lost = False
         elif inputs.kill:
             self._latch("kill: torque cut by an operator")
             self.state = State.FAULT
@@ -217,4 +235,4 @@ class Ladder:
     def _in_fault(self, inputs: Inputs) -> None:
         if inputs.clear and not (inputs.estop or inputs.kill):
             self.state, self.fault = State.OFF, None
-            self.stopping = self._frozen = self._parking = False
+            self.stopping = self._frozen = self._parking = self._lost = False

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import time
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,9 +15,11 @@ from flexmotion.retarget.retargeter import Retargeter
 from flexmotion.streamer.control.estimator import Estimator
 from flexmotion.streamer.control.gyro_bias import GyroBias
 from flexmotion.streamer.control.hardware_audit import HardwareAudit
-from flexmotion.streamer.control.ladder import Inputs, Ladder, Playback, State
+from flexmotion.streamer.control.ladder import POWERED, Inputs, Ladder, Playback, State
 from flexmotion.streamer.control.load_estimator import LoadEstimator
+from flexmotion.streamer.control.obedience import Obedience
 from flexmotion.streamer.control.plan_buffer import Offer, PlanBuffer
+from flexmotion.streamer.control.plausibility import Plausibility
 from flexmotion.streamer.control.posture_move import PostureMove
 from flexmotion.streamer.control.punctuality import Punctuality
 from flexmotion.streamer.control.reference import Reference
@@ -32,6 +33,11 @@ from flexmotion.streamer.control.tick_row import REPAIRS
 Float = NDArray[np.float64]
 
 _POSITION, _TORQUE = REPAIRS.index("position"), REPAIRS.index("torque")
+_JUDGED = (State.READY, State.STREAMING, State.HOLD, State.PARK)
+"""States in which joints must follow their goals. In PARK the ground or a hand may be in the way."""
+_MAY_HOLD = "their joints may be stiff; switch the power off"
+_LATE_TICKS = 3
+"""Ticks from one to the next after which goals begin where the servos hold them."""
 _STAND_MOVE_S = 0.5
 """Shortest move to the stand pose, also when the robot already stands there."""
 
@@ -75,7 +81,8 @@ class ControlLoop:
         self.load = LoadEstimator(robot)
         self.suspension = Suspension(robot)
         self.punctuality = Punctuality(robot)
-        self.audit = HardwareAudit(robot, self.punctuality, partial(self._emit, "warning"))
+        self.plausibility, self.obedience = Plausibility(robot, driver.turns), Obedience(robot)
+        self.audit = HardwareAudit(robot, self.punctuality, self.plausibility, self.obedience, self._warn)
         self.servo = ServoCommand(robot, driver.delay_s)
         self.move = PostureMove(robot, retargeter.body.dynamics)
         self.stand_pose = retargeter.layout.view(retargeter.standing()).q[0].copy()
@@ -86,8 +93,8 @@ class ControlLoop:
         self._writer = RowWriter(telemetry.row, robot, driver)
         self._examined = 0  # id of the newest plan that was accepted or refused
         self._underrun = 0  # id of the plan whose underrun was counted
-        self._last_position, self._unread = np.full(robot.n, np.nan), np.zeros(robot.n, np.int64)
-        self._imu_unread = 0
+        self._last_tick = 0
+        self._load = np.zeros(robot.n)  # planned, of the goals in effect
         self._lead = driver.delay_s * robot.rate_hz
         self._waited_s = 0.0  # time that the last tick waited for servos to be switched on
         self._hardware_fault: str | None = None  # found on this tick
@@ -141,6 +148,7 @@ class ControlLoop:
         if self.ladder.fault != fault:
             self.hardware_failed = self.ladder.fault is not None and self.ladder.fault == self._hardware_fault
         if self.ladder.state is not before:
+            self.servo.rejoin()
             self._enter(self.ladder.state, before)
         self._play(playback)
         self._write_row(playback)
@@ -153,24 +161,14 @@ class ControlLoop:
         self.telemetry.commit()
 
     def _read(self) -> None:
-        """Read the robot; a joint that returns no number counts as silent and is assumed to move as planned."""
-        state = self.state
-        self.driver.read(state)
+        """Read the robot; what cannot be is not believed."""
+        powered = self.ladder.state in POWERED
+        self.driver.read(self.state)
         self.driver.take_pins(self.servo.goal)  # of servos that were switched on again
-        lost = ~(np.isfinite(state.position) & np.isfinite(state.velocity))
-        self._unread += 1
-        self._unread[~lost] = 0
-        np.copyto(state.position, self._last_position + self.now.qd / self.robot.rate_hz, where=lost)
-        np.copyto(state.velocity, self.now.qd, where=lost)
-        np.maximum(state.stale, self._unread, out=state.stale)
-        np.copyto(self._last_position, state.position)
-        if np.isfinite(state.gyro).all() and np.isfinite(state.accel).all():
-            self._imu_unread = 0
-            return
-        state.gyro.fill(0.0)
-        if state.imu_stale >= 0:
-            self._imu_unread += 1
-            state.imu_stale = max(state.imu_stale, self._imu_unread)
+        self.plausibility.check(self.state, self.now.qd, self.tick_count, powered=powered)
+        if self.tick_count - self._last_tick > _LATE_TICKS and powered:
+            self.servo.rejoin()  # the servos have held their goals meanwhile
+        self._last_tick = self.tick_count
 
     def _take_plan(self) -> None:
         """Let the waiting plan take over when its tick has come; a newer acceptable plan replaces it."""
@@ -223,13 +221,17 @@ class ControlLoop:
             return
         tilted = math.hypot(*self.estimator.tilt) > self.robot.safety.fall_tilt
         inputs.fallen = bool(self.estimator.has_imu and tilted)
+        if state in _JUDGED:
+            self.obedience.update(self.command.position, self._load, measured.position, measured.stale == 0)
         lost = self.audit.lost_bus(measured)
         if lost is not None:
             self._hardware_fault = inputs.bus_lost = lost
+            if not self.driver.connected:
+                inputs.cut_off = lost
         elif inputs.fault is None:
             self._hardware_fault = inputs.fault = self.audit.problem(measured)
         if not self.estimator.has_imu:
-            self.audit.warn("imu", "no IMU: the robot runs open loop, falls are not detected")
+            self.audit.warn_of_imu()
 
     def _measure_gyro_bias(self) -> None:
         """While the robot stands and waits, the gyro measures its bias."""
@@ -246,7 +248,7 @@ class ControlLoop:
         """Refuse a start, with the reason, while the hardware is not fit for it."""
         if not self.inputs.start:
             return
-        reason = self.audit.refusal(self.state, self._unread, self.estimator.has_imu) or self._lies()
+        reason = self.audit.refusal(self.state, self.plausibility.unread, self.estimator.has_imu) or self._lies()
         if reason is None:
             return
         self.inputs.start = False
@@ -263,6 +265,9 @@ class ControlLoop:
             return None
         return f"the torso is tilted by {math.degrees(tilt):.0f}°: the robot lies; put it into its rest pose by hand"
 
+    def _warn(self, message: str) -> None:
+        self._emit("warning", message)
+
     def _emit(self, kind: str, message: str) -> None:
         self.telemetry.emit(self.tick_count, kind, message)
 
@@ -278,6 +283,7 @@ class ControlLoop:
             pinned = self.state.position.copy()
             self.driver.take_pins(pinned)
             self.servo.reset(pinned)
+            self.obedience.reset(pinned)
             self.load.reset()
             self.suspension.reset()
             self.estimator.reset()
@@ -296,6 +302,8 @@ class ControlLoop:
         elif state in (State.OFF, State.FAULT):
             self._forget_plans()
             self.driver.set_torque(False)
+            if self.driver.holding:
+                self._emit("fault", f"torque off is not confirmed by {', '.join(self.driver.holding)}: {_MAY_HOLD}")
 
     def _forget_plans(self) -> None:
         self.playing = self.waiting = None
@@ -306,6 +314,7 @@ class ControlLoop:
             self.now.balanced = False
             return
         if playback is Playback.FREEZE:
+            self.now.qd[:] = 0.0
             self.driver.write(self.command)
             return
         if playback is Playback.PLAN and self.plan is not None:
@@ -315,7 +324,9 @@ class ControlLoop:
         else:
             self.move.step(self.now)
             self.ahead.copy(self.now)
-        self.command.position[:] = self.servo.update(self.ahead.q, self.ahead.qd, self._torque(), self.state)
+        np.copyto(self._load, self._torque())
+        expected = self.plausibility.expected
+        self.command.position[:] = self.servo.update(self.ahead.q, self.ahead.qd, self._load, self.state, expected)
         repairs = self.telemetry.row.repairs
         repairs[_POSITION] += self.servo.position_clamps
         repairs[_TORQUE] += self.servo.torque_clamps
@@ -340,6 +351,7 @@ class ControlLoop:
         writer.write_state(self.tick_count, self.ladder.state, self.estimator)
         row.ready[...], row.plan_over[...], row.must_stop[...] = self.ready, self.plan_over, self.must_stop
         row.offer[...], row.pending[...] = self._examined, 0 if self.waiting is None else self.waiting.ticket.id
+        row.disbelieved[...] = self.plausibility.disbelieved
         row.hung[...], row.hardware_failed[...] = self.suspension.hung, self.hardware_failed
         writer.write_measured(self.state)
         writer.write_plan(self.playing)

@@ -4,6 +4,11 @@ A position servo makes the torque kp (goal - q) - b q'. The goal at which it mak
 therefore q_ref + (torque + b q_ref') / kp. The goal may be far ahead of the joint. Two things are bounded: the torque
 that the goal implies at the joint's present position and speed, and the goal itself by the joint's limits. If a joint
 is outside its limits when torque is switched on, its goals begin there and from then on only move inwards.
+
+A disturbance (a joint that answers again elsewhere than was assumed, a stall of the loop, the start of a stream) makes
+the next goal differ from the one before by more than the plan moves. This difference is kept as an offset, which decays
+at a bounded speed. Without a disturbance it is zero: a bound on the goal itself would destroy a walk, whose goals move
+with up to 25 rad/s.
 """
 
 from __future__ import annotations
@@ -25,11 +30,18 @@ BRAKING_SPEED = 0.3
 """Joint speed from which the braking torque is allowed in full [rad/s]. Near standstill only the usable torque is: a
 foot's impact may reverse the joint within a tick, and the goal must then still be inside the envelope."""
 
-_SUPPLY_MARGIN = 0.2
-"""Margin around the servo's rated supply within which a reading is valid, as a share: sag under load, overvoltage."""
+DECAY_SHARE = 0.25
+"""Speed at which an offset decays, over the servo's no-load speed: the rest is left for the motion of the plan."""
 
-_BLIND_SHARE = 0.5
-"""Share of the envelope that is used while the joint's measurement is old, since its position is then uncertain."""
+_BLIND_SHARE, _DOUBT, _TRUST = 0.5, 0.1, 0.02
+"""Least share of the envelope that is used while a joint's position is assumed and therefore uncertain; it shrinks by
+`_DOUBT` with every missing reading and grows by `_TRUST` with every good one. The planned torque is always allowed."""
+
+SUPPLY_MARGIN = 0.2
+"""Margin around the servo's rated supply within which a reading is valid, as a share: sag under load, overvoltage."""
+_SUPPLY_SLEW = 1.0
+"""Greatest change of the supply that goals are computed for, in nominal supplies per second: a single wrong reading
+changes them by less than a servo tick."""
 
 
 class ServoCommand:
@@ -40,51 +52,70 @@ class ServoCommand:
 
     Attributes:
         goal: servo goals, (n,) [rad].
+        offset: what disturbances have left in the goals, (n,) [rad].
         position_clamps, torque_clamps: how many joints were clamped in the last tick.
     """
 
     def __init__(self, robot: Robot, delay_s: float) -> None:
         self.robot, self.delay = robot, delay_s
         self.goal = np.clip(np.zeros(robot.n), robot.lower, robot.upper)
+        self.offset = np.zeros(robot.n)
         self.position_clamps = self.torque_clamps = 0
         self._velocity = np.zeros(robot.n)
         nominal = robot.nominal_voltage
-        self._least_supply = np.array([servo.min_voltage for servo in robot.servos]) / nominal * (1 - _SUPPLY_MARGIN)
-        self._most_supply = np.array([servo.max_voltage for servo in robot.servos]) / nominal * (1 + _SUPPLY_MARGIN)
+        self._least_supply = np.array([servo.min_voltage for servo in robot.servos]) / nominal * (1 - SUPPLY_MARGIN)
+        self._most_supply = np.array([servo.max_voltage for servo in robot.servos]) / nominal * (1 + SUPPLY_MARGIN)
+        self._supply, self._trust = np.full(robot.n, np.nan), np.ones(robot.n)
+        self._decay = DECAY_SHARE * robot.no_load_speed / robot.rate_hz
+        self._rejoins = False
 
     def reset(self, position: Float) -> None:
         """Begin at the joints' positions, (n,) [rad], which are the goals until the first update."""
         np.copyto(self.goal, position)
-        self._velocity[:] = 0.0
+        self._velocity[:] = self.offset[:] = 0.0
+        self._trust[:] = 1.0
+        self._supply[:] = np.nan
+        self._rejoins = False
 
-    def update(self, q: Float, qd: Float, torque: Float, measured: RobotState) -> Float:
+    def rejoin(self) -> None:
+        """The next goals begin at those in effect, which the reference may have left: a stream begins, or was late."""
+        self._rejoins = True
+
+    def update(self, q: Float, qd: Float, torque: Float, measured: RobotState, expected: Float | None = None) -> Float:
         """Goals for a reference.
 
         Args:
             q, qd, torque: the reference, (n,) each [rad, rad/s, N·m].
             measured: the joints' state.
+            expected: where joints were assumed to be whose position is known again, (n,) [rad]; NaN for the others.
 
         Returns:
             `goal`, (n,) [rad].
         """
         robot = self.robot
-        supply = measured.voltage / robot.nominal_voltage
-        # A voltage that no such servo runs at is a wrong reading; the nominal one is used instead.
-        believed = (supply >= self._least_supply) & (supply <= self._most_supply)
-        supply = np.where(believed, supply, 1.0)
+        supply = self._supply_of(measured)
         kp = robot.kp * supply
         goal = q + (torque + robot.back_emf * qd) / kp
-        # The measurement is old and the goal takes time to arrive: it must be inside the envelope for the joint as it
-        # was measured, and as it will be if its speed changes on at the same rate.
-        now, change = measured.velocity, measured.velocity - self._velocity
-        supply = np.where(measured.stale > 0, _BLIND_SHARE * supply, supply)
-        lowest, highest = self._envelope(measured.position, now, kp, supply)
-        later = now + change
-        lowest_later, highest_later = self._envelope(measured.position + self.delay * (now + later), later, kp, supply)
-        lowest, highest = np.maximum(lowest, lowest_later), np.minimum(highest, highest_later)
-        bounded = np.maximum(np.minimum(goal, highest), lowest)
+        back = np.zeros(robot.n, np.bool_) if expected is None else np.isfinite(expected)
+        blind = measured.stale > 0
+        self._trust += np.where(blind, -_DOUBT, _TRUST)
+        np.minimum(np.maximum(self._trust, _BLIND_SHARE, out=self._trust), 1.0, out=self._trust)
+        usable = robot.usable_torque
+        if (self._trust < 1.0).any():
+            usable = np.maximum(self._trust * usable, np.minimum(np.abs(torque), usable))
+        # The speed of a joint whose reading was assumed has not changed by the difference to it.
+        np.copyto(self._velocity, measured.velocity, where=blind | back)
+        bounded = self._bounded(goal, measured.position, measured.velocity, kp, supply, usable)
+        self._settle(bounded)
+        if back.any():
+            assumed = self._bounded(goal, expected, qd, kp, supply, usable)
+            self.offset[back] += (assumed - bounded)[back]
         np.copyto(self._velocity, measured.velocity)
         self.torque_clamps = int(np.count_nonzero(bounded != goal))
+        if self.offset.any():
+            lowest, highest = self._envelope(measured.position, measured.velocity, kp, supply, None)
+            np.subtract(np.minimum(np.maximum(bounded + self.offset, lowest), highest), bounded, out=self.offset)
+            bounded += self.offset
         # Outside its limits a goal may only move inwards.
         lower, upper = np.minimum(robot.lower, self.goal), np.maximum(robot.upper, self.goal)
         limited = np.minimum(np.maximum(bounded, lower), upper)
@@ -93,13 +124,56 @@ class ServoCommand:
         np.copyto(self.goal, limited, where=np.isfinite(limited))
         return self.goal
 
-    def _envelope(self, position: Float, velocity: Float, kp: Float, supply: Float) -> tuple[Float, Float]:
-        """Lowest and highest goal whose torque a servo may make at this position and velocity, (n,) each [rad]."""
+    def _settle(self, bounded: Float) -> None:
+        """Let the offsets decay; after `rejoin` they are the way from the goals in effect, where that is a jump."""
+        if self._rejoins:
+            away = self.goal - bounded
+            np.copyto(self.offset, np.where(np.abs(away) > self._decay, away, 0.0), where=np.isfinite(away))
+            self._rejoins = False
+        elif self.offset.any():
+            np.subtract(self.offset, np.clip(self.offset, -self._decay, self._decay), out=self.offset)
+
+    def _supply_of(self, measured: RobotState) -> Float:
+        """Supply that goals are computed for, over the nominal one; nominal where it is not known, (n,)."""
+        supply = measured.voltage / self.robot.nominal_voltage
+        believed = (supply >= self._least_supply) & (supply <= self._most_supply)
+        supply = np.where(believed, supply, 1.0)
+        step = _SUPPLY_SLEW / self.robot.rate_hz
+        known = np.isfinite(self._supply)
+        np.copyto(self._supply, np.where(known, np.clip(supply, self._supply - step, self._supply + step), supply))
+        return self._supply
+
+    def _bounded(self, goal: Float, position: Float, velocity: Float, kp: Float, supply: Float, usable: Float) -> Float:
+        """The goals nearest to `goal` whose torque a servo may make at this state, (n,) [rad].
+
+        The measurement is old and the goal takes time to arrive: it must be inside the envelope for the joint as it was
+        measured, and as it will be if its speed changes on at the same rate.
+        """
+        later = velocity + (velocity - self._velocity)
+        lowest, highest = self._envelope(position, velocity, kp, supply, usable)
+        lowest_later, highest_later = self._envelope(
+            position + self.delay * (velocity + later), later, kp, supply, usable
+        )
+        lowest, highest = np.maximum(lowest, lowest_later), np.minimum(highest, highest_later)
+        return np.maximum(np.minimum(goal, highest), lowest)
+
+    def _envelope(
+        self, position: Float, velocity: Float, kp: Float, supply: Float, usable: Float | None
+    ) -> tuple[Float, Float]:
+        """Lowest and highest goal whose torque a servo may make at this position and velocity, (n,) each [rad].
+
+        Args:
+            usable: torque while it drives, at nominal supply [N·m]; None: as much as while it brakes.
+        """
         robot = self.robot
-        usable = robot.usable_torque * supply
-        more = np.maximum(BRAKING_SHARE * robot.stall_torque * supply - usable, 0.0)
-        braking = velocity / BRAKING_SPEED
-        upper = usable + more * np.minimum(np.maximum(-braking, 0.0), 1.0)
-        lower = -usable - more * np.minimum(np.maximum(braking, 0.0), 1.0)
+        braking = BRAKING_SHARE * robot.stall_torque * supply
         drag = robot.back_emf * velocity
+        if usable is None:
+            most = np.maximum(braking, robot.usable_torque * supply)
+            return position + (drag - most) / kp, position + (drag + most) / kp
+        usable = usable * supply
+        more = np.maximum(braking - usable, 0.0)
+        along = velocity / BRAKING_SPEED
+        upper = usable + more * np.minimum(np.maximum(-along, 0.0), 1.0)
+        lower = -usable - more * np.minimum(np.maximum(along, 0.0), 1.0)
         return position + (lower + drag) / kp, position + (upper + drag) / kp

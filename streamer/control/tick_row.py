@@ -39,10 +39,12 @@ class TickRow(Record):
     """Id of the newest target that the plans played so far follow; 0: none."""
 
     missed_deadlines: Int = column("i8")
-    """This and the next six fields count since the start of the run."""
+    """This and the next seven fields count since the start of the run."""
     late_plans: Int = column("i8")
     underruns: Int = column("i8")
     violations: Int = column("i8")
+    disbelieved: Int = column("i8")
+    """Readings that could not be, of servos and IMU."""
     steps_planned: Int = column("i8")
     steps_inserted: Int = column("i8")
     repairs: Int = column("i8", len(REPAIRS))

@@ -70,11 +70,22 @@ def through(robot: Robot, driver: Driver, body: SimBody | None = None) -> Run:
 
 
 def through_bytes(
-    robot: Robot, *faults: str, bad_packets: float = 0.0, imu_port: str | None = None, seed: int = 1
+    robot: Robot,
+    *faults: str,
+    bad_packets: float = 0.0,
+    false_readings: float = 0.0,
+    imu_port: str | None = None,
+    seed: int = 1,
 ) -> Run:
-    """The same over an emulated bus with faults and bad packets."""
+    """The same over an emulated bus with faults, bad packets and false readings."""
     body = SimBody(robot)
-    world = Loopback(body, faults=[Fault.parse(text) for text in faults], bad_packets=bad_packets, seed=seed)
+    world = Loopback(
+        body,
+        faults=[Fault.parse(text) for text in faults],
+        bad_packets=bad_packets,
+        false_readings=false_readings,
+        seed=seed,
+    )
     driver = create("dynamixel", robot, port="main", imu_port=imu_port)
     assert isinstance(driver, BusDriver)
     return through(robot, LockstepBus(driver, world, body), body)

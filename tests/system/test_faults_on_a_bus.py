@@ -18,7 +18,7 @@ from .bus_runs import Run, through_bytes
 AT = 1.7
 """When the fault begins, after torque went on [s]."""
 
-BUS_LOST = ("cable", "port", "lost", "corrupt", "truncated", "late", "late:0.009")
+BUS_LOST = ("cable", "lost", "corrupt", "truncated", "late", "late:0.009")
 ONE_PART = {
     "dead:4": "servo of l_sho_roll (id 4) does not answer",
     "reset:4": "servo of l_sho_roll (id 4) does not answer",
@@ -51,20 +51,38 @@ def warned(run: Run) -> list[str]:
 
 
 def test_every_fault_of_the_emulator_is_here() -> None:
-    tried = {fault.partition("@")[0].partition(":")[0] for fault in (*BUS_LOST, *ONE_PART, *PASSES, *SILENT_IMU)}
+    tried = {
+        fault.partition("@")[0].partition(":")[0] for fault in ("port", *BUS_LOST, *ONE_PART, *PASSES, *SILENT_IMU)
+    }
     assert tried == set(FaultKind) - OTHER
 
 
 @pytest.mark.parametrize("fault", BUS_LOST)
-def test_a_bus_that_is_lost_is_a_fault_within_100_ms(op3: Robot, fault: str) -> None:
+def test_a_robot_whose_servos_do_not_answer_is_held_then_lowered(op3: Robot, fault: str) -> None:
+    """All torque was cut after 50 ms, also where answers were late and every goal was heard: the robot fell."""
     run = through_bytes(op3, f"{fault}@{AT}")
-    (tick, message) = run.faults[-1]
-    assert message == "STREAMING -> FAULT: bus lost: no joint has answered for 6 reads"
-    assert 0 < run.seconds_since_torque(tick) - AT < 0.1
+    assert run.states[-3:] == ["STREAMING -> HOLD", "HOLD -> PARK", "PARK -> FAULT"]
+    held = next(event for event in run.record.events if "STREAMING -> HOLD" in event.message)
+    assert held.message.endswith(": bus lost: no joint has answered for 6 reads")
+    assert 0 < run.seconds_since_torque(held.tick) - AT < 0.1
     assert run.driver.violations == 0
     # Late replies: the servos still take goals, and are switched off. With the other faults no servo can be reached.
-    assert run.body is not None
-    assert run.body.plant.enabled.all() != fault.startswith("late")
+    assert run.body is not None and not run.body.fell
+    reached = fault.startswith("late")
+    assert run.body.plant.enabled.all() != reached
+    named = [message for _, message in run.faults if message.startswith("torque off is not confirmed by ")]
+    assert len(named) == (not reached)
+    assert all(f"{joint.name} (id {joint.id})" in message for message in named for joint in op3.joints)
+
+
+def test_a_port_that_is_gone_is_a_fault_at_once(op3: Robot) -> None:
+    """No goal can be sent: the servos hold by themselves."""
+    run = through_bytes(op3, f"port@{AT}")
+    (tick, message), (_, named) = run.faults
+    assert message == "STREAMING -> FAULT: bus lost: no joint has answered for 6 reads"
+    assert 0 < run.seconds_since_torque(tick) - AT < 0.1
+    assert named.startswith("torque off is not confirmed by head_pan (id 19), head_tilt (id 20), ")
+    assert run.body is not None and not run.body.fell and run.body.plant.enabled.all()
 
 
 @pytest.mark.parametrize(("fault", "message"), ONE_PART.items())

@@ -8,6 +8,8 @@ import pytest
 from flexmotion.configs.robot import Robot, load_robot
 from flexmotion.drivers.interface import RobotState
 from flexmotion.streamer.control.hardware_audit import HardwareAudit
+from flexmotion.streamer.control.obedience import Obedience
+from flexmotion.streamer.control.plausibility import Plausibility
 from flexmotion.streamer.control.punctuality import Punctuality
 
 KNEE = 11
@@ -25,7 +27,7 @@ def warnings() -> list[str]:
 
 @pytest.fixture
 def audit(op3: Robot, warnings: list[str]) -> HardwareAudit:
-    return HardwareAudit(op3, Punctuality(op3), warnings.append)
+    return HardwareAudit(op3, Punctuality(op3), Plausibility(op3), Obedience(op3), warnings.append)
 
 
 @pytest.fixture
@@ -100,7 +102,7 @@ def test_a_start_needs_an_answer_of_every_joint_and_of_a_required_imu(
     audit: HardwareAudit, measured: RobotState, op3: Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     unread = np.zeros(op3.n, np.int64)
-    unread[KNEE] = 1
+    unread[KNEE] = op3.safety.max_stale_reads + 1
     assert audit.refusal(measured, unread, True) == "servo of l_knee (id 14) returns no position"
     unread[KNEE] = 0
     assert audit.refusal(measured, unread, False) is None

@@ -17,7 +17,7 @@ FREEZES = SafetyLimits(emergency_stop="freeze")
 FREEZE, DAMP = 50, 100
 """Ticks for which a robot is frozen and damped."""
 REQUESTS = ("start", "stop", "park", "clear", "estop", "kill", "plan_ready", "plan_over", "move_done", "fallen")
-REASONS = ("fault", "bus_lost")
+REASONS = ("fault", "bus_lost", "cut_off")
 
 
 def one(name: str) -> Inputs:
@@ -55,7 +55,13 @@ MOVES = {
     State.FAULT: {"clear": State.OFF},
 }
 """Inputs that change a state; all others do not."""
-EMERGENCIES = {"kill": State.FAULT, "bus_lost": State.FAULT, "fallen": State.DAMPED, "estop": State.HOLD}
+EMERGENCIES = {
+    "kill": State.FAULT,
+    "cut_off": State.FAULT,
+    "bus_lost": State.HOLD,
+    "fallen": State.DAMPED,
+    "estop": State.HOLD,
+}
 """The same for every state with torque; a damped robot has fallen and follows only inputs that cut its torque."""
 
 
@@ -70,8 +76,10 @@ def test_one_input_in_one_state(state: State, name: str) -> None:
     expected = MOVES[state].get(name, state)
     if state in POWERED and name in EMERGENCIES:
         expected = EMERGENCIES[name]
-        if state is State.DAMPED and name in ("fallen", "estop"):
+        if state is State.DAMPED and name in ("fallen", "estop", "bus_lost"):
             expected = State.DAMPED
+        if state is State.PARK and name == "bus_lost":
+            expected = State.PARK
     ladder.step(one(name))
     assert ladder.state is expected
 
@@ -197,7 +205,7 @@ def test_no_start_under_a_pressed_button(name: str) -> None:
 @pytest.mark.parametrize("state", POWERED)
 def test_kill_cuts_torque_within_the_tick_whatever_the_other_inputs(state: State) -> None:
     ladder = at(state)
-    everything = Inputs(**dict.fromkeys(REQUESTS, True), fault="hot", bus_lost="gone")
+    everything = Inputs(**dict.fromkeys(REQUESTS, True), fault="hot", bus_lost="gone", cut_off="gone")
     assert ladder.step(everything) is Playback.NOTHING
     assert ladder.state is State.FAULT and ladder.fault is not None  # not even by a clear in the same tick
 
@@ -233,6 +241,28 @@ def test_a_fall_is_damped_then_off_and_latched() -> None:
         assert ladder.step(Inputs(fallen=True, fault="later")) is Playback.DAMP
     assert ladder.step(Inputs()) is Playback.NOTHING
     assert ladder.fault is not None and ladder.fault.startswith("fall")
+
+
+@pytest.mark.parametrize("state", [s for s in POWERED if s not in (State.DAMPED, State.PARK)])
+def test_a_robot_whose_servos_do_not_answer_is_held_for_a_bounded_time_then_lowered(state: State) -> None:
+    """All torque was cut at once: answers were 20 ms late, every goal was heard, and the robot fell."""
+    ladder = at(state)
+    lost = int(FREEZES.lost_bus_hold_s * RATE)
+    for _ in range(lost):
+        assert ladder.step(Inputs(bus_lost="gone")) is Playback.FREEZE
+    assert ladder.step(Inputs(bus_lost="gone")) is Playback.TO_REST
+    assert ladder.step(Inputs(bus_lost="gone")) is Playback.TO_REST
+    assert ladder.step(Inputs(bus_lost="gone", move_done=True)) is Playback.NOTHING
+    assert (ladder.state, ladder.fault) == (State.FAULT, "gone")
+
+
+def test_a_robot_that_must_not_freeze_plays_its_stop_when_its_servos_do_not_answer() -> None:
+    ladder = of("captured_stop", *STREAMING)
+    assert ladder.step(Inputs(bus_lost="gone")) is Playback.PLAN
+    assert ladder.stopping
+    ladder.step(Inputs(bus_lost="gone", plan_over=True))
+    ladder.step(Inputs(bus_lost="gone", plan_over=True))
+    assert (ladder.state, ladder.fault) == (State.PARK, "gone")
 
 
 def test_a_frozen_robot_that_falls_is_damped_and_starts_unfrozen_after_a_clear() -> None:
@@ -292,6 +322,7 @@ anything = st.builds(
     **{name: st.sampled_from([False] * 4 + [True]) for name in REQUESTS},
     fault=st.sampled_from([None] * 5 + ["hot"]),
     bus_lost=st.sampled_from([None] * 9 + ["gone"]),
+    cut_off=st.sampled_from([None] * 19 + ["gone"]),
 )
 
 
@@ -317,6 +348,6 @@ def test_for_any_inputs_a_fault_stays_until_cleared_and_torque_returns_only_by_a
 
 
 def test_inputs_are_cleared_after_a_tick() -> None:
-    inputs = Inputs(**dict.fromkeys(REQUESTS, True), fault="hot", bus_lost="gone")
+    inputs = Inputs(**dict.fromkeys(REQUESTS, True), fault="hot", bus_lost="gone", cut_off="gone")
     inputs.reset()
     assert inputs == Inputs()

@@ -1,0 +1,85 @@
+"""`Believed`: sensor values within their range and without single jumps. `Suspicion`: how often they were not."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+Float = NDArray[np.float64]
+Bool = NDArray[np.bool_]
+
+_FORGIVEN = 0.1
+"""Wrong readings that one good reading makes up for: a sensor that is wrong more often than one time in ten becomes a
+fault, one that is wrong one time in a hundred does not."""
+
+
+class Suspicion:
+    """Counts wrong readings of m sensors; good ones in between count against them.
+
+    Attributes:
+        level: wrong readings in a row, reduced by good ones, (m,).
+        total: all wrong readings so far.
+    """
+
+    def __init__(self, m: int) -> None:
+        self.level = np.zeros(m)
+        self.total = 0
+
+    def reset(self) -> None:
+        """Forget the level; the total stays."""
+        self.level.fill(0.0)
+
+    def note(self, wrong: Bool, asked: Bool) -> None:
+        """Take which sensors that were asked gave a wrong reading, (m,) each."""
+        if wrong.any():
+            self.total += int(np.count_nonzero(wrong & asked))
+        elif not self.level.any():
+            return
+        self.level[asked & wrong] += 1.0
+        good = asked & ~wrong
+        self.level[good] = np.maximum(self.level[good] - _FORGIVEN, 0.0)
+
+
+class Believed:
+    """The last m values that can be.
+
+    A value outside its range is never believed. A step is believed once it is repeated.
+
+    Args:
+        m: number of values.
+        lowest, highest: the range, (m,).
+        step: greatest change that is believed at once.
+        agreeing: readings in a row that must agree on a larger one; None: it is never believed.
+
+    Attributes:
+        value: (m,); NaN before the first.
+    """
+
+    def __init__(
+        self, m: int, lowest: Float, highest: Float, *, step: float = math.inf, agreeing: int | None = 2
+    ) -> None:
+        self.value = np.full(m, np.nan)
+        self._lowest, self._highest, self._step, self._agreeing = lowest, highest, step, agreeing
+        self._candidate, self._repeats = np.full(m, np.nan), np.zeros(m, np.int64)
+
+    def take(self, values: Float, widened: float = 1.0) -> Bool:
+        """Replace the values that are not believed by the last believed ones, in place; which they were, (m,).
+
+        NaN (unknown) is left as it is. `widened` multiplies the step that is believed at once.
+        """
+        with np.errstate(invalid="ignore"):
+            outside = (values < self._lowest) | (values > self._highest)
+            wrong = outside | (np.abs(values - self.value) > widened * self._step)
+            if wrong.any() and self._agreeing is not None:
+                again = wrong & ~outside & (np.abs(values - self._candidate) <= self._step)
+                self._repeats = np.where(again, self._repeats + 1, 1)
+                np.copyto(self._candidate, values)
+                wrong &= ~(again & (self._repeats >= self._agreeing))
+            elif self._repeats.any():
+                self._candidate.fill(np.nan)
+                self._repeats.fill(0)
+        np.copyto(self.value, values, where=~wrong & ~np.isnan(values))
+        np.copyto(values, self.value, where=wrong & ~np.isnan(self.value))
+        return wrong

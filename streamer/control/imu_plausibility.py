@@ -1,0 +1,80 @@
+"""`ImuPlausibility`: samples of the IMU that cannot be are not believed."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from flexmotion.configs.robot import Robot
+from flexmotion.drivers.interface import RobotState
+from flexmotion.spatial.gravity import GRAVITY
+from flexmotion.streamer.control.believed import Believed, Suspicion
+
+FALL_STEPS = 4.0
+"""Change of the angular velocity in a tick, over that of a falling robot, g / h: pushes and steps stay below. A larger
+one needs an impact, which the accelerometer shows."""
+IMPACT, IMPACT_TICKS = 1.0 * GRAVITY, 3
+"""Change of the specific force that is an impact [m/s²], and ticks for which it explains a change of the speed."""
+MOST_ACCEL, ACCEL_STEP = 17.0 * GRAVITY, 5.0 * GRAVITY
+"""Greatest specific force, above the range of the usual sensors, and greatest change that is believed at once [m/s²].
+The foot of a walking robot strikes with up to 4 g."""
+MEAN_S, MEAN_ERROR = 0.5, 0.6 * GRAVITY
+"""Over this time [s] the mean specific force is gravity to within this [m/s²], also of a robot that topples over."""
+
+
+class ImuPlausibility:
+    """Checks samples in place; allocates nothing that grows.
+
+    A wrong value is replaced by the one before. If it goes on for more reads than a servo may be silent, the IMU counts
+    as silent (`imu_stale`). Nothing of this delays the detection of a fall: a robot that topples over stays within
+    these limits, and an impact is believed at once.
+
+    Args:
+        suspicion: counts the wrong samples.
+    """
+
+    def __init__(self, robot: Robot, suspicion: Suspicion) -> None:
+        self._suspicion, self._patience = suspicion, robot.safety.max_stale_reads
+        self._period = 1.0 / robot.rate_hz
+        # A robot that topples over turns with sqrt(3 g / h) as it hits the ground; its joints may add their speed.
+        height = robot.gait.stand_hip_height
+        turn = 2.0 * (math.sqrt(3 * GRAVITY / height) + float(robot.no_load_speed.max()))
+        turn_step = FALL_STEPS * GRAVITY / height / robot.rate_hz
+        self._gyro = Believed(3, np.full(3, -turn), np.full(3, turn), step=turn_step, agreeing=None)
+        self._accel = Believed(3, np.full(3, -MOST_ACCEL), np.full(3, MOST_ACCEL), step=ACCEL_STEP)
+        self._last_accel, self._mean = np.full(3, np.nan), np.full(3, np.nan)
+        self._since, self._shaken, self._unread = 0.0, 0, 0
+
+    def check(self, state: RobotState, elapsed: float) -> None:
+        """Check one sample; `elapsed`: time since the check before [s]."""
+        self._since += elapsed
+        if not (np.isfinite(state.gyro).all() and np.isfinite(state.accel).all()):
+            state.gyro.fill(0.0)
+            if state.imu_stale >= 0:
+                self._unread += 1
+                state.imu_stale = max(state.imu_stale, self._unread)
+            return
+        self._unread = 0
+        if state.imu_stale != 0:
+            return
+        # Between samples that are further apart than usual more may change.
+        gap, self._since = max(self._since / self._period, 1.0), 0.0
+        with np.errstate(invalid="ignore"):
+            struck = bool((np.abs(state.accel - self._last_accel) > IMPACT).any())
+        np.copyto(self._last_accel, state.accel)
+        self._shaken = IMPACT_TICKS if struck else max(self._shaken - 1, 0)
+        wrong = bool(self._gyro.take(state.gyro, math.inf if self._shaken else gap).any())
+        wrong |= bool(self._accel.take(state.accel, gap).any())
+        wrong |= self._no_gravity(state, gap)
+        self._suspicion.note(np.array([wrong]), np.ones(1, np.bool_))
+        level = int(self._suspicion.level[0])
+        if level > self._patience:
+            state.imu_stale = level
+
+    def _no_gravity(self, state: RobotState, gap: float) -> bool:
+        """Whether the specific force has been far from gravity for long."""
+        if np.isnan(self._mean).any():
+            np.copyto(self._mean, state.accel)
+        self._mean += (1.0 - math.exp(-gap * self._period / MEAN_S)) * (state.accel - self._mean)
+        return abs(float(np.linalg.norm(self._mean)) - GRAVITY) > MEAN_ERROR

@@ -1,0 +1,71 @@
+"""`Obedience`: whether servos do what their goals ask, by what the servo plant predicts.
+
+A position servo with goal g makes the torque kp (g - q) - b q'. If the load is `tau`, the joint therefore moves towards
+g - tau / kp with the time constant b / kp. A joint that is elsewhere carries another load than planned: kp times the
+distance. Where that is most of what the servo can give, and stays, the joint is blocked, or its servo does not act on
+the goals (`drivers/plant.py` has the same equations).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexmotion.configs.robot import Robot
+
+Float = NDArray[np.float64]
+
+SHARE = 0.6
+"""Unplanned load that counts, over the servo's usable torque."""
+PATIENCE_S = 0.5
+"""Time for which it may last [s]; time without counts against it."""
+
+
+class Obedience:
+    """Follows every joint's prediction, tick by tick; allocates nothing that grows.
+
+    Attributes:
+        predicted: where the goals should have brought the joints, (n,) [rad].
+        load: unplanned load over the usable torque, (n,).
+        overdue: time for which it was too large, (n,) [s].
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        self.robot = robot
+        self._keeps = np.exp(-robot.kp / robot.back_emf / robot.rate_hz)
+        self.predicted, self.load = np.zeros(robot.n), np.zeros(robot.n)
+        self.overdue = np.zeros(robot.n)
+
+    @property
+    def worst(self) -> int | None:
+        """The joint whose servo does not follow its goals; None while all do."""
+        joint = int(np.argmax(self.overdue))
+        return joint if self.overdue[joint] > PATIENCE_S else None
+
+    def describe(self, joint: int) -> str:
+        """What is wrong with a joint, for messages."""
+        distance = self.load[joint] * self.robot.usable_torque[joint] / self.robot.kp[joint]
+        return f"{abs(distance):.2f} rad from where they lead, or it is blocked"
+
+    def reset(self, position: Float) -> None:
+        """Begin with joints at `position`, (n,) [rad]."""
+        np.copyto(self.predicted, position)
+        self.load[:] = self.overdue[:] = 0.0
+
+    def update(self, goal: Float, torque: Float, position: Float, known: NDArray[np.bool_]) -> None:
+        """One tick.
+
+        Args:
+            goal: in effect since the last tick, (n,) [rad].
+            torque: planned load, (n,) [N·m].
+            position: measured now, (n,) [rad].
+            known: joints whose position was measured; the others are not judged.
+        """
+        robot, dt = self.robot, 1.0 / self.robot.rate_hz
+        aim = goal - torque / robot.kp
+        self.predicted[:] = aim + self._keeps * (self.predicted - aim)
+        np.copyto(self.load, robot.kp * (position - self.predicted) / robot.usable_torque)
+        np.copyto(self.load, 0.0, where=~known)
+        late = np.abs(self.load) > SHARE
+        self.overdue += np.where(late, dt, -0.5 * dt)
+        np.maximum(self.overdue, 0.0, out=self.overdue)

@@ -1,0 +1,167 @@
+"""`Plausibility`: readings that cannot be are not believed.
+
+A joint moves no faster than its servo without load, and no further than its stops. A reading beyond is treated as one
+that did not come: the joint is stale, and is assumed to move as planned. Supply, temperature and the IMU keep the value
+before. Every such reading is counted; a sensor that goes on is a fault (`flexmotion.streamer.control.hardware_audit`).
+All limits follow from the robot file and the servo catalogue.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexmotion.configs.robot import Robot
+from flexmotion.drivers.interface import RobotState
+from flexmotion.streamer.control.believed import Believed, Suspicion
+from flexmotion.streamer.control.imu_plausibility import ImuPlausibility
+from flexmotion.streamer.control.servo_command import SUPPLY_MARGIN
+
+Float = NDArray[np.float64]
+Bool = NDArray[np.bool_]
+
+KINDS = ("position", "speed", "voltage", "temperature")
+"""What a servo reports and may be wrong, in the order of `Plausibility.suspicions`."""
+
+OVERSPEED = 1.25
+"""Greatest speed of a joint over the servo's no-load speed at the highest supply: the load may drive the servo. Walking
+and falling robots in simulation reach 0.95 of the no-load speed."""
+SPEED_SHARE, LAG_SHARE = 0.5, 0.1
+"""Difference of a speed from the change of the position, over the no-load speed. From the first on one of them is
+wrong, beyond the second (and the quantisation of the position) the speed is bounded. Robots in simulation reach 0.06,
+servos that filter their speed more."""
+MARGIN_TICKS = 12
+"""Error of a position that is not a wrong reading: quantisation, play, the time stamp of the reading [servo units]."""
+COLDEST, HOTTEST = -20.0, 50.0
+"""Valid temperatures: from this [°C] to the servo's own limit plus this [K] (assumption)."""
+TEMPERATURE_STEP = 4.0
+"""Change between two readings that a heat capacity permits [K] (assumption)."""
+
+
+class Plausibility:
+    """Checks readings in place; allocates nothing that grows.
+
+    Args:
+        robot: gives the limits.
+        turns: ticks within which the driver reads every joint once.
+
+    Attributes:
+        unread: ticks since each joint's position was last believed, (n,).
+        doubted: joints whose reading was not believed this time, (n,) bool.
+        expected: where joints were assumed to be whose position is known again, (n,) [rad]; NaN for the others.
+        suspicions: of each of `KINDS`, per servo.
+        imu_suspicion: of the IMU.
+        disbelieved: readings that were not believed so far, of all sensors.
+    """
+
+    def __init__(self, robot: Robot, turns: int = 1) -> None:
+        self.robot = robot
+        n, servos, patience = robot.n, robot.servos, robot.safety.max_stale_reads
+        most = np.array([servo.max_voltage for servo in servos])
+        self._fastest = OVERSPEED * robot.no_load_speed * most / robot.nominal_voltage
+        self._margin = MARGIN_TICKS * robot.tick_rad + self._fastest * (turns - 1) / robot.rate_hz
+        # Outside its limits a joint rests on its stops, or the load bends it out by what the servo can hold.
+        beyond = robot.safety.standing_margin + robot.usable_torque / robot.kp + self._margin
+        self._lower, self._upper = robot.lower - beyond, robot.upper + beyond
+        self._lag, self._strange = LAG_SHARE * robot.no_load_speed, SPEED_SHARE * robot.no_load_speed
+        self._in_turns = turns > 1
+        self._position, self._velocity = np.full(n, np.nan), np.zeros(n)
+        self._since = np.full(n, np.inf)  # time since a joint's last believed reading [s]
+        self._stamp_ns, self._tick = 0, -1
+        self.unread = np.full(n, patience + 1, np.int64)
+        self.doubted, self.expected = np.zeros(n, np.bool_), np.full(n, np.nan)
+        self.suspicions = tuple(Suspicion(n) for _ in KINDS)
+        self.imu_suspicion = Suspicion(1)
+        self._never = np.zeros(n, np.bool_)  # joints that are not believed again before torque goes off
+        least = np.array([servo.min_voltage for servo in servos])
+        self._voltage = Believed(n, (1 - SUPPLY_MARGIN) * least, (1 + SUPPLY_MARGIN) * most)
+        limits = np.array([servo.temperature_limit for servo in servos])
+        self._temperature = Believed(
+            n, np.full(n, COLDEST), limits + HOTTEST, step=TEMPERATURE_STEP, agreeing=patience + 1
+        )
+        self._imu = ImuPlausibility(robot, self.imu_suspicion)
+
+    @property
+    def disbelieved(self) -> int:
+        """Readings that were not believed so far, of all sensors."""
+        return sum(suspicion.total for suspicion in (*self.suspicions, self.imu_suspicion))
+
+    def check(self, state: RobotState, speed: Float, tick: int, *, powered: bool) -> None:
+        """Replace what cannot be believed in `state`, and count it in `stale` and `imu_stale`.
+
+        Args:
+            speed: speeds of the reference, (n,) [rad/s]: unread joints are assumed to move with them.
+            tick: number of the tick; a loop that was late skips some.
+            powered: whether torque is on; hands may move limp joints to wherever they go.
+        """
+        if not powered:
+            self._never.fill(False)
+            for suspicion in (*self.suspicions, self.imu_suspicion):
+                suspicion.reset()
+        # By the readings' own stamps, if they have any; a stall of the loop may be longer.
+        stamped = (state.stamp_ns - self._stamp_ns) * 1e-9
+        ticked = (tick - self._tick) / self.robot.rate_hz
+        self._tick, self._stamp_ns = tick, state.stamp_ns
+        self._check_joints(state, speed, max(stamped, ticked), stamped if stamped > 0 else ticked, powered)
+        voltage, temperature = self.suspicions[2:]
+        asked = state.stale == 0
+        voltage.note(self._voltage.take(state.voltage), asked)
+        temperature.note(self._temperature.take(state.temperature), asked)
+        self._imu.check(state, max(stamped, ticked))
+
+    def _check_joints(self, state: RobotState, speed: Float, elapsed: float, between: float, powered: bool) -> None:
+        """`elapsed`, `between`: time since the last check, and between the readings [s]."""
+        position, velocity = state.position, state.velocity
+        came = np.isfinite(position) & np.isfinite(velocity)
+        fresh = came & (state.stale == 0)
+        expected = self._position + (speed * elapsed if powered else 0.0)
+        self._since += elapsed
+        with np.errstate(invalid="ignore"):
+            jumped = np.abs(position - self._position) > self._fastest * self._since + self._margin
+            racing = np.abs(velocity) > self._fastest
+            if powered:
+                jumped |= (position < self._lower) | (position > self._upper) | self._never
+        unseen = racing.copy()
+        if not self._in_turns and between > 0:
+            known = fresh & (self.unread == 0) & ~jumped
+            unseen &= ~known
+            self._compare(position, velocity, between, known, jumped, racing)
+        jumped &= fresh
+        racing &= fresh & ~jumped
+        np.logical_or(jumped, unseen & fresh, out=self.doubted)
+        for suspicion, wrong in zip(self.suspicions, (jumped, racing), strict=False):
+            suspicion.note(wrong, fresh)
+            if powered:
+                self._never |= suspicion.level > self.robot.safety.max_stale_reads
+        believed = fresh & ~self.doubted
+        # Before the first reading there is nothing to expect: what came is kept.
+        assumed = ~believed & ~(np.isnan(expected) & came)
+        np.copyto(position, expected, where=assumed)
+        np.copyto(velocity, speed if powered else 0.0, where=assumed)
+        np.copyto(self.expected, np.where(believed & (self.unread > 0), expected, np.nan))
+        self.unread += 1
+        self.unread[believed] = 0
+        self._since[believed] = 0.0
+        np.copyto(state.stale, np.maximum(state.stale, self.unread), where=~came | self.doubted)
+        np.copyto(self._position, position)
+        np.copyto(self._velocity, velocity)
+
+    def _compare(
+        self, position: Float, velocity: Float, between: float, known: Bool, jumped: Bool, racing: Bool
+    ) -> None:
+        """Compare speeds with the change of the positions in `between` [s], of the joints in `known`.
+
+        Of two that disagree, the one nearer to the last speed is believed: a wrong speed is replaced, a wrong position
+        is marked in `jumped`; `racing` marks speeds that are clearly wrong.
+        """
+        moved = (position - self._position) / between
+        slack = self._lag + self.robot.tick_rad / between
+        with np.errstate(invalid="ignore"):
+            away = np.abs(velocity - moved)
+            if not (known & (away > slack)).any():
+                return
+            speed_lies = np.abs(velocity - self._velocity) > np.abs(moved - self._velocity)
+            strange = known & (away > self._strange + self.robot.tick_rad / between)
+        np.copyto(velocity, np.clip(velocity, moved - slack, moved + slack), where=known & speed_lies)
+        racing |= strange & speed_lies
+        jumped |= strange & ~speed_lies

@@ -1,0 +1,88 @@
+"""False readings over an emulated bus: the goals stay those of the true run; a sensor that goes on is named."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from flexmotion.configs.robot import Robot
+
+from .bus_runs import Run, through_bytes
+
+AT = 1.7
+"""When the false reading comes, after torque went on [s]; the arms swing."""
+MOST_STEP = np.radians(1.7)
+"""Greatest change in a tick of a goal's difference from that of the true run [rad]."""
+
+ONCE = {
+    "a step of 400 ticks moved the knee's goal 32 degrees": "false_position:14:400",
+    "a step of a turn moved it 70 degrees": "false_position:14:-4096",
+    "a moving joint": "false_position:1:300",
+    "a speed below that without load": "false_speed:14:-4",
+    "a speed that no servo has": "false_speed:1:60",
+    "no supply": "false_voltage:14:-11",
+    "a temperature at which the robot was parked": "false_temperature:14:50",
+    "a temperature of no servo": "false_temperature:14:200",
+    "a turn of the torso": "false_gyro:8",
+    "a strike": "false_accel:120",
+}
+FOR_GOOD = {
+    "false_position:14:4096": "servo of l_knee (id 14) measures a position that cannot be",
+    "false_position:14:1000": "servo of l_knee (id 14) measures a position that cannot be",
+    "false_speed:14:50": "servo of l_knee (id 14) measures a speed that cannot be",
+    "false_voltage:14:-8": "servo of l_knee (id 14) measures a voltage that cannot be",
+    "false_temperature:14:200": "servo of l_knee (id 14) measures a temperature that cannot be",
+}
+
+
+@pytest.fixture(scope="module")
+def clean(op3: Robot) -> Run:
+    return through_bytes(op3)
+
+
+def greatest_step(run: Run, clean: Run) -> float:
+    """Greatest change in a tick of a goal's difference from that of the true run [rad]."""
+    ticks = min(run.record.used, clean.record.used)
+    offset = run.record.q_cmd[:ticks] - clean.record.q_cmd[:ticks]
+    return float(np.nanmax(np.abs(np.diff(offset, axis=0))))
+
+
+@pytest.mark.parametrize("fault", ONCE.values(), ids=ONCE.keys())
+def test_one_false_reading_moves_no_goal(op3: Robot, clean: Run, fault: str) -> None:
+    run = through_bytes(op3, f"{fault}@{AT}+once")
+    assert run.states == clean.states and run.driver.violations == 0
+    assert greatest_step(run, clean) < MOST_STEP
+    assert int(run.record.rows["disbelieved"][-1]) == 1
+
+
+@pytest.mark.parametrize(("fault", "message"), FOR_GOOD.items())
+def test_a_sensor_that_stays_wrong_is_named_and_the_robot_parked(
+    op3: Robot, clean: Run, fault: str, message: str
+) -> None:
+    """A knee whose position was a turn off went to its limit, without a message."""
+    run = through_bytes(op3, f"{fault}@{AT}")
+    assert run.states[-3:] == ["STREAMING -> HOLD", "HOLD -> PARK", "PARK -> FAULT"]
+    assert run.record.events[-1].message == f"PARK -> FAULT: {message}"
+    assert run.driver.violations == 0 and run.body is not None and not run.body.fell
+    stop = next(event.tick for event in run.record.events if "-> HOLD" in event.message)
+    knee = op3.index("l_knee")
+    offset = run.record.q_cmd[:stop, knee] - clean.record.q_cmd[:stop, knee]
+    assert np.nanmax(np.abs(np.diff(offset))) < MOST_STEP
+
+
+@pytest.mark.parametrize("fault", ["false_gyro:3", "false_accel:40"])
+def test_an_imu_that_stays_wrong_is_not_used(op3: Robot, clean: Run, fault: str) -> None:
+    """The robot was damped for a fall that the gyroscope alone had seen."""
+    run = through_bytes(op3, f"{fault}@{AT}")
+    assert run.states == clean.states and run.body is not None and not run.body.fell
+    warnings = [event.message for event in run.record.events if event.kind == "warning"]
+    assert warnings == ["the IMU measures what cannot be: the robot runs open loop, falls are not detected"]
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_false_readings_at_random_change_nothing(op3: Robot, clean: Run, seed: int) -> None:
+    run = through_bytes(op3, false_readings=0.01, seed=seed)
+    assert run.states == clean.states and run.driver.violations == 0
+    assert run.body is not None and not run.body.fell
+    assert int(run.record.rows["disbelieved"][-1]) > 20
+    assert greatest_step(run, clean) < np.radians(4)

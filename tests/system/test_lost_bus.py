@@ -1,0 +1,51 @@
+"""A walking robot whose servos stop answering, at every phase of a step: it is held, lowered, and switched off."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from flexmotion.configs.robot import Robot
+from flexmotion.configs.stream import load_stream
+from flexmotion.drivers.interface import RobotState
+from flexmotion.drivers.sim.driver import SimDriver
+from flexmotion.drivers.sim.options import SimOptions
+from flexmotion.human.motion import Motion
+from flexmotion.streamer.control.ladder import State
+from flexmotion.streamer.motion.sources import ClipSource
+from flexmotion.streamer.run.session import Session
+
+FIRST_S, STEP_S, PHASES = 3.4, 0.8, 8
+"""From the start of a run to its second step [s], duration of two steps [s], and phases that are tried."""
+
+
+class Unheard(SimDriver):
+    """A robot that takes goals, and whose answers get lost from a time on [s]."""
+
+    def __init__(self, robot: Robot, silent_from: float) -> None:
+        super().__init__(robot, options=SimOptions())
+        self._silent_from, self._kept = silent_from, RobotState(robot.n)
+
+    def read(self, state: RobotState) -> None:
+        if self.time < self._silent_from:
+            super().read(state)
+            return
+        state.stale += 1
+        state.imu_stale += 1
+
+
+@pytest.mark.parametrize("phase", range(PHASES))
+def test_it_is_held_and_lowered_without_answers(op3: Robot, steps: Motion, phase: int) -> None:
+    """All torque was cut after 50 ms, with every goal heard."""
+    begin = FIRST_S + phase / PHASES * STEP_S
+    driver = Unheard(op3, begin)
+    record = Session(op3, driver, ClipSource(steps), load_stream(), None).run()
+    lost = int(np.argmax(record.rows["stale"].min(axis=1) > op3.safety.max_stale_reads))
+    assert record.rows["state"][lost - 1] == State.STREAMING and record.rows["plan"][lost - 1]
+    states = [State(s) for s in dict.fromkeys(record.rows["state"][lost - 1 :].tolist())]
+    assert states == [State.STREAMING, State.HOLD, State.PARK, State.FAULT]
+    held = np.count_nonzero(record.rows["state"] == State.HOLD) / op3.rate_hz
+    assert held == pytest.approx(op3.safety.lost_bus_hold_s, abs=0.02)
+    up = 1 - 2 * (record.true_base[:, 4] ** 2 + record.true_base[:, 5] ** 2)
+    assert (up[record.rows["state"] != State.FAULT] > np.cos(np.radians(45))).all()
+    assert not driver.plant.enabled.any()
