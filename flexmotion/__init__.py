@@ -52,6 +52,7 @@ if TYPE_CHECKING:
     from flexmotion.streamer.gateway.client import Client
     from flexmotion.streamer.gateway.listening import Listening
     from flexmotion.streamer.gateway.messages import Answer
+    from flexmotion.streamer.gateway.transports.zenoh_client import ZenohClient
     from flexmotion.streamer.log.reader import Log, read_log
     from flexmotion.streamer.motion.heard import Heard
     from flexmotion.streamer.motion.intents import Clip, Heading, Stop, Text, Velocity, Waypoint
@@ -99,6 +100,7 @@ _MODULES = {
     "streamer.gateway.client": ("Client",),
     "streamer.gateway.listening": ("Listening",),
     "streamer.gateway.messages": ("Answer",),
+    "streamer.gateway.transports.zenoh_client": ("ZenohClient",),
     "streamer.control.run_trace": ("RunTrace",),
     "streamer.control.telemetry": ("Event",),
     "streamer.log.reader": ("Log", "read_log"),
@@ -156,6 +158,7 @@ __all__ = [
     "Trajectory",
     "Velocity",
     "Waypoint",
+    "ZenohClient",
     "concatenate",
     "load_motion",
     "load_script",

@@ -8,13 +8,15 @@ from typing import Annotated
 import typer
 
 from flexmotion.streamer.commands.options import TokenFileOption
-from flexmotion.streamer.commands.send import HostOption, PortOption, SourceOption, StopPortOption
+from flexmotion.streamer.commands.run_address import HostOption, PortOption, SourceOption, StopPortOption
 
 
 def drive(
     fastest: Annotated[
         tuple[float, float, float],
-        typer.Option("--fastest", metavar="VX VY WZ", help="Speed of a held key: ahead, aside [m/s], turning [rad/s]."),
+        typer.Option(
+            "--fastest", metavar="VX VY WZ", help="Speed of a held key: ahead, aside \\[m/s], turning \\[rad/s]."
+        ),
     ] = (0.3, 0.15, 0.5),
     host: HostOption = "127.0.0.1",
     port: PortOption = 8790,

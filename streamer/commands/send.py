@@ -5,35 +5,21 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from pathlib import Path
+from contextlib import closing
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from flexmotion.streamer.commands.exit_codes import CHECK_FAILED
-from flexmotion.streamer.commands.options import JsonOption, TokenFileOption
+from flexmotion.streamer.commands.option_groups import grouped
 from flexmotion.streamer.commands.output import print_json, print_result
+from flexmotion.streamer.commands.run_address import RunAddress, StopAddress
 
 if TYPE_CHECKING:
-    from flexmotion.streamer.gateway.client import Client
     from flexmotion.streamer.gateway.messages import Answer
 
 _VELOCITY_S = 5.0
 """A velocity that is sent once holds this long [s]; a stick's holds for half a second and is sent again."""
-
-HostOption = Annotated[str, typer.Option("--host", help="Address of the run.")]
-PortOption = Annotated[int, typer.Option("--port", min=1, max=65535, help="Its port for targets (--web-port).")]
-StopPortOption = Annotated[int, typer.Option("--stop-port", min=1, max=65535, help="Its port for stops.")]
-SourceOption = Annotated[
-    str, typer.Option("--source", help="Name of this sender; the run's settings give it a priority.")
-]
-
-
-def _client(host: str, port: int, stop_port: int, source: str, token_file: Path | None) -> Client:
-    from flexmotion.streamer.gateway.admission import find_token
-    from flexmotion.streamer.gateway.client import Client
-
-    return Client(host, port, stop_port=stop_port, source=source, token=find_token(token_file))
 
 
 def _present(answer: Answer, as_json: bool) -> None:
@@ -63,12 +49,14 @@ def _line(answer: Answer) -> str:
     return ", ".join(parts)
 
 
+@grouped
 def send(
+    *,
     text: Annotated[str | None, typer.Argument(help='What to do, in words: "wave".', show_default=False)] = None,
     velocity: Annotated[
         tuple[float, float, float] | None,
         typer.Option(
-            "--velocity", metavar="VX VY WZ", help="Forward, left [m/s], turning left [rad/s].", show_default=False
+            "--velocity", metavar="VX VY WZ", help="Forward, left \\[m/s], turning left \\[rad/s].", show_default=False
         ),
     ] = None,
     heading: Annotated[
@@ -82,13 +70,13 @@ def send(
         typer.Option(
             "--waypoint",
             metavar="X Y",
-            help="Walk there: ahead, left of where it stood up [m]. With --heading it then turns to that.",
+            help="Walk there: ahead, left of where it stood up \\[m]. With --heading it then turns to that.",
             show_default=False,
         ),
     ] = None,
     tolerance: Annotated[
         float | None,
-        typer.Option("--tolerance", metavar="M", help="How near a waypoint is near enough [m].", show_default="0.1"),
+        typer.Option("--tolerance", metavar="M", help="How near a waypoint is near enough \\[m].", show_default="0.1"),
     ] = None,
     turning: Annotated[
         float | None,
@@ -101,11 +89,7 @@ def send(
         typer.Option("--for", min=0.05, max=600.0, help="Come to a stand after this many seconds.", show_default=False),
     ] = None,
     take: Annotated[bool, typer.Option("--take", help="Take the lease over from another operator first.")] = False,
-    host: HostOption = "127.0.0.1",
-    port: PortOption = 8790,
-    source: SourceOption = "command line",
-    token_file: TokenFileOption = None,
-    as_json: JsonOption = False,
+    run: RunAddress,
 ) -> None:
     """Send a target to a run and print what it heard; exit code 1 where the target is not followed.
 
@@ -150,18 +134,16 @@ def send(
         message = {"type": "heading", "heading_rad": radians, "turning_rad_s": turning}
     else:
         message = {"type": "hold"} if clip is None else {"type": "clip", "clip": clip}
-    with _client(host, port, port, source, token_file) as client:
+    with run.client() as client:
         if take:
             client.take()
         answer = client.ask({**message, "ttl_s": seconds})
-    _present(answer, as_json)
+    _present(answer, run.as_json)
 
 
+@grouped
 def status(
-    host: HostOption = "127.0.0.1",
-    port: PortOption = 8790,
-    token_file: TokenFileOption = None,
-    as_json: JsonOption = False,
+    run: RunAddress,
 ) -> None:
     """Print what a run does.
 
@@ -169,8 +151,9 @@ def status(
 
       flexmotion status --json
     """
-    found = _client(host, port, port, "command line", token_file).status()
-    if as_json:
+    with closing(run.client()) as client:
+        found = client.status()
+    if run.as_json:
         print_json(json.dumps(found, indent=2))
         return
     print_result("\n".join(f"{name:18}{_value(value)}" for name, value in found.items() if name not in _HIDDEN))
@@ -185,11 +168,9 @@ def _value(value: Any) -> str:
     return "unknown" if value is None else str(value)
 
 
+@grouped
 def stop(
-    host: HostOption = "127.0.0.1",
-    stop_port: StopPortOption = 8791,
-    token_file: TokenFileOption = None,
-    as_json: JsonOption = False,
+    run: StopAddress,
 ) -> None:
     """Bring the robot to a balanced stand; it refuses targets until `flexmotion clear`. Needs no token.
 
@@ -197,14 +178,12 @@ def stop(
 
       flexmotion stop
     """
-    _press("stop", host, stop_port, token_file, as_json)
+    _press("stop", run)
 
 
+@grouped
 def estop(
-    host: HostOption = "127.0.0.1",
-    stop_port: StopPortOption = 8791,
-    token_file: TokenFileOption = None,
-    as_json: JsonOption = False,
+    run: StopAddress,
 ) -> None:
     """Stop the robot as its robot file says, then park it, torque off; the fault is latched. It is no safety function.
 
@@ -214,13 +193,13 @@ def estop(
 
       flexmotion estop
     """
-    _press("estop", host, stop_port, token_file, as_json)
+    _press("estop", run)
 
 
-def _press(what: str, host: str, stop_port: int, token_file: Path | None, as_json: bool) -> None:
-    client = _client(host, stop_port, stop_port, "command line", token_file)
-    answer = client.stop() if what == "stop" else client.estop()
-    if as_json:
+def _press(what: str, run: StopAddress) -> None:
+    with closing(run.client()) as client:
+        answer = client.stop() if what == "stop" else client.estop()
+    if run.as_json:
         print_json(answer.model_dump_json(exclude_none=True, indent=2))
     else:
         print_result(
@@ -230,12 +209,9 @@ def _press(what: str, host: str, stop_port: int, token_file: Path | None, as_jso
         raise typer.Exit(CHECK_FAILED)
 
 
+@grouped
 def arm(
-    host: HostOption = "127.0.0.1",
-    port: PortOption = 8790,
-    source: SourceOption = "command line",
-    token_file: TokenFileOption = None,
-    as_json: JsonOption = False,
+    run: RunAddress,
 ) -> None:
     """Switch the robot's torque on: it stands up slowly and then takes targets.
 
@@ -245,17 +221,14 @@ def arm(
 
       flexmotion arm
     """
-    with _client(host, port, port, source, token_file) as client:
+    with run.client() as client:
         answer = client.arm()
-    _present(answer, as_json)
+    _present(answer, run.as_json)
 
 
+@grouped
 def disarm(
-    host: HostOption = "127.0.0.1",
-    port: PortOption = 8790,
-    source: SourceOption = "command line",
-    token_file: TokenFileOption = None,
-    as_json: JsonOption = False,
+    run: RunAddress,
 ) -> None:
     """Bring the robot to a stand, lower it to its rest pose and switch its torque off; the run goes on.
 
@@ -263,17 +236,14 @@ def disarm(
 
       flexmotion disarm
     """
-    with _client(host, port, port, source, token_file) as client:
+    with run.client() as client:
         answer = client.disarm()
-    _present(answer, as_json)
+    _present(answer, run.as_json)
 
 
+@grouped
 def clear(
-    host: HostOption = "127.0.0.1",
-    port: PortOption = 8790,
-    source: SourceOption = "command line",
-    token_file: TokenFileOption = None,
-    as_json: JsonOption = False,
+    run: RunAddress,
 ) -> None:
     """Release a STOP once the robot stands; it stands on until a new target arrives.
 
@@ -283,18 +253,16 @@ def clear(
 
       flexmotion clear
     """
-    with _client(host, port, port, source, token_file) as client:
+    with run.client() as client:
         answer = client.clear()
-    _present(answer, as_json)
+    _present(answer, run.as_json)
 
 
+@grouped
 def kill(
+    *,
     confirm: Annotated[bool, typer.Option("--the-robot-will-fall", help="Confirms that nobody is in its way.")] = False,
-    host: HostOption = "127.0.0.1",
-    port: PortOption = 8790,
-    source: SourceOption = "command line",
-    token_file: TokenFileOption = None,
-    as_json: JsonOption = False,
+    run: RunAddress,
 ) -> None:
     """Switch the torque off at once: the robot falls.
 
@@ -304,6 +272,6 @@ def kill(
     """
     if not confirm:
         raise typer.BadParameter("the robot will fall: confirm it by --the-robot-will-fall, or use `flexmotion stop`")
-    with _client(host, port, port, source, token_file) as client:
+    with run.client() as client:
         answer = client.kill()
-    _present(answer, as_json)
+    _present(answer, run.as_json)

@@ -17,6 +17,7 @@ from flexmotion.streamer.doctor import devices, machine
 from flexmotion.streamer.doctor.finding import Finding, fine, problem, warning
 
 SCHEMA = "flexmotion.doctor/1"
+_LONGEST_COMMAND = 80
 
 
 class Examination(BaseModel):
@@ -58,8 +59,8 @@ def _findings(settings: Gateway, bundle: str | Path | None, root: Path) -> Itera
     yield from devices.serial_ports(root)
     yield devices.input_devices(root)
     yield model(bundle)
-    for name, port in (("port for targets", settings.port), ("port for stops", settings.stop_port)):
-        yield network_port(name, port)
+    yield network_port("port for targets", settings.port, "--web-port")
+    yield network_port("port for stops", settings.stop_port, "--stop-port")
 
 
 def model(bundle: str | Path | None) -> Finding:
@@ -74,18 +75,39 @@ def model(bundle: str | Path | None) -> Finding:
     return fine("model bundle", f"{opened.manifest.name}, hash {opened.hash}")
 
 
-def network_port(name: str, port: int) -> Finding:
-    """Whether a port can be listened on; else which process does."""
+def network_port(name: str, port: int, option: str) -> Finding:
+    """Whether a port can be listened on; else which process does, and what to do.
+
+    What is advised ends no process: it may be a run, with a robot that stands.
+
+    Args:
+        option: of `flexmotion run`, to take another one.
+    """
     with socket.socket() as listening:
         listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
             listening.bind(("127.0.0.1", port))
         except OSError as error:
             owner = _owner(port)
-            whose = f"process {owner} uses it" if owner else error.strerror or str(error)
-            mend = f"kill {owner}  # a run of FlexMotion parks its robot first" if owner else None
-            return warning(f"{name} {port}", f"{whose}: a run there needs another one (--web-port, --stop-port)", mend)
+            whose = f"process {owner} uses it ({_command(owner)})" if owner else error.strerror or str(error)
+            mend = f"flexmotion run … {option} {_free_port()}  # or end the other program, if it is yours"
+            return warning(f"{name} {port}", f"{whose}: another run needs another one", mend)
     return fine(f"{name} {port}", "free")
+
+
+def _free_port() -> int:
+    with socket.socket() as listening:
+        listening.bind(("127.0.0.1", 0))
+        return int(listening.getsockname()[1])
+
+
+def _command(process: int) -> str:
+    """What a process runs, in short."""
+    try:
+        words = psutil.Process(process).cmdline()
+    except psutil.Error:
+        return "ended meanwhile"
+    return " ".join(words)[:_LONGEST_COMMAND] or "without a command line"
 
 
 def _owner(port: int) -> int | None:

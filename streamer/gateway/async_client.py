@@ -11,6 +11,7 @@ from typing import Any, Self
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import WebSocketException
 
+from flexmotion.configs.errors import GatewayError
 from flexmotion.streamer.gateway.connection import (
     PATIENCE_S,
     Messages,
@@ -35,6 +36,7 @@ class AsyncClient(Messages):
 
     async def __aenter__(self) -> Self:
         self._waiting: dict[str, asyncio.Future[Answer]] = {}
+        self._failed: GatewayError | None = None
         self._open = AsyncExitStack()
         try:
             self._socket = await self._open.enter_async_context(connect(self.url, **self.options))
@@ -96,6 +98,8 @@ class AsyncClient(Messages):
     async def ask(self, message: Mapping[str, Any]) -> Answer:
         """Send any message and wait for its answer."""
         assert self._socket is not None, "async with AsyncClient() as robot: robot.ask(...)"
+        if self._failed is not None:
+            raise self._failed
         identity, text = self.message(message)
         answered: asyncio.Future[Answer] = asyncio.get_running_loop().create_future()
         self._waiting[identity] = answered
@@ -115,7 +119,12 @@ class AsyncClient(Messages):
         assert self._socket is not None
         try:
             async for frame in self._socket:
-                answer = answer_in(frame)
+                try:
+                    answer = answer_in(frame)
+                except ValueError as error:
+                    self._failed = GatewayError(f"{self.host}:{self.port}: the run sent what is no answer: {error}")
+                    await self._socket.close()
+                    break
                 waiting = None if answer is None or answer.id is None else self._waiting.get(answer.id)
                 if waiting is not None and not waiting.done():
                     assert answer is not None
@@ -124,4 +133,6 @@ class AsyncClient(Messages):
             pass  # those that wait are told below
         for waiting in self._waiting.values():
             if not waiting.done():
-                waiting.set_exception(ConnectionResetError("the run closed the connection"))
+                waiting.set_exception(self._failed or ConnectionResetError("the run closed the connection"))
+                # Told where it is asked for; one that nobody asks for any more is no error of the program.
+                waiting.exception()

@@ -144,7 +144,7 @@ class Client(Messages):
                 answer = answer_in(self._socket.recv(PATIENCE_S))
                 if answer is not None and answer.id == identity:
                     return answer
-        except (OSError, WebSocketException) as error:
+        except (OSError, WebSocketException, ValueError) as error:
             self.close()
             raise self.failed(error) from error
 

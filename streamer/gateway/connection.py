@@ -129,6 +129,12 @@ KILL = {"type": "kill", "confirm": KillMessage.model_fields["confirm"].annotatio
 
 
 def answer_in(frame: str | bytes) -> Answer | None:
-    """The answer in a frame; None where it holds something else, such as the status."""
+    """The answer in a frame; None where it holds something else, such as the status.
+
+    Raises:
+        ValueError: it is no JSON object, or no answer.
+    """
     content = json.loads(frame)
+    if not isinstance(content, dict):
+        raise ValueError(f"{frame[:80]!r}: expected a JSON object")
     return Answer.model_validate(content) if content.get("type") == "answer" else None

@@ -176,6 +176,9 @@ class Desk:
             held = self.lease.release(message.source)
             self._reply(asked, "accepted" if held else "refused", None if held else "the lease was not held")
         else:
+            if isinstance(message, DisarmMessage):
+                self._request(asked)
+                return
             before = self.lease.holder
             refusal = self.lease.refusal(message.source, now, take=isinstance(message, TakeMessage))
             if refusal is not None:

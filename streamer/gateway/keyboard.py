@@ -26,7 +26,8 @@ a d, arrows           turn                     c       clear a STOP
 q e                   to the side              !       emergency stop, as the robot file says
 + -                   faster, slower           o       arm: torque on, stand up
 t                     take over from another operator
-/ or Enter            type a sentence (Escape: none)   Ctrl-C  end; the robot stands"""
+/ or Enter            type a sentence, where Escape is STOP and Enter alone says none
+Ctrl-C                end; the robot stands"""
 
 _LOOK_S, _AGAIN_S, _HOLDS_S = 0.05, 0.1, 0.4
 """Time between two looks at the held keys, between two equal velocities, and for which one holds [s]."""
@@ -132,7 +133,9 @@ class Keyboard:
         assert self._typed is not None
         if key in _SEND_KEYS or key == "escape":
             text, self._typed = self._typed.strip(), None
-            if key in _SEND_KEYS and text:
+            if key == "escape":  # space is a letter here, and somebody may have to stop the robot in the middle of one
+                self._stop("stop")
+            elif text:
                 self._later(self._ask({"type": "text", "text": text}))
             else:
                 self._show("")

@@ -129,7 +129,7 @@ class Supervisor:
         self.requests = RequestChannel()
         self.waits, self.opening = waits, Heartbeat()
         self.notifier = Notifier()
-        self._told = ""
+        self._told, self._opening_polls = "", 0
         self._begun_ns, self._quit_ns, self._killed = time.perf_counter_ns(), 0, ""
         self.memory_mb: tuple[float, float] | None = None
 
@@ -244,9 +244,13 @@ class Supervisor:
         telemetry = self.loop.telemetry.ticks
         row = telemetry.latest()
         if row is None:
-            self.notifier.progress(self.opening.beats, self._told or "starting")
+            # A driver may take longer to open than the watchdog waits; one that hangs is ended by `_check_loop`.
+            self._opening_polls += self.opening.beats > 0
+            self.notifier.progress(self.opening.beats + self._opening_polls, self._told or "starting")
         else:
-            self.notifier.progress(self.opening.beats + telemetry.count, State(int(row["state"])).name)
+            self.notifier.progress(
+                self.opening.beats + self._opening_polls + telemetry.count, State(int(row["state"])).name
+            )
 
     def _measure_memory(self, loop: BaseProcess) -> None:
         if self.loop.telemetry.ticks.count < _WARM_S * self.loop.robot.rate_hz or loop.pid is None:

@@ -8,6 +8,7 @@ import re
 import socket
 import subprocess
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -68,9 +69,15 @@ def test_a_clip_is_retargeted_inside_the_joint_limits(tmp_path: Path) -> None:
         assert robot.lower[index] - 1e-3 <= low <= high <= robot.upper[index] + 1e-3
 
 
-def test_targets_are_sent_to_a_run_and_answered() -> None:
+def test_targets_are_sent_to_a_run_and_answered(tmp_path: Path) -> None:
     ports = ["--web-port", str(port := any_free()), "--stop-port", str(any_free())]
     command = [sys.executable, str(VIRTUAL), "dry-run", "--web", *ports, "--no-realtime", "--json"]
+    over_zenoh = find_spec("zenoh") is not None
+    zenoh_port = any_free()
+    if over_zenoh:
+        settings = tmp_path / "stream.yaml"
+        settings.write_text(f"gateway: {{zenoh_port: {zenoh_port}, zenoh_stop_port: {any_free()}}}\n")
+        command += ["--zenoh", "--settings", str(settings)]
     environment = os.environ | {"FASTEST": "1"}  # the other program lives on the wall clock
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment) as live:
         try:
@@ -79,17 +86,23 @@ def test_targets_are_sent_to_a_run_and_answered() -> None:
                 assert line, "the run ended before it streamed"
             wait_until(lambda: listens(port), "the gateway to listen")
             wave, walk, fly, hold, state = run("send_targets.py", "--port", str(port)).splitlines()
+            told = run("send_over_zenoh.py", f"tcp/127.0.0.1:{zenoh_port}").splitlines() if over_zenoh else []
             live.terminate()
             report = json.loads(live.stdout.read())
         finally:
             live.kill()
+    if over_zenoh:
+        states = [line.split()[:2] for line in told]
+        assert states[:2] == [["take", "accepted"], ["text", "accepted"]]
+        assert states[3:] == [["alice"], ["accepted"]]
+        assert states[2][0] == "velocity" and states[2][1] in ("accepted", "slowed")
     assert wave.split()[:3] == ["text", "accepted", "wave-right-hand"]
     assert walk.split()[0] == "velocity" and walk.split()[1] in ("accepted", "slowed")
     assert fly.split()[:2] == ["text", "refused"] and "is not understood" in fly
     assert hold.split()[:2] == ["hold", "accepted"]
     assert state in ("STREAMING", "HOLD")
     assert report["motion"]["fell"] is False and report["limits"]["violations_sent"] == 0
-    assert [target["state"] for target in report["targets"]][-3] in ("accepted", "slowed")
+    assert [target["state"] for target in report["targets"]][-5 if over_zenoh else -3] in ("accepted", "slowed")
     # A report in which something was refused is not PASS.
     assert report["ok"] is False
 

@@ -11,6 +11,7 @@ import os
 import signal
 import socket
 import threading
+import time
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
@@ -44,6 +45,8 @@ FLOOD = 2000
 """Messages of the flood, sent without waiting for answers."""
 ABSENT = 3
 """Attempts to open the driver before the robot is there."""
+WATCHDOG_S, OPENING_S = 4.0, 20.0
+"""Of the service manager, and of a bus that takes long to open [s of the run]."""
 
 
 def unharmed(session: Session) -> None:
@@ -152,6 +155,19 @@ class AbsentRobot(SimProcess):
         super().open()
 
 
+class SlowRobot(SimProcess):
+    """A simulated robot whose bus takes long to open."""
+
+    def __init__(self, robot: Robot) -> None:
+        simulation = create("sim", robot)
+        assert isinstance(simulation, SimDriver)
+        super().__init__(simulation, realtime=False)
+
+    def open(self) -> None:
+        time.sleep(OPENING_S)
+        super().open()
+
+
 class Manager:
     """A service manager's socket."""
 
@@ -174,7 +190,7 @@ class Manager:
 def manager(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Manager:
     found = Manager(tmp_path / "notify")
     monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "notify"))
-    monkeypatch.setenv("WATCHDOG_USEC", "4000000")
+    monkeypatch.setenv("WATCHDOG_USEC", str(int(WATCHDOG_S * 1e6)))
     return found
 
 
@@ -206,6 +222,23 @@ def test_a_robot_that_is_not_there_is_waited_for_and_the_manager_told(op3: Robot
     assert lines.count("READY=1") == 1 and "STATUS=waiting for the robot: port /dev/ttyUSB0: no servo answers" in lines
     assert "STATUS=STREAMING" in lines and "WATCHDOG=1" in lines and lines.count("STOPPING=1") == 1
     assert State(session.record.state[-1]) is State.OFF
+
+
+def test_the_watchdog_waits_for_a_bus_that_takes_long_to_open(op3: Robot, manager: Manager) -> None:
+    """The manager ended a daemon whose bus took longer to open than the watchdog's time."""
+    session = service(op3, SlowRobot(op3))
+    fed: list[float] = []
+
+    def operate() -> Request | None:
+        seen = len(fed)
+        fed.extend([time.perf_counter()] * (manager.look().count("WATCHDOG=1") - seen))
+        return Request.END if session.state.ladder is State.STREAMING else None
+
+    session.next_request = operate
+    with virtual_time():
+        session.run()
+    gaps = [after - before for before, after in zip(fed, fed[1:], strict=False)]
+    assert fed[-1] - fed[0] > OPENING_S - WATCHDOG_S and max(gaps) < WATCHDOG_S
 
 
 def test_an_arm_while_the_robot_is_away_is_refused_and_not_kept(op3: Robot, manager: Manager) -> None:

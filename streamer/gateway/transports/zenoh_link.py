@@ -24,6 +24,11 @@ ROOT = "flexmotion"
 _ENDPOINT = re.compile(r"^[a-z0-9_]+/(?:\[[^]]+\]|[^:/#?]+):\d+(?:[#?].*)?$")
 
 
+def robot_key(robot: str, *parts: str) -> str:
+    """A key of a robot."""
+    return "/".join((ROOT, robot, *parts))
+
+
 @dataclass(frozen=True)
 class ZenohLink:
     """How a process of a run takes part in zenoh.
@@ -46,7 +51,7 @@ class ZenohLink:
 
     def key(self, *parts: str) -> str:
         """A key of this robot."""
-        return "/".join((ROOT, self.robot, *parts))
+        return robot_key(self.robot, *parts)
 
     def refusal(self, message: zenoh.Sample | zenoh.Query, *, at_any_time: bool = False) -> Refusal | None:
         """Why a message is not taken; None where it proves the token, or none is needed. See `Proofs.refusal`."""

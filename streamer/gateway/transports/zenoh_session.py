@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
 _LARGEST = 65536
 """Longest message that is put together from its parts [bytes]; the desk refuses far shorter ones and says so."""
+_UNREAD_S = 0.5
+"""A connection whose other side takes nothing for so long is closed [s]: answers to others wait behind its own."""
 _RETRY_S = 2.0
 """Time between two attempts to open a session, and between two looks whether it is open [s]."""
 
@@ -28,6 +30,7 @@ def configuration(values: Mapping[str, Any]) -> zenoh.Config:
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": False,
         "transport/link/rx/max_message_size": _LARGEST,
+        "transport/link/tx/queue/congestion_control/block/wait_before_close": int(1e6 * _UNREAD_S),
     }
     for key, value in {**common, **values}.items():
         config.insert_json5(key, json.dumps(value))

@@ -269,6 +269,17 @@ def test_only_the_operator_is_followed_but_anyone_stops(make_office: Make) -> No
     assert changes == [("page", "phone"), ("phone", None)]
 
 
+def test_anyone_may_disarm_and_nobody_loses_the_lease_by_it(make_office: Make) -> None:
+    """Another operator's robot could only be brought down by an emergency stop, which is the rougher way."""
+    office = make_office()
+    reader = office.requests.reader()
+    office.ask('{"type":"text","text":"wave","source":"page"}')
+    office.ask('{"type":"disarm","source":"phone","sequence":3}')
+    office.ask('{"type":"disarm","source":"phone","sequence":3}')
+    assert [request for request, _ in reader.read()] == [Request.DISARM] and office.desk.lease.holder == "page"
+    assert office.states == ["refused"] and "sequence 3" in office.told[0].reason
+
+
 def test_an_emergency_depends_on_no_order_of_arrival(make_office: Make) -> None:
     """A client that began to count anew had its STOP refused for its sequence number."""
     office = make_office()

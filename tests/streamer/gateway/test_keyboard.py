@@ -155,8 +155,7 @@ def test_sentences_stops_and_clear(steered: Steered) -> None:
     keyboard.press("/wave twiced\x7f, grüß mich\r".encode())
     wait_until(lambda: loop.seen, "the sentence")
     assert loop.seen[0].intent == Text("wave twice, grüß mich")
-    keyboard.press(b"/ space is no STOP here!\x1b")
-    keyboard.press(b" ")
+    keyboard.press(b"/\r ")  # a sentence of no words, then a STOP
     wait_until(lambda: loop.requested == [Request.STOP], "STOP")
     wait_until(lambda: "stop: accepted" in keyboard.shown.getvalue(), "its answer")
     keyboard.press(b"c")
@@ -164,6 +163,16 @@ def test_sentences_stops_and_clear(steered: Steered) -> None:
     keyboard.press(b"!")
     wait_until(lambda: loop.requested[-1] == Request.ESTOP, "the emergency stop")
     assert len(loop.seen) == 1
+
+
+def test_escape_stops_in_the_middle_of_a_sentence(steered: Steered) -> None:
+    """While a sentence was typed, no key stopped the robot: space was a letter of it, and Escape gave it up."""
+    keyboard, loop = steered.keyboard, steered.loop
+    keyboard.press(b"/ space is no STOP here!\x1b")
+    wait_until(lambda: loop.requested == [Request.STOP], "STOP")
+    keyboard.press(b"c")
+    wait_until(lambda: loop.requested == [Request.STOP, Request.CLEAR], "keys that are no letters any more")
+    assert loop.seen == []
 
 
 def test_stops_work_with_the_gateway_dead_and_a_gateway_that_comes_back_is_used(steered: Steered) -> None:

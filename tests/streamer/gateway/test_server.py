@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
+from websockets.sync.server import serve
 
 from flexmotion.configs.errors import ConfigError, GatewayError
 from flexmotion.configs.robot import Robot
@@ -103,6 +104,31 @@ class _Socket:
         )
 
     async def send_text(self, text: str) -> None: ...
+
+
+@pytest.mark.parametrize("frame", ["no JSON", "[]", '{"type":"answer","state":"perhaps"}', b"\xff"])
+def test_a_frame_that_is_no_answer_is_told(frame: str | bytes) -> None:
+    """It ended the asynchronous client's reader, and whoever waited for an answer waited ten seconds for nothing."""
+
+    def answer(connection: Any) -> None:
+        connection.recv()
+        connection.send(frame)
+
+    with serve(answer, "127.0.0.1", 0) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        port = server.socket.getsockname()[1]
+
+        async def ask() -> None:
+            async with AsyncClient(port=port) as client:
+                with pytest.raises(GatewayError, match="the run sent what is no answer"):
+                    await client.hold()
+                with pytest.raises(GatewayError, match="the run sent what is no answer"):
+                    await client.hold()
+
+        asyncio.run(ask())
+        with Client(port=port) as client, pytest.raises(GatewayError, match=str(port)):
+            client.hold()
+        server.shutdown()
 
 
 def test_each_connection_numbers_its_messages_anew(make_office: Callable[..., Office]) -> None:

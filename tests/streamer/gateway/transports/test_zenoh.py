@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import json
 import subprocess
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from typing import Any
 
 import pytest
 
-from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.errors import ConfigError, GatewayError
 from flexmotion.configs.stream import Gateway
+from flexmotion.streamer.cli import execute
 from flexmotion.streamer.gateway.messages import KINDS
 from flexmotion.streamer.gateway.ports import any_free
 from flexmotion.streamer.gateway.proofs import Prover
+from flexmotion.streamer.gateway.transports.zenoh_client import ZenohClient
 from flexmotion.streamer.gateway.transports.zenoh_link import zenoh_links
 from flexmotion.streamer.gateway.transports.zenoh_stops import ZenohStops
 from flexmotion.streamer.gateway.transports.zenoh_targets import ZenohTargets
@@ -242,6 +245,54 @@ def test_a_session_that_is_lost_or_cannot_be_served_is_opened_again(
     wait_until(lambda: "session was closed" in str(stops.problems()), "the loss to be noticed")
     wait_until(lambda: client.alive() == {"gateway", "stops"}, "both to be back")
     assert client.ask("stop")["state"] == "accepted"
+
+
+def test_the_client_and_the_command_line_speak_zenoh(
+    serve: Serve, sessions: ExitStack, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    network = Network(serve, TOKEN)
+    with ZenohClient(network.gate, source="alice", token=TOKEN) as robot:
+        answer = robot.text("wave")
+        assert (answer.source, answer.state, answer.heard_as) == ("alice", "accepted", "wave")
+        assert robot.status()["operator"] == "alice" and robot.stop().state == "accepted"
+        assert robot.clear().state == "accepted"
+    with ZenohClient(network.gate, network.stop_gate, token="wrong horse battery") as stranger:
+        assert stranger.text("wave").state == stranger.estop().state == "refused"
+        assert stranger.stop().state == "accepted"
+        with pytest.raises(GatewayError, match="the proof is not one of this run's token"):
+            stranger.status()
+    monkeypatch.setenv("FLEXMOTION_TOKEN", TOKEN)
+    over = ["--zenoh", network.gate]
+    assert execute(["clear", *over, "--source", "alice"]) == 0
+    assert execute(["send", "wave", *over, "--take"]) == 0 and execute(["estop", *over, "--json"]) == 0
+    assert network.served.loop.requested[-1] is Request.ESTOP and "heard as wave" in capsys.readouterr().out
+    assert execute(["send", "wave", *over, "--source", "a/b"]) == 2
+    assert "a part of a key" in capsys.readouterr().err
+    assert execute(["stop", "--zenoh", f"tcp/127.0.0.1:{any_free()}"]) == 3
+
+
+def test_a_reader_that_takes_nothing_stalls_nobody(serve: Serve, sessions: ExitStack) -> None:
+    """Its buffers ran full after 18,000 answers, and those to all others waited behind: 5 s and more."""
+    network = Network(serve)
+    client = network.client(sessions)
+    awake = threading.Event()
+    slow = open_session([network.gate])
+    try:
+        slow.declare_subscriber(
+            "flexmotion/op3/answers/slow", zenoh.handlers.Callback(lambda _sample: awake.wait(), indirect=False)
+        )
+        answered = 0
+        publisher = client.session.declare_publisher("flexmotion/op3/answers/slow")
+        wait_until(lambda: publisher.matching_status.matching, "the slow reader to be known")
+        while publisher.matching_status.matching:  # until the gateway has closed its connection
+            for _ in range(100):
+                client.put("targets/slow", {"type": "hold", "id": "x" * 64})
+            answered += client.ask("targets/slow", {"type": "hold"})["state"] in ("accepted", "superseded")
+        assert answered and client.ask("targets/slow", {"type": "text", "text": "wave"})["state"] == "accepted"
+        assert client.ask("stop")["state"] == "accepted"
+    finally:
+        awake.set()
+        slow.close()
 
 
 def test_a_program_that_is_started_again_numbers_its_messages_anew(serve: Serve, sessions: ExitStack) -> None:

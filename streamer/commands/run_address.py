@@ -1,0 +1,83 @@
+"""Options that say which run a command speaks to, and as whom."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from flexmotion.streamer.commands.options import JsonOption, TokenFileOption
+
+if TYPE_CHECKING:
+    from flexmotion.streamer.gateway.client import Client
+
+HostOption = Annotated[str, typer.Option("--host", help="Address of the run.")]
+PortOption = Annotated[int, typer.Option("--port", min=1, max=65535, help="Its port for targets (--web-port).")]
+StopPortOption = Annotated[int, typer.Option("--stop-port", min=1, max=65535, help="Its port for stops.")]
+SourceOption = Annotated[
+    str, typer.Option("--source", help="Name of this sender; the run's settings give it a priority.")
+]
+ZenohEndpointOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--zenoh",
+        metavar="ENDPOINT",
+        help="Over zenoh instead: of a router or of the run, such as tcp/192.168.0.10:7447 (repeatable).",
+        show_default=False,
+    ),
+]
+RobotNameOption = Annotated[
+    str, typer.Option("--name", metavar="NAME", help="With --zenoh: name of the robot (--name of the run).")
+]
+
+
+@dataclass(frozen=True)
+class RunAddress:
+    """The run that takes a command's message."""
+
+    host: HostOption = "127.0.0.1"
+    port: PortOption = 8790
+    source: SourceOption = "command line"
+    zenoh: ZenohEndpointOption = None
+    name: RobotNameOption = "op3"
+    token_file: TokenFileOption = None
+    as_json: JsonOption = False
+
+    def client(self) -> Client:
+        """A connection to the run. Raises `ConfigError` where the token cannot be read."""
+        from flexmotion.streamer.gateway.admission import find_token
+        from flexmotion.streamer.gateway.client import Client
+
+        token = find_token(self.token_file)
+        if self.zenoh:
+            return _over_zenoh(self.zenoh, self.name, self.source, token)
+        return Client(self.host, self.port, source=self.source, token=token)
+
+
+@dataclass(frozen=True)
+class StopAddress:
+    """The stop process of the run that takes a stop."""
+
+    host: HostOption = "127.0.0.1"
+    stop_port: StopPortOption = 8791
+    zenoh: ZenohEndpointOption = None
+    name: RobotNameOption = "op3"
+    token_file: TokenFileOption = None
+    as_json: JsonOption = False
+
+    def client(self) -> Client:
+        """See `RunAddress.client`."""
+        from flexmotion.streamer.gateway.admission import find_token
+        from flexmotion.streamer.gateway.client import Client
+
+        token = find_token(self.token_file)
+        if self.zenoh:
+            return _over_zenoh(self.zenoh, self.name, "command line", token)
+        return Client(self.host, self.stop_port, stop_port=self.stop_port, token=token)
+
+
+def _over_zenoh(endpoints: list[str], robot: str, source: str, token: str | None) -> Client:
+    from flexmotion.streamer.gateway.transports.zenoh_client import ZenohClient
+
+    return ZenohClient(*endpoints, robot=robot, source=source, token=token)
