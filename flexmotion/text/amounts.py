@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import dataclass
 
+from flexmotion.text.numbers import is_digits, number_at
+from flexmotion.text.paces import Speed, speed_at
 from flexmotion.text.vocabulary import Quantity, vocabulary
-
-_NUMBER = re.compile(r"-?(?:\d+(?:\.\d+)?|\.\d+)")
-_LONGEST_NUMBER = 12
-"""Digits of a number; a longer one is a word."""
 
 _SYMBOLS = {
     "°": " degrees ",
@@ -18,9 +17,18 @@ _SYMBOLS = {
     "¼": " quarter ",
     "¾": " three quarters ",
     "×": " times ",
+    "%": " percent ",
+    "→": " then ",
+    "=>": " then ",
+    "->": " then ",
+    "m/s": " metres per second ",
+    "km/h": " km per hour ",
 }
 _WORD = re.compile(r"(?<![\w.])-(?:\d+(?:\.\d+)?|\.\d+)|\d+(?:\.\d+)?|\.\d+|[^\W\d_]+(?:['\-][^\W\d_]+)*|[,.;:!?&]")
 _MARKS = frozenset(",.;:!?&")
+
+LEAST_BARE = 15.0
+"""A number without a unit behind "turn" is an angle from here on [degrees]; a smaller one in words is a word."""
 
 
 @dataclass(frozen=True)
@@ -52,8 +60,8 @@ class Bare:
     said: str
 
 
-Token = str | Amount | Bare
-"""A word or a punctuation mark, an amount, or a number without unit."""
+Token = str | Amount | Bare | Speed
+"""A word or a punctuation mark, an amount, a number without unit, or a factor on the speed."""
 
 
 def words_of(sentence: str) -> list[str]:
@@ -61,8 +69,11 @@ def words_of(sentence: str) -> list[str]:
     text = sentence.lower().replace("’", "'").replace("‘", "'")
     for symbol, name in _SYMBOLS.items():
         text = text.replace(symbol, name)
-    # "1,000" is a number, "1, 2" are two.
+    # "1,000" and "2,5" are numbers, "1, 2" are two.
     text = re.sub(r"(?<=\d),(?=\d{3}\b)", "", text)
+    text = re.sub(r"(?<=\d),(?=\d{1,2}\b)", ".", text)
+    for mark, unit in (('"', "inches"), ("'", "feet")):
+        text = re.sub(rf"(?<=\d)\s?{mark}(?!\w)", f" {unit} ", text)
     numbers, words = vocabulary().table["numbers"], list[str]()
     for word in _WORD.findall(text):
         parts = word.split("-")
@@ -80,11 +91,28 @@ def tokens_of(sentence: str) -> list[Token]:
     """Words and amounts of a sentence in their order."""
     words, found, place = _units_first(words_of(sentence)), list[Token](), 0
     while place < len(words):
-        token, used = _amount(words, place)
+        token, used = speed_at(words, place) or _amount(words, place)
         same = _same_unit(words, place, found)
         found.append(token if same is None else same)
+        _join_range(found)
         place += used
     return found
+
+
+def _join_range(found: list[Token]) -> None:
+    """Replace "two or three steps", "between 30 and 40 degrees" at the end of the tokens by one rough amount."""
+    amount = found[-1]
+    if len(found) < 3 or not isinstance(amount, Amount) or found[-2] not in ("or", "to", "and"):
+        return
+    lower = found[-3]
+    between = found[-4:-3] == ["between"]
+    low = lower.value if isinstance(lower, Bare) else vocabulary().table["numbers"].get(lower)
+    if low is None or (found[-2] == "and" and not between):
+        return
+    high = _unit_count(amount)
+    said = f"{lower if isinstance(lower, str) else lower.said} {found[-2]} {amount.said}"
+    share = (math.ceil(0.5 * (low + high)) if high == int(high) else 0.5 * (low + high)) if between else high
+    found[-4 if between else -3 :] = [Amount(amount.value * share / max(high, 1e-9), amount.quantity, said, rough=True)]
 
 
 def _units_first(words: list[str]) -> list[str]:
@@ -92,7 +120,7 @@ def _units_first(words: list[str]) -> list[str]:
     known, words = vocabulary(), list(words)
     for place in range(1, len(words) - 1):
         direction, unit = words[place], words[place + 1]
-        counted = words[place - 1] in known.table["numbers"] or _NUMBER.fullmatch(words[place - 1])
+        counted = words[place - 1] in known.table["numbers"] or is_digits(words[place - 1])
         if counted and direction in known.words("directions") and unit in known.table["units"]["steps"]:
             words[place : place + 2] = unit, direction
     return words
@@ -114,7 +142,7 @@ def _same_unit(words: list[str], place: int, before: list[Token]) -> Amount | No
 
 def _unit_count(amount: Amount) -> float:
     """How many of its unit an amount is: 2 of "two feet"."""
-    number = _number(amount.said.split(), 0)
+    number = number_at(amount.said.split(), 0)
     return amount.value if number is None else number[0]
 
 
@@ -129,7 +157,7 @@ def _amount(words: list[str], place: int) -> tuple[Token, int]:
     after = words[place + 1] if place + 1 < len(words) else ""
     if word in known.table["counts"] and before != "at" and after not in ("more", "again", "you", "you've"):
         return Amount(float(known.table["counts"][word]), "times", word), 1
-    number = _number(words, place)
+    number = number_at(words, place)
     if number is None:
         return word, 1
     value, used, rough, article = number
@@ -144,8 +172,9 @@ def _amount(words: list[str], place: int) -> tuple[Token, int]:
         said = " ".join(words[place : place + used + skipped + 1])
         return Amount(value, "times", said, rough), used + skipped
     if unit not in known.units or (unit in known.table["revolutions"] and not explicit):
-        said = words[place]
-        return (Bare(value, said), 1) if used == 1 and _NUMBER.fullmatch(said) else (said, 1)
+        said = " ".join(words[place : place + used])
+        named = words[place] in known.table["numbers"] and value >= LEAST_BARE and not rough
+        return (Bare(value, said), used) if named or is_digits(said) else (words[place], 1)
     if unit == "foot" and before in ("on", "with", "lift", "raise", "the", "your", "left", "right", "stand"):
         return words[place], 1
     end = place + used + skipped + 1
@@ -160,77 +189,8 @@ def _amount(words: list[str], place: int) -> tuple[Token, int]:
 
 def _hundredths(words: list[str], place: int) -> tuple[float, int] | None:
     """Hundredths said behind a unit, and how many words they are; None where something of its own is counted there."""
-    number = _number(words, place) if place < len(words) else None
+    number = number_at(words, place) if place < len(words) else None
     if number is None or number[3] or not 10 <= number[0] < 100:
         return None
     following = words[place + number[1]] if place + number[1] < len(words) else ""
     return None if following in vocabulary().units else (number[0] / 100.0, number[1])
-
-
-def _number(words: list[str], place: int) -> tuple[float, int, bool, bool] | None:
-    """Value, words used, whether it is rough, whether it is a mere article; None: no number begins here."""
-    table = vocabulary().table
-    numbers, fractions, articles, vague = (table[name] for name in ("numbers", "fractions", "articles", "vague"))
-
-    def at(index: int) -> str:
-        return words[index] if index < len(words) else ""
-
-    first = at(place)
-    if first in vague:
-        return float(vague[first]), 1, True, False
-    if first in articles and at(place + 1) in vague:
-        return float(vague[at(place + 1)]), 2 + (at(place + 2) == "of"), True, False
-    if first in fractions:
-        return float(fractions[first]), 1, False, False
-    if first in articles and at(place + 1) in fractions:
-        return float(fractions[at(place + 1)]), 2, False, False
-    if _NUMBER.fullmatch(first) and len(first) <= _LONGEST_NUMBER:
-        value, used = float(first), 1
-        if at(place + 1) == "and" and at(place + 2) in articles and at(place + 3) in fractions:
-            return value + fractions[at(place + 3)], 4, False, False
-        if at(place + 1) in ("hundred", "thousand"):
-            return value * numbers[at(place + 1)], 2, False, False
-        return value, used, False, False
-    if first in articles and at(place + 1) in ("hundred", "thousand"):
-        value, used = _named(words, place + 1)
-        return value, used + 1, False, False
-    if first in articles:
-        return float(articles[first]), 1, False, True
-    if first not in numbers:
-        return None
-    value, used = _named(words, place)
-    following = at(place + used)
-    if following in fractions and fractions[following] < 0.5 + 1e-9 and following != "half":
-        return value * fractions[following], used + 1, False, False
-    if following == "and" and at(place + used + 1) in articles and at(place + used + 2) in fractions:
-        return value + fractions[at(place + used + 2)], used + 3, False, False
-    if following == "point" and at(place + used + 1) in numbers:
-        return float(f"{int(value)}.{numbers[at(place + used + 1)]}"), used + 2, False, False
-    return value, used, False, False
-
-
-def _named(words: list[str], place: int) -> tuple[float, int]:
-    """Value of number words from a place on ("one hundred and eighty"), and how many they are."""
-    numbers = vocabulary().table["numbers"]
-    total = current = 0.0
-    used, last = 0, 0.0
-    while place + used < len(words):
-        word = words[place + used]
-        if word == "and" and last in (100.0, 1000.0) and words[place + used + 1 : place + used + 2]:
-            if words[place + used + 1] not in numbers or numbers[words[place + used + 1]] >= 100:
-                break
-            used += 1
-            continue
-        if word not in numbers:
-            break
-        value = float(numbers[word])
-        if value >= 1000:
-            total, current = total + max(current, 1.0) * value, 0.0
-        elif value >= 100:
-            current = max(current, 1.0) * value
-        elif used and not (last >= 20 and value < 10) and last not in (100.0, 1000.0):
-            break  # "two three" are two numbers
-        else:
-            current += value
-        used, last = used + 1, value
-    return total + current, used

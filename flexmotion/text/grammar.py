@@ -8,35 +8,29 @@ words as given.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import replace
 
-from flexmotion.text.amounts import tokens_of
-from flexmotion.text.clauses import Asks, Clause, clause_of
+from flexmotion.text.amounts import is_mark, tokens_of
+from flexmotion.text.clause import NO_KNOWN_WORD, Asks, Clause
+from flexmotion.text.clauses import clause_of
+from flexmotion.text.ellipsis import completed, corrected
 from flexmotion.text.manner_phrases import MannerPhrase, manner_phrases
 from flexmotion.text.phrases import STAND
+from flexmotion.text.rewording import reworded
 from flexmotion.text.sentence_parts import Part, parts_of
-from flexmotion.text.vocabulary import vocabulary
-from flexmotion.text.wording import plain, taught
+from flexmotion.text.wording import plain, stripped, taught
 
 
 def parse(sentence: str) -> tuple[Clause, ...]:
     """The requests of a sentence, at least one, in the order in which they are to be done."""
-    sentence = _reworded(sentence)
+    sentence = reworded(sentence)
     if taught().get(plain(tokens_of(sentence))) == STAND:
         return (Clause(sentence, sentence),)  # "look out", "never mind the walking, quit it"
     # "Like a ninety year old" is no amount, "without confidence" no prohibition.
     phrases = [phrase for phrase in manner_phrases(sentence) if " " in phrase.text]
     found = _parsed(_with_names(sentence, phrases))
     return tuple(_with_manner(_with_phrases(clause, phrases)) for clause in found)
-
-
-def _reworded(sentence: str) -> str:
-    """The sentence with one wording for what has several: "at most" for "no more than"."""
-    for phrase, same in vocabulary().table["same"].items():
-        sentence = re.sub(rf"\b{phrase}\b", same, sentence, flags=re.IGNORECASE)
-    return sentence
 
 
 def _with_names(sentence: str, phrases: Sequence[MannerPhrase]) -> str:
@@ -78,6 +72,7 @@ def _parsed(sentence: str) -> tuple[Clause, ...]:
     kind = taught().get(words)
     parts = [Part(tokens)] if kind is not None else parts_of(tokens)
     clauses: list[Clause] = []
+    names: list[str] = []
     forbidding = False
     for number, part in enumerate(parts):
         # "don't walk or wave" and "don't walk, turn or wave" forbid all; "don't walk, wave" and "don't walk then wave"
@@ -87,10 +82,19 @@ def _parsed(sentence: str) -> tuple[Clause, ...]:
         clause = clause_of(part, forbidding)
         if clause is None:
             continue
+        if part.corrects is not None and (wrong := clause_of(Part(part.corrects), False)) is not None:
+            clause = corrected(clause, wrong)
+        called = number == 0 and [later.joint for later in parts[1:2]] == [","] and part.joint != "after"
+        if called and clause.refusal == NO_KNOWN_WORD and len(clause.said.split()) == 1:
+            names.append(f"{clause.said!r} is taken for a name")
+            continue
+        own = [token for token in stripped(part.tokens) if isinstance(token, str) and not is_mark(token)]
+        clause = completed(clause, own, clauses[-1] if clauses else None)
         forbidding = clause.forbidden
         clauses.append(replace(clause, joint=part.joint if clauses else ","))
     if not clauses:
         return (Clause(sentence, sentence),)
+    clauses[0] = replace(clauses[0], notes=(*names, *clauses[0].notes))
     if len(clauses) == 1 and clauses[0].said == words and _is_plain(clauses[0]):
         # The listener gets the sentence as it was given.
         return (replace(clauses[0], said=sentence, text=sentence),)
@@ -99,7 +103,7 @@ def _parsed(sentence: str) -> tuple[Clause, ...]:
 
 def _is_plain(clause: Clause) -> bool:
     """Whether the grammar has nothing to add to what a listener hears in the whole sentence."""
-    counts = clause.amount is not None or clause.counted or clause.until_told
+    counts = clause.amount is not None or clause.counted or clause.until_told or bool(clause.notes)
     return clause.asks is Asks.MOTION and clause.speed == 1.0 and not counts
 
 

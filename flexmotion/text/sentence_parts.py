@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass, field
 
 from flexmotion.text.amounts import Amount, Token, is_mark
-from flexmotion.text.prompt_reader import FORBIDS, FORBIDS_NOTHING
+from flexmotion.text.prompt_reader import FORBIDS, FORBIDS_NOTHING, WITHOUT_TURNING
 from flexmotion.text.vocabulary import vocabulary
 from flexmotion.text.wording import begins, opens_by_number, plain, stem, stripped
 
@@ -21,11 +21,20 @@ NEGATES = re.compile(
 
 @dataclass
 class Part:
-    """Tokens between two joints, and how it is joined to the part before."""
+    """Tokens between two joints.
+
+    Attributes:
+        joint: what joins it to the part before.
+        dropped: words of it that are not done.
+        corrects: tokens of a part that it replaces ("turn left, no, right"); None: it replaces none.
+        refusal: why it is not done; None: no reason.
+    """
 
     tokens: list[Token]
     joint: str = "then"
     dropped: list[str] = field(default_factory=list)
+    corrects: list[Token] | None = None
+    refusal: str | None = None
 
 
 def parts_of(tokens: list[Token]) -> list[Part]:
@@ -55,6 +64,15 @@ def parts_of(tokens: list[Token]) -> list[Part]:
 
     while place < len(tokens):
         token = tokens[place]
+        if (length := _correction(tokens, place)) and (wrong := _last_asked(parts)) is not None:
+            parts = [*parts[:wrong], Part([], parts[wrong].joint, corrects=parts[wrong].tokens)]
+            place += length
+            continue
+        if token == "beforehand" and parts[-1].tokens:
+            open_part("then")
+            swap = True
+            place += 1
+            continue
         phrase = begins(tokens, place, then)
         # "the next left" and "one after another" join nothing.
         if phrase and (phrase != "next" or (place and tokens[place - 1] != "the")):
@@ -80,7 +98,7 @@ def parts_of(tokens: list[Token]) -> list[Part]:
                 swap = True
             place += length
             continue
-        if parts[-1].tokens and begins(tokens, place, instead):
+        if parts[-1].tokens and (begins(tokens, place, instead) or _excepts(tokens, place)):
             open_part(",")  # "wave instead of walking" asks for the one and forbids the other
         if phrase := begins(tokens, place, at_once):
             parts[-1].dropped.append(phrase)
@@ -101,18 +119,78 @@ def parts_of(tokens: list[Token]) -> list[Part]:
                 open_part("then" if token in (".", ";", "!", "?") else ",")
             place += 1
             continue
+        if token == "but" and not parts[-1].tokens:
+            parts[-1].joint = "but"
+            place += 1
+            continue
         if token in ("and", "or", "nor", "but", "plus") and _begins_request(tokens, place + 1, parts[-1].tokens):
             open_part(str(token))
             place += 1
             continue
         waits = parts[-1].joint in ("after", "before") and _names_request(parts[-1].tokens, 0)
+        if _runs_on(tokens, place, parts[-1].tokens):
+            open_part(",")
         if waits and _begins_request(tokens, place, []):
             # "after five seconds wave": no comma tells where the second begins.
             open_part("then")
         parts[-1].tokens.append(token)
         place += 1
     open_part("then")
-    return [part for part in parts if part.tokens or part.dropped]
+    return _first_first([part for part in parts if part.tokens or part.dropped])
+
+
+def _first_first(parts: list[Part]) -> list[Part]:
+    """The parts with "bow, but first wave" and "bow, but wave first" in the order in which they are meant."""
+    parts = list(parts)
+    for place in range(1, len(parts)):
+        words = [token for token in parts[place].tokens if not is_mark(token)]
+        leads, ends = words[:1] == ["first"] and parts[place].joint == "but", words[-1:] == ["first"]
+        if len(words) > 1 and (leads or ends):
+            parts[place].tokens = words[1:] if leads else words[:-1]
+            parts[place - 1].joint, parts[place].joint = "then", parts[place - 1].joint
+            parts[place - 1 : place + 1] = parts[place], parts[place - 1]
+    return parts
+
+
+def _last_asked(parts: list[Part]) -> int | None:
+    """Place of the last part that has tokens."""
+    return next((place for place in reversed(range(len(parts))) if parts[place].tokens), None)
+
+
+def _correction(tokens: list[Token], place: int) -> int:
+    """How many tokens say at a place that the part before is not meant ("no wait"); 0: none."""
+    known = vocabulary()
+    if phrase := begins(tokens, place, known.phrases("sure_corrections")):
+        return len(phrase.split())
+    alone = (
+        place > 0 and is_mark(tokens[place - 1]) and is_mark(tokens[place + 1]) if place + 1 < len(tokens) else False
+    )
+    return 1 if alone and tokens[place] in known.table["corrections"] else 0
+
+
+def _excepts(tokens: list[Token], place: int) -> bool:
+    """Whether "without waving" begins at a token: the part before is asked for, and waving is forbidden."""
+    following = tokens[place + 1] if place + 1 < len(tokens) else ""
+    if tokens[place] != "without" or not isinstance(following, str) or stem(following) == following:
+        return False
+    return WITHOUT_TURNING.match(f"without {following}") is None
+
+
+def _runs_on(tokens: list[Token], place: int, before: list[Token]) -> bool:
+    """Whether a request begins without a joint: "walk two steps turn left", "two steps ahead one step back"."""
+    known, token = vocabulary(), tokens[place]
+    amounts = [one for one in before if isinstance(one, Amount) and one.quantity != "times"]
+    if not amounts or not before:
+        return False
+    last = before[-1]
+    closed = isinstance(last, Amount) or last in known.words("directions")
+    if isinstance(token, Amount):
+        moved = {"steps", "length", "angle"}
+        return closed and not isinstance(last, Amount) and token.quantity in moved and amounts[-1].quantity in moved
+    # "a 90 degree turn", "a ninety degree left turn" name one.
+    said = amounts[-1].said.split()
+    noun = said[-1] in known.words("adjectives") and said[0] not in ("one", "1", "a")
+    return closed and not noun and isinstance(token, str) and token in known.words("run_on_verbs")
 
 
 def _is_delay(tokens: list[Token], place: int, before: list[Token]) -> bool:
@@ -139,7 +217,7 @@ def _begins_request(tokens: list[Token], place: int, before: list[Token]) -> boo
     """
     known = vocabulary()
     rest = tokens[place:]
-    while rest and (phrase := begins(rest, 0, known.phrases("fillers"))):
+    while rest and (phrase := begins(rest, 0, known.phrases("fillers") + known.phrases("first"))):
         rest = rest[len(phrase.split()) :]
     rest = rest[1:] if opens_by_number(rest) else rest
     own = [token for token in before if token not in known.words("directions")]

@@ -40,11 +40,14 @@ def begins(tokens: list[Token], place: int, phrases: tuple[str, ...]) -> str | N
 
 
 def stem(word: str) -> str:
-    """A verb without "-ing": "waving" -> "wave"; the word itself where none fits."""
+    """A verb without "-ing" or "-ed": "waving" -> "wave"; the word itself where none fits."""
     verbs = vocabulary().verbs
-    if not word.endswith("ing") or len(word) < 6:
+    if word.endswith("ing") and len(word) >= 6:
+        root = word[:-3]
+    elif word.endswith("ed") and len(word) >= 5 and word not in verbs:
+        root = word[:-2]
+    else:
         return word
-    root = word[:-3]
     tries = (root, root + "e", root[:-1] if root[-1:] == root[-2:-1] else root)
     return next((found for found in tries if found in verbs), word)
 

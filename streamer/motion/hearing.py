@@ -17,11 +17,13 @@ from flexmotion.streamer.motion.intents import Clip, Heading, Intent, Stop, Text
 from flexmotion.streamer.motion.programs import LEAST, MOST, MOST_STEPS, NOT_SAID, Program, Step, limit_s, usual_amount
 from flexmotion.streamer.motion.speeds import Model, Speeds, velocity_text
 from flexmotion.text.amounts import Amount
-from flexmotion.text.clauses import NO_KNOWN_WORD, Asks, Clause
+from flexmotion.text.clause import NO_KNOWN_WORD, Asks, Clause
+from flexmotion.text.ellipsis import with_side
 from flexmotion.text.grammar import parse, whole
 from flexmotion.text.manners import NORMAL
 from flexmotion.text.phrases import STAND, moves_head
 from flexmotion.text.prompt_reader import Prompt
+from flexmotion.text.refusals import is_no_stand, is_turning
 from flexmotion.text.vocabulary import Quantity, vocabulary
 
 TURNING = 0.5
@@ -149,6 +151,9 @@ class Hearing:
         forbidden: list[str] = []
         for clause in (one for one in clauses if one.forbidden):
             prompt = self.model.prompt(clause.text) if clause.text else None
+            if is_turning(clause.text):
+                forbidden += vocabulary().table["turns"]
+                continue
             if prompt is None or not prompt.known or prompt.kind == STAND:
                 return []  # "walk forward, no, don't", "don't move and wave": nothing moves
             forbidden.append(prompt.kind)
@@ -203,6 +208,8 @@ class Hearing:
             repeated = before[-1:] if before else list(last.steps) if last is not None else []
             if not repeated:
                 raise _RefusedError("nothing was done before that could be repeated")
+            if clause.side is not None:
+                repeated = [self._to_side(step, clause) for step in repeated]
             repeated = repeated * clause.times
             # A motion without an end has one where another follows it.
             ends = in_sequence or len(repeated) > 1
@@ -213,7 +220,7 @@ class Hearing:
         if clause.asks is Asks.CONTINUE:
             if clause.amount is None and in_sequence:
                 return []
-            return self._continued(clause, before, under_way)
+            return self._continued(clause, before, under_way, last)
         if clause.asks is not Asks.MOTION:
             if not before:
                 raise _RefusedError(f"{clause.said!r}: say it alone, while the motion is under way")
@@ -224,20 +231,43 @@ class Hearing:
             return []
         return [self._motion(clause, in_sequence)]
 
-    def _continued(self, clause: Clause, before: list[Step], under_way: Program | None) -> list[Step]:
+    def _continued(
+        self, clause: Clause, before: list[Step], under_way: Program | None, last: Program | None
+    ) -> list[Step]:
         """For "after five seconds", "for two metres": more of the motion before, or of the one under way."""
         if clause.amount is None:
             if not before and under_way is None:
                 raise _RefusedError("nothing is under way that could go on")
             return [] if before or under_way is None else [under_way.steps[-1]]
+        if clause.more:
+            return [self._more(clause, before, under_way, last)]
         if before:
-            last = before[-1].amount
-            if last is None or last.quantity == "time" or last.said == NOT_SAID:
+            amount = before[-1].amount
+            if amount is None or amount.quantity == "time" or amount.said == NOT_SAID:
                 before[-1] = self._measured(before[-1], clause.amount, 1)
                 return []
             return [self._measured(self._standing(clause.said), clause.amount, 1)]
         current = self._standing(clause.said) if under_way is None else under_way.steps[-1]
         return [self._measured(current, clause.amount, 1)]
+
+    def _more(self, clause: Clause, before: list[Step], under_way: Program | None, last: Program | None) -> Step:
+        """For "two more steps": of the motion before, where it has such an amount."""
+        assert clause.amount is not None
+        program = under_way or last
+        done = before or ([] if program is None else list(program.steps))
+        if done and clause.amount.quantity in _fits(done[-1]):
+            return self._measured(done[-1], clause.amount, 1)
+        if not clause.text or clause.amount.quantity == "angle":
+            raise _RefusedError(f"{clause.said!r}: nothing was done before that could go on so far")
+        return self._motion(replace(clause, asks=Asks.MOTION), in_sequence=True)
+
+    def _to_side(self, step: Step, clause: Clause) -> Step:
+        """A step to another side, or with another hand, as much of it as before."""
+        assert clause.side is not None
+        if step.kind == STAND or not isinstance(step.intent, Text | Velocity) or step.kind == "velocity":
+            raise _RefusedError(f"{clause.said!r}: {step.kind} has no other side")
+        mirrored = self._motion(Clause(clause.said, with_side(step.told.text, clause.side)), in_sequence=False)
+        return mirrored if step.amount is None else self._measured(mirrored, step.amount, 1)
 
     def _motion(self, clause: Clause, in_sequence: bool) -> Step:
         prompt = self.model.prompt(clause.text)
@@ -247,6 +277,8 @@ class Hearing:
             raise _RefusedError(prompt.warning or f"{clause.text!r} is not understood")
         if prompt.warning is not None:
             return self._standing(clause.said)  # a prohibition, such as "stop that at once"
+        if prompt.kind == STAND and is_no_stand(clause.text):
+            raise _RefusedError(f"{clause.text!r} is not understood: no known motion is like it")
         table = vocabulary().table
         axis = tuple(table["walks"].get(prompt.kind, (0, 0)))
         turn = int(table["turns"].get(prompt.kind, 0))
@@ -275,14 +307,7 @@ class Hearing:
 
     def _measured(self, step: Step, amount: Amount, times: int) -> Step:
         """The step with an end; refuses amounts that its motion does not have, or that are out of bounds."""
-        moves = step.turn != 0 or step.axis != (0, 0) or step.kind == "velocity"
-        fits: tuple[Quantity, ...] = ("time", "times")
-        if step.turn:
-            fits = ("angle", "time", "steps")
-        elif moves:
-            fits = ("length", "time", "steps")
-        elif step.kind == STAND:
-            fits = ("time",)
+        fits = _fits(step)
         if amount.quantity not in fits:
             raise _RefusedError(f"{amount.said!r}: {step.kind} is measured in {' or '.join(map(_unit_text, fits))}")
         value = amount.value * (times if amount.quantity != "times" else 1)
@@ -301,6 +326,15 @@ class Hearing:
             update={"amount": round(amount.value, 6), "unit": amount.quantity, "limit_s": limit}
         )
         return replace(step, amount=amount, limit_s=limit, told=told)
+
+
+def _fits(step: Step) -> tuple[Quantity, ...]:
+    """Quantities in which a motion is measured."""
+    if step.turn:
+        return ("angle", "time", "steps")
+    if step.axis != (0, 0) or step.kind == "velocity":
+        return ("length", "time", "steps")
+    return ("time",) if step.kind == STAND else ("time", "times")
 
 
 def _manners(steps: Sequence[Step]) -> str | None:

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flexmotion.text.amounts import Amount, tokens_of
-from flexmotion.text.clauses import Asks
+from flexmotion.text.clause import Asks
 from flexmotion.text.grammar import parse
 from flexmotion.text.sayings import sayings
 from flexmotion.text.vocabulary import vocabulary
@@ -85,7 +85,7 @@ def test_one_motion_of_two_verbs_is_not_split() -> None:
         ("do not walk or wave", [True, True]),
         ("never walk, turn or wave", [True, True, True]),
         ("wave but don't walk", [False, True]),
-        ("walk without waving", [True]),
+        ("walk without waving", [False, True]),
     ],
 )
 def test_a_prohibition_reaches_as_far_as_and_and_or(sentence: str, forbidden: list[bool]) -> None:

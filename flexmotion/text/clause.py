@@ -1,0 +1,66 @@
+"""`Clause`: one request of a sentence, as far as words alone tell."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+from flexmotion.text.amounts import Amount
+
+NO_KNOWN_WORD = "none of its words is known; the model hears English"
+"""Refusal of words that a listener may still take for something."""
+
+
+class Asks(Enum):
+    """What a clause asks for: a motion of its own, or something of the motion that is under way."""
+
+    MOTION = "motion"
+    FASTER = "faster"
+    SLOWER = "slower"
+    AGAIN = "again"
+    CONTINUE = "continue"
+
+
+@dataclass(frozen=True)
+class Clause:
+    """One request of a sentence.
+
+    Attributes:
+        said: its words as said, for the answer.
+        text: its words for the listener, without amounts; empty where `asks` is not MOTION.
+        asks: what it asks for.
+        amount: how much of it; None: not said.
+        times: how often; 1: once, or not said.
+        counted: whether `times` was said.
+        speed: factor on the speed of the motion.
+        forbidden: the clause says what not to do.
+        refusal: why it cannot be done, as far as the words alone tell; None: they do not.
+        dropped: parts of it that are not done.
+        joint: what joins it to the one before: "then" for an order of doing.
+        notes: what was taken for rough words.
+        manner: the adverbs of `speed`.
+        needs_head: whether only a motion of the head or the eyes does it.
+        until_told: it says that it goes on until something else is said.
+        side: of what is done again; None: as it was done.
+        more: it asks for more of the motion before ("two more steps"); `text` is for a robot that has done none.
+        verbless: it names no verb of its own.
+    """
+
+    said: str
+    text: str
+    asks: Asks = Asks.MOTION
+    amount: Amount | None = None
+    times: int = 1
+    counted: bool = False
+    speed: float = 1.0
+    forbidden: bool = False
+    refusal: str | None = None
+    dropped: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    manner: str = ""
+    needs_head: bool = False
+    until_told: bool = False
+    joint: str = "then"
+    side: str | None = None
+    more: bool = False
+    verbless: bool = False

@@ -1,0 +1,97 @@
+"""`amounts_of`, `little_of`, `speed_of`: how much, how often and how fast a request says."""
+
+from __future__ import annotations
+
+import math
+from math import pi
+
+from flexmotion.text.amounts import LEAST_BARE, Amount, Bare, Token
+from flexmotion.text.paces import Speed
+from flexmotion.text.vocabulary import vocabulary
+from flexmotion.text.wording import begins, taught
+
+
+def amounts_of(tokens: list[Token]) -> tuple[Amount | None, int, bool, list[Token], list[str]]:
+    """The amount that ends the motion, how often, whether that was said, the other tokens, amounts that are dropped."""
+    hedges = vocabulary().words("hedges")
+    first_word = next((token for token in tokens if isinstance(token, str)), "")
+    turns = first_word in vocabulary().words("turn_verbs") or first_word in ("do", "make")
+    amount: Amount | None = None
+    times, counted = 1, False
+    rest: list[Token] = []
+    extra: list[str] = []
+    for token in tokens:
+        if isinstance(token, Bare) and turns and abs(token.value) >= LEAST_BARE:
+            token = Amount(token.value * pi / 180.0, "angle", token.said)
+            rest = rest[:-1] if rest[-1:] == ["a"] else rest
+        if not isinstance(token, Amount):
+            rest.append(token)
+            continue
+        while (
+            rest
+            and rest[-1] in hedges
+            and (token.quantity != "times" or rest[-1] not in ("around", "through"))
+            and len(rest) > (1 if amount is None and rest[-1] == "only" else 0)
+        ):
+            rest.pop()
+        if token.quantity == "times":
+            extra += [token.said] if counted else []
+            times, counted = (times, counted) if counted else (int(token.value), True)
+        elif amount is None or (turns and token.quantity == "angle" and amount.quantity != "angle"):
+            extra += [] if amount is None else [amount.said]
+            amount = token
+        else:
+            extra.append(token.said)
+    return amount, times, counted, rest, extra
+
+
+def is_count(amount: Amount) -> bool:
+    """Whether an amount of times is a whole number from 1 on; other amounts always are fine."""
+    return amount.quantity != "times" or (amount.value >= 1 and amount.value == int(amount.value))
+
+
+def little_of(tokens: list[Token]) -> tuple[Amount | None, list[Token]]:
+    """The amount of a walk or a turn "a bit" and the other tokens; None where there is none, or it is no amount.
+
+    "A little faster" is a change of speed, "wave a little" a manner.
+    """
+    known = vocabulary()
+    first = next((token for token in tokens if isinstance(token, str)), "")
+    turns, walks = first in known.words("turn_verbs"), first in known.words("walk_verbs")
+    for place in range(1, len(tokens)):
+        phrase = begins(tokens, place, known.phrases("little"))
+        if phrase is None:
+            continue
+        end = place + len(phrase.split())
+        following = tokens[end] if end < len(tokens) else ""
+        changes = isinstance(following, str) and (following in known.table["speeds"] or following[-2:] in ("er", "ly"))
+        if not (turns or walks) or changes or following in ("more", "less"):
+            return None, tokens
+        rest = [*tokens[:place], *tokens[end:]]
+        if turns:
+            degrees = float(known.table["little_turn"])
+            return Amount(degrees * pi / 180.0, "angle", phrase, rough=True), rest
+        return Amount(float(known.table["little_walk"]), "length", phrase, rough=True), rest
+    return None, tokens
+
+
+def speed_of(tokens: list[Token]) -> tuple[float, str, list[Token]]:
+    """The factor that adverbs put on the speed, these adverbs, and the tokens without them."""
+    known = vocabulary()
+    speeds: dict[str, float] = known.table["speeds"]
+    said = [token for token in tokens if isinstance(token, Speed)]
+    factor, manner = math.prod(token.factor for token in said), [token.said for token in said]
+    tokens = [token for token in tokens if not isinstance(token, Speed)]
+    words = [token for token in tokens if isinstance(token, str)]
+    if not any(word in speeds for word in words) or " ".join(words) in taught() or words[:1] == ["run"]:
+        return factor, " ".join(manner), tokens
+    rest: list[Token] = []
+    for token in tokens:
+        if isinstance(token, str) and token in speeds:
+            factor *= speeds[token]
+            manner.append(token)
+            while rest and rest[-1] in known.words("amplifiers"):
+                rest.pop()
+        else:
+            rest.append(token)
+    return factor, " ".join(manner), rest

@@ -1,0 +1,94 @@
+"""`completed`: a request that leaves out what the one before it says: "wave with the right hand, then the left"."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from flexmotion.text.clause import Asks, Clause
+from flexmotion.text.sides import LEFT, mirrored, sides
+from flexmotion.text.vocabulary import vocabulary
+
+OTHER = "other"
+"""The side that was not meant before."""
+
+
+def named_side(words: list[str]) -> str | None:
+    """The side in words that say nothing but a side ("now the other hand"); None where they say more, or no side."""
+    known = vocabulary()
+    if not words or not set(words) <= known.words("refers"):
+        return None
+    named = sides(" ".join(words))
+    if len(named) == 1:
+        return min(named)
+    return OTHER if not named and known.words("other") & set(words) else None
+
+
+def with_side(text: str, side: str) -> str:
+    """The words of a motion, to another side or with another hand."""
+    named, known = sides(text), vocabulary()
+    if len(named) == 1:
+        return text if side in named else mirrored(text)
+    if text.split()[:1] and text.split()[0] in known.words("walk_verbs"):
+        if side != OTHER:
+            return f"walk to the {side}"
+        return "walk forward" if known.words("backward") & set(text.split()) else "walk back"
+    return f"{text} with the {LEFT if side == OTHER else side} hand"
+
+
+def is_repeated(words: list[str]) -> bool:
+    """Whether words of a side ask for the last motion once more: "again with the left hand", "the other way"."""
+    return bool((vocabulary().words("other") | {"same", "again"}) & set(words))
+
+
+def completed(clause: Clause, words: list[str], before: Clause | None) -> Clause:
+    """The request, with what it leaves out.
+
+    Args:
+        words: all words of the clause, without fillers.
+        before: request before it in the sentence; None: it is the first.
+    """
+    side = named_side(words)
+    asked = before is not None and before.asks is Asks.MOTION and before.refusal is None and not before.forbidden
+    if side is not None and clause.amount is None:
+        if before is None and is_repeated(words):
+            return replace(clause, text="", asks=Asks.AGAIN, refusal=None, side=side)
+        if before is not None and asked:
+            return _like(clause, before, with_side(before.text, side))
+        return clause
+    if before is not None and asked and _returns(clause, before):
+        return _like(clause, before, with_side(before.text, OTHER))
+    return clause
+
+
+def corrected(clause: Clause, wrong: Clause) -> Clause:
+    """A request that corrects another one: what it does not say is as in that one ("two steps, sorry, three steps")."""
+    if not clause.verbless:
+        return clause
+    alike = clause.amount is not None and wrong.amount is not None and clause.amount.quantity == wrong.amount.quantity
+    if alike and not sides(clause.said):
+        return replace(wrong, said=clause.said, amount=clause.amount)
+    if clause.amount is None and len(sides(clause.text)) == 1:
+        return _like(clause, wrong, with_side(wrong.text, min(sides(clause.text))))
+    return clause
+
+
+def _like(clause: Clause, before: Clause, text: str) -> Clause:
+    """The clause as a motion with these words, as much of it as of the one before."""
+    return replace(
+        clause,
+        text=text,
+        asks=Asks.MOTION,
+        amount=before.amount,
+        times=before.times,
+        counted=before.counted,
+        speed=before.speed,
+        refusal=None,
+    )
+
+
+def _returns(clause: Clause, before: Clause) -> bool:
+    """Whether a walk goes back what the one before it went ahead."""
+    known = vocabulary()
+    returns = clause.asks is Asks.MOTION and clause.amount is None and clause.text in known.words("returns")
+    walked = before.amount is not None and before.amount.quantity in ("length", "steps", "time")
+    return returns and walked and before.text.split()[:1] != [] and before.text.split()[0] in known.words("walk_verbs")

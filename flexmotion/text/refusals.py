@@ -1,0 +1,80 @@
+"""`refusal_of`, `needs_head`, `condition_of`: what the words alone tell that is not done."""
+
+from __future__ import annotations
+
+from flexmotion.text.amounts import tokens_of
+from flexmotion.text.phrases import STAND
+from flexmotion.text.sayings import NOTHING
+from flexmotion.text.sides import sides
+from flexmotion.text.vocabulary import vocabulary
+from flexmotion.text.wording import plain, stem, taught
+
+
+def refusal_of(words: list[str]) -> str | None:
+    """Why the words alone tell that a request cannot be done; None where they do not."""
+    known = vocabulary()
+    verb = next((word for word in words if word in known.verbs), None)
+    text = f" {' '.join(words)} "
+    if " where " in text and verb in known.words("walk_verbs") | known.words("turn_verbs"):
+        return "a place: the robot knows none"
+    for phrase in known.phrases("impossible"):
+        if f" {phrase} " in text:
+            return f"{phrase!r}: no model and no robot of this project does that"
+    return _walking_refusal(words, text)
+
+
+def _walking_refusal(words: list[str], text: str) -> str | None:
+    """Why a walk or a turn is none that the robot could make."""
+    known = vocabulary()
+    first = words[0] if words else ""
+    if first not in known.words("paths") or known.words("limbs") & set(words):
+        return None
+    one_side = len(sides(text)) == 1
+    for phrase in known.phrases("shapes"):
+        if f" {phrase} " in text and not one_side:
+            return f"{phrase!r}: the robot walks straight or in a curve to a side that is said"
+    for phrase in known.phrases("in_place"):
+        if f" {phrase} " in text and first not in known.words("turn_verbs") and not one_side:
+            return f"{phrase!r}: the robot has no such motion on one spot"
+    onward, back = known.words("onward"), known.words("backward")
+    if (onward & set(words[1:]) and back & set(words[1:])) or (len(sides(text)) == 2 and " from " not in text):
+        return "two opposite directions at once"
+    return None
+
+
+def needs_head(words: list[str]) -> bool:
+    """Whether a request is one of looking, or of moving the head."""
+    known = vocabulary()
+    verb = next((word for word in words if word in known.verbs), None)
+    if verb in known.words("look") or (words and words[0] in known.words("look")):
+        return True
+    owners = ("your", "the", "its", "my", "his", "her")
+    named = any(
+        word in known.words("head") and place and words[place - 1] in owners for place, word in enumerate(words)
+    )
+    moves = ("turn", "move", "tilt", "shake", "rotate", "swivel", "nod", "twist", "roll", "close", "open")
+    return named and verb in moves
+
+
+def condition_of(words: list[str]) -> str | None:
+    """The condition at the end of a request ("until you reach the wall"); of an allowed one the phrase alone."""
+    known = vocabulary()
+    for place, word in enumerate(words):
+        if place and word in known.words("conditions"):
+            text = " ".join(words[place:])
+            return next((phrase for phrase in known.phrases("allowed_conditions") if text.startswith(phrase)), text)
+    return None
+
+
+def is_no_stand(text: str) -> bool:
+    """Whether a request is none to stand, although a listener may hear that: its verb is of a motion."""
+    words = [word for word in text.lower().split() if word.isalpha()]
+    told = taught().get(plain(tokens_of(text)))
+    first = next((stem(word) for word in words if stem(word) in vocabulary().verbs), None)
+    return told != STAND and (told == NOTHING or first in vocabulary().words("unlike_standing"))
+
+
+def is_turning(text: str) -> bool:
+    """Whether the words of a prohibition name turns to both sides: "no turning", "don't turn around"."""
+    words = text.split()
+    return bool(words) and stem(words[0]) in vocabulary().words("turn_verbs") and not sides(text)

@@ -1,0 +1,48 @@
+"""`asked_change`: requests about the motion that is under way: "faster", "again", "keep going"."""
+
+from __future__ import annotations
+
+import re
+
+from flexmotion.text.amounts import Amount
+from flexmotion.text.clause import Asks
+from flexmotion.text.vocabulary import vocabulary
+
+_CHANGE = re.compile(
+    r"(?:(?:walk|go|move|turn|run|step|keep|be) )?"
+    r"(?:a (?:little )?bit |a little |much |even |slightly |some |somewhat )?"
+    r"(?:(?P<faster>faster|quicker|more quickly)|(?P<slower>slower|more slowly|less fast))"
+)
+
+
+def asked_change(sentence: str, amount: Amount | None, joint: str) -> Asks:
+    """What a request without a motion of its own asks for; MOTION where it is none.
+
+    Args:
+        sentence: its words, without amounts.
+        amount: how much of it; None: not said.
+        joint: what joins it to the one before.
+    """
+    known = vocabulary()
+    if change := _CHANGE.fullmatch(sentence):
+        return Asks.FASTER if change["faster"] else Asks.SLOWER
+    shorter = sentence
+    for phrase in known.phrases("amplifiers"):
+        shorter = shorter.removesuffix(f" {phrase}").removeprefix(f"{phrase} ")
+    for asks in (Asks.FASTER, Asks.SLOWER, Asks.AGAIN):
+        if {sentence, shorter} & known.words(asks.value):
+            return asks
+    if sentence in known.words("continue") and (sentence or amount is not None):
+        # "two steps", "one metre" alone are a walk; "for five seconds" is more of what is under way.
+        alone = not sentence and amount is not None and amount.quantity in ("steps", "length", "angle")
+        return Asks.MOTION if alone and joint != "after" else Asks.CONTINUE
+    return Asks.MOTION
+
+
+def change_factor(said: str, asks: Asks) -> float:
+    """Factor of a relative speed."""
+    much = any(f" {word} " in f" {said} " for word in ("much", "a lot", "far", "considerably", "a great deal"))
+    little = any(word in said for word in (" bit ", "a bit", "little", "slightly"))
+    if asks is Asks.FASTER:
+        return 1.6 if much else 1.15 if little else 1.3
+    return 0.5 if much else 0.85 if little else 0.7

@@ -1,0 +1,41 @@
+"""`reworded`: a sentence with one wording for what has several, before anything is read."""
+
+from __future__ import annotations
+
+import re
+from functools import lru_cache
+
+from flexmotion.text.vocabulary import vocabulary
+
+_ENUMERATED = re.compile(r"\s*(?:\(?(?:1|a|i)[.)]|(?:step|part|number)\s(?:one|1)\s?[:,.)])\s*[a-z]", re.IGNORECASE)
+_ITEM = re.compile(
+    r"(?:(?<=\s)|^)(?:\(?(?:\d{1,2}|[a-h]|i{1,3}|iv|v)[.)]\s*(?=[a-z])"
+    r"|(?:step|part|number)\s(?:\w+)\s?[:,.)]\s*)",
+    re.IGNORECASE,
+)
+_VOCATIVE = re.compile(r"\s*(?:(?:hey|hi|hello|ok|okay|dear|now)\s+)?[a-z]+-?\d+\s*[,:!]\s*(?=\w)", re.IGNORECASE)
+
+
+def reworded(sentence: str) -> str:
+    """The sentence in the grammar's own words: "at most" for "no more than", "please" for "would you mind".
+
+    A list ("1. wave 2. bow") is in its order, and a name with a number in front ("OP3, wave") says nothing.
+    """
+    text = sentence.replace("’", "'").replace("‘", "'")
+    found = text
+    if match := _VOCATIVE.match(found):
+        found = found[match.end() :]
+    if _ENUMERATED.match(found):
+        found = _ITEM.sub(" , then ", found).lstrip(" ,")
+    for pattern, same in _patterns():
+        found = pattern.sub(same, found)
+    return sentence if found == text else " ".join(found.split())
+
+
+@lru_cache
+def _patterns() -> tuple[tuple[re.Pattern[str], str], ...]:
+    """Patterns that begin and end at the edge of a word, and their replacements."""
+    return tuple(
+        (re.compile(rf"(?:(?<!\w)|(?=\W))(?:{phrase})(?:(?<!\w)|(?!\w))", re.IGNORECASE), same)
+        for phrase, same in vocabulary().table["same"].items()
+    )

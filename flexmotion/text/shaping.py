@@ -1,0 +1,86 @@
+"""`shaped`: the words of a request as a listener knows them: with a verb, "turn around" with its angle."""
+
+from __future__ import annotations
+
+from math import pi
+
+from flexmotion.text.amounts import Amount
+from flexmotion.text.sides import sides
+from flexmotion.text.vocabulary import vocabulary
+from flexmotion.text.wording import stem
+
+
+def shaped(
+    words: list[str], amount: Amount | None, times: int, counted: bool
+) -> tuple[list[str], Amount | None, str | None]:
+    """Words as a listener knows them: verbless requests get their verb, "turn around" its angle.
+
+    Returns:
+        Words, amount, and why the request cannot be done (None: no reason).
+    """
+    known = vocabulary()
+    text = " ".join(words)
+    quantity = None if amount is None else amount.quantity
+    whirls = words[:1] in (["spin"], ["revolve"], ["whirl"])
+    spins = whirls or words[:1] in (["rotate"], ["turn"]) and bool({"around", "round"} & set(words))
+    if counted and amount is None and spins:
+        # "spin around once" is a whole turn
+        given = Amount(2 * pi * times, "angle", f"{times} times around")
+        return turning_words(text), given, None
+    if any(text == phrase or text.startswith(phrase + " ") for phrase in known.phrases("around")):
+        wanted = amount if quantity in ("angle", "time") else Amount(pi, "angle", "around")
+        return turning_words(text), wanted, None
+    verb = words[0] if words and words[0] in known.verbs else None
+    if quantity == "angle" and (verb is None or verb in known.words("walk_verbs") | known.words("turn_verbs")):
+        full = amount is not None and abs(amount.value) % pi < 1e-6
+        if len(sides(text)) != 1 and not full:
+            return words, amount, "turning: to the left or to the right?"
+        return turning_words(text), amount, None
+    direction = [word for word in words if word in known.words("directions")]
+    if verb == "back" and quantity in ("steps", "length"):
+        words = ["step", *words]
+    elif not has_verb(words) and (amount is not None or text in known.words("directions")):
+        start = "step" if quantity == "steps" else "walk"
+        words = [start, *(words or ["forward"])]
+    elif verb in ("take", "make", "do") and quantity in ("steps", "length"):
+        words = ["step", *words[1:]]
+    if words[:1] and words[0] in known.words("walk_verbs") and quantity in ("steps", "length") and not direction:
+        named = destinations(words)
+        if len(words) == 1 and words[0] not in ("back", "retreat", "reverse"):
+            words = [words[0], "forward"]
+        elif named and " ".join(words[1:]) == named[0]:
+            words = [words[0], "forward", *words[1:]]
+    return words, amount, None
+
+
+def turning_words(text: str) -> list[str]:
+    """A turn to the side that is named; to the right without one, as after half or whole turns it does not matter."""
+    side = sides(text)
+    return ["turn", "to", "the", min(side) if len(side) == 1 else "right"]
+
+
+def has_verb(words: list[str]) -> bool:
+    """Whether a word is a verb, also in the third person ("the subject advances")."""
+    verbs = vocabulary().verbs
+    return any({word, word.removesuffix("s"), word.removesuffix("es"), stem(word)} & verbs for word in words)
+
+
+def destinations(words: list[str]) -> list[str]:
+    """Places that a request of walking names; the robot knows none."""
+    known = vocabulary()
+    feet = known.words("walk_verbs") | known.words("turn_verbs")
+    if not words or words[0] not in feet or words[0] in ("take", "make", "do"):
+        return []
+    prepositions = sorted(known.words("destinations"), key=lambda phrase: -len(phrase.split()))
+    for place in range(1, len(words)):
+        for phrase in prepositions:
+            length = len(phrase.split())
+            if words[place : place + length] != phrase.split():
+                continue
+            rest = [
+                w for w in words[place + length :] if w not in ("the", "a", "an", "my", "your", "that", "this", "of")
+            ]
+            own = known.words("undestined") | known.words("directions") | known.words("look")
+            if rest and not any(word in own for word in rest):
+                return [" ".join(words[place:])]
+    return []
