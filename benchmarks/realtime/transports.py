@@ -74,7 +74,7 @@ def estop_over(name: str, moment_s: float) -> Stopped:
     with ExitStack() as stack:
         place = Place.free(stack)
         run = stack.enter_context(LiveRun(place.settings, place.listening))
-        run.wait_for(State.STREAMING)
+        run.wait_for(State.HOLD, State.STREAMING)
         place.wait()
         operator = OPERATORS[name](place, stack)
         operator.take()
@@ -118,7 +118,7 @@ def main(
     with ExitStack() as stack:
         place = Place.free(stack)
         run = stack.enter_context(LiveRun(place.settings, place.listening))
-        run.wait_for(State.STREAMING)
+        run.wait_for(State.HOLD, State.STREAMING)
         place.wait()
         for make in track(chosen.values(), "targets", console=Console(stderr=True)):
             sent.append(targets_over(make(place, stack), targets, interval_s, random))

@@ -12,8 +12,10 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
+from http.client import HTTPConnection
 from typing import Any
 
 import zenoh
@@ -34,6 +36,8 @@ from flexmotion.streamer.gateway.transports.ros2_node import Ros2Link, Ros2Node
 
 _PATIENCE_S = 120.0
 _NAME = "benchmark"
+_POSTS = 8
+"""POSTs that wait for their answers at a time."""
 _ANSWERS = ("accepted", "slowed", "partly", "superseded", "expired", "refused")
 
 
@@ -157,6 +161,35 @@ class OverWebSocket(Operator):
         with suppress(ConnectionClosed):  # the run has ended
             for frame in self._socket:
                 self.told(frame)
+
+
+class OverHttp(Operator):
+    """Both over HTTP, a connection a message."""
+
+    name = "http"
+
+    def __init__(self, place: Place, stack: ExitStack) -> None:
+        super().__init__()
+        self._place = place
+        self._posting = stack.enter_context(ThreadPoolExecutor(_POSTS))
+
+    def put(self, message: dict[str, Any]) -> None:
+        """See `Operator.put`; the answer to a POST comes when a plan follows it."""
+        port = self._place.gateway.port
+        self._posting.submit(lambda: self.told(_posted(port, "/targets", {**message, "source": _NAME})))
+
+    def estop(self) -> None:
+        """See `Operator.estop`."""
+        _posted(self._place.gateway.stop_port, "/estop")
+
+
+def _posted(port: int, path: str, message: dict[str, Any] | None = None) -> bytes:
+    connection = HTTPConnection("127.0.0.1", port, timeout=_PATIENCE_S)
+    try:
+        connection.request("POST", path, None if message is None else json.dumps(message))
+        return connection.getresponse().read()
+    finally:
+        connection.close()
 
 
 class OverZenoh(Operator):
@@ -305,7 +338,7 @@ class OverKeyboard(_Counted):
 
 
 OPERATORS: dict[str, Callable[[Place, ExitStack], Operator]] = {
-    one.name: one for one in (OverWebSocket, OverZenoh, OverRos2, OverGamepad, OverKeyboard)
+    one.name: one for one in (OverWebSocket, OverHttp, OverZenoh, OverRos2, OverGamepad, OverKeyboard)
 }
 """By the name of the transport."""
 

@@ -111,7 +111,7 @@ function showStatus(now) {
   stops.show(now);
   element("following").textContent = silent ? "" : stopped
     ? (now.state === "HOLD" ? "stopped: release the stop to go on" : "stopping")
-    : now.state === "OFF" ? "torque is off; see that nobody is in its way, then arm it"
+    : now.state === "OFF" ? "see that nobody is in its way, then arm it"
     : now.state === "STREAMING" ? asked.now : "";
   floor?.show(now);
   const other = now.operator && now.operator !== link.source ? now.operator : null;
