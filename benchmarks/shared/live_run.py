@@ -25,7 +25,7 @@ from flexmotion.streamer.gateway.listening import Listening
 from flexmotion.streamer.run.requests import Request
 from flexmotion.streamer.run.session import Session
 
-_PATIENCE_S = 120.0
+_PATIENCE_S = 300.0
 
 
 class LiveRun:
@@ -78,7 +78,7 @@ class LiveRun:
         """Wait until the loop is in one of these states.
 
         Raises:
-            DriverError: the run ended, or it takes longer than two minutes.
+            DriverError: the run ended, or it takes longer than five minutes.
         """
         end = time.monotonic() + _PATIENCE_S
         while (row := self.row()) is None or State(int(row.state)) not in states:

@@ -55,7 +55,7 @@ async function start() {
   link.connect();
   requestAnimationFrame(draw);
   setInterval(drawFigures, 200);
-  window.flexmotion = { scene, link, asked };
+  window.flexmotion = { scene, link, asked, floor };
 }
 
 function begin() {
