@@ -97,6 +97,7 @@ def test_a_stop_that_nobody_takes_is_told(run: StandIn) -> None:
 def test_a_click_on_the_floor_asks_first_and_goes_to_that_place(run: StandIn) -> None:
     """The page had no way to send a waypoint. The odometry is not the world that is drawn."""
     page = run.page
+    run.status("HOLD")
     run.picture(odometry=(2.0, -1.0, math.pi / 2))
     run.until(lambda: page.evaluate("() => window.flexmotion.scene.odometry[0] === 2"), "the picture")
     box = page.locator("#scene").bounding_box()
@@ -117,6 +118,17 @@ def test_a_click_on_the_floor_asks_first_and_goes_to_that_place(run: StandIn) ->
     assert page.evaluate("() => window.flexmotion.scene.marked.visible")
     run.status("HOLD", target=7, following={"target": 7, "end": "done"})
     run.until(lambda: not page.evaluate("() => window.flexmotion.scene.marked.visible"), "the mark to go on arrival")
+
+
+def test_no_place_is_offered_to_a_robot_that_cannot_walk(run: StandIn) -> None:
+    """ "Walk here" stood beside "Clear fault"."""
+    box = run.page.locator("#scene").bounding_box()
+    assert box is not None
+    run.page.mouse.click(box["x"] + 0.8 * box["width"], box["y"] + 0.6 * box["height"])
+    run.until(lambda: run.page.locator("#go").is_visible(), "the place to be offered")
+    run.status("FAULT")
+    run.until(lambda: run.page.locator("#go").is_hidden(), "the offer to go")
+    assert "off" in (run.page.get_attribute("#stick", "class") or "")
 
 
 def test_a_drag_turns_the_view_and_chooses_no_place(run: StandIn) -> None:
