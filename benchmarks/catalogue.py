@@ -122,6 +122,7 @@ CATALOGUE = (
     Benchmark("realtime/latency", "1 min", (), "a budget of the stream settings is passed"),
     Benchmark("realtime/gateway", "9 min", (), "a target unanswered; to command above 35, p99 50 ms; a fall"),
     Benchmark("realtime/page", "5 min", (), "the gateway above .25 cores with 3 pages; plans slowed by over 10 %"),
+    Benchmark("realtime/flood", "3 min", (), "a target unanswered; periods missed, lateness or work above 1.5 x by it"),
     Benchmark("realtime/transports", "20 min", (Need.DEV,), "a target unanswered, E-STOP after more than two periods"),
     Benchmark("realtime/stop", "4 min", (), "parked after more than 5.5 s, a fall"),
     Benchmark("live/soak", "3 h", (), "unanswered, 1 MB in 10 min, a goal outside the envelope, falls of transports"),

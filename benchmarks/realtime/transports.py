@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
+from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass
@@ -23,14 +24,20 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
+from benchmarks.shared.hand_operators import OverGamepad, OverKeyboard
 from benchmarks.shared.live_run import LiveRun
-from benchmarks.shared.operators import OPERATORS, Operator, Place
+from benchmarks.shared.network_operators import OverHttp, OverRos2, OverWebSocket, OverZenoh
+from benchmarks.shared.operators import Operator, Place
 from benchmarks.shared.options import CsvOption
 from benchmarks.shared.outcome import Outcome, Verdict, write_csv
 from flexmotion.configs.errors import DriverError
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.tick_row import TickRow
 
+OPERATORS: dict[str, Callable[[Place, ExitStack], Operator]] = {
+    one.name: one for one in (OverWebSocket, OverHttp, OverZenoh, OverRos2, OverGamepad, OverKeyboard)
+}
+"""By the name of the transport."""
 PERIODS = 2.0
 """Bound of the time to the driver, in periods of the loop."""
 _STILL_TICKS = 5
@@ -74,7 +81,7 @@ def estop_over(name: str, moment_s: float) -> Stopped:
     with ExitStack() as stack:
         place = Place.free(stack)
         run = stack.enter_context(LiveRun(place.settings, place.listening))
-        run.wait_for(State.STREAMING)
+        run.wait_for(State.HOLD, State.STREAMING)
         place.wait()
         operator = OPERATORS[name](place, stack)
         operator.take()
@@ -118,7 +125,7 @@ def main(
     with ExitStack() as stack:
         place = Place.free(stack)
         run = stack.enter_context(LiveRun(place.settings, place.listening))
-        run.wait_for(State.STREAMING)
+        run.wait_for(State.HOLD, State.STREAMING)
         place.wait()
         for make in track(chosen.values(), "targets", console=Console(stderr=True)):
             sent.append(targets_over(make(place, stack), targets, interval_s, random))

@@ -23,7 +23,7 @@ PROGRAM = (sys.executable, "-m", "flexmotion.streamer")
 PROCESSES = ("loop", "robot", "planner", "gateway", "estop")
 """Processes of a run, as `ps` shows them without "fm-"."""
 _FOLLOWS = ("HOLD", "STREAMING")
-_STARTED_S, _ENDED_S = 120.0, 60.0
+_STARTED_S, _ENDED_S = 300.0, 120.0
 """Longest time until the robot follows targets, and until a run that is asked to end has ended [s]."""
 _LOOK_S = 0.1
 
@@ -66,14 +66,15 @@ class ServedRun:
         """Wait until the robot stands and follows targets.
 
         Raises:
-            DriverError: the run ended, has a fault, or takes longer than two minutes.
+            DriverError: the run ended, has a fault, or takes longer than five minutes.
         """
         end = time.monotonic() + _STARTED_S
         while (state := self.status().get("state")) not in _FOLLOWS:
             if state == "FAULT":
                 raise DriverError(f"the robot did not stand up; is the machine busy? {self.last_notes()}")
             if time.monotonic() > end:
-                raise DriverError(f"the robot does not follow targets after {_STARTED_S:g} s, its state is {state}")
+                what = f"the robot does not follow targets after {_STARTED_S:g} s, its state is {state}"
+                raise DriverError(f"{what}: {self.last_notes()}")
             time.sleep(_LOOK_S)
 
     def processor_s(self) -> dict[str, float]:

@@ -17,7 +17,7 @@ from typing import Annotated
 import numpy as np
 import typer
 from PIL import Image
-from playwright.sync_api import Error, sync_playwright
+from playwright.sync_api import Error, Page, sync_playwright
 
 from flexmotion.configs.robot import load_robot
 from flexmotion.configs.stream import load_stream
@@ -82,7 +82,7 @@ def main(
     print(f"{out}: {out.stat().st_size / 1e3:.0f} kB")
 
 
-def _open(page, port: int) -> None:  # type: ignore[no-untyped-def]
+def _open(page: Page, port: int) -> None:
     end = time.monotonic() + _SERVED_S
     while True:
         try:

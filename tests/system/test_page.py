@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
+import flexmotion.data
 from flexmotion.bundles.shipped import shipped_bundle
 from flexmotion.streamer.gateway.ports import any_free
 
@@ -27,6 +28,7 @@ BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 PROGRAM = Path(__file__).parents[1] / "virtual_program.py"
 FLAGS = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist")
 """WebGL without a graphics card."""
+CLIP = Path(flexmotion.data.__path__[0]) / "default.npz"
 PHONE = {"width": 390, "height": 780}
 RISE_M, WALK_M = 0.05, 0.05
 """A hand is raised, and a robot has walked, by more than this [m]."""
@@ -96,7 +98,7 @@ class Shown:
 
 @pytest.fixture
 def shown(tab: Page) -> Iterator[Callable[[], Shown]]:
-    """Function () -> a run of the shipped model on the simulated robot, and its page."""
+    """Function () -> a run of the shipped model on the simulated robot with the shipped clip, and its page."""
     if shipped_bundle() is None:
         pytest.skip("no shipped model")
     port, stop_port = any_free(), any_free()
@@ -113,7 +115,7 @@ def shown(tab: Page) -> Iterator[Callable[[], Shown]]:
         "-o",
         "picked_up_s=1",
     )
-    command += ("--web-port", str(port), "--stop-port", str(stop_port))
+    command += ("--web-port", str(port), "--stop-port", str(stop_port), "--clips", str(CLIP))
     environment = os.environ | {"FASTEST": "1"}  # the browser needs the processor more than the run
     with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=environment) as run:
         try:
@@ -171,3 +173,29 @@ def test_a_prompt_raises_the_hand_the_stick_walks_and_the_stops_stop(shown: Call
     wait_until(lambda: page.status["state"] == "READY", "the robot to stand up again", every_s=0.2)
     assert not page.problems and not page.abroad
     assert tab.evaluate("() => document.documentElement.scrollWidth <= innerWidth")  # nothing beyond a phone's width
+
+
+def test_a_click_on_the_floor_and_a_clip_move_the_robot(shown: Callable[[], Shown]) -> None:
+    """The page had no way to send a waypoint or a clip."""
+    page = shown()
+    page.open()
+    tab = page.tab
+    tab.get_by_role("button", name="Arm", exact=True).click()
+    wait_until(lambda: page.status["state"] == "HOLD", "the robot to stand")
+    box = tab.locator("#scene").bounding_box()
+    assert box is not None
+    tab.mouse.click(box["x"] + 0.75 * box["width"], box["y"] + 0.55 * box["height"])
+    chosen = tab.evaluate("() => window.flexmotion.floor.chosen")
+    assert math.hypot(chosen["ahead"], chosen["left"]) > WALK_M
+    assert page.status["following"] is None  # a stray tap moves nothing
+    tab.get_by_role("button", name="Walk here").click()
+    wait_until(lambda: page.status["following"] is not None, "the waypoint to be taken", every_s=0.2)
+    asked = page.status["following"]["asked"]
+    # The robot has not moved yet: its odometry begins where it stood up, looking ahead.
+    assert asked["waypoint"][:2] == pytest.approx([chosen["ahead"], chosen["left"]], abs=0.02)
+    wait_until(lambda: page.status["state"] == "STREAMING", "the robot to set out", every_s=0.2)
+    tab.select_option("#clip", CLIP.name)
+    tab.get_by_role("button", name="Play").click()
+    wait_until(lambda: page.status["following"]["asked"] == {"clip": CLIP.name}, "the clip to be taken", every_s=0.2)
+    assert f"{CLIP.name}" in tab.inner_text("#history")
+    assert not page.problems and not page.abroad

@@ -2,7 +2,7 @@
 
 import { fitted } from "./curves.js";
 
-const SUGGESTIONS = ["wave with the right hand", "walk forward", "turn 90 degrees to the left", "two steps back, then bow", "raise both arms", "stand still"];
+const SUGGESTIONS = ["wave with the right hand", "walk forward", "turn 90 degrees to the left", "stand still", "two steps back, then bow", "raise both arms"];
 const SHOWN_S = 60;
 const KEPT = 40;
 const LONGEST = 160; // characters of an answer that is not folded
@@ -187,12 +187,12 @@ function plain(kind) {
 function explained(entry, own) {
   const { heard_as, certainty, slowed, dropped, notes, reason, steps } = entry.answer;
   const parts = [];
+  if (reason) parts.push(reason);
   if (heard_as && heard_as !== entry.text && !entry.stick) {
     parts.push(`heard as ${plain(heard_as)}${certainty ? ` (${Math.round(100 * certainty)} % sure)` : ""}`);
   }
   if (slowed) parts.push(`slowed to ${slowed}`);
   if (dropped?.length) parts.push(`not done: ${dropped.join(", ")}`);
-  if (reason) parts.push(reason);
   parts.push(...(notes ?? []));
   for (const step of steps ?? []) if (step.end) parts.push(`${plain(step.heard_as)}: ${step.end}`);
   if (entry.source && entry.source !== own) parts.push(`from ${entry.source}`);

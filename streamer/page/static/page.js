@@ -55,7 +55,7 @@ async function start() {
   link.connect();
   requestAnimationFrame(draw);
   setInterval(drawFigures, 200);
-  window.flexmotion = { scene, link, asked };
+  window.flexmotion = { scene, link, asked, floor };
 }
 
 function begin() {
@@ -111,9 +111,8 @@ function showStatus(now) {
   stops.show(now);
   element("following").textContent = silent ? "" : stopped
     ? (now.state === "HOLD" ? "stopped: release the stop to go on" : "stopping")
-    : now.state === "OFF" ? "torque is off; see that nobody is in its way, then arm it"
+    : now.state === "OFF" ? "see that nobody is in its way, then arm it"
     : now.state === "STREAMING" ? asked.now : "";
-  floor?.show(now);
   const other = now.operator && now.operator !== link.source ? now.operator : null;
   element("operator").textContent = now.operator ? (other ? `operator: ${other}` : "you steer") : "";
   const lease = element("lease");
@@ -122,7 +121,9 @@ function showStatus(now) {
     lease.firstElementChild.textContent = `${other} steers the robot.`;
     lease.lastElementChild.onclick = () => link.send({ type: "take" });
   }
-  element("stick").classList.toggle("off", Boolean(stopped || silent || other));
+  const steers = ["READY", "HOLD", "STREAMING"].includes(now.state) && !(stopped || silent || other);
+  element("stick").classList.toggle("off", !steers);
+  if (steers) floor?.show(now); else floor?.forget();
   const cleared = before === "FAULT" && now.state === "OFF";
   if (cleared || !["FAULT", "DAMPED", "PARK", "OFF", "HOLD"].includes(now.state)) showAlarm("fault", null);
 }

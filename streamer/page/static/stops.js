@@ -33,18 +33,23 @@ export class Stops {
       if (!response.ok) throw new Error(String(response.status));
       this.alarm(null);
     } catch {
-      await this.ask(what, PATIENCE_MS);
+      await this.stopOverGateway(what);
     }
   }
 
   // Over the gateway. A person who pressed a stop must know that nobody has taken it.
-  async ask(what, patienceMs = 5000) {
-    const silence = new Promise((resolve) => setTimeout(() => resolve({ state: "refused", reason: "no answer" }), patienceMs));
+  async stopOverGateway(what) {
+    const silence = new Promise((resolve) => setTimeout(() => resolve({ state: "refused", reason: "no answer" }), PATIENCE_MS));
     const answer = await Promise.race([this.link.send({ type: what }), silence]);
-    const stops = what === "stop" || what === "estop";
-    const advice = stops ? "Nobody has taken it. Press again; if the robot goes on, switch its supply off." : answer.reason;
+    const advice = "Nobody has taken it. Press again; if the robot goes on, switch its supply off.";
     if (answer.state === "accepted") this.alarm(null);
-    else this.alarm(`${NAMES[what]}: ${stops ? answer.reason : "refused"}`, advice);
+    else this.alarm(`${NAMES[what]}: ${answer.reason}`, advice);
+  }
+
+  async ask(what) {
+    const answer = await this.link.send({ type: what });
+    if (answer.state === "accepted") this.alarm(null);
+    else this.alarm(`${NAMES[what]}: refused`, answer.reason);
   }
 
   // After a STOP targets are refused until it is released; after a fault the torque stays off until it is cleared and the
