@@ -74,6 +74,11 @@ class EmulatedPad:
         """How many read it."""
         return len(self._readers)
 
+    @property
+    def ready(self) -> int:
+        """How many of this process are told all events, and have asked for its state."""
+        return min(len(self._readers), len(self.looked))
+
     def send(self, kind: int, code: int, value: int) -> None:
         """Send an event."""
         if kind == ecodes.EV_ABS:

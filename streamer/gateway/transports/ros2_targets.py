@@ -94,14 +94,19 @@ class _Desk:
             "joint_states": node.publish("joint_states", JOINT_STATE),
             "imu": node.publish("imu", IMU),
         }
-        for topic, kind, content in (
+        for topic, kind, take in self.takers():
+            node.subscribe(topic, kind, take)
+        return node.declared
+
+    def takers(self) -> list[tuple[str, str, Callable[[bytes], None]]]:
+        """Of each topic its name, its type and what takes its messages, as CDR."""
+        contents: tuple[tuple[str, str, Callable[[Any], Any]], ...] = (
             ("targets", STRING, lambda message: json.loads(message.data)),
             ("text", STRING, lambda message: {"type": "text", "text": message.data}),
             ("cmd_vel", TWIST_STAMPED, self._stamped),
             ("cmd_vel_unstamped", TWIST, self._velocity),
-        ):
-            node.subscribe(topic, kind, self._taker(topic, kind, content))
-        return node.declared
+        )
+        return [(topic, kind, self._taker(topic, kind, content)) for topic, kind, content in contents]
 
     def _taker(self, topic: str, kind: str, content: Callable[[Any], Any]) -> Callable[[bytes], None]:
         def take(data: bytes) -> None:

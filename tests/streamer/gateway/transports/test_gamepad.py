@@ -48,7 +48,7 @@ def steer(serve: Serve, pad: EmulatedPad) -> Callable[..., Served]:
     def start(**fields: Any) -> Served:
         settings = Gamepad.model_validate(fields)
         served = serve((GamepadTargets(settings, pad.find),), (GamepadStops(settings, pad.find),))
-        wait_until(lambda: len(pad.looked) == 2, "both to read the gamepad")
+        wait_until(lambda: pad.ready == 2, "both to read the gamepad")
         return served
 
     return start
@@ -118,7 +118,7 @@ def test_a_gamepad_that_is_plugged_in_again_steers_and_one_that_is_held_does_not
     pad.pull_out()
     pad.axes[codes.ABS_Y] = -32768
     pad.plug_in()
-    wait_until(lambda: len(pad.looked) == 2, "both to read the gamepad")
+    wait_until(lambda: pad.ready == 2, "both to read the gamepad")
     pad.send(codes.EV_ABS, codes.ABS_Y, -32000)
     pad.send(*SYN)
     pad.press(codes.BTN_NORTH)
@@ -187,7 +187,7 @@ def test_stops_come_again_after_an_error(
     monkeypatch.setattr(Presses, "press", take)
     served = serve((), (GamepadStops(Gamepad(), scan),))
     while errors or Request.ESTOP not in served.loop.requested:
-        if pad.looked:
+        if pad.ready:
             pad.press(codes.BTN_MODE)
         time.sleep(0.1)
     assert Request.WARNING in served.loop.requested
@@ -197,7 +197,7 @@ def test_stops_come_again_after_an_error(
 def test_a_stop_button_among_lost_events_stops(serve: Serve, pad: EmulatedPad) -> None:
     """The press was among the events that the kernel dropped: the robot walked on while the button was held."""
     served = serve((), (GamepadStops(Gamepad(), pad.find),))
-    wait_until(lambda: pad.looked, "the gamepad to be read")
+    wait_until(lambda: pad.ready, "the gamepad to be read")
     pad.pressed.add(codes.BTN_MODE)  # its event is dropped
     pad.send(codes.EV_SYN, codes.SYN_DROPPED, 0)
     pad.send(*SYN)
