@@ -288,7 +288,7 @@ def main(
         keys = dict.fromkeys([*rows[0], *(asdict(every_stop[0]) if every_stop else ())])
         rows += [{"what": "STOP", **asdict(one)} for one in every_stop]
         write_csv(csv_out, [{key: row.get(key, "") for key in keys} for row in rows])
-    fell = sum(not one.upright for one in (*every_start, *every_stop))
+    fell = sum(not one.upright for one in every_start) + sum(not one.upright for one in every_stop)
     never = sum(not np.isfinite(one.moves_s) for one in every_start)
     standing = sum(one.stands_s < STOPPED_S - 2 * WINDOW_S for one in every_stop)
     verdicts = [

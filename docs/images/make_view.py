@@ -35,6 +35,17 @@ SWING_M = 0.02
 """Usual height of a swing [m]."""
 _SETTLED_S, _SERVED_S = 2.5, 60.0
 """Time for the browser to draw, and longest time until the page is served [s]."""
+_EXAMPLES = """() => {
+  const take = window.flexmotion.link.handlers.message, end = window.flexmotion.scene.time;
+  take({ type: "status", state: "STREAMING", loop: "ticks", must_stop: false, operator: null, counts: {}, target: 3 });
+  const heard = { type: "heard", source: "page", certainty: 1, dropped: [], notes: [] };
+  take({ ...heard, id: 1, asked: "wave with the right hand", heard_as: "wave-right-hand", state: "accepted", at_s: end - 11 });
+  take({ ...heard, id: 2, asked: "juggle five balls", state: "refused", reason: "not understood by this model", at_s: end - 6 });
+  take({ ...heard, id: 3, asked: "walk forward", heard_as: "walk", state: "slowed", slowed: "0.9 m/s", at_s: end - 5 });
+  window.flexmotion.asked.draw(end);
+  window.flexmotion.link.handlers.message = () => {}; // the run waits for the picture: it would be told as silent
+}"""
+"""A clip is played, so that nobody is answered: examples of answers are shown."""
 _OPENED_S = 3.0
 """The page is opened so long before, in time of the motion [s]."""
 
@@ -75,6 +86,7 @@ def main(
             lifted = np.nanmax(row["foot_ref"][:, 2])
             if source_s > after and lifted > LIFTED * SWING_M and not row["contact_ref"].all():
                 time.sleep(_SETTLED_S)
+                page.evaluate(_EXAMPLES)
                 picture = Image.open(io.BytesIO(page.screenshot()))
                 # Fewer shades than the eye can tell apart: most of the file's size.
                 picture.convert("RGB").point(lambda value: min(4 * round(value / 4), 255)).save(out, optimize=True)
