@@ -39,8 +39,9 @@ _EXAMPLES = """() => {
   const take = window.flexmotion.link.handlers.message, end = window.flexmotion.scene.time;
   take({ type: "status", state: "STREAMING", loop: "ticks", must_stop: false, operator: null, counts: {}, target: 3 });
   const heard = { type: "heard", source: "page", certainty: 1, dropped: [], notes: [] };
-  take({ ...heard, id: 1, asked: "wave with the right hand", heard_as: "wave-right-hand", state: "accepted", at_s: end - 11 });
-  take({ ...heard, id: 2, asked: "juggle five balls", state: "refused", reason: "not understood by this model", at_s: end - 6 });
+  const [wave, why] = ["wave with the right hand", "not understood by this model"];
+  take({ ...heard, id: 1, asked: wave, heard_as: "wave-right-hand", state: "accepted", at_s: end - 11 });
+  take({ ...heard, id: 2, asked: "juggle five balls", state: "refused", reason: why, at_s: end - 6 });
   take({ ...heard, id: 3, asked: "walk forward", heard_as: "walk", state: "slowed", slowed: "0.9 m/s", at_s: end - 5 });
   window.flexmotion.asked.draw(end);
   window.flexmotion.link.handlers.message = () => {}; // the run waits for the picture: it would be told as silent
