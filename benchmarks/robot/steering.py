@@ -260,7 +260,8 @@ def main(
     chosen = walks or list(WALKS)
     measured = partial(trials_of, moments=moments, phases=phases, robot_name=robot, seed=seed)
     found = dict(zip(chosen, in_order(measured, chosen, jobs), strict=True))
-    starts, stops = ({walk: own[kind] for walk, own in found.items()} for kind in (0, 1))
+    starts = {walk: own[0] for walk, own in found.items()}
+    stops = {walk: own[1] for walk, own in found.items()}
     columns = {
         "plan's lead [s]": ("lead_s", ".2f"),
         "first lift [s]": ("lifted_s", ".2f"),
@@ -270,7 +271,8 @@ def main(
     }
     console = Console(width=140)
     console.print(_table("Stick, from a stand", starts, columns))
-    every_start, every_stop = ([one for group in groups.values() for one in group] for groups in (starts, stops))
+    every_start = [one for group in starts.values() for one in group]
+    every_stop = [one for group in stops.values() for one in group]
     if every_stop:
         columns = {
             "plan's lead [s]": ("lead_s", ".2f"),
@@ -286,7 +288,7 @@ def main(
         keys = dict.fromkeys([*rows[0], *(asdict(every_stop[0]) if every_stop else ())])
         rows += [{"what": "STOP", **asdict(one)} for one in every_stop]
         write_csv(csv_out, [{key: row.get(key, "") for key in keys} for row in rows])
-    fell = sum(not one.upright for one in (*every_start, *every_stop))
+    fell = sum(not one.upright for one in every_start) + sum(not one.upright for one in every_stop)
     never = sum(not np.isfinite(one.moves_s) for one in every_start)
     standing = sum(one.stands_s < STOPPED_S - 2 * WINDOW_S for one in every_stop)
     verdicts = [

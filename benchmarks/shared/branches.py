@@ -33,8 +33,8 @@ def in_branch(function: Callable[[], Found]) -> Found:
         os._exit(0)
     os.close(writer)
     with os.fdopen(reader, "rb") as answer:
-        found, error = pickle.load(answer)
+        found, failure = pickle.load(answer)
     os.waitpid(child, 0)
-    if error is not None:
-        raise error
-    return found  # type: ignore[no-any-return]
+    if failure is not None:
+        raise failure
+    return found

@@ -35,6 +35,20 @@ SWING_M = 0.02
 """Usual height of a swing [m]."""
 _SETTLED_S, _SERVED_S = 2.5, 60.0
 """Time for the browser to draw, and longest time until the page is served [s]."""
+_EXAMPLES = """() => {
+  const take = window.flexmotion.link.handlers.message, end = window.flexmotion.scene.time;
+  take({ type: "status", state: "STREAMING", loop: "ticks", must_stop: false, operator: null, counts: {}, target: 3 });
+  const heard = { type: "heard", source: "page", certainty: 1, dropped: [], notes: [] };
+  const [wave, why] = ["wave with the right hand", "not understood by this model"];
+  take({ ...heard, id: 1, asked: wave, heard_as: "wave-right-hand", state: "accepted", at_s: end - 11 });
+  take({ ...heard, id: 2, asked: "juggle five balls", state: "refused", reason: why, at_s: end - 6 });
+  take({ ...heard, id: 3, asked: "walk forward", heard_as: "walk", state: "slowed", slowed: "0.9 m/s", at_s: end - 5 });
+  window.flexmotion.asked.draw(end);
+  window.flexmotion.link.handlers.message = () => {}; // the run waits for the picture: it would be told as silent
+}"""
+"""A clip is played, so that nobody is answered: examples of answers are shown."""
+_OPENED_S = 3.0
+"""The page is opened so long before, in time of the motion [s]."""
 
 PICTURE = Path(__file__).with_name("view.png")
 
@@ -56,19 +70,24 @@ def main(
         session = Session(robot, create("sim", robot, seed=0), source, settings)
         port = any_free()
         listen(session, Listening(port=port, stop_port=any_free(), takes_targets=False))
-        taken = False
+        taken = shown = False
 
         def look(source_s: float) -> None:
-            nonlocal taken
+            nonlocal taken, shown
             row = session.record.rows[-1]
-            if taken or not source_s > after - 1.0:
+            if taken or not source_s > after - _OPENED_S:
                 return
             if page.url == "about:blank":
                 _open(page, port)
+            # The run goes on meanwhile: a page is sent pictures of new rows alone.
+            shown = shown or page.evaluate("() => Boolean(window.flexmotion && window.flexmotion.scene.time > 0)")
             time.sleep(0.06)  # a picture a row, so that the path is drawn
+            if not shown:
+                return
             lifted = np.nanmax(row["foot_ref"][:, 2])
             if source_s > after and lifted > LIFTED * SWING_M and not row["contact_ref"].all():
                 time.sleep(_SETTLED_S)
+                page.evaluate(_EXAMPLES)
                 picture = Image.open(io.BytesIO(page.screenshot()))
                 # Fewer shades than the eye can tell apart: most of the file's size.
                 picture.convert("RGB").point(lambda value: min(4 * round(value / 4), 255)).save(out, optimize=True)
@@ -78,7 +97,7 @@ def main(
         session.run()
         browser.close()
     if not taken:
-        raise SystemExit(f"no foot was lifted after {after:g} s")
+        raise SystemExit(f"no foot was lifted after {after:g} s" if shown else "the page has shown no picture")
     print(f"{out}: {out.stat().st_size / 1e3:.0f} kB")
 
 
@@ -92,8 +111,6 @@ def _open(page: Page, port: int) -> None:
             if time.monotonic() > end:
                 raise
             time.sleep(0.2)
-    while not page.evaluate("() => Boolean(window.flexmotion && window.flexmotion.scene.time > 0)"):
-        time.sleep(0.2)
 
 
 if __name__ == "__main__":

@@ -121,7 +121,7 @@ def test_a_click_on_the_floor_asks_first_and_goes_to_that_place(run: StandIn) ->
 
 
 def test_no_place_is_offered_to_a_robot_that_cannot_walk(run: StandIn) -> None:
-    """ "Walk here" stood beside "Clear fault"."""
+    """The button to walk stood beside the one that clears the fault."""
     box = run.page.locator("#scene").bounding_box()
     assert box is not None
     run.page.mouse.click(box["x"] + 0.8 * box["width"], box["y"] + 0.6 * box["height"])
