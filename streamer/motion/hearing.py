@@ -23,7 +23,7 @@ from flexmotion.text.grammar import parse, whole
 from flexmotion.text.manners import NORMAL
 from flexmotion.text.phrases import STAND, moves_head
 from flexmotion.text.prompt_reader import Prompt
-from flexmotion.text.refusals import is_no_stand, is_turning
+from flexmotion.text.refusals import is_no_stand, is_turning, names_head
 from flexmotion.text.vocabulary import Quantity, vocabulary
 
 TURNING = 0.5
@@ -126,7 +126,10 @@ class Hearing:
         if not any(_begins_with(clause, qualifiers) for clause in clauses):
             return clauses
         one = whole(sentence)
-        return clauses if one is None or not self.model.prompt(one.text).known else (one,)
+        if one is None or not self.model.prompt(one.text).known:
+            return clauses
+        looks = tuple(clause.said for clause in clauses if names_head(clause.said))
+        return (one if one.needs_head else replace(one, dropped=(*one.dropped, *looks)),)
 
     def _refused(self, sentence: str, reason: str, dropped: tuple[str, ...]) -> Program:
         """The robot stands still."""

@@ -25,6 +25,7 @@ from flexmotion.streamer.motion.sources import LiveSource
 from flexmotion.streamer.motion.targets import NO_TARGET, Target, TargetMailbox
 from flexmotion.streamer.planning.lead import Kind, Lead
 from flexmotion.streamer.planning.planner import Planner
+from flexmotion.streamer.planning.robot_size import RobotSize
 from flexmotion.streamer.planning.step_runner import StepRunner
 from flexmotion.streamer.planning.target_ledger import TargetLedger
 
@@ -91,7 +92,9 @@ class Replanner:
         if isinstance(source, ModelSource):
             body, home = planner.retargeter.body, np.full(planner.retargeter.robot.n, np.nan)
             home[body.upper.joints] = planner.retargeter.robot.stand_pose[body.upper.joints]
-            self._runner = StepRunner(source, planner.rate, self._ended, home)
+            self._runner = StepRunner(
+                source, planner.rate, self._ended, RobotSize.of(planner.retargeter.robot.gait), home
+            )
 
     def step(self, tick: int, early: float = 0.0) -> bool:
         """Make and publish a plan if one is due.

@@ -22,6 +22,7 @@ from flexmotion.streamer.motion.intents import Intent, Velocity
 from flexmotion.streamer.motion.model_source import ModelSource
 from flexmotion.streamer.motion.programs import GESTURE_S, Program, Step
 from flexmotion.streamer.planning.navigator import STANDING, Navigator, Phase, navigator_for
+from flexmotion.streamer.planning.robot_size import RobotSize
 from flexmotion.streamer.planning.standstill import SETTLE_S, Closing, Standstill, stopping_place
 from flexmotion.streamer.planning.step_amounts import done_of, is_missing, is_reached
 from flexmotion.streamer.planning.step_progress import MOVED_RAD, StepProgress, is_raised
@@ -55,6 +56,7 @@ class StepRunner:
         source: of the human.
         rate_hz: ticks a second.
         on_heard: called with an answer whose steps have ended.
+        size: of the robot.
         home: joint angles of the stand pose, (n,) [rad]; NaN where a joint does not count (legs).
 
     Attributes:
@@ -65,9 +67,15 @@ class StepRunner:
     """
 
     def __init__(
-        self, source: ModelSource, rate_hz: float, on_heard: Callable[[Heard], None], home: Float | None = None
+        self,
+        source: ModelSource,
+        rate_hz: float,
+        on_heard: Callable[[Heard], None],
+        size: RobotSize,
+        home: Float | None = None,
     ) -> None:
-        self.source, self.rate_hz, self.on_heard, self.home = source, rate_hz, on_heard, home
+        self.source, self.rate_hz, self.on_heard = source, rate_hz, on_heard
+        self.size, self.home = size, home
         self.wanted: Intent | None = None
         self.facing = 0.0
         self.resting = self.over = False
@@ -187,6 +195,7 @@ class StepRunner:
         return StepProgress(
             begin_tick=tick,
             act_tick=tick,
+            size=self.size,
             acted_from=0.0,
             place=self._place.copy(),
             joints=np.array(row.q, float),
@@ -265,12 +274,12 @@ class StepRunner:
                 self._settle(at, row)
         elif self._is_settled(at, row):
             missing = amount - value
-            again = is_missing(step, missing) and not (quantity == "steps" and missing < 0.0)
+            again = is_missing(step, missing, self.size) and not (quantity == "steps" and missing < 0.0)
             if at.attempts < _ATTEMPTS and again:
                 at.attempts += 1
                 self._act(at, step, value, tick)
             else:
-                self._next(row, "time limit" if is_missing(step, missing) else "done", value)
+                self._next(row, "time limit" if is_missing(step, missing, self.size) else "done", value)
 
     def _advance_time(self, at: StepProgress, step: Step, row: TickRow, elapsed_s: float) -> None:
         assert step.amount is not None
@@ -301,7 +310,7 @@ class StepRunner:
     # ------------------------------------------------------------ goals in the odometry
 
     def _navigator_to(self, step: Step, row: TickRow) -> Navigator | None:
-        return navigator_for(step, self.source.pace, self._place, int(row.tick) / self.rate_hz)
+        return navigator_for(step, self.source.pace, self._place, int(row.tick) / self.rate_hz, self.size)
 
     def _navigate(self, row: TickRow, measured: float | None) -> None:
         navigator = self._navigator
@@ -321,7 +330,7 @@ class StepRunner:
 
     def _settle(self, at: StepProgress, row: TickRow) -> None:
         self._phase, self.resting = _Phase.SETTLE, True
-        at.act_tick, at.standstill = int(row.tick), Standstill(at.place, int(row.tick) / self.rate_hz)
+        at.act_tick, at.standstill = int(row.tick), Standstill(at.place, int(row.tick) / self.rate_hz, self.size)
 
     def _act(self, at: StepProgress, step: Step, value: float, tick: int) -> None:
         """Another attempt, at what is missing."""
