@@ -65,6 +65,12 @@ class StepProgress:
     standstill: Standstill | None = None
     rested: tuple[int, Float] | None = None
 
+    @classmethod
+    def begun(cls, row: TickRow, place: Float, size: RobotSize) -> StepProgress:
+        """The progress of a step that begins now."""
+        tick = int(row.tick)
+        return cls(begin_tick=tick, act_tick=tick, size=size, place=place.copy(), joints=np.array(row.q, float))
+
     def measure(self, step: Step, row: TickRow, place: Float) -> None:
         """Add what the robot did since the last row; `place`: where it stands if it stops now (`stopping_place`)."""
         dx, dy, turn = place - self.place

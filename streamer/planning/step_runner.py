@@ -23,6 +23,7 @@ from flexmotion.streamer.motion.model_source import ModelSource
 from flexmotion.streamer.motion.programs import GESTURE_S, Program, Step
 from flexmotion.streamer.planning.navigator import STANDING, Navigator, Phase, navigator_for
 from flexmotion.streamer.planning.robot_size import RobotSize
+from flexmotion.streamer.planning.source_clock import SourceClock
 from flexmotion.streamer.planning.standstill import SETTLE_S, Closing, Standstill, stopping_place
 from flexmotion.streamer.planning.step_amounts import done_of, is_missing, is_reached
 from flexmotion.streamer.planning.step_progress import MOVED_RAD, StepProgress, is_raised
@@ -85,7 +86,7 @@ class StepRunner:
         self._at: StepProgress | None = None
         self._navigator: Navigator | None = None
         self._turned: tuple[int, Navigator | None] = (0, None)  # program of the last target, and how it began
-        self._source_s, self._source_tick = math.nan, 0
+        self._clock = SourceClock(rate_hz)
         self._walked_tick = -(10**9)
         self._place = np.zeros(3)
 
@@ -125,17 +126,12 @@ class StepRunner:
             halted: what was asked for has ended by a stop, or by its age.
             stands_at: gives where the robot comes to stand if it stops now, in the plan's world (`stopping_place`).
         """
-        source_s, tick = float(row.source_s), int(row.tick)
         if not np.all(row.contact_ref):
-            self._walked_tick = tick
+            self._walked_tick = int(row.tick)
         if halted or bool(row.must_stop) or int(row.state) not in (State.STREAMING, State.HOLD):
             self._abandon("stopped")
             return
-        if math.isfinite(source_s):
-            self._source_s, self._source_tick = source_s, tick
-        elif self.resting:
-            source_s = self._source_s + (tick - self._source_tick) / self.rate_hz
-        if not math.isfinite(source_s):
+        if not math.isfinite(source_s := self._clock.second(row, runs_on=self.resting)):
             return
         frame = int(source_s * self.source.fps)
         found = self.source.program_at(frame)
@@ -191,15 +187,7 @@ class StepRunner:
             self._phase = _Phase.OVER  # until something else is asked
 
     def _fresh(self, row: TickRow) -> StepProgress:
-        tick = int(row.tick)
-        return StepProgress(
-            begin_tick=tick,
-            act_tick=tick,
-            size=self.size,
-            acted_from=0.0,
-            place=self._place.copy(),
-            joints=np.array(row.q, float),
-        )
+        return StepProgress.begun(row, self._place, self.size)
 
     def _abandon(self, end: End) -> None:
         """The program ends before it is done."""
