@@ -48,10 +48,7 @@ def needs_head(words: list[str]) -> bool:
     verb = next((word for word in words if word in known.verbs), None)
     if verb in known.words("look") or (words and words[0] in known.words("look")):
         return True
-    owners = ("your", "the", "its", "my", "his", "her")
-    named = any(
-        word in known.words("head") and place and words[place - 1] in owners for place, word in enumerate(words)
-    )
+    named = names_head(" ".join(words))
     moves = ("turn", "move", "tilt", "shake", "rotate", "swivel", "nod", "twist", "roll", "close", "open")
     return named and verb in moves
 
@@ -78,3 +75,10 @@ def is_turning(text: str) -> bool:
     """Whether the words of a prohibition name turns to both sides: "no turning", "don't turn around"."""
     words = text.split()
     return bool(words) and stem(words[0]) in vocabulary().words("turn_verbs") and not sides(text)
+
+
+def names_head(text: str) -> bool:
+    """Whether words name someone's head, eyes or face: "keep your eyes on me"."""
+    words, owners = text.lower().split(), ("your", "the", "its", "my", "his", "her")
+    head = vocabulary().words("head")
+    return any(word in head and place and words[place - 1] in owners for place, word in enumerate(words))

@@ -245,7 +245,8 @@ def _begins_request(tokens: list[Token], place: int, before: list[Token]) -> boo
     things = [thing.split()[-1] for thing in known.table["things"].values()]
     if first in ("a", "another") and rest[1:2] and rest[1] in things:
         return True
-    return first in known.verbs  # "…, facing me" belongs to what is before it
+    started = tokens[place] in ("start", "begin") and stem(first) in known.verbs  # "bow and start walking"
+    return started or first in known.verbs  # "…, facing me" belongs to what is before it
 
 
 def _names_request(tokens: list[Token], place: int) -> bool:

@@ -14,7 +14,8 @@ from flexmotion.sampling.pace import Pace
 from flexmotion.sampling.sampler import Condition
 from flexmotion.streamer.motion.heard import Heard, HeardStep
 from flexmotion.streamer.motion.intents import Clip, Heading, Intent, Stop, Text, Velocity, Waypoint, goal_text, word_of
-from flexmotion.streamer.motion.programs import LEAST, MOST, MOST_STEPS, NOT_SAID, Program, Step, limit_s, usual_amount
+from flexmotion.streamer.motion.measured_steps import RefusedError, fits, measured
+from flexmotion.streamer.motion.programs import MOST_STEPS, NOT_SAID, Program, Step, usual_amount
 from flexmotion.streamer.motion.speeds import Model, Speeds, velocity_text
 from flexmotion.text.amounts import Amount
 from flexmotion.text.clause import NO_KNOWN_WORD, Asks, Clause
@@ -23,15 +24,8 @@ from flexmotion.text.grammar import parse, whole
 from flexmotion.text.manners import NORMAL
 from flexmotion.text.phrases import STAND, moves_head
 from flexmotion.text.prompt_reader import Prompt
-from flexmotion.text.refusals import is_no_stand, is_turning
-from flexmotion.text.vocabulary import Quantity, vocabulary
-
-TURNING = 0.5
-"""Speed of turns that are measured, within the robot's pace [rad/s]."""
-
-
-class _RefusedError(Exception):
-    """A request that cannot be done, with the reason."""
+from flexmotion.text.refusals import is_no_stand, is_turning, names_head
+from flexmotion.text.vocabulary import vocabulary
 
 
 class Hearing:
@@ -87,8 +81,8 @@ class Hearing:
             for clause in wanted:
                 steps += self._steps(clause, len(wanted) > 1 or len(clauses) > 1, steps, under_way, last)
             if len(steps) > MOST_STEPS:
-                raise _RefusedError(f"{len(steps)} requests in one sentence, at most {MOST_STEPS}")
-        except _RefusedError as refused:
+                raise RefusedError(f"{len(steps)} requests in one sentence, at most {MOST_STEPS}")
+        except RefusedError as refused:
             return self._refused(sentence, str(refused), dropped)
         if not steps:
             reason = "it says only what not to do: the robot stands still"
@@ -126,7 +120,10 @@ class Hearing:
         if not any(_begins_with(clause, qualifiers) for clause in clauses):
             return clauses
         one = whole(sentence)
-        return clauses if one is None or not self.model.prompt(one.text).known else (one,)
+        if one is None or not self.model.prompt(one.text).known:
+            return clauses
+        looks = tuple(clause.said for clause in clauses if names_head(clause.said))
+        return (one if one.needs_head else replace(one, dropped=(*one.dropped, *looks)),)
 
     def _refused(self, sentence: str, reason: str, dropped: tuple[str, ...]) -> Program:
         """The robot stands still."""
@@ -162,9 +159,9 @@ class Hearing:
             if clause.asks is Asks.MOTION and clause.refusal is None:
                 kind = self.model.prompt(clause.text).kind
                 if any(_covers(one, kind) for one in forbidden):
-                    raise _RefusedError(f"{clause.said!r} is asked for and forbidden in one sentence")
+                    raise RefusedError(f"{clause.said!r} is asked for and forbidden in one sentence")
             elif clause.asks is not Asks.MOTION and forbidden:
-                raise _RefusedError(f"{clause.said!r} could mean what the sentence forbids")
+                raise RefusedError(f"{clause.said!r} could mean what the sentence forbids")
         return wanted
 
     # ------------------------------------------------------------ what is under way
@@ -174,7 +171,7 @@ class Hearing:
         if clause.asks not in (Asks.FASTER, Asks.SLOWER):
             return None
         if under_way is None or all(step.kind == STAND for step in under_way.steps):
-            raise _RefusedError("nothing is under way whose speed could change")
+            raise RefusedError("nothing is under way whose speed could change")
         steps = [self.speeds.changed(step, clause.speed) for step in under_way.steps]
         moved = [step for step, old in zip(steps, under_way.steps, strict=True) if step is not old]
         if not moved:
@@ -203,11 +200,11 @@ class Hearing:
         if clause.refusal is not None:
             prompt = self.model.prompt(clause.text)
             told = prompt.warning if clause.refusal == NO_KNOWN_WORD and not prompt.known else None
-            raise _RefusedError(told or f"{clause.said!r}: {clause.refusal}")
+            raise RefusedError(told or f"{clause.said!r}: {clause.refusal}")
         if clause.asks is Asks.AGAIN:
             repeated = before[-1:] if before else list(last.steps) if last is not None else []
             if not repeated:
-                raise _RefusedError("nothing was done before that could be repeated")
+                raise RefusedError("nothing was done before that could be repeated")
             if clause.side is not None:
                 repeated = [self._to_side(step, clause) for step in repeated]
             repeated = repeated * clause.times
@@ -223,10 +220,10 @@ class Hearing:
             return self._continued(clause, before, under_way, last)
         if clause.asks is not Asks.MOTION:
             if not before:
-                raise _RefusedError(f"{clause.said!r}: say it alone, while the motion is under way")
+                raise RefusedError(f"{clause.said!r}: say it alone, while the motion is under way")
             changed = self.speeds.changed(before[-1], clause.speed)
             if changed is before[-1]:
-                raise _RefusedError(f"{clause.said!r}: {changed.kind} is at the limit of its speed")
+                raise RefusedError(f"{clause.said!r}: {changed.kind} is at the limit of its speed")
             before[-1] = changed
             return []
         return [self._motion(clause, in_sequence)]
@@ -237,7 +234,7 @@ class Hearing:
         """For "after five seconds", "for two metres": more of the motion before, or of the one under way."""
         if clause.amount is None:
             if not before and under_way is None:
-                raise _RefusedError("nothing is under way that could go on")
+                raise RefusedError("nothing is under way that could go on")
             return [] if before or under_way is None else [under_way.steps[-1]]
         if clause.more:
             return [self._more(clause, before, under_way, last)]
@@ -250,35 +247,38 @@ class Hearing:
         current = self._standing(clause.said) if under_way is None else under_way.steps[-1]
         return [self._measured(current, clause.amount, 1)]
 
+    def _measured(self, step: Step, amount: Amount, times: int) -> Step:
+        return measured(self.model, self.pace, step, amount, times)
+
     def _more(self, clause: Clause, before: list[Step], under_way: Program | None, last: Program | None) -> Step:
         """For "two more steps": of the motion before, where it has such an amount."""
         assert clause.amount is not None
         program = under_way or last
         done = before or ([] if program is None else list(program.steps))
-        if done and clause.amount.quantity in _fits(done[-1]):
+        if done and clause.amount.quantity in fits(done[-1]):
             return self._measured(done[-1], clause.amount, 1)
         if not clause.text or clause.amount.quantity == "angle":
-            raise _RefusedError(f"{clause.said!r}: nothing was done before that could go on so far")
+            raise RefusedError(f"{clause.said!r}: nothing was done before that could go on so far")
         return self._motion(replace(clause, asks=Asks.MOTION), in_sequence=True)
 
     def _to_side(self, step: Step, clause: Clause) -> Step:
         """A step to another side, or with another hand, as much of it as before."""
         assert clause.side is not None
         if step.kind == STAND or not isinstance(step.intent, Text | Velocity) or step.kind == "velocity":
-            raise _RefusedError(f"{clause.said!r}: {step.kind} has no other side")
+            raise RefusedError(f"{clause.said!r}: {step.kind} has no other side")
         mirrored = self._motion(Clause(clause.said, with_side(step.told.text, clause.side)), in_sequence=False)
         return mirrored if step.amount is None else self._measured(mirrored, step.amount, 1)
 
     def _motion(self, clause: Clause, in_sequence: bool) -> Step:
         prompt = self.model.prompt(clause.text)
         if clause.needs_head and not moves_head(prompt.refused or prompt.kind):
-            raise _RefusedError(f"{clause.said!r}: looking and moving the head are not what {prompt.kind} does")
+            raise RefusedError(f"{clause.said!r}: looking and moving the head are not what {prompt.kind} does")
         if not prompt.known:
-            raise _RefusedError(prompt.warning or f"{clause.text!r} is not understood")
+            raise RefusedError(prompt.warning or f"{clause.text!r} is not understood")
         if prompt.warning is not None:
             return self._standing(clause.said)  # a prohibition, such as "stop that at once"
         if prompt.kind == STAND and is_no_stand(clause.text):
-            raise _RefusedError(f"{clause.text!r} is not understood: no known motion is like it")
+            raise RefusedError(f"{clause.text!r} is not understood: no known motion is like it")
         table = vocabulary().table
         axis = tuple(table["walks"].get(prompt.kind, (0, 0)))
         turn = int(table["turns"].get(prompt.kind, 0))
@@ -293,7 +293,7 @@ class Hearing:
         if clause.speed != 1.0 and (turn or step.axis != (0, 0)):
             changed = self.speeds.changed(step, clause.speed)
             if clause.speed < 1.0 and changed is step:
-                raise _RefusedError(f"{clause.said!r}: {step.kind} is at its smallest speed already")
+                raise RefusedError(f"{clause.said!r}: {step.kind} is at its smallest speed already")
             if changed is not step:
                 told = changed.told.model_copy(update={"slowed": None if clause.speed < 1.0 else told.slowed})
                 step = replace(changed, told=told)
@@ -304,37 +304,6 @@ class Hearing:
         if amount is None:
             return step
         return self._measured(step, amount, times)
-
-    def _measured(self, step: Step, amount: Amount, times: int) -> Step:
-        """The step with an end; refuses amounts that its motion does not have, or that are out of bounds."""
-        fits = _fits(step)
-        if amount.quantity not in fits:
-            raise _RefusedError(f"{amount.said!r}: {step.kind} is measured in {' or '.join(map(_unit_text, fits))}")
-        value = amount.value * (times if amount.quantity != "times" else 1)
-        amount = replace(amount, value=value)
-        least, most = LEAST[amount.quantity], MOST[amount.quantity]
-        if not least <= value <= most:
-            bounds = [str(replace(amount, value=bound)) for bound in (least, most)]
-            raise _RefusedError(f"{amount.said!r} is {amount}, expected {bounds[0]} to {bounds[1]}")
-        if step.turn and amount.quantity == "angle" and self.model.follows_velocity:
-            pace = TURNING if self.pace is None else min(TURNING, self.pace.turning)
-            rate = pace if not isinstance(step.intent, Velocity) else min(abs(step.intent.turning) or pace, pace)
-            told = step.told.model_copy(update={"slowed": None})  # it turns on the spot, at the robot's pace
-            step = replace(step, intent=Velocity(0.0, 0.0, step.turn * rate, step.told.manner), told=told)
-        limit = limit_s(step, amount)
-        told = step.told.model_copy(
-            update={"amount": round(amount.value, 6), "unit": amount.quantity, "limit_s": limit}
-        )
-        return replace(step, amount=amount, limit_s=limit, told=told)
-
-
-def _fits(step: Step) -> tuple[Quantity, ...]:
-    """Quantities in which a motion is measured."""
-    if step.turn:
-        return ("angle", "time", "steps")
-    if step.axis != (0, 0) or step.kind == "velocity":
-        return ("length", "time", "steps")
-    return ("time",) if step.kind == STAND else ("time", "times")
 
 
 def _manners(steps: Sequence[Step]) -> str | None:
@@ -367,10 +336,6 @@ def _ignores(clause: Clause, step: Step) -> bool:
 
 def _rounded(prompt: Prompt) -> float:
     return round(float(prompt.share), 4)
-
-
-def _unit_text(quantity: Quantity) -> str:
-    return {"angle": "degrees", "length": "metres", "time": "seconds"}.get(quantity, quantity)
 
 
 def _intent_text(intent: Intent) -> str:

@@ -19,7 +19,7 @@ from flexmotion.streamer.motion.allowed_clips import AllowedClips
 from flexmotion.streamer.motion.heard import Heard
 from flexmotion.streamer.motion.hearing import Hearing
 from flexmotion.streamer.motion.intents import Clip, Heading, Intent, Stop, Text, Velocity, Waypoint, word_of
-from flexmotion.streamer.motion.programs import Program, Step
+from flexmotion.streamer.motion.programs import Program
 from flexmotion.streamer.motion.remarks import remark_on
 from flexmotion.streamer.motion.script import Item
 from flexmotion.streamer.motion.sequence import turned_to
@@ -89,7 +89,7 @@ class ModelSource:
             self._programs.append((frame, program))
             # A change of speed acts on the step that is then under way, which is not known yet (`change`).
             step = program.steps[-1 if self._continues() else 0]
-            self._schedule.append((frame, self._begun_by(step)))
+            self._schedule.append((frame, step.begins))
         self._item_programs = tuple(program for _, program in self._programs)
         self.heard_items = tuple(program.heard for program in self._item_programs)
         # Sampled motion: frames from `_first` on, in the pieces in which they were sampled, so that a piece without
@@ -148,7 +148,7 @@ class ModelSource:
         current = self.program_at(frame)
         program = self._heard(target.intent, frame + 1, id=target.id)
         self._replace_after(frame, played, yaw)
-        intent: Intent | None = self._begun_by(program.steps[0])
+        intent: Intent | None = program.steps[0].begins
         if current is not None and current[1].number == program.number:
             # The speed changes, or nothing: the step goes on where it is.
             following = self._intent_at(frame)
@@ -217,10 +217,6 @@ class ModelSource:
             if program.heard.state != "refused" and not isinstance(intent, Stop):
                 self._last = program
         return program
-
-    def _begun_by(self, step: Step) -> Intent:
-        """What the human does as a step begins."""
-        return Text("stand still") if step.is_led else step.intent
 
     def _continues(self) -> bool:
         """Whether the newest program of the script is the one before it, at another speed."""

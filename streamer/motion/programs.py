@@ -8,7 +8,7 @@ from math import pi
 import numpy as np
 
 from flexmotion.streamer.motion.heard import Heard, HeardStep
-from flexmotion.streamer.motion.intents import Goal, Intent, Velocity
+from flexmotion.streamer.motion.intents import Goal, Intent, Text, Velocity
 from flexmotion.text.amounts import Amount
 from flexmotion.text.phrases import STAND
 from flexmotion.text.vocabulary import Quantity
@@ -66,6 +66,11 @@ class Step:
         """Whether the odometry leads the human, who stands until then: to a goal, or through a measured turn."""
         turns = self.amount is not None and self.amount.quantity == "angle" and isinstance(self.intent, Velocity)
         return self.goal is not None or turns
+
+    @property
+    def begins(self) -> Intent:
+        """What the human does as the step begins."""
+        return Text("stand still") if self.is_led else self.intent
 
     @property
     def moves(self) -> bool:

@@ -17,6 +17,7 @@ from flexmotion.retarget.footsteps import EXACT_YAW
 from flexmotion.sampling.pace import Pace
 from flexmotion.streamer.motion.intents import SLOWEST_TURN, Goal, Heading, Intent, Text, Velocity, Waypoint
 from flexmotion.streamer.motion.programs import Step
+from flexmotion.streamer.planning.robot_size import RobotSize
 from flexmotion.streamer.planning.standstill import Closing, Standstill
 
 Float = NDArray[np.float64]
@@ -30,8 +31,6 @@ HEADING_TOLERANCE = 0.08
 the human looks, whose pelvis turns by some degrees until it stands."""
 _WALKING = 0.8
 """Speed of the human of a walk, where the robot has no pace of its own [m/s]."""
-_NEAR_M = 0.3
-"""Nearer than this the robot shifts to the place without turning to it first [m]."""
 _PIVOT_RAD = np.radians(25.0)
 """A place that lies further aside than this is turned to before it is walked to [rad]."""
 _STEER_S, _STEER_GAIN, _STEER_MOST, _STEER_LEAST = 1.0, 0.6, 0.3, 0.1
@@ -48,9 +47,9 @@ _COURSE_S = 1.0
 _ATTEMPTS = 8
 """Moves towards a goal, turns and walks together."""
 _GRACE_S = 40.0
-"""Time for a goal beyond what its way and turn take at half the robot's speed [s]."""
-_SLOWEST_M_S, _SLOWEST_RAD_S = 0.04, 0.2
-"""Half of what robots of this size do [m/s, rad/s]."""
+"""Time for a goal beyond what its way and turn take at the robot's slowest [s]."""
+_SLOWEST_RAD_S = 0.2
+"""Turning speed for the time that a goal is given [rad/s]."""
 
 
 class Phase(Enum):
@@ -71,6 +70,7 @@ class Navigator:
         pace: greatest speeds of the human; None: no limit.
         place: odometry now: x, y [m], heading [rad], whole turns counted, (3,).
         time_s: now, on the clock of `update` [s].
+        size: of the robot.
         winds: a heading is turned to with all its whole turns; else the shorter way.
         manner: in which the human moves; None: the normal one.
 
@@ -88,11 +88,12 @@ class Navigator:
         pace: Pace | None,
         place: Float,
         time_s: float,
+        size: RobotSize,
         *,
         winds: bool = False,
         manner: str | None = None,
     ) -> None:
-        self.goal, self.pace, self.winds, self.manner = goal, pace, winds, manner
+        self.goal, self.pace, self.size, self.winds, self.manner = goal, pace, size, winds, manner
         self.move: Velocity | None = None
         self.arrived, self.facing = False, 0.0
         self._begin_s, self._attempts = time_s, 0
@@ -104,7 +105,7 @@ class Navigator:
         self._bias = 0.0  # turn of the robot beyond that of the human that looked aside: its feet are not parallel
         self._closing = Closing()
         self._standstill: Standstill | None = None
-        self.limit_s = _GRACE_S + self._distance(place) / _SLOWEST_M_S + math.tau / _SLOWEST_RAD_S
+        self.limit_s = _GRACE_S + self._distance(place) / size.slowest + math.tau / _SLOWEST_RAD_S
         self.phase = Phase.SETTLE
         self._decide(np.array(place, float), time_s)
 
@@ -157,7 +158,7 @@ class Navigator:
             self._turn(heading, place, time_s)
         else:
             bearing = self._bearing(place)
-            if missing > _NEAR_M and abs(_wrapped(bearing - place[2])) > _PIVOT_RAD:
+            if missing > self.size.near and abs(_wrapped(bearing - place[2])) > _PIVOT_RAD:
                 self._turn(bearing, place, time_s)
             else:
                 self._walk(place, time_s)
@@ -166,7 +167,7 @@ class Navigator:
         self.phase, self.move, self.arrived = Phase.OVER, None, arrived
 
     def _settle(self, place: Float, time_s: float) -> None:
-        self.phase, self.move, self._standstill = Phase.SETTLE, None, Standstill(place, time_s)
+        self.phase, self.move, self._standstill = Phase.SETTLE, None, Standstill(place, time_s, self.size)
 
     # ------------------------------------------------------------ turns
 
@@ -217,7 +218,7 @@ class Navigator:
         if abs(bearing) <= _PIVOT_RAD:
             turning = float(np.clip(_STEER_GAIN * bearing, -_STEER_MOST, _STEER_MOST))
             ahead = _WALKING if self.pace is None else self.pace.ahead
-            return Velocity(ahead, 0.0, turning if self._distance(place) > _NEAR_M else 0.0)
+            return Velocity(ahead, 0.0, turning if self._distance(place) > self.size.near else 0.0)
         pace = Pace(_WALKING, _WALKING, _WALKING, TURNING) if self.pace is None else self.pace
         ahead, left = math.cos(bearing), math.sin(bearing)
         share = 1.0 / max(abs(ahead) / (pace.ahead if ahead > 0.0 else pace.back), abs(left) / pace.aside)
@@ -228,7 +229,7 @@ class Navigator:
         if self._closing.reached(missing):
             self._settle(place, time_s)
             return
-        if missing < _NEAR_M or time_s - self._steered_s < _STEER_S:
+        if missing < self.size.near or time_s - self._steered_s < _STEER_S:
             return
         assert self.move is not None
         wanted = self._towards(place)
@@ -255,25 +256,25 @@ class Navigator:
         return math.atan2(y, x)
 
 
-def navigator_for(step: Step, pace: Pace | None, place: Float, time_s: float) -> Navigator | None:
+def navigator_for(step: Step, pace: Pace | None, place: Float, time_s: float, size: RobotSize) -> Navigator | None:
     """The way to where a step ends in the odometry: its goal, or the heading after a measured turn.
 
     Args:
         step: of a program.
-        pace, place, time_s: as of `Navigator`.
+        pace, place, time_s, size: as of `Navigator`.
 
     Returns:
         None where the step does not say, or its model follows words alone.
     """
     manner = step.told.manner
     if step.goal is not None:
-        return Navigator(step.goal, pace, place, time_s, manner=manner)
+        return Navigator(step.goal, pace, place, time_s, size, manner=manner)
     if not step.is_led:
         return None
     assert step.amount is not None and isinstance(step.intent, Velocity)
     turning = max(abs(step.intent.turning), SLOWEST_TURN)
     goal = Heading(float(place[2]) + (step.turn or 1) * step.amount.value, turning)
-    return Navigator(goal, pace, place, time_s, winds=True, manner=manner)
+    return Navigator(goal, pace, place, time_s, size, winds=True, manner=manner)
 
 
 def _wrapped(angle: float) -> float:

@@ -24,14 +24,13 @@ from flexmotion.streamer.motion.replan_noise import NoisySource
 from flexmotion.streamer.motion.sources import LiveSource
 from flexmotion.streamer.motion.targets import NO_TARGET, Target, TargetMailbox
 from flexmotion.streamer.planning.lead import Kind, Lead
+from flexmotion.streamer.planning.made_plans import MadePlans, effect_row
 from flexmotion.streamer.planning.planner import Planner
+from flexmotion.streamer.planning.robot_size import RobotSize
 from flexmotion.streamer.planning.step_runner import StepRunner
 from flexmotion.streamer.planning.target_ledger import TargetLedger
 
 Float = NDArray[np.float64]
-
-EFFECT_RAD = np.radians(2.0)
-"""A joint that is sent this much elsewhere shows a target's effect (the report's definition)."""
 
 
 class Superseded(Exception):  # noqa: N818 - no error: a newer plan is needed
@@ -82,8 +81,7 @@ class Replanner:
         self._succeeds = False
         self._replan_ticks = round(settings.replan_s * planner.rate)
         self._least_unplayed = round(settings.min_unplayed_s * planner.rate)
-        self._commit_ticks = max(round(settings.commit_s * planner.rate), 1)
-        self._made: dict[int, tuple[Ticket, Plan]] = {}  # by id: plans from the one that plays on
+        self._made = MadePlans(max(round(settings.commit_s * planner.rate), 1))
         self._asked_tick = self._checked = 0  # `_checked`: rows of the loop that were read for a more urgent plan
         self._heard, self._humans = heard, humans
         source = planner.source.source if isinstance(planner.source, NoisySource) else planner.source
@@ -91,7 +89,9 @@ class Replanner:
         if isinstance(source, ModelSource):
             body, home = planner.retargeter.body, np.full(planner.retargeter.robot.n, np.nan)
             home[body.upper.joints] = planner.retargeter.robot.stand_pose[body.upper.joints]
-            self._runner = StepRunner(source, planner.rate, self._ended, home)
+            self._runner = StepRunner(
+                source, planner.rate, self._ended, RobotSize.of(planner.retargeter.robot.gait), home
+            )
 
     def step(self, tick: int, early: float = 0.0) -> bool:
         """Make and publish a plan if one is due.
@@ -151,16 +151,14 @@ class Replanner:
             asked_tick=tick,
             target=target.id,
             target_ns=target.stamp_ns,
-            effect_row=-1 if current is None else _effect_row(current, planned.plan),
+            effect_row=-1 if current is None else effect_row(current, planned.plan),
             partial=kind is Kind.PARTIAL,
             stops=planned.stops,
             source_over=planned.source_over or (self._runner is not None and self._runner.over),
             sample_s=planned.sample_s,
             retarget_s=planned.retarget_s,
         )
-        self._made[ticket.id] = ticket, planned.plan
-        # The plan that plays can always be resumed, however many were refused since.
-        self._made = {key: made for key, made in self._made.items() if key >= int(row.plan)}
+        self._made.add(ticket, planned.plan, int(row.plan))
         self.plans.publish(ticket, planned.plan)
         self.lead.record(kind, sampling_s, time.perf_counter() - begin - sampling_s)
         if self._humans is not None and self._humans.watched and planned.plan.human is not None:
@@ -197,7 +195,7 @@ class Replanner:
         offer = self.plans.playing()
         if int(row.state) != State.HOLD or row.pending or offer is None or offer.ticket.id != int(row.plan):
             return False
-        self._made = {offer.ticket.id: (offer.ticket, self.planner.without_human(offer.plan))}
+        self._made.begin_with(offer.ticket, self.planner.without_human(offer.plan))
         self._succeeds, self.ledger.halted = False, True
         return True
 
@@ -213,7 +211,7 @@ class Replanner:
         last = int(row.pending) or plan
         if int(row.state) not in (State.STREAMING, State.HOLD) or last not in self._made:
             return False
-        ticket = self._made[last][0]
+        ticket = self._made.ticket(last)
         if must_stop:
             return not (ticket.stops or row.plan_over)
         if self._is_new(target, row):
@@ -231,30 +229,17 @@ class Replanner:
         if ticket.source_over:
             return False
         tick, refused = int(row.tick) + 1, newest != plan
-        unplayed = self._made[plan][1].start_tick + self._made[plan][1].stop_row - tick
+        playing = self._made.plan(plan)
+        assert playing is not None
+        unplayed = playing.start_tick + playing.stop_row - tick
         return refused or tick >= self._asked_tick + self._replan_ticks or unplayed < self._least_unplayed
 
     def _is_new(self, target: Target, row: TickRow) -> bool:
         """Whether neither the plan that plays nor the one that waits follows this target."""
-        return target.id > max(int(row.target), self._target_of(int(row.pending)))
-
-    def _target_of(self, plan: int) -> int:
-        return self._made[plan][0].target if plan in self._made else 0
+        return target.id > max(int(row.target), self._made.target_of(int(row.pending)))
 
     def _join(self, kind: Kind, row: TickRow, join: int) -> tuple[int, int, Plan | None]:
-        """First tick from `join` on at which a plan may take over; id and rows of the plan that plays until then."""
-        resumed = self._playing_at(join, row)
-        current = self._made[resumed][1] if resumed else None
-        if current is not None:
-            # A redraw may not replace the first moments of the plan before it; a new target or a stop may.
-            join = max(join, current.start_tick + (self._commit_ticks if kind is Kind.WHOLE else 1))
-        return join, resumed, current
-
-    def _playing_at(self, join: int, row: TickRow) -> int:
-        """Id of the plan that will play just before tick `join`, which the new one resumes."""
-        pending = int(row.pending)
-        waits = pending in self._made and self._made[pending][1].start_tick < join
-        return pending if waits else int(row.plan)
+        return self._made.join(join, row, redraws=kind is Kind.WHOLE)
 
     def _kind(self, row: TickRow, target: Target) -> Kind:
         new = self._is_new(target, row)
@@ -292,13 +277,8 @@ class Replanner:
         if not self.follows_targets:
             ledger.refuse_all(f"{self.planner.source.name}: a source that follows no targets")
         pending = int(row.pending)
-        ledger.settle(row, max(int(row.target), self._target_of(pending)), partial(self._start_of, row))
+        ledger.settle(row, max(int(row.target), self._made.target_of(pending)), partial(self._made.start_of, row))
         return ledger.wanted
-
-    def _start_of(self, row: TickRow, target: int) -> int:
-        """First tick of the plan by which the loop follows a target: the one that plays, or the one that waits."""
-        plan = int(row.plan) if int(row.target) >= target else int(row.pending)
-        return self._made[plan][1].start_tick if plan in self._made else int(row.plan_start)
 
     def _turn_to(self, target: Target, current: Plan | None, join: int, row: TickRow) -> bool:
         """Let the source follow a new target from the join on; returns whether it can."""
@@ -333,8 +313,7 @@ class Replanner:
     def _stands_at(self, row: TickRow, tick: int) -> Float:
         """Where the robot comes to stand by a stop that is asked for at a tick; see `Planner.stands_at`."""
         join = self.lead.join(Kind.STOP, tick)
-        playing = self._playing_at(join, row)
-        return self.planner.stands_at(join, self._made[playing][1] if playing in self._made else None)
+        return self.planner.stands_at(join, self._made.plan(self._made.playing_at(join, row)))
 
     def _played(self, current: Plan | None, join: int) -> tuple[int, Motion | None, float | None]:
         """What a source goes on from: see the last three arguments of `LiveSource.turn_to`."""
@@ -363,11 +342,3 @@ class Replanner:
 
 def _added(yaw: float | None, turn: float) -> float | None:
     return None if yaw is None else yaw + turn
-
-
-def _effect_row(before: Plan, after: Plan) -> int:
-    """First row of `after` at which a joint is sent elsewhere than `before` would have sent it; -1: none."""
-    offset = after.start_tick - before.start_tick
-    rows = np.minimum(np.arange(len(after)) + offset, len(before) - 1)
-    differs = np.abs(after.q - before.q[rows]).max(axis=1) > EFFECT_RAD
-    return int(np.argmax(differs)) if differs.any() else -1

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from flexmotion.streamer.control.estimator import yaw_of
 from flexmotion.streamer.control.tick_row import TickRow
+from flexmotion.streamer.planning.robot_size import RobotSize
 
 Float = NDArray[np.float64]
 
@@ -17,8 +18,8 @@ STILL_S = 0.5
 """What has not moved for this long rests [s]."""
 SETTLE_S, LONGEST_SETTLE_S = 1.0, 4.0
 """After a walk or a turn the robot stands at least and at most this long before it is measured [s]."""
-_STILL_M, _STILL_RAD = 0.008, np.radians(1.5)
-"""It stands still when it has moved less than this in `STILL_S` [m, rad]."""
+_STILL_RAD = np.radians(1.5)
+"""It stands still when it has turned by less than this in `STILL_S`, and moved by less than `RobotSize.still` [rad]."""
 
 
 def stopping_place(row: TickRow, stands_at: Callable[[], Float] | None) -> Float:
@@ -62,16 +63,17 @@ class Closing:
 
 
 class Standstill:
-    """Args: odometry (3,) [m, m, rad] and time [s] at which the robot was told to stand."""
+    """Args: odometry (3,) [m, m, rad] and time [s] at which the robot was told to stand, and its size."""
 
-    def __init__(self, place: Float, time_s: float) -> None:
+    def __init__(self, place: Float, time_s: float, size: RobotSize) -> None:
         self._begin_s = self._still_s = time_s
+        self._still_m = size.still
         self._place = np.array(place, float)
 
     def settled(self, place: Float, time_s: float) -> bool:
         """Whether it rests, given its odometry now; after `LONGEST_SETTLE_S` it counts as resting."""
         moved = np.abs(place - self._place)
-        if moved[:2].max() > _STILL_M or moved[2] > _STILL_RAD:
+        if moved[:2].max() > self._still_m or moved[2] > _STILL_RAD:
             self._still_s, self._place = time_s, np.array(place, float)
         since_s = time_s - self._begin_s
         return since_s >= LONGEST_SETTLE_S or (since_s >= SETTLE_S and time_s - self._still_s >= STILL_S)

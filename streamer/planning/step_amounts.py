@@ -7,12 +7,11 @@ import math
 import numpy as np
 
 from flexmotion.streamer.motion.programs import Step
+from flexmotion.streamer.planning.robot_size import RobotSize
 from flexmotion.streamer.planning.step_progress import StepProgress
 
 _TURN_TOLERANCE, _WAY_TOLERANCE = np.radians(12.0), 0.12
 """What is missing of a turn [rad], or of a way (share of it), is done in another attempt."""
-_LEAST_WAY_M = 0.03
-"""A way that is shorter is not worth another attempt [m]."""
 
 
 def done_of(at: StepProgress, step: Step, elapsed_s: float) -> float:
@@ -41,13 +40,13 @@ def is_reached(at: StepProgress, step: Step, value: float) -> bool:
     return at.closing.reached(-missing if at.acted_from > step.amount.value else missing)
 
 
-def is_missing(step: Step, missing: float) -> bool:
+def is_missing(step: Step, missing: float, size: RobotSize) -> bool:
     """Whether so much is missing, in the amount's unit, that another attempt is worth it."""
     assert step.amount is not None
     match step.amount.quantity:
         case "angle":
             return abs(missing) > _TURN_TOLERANCE
         case "length":
-            return missing > max(_WAY_TOLERANCE * step.amount.value, _LEAST_WAY_M)  # walks do not go back
+            return missing > max(_WAY_TOLERANCE * step.amount.value, size.least_way)  # walks do not go back
     # The other foot may close the stance.
     return not -1.5 < missing < 0.5

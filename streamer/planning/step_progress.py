@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from flexmotion.streamer.control.tick_row import TickRow
 from flexmotion.streamer.motion.programs import Step
+from flexmotion.streamer.planning.robot_size import RobotSize
 from flexmotion.streamer.planning.standstill import STILL_S, Closing, Standstill
 
 Float = NDArray[np.float64]
@@ -21,8 +22,6 @@ _HOME_RAD = 0.25
 MOVED_RAD = 0.35
 """A gesture moves a joint from where it was by at least this; arms further than this from the stand pose are raised
 [rad]."""
-_STEP_M = 0.015
-"""A step carries its foot at least this far in the direction of the walk [m]."""
 
 
 @dataclass
@@ -34,6 +33,7 @@ class StepProgress:
         place: where the robot stood, as of `measure`.
         ahead, aside, turned: way in the torso's own directions [m], turn [rad].
         joints: measured angles at the step's begin (n,) [rad].
+        size: of the robot.
         footsteps: of the walk in its direction so far, those included whose foot is on its way.
         lifted: where each foot lifted off, planned, x and y [m]; None: it stands.
         counts: whether each foot's present step is counted.
@@ -50,6 +50,7 @@ class StepProgress:
     place: Float
     joints: Float
     act_tick: int
+    size: RobotSize
     footsteps: int = 0
     lifted: list[Float | None] = field(default_factory=lambda: [None, None])
     counts: list[bool] = field(default_factory=lambda: [False, False])
@@ -63,6 +64,12 @@ class StepProgress:
     closing: Closing = field(default_factory=Closing)
     standstill: Standstill | None = None
     rested: tuple[int, Float] | None = None
+
+    @classmethod
+    def begun(cls, row: TickRow, place: Float, size: RobotSize) -> StepProgress:
+        """The progress of a step that begins now."""
+        tick = int(row.tick)
+        return cls(begin_tick=tick, act_tick=tick, size=size, place=place.copy(), joints=np.array(row.q, float))
 
     def measure(self, step: Step, row: TickRow, place: Float) -> None:
         """Add what the robot did since the last row; `place`: where it stands if it stops now (`stopping_place`)."""
@@ -107,7 +114,7 @@ class StepProgress:
             dx, dy = foot[:2] - lifted
             cos, sin = math.cos(foot[3]), math.sin(foot[3])
             carried = step.axis[0] * (cos * dx + sin * dy) + step.axis[1] * (cos * dy - sin * dx)
-            if not self.counts[side] and (step.axis == (0, 0) or carried > _STEP_M):
+            if not self.counts[side] and (step.axis == (0, 0) or carried > self.size.step):
                 self.footsteps, self.counts[side] = self.footsteps + 1, True
 
 

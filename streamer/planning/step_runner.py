@@ -22,6 +22,8 @@ from flexmotion.streamer.motion.intents import Intent, Velocity
 from flexmotion.streamer.motion.model_source import ModelSource
 from flexmotion.streamer.motion.programs import GESTURE_S, Program, Step
 from flexmotion.streamer.planning.navigator import STANDING, Navigator, Phase, navigator_for
+from flexmotion.streamer.planning.robot_size import RobotSize
+from flexmotion.streamer.planning.source_clock import SourceClock
 from flexmotion.streamer.planning.standstill import SETTLE_S, Closing, Standstill, stopping_place
 from flexmotion.streamer.planning.step_amounts import done_of, is_missing, is_reached
 from flexmotion.streamer.planning.step_progress import MOVED_RAD, StepProgress, is_raised
@@ -55,6 +57,7 @@ class StepRunner:
         source: of the human.
         rate_hz: ticks a second.
         on_heard: called with an answer whose steps have ended.
+        size: of the robot.
         home: joint angles of the stand pose, (n,) [rad]; NaN where a joint does not count (legs).
 
     Attributes:
@@ -65,9 +68,15 @@ class StepRunner:
     """
 
     def __init__(
-        self, source: ModelSource, rate_hz: float, on_heard: Callable[[Heard], None], home: Float | None = None
+        self,
+        source: ModelSource,
+        rate_hz: float,
+        on_heard: Callable[[Heard], None],
+        size: RobotSize,
+        home: Float | None = None,
     ) -> None:
-        self.source, self.rate_hz, self.on_heard, self.home = source, rate_hz, on_heard, home
+        self.source, self.rate_hz, self.on_heard = source, rate_hz, on_heard
+        self.size, self.home = size, home
         self.wanted: Intent | None = None
         self.facing = 0.0
         self.resting = self.over = False
@@ -77,7 +86,7 @@ class StepRunner:
         self._at: StepProgress | None = None
         self._navigator: Navigator | None = None
         self._turned: tuple[int, Navigator | None] = (0, None)  # program of the last target, and how it began
-        self._source_s, self._source_tick = math.nan, 0
+        self._clock = SourceClock(rate_hz)
         self._walked_tick = -(10**9)
         self._place = np.zeros(3)
 
@@ -117,17 +126,12 @@ class StepRunner:
             halted: what was asked for has ended by a stop, or by its age.
             stands_at: gives where the robot comes to stand if it stops now, in the plan's world (`stopping_place`).
         """
-        source_s, tick = float(row.source_s), int(row.tick)
         if not np.all(row.contact_ref):
-            self._walked_tick = tick
+            self._walked_tick = int(row.tick)
         if halted or bool(row.must_stop) or int(row.state) not in (State.STREAMING, State.HOLD):
             self._abandon("stopped")
             return
-        if math.isfinite(source_s):
-            self._source_s, self._source_tick = source_s, tick
-        elif self.resting:
-            source_s = self._source_s + (tick - self._source_tick) / self.rate_hz
-        if not math.isfinite(source_s):
+        if not math.isfinite(source_s := self._clock.second(row, runs_on=self.resting)):
             return
         frame = int(source_s * self.source.fps)
         found = self.source.program_at(frame)
@@ -183,14 +187,7 @@ class StepRunner:
             self._phase = _Phase.OVER  # until something else is asked
 
     def _fresh(self, row: TickRow) -> StepProgress:
-        tick = int(row.tick)
-        return StepProgress(
-            begin_tick=tick,
-            act_tick=tick,
-            acted_from=0.0,
-            place=self._place.copy(),
-            joints=np.array(row.q, float),
-        )
+        return StepProgress.begun(row, self._place, self.size)
 
     def _abandon(self, end: End) -> None:
         """The program ends before it is done."""
@@ -265,12 +262,12 @@ class StepRunner:
                 self._settle(at, row)
         elif self._is_settled(at, row):
             missing = amount - value
-            again = is_missing(step, missing) and not (quantity == "steps" and missing < 0.0)
+            again = is_missing(step, missing, self.size) and not (quantity == "steps" and missing < 0.0)
             if at.attempts < _ATTEMPTS and again:
                 at.attempts += 1
                 self._act(at, step, value, tick)
             else:
-                self._next(row, "time limit" if is_missing(step, missing) else "done", value)
+                self._next(row, "time limit" if is_missing(step, missing, self.size) else "done", value)
 
     def _advance_time(self, at: StepProgress, step: Step, row: TickRow, elapsed_s: float) -> None:
         assert step.amount is not None
@@ -301,7 +298,7 @@ class StepRunner:
     # ------------------------------------------------------------ goals in the odometry
 
     def _navigator_to(self, step: Step, row: TickRow) -> Navigator | None:
-        return navigator_for(step, self.source.pace, self._place, int(row.tick) / self.rate_hz)
+        return navigator_for(step, self.source.pace, self._place, int(row.tick) / self.rate_hz, self.size)
 
     def _navigate(self, row: TickRow, measured: float | None) -> None:
         navigator = self._navigator
@@ -321,7 +318,7 @@ class StepRunner:
 
     def _settle(self, at: StepProgress, row: TickRow) -> None:
         self._phase, self.resting = _Phase.SETTLE, True
-        at.act_tick, at.standstill = int(row.tick), Standstill(at.place, int(row.tick) / self.rate_hz)
+        at.act_tick, at.standstill = int(row.tick), Standstill(at.place, int(row.tick) / self.rate_hz, self.size)
 
     def _act(self, at: StepProgress, step: Step, value: float, tick: int) -> None:
         """Another attempt, at what is missing."""

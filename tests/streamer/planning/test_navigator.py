@@ -9,14 +9,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from flexmotion.configs.robot import load_robot
 from flexmotion.retarget.footsteps import EXACT_YAW
 from flexmotion.sampling.pace import Pace
 from flexmotion.streamer.motion.intents import Goal, Heading, Waypoint
 from flexmotion.streamer.planning.navigator import HEADING_TOLERANCE, Navigator, Phase
+from flexmotion.streamer.planning.robot_size import RobotSize
 from flexmotion.streamer.planning.standstill import Closing, Standstill
 
 DT = 0.02
 PACE = Pace(0.9, 0.45, 0.18, 0.7)
+GAIT = load_robot("op3").gait
+SIZE = RobotSize.of(GAIT)
 WALKS = 0.2
 """Speed of the robot over that of its human."""
 
@@ -40,7 +44,7 @@ class Robot:
     ) -> None:
         self.place, self.late_s, self.drift, self.splay = np.array(place, float), late_s, drift, splay
         self.time_s, self.phases = 0.0, [Phase.SETTLE]
-        self.navigator = Navigator(goal, PACE, self.place, 0.0)
+        self.navigator = Navigator(goal, PACE, self.place, 0.0, SIZE)
         self._moves = [(-1.0, self.navigator.move)]
 
     def run(self, most_s: float = 300.0) -> None:
@@ -104,7 +108,7 @@ def test_a_heading_is_turned_to_the_shorter_way_and_no_faster_than_allowed() -> 
 
 def test_a_turn_of_two_rounds_is_two_rounds() -> None:
     robot = Robot(Heading(0.0))
-    robot.navigator = Navigator(Heading(4 * math.pi), PACE, robot.place, 0.0, winds=True)
+    robot.navigator = Navigator(Heading(4 * math.pi), PACE, robot.place, 0.0, SIZE, winds=True)
     robot._moves = [(-1.0, robot.navigator.move)]
     robot.run()
     assert robot.place[2] == pytest.approx(4 * math.pi, abs=HEADING_TOLERANCE)
@@ -137,8 +141,23 @@ def test_it_stops_at_the_step_that_ends_nearest() -> None:
 
 
 def test_a_robot_that_sways_for_ever_counts_as_standing_after_a_while() -> None:
-    still, swaying = Standstill(np.zeros(3), 0.0), Standstill(np.zeros(3), 0.0)
+    still, swaying = Standstill(np.zeros(3), 0.0, SIZE), Standstill(np.zeros(3), 0.0, SIZE)
     assert not still.settled(np.zeros(3), 0.9) and still.settled(np.zeros(3), 1.0)
     times = np.arange(0.0, 5.0, 0.1)
     settled = [swaying.settled(np.array([0.02 * (k % 2), 0.0, 0.0]), time) for k, time in enumerate(times)]
     assert settled.index(True) == 40
+
+
+def test_what_is_near_and_what_is_still_is_so_by_the_size_of_the_robot() -> None:
+    """A robot of five times OP3's size was held to its 8 mm of standing still, and turned to a place a stride away."""
+    large = RobotSize.of(GAIT.model_copy(update={"max_stride": 5.0 * GAIT.max_stride, "pace": None}))
+    place, aside = np.zeros(3), Waypoint(0.0, 1.0)
+    assert Navigator(aside, PACE, place, 0.0, SIZE).phase is Phase.TURN
+    assert Navigator(aside, PACE, place, 0.0, large).phase is Phase.WALK
+    assert Navigator(aside, PACE, place, 0.0, large).limit_s < Navigator(aside, PACE, place, 0.0, SIZE).limit_s
+    sways = [np.array([0.02 * (k % 2), 0.0, 0.0]) for k in range(20)]
+    ends = []
+    for size in (SIZE, large):
+        standstill = Standstill(np.zeros(3), 0.0, size)
+        ends.append([standstill.settled(sway, 0.1 * k) for k, sway in enumerate(sways)][-1])
+    assert ends == [False, True]

@@ -14,10 +14,12 @@ from flexmotion.streamer.motion.heard import Heard, HeardStep
 from flexmotion.streamer.motion.intents import Heading, Text, Velocity
 from flexmotion.streamer.motion.programs import Program, Step
 from flexmotion.streamer.planning.navigator import STANDING
+from flexmotion.streamer.planning.robot_size import RobotSize
 from flexmotion.streamer.planning.step_runner import StepRunner
 from flexmotion.text.amounts import Amount
 
 RATE, FPS, JOINTS = 100.0, 30.0, 4
+SIZE = RobotSize(stride=0.11, slowest=0.05)
 
 
 class FakeSource:
@@ -64,7 +66,7 @@ class Robot:
 
     def __init__(self, *programs: tuple[int, Program]) -> None:
         self.heard: list[Heard] = []
-        self.runner = StepRunner(FakeSource(*programs), RATE, self.heard.append)  # type: ignore[arg-type]
+        self.runner = StepRunner(FakeSource(*programs), RATE, self.heard.append, SIZE)  # type: ignore[arg-type]
         self.row = TickRow(blank(TickRow.dtype(joints=JOINTS)))
         self.row.state[...], self.row.odometry[...], self.row.q[...] = State.STREAMING, 0.0, 0.0
         self.row.foot_ref[...], self.row.contact_ref[...] = 0.0, True
