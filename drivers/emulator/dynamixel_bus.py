@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections import Counter
+from collections.abc import Iterable, Iterator
 
 from flexmotion.drivers.dynamixel.packet import (
     ALERT,
@@ -17,7 +18,7 @@ from flexmotion.drivers.dynamixel.packet import (
 from flexmotion.drivers.emulator.device import Device
 from flexmotion.drivers.emulator.opencr import OpenCr
 from flexmotion.drivers.emulator.servo import Joints, XServo
-from flexmotion.drivers.emulator.wire import Reply
+from flexmotion.drivers.emulator.wire import Reply, mix
 
 CLEAR_KEY = b"\x44\x58\x4c\x22"
 
@@ -26,6 +27,13 @@ MISSED_SLOT_S = 0.0002
 
 _LENGTH = slice(5, 7)
 """Position of the length field in a packet; the instruction follows it."""
+_READS = frozenset(
+    {
+        *(Instruction.PING, Instruction.READ, Instruction.SYNC_READ, Instruction.FAST_SYNC_READ),
+        *(Instruction.BULK_READ, Instruction.FAST_BULK_READ),
+    }
+)
+_WRITES = frozenset({Instruction.WRITE, Instruction.SYNC_WRITE, Instruction.BULK_WRITE})
 _WRITES_TO_MANY = tuple(bytes([kind]) for kind in (Instruction.SYNC_WRITE, Instruction.BULK_WRITE))
 
 
@@ -52,7 +60,15 @@ class EmulatedDynamixelBus:
         self.received = self.bad = 0
         self.imu_ids = frozenset(device.id for device in self.devices if isinstance(device, OpenCr))
         self._decoder = Decoder()
+        self._by_id: dict[int, Device] = {}
+        self._twins: list[dict[int, Device]] = []
+        self._groups: dict[int, list[Device]] = {}
         self._index()
+
+    @property
+    def refusals(self) -> Counter[str]:
+        """See `EmulatedBus`."""
+        return sum((device.refusals for device in self.devices), Counter())
 
     def may_be_answered(self, data: bytes) -> bool:
         """See `EmulatedBus`. A single sync or bulk write is not answered."""
@@ -88,20 +104,63 @@ class EmulatedDynamixelBus:
     # ---------------------------------------------------------------- instructions
 
     def _index(self) -> None:
-        self._by_id = {device.id: device for device in self.devices}
+        """Sort the devices by id; those whose id another one has too go to `_twins`, a further layer for each."""
+        if not any(device.renamed for device in self.devices):
+            return
+        layers: list[dict[int, Device]] = [{}]
+        self._groups = {}
+        for device in self.devices:
+            device.renamed = False
+            layer = next((layer for layer in layers if device.id not in layer), None)
+            if layer is None:
+                layers.append(layer := {})
+            layer[device.id] = device
+            if device.secondary_id is not None:
+                self._groups.setdefault(device.secondary_id, []).append(device)
+        self._by_id, *self._twins = layers
 
     def _listening(self, device: Device, baud: int, now: float) -> bool:
         if device.id in self.dead or device.baud != baud or now < device.off_until:
             return False
         return self._powered or not isinstance(device, XServo)
 
+    def _heard_by(self, layer: dict[int, Device], baud: int, now: float) -> dict[int, Device]:
+        return {id_: device for id_, device in layer.items() if self._listening(device, baud, now)}
+
     def _handle(self, packet: Packet, baud: int, now: float) -> list[Reply]:
-        listening = {id_: device for id_, device in self._by_id.items() if self._listening(device, baud, now)}
+        """Answers of all devices; those of devices with the same id collide."""
+        self._index()
         self.received += packet.intact
         self.bad += not packet.intact
+        first = self._heard_by(self._by_id, baud, now)
+        replies = self._answers(packet, first, now)
+        for layer in self._twins:
+            # A request is answered among all others; a write must not act twice.
+            twins = self._heard_by(layer, baud, now)
+            others = self._answers(packet, first | twins if packet.instruction in _READS else twins, now)
+            replies = mix([replies, others])
+        if packet.intact:
+            self._tell_groups(packet, baud, now)
+        if self._board is not None and self._board.powered != self._powered:
+            self._powered = self._board.powered
+            for servo in self.servos:
+                servo.reboot(now)
+        self.joints.commit()
+        return replies
+
+    def _tell_groups(self, packet: Packet, baud: int, now: float) -> None:
+        """Writes to a secondary id act on its whole group, except where that is a device's own id; no answer."""
+        if not self._groups or packet.instruction not in _WRITES:
+            return
+        for id_, address, data in _writes(packet):
+            for device in self._groups.get(id_, ()):
+                if device.id != id_ and self._listening(device, baud, now):
+                    device.write(address, data, group=True)
+
+    def _answers(self, packet: Packet, listening: dict[int, Device], now: float) -> list[Reply]:
         if not packet.intact:
             device = listening.get(packet.id)
-            return [] if device is None else self._status(device, packet.instruction, Error.CRC)
+            return [] if device is None else self._status(device, packet.instruction, device.refuse("crc_error"))
         if packet.instruction == Instruction.STATUS:
             return []
         for id_, device in listening.items():
@@ -112,10 +171,10 @@ class EmulatedDynamixelBus:
             Instruction.FAST_SYNC_READ: self._fast_sync_read,
             Instruction.BULK_READ: self._bulk_read,
             Instruction.FAST_BULK_READ: self._fast_bulk_read,
-            Instruction.SYNC_WRITE: self._sync_write,
-            Instruction.BULK_WRITE: self._bulk_write,
         }
-        if packet.id == BROADCAST and packet.instruction in handlers:
+        if packet.id == BROADCAST and packet.instruction in (Instruction.SYNC_WRITE, Instruction.BULK_WRITE):
+            replies = self._write_many(packet, listening)
+        elif packet.id == BROADCAST and packet.instruction in handlers:
             replies = handlers[Instruction(packet.instruction)](packet.params, listening, now)
         elif packet.id == BROADCAST:
             replies = []
@@ -126,11 +185,6 @@ class EmulatedDynamixelBus:
         else:
             device = listening.get(packet.id)
             replies = [] if device is None else self._single(device, packet, now)
-        if self._board is not None and self._board.powered != self._powered:
-            self._powered = self._board.powered
-            for servo in self.servos:
-                servo.reboot(now)
-        self.joints.commit()
         return replies
 
     def _single(self, device: Device, packet: Packet, now: float) -> list[Reply]:
@@ -150,31 +204,31 @@ class EmulatedDynamixelBus:
             # The answer has the id and the return delay from before the write.
             reply = self._status(device, kind, Error.NONE)
             if kind == Instruction.REG_WRITE:
-                device.registered = (address, content)
+                device.register(address, content)
             else:
                 error = device.write(address, content)
-                self._index()
             return reply if not error else self._status(device, kind, error)
         elif kind == Instruction.ACTION:
-            if device.registered is not None:
-                error = device.write(*device.registered)
-                device.registered = None
+            error = device.act()
         elif kind == Instruction.FACTORY_RESET:
             if len(params) != 1 or params[0] not in (0xFF, 1, 2) or device.locked:
-                error = Error.RESULT
+                error = device.refuse("bad_reset")
+            elif packet.id == BROADCAST and params[0] == 0xFF:
+                error = device.refuse("broadcast_reset")
             else:
                 reply = self._status(device, kind, Error.NONE)
                 device.factory_reset(params[0], now)
-                self._index()
                 return reply
         elif kind == Instruction.REBOOT:
             reply = self._status(device, kind, Error.NONE)
             device.reboot(now)
             return reply
         elif kind == Instruction.CLEAR:
-            error = Error.NONE if params == b"\x01" + CLEAR_KEY else Error.RESULT
+            self._refresh([device], now)
+            clear = params == b"\x01" + CLEAR_KEY and not device.moving
+            error = Error.NONE if clear else device.refuse("clear_in_motion")
         else:
-            error = Error.INSTRUCTION
+            error = device.refuse("undefined_instruction")
         return self._status(device, kind, error, data)
 
     def _sync_read(self, params: bytes, listening: dict[int, Device], now: float) -> list[Reply]:
@@ -226,28 +280,11 @@ class EmulatedDynamixelBus:
             whole = _announce(rows, missing)
         return [Reply(BROADCAST, delay, whole)]
 
-    def _sync_write(self, params: bytes, listening: dict[int, Device], now: float) -> list[Reply]:
-        if len(params) < 4:
-            return []
-        address, size = _span(params)
-        if size and (len(params) - 4) % (size + 1) == 0:
-            for at in range(4, len(params), size + 1):
-                device = listening.get(params[at])
-                if device is not None:
-                    device.write(address, params[at + 1 : at + 1 + size])
-            self._index()
-        return []
-
-    def _bulk_write(self, params: bytes, listening: dict[int, Device], now: float) -> list[Reply]:
-        at = 0
-        while at + 5 <= len(params):
-            address, size = _span(params[at + 1 : at + 5])
-            data = params[at + 5 : at + 5 + size]
-            device = listening.get(params[at])
-            if device is not None and len(data) == size:
+    def _write_many(self, packet: Packet, listening: dict[int, Device]) -> list[Reply]:
+        for id_, address, data in _writes(packet):
+            device = listening.get(id_)
+            if device is not None:
                 device.write(address, data)
-            at += 5 + size
-        self._index()
         return []
 
     def _refresh(self, devices: Iterable[Device], now: float) -> None:
@@ -275,3 +312,26 @@ def _announce(rows: list[tuple[int, int, bytes]], missing: int) -> bytes:
     """The first part of a fast reply; its header counts `missing` bytes more."""
     filler = (0, 0, bytes(missing - 4))
     return encode_fast_status([*rows, filler])[:-missing]
+
+
+def _writes(packet: Packet) -> Iterator[tuple[int, int, bytes]]:
+    """(id, address, data) of every write in a packet."""
+    params = packet.params
+    if packet.instruction == Instruction.WRITE:
+        if len(params) > 2:
+            yield packet.id, int.from_bytes(params[:2], "little"), params[2:]
+        return
+    if packet.instruction == Instruction.SYNC_WRITE:
+        if len(params) < 4:
+            return
+        address, size = _span(params)
+        for at in range(4, len(params) - size, size + 1):
+            yield params[at], address, params[at + 1 : at + 1 + size]
+        return
+    at = 0
+    while at + 5 <= len(params):
+        address, size = _span(params[at + 1 : at + 5])
+        data = params[at + 5 : at + 5 + size]
+        if len(data) == size:
+            yield params[at], address, data
+        at += 5 + size

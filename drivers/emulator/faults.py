@@ -28,6 +28,7 @@ class FaultKind(StrEnum):
     CABLE = "cable"
     PORT = "port"
     IMU = "imu"
+    ECHO = "echo"
     BLOCKED = "blocked"
     TRIPPED = "tripped"
     FALSE_POSITION = "false_position"
@@ -71,6 +72,7 @@ MEANING = {
     FaultKind.CABLE: "the cable to the servos is pulled: no byte passes",
     FaultKind.PORT: "the adapter is unplugged: the port is gone",
     FaultKind.IMU: "the inertial sensor is silent",
+    FaultKind.ECHO: "the adapter returns what the host sends, as one without a direction switch does",
     FaultKind.BLOCKED: "the joint of the servo with id ARGUMENT does not move",
     FaultKind.TRIPPED: "the bus watchdog of the servo with id ARGUMENT trips, once",
     FaultKind.FALSE_POSITION: "the servo with id ARGUMENT reports its position plus VALUE [servo units]",

@@ -19,14 +19,16 @@ INPUT_VOLTAGE, OVERHEATING = 0x01, 0x04
 
 
 class StsServo(SumServo):
-    """One servo. Torque limit, lock and position limits are emulated, profiles are not.
+    """One servo. Torque limit, lock, position limits and homing offset are emulated, profiles are not.
+
+    Present position = actual position - homing offset; goals are in the same frame.
 
     Attributes:
         memory: the control table, byte by byte.
     """
 
     def __init__(self, joints: Joints, index: int, id_: int, servo: Servo) -> None:
-        super().__init__()
+        super().__init__("feetech")
         self.joints, self.index, self.servo = joints, index, servo
         self.memory = bytearray(128)
         for name, register in sts().registers.items():
@@ -63,7 +65,7 @@ class StsServo(SumServo):
         torque = direction * plant.torque[index] + error.torque
         speed = direction * self.joints.body.velocity[index] + error.speed
         constant = self.servo.torque_constant or self.servo.stall_torque / self.servo.stall_current
-        self._report("present_position", self.joints.ticks[index] + error.position)
+        self._report("present_position", self.joints.ticks[index] - self.get("homing_offset") + error.position)
         self._report("present_speed", speed / self.servo.tick_rad)
         self._report("present_load", 1000 * torque / self.servo.stall_torque)
         self._report("present_voltage", (plant.voltage + error.voltage) / VOLTAGE)
@@ -73,11 +75,22 @@ class StsServo(SumServo):
     def write(self, address: int, data: bytes) -> None:
         """Write data; read-only registers and locked EEPROM keep their values."""
         table = sts()
+        end = address + len(data)
         for name, register in table.registers.items():
-            if not address <= register.address or register.end > address + len(data) or register.access == "r":
+            if not (register.address < end and address < register.end):
                 continue
-            if register.address < table.eeprom_end and self.get("lock"):
+            kept = register.address < table.eeprom_end
+            if register.access == "r":
+                self.refusals.note("read_only")
                 continue
+            if register.address < address or register.end > end:
+                self.refusals.note("written_in_part")
+                continue
+            if kept and self.get("lock"):
+                self.refusals.note("eeprom_locked")
+                continue
+            self.eeprom_writes += kept
+            self.ram_writes += not kept
             at = register.address - address
             self.memory[register.address : register.end] = data[at : at + register.size]
             self._act(name)
@@ -115,6 +128,9 @@ class StsServo(SumServo):
             body.plant.set_gain(body.robot.kp * joints.gain_share)
         elif name == "goal_position":
             ticks = min(max(self.get(name), self.get("min_position_limit")), self.get("max_position_limit"))
+            if ticks != self.get(name):
+                self.refusals.note("goal_clipped")
+            ticks += self.get("homing_offset")
             robot = body.robot
             angle = (ticks - self.servo.centre_tick) * robot.tick_rad[index]
             joints.goal[index] = (angle - robot.zero[index]) * robot.direction[index]
@@ -130,7 +146,7 @@ class StsServo(SumServo):
 
     def _pin(self) -> None:
         self.joints.refresh()
-        self.put("goal_position", int(self.joints.ticks[self.index]))
+        self.put("goal_position", int(self.joints.ticks[self.index]) - self.get("homing_offset"))
 
 
 class EmulatedFeetechBus(SumBus[StsServo]):

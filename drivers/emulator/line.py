@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -32,6 +32,10 @@ class EmulatedBus(Protocol):
     @property
     def bad(self) -> int:
         """Number of broken packets from the host."""
+
+    @property
+    def refusals(self) -> Counter[str]:
+        """Number of refusals of all servos by the name of their rule (`rules.yaml`)."""
 
     def may_be_answered(self, data: bytes) -> bool:
         """Whether bytes from the host may need an answer; False only if they certainly do not."""
@@ -150,6 +154,7 @@ class BusLine(Line):
     def __init__(self, name: str, bus: EmulatedBus, terminal: Port, wire: Wire, damage: Damage) -> None:
         super().__init__(name, terminal, wire, damage)
         self.bus = bus
+        self._echo = False
         self._last_received = 0.0
         self._incomplete = False
         self._arriving: deque[_Sent] = deque()
@@ -164,6 +169,7 @@ class BusLine(Line):
         kinds = {fault.kind for fault in faults}
         self.damage.act(faults)
         self.cut = FaultKind.CABLE in kinds
+        self._echo = FaultKind.ECHO in kinds
         self.bus.dead = {int(fault.argument) for fault in faults if fault.kind is FaultKind.DEAD}
         if FaultKind.IMU in kinds:
             self.bus.dead |= self.bus.imu_ids
@@ -181,6 +187,8 @@ class BusLine(Line):
         if data and not self.cut:
             baud = self.terminal.baud or 1
             end = self.wire.send(len(data), baud, now)
+            if self._echo:
+                self.wire.echo(data, end)
             self._arriving.append(
                 _Sent(now if self.bus.may_be_answered(data) else end, end, self.damage.spoil(data)[0], baud)
             )
@@ -207,5 +215,10 @@ class BusLine(Line):
 
     def report(self, elapsed: float) -> dict[str, Any]:
         """See `Line`."""
-        counts = {"packets": self.bus.received, "bad_packets": self.bus.bad, "collisions": self.wire.collisions}
+        counts: dict[str, Any] = {
+            "packets": self.bus.received,
+            "bad_packets": self.bus.bad,
+            "collisions": self.wire.collisions,
+            "refused": dict(self.bus.refusals),
+        }
         return counts | super().report(elapsed)

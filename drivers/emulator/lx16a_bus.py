@@ -23,7 +23,7 @@ class Lx16aServo(SumServo):
     """
 
     def __init__(self, joints: Joints, index: int, id_: int, servo: Servo) -> None:
-        super().__init__()
+        super().__init__("lx16a")
         self.joints, self.index, self.id, self.servo = joints, index, id_, servo
         self.loaded = False
         joints.refresh()
@@ -46,6 +46,7 @@ class Lx16aServo(SumServo):
 
     def load(self, on: bool) -> None:
         """Switch the torque."""
+        self.ram_writes += 1
         self.loaded = on
         body = self.joints.body
         body.set_torque(np.arange(body.robot.n) == self.index, on)
@@ -53,6 +54,9 @@ class Lx16aServo(SumServo):
     def move(self, tick: int) -> None:
         """Take a goal."""
         self.goal = min(max(tick, self.servo.min_tick), self.servo.max_tick)
+        if self.goal != tick:
+            self.refusals.note("goal_clipped")
+        self.ram_writes += 1
         robot, joints, index = self.joints.body.robot, self.joints, self.index
         angle = (self.goal - self.servo.centre_tick) * robot.tick_rad[index]
         joints.goal[index] = (angle - robot.zero[index]) * robot.direction[index]
@@ -102,6 +106,7 @@ class EmulatedLx16aBus(SumBus[Lx16aServo]):
                 servo.load(params[0] == 1)
             elif packet.code == Command.SET_ID and len(params) == 1:
                 servo.id = params[0]
+                servo.eeprom_writes += 1
             else:
                 answer = servo.answer(packet.code)
                 if answer is not None:

@@ -1,8 +1,8 @@
 """`XServo`: one emulated Dynamixel of the X series. Its registers act on one joint of a `Body`.
 
 Emulated: operating modes 3 and 5 (position, current-based position), PWM and current limits, position gain, position
-limits, EEPROM lock, shutdown on hardware errors, bus watchdog, indirect registers. Not emulated, and refused or
-without effect: other operating modes (range error), profiles, integral, derivative and feed-forward gains.
+limits, homing offset, shutdown on hardware errors, bus watchdog, indirect registers, torque at start-up; what is
+refused: `rules.yaml`. Without effect: profiles, reverse mode, integral, derivative and feed-forward gains.
 """
 
 from __future__ import annotations
@@ -28,6 +28,21 @@ INPUT_VOLTAGE, OVERHEATING, OVERLOAD = 0x01, 0x04, 0x20
 
 TRIPPED = -1
 """Value of the bus watchdog register after it has tripped."""
+
+MULTI_TURN = 1_048_575
+"""Largest goal position in current-based position mode (e-Manual, Goal Position(116)) [servo units]."""
+
+LARGEST_OFFSET = 1024
+"""Largest homing offset that position mode uses (e-Manual, Homing Offset(20)) [servo units]."""
+
+STARTUP_TORQUE = 0x01
+"""Bit of the startup configuration: torque goes on at power-up (e-Manual, Startup Configuration(60))."""
+
+RESET_BY_MODE = (
+    *("velocity_i_gain", "velocity_p_gain", "position_d_gain", "position_i_gain", "position_p_gain"),
+    *("feedforward_2nd_gain", "feedforward_1st_gain", "profile_acceleration", "profile_velocity"),
+)
+"""Registers that a change of the operating mode resets (e-Manual, Operating Mode(11), note)."""
 
 FIRMWARE = 46
 
@@ -97,6 +112,7 @@ class XServo(Device):
         self.joints, self.index, self.servo = joints, index, servo
         self.fed = -math.inf
         self._booted = False
+        self._homing = 0
         super().__init__(table_of(servo.name), id_, servo.model_number or 0, firmware)
         self._booted = True
         self.put("temperature_limit", int(servo.temperature_limit))
@@ -147,6 +163,7 @@ class XServo(Device):
     def refresh(self, now: float) -> None:
         """See `Device`."""
         ticks, speed, torque, temperature = self.joints.present[self.index]
+        ticks += self._homing
         volts = round(self.joints.body.plant.voltage / VOLTAGE)
         error = self.joints.false_readings.of_servo(self.index)
         if error is not None:
@@ -199,45 +216,66 @@ class XServo(Device):
         self.put("hardware_error_status", 0)
         self._pin()
         self._apply_shares()
+        if self.get("startup_configuration") & STARTUP_TORQUE:
+            self.put("torque_enable", 1)
+            self._set_torque(True)
 
     # ---------------------------------------------------------------- writing registers
 
     def _on_torque_enable(self, value: int) -> int:
         if value and self.get("hardware_error_status") & self.get("shutdown"):
-            return Error.RESULT
+            return self.refuse("in_shutdown")
         self._set_torque(bool(value))
         return Error.NONE
 
     def _on_operating_mode(self, value: int) -> int:
         if value not in MODES or (value == CURRENT_POSITION and "goal_current" not in self.table):
-            return Error.RANGE
+            return self.refuse("mode_not_emulated")
+        if value != self.get("operating_mode"):
+            for name in RESET_BY_MODE:
+                if name in self.table:
+                    self.put(name, self.table[name].initial)
+            self._take_limits()
+            self._apply_shares()
         return Error.NONE
+
+    def _on_bus_watchdog(self, value: int) -> int:
+        return self.refuse("cleared_by_zero") if self._tripped and value else int(Error.NONE)
+
+    def _on_goal_velocity(self, value: int) -> int:
+        if self._tripped:
+            return self.refuse("tripped")
+        return self.refuse("over_limit") if abs(value) > self.get("velocity_limit") else int(Error.NONE)
 
     def _on_goal_position(self, value: int) -> int:
         if self._tripped:
-            return Error.RANGE
+            return self.refuse("tripped")
         joints, index = self.joints, self.index
-        if not self.get("min_position_limit") <= value <= self.get("max_position_limit"):
+        if self.get("operating_mode") == CURRENT_POSITION:
+            # The position limits are not used in this mode (e-Manual, Min/Max Position Limit(52, 48)).
+            if abs(value) > MULTI_TURN:
+                return self.refuse("out_of_range")
+        elif not self.get("min_position_limit") <= value <= self.get("max_position_limit"):
             joints.body.receiver.position_violations += int(self.torque)
-            return Error.LIMIT
-        joints.goal[index] = value * self._angle_per_tick + self._angle_at_zero
+            return self.refuse("over_limit")
+        joints.goal[index] = (value - self._homing) * self._angle_per_tick + self._angle_at_zero
         joints.fresh[index] = True
         joints.touch()
         return Error.NONE
 
     def _on_goal_current(self, value: int) -> int:
         if self._tripped:
-            return Error.RANGE
+            return self.refuse("tripped")
         if abs(value) > self.get("current_limit"):
-            return Error.LIMIT
+            return self.refuse("over_limit")
         self._bound(value)
         return Error.NONE
 
     def _on_goal_pwm(self, value: int) -> int:
         if self._tripped:
-            return Error.RANGE
+            return self.refuse("tripped")
         if abs(value) > self.get("pwm_limit"):
-            return Error.LIMIT
+            return self.refuse("over_limit")
         self.joints.drive_share[self.index] = abs(value) / PWM_FULL
         self.joints.body.plant.set_drive_share(self.joints.drive_share)
         return Error.NONE
@@ -249,6 +287,14 @@ class XServo(Device):
         return Error.NONE
 
     # ---------------------------------------------------------------- acting
+
+    def _identify(self, changed: str) -> None:
+        """See `Device`. Present position = actual position + homing offset; position mode ignores large offsets."""
+        super()._identify(changed)
+        if changed in ("homing_offset", "operating_mode"):
+            offset = self.get("homing_offset")
+            ignored = self.get("operating_mode") == POSITION and abs(offset) > LARGEST_OFFSET
+            self._homing = 0 if ignored else offset
 
     def _set_torque(self, on: bool) -> None:
         if not self._booted:
@@ -284,7 +330,7 @@ class XServo(Device):
         joints, index = self.joints, self.index
         joints.goal[index] = joints.body.position[index]
         joints.refresh()
-        self.put("goal_position", int(joints.ticks[index]))
+        self.put("goal_position", int(joints.ticks[index]) + self._homing)
 
 
 def _short(value: float) -> int:

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections import Counter
 from collections.abc import Iterable
 from typing import ClassVar, Generic, TypeVar
 
 from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.servo import Protocol
 from flexmotion.drivers.bus.packet import SumDecoder, SumFormat, SumPacket
+from flexmotion.drivers.emulator.rules import Refusals
 from flexmotion.drivers.emulator.servo import Joints
-from flexmotion.drivers.emulator.wire import Reply
+from flexmotion.drivers.emulator.wire import Reply, mix
 
 
 class SumServo(ABC):
@@ -17,10 +20,14 @@ class SumServo(ABC):
 
     Attributes:
         off_until: time until which it receives nothing, after a loss of power [s].
+        refusals: number of refusals by the name of their rule.
+        eeprom_writes, ram_writes: number of registers, or settings, that were written by packets.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, protocol: Protocol) -> None:
         self.off_until = 0.0
+        self.refusals = Refusals(protocol)
+        self.eeprom_writes = self.ram_writes = 0
 
     @property
     @abstractmethod
@@ -65,6 +72,11 @@ class SumBus(ABC, Generic[ServoKind]):
         """See `EmulatedBus`."""
         return self._decoder.bad
 
+    @property
+    def refusals(self) -> Counter[str]:
+        """See `EmulatedBus`."""
+        return sum((servo.refusals for servo in self.servos), Counter())
+
     def may_be_answered(self, data: bytes) -> bool:
         """See `EmulatedBus`."""
         return True
@@ -74,14 +86,23 @@ class SumBus(ABC, Generic[ServoKind]):
         answers = []
         for packet in self._decoder.feed(data):
             self.received += 1
-            listening = {
-                servo.address: servo
-                for servo in self.servos
-                if servo.baud == baud and now >= servo.off_until and servo.address not in self.dead
-            }
-            answers.append((packet.size, self.answer(packet, listening)))
+            replies: list[list[Reply]] = []
+            for layer in self._layers(baud, now):
+                replies.append(self.answer(packet, layer))
+            answers.append((packet.size, mix(replies)))
             self.joints.commit()
         return answers
+
+    def _layers(self, baud: int, now: float) -> list[dict[int, ServoKind]]:
+        """Servos that receive, by id; those whose id another one has too in a layer of their own."""
+        layers: list[dict[int, ServoKind]] = [{}]
+        for servo in self.servos:
+            if servo.baud == baud and now >= servo.off_until and servo.address not in self.dead:
+                layer = next((layer for layer in layers if servo.address not in layer), None)
+                if layer is None:
+                    layers.append(layer := {})
+                layer[servo.address] = servo
+        return layers
 
     @abstractmethod
     def answer(self, packet: SumPacket, listening: dict[int, ServoKind]) -> list[Reply]:

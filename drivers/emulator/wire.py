@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from flexmotion.drivers.port import BITS_A_BYTE
@@ -18,6 +19,24 @@ class Reply:
     id: int
     delay: float
     data: bytes
+
+
+def collide(replies: Sequence[Reply]) -> Reply:
+    """What the host receives where several devices answer at once: a low bit on the wire wins over a high one."""
+    longest = max(replies, key=lambda reply: len(reply.data))
+    mixed = bytearray(longest.data)
+    for reply in replies:
+        for at, byte in enumerate(reply.data):
+            mixed[at] &= byte
+    return Reply(longest.id, min(reply.delay for reply in replies), bytes(mixed))
+
+
+def mix(answers: Sequence[Sequence[Reply]]) -> list[Reply]:
+    """Answers of several devices with the same ids to one request; those with one id collide."""
+    slots: dict[int, list[Reply]] = {}
+    for reply in (reply for replies in answers for reply in replies):
+        slots.setdefault(reply.id, []).append(reply)
+    return [slot[0] if len(slot) == 1 else collide(slot) for slot in slots.values()]
 
 
 class Wire:
@@ -50,6 +69,10 @@ class Wire:
     def seconds(self, size: int, baud: int) -> float:
         """Time that `size` bytes take [s]."""
         return size * BITS_A_BYTE / baud if self.timed else 0.0
+
+    def echo(self, data: bytes, end: float) -> None:
+        """The adapter returns what the host has sent by `end` [s]."""
+        self._held.append((end, data))
 
     def answer(self, replies: list[tuple[Reply, bytes, float]], baud: int, after: float) -> None:
         """Devices answer a request that ended at `after` [s].

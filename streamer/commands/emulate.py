@@ -35,8 +35,8 @@ def emulate(
             "--fault",
             metavar="KIND[:ARG[:VALUE]][@S[+DURATION|+once]]",
             help="Fault to inject (repeatable), S seconds after torque goes on: lost, corrupt, late, duplicated, "
-            "truncated, dead:ID, overheat:ID, voltage:V, reset:ID, cable, port, imu, blocked:ID, tripped:ID; false "
-            "readings, off by VALUE: false_position:ID:TICKS, false_speed, false_torque, false_voltage, "
+            "truncated, dead:ID, overheat:ID, voltage:V, reset:ID, cable, port, imu, echo, blocked:ID, tripped:ID; "
+            "false readings, off by VALUE: false_position:ID:TICKS, false_speed, false_torque, false_voltage, "
             "false_temperature, false_gyro:VALUE, false_accel:VALUE.",
         ),
     ] = None,
@@ -46,6 +46,9 @@ def emulate(
     false_readings: Annotated[
         float, typer.Option("--false-readings", min=0, max=1, help="Share of readings that are false at random.")
     ] = 0.0,
+    factory: Annotated[
+        bool, typer.Option("--factory", help="Servos with factory settings, as before `flexmotion servo configure`.")
+    ] = False,
     perturb: Annotated[
         list[str] | None,
         typer.Option("--perturb", metavar="KEY=VALUE", help="How the robot differs from its model (repeatable)."),
@@ -97,6 +100,7 @@ def emulate(
         faults=faults,
         bad_packets=bad_packets,
         false_readings=false_readings,
+        factory=factory,
         seed=seed,
     )
     with emulator, _ended_by_signals(emulator):
@@ -170,4 +174,6 @@ def _line(counts: dict[str, Any]) -> str:
         packets = f"{counts['packets']} packets received, {counts['bad_packets']} of them broken"
         parts = [packets, f"{counts['collisions']} collisions", *parts]
     spoilt = ", ".join(f"{count} {kind}" for kind, count in counts["spoilt"].items())
+    if counts.get("refused"):
+        parts.append("refused: " + ", ".join(f"{count} {rule}" for rule, count in counts["refused"].items()))
     return ", ".join(parts) + (f"; injected faults: {spoilt}" if spoilt else "")

@@ -28,7 +28,7 @@ ONE_PART = {
 PASSES = (f"lost@{AT}+0.02", f"corrupt@{AT}+0.01", f"truncated@{AT}+0.01", f"late:0.01@{AT}+0.02", f"duplicated@{AT}",
           f"voltage:9.5@{AT}+0.03")  # fmt: skip
 SILENT_IMU = ("imu", "dead:200")
-OTHER = {*FALSE_OF_SERVO, *FALSE_OF_IMU, FaultKind.BLOCKED, FaultKind.TRIPPED}
+OTHER = {*FALSE_OF_SERVO, *FALSE_OF_IMU, FaultKind.BLOCKED, FaultKind.TRIPPED, FaultKind.ECHO}
 """Faults of devices that answer: `tests/drivers/emulator/test_false_readings.py`."""
 
 
