@@ -102,6 +102,12 @@ class BusDriver(Driver):
         try:
             for name, path in self._paths.items():
                 port = self.open_port(path, self.robot.config.buses[name].baud)
+                if port.echoes():
+                    port.close()
+                    raise DriverError(
+                        f"port {path}: the adapter echoes what is sent, and answers cannot be told from it: switch the "
+                        "echo off (its receiver must be disabled while it sends), or use another adapter"
+                    )
                 self.buses.append(self.Bus(self.robot, name, port, self._settings))
             self._imu = self._open_imu()
             for bus in self.buses:

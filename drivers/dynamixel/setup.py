@@ -79,6 +79,7 @@ def kept_settings(robot: Robot, joint: int) -> dict[str, int]:
         "pwm_limit": table["pwm_limit"].initial,
         "return_delay_time": round(bus.return_delay_us / RETURN_DELAY_US),
         "secondary_id": NO_SECONDARY_ID,
+        "shutdown": table["shutdown"].initial,
         "startup_configuration": 0,
     }
     return {name: value for name, value in settings.items() if name in table}

@@ -104,9 +104,10 @@ class FeetechBus(ServoBus):
         return self._patience
 
     def finish(self) -> None:
-        """See `ServoBus`. Silent servos are asked last in the next cycle, because the others wait for them."""
-        silent = [id_ for id_ in self.ids if self._slot[id_] not in self._answered]
-        self._order = [id_ for id_ in self.ids if id_ not in silent] + silent
+        """See `ServoBus`. The first silent servo is asked last in the next cycle: the others may be silent for it."""
+        silent = [id_ for id_ in self._order if self._slot[id_] not in self._answered]
+        if silent and self._answered:
+            self._order = [id_ for id_ in self._order if id_ != silent[0]] + silent[:1]
 
     def send_goals(self, ticks: Float, bound: Float) -> None:
         """See `ServoBus`. These servos have no torque bound."""
