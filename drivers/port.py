@@ -76,21 +76,20 @@ class SerialPort:
         if self.lost is not None:
             return
         left, end = data, time.perf_counter() + self.seconds(len(data)) + FULL_S
-        while left:
+        for _ in range(2 * len(data)):
             try:
                 # Not through pyserial, which copies and selects first.
                 left = left[os.write(self._serial.fd, left) :]
-            except BlockingIOError:
-                wait = end - time.perf_counter()
-                if wait <= 0:
-                    log.warning(
-                        "port %s: the adapter takes no more: %d of %d bytes lost", self.path, len(left), len(data)
-                    )
+                if not left:
                     break
-                select.select((), (self._serial.fd,), (), wait)
+            except BlockingIOError:
+                if not select.select((), (self._serial.fd,), (), max(end - time.perf_counter(), 0.0))[1]:
+                    break
             except OSError as error:
                 self._lose(error)
                 return
+        if left:
+            log.warning("port %s: the adapter takes no more: %d of %d bytes are lost", self.path, len(left), len(data))
         self._count(data)
 
     def echoes(self) -> bool:

@@ -20,8 +20,9 @@ from flexmotion.drivers.port import SerialPort
 Float = NDArray[np.float64]
 Bool = NDArray[np.bool_]
 
-TORQUE_LOST = 0x100
-"""Bit of `RobotState.hardware_error` set by the driver: torque went off unasked."""
+TORQUE_LOST, WATCHDOG_TRIPS = 0x100, 0x200
+"""Bits of `RobotState.hardware_error` set by the driver: torque went off unasked; the bus watchdog of a servo trips
+again and again."""
 
 
 @dataclass(frozen=True)
@@ -54,6 +55,7 @@ class Measurement:
         voltage, temperature: [V, °C]; NaN where unknown.
         error: bits as the servo reports them.
         torque: whether torque is on, as the servo reports it.
+        watchdog: its bus watchdog, as the servo reports it; -1: it has tripped, and goals are refused.
         fresh: whether it answered in the last cycle.
         asked: whether it was asked in the last cycle; a slow bus asks servos in turns.
     """
@@ -62,7 +64,7 @@ class Measurement:
         self.ticks, self.velocity = np.zeros(m), np.zeros(m)
         self.effort, self.voltage, self.temperature = (np.full(m, np.nan) for _ in range(3))
         self.error = np.zeros(m, np.int64)
-        self.torque = np.zeros(m, np.bool_)
+        self.torque, self.watchdog = np.zeros(m, np.bool_), np.zeros(m, np.int64)
         self.fresh, self.asked = np.zeros(m, np.bool_), np.ones(m, np.bool_)
 
 

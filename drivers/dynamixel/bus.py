@@ -13,7 +13,7 @@ from flexmotion.configs.robot import Robot
 from flexmotion.drivers.bus.attempts import TRIES, attempts
 from flexmotion.drivers.bus.inspection import refuse_unconfigured
 from flexmotion.drivers.bus.options import BusOptions
-from flexmotion.drivers.bus.servo_bus import Budget, ServoBus
+from flexmotion.drivers.bus.servo_bus import WATCHDOG_TRIPS, Budget, ServoBus
 from flexmotion.drivers.dynamixel.exchange import Exchange, ReadMany, ReadOne
 from flexmotion.drivers.dynamixel.goals import GoalPacket, sync_write
 from flexmotion.drivers.dynamixel.layout import Layout, Span, layout_of
@@ -31,6 +31,9 @@ Bool = NDArray[np.bool_]
 
 LATE_S = 0.05
 """Time beyond that on the wire that the confirmation of torque off may take: answers that are late count there [s]."""
+
+TRIPPED, MOST_TRIPS = -1, 3
+"""Value of a watchdog that has tripped, and times that it is cleared before it is an error."""
 
 RECENT_SHARE = 0.5
 """Age up to which the positions of the last cycle are used to pin goals [ticks]."""
@@ -74,6 +77,7 @@ class DynamixelBus(ServoBus):
         )
         self._wrote_at = 0.0
         self._on = self._damped = False
+        self._trips = np.zeros(m, np.int64)
         self._rearm = 0
 
     @classmethod
@@ -167,8 +171,17 @@ class DynamixelBus(ServoBus):
         return self.cycle.patience
 
     def finish(self) -> None:
-        """See `ServoBus`."""
+        """See `ServoBus`. Watchdogs that have tripped are cleared: their servos refuse goals."""
         self.cycle.finish()
+        tripped = self.measured.watchdog == TRIPPED
+        if not self._on or not tripped.any():
+            return
+        self.measured.watchdog[tripped] = 0  # until they are read again
+        self._trips[tripped] += 1
+        self._rearm = 2
+        for slot in np.flatnonzero(tripped):
+            log.warning("%s: its bus watchdog has tripped, goals were refused: cleared", self.joint_name(slot))
+        self.measured.error[self._trips > MOST_TRIPS] |= WATCHDOG_TRIPS
 
     # ---------------------------------------------------------------- goals and torque
 
@@ -207,6 +220,8 @@ class DynamixelBus(ServoBus):
             if pinned.all():
                 self._on = True
                 self._rearm = 0
+                self._trips.fill(0)
+                self.measured.watchdog.fill(0)
                 self._switch(every, on=True)
                 return
         wrong = int(np.argmin(measured.fresh & (self._pinned() if measured.fresh.all() else True)))

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 
 from flexmotion.drivers.dynamixel.layout import Span
 from flexmotion.drivers.dynamixel.packet import (
+    ALERT,
     BROADCAST,
     HEADER,
     Decoder,
@@ -125,6 +126,12 @@ class ReadMany(Exchange):
         self.whole: bytes | None = None
         self._encode()
 
+    def aim(self, span: Span) -> None:
+        """Read another span of the same size from the next cycle on."""
+        if span != self.span:
+            self.span = span
+            self._encode()
+
     def begin(self) -> bytes:
         """See `Exchange`."""
         self.forget()
@@ -144,7 +151,9 @@ class ReadMany(Exchange):
             start = self._reply.find(_FAST_START)
             return start >= 0 and len(self._reply) - start >= self._fast_size
         for packet in self._decoder.feed(data):
-            if packet.intact and packet.id in self._known and len(packet.params) == self.span.size + 1:
+            if not packet.intact or packet.id not in self._known or len(packet.params) != self.span.size + 1:
+                continue
+            if not packet.params[0] & ~ALERT:  # an error of the read: there are no data
                 self.answers[packet.id] = packet.params[0], packet.params[1:]
         return len(self.answers) == len(self.ids)
 
@@ -234,6 +243,6 @@ class ReadMany(Exchange):
                 self.whole = rows
                 return True
         for error, id_, data in split_fast_status(reply, self.span.size):
-            if id_ in self._known:
+            if id_ in self._known and not error & ~ALERT:
                 self.answers[id_] = error, data
         return False
