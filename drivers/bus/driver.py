@@ -83,6 +83,22 @@ class BusDriver(Driver):
         return max(self.Bus.turns(self.robot, name) for name in self.robot.config.buses)
 
     @property
+    def temperature_limit(self) -> Float:
+        """See `Driver`. Read from the servos, if they have such a register."""
+        limit = super().temperature_limit
+        for bus in self.buses:
+            limit[bus.where] = bus.temperature_limit
+        return limit
+
+    @property
+    def voltage_limit(self) -> Float:
+        """See `Driver`."""
+        limit = super().voltage_limit
+        for bus in self.buses:
+            limit[bus.where] = bus.voltage_limit
+        return limit
+
+    @property
     def connected(self) -> bool:
         """False once every port is lost."""
         return not self.buses or any(bus.port.lost is None for bus in self.buses)

@@ -87,6 +87,7 @@ class ServoBus(ABC):
         guard: replaces goals outside the envelope before they are sent.
         pins: goals that servos were last pinned to, (m,) [servo units]; NaN once the driver has taken them.
         holding: servos that have not confirmed that torque is off since `switch_off`, as `JOINT (id N)`.
+        temperature_limit, voltage_limit: the servos' own limits, (m,) [°C, V]; see `Driver`.
         imu: inertial sensor on this bus; None if there is none.
     """
 
@@ -106,6 +107,8 @@ class ServoBus(ABC):
         ends = np.stack([robot.to_ticks(robot.lower), robot.to_ticks(robot.upper)])[:, self.joints]
         self.guard = GoalGuard(ends.min(axis=0), ends.max(axis=0))
         self.pins = np.full(len(self.joints), np.nan)
+        self.temperature_limit = np.array([servo.temperature_limit for servo in self.servos])
+        self.voltage_limit = np.zeros(len(self.servos))
         self.holding: list[str] = []
         self.imu: Imu | None = None
 

@@ -19,7 +19,7 @@ from flexmotion.drivers.dynamixel.goals import GoalPacket, sync_write
 from flexmotion.drivers.dynamixel.layout import Layout, Span, layout_of
 from flexmotion.drivers.dynamixel.opencr import board_of
 from flexmotion.drivers.dynamixel.read_cycle import PATIENCE_S, ReadCycle
-from flexmotion.drivers.dynamixel.registers import BAUD_RATES, WATCHDOG_S, table_of
+from flexmotion.drivers.dynamixel.registers import BAUD_RATES, VOLTAGE, WATCHDOG_S, table_of
 from flexmotion.drivers.dynamixel.sdk import Client
 from flexmotion.drivers.dynamixel.setup import ANSWER_ALL, find, prepare
 from flexmotion.drivers.imu.interface import do_without
@@ -146,6 +146,8 @@ class DynamixelBus(ServoBus):
         for slot, (joint, layout) in enumerate(zip(self.joints, self._layouts, strict=True)):
             ready = prepare(self._client, self.robot, int(joint), layout, found[slot])
             self.current_limit[slot], self.position_limits[:, slot] = ready.current_limit, ready.position_limits
+            self.temperature_limit[slot] = found[slot].value("temperature_limit")
+            self.voltage_limit[slot] = found[slot].value("min_voltage_limit") * VOLTAGE
             self.guard.limit(slot, *ready.position_limits, ready.current_limit)
             fast.setdefault((layout.read, ready.fast), []).append(self.ids[slot])
         groups = [ReadMany(ids, span, fast=quick, where=f"bus {self.name}") for (span, quick), ids in fast.items()]
