@@ -256,3 +256,26 @@ def test_a_zero_that_the_servo_cannot_have_is_not_stored(
     assert "exceed the range of XM430-W350" in told.err and "not taken" in told.err and not answers
     assert not (folder / "calibration.yaml").exists()
     assert load_robot(folder).zero[knee] == it.robot.zero[knee]
+
+
+def test_a_new_servo_is_adopted_among_the_others(
+    wired: Callable[..., Wired], folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    it = wired()
+    knee = next(servo for servo in it.bus.servos if servo.id == KNEE)
+    configured = it.memories()
+    command = ["servo", "adopt", *PORT, "--robot", str(folder), "--joint", "l_knee", "--yes", "--json"]
+    assert execute(command) == 3
+    assert "l_knee has a servo already" in capsys.readouterr().err
+    knee.factory_reset(0xFF, it.world.now)
+    knee.put("model_number", 1060)
+    it.world.advance(0.5)
+    assert execute(command) == 3
+    assert "is XL430-W250, l_knee needs XM430-W350" in capsys.readouterr().err
+    knee.put("model_number", 1020)
+    assert execute(command) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["id"] == {"old": 1, "new": KNEE} and told["baud"] == {"old": 57_600, "new": 2_000_000}
+    assert told["changes"]["return_delay_time"] == {"old": 250, "new": 0}
+    assert it.memories() == configured
+    assert execute(["servo", "configure", *PORT, "--robot", str(folder), "--check"]) == 0
