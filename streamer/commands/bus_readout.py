@@ -10,7 +10,7 @@ from flexmotion.configs.errors import DriverError
 
 if TYPE_CHECKING:
     from flexmotion.configs.robot import Robot
-    from flexmotion.drivers.bus.bench import Bench
+    from flexmotion.drivers.bench import Bench
 
 PortOption = Annotated[str, typer.Option("--port", "-p", help="Port of the servo bus.")]
 
@@ -30,7 +30,7 @@ def open_bench(
     Raises:
         DriverError: the port fails.
     """
-    from flexmotion.drivers.bus.bench import Bench
+    from flexmotion.drivers.bench import Bench
     from flexmotion.drivers.bus.options import BusOptions
 
     return Bench(robot, BusOptions(port=port, imu=imu, imu_port=imu_port), imu=imu, power=power)

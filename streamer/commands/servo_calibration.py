@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from flexmotion.configs.calibration import Calibration
     from flexmotion.configs.robot import Robot
-    from flexmotion.drivers.bus.bench import Bench
+    from flexmotion.drivers.bench import Bench
 
     Float = NDArray[np.float64]
 

@@ -38,7 +38,7 @@ class Wired:
     ) -> None:
         self.robot, self.world = robot, Loopback(BenchBody(robot), factory=factory)
         self.tap = WireTap(self.world)
-        for module in ("flexmotion.drivers.port", "flexmotion.drivers.bus.driver", "flexmotion.drivers.bus.bench"):
+        for module in ("flexmotion.drivers.port", "flexmotion.drivers.bus.driver", "flexmotion.drivers.bench"):
             monkeypatch.setattr(f"{module}.SerialPort", self.world.open_port)
         if not simulated_clock:  # commands with processes of their own
             return
