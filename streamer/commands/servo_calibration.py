@@ -62,6 +62,7 @@ def calibrate(
         print_result("ended, nothing stored")
         return
     file = write_calibration(chosen.folder, calibration)
+    print_note("position limits in the servos follow the zeros: run `flexmotion servo configure` again")
     if as_json:
         print_json(calibration.model_dump())
     else:

@@ -14,6 +14,7 @@ import pytest
 import yaml
 
 from flexmotion.configs.robot import ROBOTS, Robot, load_robot
+from flexmotion.drivers.dynamixel.packet import Error
 from flexmotion.drivers.emulator.body import BenchBody
 from flexmotion.drivers.emulator.dynamixel_bus import EmulatedDynamixelBus
 from flexmotion.drivers.emulator.feetech_bus import EmulatedFeetechBus
@@ -196,6 +197,32 @@ def test_configure_writes_nothing_where_it_is_declined_or_a_servo_is_locked_or_m
     taken.write_text("mine", encoding="utf-8")
     assert execute([*configure, "--yes", "--backup", str(taken)]) == 2
     assert it.memories() == before and taken.read_text(encoding="utf-8") == "mine"
+
+
+def test_a_servo_that_refuses_in_the_middle_is_named_with_the_way_back(
+    wired: Callable[..., Wired],
+    folder: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    it = wired(factory=True)
+    before = it.memories()
+    stubborn = it.bus.servos[7]
+    written = stubborn.written
+
+    def refuse(name: str, value: int) -> int:
+        return Error.RANGE if name == "max_position_limit" else written(name, value)
+
+    monkeypatch.setattr(stubborn, "written", refuse)
+    old = tmp_path / "old.yaml"
+    common = [*PORT, "--robot", str(folder), "--yes"]
+    assert execute(["servo", "configure", *common, "--backup", str(old)]) == 3
+    err = capsys.readouterr().err
+    assert f"id {stubborn.id}: write to 48 refused: range error" in err and f"servo restore {old}" in err
+    assert it.memories() != before
+    assert execute(["servo", "restore", str(old), *common]) == 0
+    assert it.memories() == before
 
 
 def test_a_feetech_servo_is_configured_and_restored(
