@@ -306,3 +306,36 @@ def test_a_new_servo_is_adopted_among_the_others(
     assert told["changes"]["return_delay_time"] == {"old": 250, "new": 0}
     assert it.memories() == configured
     assert execute(["servo", "configure", *PORT, "--robot", str(folder), "--check"]) == 0
+
+
+def test_servos_without_power_are_not_switched_on_by_looking(
+    wired: Callable[..., Wired], folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    it = wired()
+    board = next(device for device in it.bus.devices if device.id == 200)
+    board.write(24, b"\x00")
+    it.bus._powered = False
+    common = [*PORT, "--robot", str(folder)]
+    assert execute(["servo", "watch", *common, "--seconds", "0.2"]) == 3
+    assert "OpenCR (id 200) has the power of the servos switched off" in capsys.readouterr().err
+    assert not it.tap.writes("dynamixel2")
+    assert execute(["servo", "configure", *common]) == 0
+    assert it.bus._powered
+
+
+def test_a_joint_that_moves_is_not_taken_for_its_zero(
+    wired: Callable[..., Wired], folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    it = wired()
+    ankle = it.robot.index("l_ank_pitch")
+    body = it.world.emulator.body
+    answers = ["", "q"]
+
+    def swing(*_: object, **__: object) -> str:
+        body.velocity[ankle] = 6.0
+        return answers.pop(0)
+
+    monkeypatch.setattr("typer.prompt", swing)
+    assert execute(["servo", "calibrate", *PORT, "--robot", str(folder), "--joint", "l_ank_pitch"]) == 0
+    assert "l_ank_pitch: moves: hold it still" in capsys.readouterr().err
+    assert not (folder / "calibration.yaml").exists()
