@@ -36,6 +36,7 @@ from flexmotion.streamer.commands.robots import robots
 from flexmotion.streamer.commands.run import run
 from flexmotion.streamer.commands.send import arm, clear, disarm, estop, kill, send, status, stop
 from flexmotion.streamer.commands.servo import servo
+from flexmotion.streamer.commands.servo_adopt import adopt
 from flexmotion.streamer.commands.servo_calibration import calibrate, calibrate_imu
 from flexmotion.streamer.commands.servo_settings import configure, restore
 from flexmotion.streamer.commands.train import train
@@ -60,6 +61,7 @@ check.command("bus")(bus)
 app.add_typer(check, name="check")
 data.command("dynamics")(dynamics)
 app.add_typer(data, name="data")
+servo.command("adopt")(adopt)
 servo.command("configure")(configure)
 servo.command("restore")(restore)
 servo.command("calibrate")(calibrate)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -10,12 +11,12 @@ from flexmotion.configs.errors import DriverError
 
 if TYPE_CHECKING:
     from flexmotion.configs.robot import Robot
-    from flexmotion.drivers.bus.bench import Bench
+    from flexmotion.drivers.bench import Bench
 
 PortOption = Annotated[str, typer.Option("--port", "-p", help="Port of the servo bus.")]
 
-_TRIES, _STILL_READS, _STILL_RAD = 5, 4, 0.02
-"""Reads within which a joint must answer; consecutive reads of a joint at rest, and how far they may be apart [rad]."""
+_TRIES, _STILL_READS, _STILL_RAD, _PAUSE_S = 5, 6, 0.01, 0.02
+"""Reads within which a joint answers; reads of a joint at rest, how far they may be apart [rad], their pause [s]."""
 
 
 def open_bench(
@@ -30,7 +31,7 @@ def open_bench(
     Raises:
         DriverError: the port fails.
     """
-    from flexmotion.drivers.bus.bench import Bench
+    from flexmotion.drivers.bench import Bench
     from flexmotion.drivers.bus.options import BusOptions
 
     return Bench(robot, BusOptions(port=port, imu=imu, imu_port=imu_port), imu=imu, power=power)
@@ -45,5 +46,6 @@ def angle_at_rest(bench: Bench, index: int) -> float | None:
             seen.append(angle)
         if len(seen) == _STILL_READS:
             return seen[-1] if max(seen) - min(seen) < _STILL_RAD else None
+        time.sleep(_PAUSE_S)
     joint = bench.robot.joints[index]
     raise DriverError(f"servo of {joint.name} (id {joint.id}): does not answer")

@@ -173,7 +173,7 @@ def _open(kind: type[BusTools], port: str, baud: int) -> Iterator[BusTools]:
 
 def _tools(protocol: ProtocolName) -> type[BusTools]:
     # Heavy imports wait until the command runs: help and completion answer at once.
-    from flexmotion.drivers.bus.bench import TOOLS
+    from flexmotion.drivers.bench import TOOLS
 
     return TOOLS[protocol]
 

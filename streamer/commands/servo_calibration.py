@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from flexmotion.configs.calibration import Calibration
     from flexmotion.configs.robot import Robot
-    from flexmotion.drivers.bus.bench import Bench
+    from flexmotion.drivers.bench import Bench
 
     Float = NDArray[np.float64]
 
@@ -62,6 +62,7 @@ def calibrate(
         print_result("ended, nothing stored")
         return
     file = write_calibration(chosen.folder, calibration)
+    print_note("position limits in the servos follow the zeros: run `flexmotion servo configure` again")
     if as_json:
         print_json(calibration.model_dump())
     else:

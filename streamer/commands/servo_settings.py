@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.table import Table
 
-from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.errors import ConfigError, DriverError
 from flexmotion.streamer.commands.bus_readout import PortOption, open_bench
 from flexmotion.streamer.commands.exit_codes import CHECK_FAILED
 from flexmotion.streamer.commands.options import JsonOption, RobotOption
@@ -127,7 +127,11 @@ def _change(
     file = default_file(bench.robot.name) if backup is None else backup
     write_settings(file, bench.robot.name, inspections)
     print_note(f"old values: {file}")
-    bench.write(inspections, changes)
+    try:
+        bench.write(inspections, changes)
+    except DriverError:
+        print_note(f"a part may be written; `flexmotion servo restore {file}` writes the old values back")
+        raise
     if as_json:
         print_json(_json(inspections, changes) | {"written": True, "backup": str(file)})
     else:

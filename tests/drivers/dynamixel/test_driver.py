@@ -603,3 +603,17 @@ def test_a_current_limit_below_the_factorys_bounds_the_goal_current(tmp_path: Pa
         goals = [servo.get("goal_position") for servo in it.bus.servos]
         assert goals == list(robot.to_ticks(it.command.position))
         assert it.driver.violations == 0
+
+
+@pytest.mark.parametrize("servo", ["MX-28(2.0)", "MX-64(2.0)", "MX-106(2.0)"])
+def test_mx_servos_with_protocol_2_are_configured_and_hold(tmp_path: Path, servo: str) -> None:
+    """Regression: they were refused as servos with another control table."""
+    robot = op3_with(tmp_path, servo=servo, baud=1_000_000)
+    it = Rig(robot)
+    assert it.servo(KNEE).get("position_p_gain") == 850
+    it.start()
+    it.tick(5)
+    np.testing.assert_allclose(it.state.position, robot.stand_pose, atol=0.01)
+    assert it.emulator.body.plant.enabled.all() and not it.state.stale.any()
+    assert np.isfinite(it.state.effort).all() == (servo != "MX-28(2.0)")
+    it.driver.close()

@@ -36,7 +36,7 @@ def connected(monkeypatch: pytest.MonkeyPatch) -> Callable[[Robot], Loopback]:
 
     def connect(robot: Robot) -> Loopback:
         world = Loopback(BenchBody(robot))
-        for module in ("flexmotion.drivers.port", "flexmotion.drivers.bus.driver", "flexmotion.drivers.bus.bench"):
+        for module in ("flexmotion.drivers.port", "flexmotion.drivers.bus.driver", "flexmotion.drivers.bench"):
             monkeypatch.setattr(f"{module}.SerialPort", world.open_port)
         monkeypatch.setattr(time, "sleep", world.advance)
         monkeypatch.setattr(time, "monotonic", lambda: world.now)

@@ -14,6 +14,7 @@ import pytest
 import yaml
 
 from flexmotion.configs.robot import ROBOTS, Robot, load_robot
+from flexmotion.drivers.dynamixel.packet import Error
 from flexmotion.drivers.emulator.body import BenchBody
 from flexmotion.drivers.emulator.dynamixel_bus import EmulatedDynamixelBus
 from flexmotion.drivers.emulator.feetech_bus import EmulatedFeetechBus
@@ -38,7 +39,7 @@ class Wired:
     ) -> None:
         self.robot, self.world = robot, Loopback(BenchBody(robot), factory=factory)
         self.tap = WireTap(self.world)
-        for module in ("flexmotion.drivers.port", "flexmotion.drivers.bus.driver", "flexmotion.drivers.bus.bench"):
+        for module in ("flexmotion.drivers.port", "flexmotion.drivers.bus.driver", "flexmotion.drivers.bench"):
             monkeypatch.setattr(f"{module}.SerialPort", self.world.open_port)
         if not simulated_clock:  # commands with processes of their own
             return
@@ -198,6 +199,32 @@ def test_configure_writes_nothing_where_it_is_declined_or_a_servo_is_locked_or_m
     assert it.memories() == before and taken.read_text(encoding="utf-8") == "mine"
 
 
+def test_a_servo_that_refuses_in_the_middle_is_named_with_the_way_back(
+    wired: Callable[..., Wired],
+    folder: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    it = wired(factory=True)
+    before = it.memories()
+    stubborn = it.bus.servos[7]
+    written = stubborn.written
+
+    def refuse(name: str, value: int) -> int:
+        return Error.RANGE if name == "max_position_limit" else written(name, value)
+
+    monkeypatch.setattr(stubborn, "written", refuse)
+    old = tmp_path / "old.yaml"
+    common = [*PORT, "--robot", str(folder), "--yes"]
+    assert execute(["servo", "configure", *common, "--backup", str(old)]) == 3
+    err = capsys.readouterr().err
+    assert f"id {stubborn.id}: write to 48 refused: range error" in err and f"servo restore {old}" in err
+    assert it.memories() != before
+    assert execute(["servo", "restore", str(old), *common]) == 0
+    assert it.memories() == before
+
+
 def test_a_feetech_servo_is_configured_and_restored(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -256,3 +283,59 @@ def test_a_zero_that_the_servo_cannot_have_is_not_stored(
     assert "exceed the range of XM430-W350" in told.err and "not taken" in told.err and not answers
     assert not (folder / "calibration.yaml").exists()
     assert load_robot(folder).zero[knee] == it.robot.zero[knee]
+
+
+def test_a_new_servo_is_adopted_among_the_others(
+    wired: Callable[..., Wired], folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    it = wired()
+    knee = next(servo for servo in it.bus.servos if servo.id == KNEE)
+    configured = it.memories()
+    command = ["servo", "adopt", *PORT, "--robot", str(folder), "--joint", "l_knee", "--yes", "--json"]
+    assert execute(command) == 3
+    assert "l_knee has a servo already" in capsys.readouterr().err
+    knee.factory_reset(0xFF, it.world.now)
+    knee.put("model_number", 1060)
+    it.world.advance(0.5)
+    assert execute(command) == 3
+    assert "is XL430-W250, l_knee needs XM430-W350" in capsys.readouterr().err
+    knee.put("model_number", 1020)
+    assert execute(command) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["id"] == {"old": 1, "new": KNEE} and told["baud"] == {"old": 57_600, "new": 2_000_000}
+    assert told["changes"]["return_delay_time"] == {"old": 250, "new": 0}
+    assert it.memories() == configured
+    assert execute(["servo", "configure", *PORT, "--robot", str(folder), "--check"]) == 0
+
+
+def test_servos_without_power_are_not_switched_on_by_looking(
+    wired: Callable[..., Wired], folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    it = wired()
+    board = next(device for device in it.bus.devices if device.id == 200)
+    board.write(24, b"\x00")
+    it.bus._powered = False
+    common = [*PORT, "--robot", str(folder)]
+    assert execute(["servo", "watch", *common, "--seconds", "0.2"]) == 3
+    assert "OpenCR (id 200) has the power of the servos switched off" in capsys.readouterr().err
+    assert not it.tap.writes("dynamixel2")
+    assert execute(["servo", "configure", *common]) == 0
+    assert it.bus._powered
+
+
+def test_a_joint_that_moves_is_not_taken_for_its_zero(
+    wired: Callable[..., Wired], folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    it = wired()
+    ankle = it.robot.index("l_ank_pitch")
+    body = it.world.emulator.body
+    answers = ["", "q"]
+
+    def swing(*_: object, **__: object) -> str:
+        body.velocity[ankle] = 6.0
+        return answers.pop(0)
+
+    monkeypatch.setattr("typer.prompt", swing)
+    assert execute(["servo", "calibrate", *PORT, "--robot", str(folder), "--joint", "l_ank_pitch"]) == 0
+    assert "l_ank_pitch: moves: hold it still" in capsys.readouterr().err
+    assert not (folder / "calibration.yaml").exists()
