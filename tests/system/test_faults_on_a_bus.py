@@ -22,7 +22,7 @@ BUS_LOST = ("cable", "lost", "corrupt", "truncated", "late", "late:0.009")
 ONE_PART = {
     "dead:4": "servo of l_sho_roll (id 4) does not answer",
     "reset:4": "servo of l_sho_roll (id 4) does not answer",
-    "overheat:4": "servo of l_sho_roll (id 4) reports hardware error 0x104",
+    "overheat:4": "servo of l_sho_roll (id 4) reports hardware error 0x04",
     "voltage:9.5": "supply at 9.5 V, below 10.2 V",
 }
 PASSES = (f"lost@{AT}+0.02", f"corrupt@{AT}+0.01", f"truncated@{AT}+0.01", f"late:0.01@{AT}+0.02", f"duplicated@{AT}",

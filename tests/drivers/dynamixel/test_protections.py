@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
+import select
 from collections.abc import Callable
 
 import numpy as np
@@ -20,6 +21,8 @@ from flexmotion.drivers.port import SerialPort
 from .test_driver import KNEE, Rig, rig  # noqa: F401 - a fixture
 
 Rigs = Callable[..., Rig]
+HANGING_S = 60.0
+"""Bound against hanging."""
 
 
 def trip(it: Rig) -> None:
@@ -180,7 +183,11 @@ def test_a_write_that_the_adapter_takes_in_parts_is_completed(monkeypatch: pytes
     monkeypatch.setattr(os, "write", short)
     packet = bytes(range(1, 101))
     port.send(packet)
-    assert os.read(master, 200) == packet and port.lost is None
+    came = b""
+    while len(came) < len(packet):
+        assert select.select([master], (), (), HANGING_S)[0], f"only {len(came)} bytes came"
+        came += os.read(master, 200)
+    assert came == packet and port.lost is None
     port.close()
     os.close(master)
     os.close(slave)
