@@ -13,6 +13,7 @@ import yaml
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.robot_file import Imu, JointConfig, Quaternion
 from flexmotion.configs.schema import Strict, load
+from flexmotion.configs.servo import Servo
 
 FILE = "calibration.yaml"
 
@@ -60,6 +61,16 @@ def write_calibration(folder: Path, calibration: Calibration) -> Path:
         unfinished.unlink(missing_ok=True)
         raise ConfigError(f"{file}: cannot be written: {error.strerror}") from error
     return file
+
+
+def check_zero(joint: JointConfig, servo: Servo, zero: float) -> None:
+    """Raise `ConfigError` if a servo cannot reach its joint's limits with this zero [rad]."""
+    ends = sorted((angle - zero) * joint.direction for angle in servo.range)
+    if joint.limits[0] < ends[0] - 1e-9 or joint.limits[1] > ends[1] + 1e-9:
+        raise ConfigError(
+            f"joint {joint.name!r}: limits {list(joint.limits)} exceed the range of {servo.name}, "
+            f"[{ends[0]:.3f}, {ends[1]:.3f}] rad, with its zero at {zero:+.3f} rad"
+        )
 
 
 def calibrated(joints: list[JointConfig], folder: Path) -> tuple[JointConfig, ...]:

@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from flexmotion.configs.calibration import calibrated, calibrated_imu
+from flexmotion.configs.calibration import calibrated, calibrated_imu, check_zero
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.robot_file import ROBOT_FILE_VERSIONS, Gait, JointConfig, Mapping, RobotFile
 from flexmotion.configs.schema import parse, read_yaml
@@ -227,12 +227,10 @@ class Robot:
 
     def _check_servo_ranges(self) -> None:
         for joint, servo in zip(self.joints, self.servos, strict=True):
-            ends = sorted((angle - joint.zero) * joint.direction for angle in servo.range)
-            if joint.limits[0] < ends[0] - 1e-9 or joint.limits[1] > ends[1] + 1e-9:
-                raise ConfigError(
-                    f"{self.file}: joint {joint.name!r}: limits {list(joint.limits)} exceed the range of {servo.name}, "
-                    f"[{ends[0]:.3f}, {ends[1]:.3f}] rad"
-                )
+            try:
+                check_zero(joint, servo, joint.zero)
+            except ConfigError as error:
+                raise ConfigError(f"{self.file}: {error}") from error
 
     def _pose(self, field: str, pose: dict[str, float]) -> Float:
         """A pose given by joint name as an array, (n,) [rad]; joints not named are at 0."""

@@ -153,6 +153,16 @@ class Driver(ABC):
         """Lower stiffness and torque, as far as servos can, so that joints give way. Only after a detected fall."""
 
     @property
+    def temperature_limit(self) -> Float:
+        """Temperature at which each servo switches itself off, (n,) [°C]; known exactly after `open`."""
+        return np.array([servo.temperature_limit for servo in self.robot.servos])
+
+    @property
+    def voltage_limit(self) -> Float:
+        """Supply below which each servo reports an error, (n,) [V]; 0: not known."""
+        return np.zeros(self.robot.n)
+
+    @property
     def connected(self) -> bool:
         """Whether goals can still be sent: False once the hardware is known to be out of reach, such as a port gone."""
         return True

@@ -21,6 +21,13 @@ BITS_A_BYTE = 10
 NETWORK = Path("/sys/class/net")
 """Where Linux lists its network interfaces, including CAN buses."""
 
+FULL_S = 0.002
+"""Time beyond that on the wire after which an adapter that takes no bytes has lost them [s]."""
+
+ECHO_S = 0.02
+"""Time within which an echo comes back [s]."""
+_NO_PACKET = bytes(2)
+
 _CHUNK = 4096
 
 log = logging.getLogger(__name__)
@@ -62,16 +69,37 @@ class SerialPort:
         return size * BITS_A_BYTE / self.baud
 
     def send(self, data: bytes) -> None:
-        """Pass bytes to the adapter, which sends them when the wire is free."""
-        if self.lost is None:
+        """Pass bytes to the adapter, which sends them when the wire is free.
+
+        An adapter whose buffer is full takes a part of them; the rest follows while that part is sent.
+        """
+        if self.lost is not None:
+            return
+        left, end = data, time.perf_counter() + self.seconds(len(data)) + FULL_S
+        for _ in range(2 * len(data)):
             try:
-                # Not through pyserial, which copies and selects first. Bytes beyond the adapter's buffer are lost.
-                os.write(self._serial.fd, data)
-                self._count(data)
+                # Not through pyserial, which copies and selects first.
+                left = left[os.write(self._serial.fd, left) :]
+                if not left:
+                    break
             except BlockingIOError:
-                log.debug("port %s: buffer full, %d bytes are lost", self.path, len(data))
+                if not select.select((), (self._serial.fd,), (), max(end - time.perf_counter(), 0.0))[1]:
+                    break
             except OSError as error:
                 self._lose(error)
+                return
+        if left:
+            log.warning("port %s: the adapter takes no more: %d of %d bytes are lost", self.path, len(left), len(data))
+        self._count(data)
+
+    def echoes(self) -> bool:
+        """Whether the adapter returns what is sent. Sends bytes that are no packet of any protocol, and waits."""
+        self.receive()
+        self.send(_NO_PACKET)
+        end, came = self.busy_until + ECHO_S, b""
+        while (left := end - self.now()) > 0 and self.lost is None and len(came) < len(_NO_PACKET):
+            came += self.wait(left)
+        return came == _NO_PACKET
 
     def receive(self) -> bytes:
         """Bytes that have arrived, without waiting."""

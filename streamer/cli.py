@@ -36,7 +36,9 @@ from flexmotion.streamer.commands.robots import robots
 from flexmotion.streamer.commands.run import run
 from flexmotion.streamer.commands.send import arm, clear, disarm, estop, kill, send, status, stop
 from flexmotion.streamer.commands.servo import servo
+from flexmotion.streamer.commands.servo_adopt import adopt
 from flexmotion.streamer.commands.servo_calibration import calibrate, calibrate_imu
+from flexmotion.streamer.commands.servo_settings import configure, restore
 from flexmotion.streamer.commands.train import train
 
 ParserError: type[Exception] = typer.BadParameter.__mro__[2]
@@ -59,6 +61,9 @@ check.command("bus")(bus)
 app.add_typer(check, name="check")
 data.command("dynamics")(dynamics)
 app.add_typer(data, name="data")
+servo.command("adopt")(adopt)
+servo.command("configure")(configure)
+servo.command("restore")(restore)
 servo.command("calibrate")(calibrate)
 servo.command("calibrate-imu")(calibrate_imu)
 app.add_typer(servo, name="servo")

@@ -83,6 +83,22 @@ class BusDriver(Driver):
         return max(self.Bus.turns(self.robot, name) for name in self.robot.config.buses)
 
     @property
+    def temperature_limit(self) -> Float:
+        """See `Driver`. Read from the servos, if they have such a register."""
+        limit = super().temperature_limit
+        for bus in self.buses:
+            limit[bus.where] = bus.temperature_limit
+        return limit
+
+    @property
+    def voltage_limit(self) -> Float:
+        """See `Driver`."""
+        limit = super().voltage_limit
+        for bus in self.buses:
+            limit[bus.where] = bus.voltage_limit
+        return limit
+
+    @property
     def connected(self) -> bool:
         """False once every port is lost."""
         return not self.buses or any(bus.port.lost is None for bus in self.buses)
@@ -102,6 +118,12 @@ class BusDriver(Driver):
         try:
             for name, path in self._paths.items():
                 port = self.open_port(path, self.robot.config.buses[name].baud)
+                if port.echoes():
+                    port.close()
+                    raise DriverError(
+                        f"port {path}: the adapter echoes what is sent, and answers cannot be told from it: switch the "
+                        "echo off (its receiver must be disabled while it sends), or use another adapter"
+                    )
                 self.buses.append(self.Bus(self.robot, name, port, self._settings))
             self._imu = self._open_imu()
             for bus in self.buses:

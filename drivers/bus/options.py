@@ -17,15 +17,12 @@ class BusOptions(Strict):
         ports: device of each bus, by its name in the robot file, if there are several.
         imu: whether an IMU with a port of its own is read; tools for servos switch it off.
         imu_port: port of that IMU; takes precedence over the robot file's.
-        configure: whether settings in EEPROM that differ from the robot file are written; otherwise a difference is an
-            error.
     """
 
     port: str | None = None
     ports: dict[str, str] = {}
     imu: bool = True
     imu_port: str | None = None
-    configure: bool = True
 
     @model_validator(mode="after")
     def _one_way(self) -> BusOptions:

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import logging
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,10 +20,9 @@ from flexmotion.drivers.port import SerialPort
 Float = NDArray[np.float64]
 Bool = NDArray[np.bool_]
 
-log = logging.getLogger(__name__)
-
-TORQUE_LOST = 0x100
-"""Bit of `RobotState.hardware_error` set by the driver: torque went off unasked."""
+TORQUE_LOST, WATCHDOG_TRIPS = 0x100, 0x200
+"""Bits of `RobotState.hardware_error` set by the driver: torque went off unasked; the bus watchdog of a servo trips
+again and again."""
 
 
 @dataclass(frozen=True)
@@ -58,6 +55,7 @@ class Measurement:
         voltage, temperature: [V, °C]; NaN where unknown.
         error: bits as the servo reports them.
         torque: whether torque is on, as the servo reports it.
+        watchdog: its bus watchdog, as the servo reports it; -1: it has tripped, and goals are refused.
         fresh: whether it answered in the last cycle.
         asked: whether it was asked in the last cycle; a slow bus asks servos in turns.
     """
@@ -66,7 +64,7 @@ class Measurement:
         self.ticks, self.velocity = np.zeros(m), np.zeros(m)
         self.effort, self.voltage, self.temperature = (np.full(m, np.nan) for _ in range(3))
         self.error = np.zeros(m, np.int64)
-        self.torque = np.zeros(m, np.bool_)
+        self.torque, self.watchdog = np.zeros(m, np.bool_), np.zeros(m, np.int64)
         self.fresh, self.asked = np.zeros(m, np.bool_), np.ones(m, np.bool_)
 
 
@@ -89,6 +87,7 @@ class ServoBus(ABC):
         guard: replaces goals outside the envelope before they are sent.
         pins: goals that servos were last pinned to, (m,) [servo units]; NaN once the driver has taken them.
         holding: servos that have not confirmed that torque is off since `switch_off`, as `JOINT (id N)`.
+        temperature_limit, voltage_limit: the servos' own limits, (m,) [°C, V]; see `Driver`.
         imu: inertial sensor on this bus; None if there is none.
     """
 
@@ -103,11 +102,13 @@ class ServoBus(ABC):
         self.where: slice | NDArray[np.int64] = slice(first, first + m) if consecutive else self.joints
         self.ids = [robot.joints[i].id for i in self.joints]
         self.servos = [robot.servos[i] for i in self.joints]
-        self.torque_per_unit = np.array([_torque_per_unit(servo) for servo in self.servos])
+        self.torque_per_unit = np.array([torque_per_unit(servo) for servo in self.servos])
         self.measured = Measurement(len(self.joints))
         ends = np.stack([robot.to_ticks(robot.lower), robot.to_ticks(robot.upper)])[:, self.joints]
         self.guard = GoalGuard(ends.min(axis=0), ends.max(axis=0))
         self.pins = np.full(len(self.joints), np.nan)
+        self.temperature_limit = np.array([servo.temperature_limit for servo in self.servos])
+        self.voltage_limit = np.zeros(len(self.servos))
         self.holding: list[str] = []
         self.imu: Imu | None = None
 
@@ -145,9 +146,11 @@ class ServoBus(ABC):
 
     @abstractmethod
     def audit(self) -> None:
-        """Find every servo, check it against the robot file and set it up; torque stays as it is.
+        """Find every servo, check all against the robot file, and prepare them for a run; torque stays as it is.
 
-        Raises `DriverError` naming joint, id and port.
+        EEPROM is not written, and nothing that a run changes before all servos are found to be configured.
+
+        Raises `DriverError`, naming joint, id and port, and `NotConfiguredError` if a setting in EEPROM differs.
         """
 
     @abstractmethod
@@ -187,21 +190,6 @@ class ServoBus(ABC):
     def damp(self) -> None:
         """Pin the goals and lower stiffness and torque as far as the servos can."""
 
-    def log_changes(self, changes: Mapping[int, Sequence[str]]) -> None:
-        """Log what the audit wrote to EEPROM: a warning for the bus, and one line per servo at level info.
-
-        Args:
-            changes: slot -> `register old -> new` of every register that was written.
-        """
-        changed = {slot: names for slot, names in changes.items() if names}
-        if not changed:
-            return
-        registers = dict.fromkeys(change.split()[0] for names in changed.values() for change in names)
-        count = f"{len(changed)} servos" if len(changed) > 1 else self.joint_name(next(iter(changed)))
-        log.warning("bus %s: written to EEPROM of %s: %s (details: -v)", self.name, count, ", ".join(registers))
-        for slot, names in changed.items():
-            log.info("%s on %s: %s", self.joint_name(slot), self.port.path, ", ".join(names))
-
     def joint_name(self, slot: int) -> str:
         """`servo of JOINT (id N)` for messages."""
         return f"servo of {self.robot.joint_names[self.joints[slot]]} (id {self.ids[slot]})"
@@ -216,5 +204,6 @@ class ServoBus(ABC):
         self.port.close()
 
 
-def _torque_per_unit(servo: Servo) -> float:
+def torque_per_unit(servo: Servo) -> float:
+    """Torque of one unit of a servo's measured current [N·m]; NaN if it measures none."""
     return (servo.current_unit or math.nan) * (servo.torque_constant or servo.stall_torque / servo.stall_current)

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
 from flexmotion.configs.errors import DriverError
+from flexmotion.configs.robot import Robot
 from flexmotion.configs.servo import Protocol, catalogue
+from flexmotion.drivers.bus.inspection import Inspection
+from flexmotion.drivers.imu.interface import Imu
 from flexmotion.drivers.port import SerialPort
 
 
@@ -20,6 +23,25 @@ class Found:
     id: int
     model: str
     firmware: int | None = None
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What a servo measures: position [servo units], speed of its shaft [rad/s], torque [N·m] (NaN: unknown).
+
+    Attributes:
+        voltage, temperature: [V, °C].
+        error: bits as the servo reports them.
+        torque_on: whether torque is on.
+    """
+
+    ticks: int
+    velocity: float
+    effort: float
+    voltage: float
+    temperature: float
+    error: int
+    torque_on: bool
 
 
 class BusTools(ABC):
@@ -63,6 +85,46 @@ class BusTools(ABC):
     @abstractmethod
     def write_id(self, old: int, new: int) -> None:
         """Write the id of a servo."""
+
+    @abstractmethod
+    def inspect(self, robot: Robot, joint: int) -> Inspection:
+        """Read the settings of a joint's servo; nothing is written.
+
+        Raises `DriverError` if it does not answer, or has another model or protocol than the robot file says.
+        """
+
+    @abstractmethod
+    def write_settings(self, robot: Robot, joint: int, settings: Mapping[str, int]) -> None:
+        """Write settings of a joint's servo that it keeps without power. Raises `DriverError` if one is refused."""
+
+    @abstractmethod
+    def look(self, robot: Robot, joint: int) -> Reading | None:
+        """Read what a joint's servo measures; None: it does not answer. Nothing is written."""
+
+    @abstractmethod
+    def torque_off(self, robot: Robot, joint: int) -> None:
+        """Switch the torque of a joint's servo off. Raises `DriverError`."""
+
+    @abstractmethod
+    def write_baud(self, robot: Robot, joint: int, baud: int) -> None:
+        """Write the bit rate of a joint's servo; from then on it answers at that rate only."""
+
+    def acknowledge(self, robot: Robot, joints: Sequence[int]) -> None:  # noqa: B027 - some servos always do
+        """Make servos answer every instruction."""
+
+    def find_board(self, robot: Robot, name: str) -> Imu | None:
+        """The board with an inertial sensor on the bus `name`; None: the robot has none there.
+
+        Raises `DriverError` if it has switched the power of the servos off.
+        """
+        return None
+
+    def switch_power(self, robot: Robot, name: str) -> None:  # noqa: B027 - most buses have no such board
+        """Switch the power of the servos on at their board. Raises `DriverError` if the board refuses."""
+
+    def read_board(self, board: Imu) -> bool:
+        """Read the sensor of a board; whether it answered."""
+        return False
 
     def reboot(self, id_: int) -> None:
         """Restart a servo: torque goes off, hardware errors are cleared. Raises `DriverError`."""

@@ -11,16 +11,17 @@ from numpy.typing import NDArray
 from flexmotion.configs.errors import ConfigError, DriverError
 from flexmotion.configs.robot import Robot
 from flexmotion.drivers.bus.attempts import TRIES, attempts
+from flexmotion.drivers.bus.inspection import refuse_unconfigured
 from flexmotion.drivers.bus.options import BusOptions
-from flexmotion.drivers.bus.servo_bus import Budget, ServoBus
+from flexmotion.drivers.bus.servo_bus import WATCHDOG_TRIPS, Budget, ServoBus
 from flexmotion.drivers.dynamixel.exchange import Exchange, ReadMany, ReadOne
 from flexmotion.drivers.dynamixel.goals import GoalPacket, sync_write
 from flexmotion.drivers.dynamixel.layout import Layout, Span, layout_of
-from flexmotion.drivers.dynamixel.opencr import OpenCr
+from flexmotion.drivers.dynamixel.opencr import board_of
 from flexmotion.drivers.dynamixel.read_cycle import PATIENCE_S, ReadCycle
-from flexmotion.drivers.dynamixel.registers import BAUD_RATES, WATCHDOG_S, table_of
+from flexmotion.drivers.dynamixel.registers import BAUD_RATES, VOLTAGE, WATCHDOG_S, table_of
 from flexmotion.drivers.dynamixel.sdk import Client
-from flexmotion.drivers.dynamixel.setup import audit
+from flexmotion.drivers.dynamixel.setup import ANSWER_ALL, find, prepare
 from flexmotion.drivers.imu.interface import do_without
 from flexmotion.drivers.plant import DAMPED_SHARE
 from flexmotion.drivers.port import BITS_A_BYTE, SerialPort
@@ -30,6 +31,9 @@ Bool = NDArray[np.bool_]
 
 LATE_S = 0.05
 """Time beyond that on the wire that the confirmation of torque off may take: answers that are late count there [s]."""
+
+TRIPPED, MOST_TRIPS = -1, 3
+"""Value of a watchdog that has tripped, and times that it is cleared before it is an error."""
 
 RECENT_SHARE = 0.5
 """Age up to which the positions of the last cycle are used to pin goals [ticks]."""
@@ -59,7 +63,7 @@ class DynamixelBus(ServoBus):
         self._slot_of = np.zeros(256, np.int64)
         self._slot_of[self.ids] = np.arange(m)
         self._layouts = [layout_of(table_of(s.name), current_bound=self.config.current_bound) for s in self.servos]
-        self._board = _board(robot, name)
+        self._board = board_of(robot, name)
         self._units = round(self.config.watchdog_ms * 1e-3 / WATCHDOG_S)
         self._gains = np.array([robot.joints[i].p_gain or robot.servos[i].gain_register for i in self.joints])
         self.current_limit = np.full(m, np.inf)
@@ -73,6 +77,7 @@ class DynamixelBus(ServoBus):
         )
         self._wrote_at = 0.0
         self._on = self._damped = False
+        self._trips = np.zeros(m, np.int64)
         self._rearm = 0
 
     @classmethod
@@ -93,7 +98,7 @@ class DynamixelBus(ServoBus):
     @classmethod
     def carries_imu(cls, robot: Robot, name: str) -> bool:
         """True if the robot's IMU is the OpenCR board on this bus."""
-        return _board(robot, name) is not None
+        return board_of(robot, name) is not None
 
     @classmethod
     def budget(cls, robot: Robot, name: str) -> Budget:
@@ -110,7 +115,7 @@ class DynamixelBus(ServoBus):
                 tables.setdefault((layout.read, fast), []).append(joint.id)
                 writes[layout.write] = writes.get(layout.write, 0) + 1
         reads: list[Exchange] = [ReadMany(ids, span, fast=fast, where=name) for (span, fast), ids in tables.items()]
-        board = _board(robot, name)
+        board = board_of(robot, name)
         if board is not None:
             reads.append(ReadOne(board.id, board.span))
         byte_s = BITS_A_BYTE / config.baud
@@ -133,16 +138,18 @@ class DynamixelBus(ServoBus):
                 do_without(self._board.config, missing)
                 self._board = None
         self.imu = self._board
+        # First of all, so that reads and writes are answered; this write itself is not.
+        self._write_all("status_return_level", ANSWER_ALL)
+        found = [find(self._client, self.robot, int(joint)) for joint in self.joints]
+        refuse_unconfigured([each.inspection for each in found])
         fast: dict[tuple[Span, bool], list[int]] = {}
-        changes: dict[int, tuple[str, ...]] = {}
-        for joint, id_, layout in zip(self.joints, self.ids, self._layouts, strict=True):
-            found = audit(self._client, self.robot, int(joint), layout, configure=self.options.configure)
-            slot = self._slot[id_]
-            changes[slot] = found.changes
-            self.current_limit[slot], self.position_limits[:, slot] = found.current_limit, found.position_limits
-            self.guard.limit(slot, *found.position_limits, found.current_limit)
-            fast.setdefault((layout.read, found.fast), []).append(id_)
-        self.log_changes(changes)
+        for slot, (joint, layout) in enumerate(zip(self.joints, self._layouts, strict=True)):
+            ready = prepare(self._client, self.robot, int(joint), layout, found[slot])
+            self.current_limit[slot], self.position_limits[:, slot] = ready.current_limit, ready.position_limits
+            self.temperature_limit[slot] = found[slot].value("temperature_limit")
+            self.voltage_limit[slot] = found[slot].value("min_voltage_limit") * VOLTAGE
+            self.guard.limit(slot, *ready.position_limits, ready.current_limit)
+            fast.setdefault((layout.read, ready.fast), []).append(self.ids[slot])
         groups = [ReadMany(ids, span, fast=quick, where=f"bus {self.name}") for (span, quick), ids in fast.items()]
         self.cycle.set_up(groups, self._board)
         answered = self.cycle.learn_clocks()
@@ -166,8 +173,17 @@ class DynamixelBus(ServoBus):
         return self.cycle.patience
 
     def finish(self) -> None:
-        """See `ServoBus`."""
+        """See `ServoBus`. Watchdogs that have tripped are cleared: their servos refuse goals."""
         self.cycle.finish()
+        tripped = self.measured.watchdog == TRIPPED
+        if not self._on or not tripped.any():
+            return
+        self.measured.watchdog[tripped] = 0  # until they are read again
+        self._trips[tripped] += 1
+        self._rearm = 2
+        for slot in np.flatnonzero(tripped):
+            log.warning("%s: its bus watchdog has tripped, goals were refused: cleared", self.joint_name(slot))
+        self.measured.error[self._trips > MOST_TRIPS] |= WATCHDOG_TRIPS
 
     # ---------------------------------------------------------------- goals and torque
 
@@ -206,6 +222,8 @@ class DynamixelBus(ServoBus):
             if pinned.all():
                 self._on = True
                 self._rearm = 0
+                self._trips.fill(0)
+                self.measured.watchdog.fill(0)
                 self._switch(every, on=True)
                 return
         wrong = int(np.argmin(measured.fresh & (self._pinned() if measured.fresh.all() else True)))
@@ -320,10 +338,3 @@ class DynamixelBus(ServoBus):
                 table[name].unpack(data[table[name].address - first : table[name].end - first]) for name in names
             ]
         return values
-
-
-def _board(robot: Robot, bus: str) -> OpenCr | None:
-    imu = robot.config.imu
-    if imu is None or imu.driver != OpenCr.name or imu.bus != bus or imu.id is None:
-        return None
-    return OpenCr(imu)

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 
 from flexmotion.drivers.dynamixel.layout import Span
 from flexmotion.drivers.dynamixel.packet import (
+    ALERT,
     BROADCAST,
     HEADER,
     Decoder,
@@ -16,6 +17,9 @@ from flexmotion.drivers.dynamixel.packet import (
     encode,
     split_fast_status,
 )
+
+RETRY_CYCLES, MOST_RETRY_CYCLES = 1000, 100_000
+"""Cycles after which fast reads that were given up are tried once more; doubled with every attempt that fails."""
 
 STRIKES = 3
 """Consecutive fast reads without an answer, each followed by an answered sync read, before fast reads are given up."""
@@ -97,9 +101,10 @@ class ReadOne(Exchange):
 class ReadMany(Exchange):
     """A sync read of servos with the same layout; a fast one if they support it.
 
-    A servo that does not answer is asked last from the next cycle on: in a fast reply the servos after it are silent
-    too, and in a sync read they wait for it. A fast read without any answer is followed by a sync read. If that is
-    answered, three times in a row, fast reads do not work on this bus and are given up; otherwise the bus was silent.
+    The first servo that does not answer is asked last from the next cycle on: those after it may be silent because of
+    it. A fast read without any answer is followed by a sync read. If that is answered, three times in a row, fast reads
+    do not work on this bus; otherwise the bus was silent. Then sync reads are used, and a fast read is tried again
+    after a while.
 
     Attributes:
         fast: whether it is a fast sync read.
@@ -117,8 +122,15 @@ class ReadMany(Exchange):
         self._decoder = Decoder()
         self._reply = bytearray()
         self._strikes, self._doubted = 0, False
+        self._given_up, self._retry_cycles = 0, RETRY_CYCLES  # cycles since, and until the next attempt
         self.whole: bytes | None = None
         self._encode()
+
+    def aim(self, span: Span) -> None:
+        """Read another span of the same size from the next cycle on."""
+        if span != self.span:
+            self.span = span
+            self._encode()
 
     def begin(self) -> bytes:
         """See `Exchange`."""
@@ -139,21 +151,25 @@ class ReadMany(Exchange):
             start = self._reply.find(_FAST_START)
             return start >= 0 and len(self._reply) - start >= self._fast_size
         for packet in self._decoder.feed(data):
-            if packet.intact and packet.id in self._known and len(packet.params) == self.span.size + 1:
+            if not packet.intact or packet.id not in self._known or len(packet.params) != self.span.size + 1:
+                continue
+            if not packet.params[0] & ~ALERT:  # an error of the read: there are no data
                 self.answers[packet.id] = packet.params[0], packet.params[1:]
         return len(self.answers) == len(self.ids)
 
     def end(self) -> None:
         """See `Exchange`."""
         if self._asks_fast and self._split():
-            self._strikes = 0
+            if self._retrying:
+                log.warning("%s: fast sync reads are answered again", self._where)
+            self._strikes = self._given_up = 0
+            self._retry_cycles = RETRY_CYCLES
             return
         order = self.order
         missing = [id_ for id_ in order if id_ not in self.answers]
         if missing and self.answers:
-            # After a gap in a fast reply only the first missing servo is known to be silent.
-            last = missing[:1] if self._asks_fast else missing
-            order = [id_ for id_ in order if id_ not in last] + last
+            # Only the first missing servo is known to be silent.
+            order = [id_ for id_ in order if id_ != missing[0]] + missing[:1]
         doubted = self._doubt()
         if order != self.order or doubted != self._doubted:
             self.order, self._doubted = order, doubted
@@ -179,6 +195,17 @@ class ReadMany(Exchange):
         """Whether the next read is a sync read to test if fast reads work."""
         if not self.fast:
             return False
+        if self._retrying and self.answers:
+            self._given_up = 0
+        if self._retrying and self.answers:
+            self._given_up = 0
+        if self._retrying:
+            self._retry_cycles = min(2 * self._retry_cycles, MOST_RETRY_CYCLES)
+            self._given_up = 1
+            return True
+        if self._given_up:
+            self._given_up += 1
+            return self._given_up < self._retry_cycles
         if not self._doubted:
             self._strikes = 0 if self.answers else self._strikes
             return not self.answers
@@ -186,8 +213,14 @@ class ReadMany(Exchange):
             self._strikes += 1
             if self._strikes == STRIKES:
                 log.warning("%s: fast sync reads are not answered: sync reads from now on", self._where)
-                self.fast = False
+                self._given_up = 1
+                return True
         return False
+
+    @property
+    def _retrying(self) -> bool:
+        """Whether fast reads were given up and this is an attempt."""
+        return self._given_up > 0 and not self._doubted
 
     def _encode(self) -> None:
         address, size = self.span.address, self.span.size
@@ -210,6 +243,6 @@ class ReadMany(Exchange):
                 self.whole = rows
                 return True
         for error, id_, data in split_fast_status(reply, self.span.size):
-            if id_ in self._known:
+            if id_ in self._known and not error & ~ALERT:
                 self.answers[id_] = error, data
         return False

@@ -25,6 +25,10 @@ READ = (
 
 READ_SIZE = sum(size for _, size in READ)
 
+INSTEAD = "bus_watchdog"
+"""One byte before these. A read that begins one byte earlier has the watchdog in the place of the torque switch: both
+are read in turns, at no cost on the wire."""
+
 ROW = np.dtype(
     [
         ("position", "<i2"),
@@ -39,11 +43,24 @@ ROW = np.dtype(
 )
 """A servo's bytes in a status packet."""
 
+WATCHDOG_ROW = np.dtype([("watchdog", "i1"), *[(name, ROW[name]) for name in (ROW.names or ())[:-1]]])
+"""The same in a read with the watchdog."""
+
 
 FAST_ROW = np.dtype(
     [("error_byte", "u1"), ("id", "u1"), *[(name, ROW[name]) for name in ROW.names or ()], ("crc", "<u2")]
 )
 """A servo's bytes in a fast reply."""
+
+FAST_WATCHDOG_ROW = np.dtype(
+    [
+        ("error_byte", "u1"),
+        ("id", "u1"),
+        *[(name, WATCHDOG_ROW[name]) for name in WATCHDOG_ROW.names or ()],
+        ("crc", "<u2"),
+    ]
+)
+"""The same in a read with the watchdog."""
 
 
 _GOAL_ROW, _BOUNDED_GOAL_ROW = (
@@ -69,7 +86,7 @@ class Layout:
     """Addresses of the cycle's bytes in the servos with one control table.
 
     Attributes:
-        read, write: spans of a cycle.
+        read, write: spans of a cycle; a read with the watchdog begins one byte before `read`.
         slots: (address of an indirect address register, value that it must have).
         bounded: whether a goal current is written before the goal position.
     """
@@ -82,7 +99,8 @@ class Layout:
 
 def layout_of(table: Table, *, current_bound: bool) -> Layout:
     """The layout for a control table; with `current_bound`, goal currents are written if the servo supports them."""
-    targets = [table[name].address + byte for name, size in READ for byte in range(size)]
+    targets = [table[INSTEAD].address]
+    targets += [table[name].address + byte for name, size in READ for byte in range(size)]
     bounded = current_bound and "goal_current" in table
     run = table.indirect[0]
     goal = table["goal_position"]
@@ -92,4 +110,4 @@ def layout_of(table: Table, *, current_bound: bool) -> Layout:
         for name in ("goal_current", "goal_position"):
             targets += range(table[name].address, table[name].end)
     slots = tuple((run.address + 2 * slot, target) for slot, target in enumerate(targets))
-    return Layout(Span(run.data, READ_SIZE), write, slots, bounded)
+    return Layout(Span(run.data + 1, READ_SIZE), write, slots, bounded)

@@ -8,6 +8,7 @@ import math
 import numpy as np
 
 from flexmotion.configs.errors import DriverError
+from flexmotion.configs.robot import Robot
 from flexmotion.configs.robot_file import Imu as ImuConfig
 from flexmotion.drivers.dynamixel.layout import Span
 from flexmotion.drivers.dynamixel.registers import open_cr
@@ -58,10 +59,14 @@ class OpenCr(Imu):
 
     def audit(self, client: Client) -> None:
         """Switch the servos' power on. Raises `DriverError` if the board refuses."""
-        if client.read(self.id, self._registers["dynamixel_power"]) != 1:
+        if not self.powered(client):
             log.info("OpenCR (id %d): power of the servos switched on", self.id)
             client.write(self.id, self._registers["dynamixel_power"], 1)
             client.line.sleep(START_S)
+
+    def powered(self, client: Client) -> bool:
+        """Whether the servos' power is switched on."""
+        return client.read(self.id, self._registers["dynamixel_power"]) == 1
 
     def forget(self) -> None:
         """Start of a tick: the last sample is no longer fresh."""
@@ -77,3 +82,11 @@ class OpenCr(Imu):
     def read(self, now: float) -> bool:
         """See `Imu`. The bus has passed the answer to `take`."""
         return self._came
+
+
+def board_of(robot: Robot, bus: str) -> OpenCr | None:
+    """The board on a bus of a robot; None if the robot file names none there."""
+    imu = robot.config.imu
+    if imu is None or imu.driver != OpenCr.name or imu.bus != bus or imu.id is None:
+        return None
+    return OpenCr(imu)

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from flexmotion.configs.robot_file import Bus as BusConfig
 from flexmotion.drivers.bus.servo_bus import Measurement
 from flexmotion.drivers.dynamixel.exchange import Exchange, ReadMany, ReadOne
-from flexmotion.drivers.dynamixel.layout import FAST_ROW, ROW
+from flexmotion.drivers.dynamixel.layout import FAST_ROW, FAST_WATCHDOG_ROW, ROW, WATCHDOG_ROW, Span
 from flexmotion.drivers.dynamixel.opencr import OpenCr
+from flexmotion.drivers.dynamixel.packet import ALERT
 from flexmotion.drivers.dynamixel.registers import VELOCITY_RPM, VOLTAGE
 from flexmotion.drivers.dynamixel.staleness import ReplyClock
 from flexmotion.drivers.port import SerialPort
@@ -23,6 +24,9 @@ Slots = NDArray[np.int64]
 
 PATIENCE_S, SHORT_PATIENCE_S = 0.003, 0.0015
 """Time beyond that on the wire that answers may take; the short one if the last cycle was incomplete [s]."""
+
+WATCHDOG_TURN = 4
+"""Of so many cycles one reads the watchdogs, the others the torque switches."""
 
 LEARNING_CYCLES = 8
 """Cycles at `open` from which the offsets of the servos' clocks are learnt."""
@@ -67,6 +71,8 @@ class ReadCycle:
         self._exchanges: list[Exchange] = []
         self._pending: list[Exchange] = []
         self._clock = ReplyClock(m, oldest_ms)
+        self._spans: list[Span] = []
+        self._turn = 0
         self._learning = False
         self._complete = True
         self.began = self.patience = self.last_traffic = 0.0
@@ -74,6 +80,7 @@ class ReadCycle:
     def set_up(self, groups: Sequence[ReadMany], board: OpenCr | None) -> None:
         """Set what is read from the next cycle on."""
         self.groups, self._board = list(groups), board
+        self._spans = [group.span for group in groups]
         self._exchanges = [*self.groups]
         if board is not None:
             self._exchanges.append(ReadOne(board.id, board.span))
@@ -95,6 +102,10 @@ class ReadCycle:
         self._measured.fresh[:] = False
         if self._board is not None:
             self._board.forget()
+        self._turn += 1
+        watchdogs = self._turn % WATCHDOG_TURN == 0
+        for group, span in zip(self.groups, self._spans, strict=True):
+            group.aim(Span(span.address - 1, span.size) if watchdogs else span)
         self._pending = list(self._exchanges)
         for exchange in self._exchanges:
             exchange.forget()
@@ -126,7 +137,8 @@ class ReadCycle:
         self._complete = bool(self._measured.fresh.all()) and (self._board is None or self._board.read(self.began))
 
     def run(self) -> None:
-        """A whole cycle, blocking; not for the control loop."""
+        """A whole cycle that reads the torque switches, blocking; not for the control loop."""
+        self._turn = 0
         self.request(self._port.now())
         while not self.receive(now := self._port.now()):
             self._port.wait_any([self._port], self.patience - now)
@@ -144,11 +156,14 @@ class ReadCycle:
         self.last_traffic = max(self.last_traffic, now)
 
     def _take_rows(self, group: ReadMany) -> None:
+        watchdogs = self._turn % WATCHDOG_TURN == 0
         if group.whole is not None:
-            rows = np.frombuffer(group.whole, FAST_ROW)
+            rows = np.frombuffer(group.whole, FAST_WATCHDOG_ROW if watchdogs else FAST_ROW)
             slots: Slots | slice = self._slots_of(group)
         elif group.answers:
-            rows = np.frombuffer(b"".join(data for _, data in group.answers.values()), ROW)
+            rows = np.frombuffer(
+                b"".join(data for _, data in group.answers.values()), WATCHDOG_ROW if watchdogs else ROW
+            )
             slots = np.array([self._slot[id_] for id_ in group.answers], np.int64)
         else:
             return
@@ -158,6 +173,8 @@ class ReadCycle:
         else:
             # Voltage 0: the servo has lost power, and with it its indirect addresses; it sends zeros.
             fresh = self._clock.accept(slots, tick, self.began) & (rows["voltage"] > 0)
+            if group.whole is not None:
+                fresh &= (rows["error_byte"] & ~np.uint8(ALERT)) == 0
             if not fresh.all():
                 slots = np.flatnonzero(fresh) if isinstance(slots, slice) else slots[fresh]
                 rows = rows[fresh]
@@ -168,7 +185,10 @@ class ReadCycle:
         measured.voltage[slots] = rows["voltage"] * VOLTAGE
         measured.temperature[slots] = rows["temperature"]
         measured.error[slots] = rows["error"]
-        measured.torque[slots] = rows["torque"] == 1
+        if watchdogs:
+            measured.watchdog[slots] = rows["watchdog"]
+        else:
+            measured.torque[slots] = rows["torque"] == 1
         measured.fresh[slots] = True
 
     def _slots_of(self, group: ReadMany) -> Slots | slice:

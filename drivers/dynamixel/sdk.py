@@ -90,8 +90,8 @@ class Client:
         found, result = self._handler.broadcastPing(self._port)
         return {id_: (model, firmware) for id_, (model, firmware) in found.items()} if result == COMM_SUCCESS else {}
 
-    def read_block(self, id_: int, address: int, size: int) -> bytes:
-        """Read `size` bytes from `address` on."""
+    def read_block(self, id_: int, address: int, size: int, *, once: bool = False) -> bytes:
+        """Read `size` bytes from `address` on (`once`: one attempt)."""
 
         def attempt() -> tuple[bytes, int, int]:
             data, result, error = self._handler.readTxRx(self._port, id_, address, size)
@@ -99,7 +99,7 @@ class Client:
             short = result == COMM_SUCCESS and not error & ~ALERT and len(data) != size
             return bytes(data), COMM_RX_CORRUPT if short else result, error
 
-        return bytes(self._try(id_, f"read of {address}", attempt))
+        return bytes(self._try(id_, f"read of {address}", attempt, once=once))
 
     def read(self, id_: int, register: Register) -> int:
         """Read a register."""
@@ -127,8 +127,8 @@ class Client:
 
         self._try(id_, "reboot", attempt)
 
-    def _try(self, id_: int, what: str, attempt: Callable[[], tuple[Any, int, int]]) -> Any:
-        for tried, _ in enumerate(attempts(self.line)):
+    def _try(self, id_: int, what: str, attempt: Callable[[], tuple[Any, int, int]], *, once: bool = False) -> Any:
+        for tried, _ in enumerate(attempts(self.line, once=once)):
             answer, result, error = attempt()
             # A servo reports a CRC error if it received a broken packet: try again.
             if result == COMM_SUCCESS and error & ~ALERT != Error.CRC:

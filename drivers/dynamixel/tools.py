@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
+import contextlib
+import math
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 
 from flexmotion.configs.errors import DriverError
-from flexmotion.drivers.bus.tools import BusTools, Found, model_name
-from flexmotion.drivers.dynamixel.registers import BAUD_RATES, open_cr, table_of
+from flexmotion.configs.robot import Robot
+from flexmotion.drivers.bus.inspection import Inspection
+from flexmotion.drivers.bus.servo_bus import torque_per_unit
+from flexmotion.drivers.bus.tools import BusTools, Found, Reading, model_name
+from flexmotion.drivers.dynamixel.goals import sync_write
+from flexmotion.drivers.dynamixel.layout import Span
+from flexmotion.drivers.dynamixel.opencr import OpenCr, board_of
+from flexmotion.drivers.dynamixel.registers import BAUD_RATES, VELOCITY_RPM, VOLTAGE, open_cr, table_of
 from flexmotion.drivers.dynamixel.sdk import Client
+from flexmotion.drivers.dynamixel.setup import ANSWER_ALL, find, write_kept
+from flexmotion.drivers.imu.interface import Imu
 from flexmotion.drivers.port import SerialPort
 
 _REBOOT_S = 3.0
@@ -42,6 +52,80 @@ class DynamixelTools(BusTools):
         if self._client.read(old, _ANY["torque_enable"]):
             raise DriverError(f"port {self.port.path}: id {old}: torque is on, which locks the id")
         self._client.write(old, _ANY["id"], new)
+
+    def inspect(self, robot: Robot, joint: int) -> Inspection:
+        """See `BusTools`."""
+        return find(self._client, robot, joint).inspection
+
+    def write_settings(self, robot: Robot, joint: int, settings: Mapping[str, int]) -> None:
+        """See `BusTools`."""
+        write_kept(self._client, robot, joint, settings)
+
+    def look(self, robot: Robot, joint: int) -> Reading | None:
+        """See `BusTools`. The registers from torque enable to present temperature, in one read."""
+        id_, servo = robot.joints[joint].id, robot.servos[joint]
+        table = table_of(servo.name)
+        first = table["torque_enable"].address
+        try:
+            data = self._client.read_block(id_, first, table["present_temperature"].end - first, once=True)
+        except DriverError:
+            return None
+
+        def value(name: str) -> int:
+            register = table[name]
+            return register.unpack(data[register.address - first : register.end - first])
+
+        return Reading(
+            ticks=value("present_position"),
+            velocity=value("present_velocity") * VELOCITY_RPM * 2 * math.pi / 60,
+            effort=value("present_current") * torque_per_unit(servo),
+            voltage=value("present_input_voltage") * VOLTAGE,
+            temperature=value("present_temperature"),
+            error=value("hardware_error_status"),
+            torque_on=value("torque_enable") == 1,
+        )
+
+    def torque_off(self, robot: Robot, joint: int) -> None:
+        """See `BusTools`."""
+        self._client.write(robot.joints[joint].id, table_of(robot.servos[joint].name)["torque_enable"], 0)
+
+    def write_baud(self, robot: Robot, joint: int, baud: int) -> None:
+        """See `BusTools`."""
+        register = table_of(robot.servos[joint].name)["baud_rate"]
+        self._client.write(robot.joints[joint].id, register, BAUD_RATES.index(baud))
+
+    def acknowledge(self, robot: Robot, joints: Sequence[int]) -> None:
+        """See `BusTools`. Not acknowledged: at a low status return level a servo does not answer a write."""
+        for joint in joints:
+            register = table_of(robot.servos[joint].name)["status_return_level"]
+            row = bytes([robot.joints[joint].id]) + register.pack(ANSWER_ALL)
+            self.port.send(sync_write(Span(register.address, register.size), row))
+
+    def find_board(self, robot: Robot, name: str) -> OpenCr | None:
+        """See `BusTools`."""
+        board = board_of(robot, name)
+        if board is None or board.find(self._client) is not None:
+            return None
+        if not board.powered(self._client):
+            raise DriverError(
+                f"port {self.port.path}: OpenCR (id {board.id}) has the power of the servos switched off; "
+                "`flexmotion servo configure` switches it on"
+            )
+        return board
+
+    def read_board(self, board: Imu) -> bool:
+        """See `BusTools`."""
+        assert isinstance(board, OpenCr)
+        board.forget()
+        with contextlib.suppress(DriverError):
+            board.take(self._client.read_block(board.id, board.span.address, board.span.size, once=True))
+        return board.read(self.port.now())
+
+    def switch_power(self, robot: Robot, name: str) -> None:
+        """See `BusTools`."""
+        board = board_of(robot, name)
+        if board is not None and board.find(self._client) is None:
+            board.audit(self._client)
 
     def reboot(self, id_: int) -> None:
         """See `BusTools`. Returns once the servo answers again."""

@@ -10,6 +10,7 @@ from flexmotion.configs.robot import Robot
 from flexmotion.configs.schema import parse
 from flexmotion.drivers.dynamixel.opencr import OpenCr as BoardDriver
 from flexmotion.drivers.dynamixel.registers import BAUD_RATES, RETURN_DELAY_US
+from flexmotion.drivers.dynamixel.setup import kept_settings as dynamixel_settings
 from flexmotion.drivers.emulator.body import Body
 from flexmotion.drivers.emulator.device import Device
 from flexmotion.drivers.emulator.dynamixel_bus import EmulatedDynamixelBus
@@ -25,6 +26,7 @@ from flexmotion.drivers.emulator.terminal import Terminal
 from flexmotion.drivers.emulator.wire import Wire
 from flexmotion.drivers.emulator.witmotion import WitMotionLine
 from flexmotion.drivers.feetech.registers import BAUD_RATES as STS_BAUD_RATES
+from flexmotion.drivers.feetech.setup import kept_settings as feetech_settings
 from flexmotion.drivers.imu.witmotion.sensor import WitMotion, WitOptions
 
 IMU_PORT = "imu"
@@ -39,6 +41,7 @@ def build_emulator(
     faults: Sequence[Fault] = (),
     bad_packets: float = 0.0,
     false_readings: float = 0.0,
+    factory: bool = False,
     seed: int = 0,
 ) -> Emulator:
     """Build one pseudo-terminal for every bus of the body's robot, and one for its IMU if that has a port of its own.
@@ -47,6 +50,8 @@ def build_emulator(
         link: symbolic link to the port; `.NAME` is appended if there are several buses, `.imu` for the IMU.
         timed: whether bytes take time on the wire, at the baud rate.
         faults, bad_packets, seed: see `flexmotion.drivers.emulator.faults`.
+        factory: whether servos have their factory settings, except for id, baud rate and return delay; otherwise those
+            that `flexmotion servo configure` writes.
         false_readings: share of readings that are false at random, see `flexmotion.drivers.emulator.false_readings`.
 
     Raises `ConfigError` if a bus mixes protocols, a link exists, or a fault names an unknown servo.
@@ -64,6 +69,7 @@ def build_emulator(
             faults=faults,
             bad_packets=bad_packets,
             false_readings=false_readings,
+            factory=factory,
             seed=seed,
         )
     except BaseException:
@@ -80,6 +86,7 @@ def assemble(
     faults: Sequence[Fault] = (),
     bad_packets: float = 0.0,
     false_readings: float = 0.0,
+    factory: bool = False,
     seed: int = 0,
 ) -> Emulator:
     """Build the same on existing ports, by the names of `port_names`."""
@@ -89,7 +96,7 @@ def assemble(
     for number, (name, port) in enumerate(ports.items()):
         wire, damage = Wire(timed=timed), Damage(bad_packets, seed + number)
         if name in body.robot.config.buses:
-            lines.append(BusLine(name, make_bus(joints, name), port, wire, damage))
+            lines.append(BusLine(name, make_bus(joints, name, factory=factory), port, wire, damage))
         else:
             lines.append(_imu_line(body, name, port, wire, damage, false))
     return Emulator(body, lines, faults, false)
@@ -105,8 +112,11 @@ def port_names(robot: Robot) -> list[str]:
     return names
 
 
-def make_bus(joints: Joints, name: str) -> EmulatedBus:
-    """The devices of one bus, set up as in the robot file. Raises `ConfigError` if it mixes protocols."""
+def make_bus(joints: Joints, name: str, *, factory: bool = False) -> EmulatedBus:
+    """The devices of one bus, set up as in the robot file. Raises `ConfigError` if it mixes protocols.
+
+    `factory`: only id, baud rate and return delay are as in the robot file.
+    """
     robot = joints.body.robot
     protocols = {servo.protocol for joint, servo in zip(robot.joints, robot.servos, strict=True) if joint.bus == name}
     if len(protocols) != 1:
@@ -122,17 +132,24 @@ def make_bus(joints: Joints, name: str) -> EmulatedBus:
         for sts in bus.servos:
             sts.put("baud_rate", _code(robot.config.buses[name].baud, STS_BAUD_RATES))
             sts.put("return_delay", round(robot.config.buses[name].return_delay_us / RETURN_DELAY_US))
+            if not factory:
+                for setting, value in feetech_settings(robot, sts.index).items():
+                    sts.put(setting, value)
         return bus
     if protocol == "lx16a":
         return EmulatedLx16aBus(joints, [Lx16aServo(joints, *servo) for servo in servos])
-    return EmulatedDynamixelBus(joints, _dynamixels(joints, robot, name))
+    return EmulatedDynamixelBus(joints, _dynamixels(joints, robot, name, factory=factory))
 
 
-def _dynamixels(joints: Joints, robot: Robot, name: str) -> list[Device]:
+def _dynamixels(joints: Joints, robot: Robot, name: str, *, factory: bool) -> list[Device]:
     bus, devices = robot.config.buses[name], []
     for index, (joint, servo) in enumerate(zip(robot.joints, robot.servos, strict=True)):
         if joint.bus == name:
-            devices.append(_set_up(XServo(joints, index, joint.id, servo), bus.baud, bus.return_delay_us))
+            device = XServo(joints, index, joint.id, servo)
+            if not factory:
+                for setting, value in dynamixel_settings(robot, index).items():
+                    device.put(setting, value)
+            devices.append(_set_up(device, bus.baud, bus.return_delay_us))
     imu = robot.config.imu
     if imu is not None and imu.driver == BoardDriver.name and imu.bus == name and imu.id is not None:
         board = OpenCr(joints.body, imu.id, imu.quaternion, false_readings=joints.false_readings)

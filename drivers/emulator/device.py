@@ -12,7 +12,7 @@ RAM_LIMIT_PWM, RAM_LIMIT_CURRENT = ("goal_pwm", "pwm_limit"), ("goal_current", "
 """Goals that take the value of a limit at power-up, and the limit (e-Manual: Goal PWM(100), Operating Mode(11))."""
 
 IDENTITY = ("id", "baud_rate", "secondary_id")
-STEERING = (*IDENTITY, "homing_offset", "operating_mode")
+STEERING = (*IDENTITY, "homing_offset", "operating_mode", "min_position_limit", "max_position_limit")
 NO_SECONDARY_ID = 253
 """From this value on, a secondary id is not used (e-Manual, Secondary(Shadow) ID(12))."""
 

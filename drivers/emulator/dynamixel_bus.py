@@ -139,7 +139,7 @@ class EmulatedDynamixelBus:
             twins = self._heard_by(layer, baud, now)
             others = self._answers(packet, first | twins if packet.instruction in _READS else twins, now)
             replies = mix([replies, others])
-        if packet.intact:
+        if packet.intact and self._groups and packet.instruction in _WRITES:
             self._tell_groups(packet, baud, now)
         if self._board is not None and self._board.powered != self._powered:
             self._powered = self._board.powered
@@ -150,8 +150,6 @@ class EmulatedDynamixelBus:
 
     def _tell_groups(self, packet: Packet, baud: int, now: float) -> None:
         """Writes to a secondary id act on its whole group, except where that is a device's own id; no answer."""
-        if not self._groups or packet.instruction not in _WRITES:
-            return
         for id_, address, data in _writes(packet):
             for device in self._groups.get(id_, ()):
                 if device.id != id_ and self._listening(device, baud, now):

@@ -45,6 +45,16 @@ class LockstepBus(LockstepDriver):
         return self._driver.turns
 
     @property
+    def temperature_limit(self) -> Float:
+        """See `Driver`."""
+        return self._driver.temperature_limit
+
+    @property
+    def voltage_limit(self) -> Float:
+        """See `Driver`."""
+        return self._driver.voltage_limit
+
+    @property
     def connected(self) -> bool:
         """See `Driver`."""
         return self._driver.connected

@@ -17,7 +17,7 @@ from flexmotion.configs.servo import Servo
 from flexmotion.drivers.dynamixel.packet import Error
 from flexmotion.drivers.dynamixel.registers import PWM_FULL, VELOCITY_RPM, VOLTAGE, WATCHDOG_S, table_of
 from flexmotion.drivers.emulator.body import Body
-from flexmotion.drivers.emulator.device import Device
+from flexmotion.drivers.emulator.device import IDENTITY, STEERING, Device
 from flexmotion.drivers.emulator.false_readings import FalseReadings
 
 POSITION, CURRENT_POSITION = 3, 5
@@ -112,7 +112,7 @@ class XServo(Device):
         self.joints, self.index, self.servo = joints, index, servo
         self.fed = -math.inf
         self._booted = False
-        self._homing = 0
+        self._homing, self._goals = 0, (0, 0)
         super().__init__(table_of(servo.name), id_, servo.model_number or 0, firmware)
         self._booted = True
         self.put("temperature_limit", int(servo.temperature_limit))
@@ -125,6 +125,7 @@ class XServo(Device):
         amperes = self._current
         self._load_per_torque = 1000 / servo.stall_torque if amperes is None else 1 / (self._newton_metre * amperes)
         self._pwm_per_torque = PWM_FULL / servo.stall_torque
+        self._largest_torque = 32767 / max(self._pwm_per_torque, self._load_per_torque)
         robot = joints.body.robot
         direction = float(robot.direction[index])
         self._angle_per_tick = float(robot.tick_rad[index]) * direction
@@ -170,8 +171,9 @@ class XServo(Device):
             ticks, speed = ticks + round(error.position), speed + round(error.speed / _RAD_S)
             torque += error.torque
             volts = max(volts + round(error.voltage / VOLTAGE), 0)
+            torque = min(max(torque, -self._largest_torque), self._largest_torque)
             temperature = min(max(temperature + round(error.temperature), 0), 255)
-        pwm, load = (_short(torque * unit) for unit in (self._pwm_per_torque, self._load_per_torque))
+        pwm, load = round(torque * self._pwm_per_torque), round(torque * self._load_per_torque)
         struct.pack_into("<hhii", self.memory, self._dynamic, pwm, load, speed, ticks)
         struct.pack_into("<HB", self.memory, 144, volts, temperature)
         struct.pack_into("<HB", self.memory, 120, int(now * 1000) % TICK_WRAP, abs(speed) > self._moving_threshold)
@@ -251,11 +253,9 @@ class XServo(Device):
         if self._tripped:
             return self.refuse("tripped")
         joints, index = self.joints, self.index
-        if self.get("operating_mode") == CURRENT_POSITION:
-            # The position limits are not used in this mode (e-Manual, Min/Max Position Limit(52, 48)).
-            if abs(value) > MULTI_TURN:
+        if not self._goals[0] <= value <= self._goals[1]:
+            if self.get("operating_mode") == CURRENT_POSITION:
                 return self.refuse("out_of_range")
-        elif not self.get("min_position_limit") <= value <= self.get("max_position_limit"):
             joints.body.receiver.position_violations += int(self.torque)
             return self.refuse("over_limit")
         joints.goal[index] = (value - self._homing) * self._angle_per_tick + self._angle_at_zero
@@ -289,12 +289,17 @@ class XServo(Device):
     # ---------------------------------------------------------------- acting
 
     def _identify(self, changed: str) -> None:
-        """See `Device`. Present position = actual position + homing offset; position mode ignores large offsets."""
+        """See `Device`. Present position = actual position + homing offset.
+
+        Position mode ignores large offsets, and it alone uses the position limits (e-Manual, Homing Offset(20), Min/Max
+        Position Limit(52, 48)).
+        """
         super()._identify(changed)
-        if changed in ("homing_offset", "operating_mode"):
-            offset = self.get("homing_offset")
-            ignored = self.get("operating_mode") == POSITION and abs(offset) > LARGEST_OFFSET
-            self._homing = 0 if ignored else offset
+        if changed in STEERING and changed not in IDENTITY:
+            offset, mode = self.get("homing_offset"), self.get("operating_mode")
+            self._homing = 0 if mode == POSITION and abs(offset) > LARGEST_OFFSET else offset
+            limits = self.get("min_position_limit"), self.get("max_position_limit")
+            self._goals = (-MULTI_TURN, MULTI_TURN) if mode == CURRENT_POSITION else limits
 
     def _set_torque(self, on: bool) -> None:
         if not self._booted:
@@ -331,8 +336,3 @@ class XServo(Device):
         joints.goal[index] = joints.body.position[index]
         joints.refresh()
         self.put("goal_position", int(joints.ticks[index]) + self._homing)
-
-
-def _short(value: float) -> int:
-    """Rounded, and clipped to 16 bits."""
-    return min(max(round(value), -32768), 32767)

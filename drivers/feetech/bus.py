@@ -8,11 +8,13 @@ from numpy.typing import NDArray
 from flexmotion.configs.errors import ConfigError, DriverError
 from flexmotion.configs.robot import Robot
 from flexmotion.drivers.bus.attempts import TRIES, attempts
+from flexmotion.drivers.bus.inspection import refuse_unconfigured
 from flexmotion.drivers.bus.options import BusOptions
 from flexmotion.drivers.bus.packet import BROADCAST, SumDecoder
 from flexmotion.drivers.bus.servo_bus import Budget, ServoBus
 from flexmotion.drivers.bus.sum_client import SumClient
 from flexmotion.drivers.feetech.registers import BAUD_RATES, FORMAT, VOLTAGE, Instruction, sts
+from flexmotion.drivers.feetech.setup import find, prepare
 from flexmotion.drivers.plant import DAMPED_SHARE
 from flexmotion.drivers.port import BITS_A_BYTE, SerialPort
 
@@ -69,37 +71,13 @@ class FeetechBus(ServoBus):
 
     def audit(self) -> None:
         """See `ServoBus`."""
-        table, changes = sts(), dict[int, list[str]]()
-        for slot, servo in enumerate(self.servos):
-            id_, where = self.ids[slot], f"{self.joint_name(slot)} on {self.port.path}"
-            answer = self._client.ask(id_, Instruction.READ, bytes([0, 56]), answer=56)
-            if answer is None:
-                reason = self.port.lost or f"does not answer at {self.port.baud} baud; is its power on?"
-                raise DriverError(f"{where}: {reason}")
-            held = {
-                name: r.unpack(answer.params[r.address : r.end]) for name, r in table.registers.items() if r.end <= 56
-            }
-            if servo.model_number is not None and held["model_number"] != servo.model_number:
-                raise DriverError(f"{where}: model number {held['model_number']}, expected {servo.model_number}")
-            wrong = {name: value for name, value in self._settings(slot).items() if held[name] != value}
-            kept = [name for name in wrong if table[name].address < table.eeprom_end]
-            changes[slot] = [f"{name} {held[name]} -> {wrong[name]}" for name in kept]
-            if kept and not self.options.configure:
-                raise DriverError(f"{where}: option configure (--configure) would write: {', '.join(changes[slot])}")
-            if kept and held["torque_enable"]:
-                raise DriverError(f"{where}: torque is on, which locks: {', '.join(changes[slot])}")
-            if kept:
-                self._write(slot, "lock", 0)
-            for name, value in wrong.items():
-                self._write(slot, name, value)
-            limits = [self._read(slot, name) for name in ("min_position_limit", "max_position_limit")]
-            if None in limits:
-                raise DriverError(f"{where}: does not report its position limits")
-            self._position_limits[:, slot] = limits
+        found = [find(self._client, self.robot, int(joint)) for joint in self.joints]
+        refuse_unconfigured([each.inspection for each in found])
+        for slot, joint in enumerate(self.joints):
+            prepare(self._client, self.robot, int(joint), found[slot])
+            held = found[slot].held
+            self._position_limits[:, slot] = held["min_position_limit"], held["max_position_limit"]
             self.guard.limit(slot, *self._position_limits[:, slot])
-            if kept:
-                self._write(slot, "lock", 1)
-        self.log_changes(changes)
 
     def request(self, now: float) -> None:
         """See `ServoBus`."""
@@ -126,9 +104,10 @@ class FeetechBus(ServoBus):
         return self._patience
 
     def finish(self) -> None:
-        """See `ServoBus`. Silent servos are asked last in the next cycle, because the others wait for them."""
-        silent = [id_ for id_ in self.ids if self._slot[id_] not in self._answered]
-        self._order = [id_ for id_ in self.ids if id_ not in silent] + silent
+        """See `ServoBus`. The first silent servo is asked last in the next cycle: the others may be silent for it."""
+        silent = [id_ for id_ in self._order if self._slot[id_] not in self._answered]
+        if silent and self._answered:
+            self._order = [id_ for id_ in self._order if id_ != silent[0]] + silent[:1]
 
     def send_goals(self, ticks: Float, bound: Float) -> None:
         """See `ServoBus`. These servos have no torque bound."""
@@ -177,20 +156,6 @@ class FeetechBus(ServoBus):
 
     # ---------------------------------------------------------------- inside
 
-    def _settings(self, slot: int) -> dict[str, int]:
-        joint, servo = self.robot.joints[self.joints[slot]], self.servos[slot]
-        return {
-            "return_delay": round(self.config.return_delay_us / 2),
-            "homing_offset": 0,
-            "operating_mode": 0,
-            "min_position_limit": servo.min_tick,
-            "max_position_limit": servo.max_tick,
-            "p_gain": joint.p_gain or servo.gain_register,
-            "acceleration": 0,
-            "goal_time": 0,
-            "goal_speed": 0,
-        }
-
     def _take(self, slot: int, data: bytes) -> None:
         position, speed, _, voltage, temperature, status, current = (
             field.unpack(data[field.address - self._first : field.end - self._first]) for field in self._fields
@@ -212,12 +177,6 @@ class FeetechBus(ServoBus):
         params = bytes([register.address, register.size])
         answer = self._client.ask(self.ids[slot], Instruction.READ, params, answer=register.size)
         return None if answer is None else register.unpack(answer.params)
-
-    def _write(self, slot: int, name: str, value: int) -> None:
-        register = sts()[name]
-        params = bytes([register.address]) + register.pack(value)
-        if self._client.ask(self.ids[slot], Instruction.WRITE, params, answer=0) is None:
-            raise DriverError(f"{self.joint_name(slot)} on {self.port.path}: does not acknowledge a write of {name}")
 
     def _send(self, ticks: Float, standing: Float | None = None) -> None:
         """Send goals of all servos; `standing`: present positions of servos that are pinned, (m,)."""

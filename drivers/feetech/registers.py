@@ -20,6 +20,9 @@ BAUD_RATES = (1_000_000, 500_000, 250_000, 128_000, 115_200, 76_800, 57_600, 38_
 VOLTAGE = 0.1
 """One unit of voltage [V]."""
 
+RETURN_DELAY_US = 2.0
+"""One unit of the return delay [us]."""
+
 
 class Instruction(IntEnum):
     """Instruction codes."""

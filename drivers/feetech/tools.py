@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
+from flexmotion.configs.robot import Robot
+from flexmotion.drivers.bus.inspection import Inspection
 from flexmotion.drivers.bus.packet import MAX_ID
+from flexmotion.drivers.bus.servo_bus import torque_per_unit
 from flexmotion.drivers.bus.sum_client import SumClient
-from flexmotion.drivers.bus.tools import BusTools, Found, model_name
-from flexmotion.drivers.feetech.registers import BAUD_RATES, FORMAT, Instruction, sts
+from flexmotion.drivers.bus.tools import BusTools, Found, Reading, model_name
+from flexmotion.drivers.feetech.registers import BAUD_RATES, FORMAT, VOLTAGE, Instruction, sts
+from flexmotion.drivers.feetech.setup import find, write, write_kept
 from flexmotion.drivers.port import SerialPort
 
 
@@ -33,6 +37,45 @@ class FeetechTools(BusTools):
     def answers(self, id_: int) -> bool:
         """See `BusTools`."""
         return self._client.ask(id_, Instruction.PING, answer=0) is not None
+
+    def inspect(self, robot: Robot, joint: int) -> Inspection:
+        """See `BusTools`."""
+        return find(self._client, robot, joint).inspection
+
+    def write_settings(self, robot: Robot, joint: int, settings: Mapping[str, int]) -> None:
+        """See `BusTools`."""
+        write_kept(self._client, robot, joint, settings)
+
+    def look(self, robot: Robot, joint: int) -> Reading | None:
+        """See `BusTools`. All registers in one read."""
+        servo, table = robot.servos[joint], sts()
+        size = max(register.end for register in table.registers.values())
+        answer = self._client.ask(robot.joints[joint].id, Instruction.READ, bytes([0, size]), answer=size, once=True)
+        if answer is None:
+            return None
+        value = {name: r.unpack(answer.params[r.address : r.end]) for name, r in table.registers.items()}
+        return Reading(
+            ticks=value["present_position"],
+            velocity=value["present_speed"] * servo.tick_rad,
+            effort=value["present_current"] * torque_per_unit(servo),
+            voltage=value["present_voltage"] * VOLTAGE,
+            temperature=value["present_temperature"],
+            error=value["status"],
+            torque_on=value["torque_enable"] == 1,
+        )
+
+    def torque_off(self, robot: Robot, joint: int) -> None:
+        """See `BusTools`."""
+        write(self._client, robot, joint, "torque_enable", 0)
+
+    def write_baud(self, robot: Robot, joint: int, baud: int) -> None:
+        """See `BusTools`. Locked again at the new rate; acknowledged at neither, perhaps."""
+        config, table = robot.joints[joint], sts()
+        write(self._client, robot, joint, "lock", 0)
+        code = bytes([table["baud_rate"].address, BAUD_RATES.index(baud)])
+        self._client.ask(config.id, Instruction.WRITE, code, answer=0, once=True)
+        self.port.set_baud(baud)
+        write(self._client, robot, joint, "lock", 1)
 
     def write_id(self, old: int, new: int) -> None:
         """See `BusTools`."""

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Mapping
 
+from flexmotion.configs.errors import DriverError
+from flexmotion.configs.robot import Robot
+from flexmotion.drivers.bus.inspection import Inspection
 from flexmotion.drivers.bus.packet import MAX_ID
 from flexmotion.drivers.bus.sum_client import SumClient
-from flexmotion.drivers.bus.tools import BusTools, Found
-from flexmotion.drivers.lx16a.protocol import ANSWER_SIZE, BAUD, FORMAT, Command
+from flexmotion.drivers.bus.tools import BusTools, Found, Reading
+from flexmotion.drivers.lx16a.protocol import ANSWER_SIZE, BAUD, FORMAT, MILLIVOLT, Command
 from flexmotion.drivers.port import SerialPort
 
 
@@ -30,6 +34,40 @@ class Lx16aTools(BusTools):
     def answers(self, id_: int) -> bool:
         """See `BusTools`."""
         return self._ask(id_)
+
+    def inspect(self, robot: Robot, joint: int) -> Inspection:
+        """See `BusTools`. The robot file determines no setting of these servos."""
+        config = robot.joints[joint]
+        load = self._client.ask(config.id, Command.READ_LOAD, answer=ANSWER_SIZE[Command.READ_LOAD])
+        if load is None:
+            reason = self.port.lost or "does not answer; is its power on?"
+            raise DriverError(f"servo of {config.name} (id {config.id}) on {self.port.path}: {reason}")
+        on = load.params[0] == 1
+        return Inspection(config.name, config.id, config.servo, self.port.path, {}, {}, on)
+
+    def write_settings(self, robot: Robot, joint: int, settings: Mapping[str, int]) -> None:
+        """See `BusTools`."""
+        if settings:
+            raise DriverError(f"port {self.port.path}: an LX-16A has no setting of: {', '.join(settings)}")
+
+    def look(self, robot: Robot, joint: int) -> Reading | None:
+        """See `BusTools`. Four requests."""
+        id_, values = robot.joints[joint].id, {}
+        wanted = (Command.READ_POSITION, Command.READ_VOLTAGE, Command.READ_TEMPERATURE, Command.READ_LOAD)
+        for command in wanted:
+            answer = self._client.ask(id_, command, answer=ANSWER_SIZE[command], once=True)
+            if answer is None:
+                return None
+            values[command] = int.from_bytes(answer.params, "little", signed=command is Command.READ_POSITION)
+        position, voltage, temperature, load = (values[command] for command in wanted)
+        return Reading(position, math.nan, math.nan, voltage * MILLIVOLT, temperature, 0, load == 1)
+
+    def torque_off(self, robot: Robot, joint: int) -> None:
+        """See `BusTools`."""
+        self.port.send(FORMAT.encode(robot.joints[joint].id, Command.LOAD, b"\x00"))
+
+    def write_baud(self, robot: Robot, joint: int, baud: int) -> None:
+        """See `BusTools`. The rate is fixed."""
 
     def write_id(self, old: int, new: int) -> None:
         """See `BusTools`."""

@@ -1,59 +1,51 @@
-"""Reading a robot's servos for a command, with torque left as it is."""
+"""Reading a robot's servos for a command; nothing is written to them."""
 
 from __future__ import annotations
 
 import time
-from contextlib import contextmanager
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator
+from flexmotion.configs.errors import DriverError
 
+if TYPE_CHECKING:
     from flexmotion.configs.robot import Robot
-    from flexmotion.drivers.bus.driver import BusDriver
-    from flexmotion.drivers.interface import RobotState
+    from flexmotion.drivers.bench import Bench
 
 PortOption = Annotated[str, typer.Option("--port", "-p", help="Port of the servo bus.")]
 
-_TRIES = 25
-"""Reads within which a joint must answer."""
+_TRIES, _STILL_READS, _STILL_RAD, _PAUSE_S = 5, 6, 0.01, 0.02
+"""Reads within which a joint answers; reads of a joint at rest, how far they may be apart [rad], their pause [s]."""
 
 
-@contextmanager
-def open_readout(
-    robot: Robot, port: str, *, imu: bool = False, imu_port: str | None = None, configure: bool = True
-) -> Iterator[BusDriver]:
-    """Context with an open driver; torque stays as it is, before and after.
+def open_bench(
+    robot: Robot, port: str, *, imu: bool = False, imu_port: str | None = None, power: bool = False
+) -> Bench:
+    """The robot's servos on a port, for a `with` statement; torque stays as it is, before and after.
 
     Args:
         imu: read the IMU too, on a port of its own if `imu_port` says so.
-        configure: write the settings in which a servo differs from the robot file.
+        power: let the robot's board switch the power of the servos on.
 
     Raises:
-        DriverError: the port fails, or a servo is missing or not as the robot file says.
+        DriverError: the port fails.
     """
-    from flexmotion.drivers.bus.finder import bus_driver_of
+    from flexmotion.drivers.bench import Bench
     from flexmotion.drivers.bus.options import BusOptions
 
-    options = BusOptions(port=port, imu=imu, imu_port=imu_port, configure=configure)
-    driver = bus_driver_of(robot)(robot, options=options)
-    driver.open()
-    try:
-        yield driver
-    finally:
-        driver.let_go()
+    return Bench(robot, BusOptions(port=port, imu=imu, imu_port=imu_port), imu=imu, power=power)
 
 
-def read_until_fresh(driver: BusDriver, state: RobotState, index: int) -> bool:
-    """Read until a joint has answered; returns whether it did.
-
-    It reads at the loop's rate: after a longer pause the driver cannot tell an old answer from a new one.
-    """
-    for _ in range(_TRIES):
-        driver.read(state)
-        if not state.stale[index]:
-            return True
-        time.sleep(1.0 / driver.robot.rate_hz)
-    return False
+def angle_at_rest(bench: Bench, index: int) -> float | None:
+    """A joint's angle [rad]; None: it moves. Raises `DriverError` if its servo does not answer."""
+    seen: list[float] = []
+    for _ in range(_TRIES * _STILL_READS):
+        angle = bench.angle(index)
+        if angle is not None:
+            seen.append(angle)
+        if len(seen) == _STILL_READS:
+            return seen[-1] if max(seen) - min(seen) < _STILL_RAD else None
+        time.sleep(_PAUSE_S)
+    joint = bench.robot.joints[index]
+    raise DriverError(f"servo of {joint.name} (id {joint.id}): does not answer")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.table import Table
 
-from flexmotion.streamer.commands.bus_readout import open_readout
+from flexmotion.streamer.commands.bus_readout import open_bench
 from flexmotion.streamer.commands.exit_codes import CHECK_FAILED
 from flexmotion.streamer.commands.options import JsonOption, RobotOption
 from flexmotion.streamer.commands.output import print_json, print_result
@@ -24,15 +24,12 @@ def bus(
     rate: Annotated[
         float | None, typer.Option("--rate", min=1, help="Loop rate \\[Hz]; the robot file's if not given.")
     ] = None,
-    configure: Annotated[
-        bool, typer.Option("--configure", help="Write the settings in which a servo differs from the robot file.")
-    ] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Check whether the loop's rate fits the servo bus: bytes, baud rate and delays give the highest rate.
 
-    With a port it also audits every servo as before a run; torque stays as it is. Exit code 1 where the rate does not
-    fit, 3 where the port fails or a servo is not as the robot file says.
+    With a port it also audits every servo as before a run; nothing is written. Exit code 1 where the rate does not fit,
+    2 where a servo is not configured as the robot file says, 3 where the port fails or a servo is missing.
 
     [bold]Examples[/bold]
 
@@ -47,7 +44,7 @@ def bus(
     chosen = load_robot(robot)
     wanted = chosen.rate_hz if rate is None else rate
     checks = check_buses(chosen, wanted)
-    audit = [] if port is None else _audit(chosen, port, configure)
+    audit = [] if port is None else _audit(chosen, port)
     if as_json:
         buses = [
             {
@@ -87,13 +84,18 @@ def bus(
         raise typer.Exit(CHECK_FAILED)
 
 
-def _audit(robot: Robot, port: str, configure: bool) -> list[dict[str, Any]]:
-    """Every servo as it is now. Raises `DriverError` where one is missing or does not match the robot file."""
+def _audit(robot: Robot, port: str) -> list[dict[str, Any]]:
+    """Every servo as it is now.
+
+    Raises `DriverError` where one is missing or another model, `NotConfiguredError` where a setting differs.
+    """
+    from flexmotion.drivers.bus.inspection import refuse_unconfigured
     from flexmotion.drivers.interface import RobotState
 
     state = RobotState(robot.n)
-    with open_readout(robot, port, configure=configure) as driver:
-        driver.read(state)
+    with open_bench(robot, port) as bench:
+        refuse_unconfigured(bench.inspect())
+        bench.read(state)
     return [
         {
             "joint": joint.name,

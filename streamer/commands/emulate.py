@@ -46,6 +46,9 @@ def emulate(
     false_readings: Annotated[
         float, typer.Option("--false-readings", min=0, max=1, help="Share of readings that are false at random.")
     ] = 0.0,
+    factory: Annotated[
+        bool, typer.Option("--factory", help="Servos with factory settings, as before `flexmotion servo configure`.")
+    ] = False,
     perturb: Annotated[
         list[str] | None,
         typer.Option("--perturb", metavar="KEY=VALUE", help="How the robot differs from its model (repeatable)."),
@@ -97,6 +100,7 @@ def emulate(
         faults=faults,
         bad_packets=bad_packets,
         false_readings=false_readings,
+        factory=factory,
         seed=seed,
     )
     with emulator, _ended_by_signals(emulator):

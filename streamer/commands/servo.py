@@ -10,7 +10,7 @@ import typer
 from rich.live import Live
 from rich.table import Table
 
-from flexmotion.streamer.commands.bus_readout import PortOption, open_readout
+from flexmotion.streamer.commands.bus_readout import PortOption, open_bench
 from flexmotion.streamer.commands.exit_codes import CHECK_FAILED, INTERRUPTED
 from flexmotion.streamer.commands.options import JsonOption, RobotOption
 from flexmotion.streamer.commands.output import print_json, print_note, print_result
@@ -28,14 +28,15 @@ ProtocolOption = Annotated[ProtocolName, typer.Option("--protocol", help="Protoc
 BaudOption = Annotated[int, typer.Option("--baud", "-b", help="Bit rate of the bus.")]
 IdArgument = Annotated[int, typer.Argument(min=0, max=252, help="Id of the servo.")]
 
-_SHOWN_EVERY_S = 0.1
+_SHOWN_EVERY_S, _PAUSE_S = 0.1, 0.01
+"""Period of the picture, and pause between two reads of all servos [s]."""
 
 servo = typer.Typer(no_args_is_help=True)
 
 
 @servo.callback()
 def _servos() -> None:
-    """Find, name, calibrate, restart and watch servos on a bus."""
+    """Find, watch, name, configure, calibrate and restart servos on a bus."""
 
 
 @servo.command()
@@ -123,7 +124,7 @@ def watch(
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Show every servo's angle, torque, supply and temperature, live; torque stays as it is.
+    """Show every servo's angle, torque, supply and temperature, live; nothing is written to them.
 
     With --json it prints the last values at its end, one object a joint: after --seconds, or with Ctrl-C.
 
@@ -138,15 +139,18 @@ def watch(
     state = RobotState(chosen.n)
     now, interrupted = time.monotonic(), False
     end, shown = now + (float("inf") if seconds is None else seconds), now
-    with open_readout(chosen, port) as driver, Live(auto_refresh=False, transient=as_json) as live:
+    with open_bench(chosen, port, imu=False) as bench, Live(auto_refresh=False, transient=as_json) as live:
+        for each in bench.inspect():
+            if each.changes:
+                names = ", ".join(f"{name} {each.held[name]} (wanted {value})" for name, value in each.changes.items())
+                print_note(f"{each.where}: is not configured, its angle may be another: {names}")
         try:
             while now < end:
-                driver.read(state)
+                bench.read(state)
                 if now >= shown and not as_json:
                     live.update(_state_table(chosen, state), refresh=True)
                     shown = now + _SHOWN_EVERY_S
-                # At the loop's rate, see `read_until_fresh`.
-                time.sleep(1.0 / chosen.rate_hz)
+                time.sleep(_PAUSE_S)
                 now = time.monotonic()
         except KeyboardInterrupt:
             interrupted = True
@@ -169,11 +173,9 @@ def _open(kind: type[BusTools], port: str, baud: int) -> Iterator[BusTools]:
 
 def _tools(protocol: ProtocolName) -> type[BusTools]:
     # Heavy imports wait until the command runs: help and completion answer at once.
-    from flexmotion.drivers.dynamixel.tools import DynamixelTools
-    from flexmotion.drivers.feetech.tools import FeetechTools
-    from flexmotion.drivers.lx16a.tools import Lx16aTools
+    from flexmotion.drivers.bench import TOOLS
 
-    return {kind.protocol: kind for kind in (DynamixelTools, FeetechTools, Lx16aTools)}[protocol]
+    return TOOLS[protocol]
 
 
 def _rows(robot: Robot, state: RobotState) -> list[dict[str, Any]]:

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from flexmotion.configs.errors import DriverError
-from flexmotion.streamer.commands.bus_readout import PortOption, open_readout, read_until_fresh
+from flexmotion.configs.errors import ConfigError, DriverError
+from flexmotion.streamer.commands.bus_readout import PortOption, angle_at_rest, open_bench
 from flexmotion.streamer.commands.options import JsonOption
 from flexmotion.streamer.commands.output import print_json, print_note, print_result
 
@@ -18,12 +18,14 @@ if TYPE_CHECKING:
 
     from flexmotion.configs.calibration import Calibration
     from flexmotion.configs.robot import Robot
-    from flexmotion.drivers.bus.driver import BusDriver
+    from flexmotion.drivers.bench import Bench
 
     Float = NDArray[np.float64]
 
 _SAMPLES, _PATIENCE_S = 125, 15.0
 """IMU samples whose mean is the direction of gravity, and how long they may take [s]."""
+_SHIFTING = {"homing_offset", "drive_mode"}
+"""Settings of a servo that change which angle it reports."""
 _STILL_RAD_S = 0.2
 """A torso that turns faster than this is not held still [rad/s]."""
 
@@ -38,9 +40,10 @@ def calibrate(
 ) -> None:
     """Calibrate every joint's zero: you hold the joint there, the program reads the servo.
 
-    Hang the robot up, torque off. The program asks for one joint after another: bring it to the angle 0 of the robot's
-    model, which `flexmotion robots` shows. Enter takes the angle, s leaves the joint as it was, q ends without storing.
-    The result is stored beside the robot file, with the date and the servos.
+    Hang the robot up. The program switches torque off where it is on, and asks for one joint after another: bring it to
+    the angle 0 of the robot's model, which `flexmotion robots` shows. Enter takes the angle, s leaves the joint as it
+    was, q ends without storing. A zero with which the servo could not reach the joint's limits is not taken. The result
+    is stored beside the robot file, with the date and the servos; nothing else is written to the servos.
 
     [bold]Examples[/bold]
 
@@ -59,6 +62,7 @@ def calibrate(
         print_result("ended, nothing stored")
         return
     file = write_calibration(chosen.folder, calibration)
+    print_note("position limits in the servos follow the zeros: run `flexmotion servo configure` again")
     if as_json:
         print_json(calibration.model_dump())
     else:
@@ -88,7 +92,6 @@ def calibrate_imu(
     from scipy.spatial.transform import Rotation
 
     from flexmotion.configs.calibration import CalibratedImu, Calibration, read_calibration, write_calibration
-    from flexmotion.configs.errors import ConfigError
     from flexmotion.configs.robot import load_robot
     from flexmotion.drivers.imu.mounting import mounting
 
@@ -96,9 +99,9 @@ def calibrate_imu(
     imu = chosen.config.imu
     if imu is None or imu.driver is None:
         raise ConfigError(f"{chosen.file}: field imu.driver: there is no IMU to calibrate")
-    with open_readout(chosen, port, imu=True, imu_port=imu_port) as driver:
-        upright = _specific_force(driver, "bring the torso upright and hold it still")
-        leaning = _specific_force(driver, "lean it forward and hold it still")
+    with open_bench(chosen, port, imu=True, imu_port=imu_port) as bench:
+        upright = _specific_force(bench, "bring the torso upright and hold it still")
+        leaning = _specific_force(bench, "lean it forward and hold it still")
     sits = mounting(Rotation.from_quat(imu.quaternion, scalar_first=True), upright, leaning)
     w, x, y, z = (round(float(part), 6) for part in sits.as_quat(canonical=True, scalar_first=True))
     known = read_calibration(chosen.folder) or Calibration(date="", joints={})
@@ -111,21 +114,21 @@ def calibrate_imu(
         print_result(f"the IMU's frame in the torso, w x y z: {w:g} {x:g} {y:g} {z:g}; stored: {file}")
 
 
-def _specific_force(driver: BusDriver, what: str) -> Float:
+def _specific_force(bench: Bench, what: str) -> Float:
     """Mean specific force over `_SAMPLES` at rest, (3,) [m/s²]. Raises `DriverError` if the IMU is silent or moves."""
     import numpy as np
 
     from flexmotion.drivers.interface import RobotState
 
     typer.prompt(f"{what}, then Enter", default="", show_default=False, err=True)
-    state = RobotState(driver.robot.n)
+    state = RobotState(bench.robot.n)
     forces: list[Float] = []
     end = time.monotonic() + _PATIENCE_S
     while len(forces) < _SAMPLES:
         if time.monotonic() > end:
             raise DriverError("IMU: does not answer")
-        time.sleep(1.0 / driver.robot.rate_hz)
-        driver.read(state)
+        time.sleep(1.0 / bench.robot.rate_hz)
+        bench.read_imu(state)
         if state.imu_stale == 0:
             forces.append(state.accel.copy())
             if float(np.linalg.norm(state.gyro)) > _STILL_RAD_S:
@@ -137,29 +140,39 @@ def _measure_zeros(robot: Robot, port: str, names: list[str]) -> Calibration | N
     """The robot's zeros with those that the user shows; None if the user ends it."""
     from datetime import UTC, datetime
 
-    from flexmotion.configs.calibration import CalibratedJoint, Calibration, read_calibration
-    from flexmotion.drivers.interface import RobotState
+    from flexmotion.configs.calibration import CalibratedJoint, Calibration, check_zero, read_calibration
 
     zeros = {joint.name: joint.zero for joint in robot.joints}
-    state = RobotState(robot.n)
-    with open_readout(robot, port) as driver:
+    with open_bench(robot, port) as bench:
+        _refuse_offsets(bench, names)
+        _relax(bench)
         for name in names:
             index = robot.index(name)
-            answer = typer.prompt(
-                f"{name} (id {robot.joints[index].id}): bring it to 0, then Enter [s skip, q end]",
-                default="",
-                show_default=False,
-                err=True,
-            )
-            if answer == "q":
-                return None
-            if answer == "s":
-                continue
-            if not read_until_fresh(driver, state, index):
-                raise DriverError(f"servo of {name} (id {robot.joints[index].id}): does not answer")
-            # The joint is at 0: the angle that is read is the error of its zero.
-            zeros[name] += float(robot.direction[index] * state.position[index])
-            print_note(f"{name}: zero at {zeros[name]:+.4f} rad of the servo")
+            while True:
+                answer = typer.prompt(
+                    f"{name} (id {robot.joints[index].id}): bring it to 0, then Enter [s skip, q end]",
+                    default="",
+                    show_default=False,
+                    err=True,
+                )
+                if answer == "q":
+                    return None
+                if answer == "s":
+                    break
+                angle = angle_at_rest(bench, index)
+                if angle is None:
+                    print_note(f"{name}: moves: hold it still")
+                    continue
+                # The joint is at 0: the angle that is read is the error of its zero.
+                zero = zeros[name] + float(robot.direction[index] * angle)
+                try:
+                    check_zero(robot.joints[index], robot.servos[index], zero)
+                except ConfigError as error:
+                    print_note(f"{error}: not taken")
+                    continue
+                zeros[name] = zero
+                print_note(f"{name}: zero at {zero:+.4f} rad of the servo")
+                break
     joints = {
         joint.name: CalibratedJoint(zero=round(zeros[joint.name], 6), servo=joint.servo, id=joint.id)
         for joint in robot.joints
@@ -167,3 +180,21 @@ def _measure_zeros(robot: Robot, port: str, names: list[str]) -> Calibration | N
     known = read_calibration(robot.folder)
     imu = None if known is None else known.imu
     return Calibration(date=datetime.now(UTC).isoformat(timespec="seconds"), joints=joints, imu=imu)
+
+
+def _refuse_offsets(bench: Bench, names: list[str]) -> None:
+    """Raise `NotConfiguredError` if a servo to be calibrated adds an offset or counts in another way than in a run."""
+    from flexmotion.drivers.bus.inspection import refuse_unconfigured
+
+    refuse_unconfigured([each for each in bench.inspect() if each.joint in names and _SHIFTING & set(each.changes)])
+
+
+def _relax(bench: Bench) -> None:
+    """Switch torque off where it is on, once the user holds the robot."""
+    on = bench.torque_on()
+    if not on:
+        return
+    joints = ", ".join(bench.robot.joint_names[joint] for joint in on)
+    typer.prompt(f"torque is on in: {joints}; hold the robot, then Enter", default="", show_default=False, err=True)
+    for joint in on:
+        bench.torque_off(joint)

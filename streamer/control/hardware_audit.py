@@ -13,6 +13,8 @@ from flexmotion.streamer.control.obedience import Obedience
 from flexmotion.streamer.control.plausibility import KINDS, Plausibility
 from flexmotion.streamer.control.punctuality import Punctuality
 
+Float = NDArray[np.float64]
+
 SUPPLY_ERROR = 0x01
 """Error bit of Dynamixel and Feetech servos: the supply is outside the servo's own limits; torque stays on."""
 
@@ -40,7 +42,19 @@ class HardwareAudit:
         self._warn_of = warn
         self._warned: set[str] = set()
         self._low_reads, self._supply_reads = np.zeros(robot.n, np.int64), np.zeros(robot.n, np.int64)
-        self._shutdown_at = np.array([servo.temperature_limit for servo in robot.servos])
+        self._catalogue = np.array([servo.temperature_limit for servo in robot.servos])
+        self._shutdown_at = self._catalogue.copy()
+        self._least_supply = np.full(robot.n, robot.safety.voltage_min or 0.0)
+
+    def take_limits(self, temperature: Float, voltage: Float) -> None:
+        """Take the servos' own limits, where they are narrower than those of the catalogue and the robot file.
+
+        Args:
+            temperature: at which each servo switches itself off, (n,) [°C].
+            voltage: below which each reports an error, (n,) [V].
+        """
+        np.minimum(self._catalogue, temperature, out=self._shutdown_at)
+        np.maximum(self.robot.safety.voltage_min or 0.0, voltage, out=self._least_supply)
 
     def lost_bus(self, measured: RobotState) -> str | None:
         """Why the bus counts as lost; None while any joint answers."""
@@ -125,13 +139,11 @@ class HardwareAudit:
 
     def _low_supply(self, measured: RobotState) -> str | None:
         """Why the supply ends the run: a servo measured it low for more reads in a row than it may be silent."""
-        limits = self.robot.safety
-        if limits.voltage_min is None:
-            return None
-        low = measured.voltage < limits.voltage_min
+        low = measured.voltage < self._least_supply
         self._low_reads[:] = np.where(low, self._low_reads + 1, 0)
-        if self._low_reads.max() > limits.max_stale_reads:
-            return f"supply at {np.fmin.reduce(measured.voltage[low]):.1f} V, below {limits.voltage_min:.1f} V"
+        worst = int(np.argmax(self._low_reads))
+        if self._low_reads[worst] > self.robot.safety.max_stale_reads:
+            return f"supply at {measured.voltage[worst]:.1f} V, below {self._least_supply[worst]:.1f} V"
         return None
 
     def _hardware_error(self, measured: RobotState) -> str | None:

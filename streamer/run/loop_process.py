@@ -11,7 +11,9 @@ from multiprocessing.connection import Connection
 from flexmotion.configs.errors import DriverError, FlexMotionError
 from flexmotion.drivers.realtime import priority
 from flexmotion.drivers.realtime.ticker import Ticker
+from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.loop import ControlLoop
+from flexmotion.streamer.run.blind_lowering import blind_lowering
 from flexmotion.streamer.run.lifecycle import Lifecycle
 from flexmotion.streamer.run.planner_process import Heartbeat
 from flexmotion.streamer.run.requests import Request, RequestChannel, RequestReader
@@ -57,11 +59,15 @@ def serve(
             # Locking memory takes long inside the kernel: done before this process has a priority that delays others.
             priority.settle(collect=False)
             outcome.send(priority.claim(priority.LOOP_PRIORITY, allowed=realtime))
-            _run(loop, lifecycle, readers, signalled)
+            try:
+                _run(loop, lifecycle, readers, signalled)
+            except Exception as failure:
+                _lower(loop, failure)
+                raise
     except FlexMotionError as failure:
         error = failure
     except Exception as failure:  # of any kind: the supervisor must report it and the log must hold it
-        error = DriverError(f"the control loop failed, torque is off: {type(failure).__name__}: {failure}")
+        error = DriverError(f"the control loop failed: {type(failure).__name__}: {failure}")
     if error is not None:
         loop.telemetry.emit(loop.tick_count, "fault", str(error))
     with contextlib.suppress(BrokenPipeError):  # the supervisor has died
@@ -108,6 +114,31 @@ def _take(lifecycle: Lifecycle, readers: Sequence[RequestReader], signalled: lis
     for reader in readers:
         for request, reason in reader.read():
             lifecycle.request(request, reason)
+
+
+def _lower(loop: ControlLoop, failure: Exception) -> None:
+    """Lower a robot whose loop has failed, without measurements; `close` then switches its torque off.
+
+    A driver that fails here too is closed at once.
+    """
+    if loop.ladder.state not in (State.READY, State.STREAMING, State.HOLD, State.PARK):
+        return
+    loop.telemetry.emit(
+        loop.tick_count,
+        "fault",
+        f"{loop.ladder.state.name} -> PARK: the control loop failed: {type(failure).__name__}: {failure}; "
+        "the robot is lowered without measurements",
+    )
+    row, ticker = loop.telemetry.row, Ticker(1.0 / loop.robot.rate_hz)
+    for goal in blind_lowering(loop.robot, loop.command.position.copy()):
+        ticker.wait()
+        loop.command.position[:] = goal
+        loop.driver.write(loop.command)
+        loop.tick_count += 1
+        # The supervisor ends a loop whose rows grow old.
+        row.stamp_ns[...] = time.perf_counter_ns()
+        row.tick[...], row.state[...], row.q_cmd[...] = loop.tick_count, State.PARK, goal
+        loop.telemetry.commit()
 
 
 def _run(loop: ControlLoop, lifecycle: Lifecycle, readers: Sequence[RequestReader], signalled: list[Request]) -> None:

@@ -49,7 +49,16 @@ class Run:
 
     @property
     def states(self) -> list[str]:
-        return [event.message.partition(":")[0] for event in self.record.events if event.kind in ("state", "fault")]
+        return [message.partition(":")[0] for message in self._changes]
+
+    @property
+    def end(self) -> str:
+        """Message of the last change of state."""
+        return self._changes[-1]
+
+    @property
+    def _changes(self) -> list[str]:
+        return [event.message for event in self.record.events if " -> " in event.message]
 
     @property
     def lowest(self) -> float:

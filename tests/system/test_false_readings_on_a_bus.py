@@ -62,7 +62,7 @@ def test_a_sensor_that_stays_wrong_is_named_and_the_robot_parked(
     """A knee whose position was a turn off went to its limit, without a message."""
     run = through_bytes(op3, f"{fault}@{AT}")
     assert run.states[-3:] == ["STREAMING -> HOLD", "HOLD -> PARK", "PARK -> FAULT"]
-    assert run.record.events[-1].message == f"PARK -> FAULT: {message}"
+    assert run.end == f"PARK -> FAULT: {message}"
     assert run.driver.violations == 0 and run.body is not None and not run.body.fell
     stop = next(event.tick for event in run.record.events if "-> HOLD" in event.message)
     knee = op3.index("l_knee")

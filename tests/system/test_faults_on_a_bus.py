@@ -22,7 +22,7 @@ BUS_LOST = ("cable", "lost", "corrupt", "truncated", "late", "late:0.009")
 ONE_PART = {
     "dead:4": "servo of l_sho_roll (id 4) does not answer",
     "reset:4": "servo of l_sho_roll (id 4) does not answer",
-    "overheat:4": "servo of l_sho_roll (id 4) reports hardware error 0x104",
+    "overheat:4": "servo of l_sho_roll (id 4) reports hardware error 0x04",
     "voltage:9.5": "supply at 9.5 V, below 10.2 V",
 }
 PASSES = (f"lost@{AT}+0.02", f"corrupt@{AT}+0.01", f"truncated@{AT}+0.01", f"late:0.01@{AT}+0.02", f"duplicated@{AT}",
@@ -89,7 +89,7 @@ def test_a_port_that_is_gone_is_a_fault_at_once(op3: Robot) -> None:
 def test_a_fault_of_one_part_ends_in_a_parked_robot(op3: Robot, fault: str, message: str) -> None:
     run = through_bytes(op3, f"{fault}@{AT}")
     assert run.states[-3:] == ["STREAMING -> HOLD", "HOLD -> PARK", "PARK -> FAULT"]
-    assert run.record.events[-1].message == f"PARK -> FAULT: {message}"
+    assert run.end == f"PARK -> FAULT: {message}"
     assert run.driver.violations == 0
     assert run.body is not None and not run.body.fell
     # Only the servo that cannot be reached still holds.
@@ -108,7 +108,7 @@ def test_a_leg_that_gives_way_ends_damped_or_parked(op3: Robot) -> None:
     """A dead knee goes on holding its last goal, so that parking throws the robot over: it is damped, then off."""
     run = through_bytes(op3, f"dead:14@{AT}")
     assert run.states[-2:] == ["PARK -> DAMPED", "DAMPED -> FAULT"]
-    assert run.record.events[-1].message.endswith("servo of l_knee (id 14) does not answer")
+    assert run.end.endswith("servo of l_knee (id 14) does not answer")
     assert run.record.state[-1] == State.FAULT and run.driver.violations == 0
 
 
@@ -137,7 +137,7 @@ def test_a_silent_imu_that_the_robot_file_requires_parks_the_robot(tmp_path: Pat
     robot = with_imu(tmp_path, **SENSORS[sensor], required=True)
     run = through_bytes(robot, f"{'dead:200' if sensor == 'opencr' else 'imu'}@{AT}", imu_port="imu")
     assert run.states[-3:] == ["STREAMING -> HOLD", "HOLD -> PARK", "PARK -> FAULT"]
-    assert run.record.events[-1].message.startswith("PARK -> FAULT: IMU has not answered for ")
+    assert run.end.startswith("PARK -> FAULT: IMU has not answered for ")
     assert run.body is not None and not run.body.fell and not run.body.plant.enabled.any()
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from pathlib import Path
 
 import numpy as np
@@ -68,17 +67,14 @@ def test_lx16a_servos_are_read_in_turns_and_do_not_go_stale(lx: Robot) -> None:
         assert np.isfinite(state.voltage).all() and np.isnan(state.effort).all()
 
 
-def test_a_setting_that_differs_is_written_once_and_logged(sts: Robot, caplog: pytest.LogCaptureFixture) -> None:
+def test_a_feetech_servo_that_is_not_configured_is_refused_and_not_written(sts: Robot) -> None:
     driver, world = looped("feetech", sts)
     bus = world.emulator.lines[0].bus
     assert isinstance(bus, EmulatedFeetechBus)
-    with caplog.at_level(logging.WARNING), driver:
-        assert "return_delay" not in caplog.text
     bus.servos[3].put("homing_offset", -80)
-    with caplog.at_level(logging.INFO), driver:
-        assert "homing_offset -80 -> 0" in caplog.text
-        assert "bus main: written to EEPROM of servo of l_sho_roll (id 4): homing_offset" in caplog.text
-    assert bus.servos[3].get("homing_offset") == 0 and bus.servos[3].get("lock") == 1
+    with pytest.raises(ConfigError, match=r"l_sho_roll \(id 4\).*homing_offset is -80, the robot file wants 0"):
+        driver.open()
+    assert not any(servo.eeprom_writes for servo in bus.servos)
 
 
 @pytest.mark.parametrize("name", ["feetech", "lx16a"])

@@ -24,6 +24,8 @@ from .robots import op3_with
     [
         ("AX-12A", "has Dynamixel Protocol 1"),
         ("XL-320", "with another control table"),
+        ("YM070-210-R051-RH", "with another control table"),
+        ("MX-64", r"Protocol 1, or after an update 2.0, then name it with \(2.0\), as MX-64\(2.0\)"),
         ("AK60-6", "is on a CAN bus"),
         ("SCS0009", "no sync read"),
     ],

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -103,33 +102,52 @@ def test_what_it_reads_is_what_the_servos_have(op3: Robot, rig: Callable[..., Ri
     assert it.state.imu_stale == 0
 
 
-def test_opening_leaves_torque_off_and_sets_only_what_differs(
-    rig: Callable[..., Rig], caplog: pytest.LogCaptureFixture
-) -> None:
+def test_opening_leaves_torque_off_and_writes_ram_only_where_it_differs(rig: Callable[..., Rig]) -> None:
     it = rig()
-    it.servo(KNEE).put("return_delay_time", 250)
     it.servo(KNEE).put("profile_velocity", 30)
-    with caplog.at_level(logging.INFO):
-        it.driver.open()
-    assert "l_knee (id 14)" in caplog.text and "return_delay_time 250 -> 0" in caplog.text
-    # Regression: there were twenty lines of it.
-    (told,) = [record.getMessage() for record in caplog.records if record.levelno == logging.WARNING]
-    assert told.startswith("bus main: written to EEPROM of 20 servos: ")
-    assert "min_position_limit" in told and "return_delay_time" in told and told.endswith("(details: -v)")
-    assert it.servo(KNEE).get("return_delay_time") == 0 and it.servo(KNEE).get("profile_velocity") == 0
+    it.driver.open()
+    assert it.servo(KNEE).get("profile_velocity") == 0
     assert not it.emulator.body.plant.enabled.any()
-    it.driver.close()
+    assert not any(servo.eeprom_writes for servo in it.bus.servos)
 
-    caplog.clear()
-    with caplog.at_level(logging.INFO):
+
+def test_servos_that_are_not_configured_are_refused_before_anything_is_set_up(rig: Callable[..., Rig]) -> None:
+    """Regression: the servos before the one that was refused had been changed already."""
+    it = rig()
+    last = it.bus.servos[-1]
+    last.put("return_delay_time", 250)
+    it.servo(KNEE).put("profile_velocity", 30)
+    with pytest.raises(
+        ConfigError, match=r"is not configured: return_delay_time is 250, the robot file wants 0; .*servo conf"
+    ):
         it.driver.open()
-    assert "written to EEPROM" not in caplog.text
+    assert not any(servo.eeprom_writes for servo in it.bus.servos)
+    assert it.servo(KNEE).get("profile_velocity") == 30
 
 
-def test_without_configure_a_difference_is_refused(rig: Callable[..., Rig]) -> None:
-    it = rig(configure=False)
-    with pytest.raises(DriverError, match=r"min_position_limit is 0, expected .*\(--configure\) would write it"):
+def test_a_servo_that_obeys_the_id_of_another_is_not_configured(rig: Callable[..., Rig]) -> None:
+    """Regression: a joint obeyed the goals of the knee, whose id was its secondary id."""
+    it = rig()
+    it.servo(3).put("secondary_id", KNEE)
+    with pytest.raises(ConfigError, match=r"r_sho_roll|l_sho|\(id 3\).*secondary_id is 14, the robot file wants 255"):
         it.driver.open()
+
+
+def test_servos_that_answer_pings_only_are_made_to_answer(rig: Callable[..., Rig]) -> None:
+    """Regression: at status return level 1 the first write was refused as not answered."""
+    it = rig()
+    it.servo(KNEE).put("status_return_level", 0)
+    it.servo(3).put("status_return_level", 1)
+    it.servo(3).put("profile_velocity", 30)
+    it.driver.open()
+    assert it.servo(KNEE).get("status_return_level") == 2 and it.servo(3).get("profile_velocity") == 0
+
+
+def test_a_goal_pwm_of_another_program_is_raised_to_the_limit(rig: Callable[..., Rig]) -> None:
+    it = rig()
+    it.servo(KNEE).put("goal_pwm", 100)
+    it.driver.open()
+    assert it.servo(KNEE).get("goal_pwm") == 885
 
 
 def test_at_torque_on_no_goal_is_more_than_a_tick_from_where_the_joint_is(op3: Robot, rig: Callable[..., Rig]) -> None:
@@ -271,14 +289,12 @@ def test_a_servo_that_differs_from_the_file_is_named(
         it.driver.open()
 
 
-def test_settings_locked_by_torque_are_named_and_torque_stays_on(rig: Callable[..., Rig]) -> None:
+def test_an_unconfigured_servo_whose_torque_is_on_keeps_it(rig: Callable[..., Rig]) -> None:
     it = rig()
-    it.driver.open()
-    it.driver.close()
     knee = it.servo(KNEE)
     knee.put("drive_mode", 1)
     knee.write(64, b"\x01")
-    with pytest.raises(DriverError, match="drive_mode is 1, expected 0, and torque is on"):
+    with pytest.raises(ConfigError, match="drive_mode is 1, the robot file wants 0"):
         it.driver.open()
     assert knee.torque
 
@@ -587,3 +603,17 @@ def test_a_current_limit_below_the_factorys_bounds_the_goal_current(tmp_path: Pa
         goals = [servo.get("goal_position") for servo in it.bus.servos]
         assert goals == list(robot.to_ticks(it.command.position))
         assert it.driver.violations == 0
+
+
+@pytest.mark.parametrize("servo", ["MX-28(2.0)", "MX-64(2.0)", "MX-106(2.0)"])
+def test_mx_servos_with_protocol_2_are_configured_and_hold(tmp_path: Path, servo: str) -> None:
+    """Regression: they were refused as servos with another control table."""
+    robot = op3_with(tmp_path, servo=servo, baud=1_000_000)
+    it = Rig(robot)
+    assert it.servo(KNEE).get("position_p_gain") == 850
+    it.start()
+    it.tick(5)
+    np.testing.assert_allclose(it.state.position, robot.stand_pose, atol=0.01)
+    assert it.emulator.body.plant.enabled.all() and not it.state.stale.any()
+    assert np.isfinite(it.state.effort).all() == (servo != "MX-28(2.0)")
+    it.driver.close()

@@ -13,7 +13,7 @@ from flexmotion.drivers.emulator.servo import Joints, XServo
 
 
 class Host:
-    """Exchanges bytes with a bus, without a port, on a simulated clock.
+    """Exchanges bytes with a bus of servos with factory settings, without a port, on a simulated clock.
 
     Attributes:
         bus, body: what it speaks to, and what moves behind.
@@ -22,7 +22,7 @@ class Host:
 
     def __init__(self, robot: Robot) -> None:
         self.body = BenchBody(robot)
-        bus = make_bus(Joints(self.body), "main")
+        bus = make_bus(Joints(self.body), "main", factory=True)
         assert isinstance(bus, EmulatedDynamixelBus)
         self.bus, self.baud, self.now = bus, robot.config.buses["main"].baud, 0.0
 

@@ -46,6 +46,12 @@ def test_a_late_emulator_explains_the_consequence() -> None:
     )
 
 
+def test_refusals_are_counted_by_rule() -> None:
+    bus = {"packets": 9, "bad_packets": 0, "collisions": 0, "wire_busy_share": 0.1, "spoilt": {}}
+    told = describe(figures(buses={"main": bus | {"refused": {"eeprom_locked": 3, "tripped": 1}}}), 8.0)
+    assert "wire busy 10 % of the time, refused: 3 eeprom_locked, 1 tripped" in told
+
+
 def test_false_readings_are_counted() -> None:
     told = describe(figures(false_readings={"false_position": 7, "false_gyro": 2}), 8.0)
     assert "false readings: 7 position, 2 gyro" in told.splitlines()

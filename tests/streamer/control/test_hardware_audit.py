@@ -88,6 +88,37 @@ def test_a_supply_counts_as_low_after_as_many_reads_as_a_servo_may_be_silent(
     assert problem is not None and problem.startswith("supply at ")
 
 
+def test_a_dip_that_a_servo_reports_passes_and_a_low_supply_does_not(
+    audit: HardwareAudit, measured: RobotState, op3: Robot
+) -> None:
+    """One read with bit 0x01 ended the run."""
+    reads = op3.safety.max_stale_reads
+    measured.hardware_error[KNEE] = 0x01
+    assert [audit.problem(measured) for _ in range(reads)] == [None] * reads
+    measured.hardware_error[KNEE] = 0
+    assert audit.problem(measured) is None
+    measured.hardware_error[KNEE] = 0x01
+    assert [audit.problem(measured) for _ in range(reads)] == [None] * reads
+    assert audit.problem(measured) == "servo of l_knee (id 14) reports hardware error 0x01"
+    measured.hardware_error[KNEE] = 0x21
+    assert audit.problem(measured) == "servo of l_knee (id 14) reports hardware error 0x21"
+
+
+def test_the_servos_own_limits_count_where_they_are_narrower(
+    audit: HardwareAudit, measured: RobotState, op3: Robot, warnings: list[str]
+) -> None:
+    temperature, voltage = np.full(op3.n, 90.0), np.full(op3.n, 9.5)
+    temperature[KNEE], voltage[0] = 60.0, 11.0
+    audit.take_limits(temperature, voltage)
+    measured.temperature[KNEE] = 53.0
+    assert audit.problem(measured) is None
+    assert warnings == ["servo of l_knee (id 14) is at 53 °C and shuts down at 60 °C"]
+    measured.temperature[KNEE], measured.voltage[:] = 40.0, 10.5
+    problems = [audit.problem(measured) for _ in range(op3.safety.max_stale_reads + 1)]
+    assert problems[:-1] == [None] * op3.safety.max_stale_reads
+    assert problems[-1] == "supply at 10.5 V, below 11.0 V"
+
+
 @pytest.mark.parametrize(("beyond", "refused"), [(-0.01, False), (0.01, True)])
 def test_a_joint_may_start_outside_its_limits_by_the_standing_margin(
     audit: HardwareAudit, measured: RobotState, op3: Robot, beyond: float, refused: bool

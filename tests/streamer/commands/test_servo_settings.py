@@ -1,0 +1,341 @@
+"""Tools that look write nothing; settings are written by `servo configure` alone, and brought back by `restore`.
+
+Writes are counted in the bytes that the host sends.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+import yaml
+
+from flexmotion.configs.robot import ROBOTS, Robot, load_robot
+from flexmotion.drivers.dynamixel.packet import Error
+from flexmotion.drivers.emulator.body import BenchBody
+from flexmotion.drivers.emulator.dynamixel_bus import EmulatedDynamixelBus
+from flexmotion.drivers.emulator.feetech_bus import EmulatedFeetechBus
+from flexmotion.drivers.emulator.loopback import Loopback
+from flexmotion.drivers.registry import create
+from flexmotion.streamer.cli import execute
+
+from ...drivers.bus.robots import op3_with
+from ...drivers.bus.wire_tap import WireTap
+
+PORT = ["--port", "main"]
+KNEE = 14
+WRITE, SYNC_WRITE = 3, 0x83
+TORQUE_ENABLE, STATUS_RETURN_LEVEL = 64, 68
+
+
+class Wired:
+    """A robot's emulated servos on the port `main` of this process, and the bytes that commands send to them."""
+
+    def __init__(
+        self, robot: Robot, monkeypatch: pytest.MonkeyPatch, *, factory: bool, simulated_clock: bool = True
+    ) -> None:
+        self.robot, self.world = robot, Loopback(BenchBody(robot), factory=factory)
+        self.tap = WireTap(self.world)
+        for module in ("flexmotion.drivers.port", "flexmotion.drivers.bus.driver", "flexmotion.drivers.bench"):
+            monkeypatch.setattr(f"{module}.SerialPort", self.world.open_port)
+        if not simulated_clock:  # commands with processes of their own
+            return
+        for clock in ("monotonic", "perf_counter"):
+            monkeypatch.setattr(f"time.{clock}", lambda: self.world.now)
+        monkeypatch.setattr("time.sleep", self.world.advance)
+
+    @property
+    def bus(self) -> EmulatedDynamixelBus:
+        bus = self.world.emulator.lines[0].bus  # type: ignore[attr-defined]
+        assert isinstance(bus, EmulatedDynamixelBus)
+        return bus
+
+    def servo(self, id_: int) -> object:
+        return next(servo for servo in self.bus.servos if servo.id == id_)
+
+    def memories(self) -> list[bytes]:
+        """EEPROM of every servo."""
+        return [bytes(servo.memory[: servo.table.eeprom_end]) for servo in self.bus.servos]
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    return Path(shutil.copytree(ROBOTS / "op3", tmp_path / "op3"))
+
+
+@pytest.fixture
+def wired(folder: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[..., Wired]:
+    monkeypatch.chdir(tmp_path)
+
+    def make(*, factory: bool = False, simulated_clock: bool = True) -> Wired:
+        return Wired(load_robot(folder), monkeypatch, factory=factory, simulated_clock=simulated_clock)
+
+    return make
+
+
+def test_watch_scan_and_audit_write_nothing(
+    wired: Callable[..., Wired], folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Regression: `servo watch` wrote gains, limits and indirect addresses of every servo."""
+    it = wired(factory=True)
+    assert execute(["servo", "watch", *PORT, "--robot", str(folder), "--seconds", "1", "--json"]) == 0
+    out, err = capsys.readouterr()
+    rows = json.loads(out)
+    assert [row["id"] for row in rows] == [joint.id for joint in it.robot.joints]
+    assert rows[0]["missed_reads"] == 0 and rows[0]["voltage"] == 12.0
+    assert rows[it.robot.index("l_knee")]["position_rad"] == pytest.approx(
+        it.robot.stand_pose[it.robot.index("l_knee")], abs=0.002
+    )
+    assert "servo of l_knee (id 14) on main: is not configured" in err and "min_position_limit 0 (wanted" in err
+    assert execute(["servo", "scan", *PORT, "--baud", "2000000"]) == 0
+    assert execute(["check", "bus", *PORT, "--robot", str(folder)]) == 2
+    assert execute(["servo", "configure", *PORT, "--robot", str(folder), "--check"]) == 1
+    assert len(it.tap.sent) > 1000 and not it.tap.writes("dynamixel2")
+
+
+@pytest.mark.parametrize(
+    ("servo", "protocol", "baud"), [("STS3215-12V", "feetech", 1_000_000), ("LX-16A", "lx16a", 115_200)]
+)
+def test_other_servos_are_watched_without_a_write(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    servo: str,
+    protocol: str,
+    baud: int,
+) -> None:
+    robot = op3_with(tmp_path, servo=servo, baud=baud)
+    it = Wired(robot, monkeypatch, factory=True)
+    robot_file = str(robot.folder)
+    assert execute(["servo", "watch", *PORT, "--robot", robot_file, "--seconds", "1", "--json"]) == 0
+    rows = json.loads(capsys.readouterr().out)
+    knee = robot.index("l_knee")
+    assert rows[knee]["position_rad"] == pytest.approx(robot.stand_pose[knee], abs=0.01)
+    assert rows[knee]["missed_reads"] == 0
+    assert execute(["servo", "scan", *PORT, "--protocol", protocol, "--baud", str(baud)]) == 0
+    assert it.tap.sent and not it.tap.writes(protocol)
+
+
+def test_a_run_on_servos_from_the_shop_exits_2_and_names_one(
+    wired: Callable[..., Wired], folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Regression: 11 servos were changed before the twelfth was refused."""
+    it = wired(factory=True, simulated_clock=False)
+    before = it.memories()
+    command = ["run", "--robot", str(folder), "--driver", "dynamixel", *PORT, "--seconds", "1", "--no-realtime"]
+    assert execute(command) == 2
+    err = capsys.readouterr().err
+    assert "is not configured: min_position_limit is 0, the robot file wants" in err
+    assert "(19 other servos too); `flexmotion servo configure`" in err
+    assert it.memories() == before
+
+
+def test_configure_shows_stores_and_writes_and_the_second_start_writes_no_eeprom(
+    wired: Callable[..., Wired], folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    it = wired(factory=True)
+    knee = next(servo for servo in it.bus.servos if servo.id == KNEE)
+    for name, value in {"operating_mode": 5, "pwm_limit": 500, "goal_pwm": 500, "homing_offset": 77}.items():
+        knee.put(name, value)
+    knee.put("status_return_level", 1)
+    before = it.memories()
+    configure = ["servo", "configure", *PORT, "--robot", str(folder)]
+
+    old = tmp_path / "old.yaml"
+    assert execute([*configure, "--yes", "--backup", str(old), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["written"] and told["backup"] == str(old)
+    mine = {row["setting"]: (row["old"], row["new"]) for row in told["changes"] if row["id"] == KNEE}
+    assert mine["operating_mode"] == (5, 3) and mine["homing_offset"] == (77, 0) and mine["pwm_limit"] == (500, 885)
+    assert list(mine)[0] == "operating_mode", "the mode resets what comes after it"
+    kept = yaml.safe_load(old.read_text(encoding="utf-8"))["joints"]["l_knee"]
+    assert (kept["id"], kept["settings"]["pwm_limit"], kept["settings"]["operating_mode"]) == (KNEE, 500, 5)
+    assert execute([*configure, "--check"]) == 0
+
+    # Two starts: RAM only.
+    configured = it.memories()
+    for _ in range(2):
+        it.tap.clear()
+        driver = create("dynamixel", it.robot, port="main")
+        driver.open()
+        driver.close()
+        addresses = {address for (_, address) in it.tap.writes("dynamixel2")}
+        assert addresses and min(addresses) >= TORQUE_ENABLE
+    assert it.memories() == configured
+
+    assert execute(["servo", "restore", str(old), *PORT, "--robot", str(folder), "--yes"]) == 0
+    assert it.memories() == before
+    assert len(list(tmp_path.glob("op3-servos-*.yaml"))) == 1, "restore keeps what it replaces too"
+
+
+def test_configure_writes_nothing_where_it_is_declined_or_a_servo_is_locked_or_missing(
+    wired: Callable[..., Wired],
+    folder: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    it = wired(factory=True)
+    before = it.memories()
+    configure = ["servo", "configure", *PORT, "--robot", str(folder)]
+    monkeypatch.setattr("typer.confirm", lambda *_, **__: False)
+    assert execute(configure) == 1
+    assert "min_position_limit" in capsys.readouterr().out
+    last = it.bus.servos[-1]
+    last.write(TORQUE_ENABLE, b"\x01")
+    assert execute([*configure, "--yes"]) == 3
+    assert "torque is on, which locks" in capsys.readouterr().err
+    last.write(TORQUE_ENABLE, b"\x00")
+    last.put("id", 99)
+    assert execute([*configure, "--yes"]) == 3
+    assert "does not answer" in capsys.readouterr().err
+    last.put("id", it.robot.joints[-1].id)
+    taken = tmp_path / "taken.yaml"
+    taken.write_text("mine", encoding="utf-8")
+    assert execute([*configure, "--yes", "--backup", str(taken)]) == 2
+    assert it.memories() == before and taken.read_text(encoding="utf-8") == "mine"
+
+
+def test_a_servo_that_refuses_in_the_middle_is_named_with_the_way_back(
+    wired: Callable[..., Wired],
+    folder: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    it = wired(factory=True)
+    before = it.memories()
+    stubborn = it.bus.servos[7]
+    written = stubborn.written
+
+    def refuse(name: str, value: int) -> int:
+        return Error.RANGE if name == "max_position_limit" else written(name, value)
+
+    monkeypatch.setattr(stubborn, "written", refuse)
+    old = tmp_path / "old.yaml"
+    common = [*PORT, "--robot", str(folder), "--yes"]
+    assert execute(["servo", "configure", *common, "--backup", str(old)]) == 3
+    err = capsys.readouterr().err
+    assert f"id {stubborn.id}: write to 48 refused: range error" in err and f"servo restore {old}" in err
+    assert it.memories() != before
+    assert execute(["servo", "restore", str(old), *common]) == 0
+    assert it.memories() == before
+
+
+def test_a_feetech_servo_is_configured_and_restored(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    robot = op3_with(tmp_path, servo="STS3215-12V", baud=1_000_000)
+    it = Wired(robot, monkeypatch, factory=False)
+    monkeypatch.chdir(tmp_path)
+    bus = it.world.emulator.lines[0].bus  # type: ignore[attr-defined]
+    assert isinstance(bus, EmulatedFeetechBus)
+    bus.servos[3].put("homing_offset", -80)
+    old = tmp_path / "old.yaml"
+    common = [*PORT, "--robot", str(robot.folder), "--yes"]
+    assert execute(["servo", "configure", *common, "--backup", str(old)]) == 0
+    assert bus.servos[3].get("homing_offset") == 0 and bus.servos[3].get("lock") == 1
+    assert execute(["servo", "restore", str(old), *common]) == 0
+    assert bus.servos[3].get("homing_offset") == -80 and bus.servos[3].get("lock") == 1
+
+
+def test_calibrate_writes_torque_enable_only(
+    wired: Callable[..., Wired], folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    it = wired()
+    for id_ in (KNEE, 3):
+        next(servo for servo in it.bus.servos if servo.id == id_).write(TORQUE_ENABLE, b"\x01")
+    asked: list[str] = []
+
+    def answer(text: str, **_: object) -> str:
+        asked.append(text)
+        return ""
+
+    monkeypatch.setattr("typer.prompt", answer)
+    command = ["servo", "calibrate", *PORT, "--robot", str(folder), "--joint", "l_ank_pitch"]
+    assert execute(command) == 0
+    assert "hold the robot" in asked[0] and "l_knee" in asked[0] and len(asked) == 2
+    assert it.tap.writes("dynamixel2") == {(WRITE, TORQUE_ENABLE): 2}
+    assert not it.world.emulator.body.plant.enabled.any()
+    it.tap.clear()
+    assert execute(command) == 0
+    assert not it.tap.writes("dynamixel2"), "torque is off already"
+
+
+def test_a_zero_that_the_servo_cannot_have_is_not_stored(
+    wired: Callable[..., Wired],
+    folder: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Regression: a zero of 2.05 rad was stored, and the folder could not be loaded any more."""
+    it = wired()
+    knee = it.robot.index("l_knee")
+    body = it.world.emulator.body
+    body.position[knee] = 2.05
+    answers = ["", "q"]
+    monkeypatch.setattr("typer.prompt", lambda *_, **__: answers.pop(0))
+    assert execute(["servo", "calibrate", *PORT, "--robot", str(folder), "--joint", "l_knee"]) == 0
+    told = capsys.readouterr()
+    assert "exceed the range of XM430-W350" in told.err and "not taken" in told.err and not answers
+    assert not (folder / "calibration.yaml").exists()
+    assert load_robot(folder).zero[knee] == it.robot.zero[knee]
+
+
+def test_a_new_servo_is_adopted_among_the_others(
+    wired: Callable[..., Wired], folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    it = wired()
+    knee = next(servo for servo in it.bus.servos if servo.id == KNEE)
+    configured = it.memories()
+    command = ["servo", "adopt", *PORT, "--robot", str(folder), "--joint", "l_knee", "--yes", "--json"]
+    assert execute(command) == 3
+    assert "l_knee has a servo already" in capsys.readouterr().err
+    knee.factory_reset(0xFF, it.world.now)
+    knee.put("model_number", 1060)
+    it.world.advance(0.5)
+    assert execute(command) == 3
+    assert "is XL430-W250, l_knee needs XM430-W350" in capsys.readouterr().err
+    knee.put("model_number", 1020)
+    assert execute(command) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["id"] == {"old": 1, "new": KNEE} and told["baud"] == {"old": 57_600, "new": 2_000_000}
+    assert told["changes"]["return_delay_time"] == {"old": 250, "new": 0}
+    assert it.memories() == configured
+    assert execute(["servo", "configure", *PORT, "--robot", str(folder), "--check"]) == 0
+
+
+def test_servos_without_power_are_not_switched_on_by_looking(
+    wired: Callable[..., Wired], folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    it = wired()
+    board = next(device for device in it.bus.devices if device.id == 200)
+    board.write(24, b"\x00")
+    it.bus._powered = False
+    common = [*PORT, "--robot", str(folder)]
+    assert execute(["servo", "watch", *common, "--seconds", "0.2"]) == 3
+    assert "OpenCR (id 200) has the power of the servos switched off" in capsys.readouterr().err
+    assert not it.tap.writes("dynamixel2")
+    assert execute(["servo", "configure", *common]) == 0
+    assert it.bus._powered
+
+
+def test_a_joint_that_moves_is_not_taken_for_its_zero(
+    wired: Callable[..., Wired], folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    it = wired()
+    ankle = it.robot.index("l_ank_pitch")
+    body = it.world.emulator.body
+    answers = ["", "q"]
+
+    def swing(*_: object, **__: object) -> str:
+        body.velocity[ankle] = 6.0
+        return answers.pop(0)
+
+    monkeypatch.setattr("typer.prompt", swing)
+    assert execute(["servo", "calibrate", *PORT, "--robot", str(folder), "--joint", "l_ank_pitch"]) == 0
+    assert "l_ank_pitch: moves: hold it still" in capsys.readouterr().err
+    assert not (folder / "calibration.yaml").exists()

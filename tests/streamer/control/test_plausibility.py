@@ -1,0 +1,147 @@
+"""One sensor at a time: what is not believed, what becomes a fault, and what is true although it jumps."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from flexmotion.configs.robot import Robot, load_robot
+from flexmotion.drivers.interface import RobotState
+from flexmotion.spatial.gravity import GRAVITY
+from flexmotion.streamer.control.plausibility import KINDS, Plausibility
+
+KNEE = 11
+RATE = 125.0
+
+
+@pytest.fixture(scope="module")
+def op3() -> Robot:
+    return load_robot("op3")
+
+
+class Watched:
+    """Readings of a robot, checked tick by tick; its knee moves with `speed` [rad/s]."""
+
+    def __init__(self, robot: Robot) -> None:
+        self.robot, self.checks = robot, Plausibility(robot)
+        self.state, self.tick, self.speed = RobotState(robot.n), 0, np.zeros(robot.n)
+        self.true = robot.stand_pose.copy()
+
+    def read(self, *, powered: bool = True, silent: int | None = None, **wrong: float) -> RobotState:
+        """The next reading, wrong by so much; `silent`: a joint that does not answer."""
+        state, robot = self.state, self.robot
+        self.true += self.speed / RATE
+        state.position[:], state.velocity[:] = self.true, self.speed
+        state.voltage[:], state.temperature[:] = robot.nominal_voltage, 40.0
+        state.gyro[:], state.accel[:] = 0.0, (0.0, 0.0, GRAVITY)
+        state.stale[:], state.imu_stale = 0, 0
+        for name, value in wrong.items():
+            getattr(state, name)[0 if name in ("gyro", "accel") else KNEE] += value
+        if silent is not None:
+            state.stale[silent] = 1
+        self.checks.check(state, self.speed, self.tick, powered=powered)
+        self.tick += 1
+        return state
+
+    def level(self, kind: str) -> float:
+        return float(self.checks.suspicions[KINDS.index(kind)].level[KNEE])
+
+
+@pytest.fixture
+def watched(op3: Robot) -> Watched:
+    made = Watched(op3)
+    for _ in range(3):
+        made.read()
+    return made
+
+
+@pytest.mark.parametrize("wrong", [0.06, 0.61, -6.28])
+def test_a_position_that_cannot_be_is_stale_and_the_joint_moves_on_as_planned(watched: Watched, wrong: float) -> None:
+    watched.speed[KNEE] = 0.8
+    watched.read()
+    state = watched.read(position=wrong)
+    assert state.stale[KNEE] == 1 and watched.checks.disbelieved == 1
+    assert state.position[KNEE] == pytest.approx(watched.true[KNEE], abs=1e-9)
+    state = watched.read()
+    assert state.stale[KNEE] == 0 and state.position[KNEE] == watched.true[KNEE]
+    assert watched.level("position") < 1
+
+
+def test_a_position_that_stays_wrong_is_never_believed_again(watched: Watched) -> None:
+    patience = watched.robot.safety.max_stale_reads
+    for _ in range(300):
+        state = watched.read(position=4.0)
+        assert state.position[KNEE] == pytest.approx(watched.true[KNEE])
+    assert watched.level("position") > patience and state.stale[KNEE] == 300
+    watched.read(powered=False)
+    assert watched.level("position") == 0 and watched.read().stale[KNEE] == 0
+
+
+def test_a_joint_that_is_found_elsewhere_after_a_silence_is_believed(watched: Watched) -> None:
+    for _ in range(4):
+        watched.read(silent=KNEE)
+    watched.true[KNEE] += 0.2
+    state = watched.read()
+    assert state.stale[KNEE] == 0 and state.position[KNEE] == watched.true[KNEE]
+    assert watched.checks.expected[KNEE] == pytest.approx(watched.true[KNEE] - 0.2)
+
+
+@pytest.mark.parametrize("wrong", [3.0, -4.5, 60.0])
+def test_a_speed_that_the_positions_contradict_is_replaced(watched: Watched, wrong: float) -> None:
+    state = watched.read(velocity=wrong)
+    assert abs(state.velocity[KNEE]) < 0.7 and state.stale[KNEE] == 0 and watched.level("speed") == 1
+    for _ in range(watched.robot.safety.max_stale_reads + 1):
+        watched.read(velocity=wrong)
+    assert watched.level("speed") > watched.robot.safety.max_stale_reads
+
+
+@pytest.mark.parametrize(("kind", "wrong"), [("voltage", -9.0), ("voltage", 30.0), ("temperature", 200.0)])
+def test_a_value_outside_every_range_is_replaced_and_a_fault_if_it_stays(
+    watched: Watched, kind: str, wrong: float
+) -> None:
+    right = getattr(watched.read(), kind)[KNEE]
+    for count in range(1, 8):
+        assert getattr(watched.read(**{kind: wrong}), kind)[KNEE] == right
+        assert watched.level(kind) == count
+
+
+def test_a_servo_that_is_hot_at_once_is_believed_after_as_many_reads_as_it_may_be_silent(watched: Watched) -> None:
+    """One reading of 90 degrees parked the robot."""
+    reads = watched.robot.safety.max_stale_reads
+    seen = [float(watched.read(temperature=38.0).temperature[KNEE]) for _ in range(reads + 2)]
+    assert seen == [40.0] * reads + [78.0] * 2
+
+
+def test_a_turn_that_nothing_explains_is_not_believed_and_an_impact_is(watched: Watched) -> None:
+    assert watched.read(gyro=5.0).gyro[0] == 0.0
+    assert watched.read().gyro[0] == 0.0 and watched.checks.disbelieved == 1
+    struck = watched.read(gyro=5.0, accel=30.0)
+    assert struck.gyro[0] == 5.0 and struck.accel[0] == 30.0
+
+
+def test_an_imu_that_stays_wrong_counts_as_silent(watched: Watched) -> None:
+    reads = watched.robot.safety.max_stale_reads
+    stale = [watched.read(gyro=5.0).imu_stale for _ in range(reads + 3)]
+    assert stale[:reads] == [0] * reads and stale[-1] > reads
+    assert watched.checks.imu_suspicion.level[0] > reads
+
+
+def test_a_fall_is_believed_tick_by_tick(watched: Watched) -> None:
+    """Nothing may delay its detection: a robot that topples over turns as g / h makes it."""
+    height = watched.robot.gait.stand_hip_height
+    rate, angle = 0.0, 0.05
+    for _ in range(200):
+        rate += GRAVITY / height * np.sin(angle) / RATE
+        angle += rate / RATE
+        if angle > 1.5:
+            break
+        state = watched.read(gyro=rate)
+        assert state.gyro[0] == pytest.approx(rate) and state.imu_stale == 0
+    assert angle > 1.5 and watched.checks.disbelieved == 0
+
+
+def test_limp_joints_may_be_moved_by_hand(watched: Watched) -> None:
+    watched.true[KNEE] += 0.5
+    for _ in range(20):
+        state = watched.read(powered=False)
+    assert state.position[KNEE] == watched.true[KNEE] and state.stale[KNEE] == 0

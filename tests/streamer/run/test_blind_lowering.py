@@ -1,0 +1,67 @@
+"""A control loop that fails lowers the robot before its torque goes off."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from flexmotion.configs.robot import load_robot
+from flexmotion.configs.stream import load_stream
+from flexmotion.drivers.interface import JointCommand
+from flexmotion.drivers.registry import create
+from flexmotion.drivers.sim.driver import SimDriver
+from flexmotion.drivers.sim.options import SimOptions
+from flexmotion.importers.default_clip import default_clip
+from flexmotion.streamer.control.estimator import Estimator
+from flexmotion.streamer.control.ladder import State
+from flexmotion.streamer.motion.sources import ClipSource
+from flexmotion.streamer.run.blind_lowering import blind_lowering
+from flexmotion.streamer.run.session import Session
+
+from ...virtual_time import virtual_time
+
+FAILS_AT = 250
+"""Update of the estimator that fails."""
+
+
+def test_goals_hold_then_lower_a_standing_robot() -> None:
+    op3 = load_robot("op3")
+    goals = list(blind_lowering(op3, op3.stand_pose))
+    held = round(op3.safety.lost_bus_hold_s * op3.rate_hz)
+    np.testing.assert_array_equal(goals[held - 1], op3.stand_pose)
+    np.testing.assert_allclose(goals[-1], op3.rest_pose)
+    fastest = np.abs(np.diff(goals, axis=0)).max() * op3.rate_hz
+    assert fastest < 2.1 * op3.safety.soft_start_speed
+    with SimDriver(op3, options=SimOptions()) as driver:
+        driver.set_torque(True)
+        height, command = driver.torso_height, JointCommand(op3.n)
+        for goal in goals:
+            command.position[:] = goal
+            driver.write(command)
+            driver.advance(1 / op3.rate_hz)
+        assert driver.torso_up > np.cos(np.radians(45)) and driver.torso_height < 0.8 * height
+
+
+def test_a_loop_that_raises_leaves_a_lowered_robot(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Torque was cut at once, and a standing robot fell."""
+    op3, update, updates = load_robot("op3"), Estimator.update, [0]
+
+    def fails(self: Estimator, *arguments: object) -> None:
+        updates[0] += 1
+        if updates[0] == FAILS_AT:
+            raise ValueError("no such foot")
+        update(self, *arguments)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(Estimator, "update", fails)
+    session = Session(
+        op3, create("sim", op3), ClipSource(default_clip()), load_stream(), realtime=False, clock="real", stay=True
+    )
+    with virtual_time(), pytest.raises(Exception, match="the control loop failed: ValueError: no such foot"):
+        session.run()
+    record = session.record
+    told = [event.message for event in record.events if "the robot is lowered without measurements" in event.message]
+    assert len(told) == 1 and " -> PARK: the control loop failed: ValueError: no such foot" in told[0]
+    lowered = record.state == State.PARK
+    seconds = np.count_nonzero(lowered) / op3.rate_hz
+    assert seconds > op3.safety.lost_bus_hold_s + op3.safety.park_s - 0.1
+    np.testing.assert_allclose(record.q_cmd[-1], op3.rest_pose, atol=1e-6)
