@@ -182,7 +182,7 @@ class DynamixelBus(ServoBus):
         self._trips[tripped] += 1
         self._rearm = 2
         for slot in np.flatnonzero(tripped):
-            log.warning("%s: its bus watchdog has tripped, goals were refused: cleared", self.joint_name(slot))
+            log.warning("%s: its bus watchdog has tripped, goals were refused: cleared", self.joint_name(int(slot)))
         self.measured.error[self._trips > MOST_TRIPS] |= WATCHDOG_TRIPS
 
     # ---------------------------------------------------------------- goals and torque

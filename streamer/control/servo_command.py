@@ -107,7 +107,7 @@ class ServoCommand:
         np.copyto(self._velocity, measured.velocity, where=blind | back)
         bounded = self._bounded(goal, measured.position, measured.velocity, kp, supply, usable)
         self._settle(bounded)
-        if back.any():
+        if expected is not None and back.any():
             assumed = self._bounded(goal, expected, qd, kp, supply, usable)
             self.offset[back] += (assumed - bounded)[back]
         np.copyto(self._velocity, measured.velocity)
