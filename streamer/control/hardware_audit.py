@@ -99,7 +99,8 @@ class HardwareAudit:
         outside = np.flatnonzero((position < robot.lower - margin) | (position > robot.upper + margin))
         imu = robot.config.imu
         if len(silent):
-            return self._of_servo("returns no position", int(silent[0]))
+            joint = int(silent[0])
+            return self._of_servo("does not answer" if np.isfinite(position[joint]) else "returns no position", joint)
         if len(outside):
             joint = int(outside[0])
             return self._of_servo(

@@ -113,7 +113,9 @@ class Plausibility:
         """`elapsed`, `between`: time since the last check, and between the readings [s]."""
         position, velocity = state.position, state.velocity
         came = np.isfinite(position) & np.isfinite(velocity)
-        fresh = came & (state.stale == 0)
+        # The first reading of a bus may be that of its set-up, some cycles old: the joints are off and stay.
+        first = np.isnan(self._position) & (state.stale <= self.robot.safety.max_stale_reads)
+        fresh = came & ((state.stale == 0) | first)
         expected = self._position + (speed * elapsed if powered else 0.0)
         self._since += elapsed
         with np.errstate(invalid="ignore"):

@@ -52,7 +52,8 @@ def test_one_false_reading_moves_no_goal(op3: Robot, clean: Run, fault: str) -> 
     run = through_bytes(op3, f"{fault}@{AT}+once")
     assert run.states == clean.states and run.driver.violations == 0
     assert greatest_step(run, clean) < MOST_STEP
-    assert int(run.record.rows["disbelieved"][-1]) == 1
+    # A strike of 12 g reads as 2 g, the end of OP3's range, and steps strike as hard: nothing is wrong with it.
+    assert int(run.record.rows["disbelieved"][-1]) == (0 if "accel" in fault else 1)
 
 
 @pytest.mark.parametrize(("fault", "message"), FOR_GOOD.items())

@@ -36,7 +36,8 @@ def connected(monkeypatch: pytest.MonkeyPatch) -> Callable[[Robot], Loopback]:
 
     def connect(robot: Robot) -> Loopback:
         world = Loopback(BenchBody(robot))
-        for module in ("flexmotion.drivers.port", "flexmotion.drivers.bus.driver", "flexmotion.drivers.bench"):
+        # Port last: a module that is imported while it is replaced would keep the replacement.
+        for module in ("flexmotion.drivers.bench", "flexmotion.drivers.bus.driver", "flexmotion.drivers.port"):
             monkeypatch.setattr(f"{module}.SerialPort", world.open_port)
         monkeypatch.setattr(time, "sleep", world.advance)
         monkeypatch.setattr(time, "monotonic", lambda: world.now)

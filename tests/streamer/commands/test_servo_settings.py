@@ -39,7 +39,7 @@ class Wired:
     ) -> None:
         self.robot, self.world = robot, Loopback(BenchBody(robot), factory=factory)
         self.tap = WireTap(self.world)
-        for module in ("flexmotion.drivers.port", "flexmotion.drivers.bus.driver", "flexmotion.drivers.bench"):
+        for module in ("flexmotion.drivers.bench", "flexmotion.drivers.bus.driver", "flexmotion.drivers.port"):
             monkeypatch.setattr(f"{module}.SerialPort", self.world.open_port)
         if not simulated_clock:  # commands with processes of their own
             return

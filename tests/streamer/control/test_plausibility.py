@@ -77,6 +77,15 @@ def test_a_position_that_stays_wrong_is_never_believed_again(watched: Watched) -
     assert watched.level("position") == 0 and watched.read().stale[KNEE] == 0
 
 
+def test_the_first_reading_may_be_that_of_the_set_up(op3: Robot) -> None:
+    """On a bus it is one cycle old: a robot whose servos all answered did not start ("does not answer")."""
+    made = Watched(op3)
+    made.read(powered=False, silent=KNEE)
+    assert not made.checks.unread.any() and made.state.stale[KNEE] == 1
+    made.read(powered=False, silent=KNEE)
+    assert made.checks.unread[KNEE] == 1
+
+
 def test_a_joint_that_is_found_elsewhere_after_a_silence_is_believed(watched: Watched) -> None:
     for _ in range(4):
         watched.read(silent=KNEE)
