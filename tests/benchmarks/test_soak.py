@@ -49,7 +49,7 @@ def test_memory_is_that_of_each_process_by_name() -> None:
             block.write(bytes(1_000_000))
         after = of_process(os.getpid())
         assert after[1] - own[1] == pytest.approx(20.0, abs=5.0)
-    family = of_family(os.getpid())
+        family = of_family(os.getpid())
     assert sum(private for _, private in family.values()) >= after[1] - 5.0
 
 
