@@ -58,10 +58,10 @@ def refuse_unconfigured(inspections: Sequence[Inspection]) -> None:
 
 
 def refuse_locked(inspections: Sequence[Inspection]) -> None:
-    """Raise `DriverError` if torque is on in a servo that must be written."""
+    """Raise `DriverError` if torque is on in one of the servos that are to be written."""
     for each in inspections:
-        if each.changes and each.torque_on:
+        if each.torque_on:
             raise DriverError(
-                f"{each.where}: torque is on, which locks {next(iter(each.changes))}: hold the robot and switch its "
+                f"{each.where}: torque is on, which locks its settings: hold the robot and switch its "
                 "power off and on; nothing was written"
             )

@@ -15,6 +15,10 @@ _FORGIVEN = 0.1
 fault, one that is wrong one time in a hundred does not."""
 
 
+_MOST = 20.0
+"""Highest level: a sensor that was wrong for minutes is believed again after some 200 good readings."""
+
+
 class Suspicion:
     """Counts wrong readings of m sensors; good ones in between count against them.
 
@@ -38,6 +42,7 @@ class Suspicion:
         elif not self.level.any():
             return
         self.level[asked & wrong] += 1.0
+        np.minimum(self.level, _MOST, out=self.level)
         good = asked & ~wrong
         self.level[good] = np.maximum(self.level[good] - _FORGIVEN, 0.0)
 

@@ -33,7 +33,7 @@ from flexmotion.streamer.control.tick_row import REPAIRS
 Float = NDArray[np.float64]
 
 _POSITION, _TORQUE = REPAIRS.index("position"), REPAIRS.index("torque")
-_JUDGED = (State.READY, State.STREAMING, State.HOLD, State.PARK)
+_JUDGED = (State.READY, State.STREAMING, State.HOLD)
 """States in which joints must follow their goals. In PARK the ground or a hand may be in the way."""
 _MAY_HOLD = "their joints may be stiff; switch the power off"
 _LATE_TICKS = 3
@@ -221,7 +221,8 @@ class ControlLoop:
             return
         tilted = math.hypot(*self.estimator.tilt) > self.robot.safety.fall_tilt
         inputs.fallen = bool(self.estimator.has_imu and tilted)
-        if state in _JUDGED:
+        # Of joints that are read in turns nobody knows in time whether they follow.
+        if state in _JUDGED and self.driver.turns == 1:
             self.obedience.update(self.command.position, self._load, measured.position, measured.stale == 0)
         lost = self.audit.lost_bus(measured)
         if lost is not None:
@@ -302,6 +303,7 @@ class ControlLoop:
             self.driver.damp()
         elif state in (State.OFF, State.FAULT):
             self._forget_plans()
+            self.obedience.reset(self.state.position)
             self.driver.set_torque(False)
             if self.driver.holding:
                 self._emit("fault", f"torque off is not confirmed by {', '.join(self.driver.holding)}: {_MAY_HOLD}")

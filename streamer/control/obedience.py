@@ -68,4 +68,4 @@ class Obedience:
         np.copyto(self.load, 0.0, where=~known)
         late = np.abs(self.load) > SHARE
         self.overdue += np.where(late, dt, -0.5 * dt)
-        np.maximum(self.overdue, 0.0, out=self.overdue)
+        np.clip(self.overdue, 0.0, 2 * PATIENCE_S, out=self.overdue)

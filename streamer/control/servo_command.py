@@ -112,6 +112,8 @@ class ServoCommand:
             self.offset[back] += (assumed - bounded)[back]
         np.copyto(self._velocity, measured.velocity)
         self.torque_clamps = int(np.count_nonzero(bounded != goal))
+        # One reference that is no number must not stay in the offset, which would hold the joint for good.
+        np.copyto(self.offset, 0.0, where=~np.isfinite(self.offset))
         if self.offset.any():
             lowest, highest = self._envelope(measured.position, measured.velocity, kp, supply, None)
             np.subtract(np.minimum(np.maximum(bounded + self.offset, lowest), highest), bounded, out=self.offset)

@@ -62,7 +62,7 @@ def serve(
             try:
                 _run(loop, lifecycle, readers, signalled)
             except Exception as failure:
-                _lower(loop, failure)
+                _lower(loop, lifecycle, readers, signalled, failure)
                 raise
     except FlexMotionError as failure:
         error = failure
@@ -116,10 +116,17 @@ def _take(lifecycle: Lifecycle, readers: Sequence[RequestReader], signalled: lis
             lifecycle.request(request, reason)
 
 
-def _lower(loop: ControlLoop, failure: Exception) -> None:
+def _lower(
+    loop: ControlLoop,
+    lifecycle: Lifecycle,
+    readers: Sequence[RequestReader],
+    signalled: list[Request],
+    failure: Exception,
+) -> None:
     """Lower a robot whose loop has failed, without measurements; `close` then switches its torque off.
 
-    A driver that fails here too is closed at once.
+    KILL, and a run that is to end at once, end the lowering too; all other requests change nothing any more. A driver
+    that fails here too is closed at once.
     """
     if loop.ladder.state not in (State.READY, State.STREAMING, State.HOLD, State.PARK):
         return
@@ -132,6 +139,9 @@ def _lower(loop: ControlLoop, failure: Exception) -> None:
     row, ticker = loop.telemetry.row, Ticker(1.0 / loop.robot.rate_hz)
     for goal in blind_lowering(loop.robot, loop.command.position.copy()):
         ticker.wait()
+        _take(lifecycle, readers, signalled)
+        if loop.inputs.kill or lifecycle.quit:
+            return
         loop.command.position[:] = goal
         loop.driver.write(loop.command)
         loop.tick_count += 1

@@ -166,7 +166,15 @@ def test_configure_shows_stores_and_writes_and_the_second_start_writes_no_eeprom
         assert addresses and min(addresses) >= TORQUE_ENABLE
     assert it.memories() == configured
 
-    assert execute(["servo", "restore", str(old), *PORT, "--robot", str(folder), "--yes"]) == 0
+    restore = ["servo", "restore", str(old), *PORT, "--robot", str(folder), "--yes"]
+    last = it.bus.servos[-1]
+    last.write(TORQUE_ENABLE, b"\x01")
+    capsys.readouterr()
+    # The servos before it were written already: torque was looked for in servos that differ from the robot file alone.
+    assert execute(restore) == 3 and "torque is on, which locks" in capsys.readouterr().err
+    last.write(TORQUE_ENABLE, b"\x00")
+    assert it.memories() == configured
+    assert execute(restore) == 0
     assert it.memories() == before
     assert len(list(tmp_path.glob("op3-servos-*.yaml"))) == 1, "restore keeps what it replaces too"
 

@@ -134,7 +134,7 @@ def test_a_start_needs_an_answer_of_every_joint_and_of_a_required_imu(
 ) -> None:
     unread = np.zeros(op3.n, np.int64)
     unread[KNEE] = op3.safety.max_stale_reads + 1
-    assert audit.refusal(measured, unread, True) == "servo of l_knee (id 14) returns no position"
+    assert audit.refusal(measured, unread, True) == "servo of l_knee (id 14) does not answer"
     unread[KNEE] = 0
     assert audit.refusal(measured, unread, False) is None
     assert op3.config.imu is not None

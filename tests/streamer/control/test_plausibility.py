@@ -8,6 +8,7 @@ import pytest
 from flexmotion.configs.robot import Robot, load_robot
 from flexmotion.drivers.interface import RobotState
 from flexmotion.spatial.gravity import GRAVITY
+from flexmotion.streamer.control.believed import Suspicion
 from flexmotion.streamer.control.plausibility import KINDS, Plausibility
 
 KNEE = 11
@@ -154,3 +155,13 @@ def test_limp_joints_may_be_moved_by_hand(watched: Watched) -> None:
     for _ in range(20):
         state = watched.read(powered=False)
     assert state.position[KNEE] == watched.true[KNEE] and state.stale[KNEE] == 0
+
+
+def test_a_sensor_that_was_wrong_for_minutes_is_believed_again_within_seconds() -> None:
+    """Each wrong sample of an IMU counted: after ten seconds of them falls were not detected for 100 s."""
+    suspicion, yes = Suspicion(1), np.ones(1, np.bool_)
+    for _ in range(10_000):
+        suspicion.note(yes, yes)
+    for _ in range(200):
+        suspicion.note(~yes, yes)
+    assert suspicion.level[0] < 5.0 and suspicion.total == 10_000

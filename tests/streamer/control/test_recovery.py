@@ -76,6 +76,21 @@ def test_an_offset_decays_at_a_bounded_speed_and_no_other_goal_is_bound(op3: Rob
     np.testing.assert_allclose(moved, torque / op3.kp)
 
 
+def test_a_reference_that_is_no_number_holds_a_joint_for_one_tick_alone(op3: Robot) -> None:
+    """It stayed in the offset: the joint took no goal any more."""
+    command, state, zero = ServoCommand(op3, 0.004), RobotState(op3.n), np.zeros(op3.n)
+    state.position[:], state.voltage[:] = op3.stand_pose, op3.nominal_voltage
+    command.reset(op3.stand_pose + 0.1)
+    command.rejoin()
+    command.update(op3.stand_pose, zero, zero, state)
+    knee, broken = op3.index("l_knee"), op3.stand_pose.copy()
+    broken[knee] = np.nan
+    held = command.update(broken, zero, zero, state).copy()
+    assert np.isfinite(held).all()
+    goals = [command.update(op3.stand_pose, zero, zero, state).copy() for _ in range(40)]
+    np.testing.assert_allclose(goals[-1], op3.stand_pose)
+
+
 def test_a_joint_that_answers_again_elsewhere_does_not_move_its_goal_at_once(op3: Robot) -> None:
     """After half replies four joints jumped 19 degrees in two ticks."""
     command, state, zero = ServoCommand(op3, 0.004), RobotState(op3.n), np.zeros(op3.n)

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
-from flexmotion.configs.robot import load_robot
+from flexmotion.configs.robot import Robot, load_robot
 from flexmotion.configs.stream import load_stream
 from flexmotion.drivers.interface import JointCommand
 from flexmotion.drivers.registry import create
@@ -16,9 +19,12 @@ from flexmotion.streamer.control.estimator import Estimator
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.motion.sources import ClipSource
 from flexmotion.streamer.run.blind_lowering import blind_lowering
+from flexmotion.streamer.run.requests import Request
 from flexmotion.streamer.run.session import Session
 
 from ...virtual_time import virtual_time
+
+Float = NDArray[np.float64]
 
 FAILS_AT = 250
 """Update of the estimator that fails."""
@@ -42,8 +48,9 @@ def test_goals_hold_then_lower_a_standing_robot() -> None:
         assert driver.torso_up > np.cos(np.radians(45)) and driver.torso_height < 0.8 * height
 
 
-def test_a_loop_that_raises_leaves_a_lowered_robot(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Torque was cut at once, and a standing robot fell."""
+@pytest.fixture
+def failing(monkeypatch: pytest.MonkeyPatch) -> Session:
+    """A run whose estimator fails at an update."""
     op3, update, updates = load_robot("op3"), Estimator.update, [0]
 
     def fails(self: Estimator, *arguments: object) -> None:
@@ -53,12 +60,31 @@ def test_a_loop_that_raises_leaves_a_lowered_robot(monkeypatch: pytest.MonkeyPat
         update(self, *arguments)  # type: ignore[arg-type]
 
     monkeypatch.setattr(Estimator, "update", fails)
-    session = Session(
-        op3, create("sim", op3), ClipSource(default_clip()), load_stream(), realtime=False, clock="real", stay=True
-    )
+    source = ClipSource(default_clip())
+    return Session(op3, create("sim", op3), source, load_stream(), realtime=False, clock="real", stay=True)
+
+
+def test_kill_ends_the_lowering_of_a_loop_that_failed(failing: Session, monkeypatch: pytest.MonkeyPatch) -> None:
+    """KILL did nothing for three seconds, and a run that was told to end at once left its robot stiff."""
+    goals = blind_lowering
+
+    def killed(robot: Robot, goal: Float) -> Iterator[Float]:
+        for tick, one in enumerate(goals(robot, goal)):
+            if tick == 20:
+                failing.request(Request.KILL)
+            yield one
+
+    monkeypatch.setattr("flexmotion.streamer.run.loop_process.blind_lowering", killed)
+    with virtual_time(), pytest.raises(Exception, match="the control loop failed"):
+        failing.run()
+    assert np.count_nonzero(failing.record.state == State.PARK) == 20
+
+
+def test_a_loop_that_raises_leaves_a_lowered_robot(failing: Session) -> None:
+    """Torque was cut at once, and a standing robot fell."""
     with virtual_time(), pytest.raises(Exception, match="the control loop failed: ValueError: no such foot"):
-        session.run()
-    record = session.record
+        failing.run()
+    record, op3 = failing.record, failing.robot
     told = [event.message for event in record.events if "the robot is lowered without measurements" in event.message]
     assert len(told) == 1 and " -> PARK: the control loop failed: ValueError: no such foot" in told[0]
     lowered = record.state == State.PARK
