@@ -10,11 +10,17 @@ from benchmarks.shared.memory import Growth, Sample, growth
 
 
 class Fall(BaseModel):
-    """A fall: when, and what was asked shortly before, oldest first, each with its time [s] and its answer."""
+    """A fall, or another end of following: when, why, and what was asked shortly before.
+
+    Attributes:
+        cause: in the loop's words.
+        asked: oldest first, each with its time [s] and its answer.
+    """
 
     model_config = ConfigDict(extra="forbid")
 
     at_s: float
+    cause: str | None = None
     asked: list[str] = []
 
 

@@ -69,13 +69,13 @@ class Falls:
     def __init__(self, found: SegmentFigures, newest: Callable[[], list[tuple[float, dict[str, Any], str]]]) -> None:
         self._found, self._newest, self._lies = found, newest, False
 
-    def see(self, state: str | None, now_s: float) -> bool:
-        """Take the state of the ladder; returns whether the robot must be armed again."""
+    def see(self, state: str | None, now_s: float, cause: str | None = None) -> bool:
+        """Take the state of the ladder and its cause; returns whether the robot must be armed again."""
         down = state in ("DAMPED", "FAULT", "OFF")
         if down and not self._lies:
             recent = sorted((one for one in self._newest() if one[0] > now_s - _BEFORE_S), key=lambda one: one[0])
             asked = [f"{at_s - now_s:+.2f} s {_told(target)}: {answer}" for at_s, target, answer in recent]
-            self._found.falls.append(Fall(at_s=round(now_s, 2), asked=asked))
+            self._found.falls.append(Fall(at_s=round(now_s, 2), cause=cause, asked=asked))
         self._lies = down
         return state in ("FAULT", "OFF")
 
@@ -153,7 +153,8 @@ class _Lockstep:
                 sent = [*sent[-20:], (now(), waiting[1], "sent")]
                 self.found.sent["none"] = self.found.sent.get("none", 0) + 1
                 waiting = next(own)
-            if falls.see(session.state.ladder.name, now()) and now() >= armed_s:
+            assert session.loop is not None
+            if falls.see(session.state.ladder.name, now(), session.loop.ladder.fault) and now() >= armed_s:
                 armed_s = now() + _AGAIN_S
                 session.ask(Request.CLEAR if session.state.ladder is State.FAULT else Request.ARM)
             if now() >= sampled_s:
@@ -245,7 +246,8 @@ def _follow(found: SegmentFigures, run: ServedRun, lines: Lines, seconds: float,
     while now() < seconds:
         time.sleep(_AGAIN_S)
         # Another sender may take the lease in between: then it is asked again.
-        if falls.see(run.status().get("state"), now()):
+        status = run.status()
+        if falls.see(status.get("state"), now(), status.get("cause")):
             client = run.client("soak")
             for ask in (client.take, client.clear, client.arm):
                 ask()

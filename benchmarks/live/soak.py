@@ -125,7 +125,8 @@ def _show(found: list[SegmentFigures]) -> None:
     for one in found:
         for fall in one.falls:
             ways = "" if one.targets else ", without transports"
-            print(f"fell at {fall.at_s:.1f} s, {one.clock}, seed {one.seed}{ways}; asked: {'; '.join(fall.asked)}")
+            print(f"fell at {fall.at_s:.1f} s, {one.clock}, seed {one.seed}{ways}: {fall.cause}")
+            print(f"  asked: {'; '.join(fall.asked)}")
 
 
 def _judged(found: list[SegmentFigures]) -> Outcome:

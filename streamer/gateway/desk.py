@@ -19,6 +19,7 @@ from flexmotion.streamer.control.ladder import POWERED, State
 from flexmotion.streamer.control.telemetry import Event, Telemetry, events
 from flexmotion.streamer.control.tick_row import TickRow
 from flexmotion.streamer.gateway.asked import Asked, Following, Reply, Sequences
+from flexmotion.streamer.gateway.cause import cause_after
 from flexmotion.streamer.gateway.lease import Lease
 from flexmotion.streamer.gateway.messages import (
     Answer,
@@ -99,6 +100,7 @@ class Desk:
         self.lease = Lease(settings)
         self.counts: Counter[str] = Counter()
         self.following: Following | None = None
+        self.cause: str | None = None
         self.sources: OrderedDict[int, str] = OrderedDict()
         self._ticks: Ring = telemetry.ticks
         self._events = telemetry.events.reader(new_only=True)
@@ -153,7 +155,10 @@ class Desk:
             self._send(waiting, now)
         for heard in heard_since(self._heard):
             self._answered(heard)
-        self._match(events(self._events))
+        new = events(self._events)
+        for event in new:
+            self.cause = cause_after(event, self.cause)
+        self._match(new)
         self._time_out(now)
         self.lease.lapse(now)
         self._tell_lease()

@@ -40,6 +40,7 @@ class Status(BaseModel):
     Attributes:
         loop: "ticks", or "silent" where it has not for half a second.
         state: of the safety ladder.
+        cause: why the state is not one that follows targets, such as a fault, in the loop's words.
         must_stop: a stop is in force: no target is followed.
         time_s: of the robot, since the first tick.
         tilt: roll and pitch of the torso.
@@ -62,6 +63,7 @@ class Status(BaseModel):
     driver: str
     loop: Literal["ticks", "silent"]
     state: str | None = None
+    cause: str | None = None
     must_stop: bool | None = None
     tick: int | None = None
     time_s: float | None = None
@@ -111,6 +113,7 @@ def status_of(
     return Status(
         loop="ticks" if age_s < _OLD_S else "silent",
         state=State(int(row.state)).name,
+        cause=desk.cause,
         must_stop=bool(row.must_stop),
         tick=int(row.tick),
         time_s=round(int(row.tick) / rate_hz, 3),

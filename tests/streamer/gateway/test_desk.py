@@ -315,3 +315,23 @@ def test_answers_come_while_time_passes(make_office: Make) -> None:
     before = time.perf_counter_ns()
     office.ask(WAVE)
     assert before <= office.run.arrived()[0].stamp_ns <= time.perf_counter_ns()
+
+
+def test_a_fault_is_told_in_the_status_until_it_is_cleared(make_office: Make) -> None:
+    """The status said FAULT and not why; the cause was in the log alone."""
+    office = make_office()
+    office.run.step()
+
+    def told(kind: str, message: str) -> str | None:
+        office.run.telemetry.emit(office.run.tick, kind, message)
+        office.desk.pump()
+        return status_of(office.desk, "op3", "sim", 125.0, None).cause
+
+    assert told("state", "STREAMING -> DAMPED: fall: torso tilted past the robot's limit") == (
+        "fall: torso tilted past the robot's limit"
+    )
+    assert told("warning", "servo of l_knee (id 14) is at 53 °C") == "fall: torso tilted past the robot's limit"
+    assert told("fault", "DAMPED -> FAULT: fall: torso tilted past the robot's limit") is not None
+    assert told("state", "FAULT -> OFF") is None
+    assert told("fault", "no start: servo of l_knee (id 14) does not answer") is not None
+    assert told("state", "OFF -> READY") is None
