@@ -144,8 +144,9 @@ class Driver(ABC):
     def take_pins(self, goal: Float) -> None:  # noqa: B027 - optional
         """Write goals that were pinned since the last call into `goal`, (n,) [rad]; the others are left unchanged.
 
-        For drivers that read the joints again before they switch torque on, or switch a servo on again later: they pin
-        goals to positions that the loop has not read. Goals that follow must not be further outside the limits.
+        For drivers that read the joints again before they switch torque on, switch a servo on again later, or find one
+        that refused goals: they pin goals to positions that the loop has not read. Goals that follow begin there, and
+        must not be further outside the limits.
         """
 
     @abstractmethod

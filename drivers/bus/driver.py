@@ -179,7 +179,10 @@ class BusDriver(Driver):
         if not on:
             self._on_since = None
             for bus in self.buses:
-                bus.switch_off()
+                bus.send_off()
+            # Only now: servos that are silent on one bus must not delay the others.
+            for bus in self.buses:
+                bus.confirm_off()
             return
         try:
             for bus in self.buses:

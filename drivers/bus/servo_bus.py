@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.robot import Robot
 from flexmotion.configs.servo import Protocol, Servo
+from flexmotion.drivers.bus.attempts import TRIES
 from flexmotion.drivers.bus.goal_guard import GoalGuard
 from flexmotion.drivers.bus.options import BusOptions
 from flexmotion.drivers.imu.interface import Imu
@@ -86,7 +87,7 @@ class ServoBus(ABC):
         measured: the newest values.
         guard: replaces goals outside the envelope before they are sent.
         pins: goals that servos were last pinned to, (m,) [servo units]; NaN once the driver has taken them.
-        holding: servos that have not confirmed that torque is off since `switch_off`, as `JOINT (id N)`.
+        holding: servos that have not confirmed that torque is off since `confirm_off`, as `JOINT (id N)`.
         temperature_limit, voltage_limit: the servos' own limits, (m,) [°C, V]; see `Driver`.
         imu: inertial sensor on this bus; None if there is none.
     """
@@ -183,8 +184,12 @@ class ServoBus(ABC):
         """Pin and switch on again the servos marked in `off`, (m,)."""
 
     @abstractmethod
-    def switch_off(self) -> None:
-        """Switch torque off; sent more than once. Fills `holding`."""
+    def send_off(self) -> None:
+        """Send torque off to all servos; waits for no answer."""
+
+    @abstractmethod
+    def torque_is_off(self) -> Bool:
+        """Ask all servos, blocking: which of them say that torque is off, (m,)."""
 
     @abstractmethod
     def damp(self) -> None:
@@ -194,8 +199,15 @@ class ServoBus(ABC):
         """`servo of JOINT (id N)` for messages."""
         return f"servo of {self.robot.joint_names[self.joints[slot]]} (id {self.ids[slot]})"
 
-    def confirm_off(self, off: Bool) -> None:
-        """Set `holding` to the servos that are not in `off`, (m,)."""
+    def confirm_off(self) -> None:
+        """Ask servos whether torque is off, blocking, and send it again; fills `holding`."""
+        off = self.torque_is_off()
+        for _ in range(TRIES - 1):
+            if off.all() or self.port.lost is not None:
+                break
+            self.send_off()
+            off |= self.torque_is_off()
+        self.measured.torque[off] = False
         names = self.robot.joint_names
         self.holding = [f"{names[self.joints[slot]]} (id {self.ids[slot]})" for slot in np.flatnonzero(~off)]
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from flexmotion.configs.errors import ConfigError, DriverError
 from flexmotion.configs.robot import Robot
-from flexmotion.drivers.bus.attempts import TRIES, attempts
+from flexmotion.drivers.bus.attempts import attempts
 from flexmotion.drivers.bus.inspection import refuse_unconfigured
 from flexmotion.drivers.bus.options import BusOptions
 from flexmotion.drivers.bus.servo_bus import WATCHDOG_TRIPS, Budget, ServoBus
@@ -181,6 +181,8 @@ class DynamixelBus(ServoBus):
         self.measured.watchdog[tripped] = 0  # until they are read again
         self._trips[tripped] += 1
         self._rearm = 2
+        # They have stopped where they were; the next goals begin there.
+        np.copyto(self.pins, np.clip(self.measured.ticks, *self.position_limits), where=tripped & self.measured.fresh)
         for slot in np.flatnonzero(tripped):
             log.warning("%s: its bus watchdog has tripped, goals were refused: cleared", self.joint_name(int(slot)))
         self.measured.error[self._trips > MOST_TRIPS] |= WATCHDOG_TRIPS
@@ -237,26 +239,29 @@ class DynamixelBus(ServoBus):
             self._send(np.where(off, ticks, self._last_ticks), self._last_bound, np.where(off, ticks, np.nan))
             self._switch(off, on=True)
 
-    def switch_off(self) -> None:
+    def send_off(self) -> None:
         """See `ServoBus`."""
         self._on = False
-        every = np.ones(len(self.ids), np.bool_)
-        off = np.zeros(len(self.ids), np.bool_)
-        for _ in range(TRIES):
-            self._switch(every, on=False)
-            off |= self._registers(("torque_enable",), LATE_S)[:, 0] == 0
-            if off.all() or self.port.lost is not None:
-                break
-        self.confirm_off(off)
-        self.measured.torque[:] &= ~off
+        self._switch(np.ones(len(self.ids), np.bool_), on=False)
+
+    def torque_is_off(self) -> Bool:
+        """See `ServoBus`."""
+        return self._registers(("torque_enable",), LATE_S)[:, 0] == 0
+
+    def confirm_off(self) -> None:
+        """See `ServoBus`. Watchdogs are switched off after it: they would trip."""
+        super().confirm_off()
         self._write_all("bus_watchdog", 0)
 
     def damp(self) -> None:
-        """See `ServoBus`. Position gain and PWM limit are lowered to `DAMPED_SHARE`; sent twice."""
+        """See `ServoBus`. Position gain and PWM limit are lowered to `DAMPED_SHARE`; sent twice.
+
+        They come first: on a bus that does not answer, the positions to which goals are pinned are old.
+        """
         self._damped = True
         for _ in range(2):
-            self._send(self.guard.nearest(self.measured.ticks), np.full(len(self.ids), np.nan))
             self._set_softness(DAMPED_SHARE)
+            self._send(self.guard.nearest(self.measured.ticks), np.full(len(self.ids), np.nan))
 
     # ---------------------------------------------------------------- packets
 

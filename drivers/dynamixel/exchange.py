@@ -197,8 +197,6 @@ class ReadMany(Exchange):
             return False
         if self._retrying and self.answers:
             self._given_up = 0
-        if self._retrying and self.answers:
-            self._given_up = 0
         if self._retrying:
             self._retry_cycles = min(2 * self._retry_cycles, MOST_RETRY_CYCLES)
             self._given_up = 1

@@ -7,12 +7,12 @@ from numpy.typing import NDArray
 
 from flexmotion.configs.errors import ConfigError, DriverError
 from flexmotion.configs.robot import Robot
-from flexmotion.drivers.bus.attempts import TRIES, attempts
+from flexmotion.drivers.bus.attempts import attempts
 from flexmotion.drivers.bus.inspection import refuse_unconfigured
 from flexmotion.drivers.bus.options import BusOptions
 from flexmotion.drivers.bus.packet import BROADCAST, SumDecoder
 from flexmotion.drivers.bus.servo_bus import Budget, ServoBus
-from flexmotion.drivers.bus.sum_client import SumClient
+from flexmotion.drivers.bus.sum_client import LATENCY_S, SumClient
 from flexmotion.drivers.feetech.registers import BAUD_RATES, FORMAT, VOLTAGE, Instruction, sts
 from flexmotion.drivers.feetech.setup import find, prepare
 from flexmotion.drivers.plant import DAMPED_SHARE
@@ -87,8 +87,7 @@ class FeetechBus(ServoBus):
         self.measured.fresh[:] = False
         params = bytes([self._first, self._size, *self._order])
         self.port.send(FORMAT.encode(BROADCAST, Instruction.SYNC_READ, params))
-        answers = len(self.ids) * (self.port.seconds(self._size + FORMAT.overhead) + self.config.return_delay_us * 1e-6)
-        self._patience = self.port.busy_until + answers + PATIENCE_S
+        self._patience = self.port.busy_until + self._answers_s(self._size) + PATIENCE_S
 
     def receive(self, now: float) -> bool:
         """See `ServoBus`."""
@@ -141,18 +140,25 @@ class FeetechBus(ServoBus):
     def repeat_on(self, off: Bool) -> None:
         """Not needed: `switch_on` verifies torque."""
 
-    def switch_off(self) -> None:
+    def send_off(self) -> None:
         """See `ServoBus`."""
         self._on = False
-        for _ in range(TRIES):
-            self._sync_write("torque_enable", [0] * len(self.ids))
-        self.measured.torque[:] = False
+        self._sync_write("torque_enable", [0] * len(self.ids))
+
+    def torque_is_off(self) -> Bool:
+        """See `ServoBus`. All are asked at once: silent servos cost the time of one."""
+        held = self._read_all("torque_enable", self.ids)
+        silent = [id_ for id_ in self.ids if id_ not in held]
+        if held and len(silent) > 1:
+            # Those after the first silent servo may be silent for it.
+            held |= self._read_all("torque_enable", silent[1:] + silent[:1])
+        return np.array([held.get(id_) == 0 for id_ in self.ids])
 
     def damp(self) -> None:
-        """See `ServoBus`. The torque limit is lowered to `DAMPED_SHARE`; sent twice."""
+        """See `ServoBus`. The torque limit is lowered to `DAMPED_SHARE`, before the goals are pinned; sent twice."""
         for _ in range(2):
-            self._send(self.guard.nearest(self.measured.ticks))
             self._sync_write("torque_limit", [round(1000 * DAMPED_SHARE)] * len(self.ids))
+            self._send(self.guard.nearest(self.measured.ticks))
 
     # ---------------------------------------------------------------- inside
 
@@ -167,10 +173,27 @@ class FeetechBus(ServoBus):
         measured.error[slot], measured.fresh[slot] = status, True
         self._answered.add(slot)
 
+    def _answers_s(self, size: int) -> float:
+        """Time on the wire of the answers of all servos to a sync read of `size` bytes [s]."""
+        return len(self.ids) * (self.port.seconds(size + FORMAT.overhead) + self.config.return_delay_us * 1e-6)
+
     def _run_cycle(self) -> None:
         self.request(self.port.now())
         while not self.receive(now := self.port.now()):
             self.port.wait_any([self.port], self._patience - now)
+
+    def _read_all(self, name: str, ids: list[int]) -> dict[int, int]:
+        """Read a register of several servos in one exchange, blocking; those that answer, by id."""
+        register, decoder, found = sts()[name], SumDecoder(FORMAT), dict[int, int]()
+        self.port.receive()
+        params = bytes([register.address, register.size, *ids])
+        self.port.send(FORMAT.encode(BROADCAST, Instruction.SYNC_READ, params))
+        patience = self.port.busy_until + self._answers_s(register.size) + LATENCY_S
+        while len(found) < len(ids) and (now := self.port.now()) < patience and self.port.lost is None:
+            for packet in decoder.feed(self.port.wait(patience - now)):
+                if packet.id in ids and len(packet.params) == register.size:
+                    found[packet.id] = register.unpack(packet.params)
+        return found
 
     def _read(self, slot: int, name: str) -> int | None:
         register = sts()[name]

@@ -158,19 +158,23 @@ class Lx16aBus(ServoBus):
     def repeat_on(self, off: Bool) -> None:
         """Not needed: `switch_on` verifies torque."""
 
-    def switch_off(self) -> None:
+    def send_off(self) -> None:
         """See `ServoBus`."""
         self._on = False
+        for id_ in self.ids:
+            self.port.send(FORMAT.encode(id_, Command.LOAD, b"\x00"))
+
+    def torque_is_off(self) -> Bool:
+        """See `ServoBus`."""
         for slot in range(len(self.ids)):
-            for _ in range(2):
-                self.port.send(FORMAT.encode(self.ids[slot], Command.LOAD, b"\x00"))
-            if self.port.lost is not None:
-                return
-        self.measured.torque[:] = False
+            self.measured.torque[slot] = True  # unless it says otherwise
+            self._ask(slot, Command.READ_LOAD, once=True)
+        return ~self.measured.torque
 
     def damp(self) -> None:
-        """See `ServoBus`."""
-        self.switch_off()
+        """See `ServoBus`. Sent twice."""
+        for _ in range(2):
+            self.send_off()
 
     # ---------------------------------------------------------------- inside
 
@@ -198,9 +202,9 @@ class Lx16aBus(ServoBus):
             answer = self.port.seconds(FORMAT.overhead + ANSWER_SIZE[command])
             self._patience = self.port.busy_until + answer + PATIENCE_S
 
-    def _ask(self, slot: int, command: Command) -> bytes | None:
+    def _ask(self, slot: int, command: Command, *, once: bool = False) -> bytes | None:
         """Read one value, blocking; not during a cycle."""
-        answer = self._client.ask(self.ids[slot], command, answer=ANSWER_SIZE[command])
+        answer = self._client.ask(self.ids[slot], command, answer=ANSWER_SIZE[command], once=once)
         if answer is None:
             return None
         self._take(slot, command, answer.params, self.port.now())

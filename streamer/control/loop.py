@@ -94,6 +94,7 @@ class ControlLoop:
         self._examined = 0  # id of the newest plan that was accepted or refused
         self._underrun = 0  # id of the plan whose underrun was counted
         self._last_tick = 0
+        self._pins = np.full(robot.n, np.nan)  # goals that the driver has pinned
         self._load = np.zeros(robot.n)  # planned, of the goals in effect
         self._lead = driver.delay_s * robot.rate_hz
         self._waited_s = 0.0  # time that the last tick waited for servos to be switched on
@@ -164,7 +165,9 @@ class ControlLoop:
         """Read the robot; what cannot be is not believed."""
         powered = self.ladder.state in POWERED
         self.driver.read(self.state)
-        self.driver.take_pins(self.servo.goal)  # of servos that were switched on again
+        self._pins.fill(np.nan)
+        self.driver.take_pins(self._pins)
+        self.servo.take_pins(self._pins)
         self.plausibility.check(self.state, self.now.qd, self.tick_count, powered=powered)
         if self.tick_count - self._last_tick > _LATE_TICKS and powered:
             self.servo.rejoin()  # the servos have held their goals meanwhile
@@ -223,7 +226,8 @@ class ControlLoop:
         inputs.fallen = bool(self.estimator.has_imu and tilted)
         # Of joints that are read in turns nobody knows in time whether they follow.
         if state in _JUDGED and self.driver.turns == 1:
-            self.obedience.update(self.command.position, self._load, measured.position, measured.stale == 0)
+            goal, known = self.command.position, measured.stale == 0
+            self.obedience.update(goal, self._load, measured.position, measured.velocity, known)
         lost = self.audit.lost_bus(measured)
         if lost is not None:
             self._hardware_fault = inputs.bus_lost = lost

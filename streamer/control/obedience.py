@@ -3,7 +3,8 @@
 A position servo with goal g makes the torque kp (g - q) - b q'. If the load is `tau`, the joint therefore moves towards
 g - tau / kp with the time constant b / kp. A joint that is elsewhere carries another load than planned: kp times the
 distance. Where that is most of what the servo can give, and stays, the joint is blocked, or its servo does not act on
-the goals (`drivers/plant.py` has the same equations).
+the goals (`drivers/plant.py` has the same equations). A joint on its way to where the goals lead obeys them: an arm
+that is raised fast lags for half a second by as much as a blocked one.
 """
 
 from __future__ import annotations
@@ -19,6 +20,8 @@ SHARE = 0.6
 """Unplanned load that counts, over the servo's usable torque."""
 PATIENCE_S = 0.5
 """Time for which it may last [s]; time without counts against it."""
+CLOSING = 0.3
+"""Speed towards its prediction from which a joint is on its way [rad/s]: ten units in which servos measure speed."""
 
 
 class Obedience:
@@ -52,13 +55,13 @@ class Obedience:
         np.copyto(self.predicted, position)
         self.load[:] = self.overdue[:] = 0.0
 
-    def update(self, goal: Float, torque: Float, position: Float, known: NDArray[np.bool_]) -> None:
+    def update(self, goal: Float, torque: Float, position: Float, velocity: Float, known: NDArray[np.bool_]) -> None:
         """One tick.
 
         Args:
             goal: in effect since the last tick, (n,) [rad].
             torque: planned load, (n,) [N·m].
-            position: measured now, (n,) [rad].
+            position, velocity: measured now, (n,) each [rad, rad/s].
             known: joints whose position was measured; the others are not judged.
         """
         robot, dt = self.robot, 1.0 / self.robot.rate_hz
@@ -66,6 +69,6 @@ class Obedience:
         self.predicted[:] = aim + self._keeps * (self.predicted - aim)
         np.copyto(self.load, robot.kp * (position - self.predicted) / robot.usable_torque)
         np.copyto(self.load, 0.0, where=~known)
-        late = np.abs(self.load) > SHARE
+        late = (np.abs(self.load) > SHARE) & ~(-np.sign(self.load) * velocity > CLOSING)
         self.overdue += np.where(late, dt, -0.5 * dt)
         np.clip(self.overdue, 0.0, 2 * PATIENCE_S, out=self.overdue)

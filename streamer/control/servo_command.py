@@ -67,7 +67,7 @@ class ServoCommand:
         self._most_supply = np.array([servo.max_voltage for servo in robot.servos]) / nominal * (1 + SUPPLY_MARGIN)
         self._supply, self._trust = np.full(robot.n, np.nan), np.ones(robot.n)
         self._decay = DECAY_SHARE * robot.no_load_speed / robot.rate_hz
-        self._rejoins = False
+        self._rejoins = np.zeros(robot.n, np.bool_)
 
     def reset(self, position: Float) -> None:
         """Begin at the joints' positions, (n,) [rad], which are the goals until the first update."""
@@ -75,11 +75,17 @@ class ServoCommand:
         self._velocity[:] = self.offset[:] = 0.0
         self._trust[:] = 1.0
         self._supply[:] = np.nan
-        self._rejoins = False
+        self._rejoins[:] = False
 
     def rejoin(self) -> None:
         """The next goals begin at those in effect, which the reference may have left: a stream begins, or was late."""
-        self._rejoins = True
+        self._rejoins[:] = True
+
+    def take_pins(self, pins: Float) -> None:
+        """Servos were pinned to `pins`, (n,) [rad], NaN for the others: their next goals begin there."""
+        pinned = np.isfinite(pins)
+        np.copyto(self.goal, pins, where=pinned)
+        self._rejoins |= pinned
 
     def update(self, q: Float, qd: Float, torque: Float, measured: RobotState, expected: Float | None = None) -> Float:
         """Goals for a reference.
@@ -128,12 +134,13 @@ class ServoCommand:
 
     def _settle(self, bounded: Float) -> None:
         """Let the offsets decay; after `rejoin` they are the way from the goals in effect, where that is a jump."""
-        if self._rejoins:
-            away = self.goal - bounded
-            np.copyto(self.offset, np.where(np.abs(away) > self._decay, away, 0.0), where=np.isfinite(away))
-            self._rejoins = False
-        elif self.offset.any():
+        if self.offset.any():
             np.subtract(self.offset, np.clip(self.offset, -self._decay, self._decay), out=self.offset)
+        if self._rejoins.any():
+            away = self.goal - bounded
+            begins = self._rejoins & np.isfinite(away)
+            np.copyto(self.offset, np.where(np.abs(away) > self._decay, away, 0.0), where=begins)
+            self._rejoins[:] = False
 
     def _supply_of(self, measured: RobotState) -> Float:
         """Supply that goals are computed for, over the nominal one; nominal where it is not known, (n,)."""

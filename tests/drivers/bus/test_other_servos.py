@@ -208,3 +208,22 @@ def test_a_goal_past_a_limit_is_not_sent(name: str, sts: Robot, lx: Robot) -> No
         assert driver.violations > 0
         assert world.emulator.body.receiver.position_violations == 0
         assert abs(world.emulator.body.receiver.goal[knee] - robot.stand_pose[knee]) < 0.02
+
+
+@pytest.mark.parametrize("name", ["feetech", "lx16a"])
+def test_torque_off_that_a_servo_does_not_confirm_is_told(name: str, sts: Robot, lx: Robot) -> None:
+    """These buses sent torque off and asked nobody: a servo that still held was not named."""
+    robot = sts if name == "feetech" else lx
+    driver, world = looped(name, robot)
+    state = RobotState(robot.n)
+    with driver:
+        driver.read(state)
+        driver.set_torque(True)
+        world.emulator.faults[:] = [Fault.parse("dead:14")]
+        world.advance(0.02)
+        driver.set_torque(False)
+        assert driver.holding == ["l_knee (id 14)"]
+        world.emulator.faults[:] = []
+        world.advance(0.02)
+        driver.set_torque(False)
+        assert driver.holding == [] and not world.emulator.body.plant.enabled.any()

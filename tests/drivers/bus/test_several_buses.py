@@ -88,3 +88,23 @@ def test_an_unplugged_bus_leaves_the_other_fresh(split: Robot) -> None:
         it.world.emulator.lines[1].act([Fault.parse("port")])
         it.tick(7)
         assert it.state.stale[8:].max() == 0 and it.state.stale[:8].min() >= 6
+
+
+def test_a_silent_bus_does_not_delay_torque_off_of_the_others(split: Robot) -> None:
+    """Each bus was asked to confirm before the next was switched off: a kill waited .17 s for every silent bus."""
+    it = Split(split)
+    with it.driver:
+        it.driver.read(it.state)
+        it.driver.set_torque(True)
+        it.tick(3)
+        legs, upper = (line.bus for line in it.world.emulator.lines)
+        legs.dead = {servo.id for servo in legs.servos}
+        begin, off = it.world.now, []
+        switched = type(it.driver.buses[1]).torque_is_off
+        it.driver.buses[0].torque_is_off = lambda: (  # type: ignore[method-assign]
+            off.append(not any(servo.get("torque_enable") for servo in upper.servos)) or switched(it.driver.buses[0])
+        )
+        it.world.advance(0.002)
+        it.driver.set_torque(False)
+        assert off and off[-1] and it.world.now > begin
+        assert len(it.driver.holding) == len(legs.servos)

@@ -45,6 +45,21 @@ def test_a_servo_that_refuses_goals_behind_its_watchdog_is_named_and_takes_them_
     assert it.servo(KNEE).get("goal_position") == it.robot.to_ticks(it.command.position)[it.robot.index("l_knee")]
 
 
+def test_after_its_watchdog_tripped_a_servos_goals_begin_where_it_stopped(rig: Rigs) -> None:  # noqa: F811
+    """It was sent to the newest goal in one tick, from where it had stopped."""
+    it = rig()
+    it.start()
+    it.tick(6)
+    it.driver.take_pins(np.zeros(it.robot.n))  # of the start
+    trip(it)
+    pins = np.full(it.robot.n, np.nan)
+    for _ in range(8):
+        it.tick()
+        it.driver.take_pins(pins)
+    knee = it.robot.index("l_knee")
+    assert abs(pins[knee] - it.state.position[knee]) < 0.01 and np.isnan(np.delete(pins, knee)).all()
+
+
 def test_a_watchdog_that_trips_again_and_again_is_an_error(rig: Rigs) -> None:  # noqa: F811
     it = rig()
     it.start()
