@@ -13,8 +13,6 @@ Bool = NDArray[np.bool_]
 _FORGIVEN = 0.1
 """Wrong readings that one good reading makes up for: a sensor that is wrong more often than one time in ten becomes a
 fault, one that is wrong one time in a hundred does not."""
-
-
 _MOST = 20.0
 """Highest level: a sensor that was wrong for minutes is believed again after some 200 good readings."""
 
@@ -68,6 +66,12 @@ class Believed:
         self.value = np.full(m, np.nan)
         self._lowest, self._highest, self._step, self._agreeing = lowest, highest, step, agreeing
         self._candidate, self._repeats = np.full(m, np.nan), np.zeros(m, np.int64)
+
+    def forget(self) -> None:
+        """The next values are believed if they are in their range."""
+        self.value.fill(np.nan)
+        self._candidate.fill(np.nan)
+        self._repeats.fill(0)
 
     def take(self, values: Float, widened: float = 1.0) -> Bool:
         """Replace the values that are not believed by the last believed ones, in place; which they were, (m,).

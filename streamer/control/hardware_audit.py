@@ -63,8 +63,17 @@ class HardwareAudit:
         reads = f"{int(measured.stale.min())} reads{self.punctuality.remark}"
         return f"bus lost: no joint has answered for {reads}"
 
+    def watch(self, measured: RobotState) -> None:
+        """Count the readings that must last to be a problem. Call it once in every tick that does not call `problem`."""
+        low = measured.voltage < self._least_supply
+        self._low_reads[:] = np.where(low, self._low_reads + 1, 0)
+        supply = (measured.hardware_error & SUPPLY_ERROR) != 0
+        if supply.any() or self._supply_reads.any():
+            self._supply_reads[:] = np.where(supply, self._supply_reads + 1, 0)
+
     def problem(self, measured: RobotState) -> str | None:
         """Why the run must come to an orderly end; None while servos, IMU and supply are well. Call it once a tick."""
+        self.watch(measured)
         limits = self.robot.safety
         wrong = self._wrong_sensor()
         if wrong is not None:
@@ -140,8 +149,6 @@ class HardwareAudit:
 
     def _low_supply(self, measured: RobotState) -> str | None:
         """Why the supply ends the run: a servo measured it low for more reads in a row than it may be silent."""
-        low = measured.voltage < self._least_supply
-        self._low_reads[:] = np.where(low, self._low_reads + 1, 0)
         worst = int(np.argmax(self._low_reads))
         if self._low_reads[worst] > self.robot.safety.max_stale_reads:
             return f"supply at {measured.voltage[worst]:.1f} V, below {self._least_supply[worst]:.1f} V"
@@ -150,10 +157,8 @@ class HardwareAudit:
     def _hardware_error(self, measured: RobotState) -> str | None:
         """Which servo reports an error. A supply outside its limits may last as long as a silence."""
         errors = measured.hardware_error
-        if not errors.any() and not self._supply_reads.any():
+        if not errors.any():
             return None
-        supply = (errors & SUPPLY_ERROR) != 0
-        self._supply_reads[:] = np.where(supply, self._supply_reads + 1, 0)
         counted = self._supply_reads > self.robot.safety.max_stale_reads
         serious = np.flatnonzero(((errors & ~SUPPLY_ERROR) != 0) | counted)
         if not len(serious):

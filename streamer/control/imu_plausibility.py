@@ -14,6 +14,9 @@ from flexmotion.streamer.control.believed import Believed, Suspicion
 FALL_STEPS = 4.0
 """Change of the angular velocity in a tick, over that of a falling robot, g / h: pushes and steps stay below. A larger
 one needs an impact, which the accelerometer shows."""
+LEAST_TURN_STEP = 180.0
+"""The same for any robot, at least [rad/s²]: at a lever of 5 cm it makes 1 g, which the accelerometer would show. A foot
+that slips turns a tall robot faster than it falls."""
 IMPACT, IMPACT_TICKS = 1.0 * GRAVITY, 3
 """Change of the specific force that is an impact [m/s²], and ticks for which it explains a change of the speed."""
 MOST_ACCEL, ACCEL_STEP = 17.0 * GRAVITY, 5.0 * GRAVITY
@@ -40,15 +43,24 @@ class ImuPlausibility:
         # A robot that topples over turns with sqrt(3 g / h) as it hits the ground; its joints may add their speed.
         height = robot.gait.stand_hip_height
         turn = 2.0 * (math.sqrt(3 * GRAVITY / height) + float(robot.no_load_speed.max()))
-        turn_step = FALL_STEPS * GRAVITY / height / robot.rate_hz
+        turn_step = max(FALL_STEPS * GRAVITY / height, LEAST_TURN_STEP) / robot.rate_hz
         self._gyro = Believed(3, np.full(3, -turn), np.full(3, turn), step=turn_step, agreeing=None)
         self._accel = Believed(3, np.full(3, -MOST_ACCEL), np.full(3, MOST_ACCEL), step=ACCEL_STEP)
         self._last_accel, self._mean = np.full(3, np.nan), np.full(3, np.nan)
         self._since, self._shaken, self._unread = 0.0, 0, 0
 
-    def check(self, state: RobotState, elapsed: float) -> None:
-        """Check one sample; `elapsed`: time since the check before [s]."""
+    def check(self, state: RobotState, elapsed: float, *, powered: bool = True) -> None:
+        """Check one sample.
+
+        Args:
+            elapsed: time since the check before [s].
+            powered: whether torque is on; hands may turn a limp robot as they like, and what was held against its gyro
+                ends with the torque.
+        """
         self._since += elapsed
+        if not powered:
+            self._gyro.forget()
+            self._accel.forget()
         if not (np.isfinite(state.gyro).all() and np.isfinite(state.accel).all()):
             state.gyro.fill(0.0)
             if state.imu_stale >= 0:

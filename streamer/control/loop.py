@@ -252,6 +252,7 @@ class ControlLoop:
     def _check_start(self) -> None:
         """Refuse a start, with the reason, while the hardware is not fit for it."""
         if not self.inputs.start:
+            self.audit.watch(self.state)
             return
         self.audit.take_limits(self.driver.temperature_limit, self.driver.voltage_limit)
         reason = self.audit.refusal(self.state, self.plausibility.unread, self.estimator.has_imu) or self._lies()

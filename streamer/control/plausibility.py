@@ -92,11 +92,12 @@ class Plausibility:
         Args:
             speed: speeds of the reference, (n,) [rad/s]: unread joints are assumed to move with them.
             tick: number of the tick; a loop that was late skips some.
-            powered: whether torque is on; hands may move limp joints to wherever they go.
+            powered: whether torque is on; hands may move limp joints to wherever they go. What is held against other
+                sensors stays, so that a robot with one that lies does not start.
         """
         if not powered:
             self._never.fill(False)
-            for suspicion in (*self.suspicions, self.imu_suspicion):
+            for suspicion in self.suspicions[:2]:
                 suspicion.reset()
         # By the readings' own stamps, if they have any; a stall of the loop may be longer.
         stamped = (state.stamp_ns - self._stamp_ns) * 1e-9
@@ -107,7 +108,7 @@ class Plausibility:
         asked = state.stale == 0
         voltage.note(self._voltage.take(state.voltage), asked)
         temperature.note(self._temperature.take(state.temperature), asked)
-        self._imu.check(state, max(stamped, ticked))
+        self._imu.check(state, max(stamped, ticked), powered=powered)
 
     def _check_joints(self, state: RobotState, speed: Float, elapsed: float, between: float, powered: bool) -> None:
         """`elapsed`, `between`: time since the last check, and between the readings [s]."""

@@ -141,3 +141,14 @@ def test_a_start_needs_an_answer_of_every_joint_and_of_a_required_imu(
     required = op3.config.imu.model_copy(update={"required": True})
     monkeypatch.setitem(vars(op3), "config", op3.config.model_copy(update={"imu": required}))
     assert audit.refusal(measured, unread, False) == "the robot file requires an IMU and none answers"
+
+
+def test_a_supply_that_was_low_before_the_start_refuses_it(
+    audit: HardwareAudit, measured: RobotState, op3: Robot
+) -> None:
+    """One reading at the start was no problem yet: the robot stood up on a flat battery, and parked."""
+    measured.voltage[:] = (op3.safety.voltage_min or 0.0) - 0.5
+    for _ in range(op3.safety.max_stale_reads):
+        audit.watch(measured)
+    refusal = audit.refusal(measured, np.zeros(op3.n, np.int64), True)
+    assert refusal is not None and refusal.startswith("supply at")

@@ -165,3 +165,25 @@ def test_a_sensor_that_was_wrong_for_minutes_is_believed_again_within_seconds() 
     for _ in range(200):
         suspicion.note(~yes, yes)
     assert suspicion.level[0] < 5.0 and suspicion.total == 10_000
+
+
+def test_a_gyro_that_was_frozen_is_believed_again_once_torque_is_off(watched: Watched) -> None:
+    """Frozen at the rate of a jerk, it was held there for good: at rest the difference stayed too large."""
+    watched.read(gyro=1.4)
+    for _ in range(10):
+        watched.read(gyro=5.0)
+    assert watched.state.gyro[0] == pytest.approx(1.4) and watched.state.imu_stale > 0
+    for _ in range(300):
+        watched.read(powered=False)
+    assert watched.state.gyro[0] == 0.0 and watched.state.imu_stale == 0
+
+
+def test_a_sensor_that_lies_while_torque_is_off_is_held_against_a_start(watched: Watched) -> None:
+    """Every check without torque forgot it: the robot stood up, and fell into a fault on its feet."""
+    for _ in range(100):
+        watched.read(powered=False, voltage=30.0, accel=40.0)
+    patience = watched.robot.safety.max_stale_reads
+    assert watched.level("voltage") > patience and watched.checks.imu_suspicion.level[0] > patience
+    for _ in range(600):
+        watched.read(powered=False)
+    assert watched.level("voltage") == 0 and watched.checks.imu_suspicion.level[0] == 0
