@@ -64,7 +64,7 @@ class HardwareAudit:
         return f"bus lost: no joint has answered for {reads}"
 
     def watch(self, measured: RobotState) -> None:
-        """Count the readings that must last to be a problem. Call it once in every tick that does not call `problem`."""
+        """Count the readings that must last to be a problem; for ticks that do not call `problem`, once in each."""
         low = measured.voltage < self._least_supply
         self._low_reads[:] = np.where(low, self._low_reads + 1, 0)
         supply = (measured.hardware_error & SUPPLY_ERROR) != 0

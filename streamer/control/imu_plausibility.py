@@ -15,8 +15,8 @@ FALL_STEPS = 4.0
 """Change of the angular velocity in a tick, over that of a falling robot, g / h: pushes and steps stay below. A larger
 one needs an impact, which the accelerometer shows."""
 LEAST_TURN_STEP = 180.0
-"""The same for any robot, at least [rad/s²]: at a lever of 5 cm it makes 1 g, which the accelerometer would show. A foot
-that slips turns a tall robot faster than it falls."""
+"""The same for any robot, at least [rad/s²]: at a lever of 5 cm it makes 1 g, which the accelerometer would show. A
+foot that slips turns a tall robot faster than it falls."""
 IMPACT, IMPACT_TICKS = 1.0 * GRAVITY, 3
 """Change of the specific force that is an impact [m/s²], and ticks for which it explains a change of the speed."""
 MOST_ACCEL, ACCEL_STEP = 17.0 * GRAVITY, 5.0 * GRAVITY
