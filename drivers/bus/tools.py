@@ -87,8 +87,8 @@ class BusTools(ABC):
         """Write the id of a servo."""
 
     @abstractmethod
-    def inspect(self, robot: Robot, joint: int) -> Inspection:
-        """Read the settings of a joint's servo; nothing is written.
+    def inspect(self, robot: Robot, joint: int, present_id: int | None = None) -> Inspection:
+        """Read the settings of a joint's servo, which may have another id at present; nothing is written.
 
         Raises `DriverError` if it does not answer, or has another model or protocol than the robot file says.
         """

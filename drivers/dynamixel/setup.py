@@ -105,13 +105,13 @@ def run_settings(robot: Robot, joint: int) -> dict[str, int]:
     return {name: value for name, value in settings.items() if name in table}
 
 
-def find(client: Client, robot: Robot, joint: int) -> Found:
-    """Read a joint's servo; nothing is written.
+def find(client: Client, robot: Robot, joint: int, present_id: int | None = None) -> Found:
+    """Read a joint's servo, which may have another id at present; nothing is written.
 
     Raises `DriverError` if the servo does not answer, or has another model number or protocol.
     """
     config, servo = robot.joints[joint], robot.servos[joint]
-    table, id_ = table_of(servo.name), config.id
+    table, id_ = table_of(servo.name), config.id if present_id is None else present_id
     where = f"servo of {config.name} (id {id_}) on {client.line.path}"
     model = client.ping(id_)
     if model is None:

@@ -53,9 +53,9 @@ class DynamixelTools(BusTools):
             raise DriverError(f"port {self.port.path}: id {old}: torque is on, which locks the id")
         self._client.write(old, _ANY["id"], new)
 
-    def inspect(self, robot: Robot, joint: int) -> Inspection:
+    def inspect(self, robot: Robot, joint: int, present_id: int | None = None) -> Inspection:
         """See `BusTools`."""
-        return find(self._client, robot, joint).inspection
+        return find(self._client, robot, joint, present_id).inspection
 
     def write_settings(self, robot: Robot, joint: int, settings: Mapping[str, int]) -> None:
         """See `BusTools`."""

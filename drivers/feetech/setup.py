@@ -40,11 +40,15 @@ RUN_SETTINGS = {"acceleration": 0, "goal_time": 0, "goal_speed": 0}
 """Values that the RAM of every servo must have for a run."""
 
 
-def find(client: SumClient, robot: Robot, joint: int) -> Found:
-    """Read a joint's servo; nothing is written. Raises `DriverError` if it does not answer or has another model."""
+def find(client: SumClient, robot: Robot, joint: int, present_id: int | None = None) -> Found:
+    """Read a joint's servo, which may have another id at present; nothing is written.
+
+    Raises `DriverError` if it does not answer or has another model.
+    """
     config, servo = robot.joints[joint], robot.servos[joint]
-    where = f"servo of {config.name} (id {config.id}) on {client.port.path}"
-    answer = client.ask(config.id, Instruction.READ, bytes([0, _HEAD]), answer=_HEAD)
+    id_ = config.id if present_id is None else present_id
+    where = f"servo of {config.name} (id {id_}) on {client.port.path}"
+    answer = client.ask(id_, Instruction.READ, bytes([0, _HEAD]), answer=_HEAD)
     if answer is None:
         reason = client.port.lost or f"does not answer at {client.port.baud} baud; is its power on?"
         raise DriverError(f"{where}: {reason}")
@@ -53,9 +57,7 @@ def find(client: SumClient, robot: Robot, joint: int) -> Found:
         raise DriverError(f"{where}: model number {held['model_number']}, expected {servo.model_number}")
     wanted = kept_settings(robot, joint)
     kept = {name: held[name] for name in wanted}
-    inspection = Inspection(
-        config.name, config.id, servo.name, client.port.path, kept, wanted, bool(held["torque_enable"])
-    )
+    inspection = Inspection(config.name, id_, servo.name, client.port.path, kept, wanted, bool(held["torque_enable"]))
     return Found(held, inspection)
 
 

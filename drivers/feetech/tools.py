@@ -38,9 +38,9 @@ class FeetechTools(BusTools):
         """See `BusTools`."""
         return self._client.ask(id_, Instruction.PING, answer=0) is not None
 
-    def inspect(self, robot: Robot, joint: int) -> Inspection:
+    def inspect(self, robot: Robot, joint: int, present_id: int | None = None) -> Inspection:
         """See `BusTools`."""
-        return find(self._client, robot, joint).inspection
+        return find(self._client, robot, joint, present_id).inspection
 
     def write_settings(self, robot: Robot, joint: int, settings: Mapping[str, int]) -> None:
         """See `BusTools`."""

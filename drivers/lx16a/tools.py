@@ -35,15 +35,16 @@ class Lx16aTools(BusTools):
         """See `BusTools`."""
         return self._ask(id_)
 
-    def inspect(self, robot: Robot, joint: int) -> Inspection:
+    def inspect(self, robot: Robot, joint: int, present_id: int | None = None) -> Inspection:
         """See `BusTools`. The robot file determines no setting of these servos."""
         config = robot.joints[joint]
-        load = self._client.ask(config.id, Command.READ_LOAD, answer=ANSWER_SIZE[Command.READ_LOAD])
+        id_ = config.id if present_id is None else present_id
+        load = self._client.ask(id_, Command.READ_LOAD, answer=ANSWER_SIZE[Command.READ_LOAD])
         if load is None:
             reason = self.port.lost or "does not answer; is its power on?"
-            raise DriverError(f"servo of {config.name} (id {config.id}) on {self.port.path}: {reason}")
+            raise DriverError(f"servo of {config.name} (id {id_}) on {self.port.path}: {reason}")
         on = load.params[0] == 1
-        return Inspection(config.name, config.id, config.servo, self.port.path, {}, {}, on)
+        return Inspection(config.name, id_, config.servo, self.port.path, {}, {}, on)
 
     def write_settings(self, robot: Robot, joint: int, settings: Mapping[str, int]) -> None:
         """See `BusTools`."""

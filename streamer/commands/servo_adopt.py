@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -45,6 +46,7 @@ def adopt(
       flexmotion servo adopt --joint l_knee --port /dev/ttyUSB0 --robot ./my_robot
     """
     from flexmotion.configs.robot import load_robot
+    from flexmotion.drivers.bus.inspection import refuse_locked
     from flexmotion.drivers.bus.settings_file import default_file, write_settings
 
     chosen = load_robot(robot)
@@ -58,19 +60,20 @@ def adopt(
         rate = chosen.config.buses[config.bus].baud
         tools.port.set_baud(baud)
         _check_model(tools, chosen, index, id_)
+        inspection = tools.inspect(chosen, index, id_)
+        refuse_locked([inspection])
         plan = f"id {id_} at {baud} baud becomes id {config.id} at {rate} baud: {config.servo} of {joint}"
         if not yes and not typer.confirm(f"{plan}; write it?", err=True):
             print_note("nothing was written")
             raise typer.Abort
+        file = default_file(chosen.name) if backup is None else backup
+        write_settings(file, chosen.name, [replace(inspection, id=config.id)])  # it has this id when it is restored
         if id_ != config.id:
             tools.change_id(id_, config.id)
         if baud != rate:
             tools.write_baud(chosen, index, rate)
             tools.port.set_baud(rate)
         tools.acknowledge(chosen, [index])
-        inspection = tools.inspect(chosen, index)
-        file = default_file(chosen.name) if backup is None else backup
-        write_settings(file, chosen.name, [inspection])
         tools.write_settings(chosen, index, inspection.changes)
     if as_json:
         print_json(
