@@ -164,7 +164,7 @@ def _amount(words: list[str], place: int) -> tuple[Token, int]:
     rest = words[place + used :]
     skipped = 0
     explicit = not article
-    while skipped < len(rest) and skipped < 2 and rest[skipped] in known.words("sizes") | {"of", "a", "an", "the"}:
+    while skipped < len(rest) and skipped < 3 and rest[skipped] in known.words("sizes") | {"of", "a", "an", "the"}:
         explicit = explicit or rest[skipped] in ("full", "whole", "complete")
         skipped += 1
     unit = rest[skipped] if skipped < len(rest) else ""

@@ -10,7 +10,7 @@ from flexmotion.text.clause_amounts import amounts_of, is_count, little_of, spee
 from flexmotion.text.paces import Speed
 from flexmotion.text.phrases import STAND
 from flexmotion.text.prompt_reader import FORBIDS_NOTHING, WITHOUT_TURNING
-from flexmotion.text.refusals import condition_of, needs_head, refusal_of
+from flexmotion.text.refusals import condition_of, needs_head, refusal_of, unbounded
 from flexmotion.text.relative import asked_change, change_factor
 from flexmotion.text.sentence_parts import NEGATES, Part
 from flexmotion.text.shaping import destinations, has_verb, shaped
@@ -72,6 +72,10 @@ def clause_of(part: Part, forbidding: bool) -> Clause | None:
         times, counted = 1, False
     if counted and amount is None and words[:1] in (["step"], ["sidestep"]):
         amount, times, counted = Amount(float(times), "steps", f"{times} times"), 1, False
+    places = destinations(words)
+    if amount is None and not counted:
+        ends = None if until_told or plain_stop else condition
+        refusal = refusal or unbounded(own, ends, places[0] if places else None)
     more = amount is not None and not own and bool(known.words("further") & set(said.split()))
     return Clause(
         said,
@@ -82,7 +86,7 @@ def clause_of(part: Part, forbidding: bool) -> Clause | None:
         counted,
         speed,
         refusal=None if more else refusal,
-        dropped=(*dropped, *destinations(words)),
+        dropped=(*dropped, *places),
         notes=tuple(notes),
         manner=manner,
         needs_head=head,

@@ -20,7 +20,21 @@ def refusal_of(words: list[str]) -> str | None:
     for phrase in known.phrases("impossible"):
         if f" {phrase} " in text:
             return f"{phrase!r}: no model and no robot of this project does that"
+    named = list(dict.fromkeys(stem(word) for word in words if stem(word) in known.words("single_motions")))
+    feet = [word for word in words if stem(word) in known.words("feet_motions")]
+    if len(named) + bool(feet) > 1:
+        return f"{named[0]!r} and {(named[1:] + feet)[0]!r} in one request: say which comes first, with 'then'"
     return _walking_refusal(words, text)
+
+
+def unbounded(words: list[str], condition: str | None, destination: str | None) -> str | None:
+    """Why a motion of the feet that only its end or its place would bound is not begun; None where nothing does."""
+    known = vocabulary()
+    if not words or words[0] not in known.words("walk_verbs") | known.words("turn_verbs"):
+        return None
+    if condition is not None:
+        return f"{condition!r}: the robot cannot tell when that is, and would go on"
+    return None if destination is None else f"{destination!r}: a place: the robot knows none, and would go on"
 
 
 def _walking_refusal(words: list[str], text: str) -> str | None:
@@ -49,7 +63,7 @@ def needs_head(words: list[str]) -> bool:
     if verb in known.words("look") or (words and words[0] in known.words("look")):
         return True
     named = names_head(" ".join(words))
-    moves = ("turn", "move", "tilt", "shake", "rotate", "swivel", "nod", "twist", "roll", "close", "open")
+    moves = ("keep", "turn", "move", "tilt", "shake", "rotate", "swivel", "nod", "twist", "roll", "close", "open")
     return named and verb in moves
 
 

@@ -130,7 +130,7 @@ def parts_of(tokens: list[Token]) -> list[Part]:
         waits = parts[-1].joint in ("after", "before") and _names_request(parts[-1].tokens, 0)
         if _runs_on(tokens, place, parts[-1].tokens):
             open_part(",")
-        if waits and _begins_request(tokens, place, []):
+        if waits and token not in known.words("directions") and _begins_request(tokens, place, []):
             # "after five seconds wave": no comma tells where the second begins.
             open_part("then")
         parts[-1].tokens.append(token)
@@ -264,8 +264,10 @@ def _names_request(tokens: list[Token], place: int) -> bool:
         return True
     words = known.verbs | known.words("directions")
     past = {first.removesuffix("ed"), first.removesuffix("d"), first.removesuffix("ed") + "e"}
+    said = {token for token in rest if isinstance(token, str)}
     return (
         stem(first) in words
+        or bool(said & known.words("limbs") and said & known.words("posed"))
         or bool(past & known.verbs)
         or FORBIDS.match(first) is not None
         or begins(rest, 0, known.phrases("faster") + known.phrases("slower") + known.phrases("again")) is not None

@@ -40,8 +40,10 @@ def begins(tokens: list[Token], place: int, phrases: tuple[str, ...]) -> str | N
 
 
 def stem(word: str) -> str:
-    """A verb without "-ing" or "-ed": "waving" -> "wave"; the word itself where none fits."""
+    """A verb without "-ing" or "-ed": "waving" -> "wave", "spun" -> "spin"; the word itself where none fits."""
     verbs = vocabulary().verbs
+    if word in vocabulary().table["participles"]:
+        return str(vocabulary().table["participles"][word])
     if word.endswith("ing") and len(word) >= 6:
         root = word[:-3]
     elif word.endswith("ed") and len(word) >= 5 and word not in verbs:
