@@ -73,9 +73,9 @@ def clause_of(part: Part, forbidding: bool) -> Clause | None:
     if counted and amount is None and words[:1] in (["step"], ["sidestep"]):
         amount, times, counted = Amount(float(times), "steps", f"{times} times"), 1, False
     places = destinations(words)
-    if amount is None and not counted:
+    if amount is None:
         ends = None if until_told or plain_stop else condition
-        refusal = refusal or unbounded(own, ends, places[0] if places else None)
+        refusal = refusal or unbounded(ends, places[0] if places else None)
     more = amount is not None and not own and bool(known.words("further") & set(said.split()))
     return Clause(
         said,

@@ -91,11 +91,13 @@ def _parsed(sentence: str) -> tuple[Clause, ...]:
         own = [token for token in stripped(part.tokens) if isinstance(token, str) and not is_mark(token)]
         clause = completed(clause, own, clauses[-1] if clauses else None)
         forbidding = clause.forbidden
+        if clauses and clause.asks is clauses[-1].asks and clause.asks in (Asks.FASTER, Asks.SLOWER):
+            clauses.pop()  # "that's too fast, slow down a bit" asks once
         clauses.append(replace(clause, joint=part.joint if clauses else ","))
     if not clauses:
         return (Clause(sentence, sentence),)
     clauses[0] = replace(clauses[0], notes=(*names, *clauses[0].notes))
-    if len(clauses) == 1 and clauses[0].said == words and _is_plain(clauses[0]):
+    if len(clauses) == 1 and clauses[0].said == words and _is_plain(clauses[0]) and not clauses[0].dropped:
         # The listener gets the sentence as it was given.
         return (replace(clauses[0], said=sentence, text=sentence),)
     return tuple(clauses)

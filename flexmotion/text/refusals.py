@@ -27,13 +27,10 @@ def refusal_of(words: list[str]) -> str | None:
     return _walking_refusal(words, text)
 
 
-def unbounded(words: list[str], condition: str | None, destination: str | None) -> str | None:
-    """Why a motion of the feet that only its end or its place would bound is not begun; None where nothing does."""
-    known = vocabulary()
-    if not words or words[0] not in known.words("walk_verbs") | known.words("turn_verbs"):
-        return None
+def unbounded(condition: str | None, destination: str | None) -> str | None:
+    """Why a motion that only a moment or a place would end is not begun; None where nothing is to end it."""
     if condition is not None:
-        return f"{condition!r}: the robot cannot tell when that is, and would go on"
+        return f"{condition!r}: the robot cannot tell when that is"
     return None if destination is None else f"{destination!r}: a place: the robot knows none, and would go on"
 
 

@@ -6,7 +6,9 @@ import re
 from dataclasses import dataclass, field
 
 from flexmotion.text.amounts import Amount, Token, is_mark
+from flexmotion.text.clause import Asks
 from flexmotion.text.prompt_reader import FORBIDS, FORBIDS_NOTHING, WITHOUT_TURNING
+from flexmotion.text.relative import asked_change
 from flexmotion.text.vocabulary import vocabulary
 from flexmotion.text.wording import begins, opens_by_number, plain, stem, stripped
 
@@ -117,6 +119,11 @@ def parts_of(tokens: list[Token]) -> list[Part]:
         if is_mark(token):
             if _begins_request(tokens, place + 1, parts[-1].tokens):
                 open_part("then" if token in (".", ";", "!", "?") else ",")
+            elif asked_change(plain(stripped(parts[-1].tokens)), None, "then") in (Asks.FASTER, Asks.SLOWER):
+                # "hurry up, we are late": the rest asks for nothing.
+                end = _next_joint(tokens, place + 1)
+                parts[-1].dropped += [plain(tokens[place + 1 : end])] if end > place + 1 else []
+                place = end - 1
             place += 1
             continue
         if token == "but" and not parts[-1].tokens:
@@ -128,6 +135,7 @@ def parts_of(tokens: list[Token]) -> list[Part]:
             place += 1
             continue
         waits = parts[-1].joint in ("after", "before") and _names_request(parts[-1].tokens, 0)
+        waits = waits and _is_whole(parts[-1].tokens)
         if _runs_on(tokens, place, parts[-1].tokens):
             open_part(",")
         if waits and token not in known.words("directions") and _begins_request(tokens, place, []):
@@ -219,9 +227,9 @@ def _begins_request(tokens: list[Token], place: int, before: list[Token]) -> boo
     rest = tokens[place:]
     while rest and (phrase := begins(rest, 0, known.phrases("fillers") + known.phrases("first"))):
         rest = rest[len(phrase.split()) :]
-    rest = rest[1:] if opens_by_number(rest) else rest
+    rest = stripped(rest[1:]) if opens_by_number(rest) else rest
     own = [token for token in before if token not in known.words("directions")]
-    if not rest or (before and not _names_request(own, 0)):
+    if not rest or (before and not _names_request(own, 0) and not _has_verb(own)):
         return False  # "oh, run along", "left hand, wave", "backward, march": the words before do not ask for anything
     first = rest[0]
     if isinstance(first, Amount):
@@ -247,6 +255,20 @@ def _begins_request(tokens: list[Token], place: int, before: list[Token]) -> boo
         return True
     started = tokens[place] in ("start", "begin") and stem(first) in known.verbs  # "bow and start walking"
     return started or first in known.verbs  # "…, facing me" belongs to what is before it
+
+
+def _has_verb(tokens: list[Token]) -> bool:
+    """Whether a word is a verb, wherever it stands: "action run forward", "you go back"."""
+    verbs = vocabulary().verbs
+    return any(isinstance(token, str) and stem(token) in verbs for token in tokens)
+
+
+def _is_whole(tokens: list[Token]) -> bool:
+    """Whether a part needs no more words: "five seconds", "waving"; "taken" does."""
+    last = tokens[-1]
+    if isinstance(last, str):
+        return len(tokens) == 1 and stem(last) != last and last not in vocabulary().table["participles"]
+    return isinstance(last, Amount)
 
 
 def _names_request(tokens: list[Token], place: int) -> bool:

@@ -70,7 +70,7 @@ def stripped(tokens: list[Token]) -> list[Token]:
     while tokens and (opening := begins(tokens, 0, first)):
         tokens = tokens[len(opening.split()) :]
     if opens_by_number(tokens):
-        tokens = tokens[1:]
+        return stripped(tokens[1:])
     if tokens and isinstance(tokens[0], str):
         tokens = [stem(tokens[0]), *tokens[1:]]
     return tokens
@@ -79,4 +79,5 @@ def stripped(tokens: list[Token]) -> list[Token]:
 def opens_by_number(tokens: list[Token]) -> bool:
     """Whether a request begins with its place in the sentence: "third, wave"."""
     known = vocabulary()
-    return len(tokens) > 1 and tokens[0] in known.words("ordinals") and tokens[1] in known.verbs
+    following = tokens[2:3] if tokens[1:2] == ["you"] else tokens[1:2]
+    return bool(following) and tokens[0] in known.words("ordinals") and following[0] in known.verbs
