@@ -15,7 +15,7 @@ _FORGIVEN = 0.1
 fault, one that is wrong one time in a hundred does not."""
 _MOST = 4
 """Highest level, over the patience: above it, so that a sensor that goes on is a fault however large the patience is,
-and bounded, so that one that was wrong for minutes is believed again after 30 good readings for each of the patience."""
+and bounded: one that was wrong for minutes is believed again after 30 times as many good readings as the patience."""
 
 
 class Suspicion:

@@ -168,6 +168,7 @@ class ControlLoop:
         self._pins.fill(np.nan)
         self.driver.take_pins(self._pins)
         self.servo.take_pins(self._pins)
+        np.copyto(self.command.position, self._pins, where=np.isfinite(self._pins))  # also where goals are frozen
         self.plausibility.check(self.state, self.now.qd, self.tick_count, powered=powered)
         if self.tick_count - self._last_tick > _LATE_TICKS and powered:
             self.servo.rejoin()  # the servos have held their goals meanwhile
@@ -234,7 +235,10 @@ class ControlLoop:
             if not self.driver.connected:
                 inputs.cut_off = lost
         elif inputs.fault is None:
-            self._hardware_fault = inputs.fault = self.audit.problem(measured)
+            fault = self.audit.problem(measured)
+            if fault is None and state is State.READY and not self._arrived:
+                fault = self.audit.lying_imu()  # a start, until the robot has stood up
+            self._hardware_fault = inputs.fault = fault
         if not self.estimator.has_imu:
             self.audit.warn_of_imu()
 

@@ -76,6 +76,22 @@ def test_an_offset_decays_at_a_bounded_speed_and_no_other_goal_is_bound(op3: Rob
     np.testing.assert_allclose(moved, torque / op3.kp)
 
 
+def test_after_a_pin_goals_begin_there_and_step_by_no_more_than_an_offset_decays(op3: Robot) -> None:
+    """Without it the servo went to the newest goal in one tick, and no test saw it."""
+    command, state, zero = ServoCommand(op3, 0.004), RobotState(op3.n), np.zeros(op3.n)
+    state.voltage[:] = op3.nominal_voltage
+    command.reset(op3.stand_pose)
+    knee, pins = op3.index("l_knee"), np.full(op3.n, np.nan)
+    pins[knee] = op3.stand_pose[knee] + 0.1
+    np.copyto(state.position, np.where(np.isfinite(pins), pins, op3.stand_pose))
+    command.take_pins(pins)
+    goals = [command.update(op3.stand_pose, zero, zero, state).copy() for _ in range(20)]
+    assert goals[0][knee] == pytest.approx(pins[knee])
+    most = DECAY_SHARE * op3.no_load_speed / op3.rate_hz
+    assert (np.abs(np.diff(goals, axis=0)) <= most + 1e-12).all()
+    np.testing.assert_allclose(goals[-1], op3.stand_pose)
+
+
 def test_a_reference_that_is_no_number_holds_a_joint_for_one_tick_alone(op3: Robot) -> None:
     """It stayed in the offset: the joint took no goal any more."""
     command, state, zero = ServoCommand(op3, 0.004), RobotState(op3.n), np.zeros(op3.n)
