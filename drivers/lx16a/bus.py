@@ -42,7 +42,7 @@ class Lx16aBus(ServoBus):
         self._client, self._decoder = SumClient(port, FORMAT), SumDecoder(FORMAT)
         self._position_limits = np.array([[s.min_tick for s in self.servos], [s.max_tick for s in self.servos]])
         self._tick = np.array([servo.tick_rad for servo in self.servos])
-        self._read_at = np.zeros(m)
+        self._read_at = np.full(m, -np.inf)  # a first reading has no speed
         self._sent = np.full(m, np.nan)
         self._next_read = self._next_write = self._next_status = 0
         self._queue: list[tuple[int, Command]] = []

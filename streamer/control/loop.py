@@ -81,7 +81,7 @@ class ControlLoop:
         self.load = LoadEstimator(robot)
         self.suspension = Suspension(robot)
         self.punctuality = Punctuality(robot)
-        self.plausibility, self.obedience = Plausibility(robot, driver.turns), Obedience(robot)
+        self.plausibility, self.obedience = Plausibility(robot, driver.turns), Obedience(robot, driver.turns)
         self.audit = HardwareAudit(robot, self.punctuality, self.plausibility, self.obedience, self._warn)
         self.servo = ServoCommand(robot, driver.delay_s)
         self.move = PostureMove(robot, retargeter.body.dynamics)
@@ -225,10 +225,8 @@ class ControlLoop:
             return
         tilted = math.hypot(*self.estimator.tilt) > self.robot.safety.fall_tilt
         inputs.fallen = bool(self.estimator.has_imu and tilted)
-        # Of joints that are read in turns nobody knows in time whether they follow.
-        if state in _JUDGED and self.driver.turns == 1:
-            goal, known = self.command.position, measured.stale == 0
-            self.obedience.update(goal, self._load, measured.position, measured.velocity, known)
+        if state in _JUDGED:
+            self.obedience.update(self.command.position, self._load, measured.position, measured.stale == 0)
         lost = self.audit.lost_bus(measured)
         if lost is not None:
             self._hardware_fault = inputs.bus_lost = lost
