@@ -30,6 +30,10 @@ SERVO_CYCLE_S = 0.001
 SETTLE_S = 0.05
 """Time after switching on in which servos without torque are switched on again; later it is a fault [s]."""
 
+CONFIRM_S = 0.2
+"""Time in which servos are asked whether torque went off, of all buses together [s]. The loop does not tick meanwhile,
+and whoever cuts the torque waits for it; it is enough for two rounds on a bus whose servos are asked one by one."""
+
 IMU_PATIENCE_S = 0.15
 """Longest time that `open` waits for a sample of the IMU [s]; longer than a sensor needs to reach its rate."""
 
@@ -181,8 +185,10 @@ class BusDriver(Driver):
             for bus in self.buses:
                 bus.send_off()
             # Only now: servos that are silent on one bus must not delay the others.
-            for bus in self.buses:
-                bus.confirm_off()
+            end = self.buses[0].port.now() + CONFIRM_S
+            for place, bus in enumerate(self.buses):
+                now = bus.port.now()
+                bus.confirm_off(now + (end - now) / (len(self.buses) - place))
             return
         try:
             for bus in self.buses:

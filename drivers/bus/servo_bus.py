@@ -188,8 +188,8 @@ class ServoBus(ABC):
         """Send torque off to all servos; waits for no answer."""
 
     @abstractmethod
-    def torque_is_off(self) -> Bool:
-        """Ask all servos, blocking: which of them say that torque is off, (m,)."""
+    def torque_is_off(self, asked: Bool, until: float) -> Bool:
+        """Ask the servos in `asked`, blocking until time `until` [s] at most: which say that torque is off, (m,)."""
 
     @abstractmethod
     def damp(self) -> None:
@@ -199,14 +199,17 @@ class ServoBus(ABC):
         """`servo of JOINT (id N)` for messages."""
         return f"servo of {self.robot.joint_names[self.joints[slot]]} (id {self.ids[slot]})"
 
-    def confirm_off(self) -> None:
-        """Ask servos whether torque is off, blocking, and send it again; fills `holding`."""
-        off = self.torque_is_off()
+    def confirm_off(self, until: float) -> None:
+        """Ask servos whether torque is off, and send it again to all while some have not confirmed it.
+
+        Fills `holding`. Blocks until time `until` [s] at most, on a bus that does not answer too.
+        """
+        off = self.torque_is_off(np.ones(len(self.ids), np.bool_), until)
         for _ in range(TRIES - 1):
-            if off.all() or self.port.lost is not None:
+            if off.all() or self.port.lost is not None or self.port.now() >= until:
                 break
             self.send_off()
-            off |= self.torque_is_off()
+            off |= self.torque_is_off(~off, until)
         self.measured.torque[off] = False
         names = self.robot.joint_names
         self.holding = [f"{names[self.joints[slot]]} (id {self.ids[slot]})" for slot in np.flatnonzero(~off)]

@@ -181,8 +181,8 @@ class DynamixelBus(ServoBus):
         self.measured.watchdog[tripped] = 0  # until they are read again
         self._trips[tripped] += 1
         self._rearm = 2
-        # They have stopped where they were; the next goals begin there.
-        np.copyto(self.pins, np.clip(self.measured.ticks, *self.position_limits), where=tripped & self.measured.fresh)
+        # They have stopped where they were; the next goals begin there, inside the envelope.
+        np.copyto(self.pins, self.guard.nearest(self.measured.ticks), where=tripped & self.measured.fresh)
         for slot in np.flatnonzero(tripped):
             log.warning("%s: its bus watchdog has tripped, goals were refused: cleared", self.joint_name(int(slot)))
         self.measured.error[self._trips > MOST_TRIPS] |= WATCHDOG_TRIPS
@@ -244,13 +244,13 @@ class DynamixelBus(ServoBus):
         self._on = False
         self._switch(np.ones(len(self.ids), np.bool_), on=False)
 
-    def torque_is_off(self) -> Bool:
-        """See `ServoBus`."""
-        return self._registers(("torque_enable",), LATE_S)[:, 0] == 0
+    def torque_is_off(self, asked: Bool, until: float) -> Bool:
+        """See `ServoBus`. All are asked at once."""
+        return self._registers(("torque_enable",), min(LATE_S, until - self.port.now()))[:, 0] == 0
 
-    def confirm_off(self) -> None:
+    def confirm_off(self, until: float) -> None:
         """See `ServoBus`. Watchdogs are switched off after it: they would trip."""
-        super().confirm_off()
+        super().confirm_off(until)
         self._write_all("bus_watchdog", 0)
 
     def damp(self) -> None:

@@ -145,13 +145,14 @@ class FeetechBus(ServoBus):
         self._on = False
         self._sync_write("torque_enable", [0] * len(self.ids))
 
-    def torque_is_off(self) -> Bool:
+    def torque_is_off(self, asked: Bool, until: float) -> Bool:
         """See `ServoBus`. All are asked at once: silent servos cost the time of one."""
-        held = self._read_all("torque_enable", self.ids)
-        silent = [id_ for id_ in self.ids if id_ not in held]
+        ids = [id_ for id_, one in zip(self.ids, asked, strict=True) if one]
+        held = self._read_all("torque_enable", ids, until)
+        silent = [id_ for id_ in ids if id_ not in held]
         if held and len(silent) > 1:
             # Those after the first silent servo may be silent for it.
-            held |= self._read_all("torque_enable", silent[1:] + silent[:1])
+            held |= self._read_all("torque_enable", silent[1:] + silent[:1], until)
         return np.array([held.get(id_) == 0 for id_ in self.ids])
 
     def damp(self) -> None:
@@ -182,13 +183,13 @@ class FeetechBus(ServoBus):
         while not self.receive(now := self.port.now()):
             self.port.wait_any([self.port], self._patience - now)
 
-    def _read_all(self, name: str, ids: list[int]) -> dict[int, int]:
-        """Read a register of several servos in one exchange, blocking; those that answer, by id."""
+    def _read_all(self, name: str, ids: list[int], until: float) -> dict[int, int]:
+        """Read a register of several servos in one exchange, blocking until `until` at most; answers by id."""
         register, decoder, found = sts()[name], SumDecoder(FORMAT), dict[int, int]()
         self.port.receive()
         params = bytes([register.address, register.size, *ids])
         self.port.send(FORMAT.encode(BROADCAST, Instruction.SYNC_READ, params))
-        patience = self.port.busy_until + self._answers_s(register.size) + LATENCY_S
+        patience = min(self.port.busy_until + self._answers_s(register.size) + LATENCY_S, until)
         while len(found) < len(ids) and (now := self.port.now()) < patience and self.port.lost is None:
             for packet in decoder.feed(self.port.wait(patience - now)):
                 if packet.id in ids and len(packet.params) == register.size:

@@ -27,8 +27,10 @@ Float = NDArray[np.float64]
 OVERHEATED = 0x04
 """Hardware error bit of a servo that overheated and shut down (bit 2 of Dynamixel's hardware error status)."""
 
-BLOCKED_DAMPING = 1e4
-"""Damping of a blocked joint: against all torque of a servo it moves by less than a tick a second [N·m·s/rad]."""
+BLOCKED_SHARE, BLOCKED_IMPEDANCE = 12.0, (0.999, 0.9999, 0.001, 0.5, 2.0)
+"""Friction of a blocked joint over its servo's stall torque, and the impedance (`solimp`) of this constraint: against
+all torque of a servo it creeps by a few ticks a second. A damping that no servo overcomes is outside MuJoCo's solver:
+the state of a walking robot diverged."""
 
 UNBOUND = 1e6
 """Torque bound above every servo's torque [N·m]; finite, because the delay line averages bounds."""
@@ -61,7 +63,7 @@ class SimDriver(LockstepDriver):
         self._truth = GroundTruth(robot, self.model, self.data)
         self._weld = self.model.equality(HOLDER).id
         self._has_current = np.array([servo.current_unit is not None for servo in robot.servos])
-        self._free_damping: dict[int, float] = {}
+        self._free: dict[int, tuple[float, Float]] = {}  # friction and impedance of joints that were blocked
         self._open = False
         self._reset()
 
@@ -176,11 +178,13 @@ class SimDriver(LockstepDriver):
         self._delay.push(self._command_row)
 
     def block(self, joint: int, on: bool) -> None:
-        """Hold a joint by damping that no servo overcomes, or let it go."""
+        """Hold a joint by friction that no servo overcomes, or let it go."""
         dof = int(self.robot.dof_address[joint])
-        if joint not in self._free_damping:
-            self._free_damping[joint] = float(self.model.dof_damping[dof])
-        self.model.dof_damping[dof] = BLOCKED_DAMPING if on else self._free_damping[joint]
+        model = self.model
+        if joint not in self._free:
+            self._free[joint] = float(model.dof_frictionloss[dof]), model.dof_solimp[dof].copy()
+        blocked = BLOCKED_SHARE * float(self.robot.stall_torque[joint]), BLOCKED_IMPEDANCE
+        model.dof_frictionloss[dof], model.dof_solimp[dof] = blocked if on else self._free[joint]
 
     def damp(self) -> None:
         """Pin the goals and lower gain and voltage (see `ServoPlant.damp`)."""

@@ -13,21 +13,27 @@ Bool = NDArray[np.bool_]
 _FORGIVEN = 0.1
 """Wrong readings that one good reading makes up for: a sensor that is wrong more often than one time in ten becomes a
 fault, one that is wrong one time in a hundred does not."""
-_MOST = 20.0
-"""Highest level: a sensor that was wrong for minutes is believed again after some 200 good readings."""
+_MOST = 4
+"""Highest level, over the patience: above it, so that a sensor that goes on is a fault however large the patience is,
+and bounded: one that was wrong for minutes is believed again after 30 times as many good readings as the patience."""
 
 
 class Suspicion:
     """Counts wrong readings of m sensors; good ones in between count against them.
+
+    Args:
+        m: number of sensors.
+        patience: level above which a sensor counts as one that goes on, `max_stale_reads` of the robot file.
 
     Attributes:
         level: wrong readings in a row, reduced by good ones, (m,).
         total: all wrong readings so far.
     """
 
-    def __init__(self, m: int) -> None:
+    def __init__(self, m: int, patience: int) -> None:
         self.level = np.zeros(m)
         self.total = 0
+        self._most = float(_MOST * patience)
 
     def reset(self) -> None:
         """Forget the level; the total stays."""
@@ -40,7 +46,7 @@ class Suspicion:
         elif not self.level.any():
             return
         self.level[asked & wrong] += 1.0
-        np.minimum(self.level, _MOST, out=self.level)
+        np.minimum(self.level, self._most, out=self.level)
         good = asked & ~wrong
         self.level[good] = np.maximum(self.level[good] - _FORGIVEN, 0.0)
 

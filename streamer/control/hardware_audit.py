@@ -85,7 +85,7 @@ class HardwareAudit:
             return error
         imu = self.robot.config.imu
         if imu is not None and imu.required and measured.imu_stale > limits.max_stale_reads:
-            if self.plausibility.imu_suspicion.level[0] > limits.max_stale_reads:
+            if self._imu_lies:
                 return "IMU measures what cannot be"
             return f"IMU has not answered for {measured.imu_stale} reads{self.punctuality.remark}"
         disobedient = self.obedience.worst
@@ -119,12 +119,25 @@ class HardwareAudit:
             )
         if imu is not None and imu.required and not has_imu:
             return "the robot file requires an IMU and none answers"
-        return self.problem(measured)
+        return self.problem(measured) or self.lying_imu()
+
+    def lying_imu(self) -> str | None:
+        """Why a robot must not stand up with the IMU that it has, also with one that it does not require.
+
+        A sensor that lies is worse than none: a robot without an IMU is known to run open loop, and one that is
+        believed again at any time tilts the robot.
+        """
+        if not self._imu_lies:
+            return None
+        return "the IMU measures what cannot be: replace it, or run open loop without `imu` in the robot file"
+
+    @property
+    def _imu_lies(self) -> bool:
+        return bool(self.plausibility.imu_suspicion.level[0] > self.robot.safety.max_stale_reads)
 
     def warn_of_imu(self) -> None:
         """Warn that there is no IMU, or none that can be believed."""
-        wrong = self.plausibility.imu_suspicion.level[0] > self.robot.safety.max_stale_reads
-        what = "the IMU measures what cannot be" if wrong else "no IMU"
+        what = "the IMU measures what cannot be" if self._imu_lies else "no IMU"
         self.warn("imu", f"{what}: the robot runs open loop, falls are not detected")
 
     def warn(self, kind: str, message: str) -> None:

@@ -70,8 +70,8 @@ class Plausibility:
         self._stamp_ns, self._tick = 0, -1
         self.unread = np.full(n, patience + 1, np.int64)
         self.doubted, self.expected = np.zeros(n, np.bool_), np.full(n, np.nan)
-        self.suspicions = tuple(Suspicion(n) for _ in KINDS)
-        self.imu_suspicion = Suspicion(1)
+        self.suspicions = tuple(Suspicion(n, patience) for _ in KINDS)
+        self.imu_suspicion = Suspicion(1, patience)
         self._never = np.zeros(n, np.bool_)  # joints that are not believed again before torque goes off
         least = np.array([servo.min_voltage for servo in servos])
         self._voltage = Believed(n, (1 - SUPPLY_MARGIN) * least, (1 + SUPPLY_MARGIN) * most)

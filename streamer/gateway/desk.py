@@ -19,7 +19,7 @@ from flexmotion.streamer.control.ladder import POWERED, State
 from flexmotion.streamer.control.telemetry import Event, Telemetry, events
 from flexmotion.streamer.control.tick_row import TickRow
 from flexmotion.streamer.gateway.asked import Asked, Following, Reply, Sequences
-from flexmotion.streamer.gateway.cause import cause_after
+from flexmotion.streamer.gateway.cause import Cause
 from flexmotion.streamer.gateway.lease import Lease
 from flexmotion.streamer.gateway.messages import (
     Answer,
@@ -82,6 +82,7 @@ class Desk:
         counts: messages received, answers by state, and what was refused, by its reason.
         following: the newest target that was accepted; None before the first.
         sources: who sent the newest targets, by number.
+        cause: why the robot does not do as it is told.
     """
 
     def __init__(
@@ -100,7 +101,7 @@ class Desk:
         self.lease = Lease(settings)
         self.counts: Counter[str] = Counter()
         self.following: Following | None = None
-        self.cause: str | None = None
+        self.cause = Cause()
         self.sources: OrderedDict[int, str] = OrderedDict()
         self._ticks: Ring = telemetry.ticks
         self._events = telemetry.events.reader(new_only=True)
@@ -157,7 +158,7 @@ class Desk:
             self._answered(heard)
         new = events(self._events)
         for event in new:
-            self.cause = cause_after(event, self.cause)
+            self.cause.take(event)
         self._match(new)
         self._time_out(now)
         self.lease.lapse(now)

@@ -40,7 +40,8 @@ class Status(BaseModel):
     Attributes:
         loop: "ticks", or "silent" where it has not for half a second.
         state: of the safety ladder.
-        cause: why the state is not one that follows targets, such as a fault, in the loop's words.
+        cause: why the state is not one that follows targets, in the loop's words: the first fault, and behind it the
+            newest one that changed no state, such as torque off that is not confirmed.
         must_stop: a stop is in force: no target is followed.
         time_s: of the robot, since the first tick.
         tilt: roll and pitch of the torso.
@@ -113,7 +114,7 @@ def status_of(
     return Status(
         loop="ticks" if age_s < _OLD_S else "silent",
         state=State(int(row.state)).name,
-        cause=desk.cause,
+        cause=desk.cause.text,
         must_stop=bool(row.must_stop),
         tick=int(row.tick),
         time_s=round(int(row.tick) / rate_hz, 3),

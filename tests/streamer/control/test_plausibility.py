@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from copy import copy
+
 import numpy as np
 import pytest
 
@@ -18,6 +20,13 @@ RATE = 125.0
 @pytest.fixture(scope="module")
 def op3() -> Robot:
     return load_robot("op3")
+
+
+def patient(op3: Robot, reads: int) -> Robot:
+    """OP3 whose sensors may be silent or wrong for so many reads."""
+    robot = copy(op3)
+    robot.safety = op3.safety.model_copy(update={"max_stale_reads": reads})
+    return robot
 
 
 class Watched:
@@ -159,12 +168,27 @@ def test_limp_joints_may_be_moved_by_hand(watched: Watched) -> None:
 
 def test_a_sensor_that_was_wrong_for_minutes_is_believed_again_within_seconds() -> None:
     """Each wrong sample of an IMU counted: after ten seconds of them falls were not detected for 100 s."""
-    suspicion, yes = Suspicion(1), np.ones(1, np.bool_)
+    suspicion, yes = Suspicion(1, patience=5), np.ones(1, np.bool_)
     for _ in range(10_000):
         suspicion.note(yes, yes)
     for _ in range(200):
         suspicion.note(~yes, yes)
     assert suspicion.level[0] < 5.0 and suspicion.total == 10_000
+
+
+@pytest.mark.parametrize("reads", [1, 5, 19, 20, 25, 60])
+def test_however_patient_a_robot_file_is_a_sensor_that_goes_on_lying_is_found(op3: Robot, reads: int) -> None:
+    """The level of suspicion ended at 20: with `max_stale_reads: 20` and more, 200 degrees for good were no fault."""
+    watched = Watched(patient(op3, reads))
+    watched.read()
+    for _ in range(reads + 1):
+        watched.read(temperature=200.0, accel=200.0)
+    assert watched.level("temperature") > reads and watched.checks.imu_suspicion.level[0] > reads
+    for _ in range(1000):
+        watched.read(temperature=200.0)
+    for _ in range(40 * reads + 1):
+        watched.read()
+    assert watched.level("temperature") == 0
 
 
 def test_a_gyro_that_was_frozen_is_believed_again_once_torque_is_off(watched: Watched) -> None:

@@ -335,3 +335,39 @@ def test_a_fault_is_told_in_the_status_until_it_is_cleared(make_office: Make) ->
     assert told("state", "FAULT -> OFF") is None
     assert told("fault", "no start: servo of l_knee (id 14) does not answer") is not None
     assert told("state", "OFF -> READY") is None
+
+
+def test_the_first_cause_stays_in_the_status(make_office: Make) -> None:
+    """A pulled cable read as "torque off is not confirmed by …" alone, a dead servo as a planner that had died."""
+    office = make_office()
+    office.run.step()
+
+    def told(kind: str, message: str) -> str | None:
+        office.run.telemetry.emit(office.run.tick, kind, message)
+        office.desk.pump()
+        return status_of(office.desk, "op3", "sim", 125.0, None).cause
+
+    lost, stiff = "bus lost: no joint has answered for 6 reads", "torque off is not confirmed by l_knee (id 14): …"
+    died, begun = "the planner's process died (exit code 1); it is started again", "HOLD -> PARK"
+    assert told("state", f"STREAMING -> HOLD: {lost}") == lost
+    assert told("fault", died) == f"{lost}; {died}"
+    assert told("state", f"{begun}: {lost}") == lost
+    assert told("fault", f"PARK -> FAULT: {lost}") == lost
+    assert told("fault", stiff) == f"{lost}; {stiff}"  # a person beside the robot must know it too
+    assert told("state", "FAULT -> OFF") is None
+    assert told("fault", "no start: servo of l_knee (id 14) does not answer") is not None
+    assert told("fault", "no start: supply at 9.5 V, below 10.2 V") == "no start: supply at 9.5 V, below 10.2 V"
+
+
+def test_a_planner_that_died_is_the_cause_of_the_stand_that_follows(make_office: Make) -> None:
+    """The robot stopped for it, and with the change to HOLD the status told no cause any more."""
+    office = make_office()
+    office.run.step()
+    died = "the planner's process died (exit code 1); it is started again"
+    for kind, message in (("fault", died), ("state", "STREAMING -> HOLD")):
+        office.run.telemetry.emit(office.run.tick, kind, message)
+    office.desk.pump()
+    assert office.desk.cause.text == died
+    office.run.telemetry.emit(office.run.tick, "state", "HOLD -> STREAMING")
+    office.desk.pump()
+    assert office.desk.cause.text is None
