@@ -68,6 +68,8 @@ class BusDriver(Driver):
         self._imu_raised = False
         self._period = 1.0 / robot.rate_hz
         self._measured, self._raw = np.full((5, n), np.nan), np.zeros(n)
+        self._directions = np.ones((5, n))
+        self._directions[1:3] = robot.direction
         self._stale, self._imu_stale = np.zeros(n, np.int64), 0
         self._on_since: float | None = None
         self._stamp_ns = self._violations = 0
@@ -156,11 +158,9 @@ class BusDriver(Driver):
         self._cycle(begin, begin + READ_SHARE * self._period)
         for bus in self.buses:
             self._take(bus, state)
-        robot, measured = self.robot, self._measured
-        state.values[:] = measured
-        robot.from_ticks(measured[0], out=state.position)
-        turning = state.values[1:3]  # velocity and effort
-        turning *= robot.direction
+        # Velocity and effort in the direction of the joints, then positions in their units.
+        np.multiply(self._measured, self._directions, out=state.values)
+        self.robot.from_ticks(self._measured[0], out=state.position)
         state.stale[:] = self._stale
         self._look_at_torque(begin, state)
         self._read_imu(state)

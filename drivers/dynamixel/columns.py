@@ -15,6 +15,7 @@ class Columns:
 
     Args:
         count: number of rows, k.
+        head: bytes before the first row.
         before, after: bytes of a row before and after the servo's data; the first before them is the error byte.
         watchdog: whether the data begin with the watchdog.
 
@@ -23,18 +24,18 @@ class Columns:
         supply: voltage and temperature, (2, k) [servo units].
     """
 
-    def __init__(self, count: int, *, before: int = 0, after: int = 0, watchdog: bool) -> None:
+    def __init__(self, count: int, *, head: int = 0, before: int = 0, after: int = 0, watchdog: bool) -> None:
         self.watchdog = watchdog
         self._step = before + READ_SIZE + after
-        self._first = first = before + (SHIFT if watchdog else 0)
-        self._turn = before + (WATCHDOG if watchdog else TORQUE)
-        self._rows, self._held = b"", bytearray(count * self._step)
+        self._first = first = head + before + (SHIFT if watchdog else 0)
+        self._head, self._turn = head, head + before + (WATCHDOG if watchdog else TORQUE)
+        self._rows, self._held = b"", bytearray(head + count * self._step)
         # Views of the same bytes.
         self.motion = np.ndarray((3, count), "<i2", self._held, first + MOTION, (2, self._step))
         self.supply: NDArray[np.uint8] = np.ndarray((2, count), "u1", self._held, first + SUPPLY, (1, self._step))
 
     def fill(self, rows: bytes) -> None:
-        """Take the rows of a cycle, of the length that all rows have together."""
+        """Take the bytes of a cycle, as many as head and rows have together."""
         self._rows = self._held[:] = rows
 
     @property
@@ -60,4 +61,4 @@ class Columns:
     @property
     def statuses(self) -> bytes:
         """Error byte before each servo's data; of no meaning where rows have none."""
-        return self._rows[:: self._step]
+        return self._rows[self._head :: self._step]

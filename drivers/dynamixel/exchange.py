@@ -25,7 +25,7 @@ RETRY_CYCLES, MOST_RETRY_CYCLES = 1000, 100_000
 STRIKES = 3
 """Consecutive fast reads without an answer, each followed by an answered sync read, before fast reads are given up."""
 
-_STATUS_OVERHEAD, FAST_OVERHEAD, _FAST_HEAD = 11, 4, 8
+_STATUS_OVERHEAD, FAST_OVERHEAD, FAST_HEAD = 11, 4, 8
 """Bytes around a servo's data in a status packet and in a fast reply, and bytes before the first servo's data."""
 _FAST_START = HEADER + bytes([BROADCAST])
 """Start of a fast reply. A late answer to a sync read may have the same length (with a stuffed byte) and a valid CRC at
@@ -85,11 +85,17 @@ class ReadOne(Exchange):
 
     def take(self, data: bytes) -> bool:
         """See `Exchange`."""
-        if len(data) == self.sizes[1] and data.startswith(self._head) and not self._decoder.waiting:
-            # The usual answer: whole, alone, and without byte stuffing, which would make it longer.
-            if crc16(data[:-2]) == int.from_bytes(data[-2:], "little") and MARK not in data[len(self._head) :]:
-                self.answers[self._id] = data[len(self._head)], data[len(self._head) + 1 : -2]
-                return True
+        head = len(self._head)
+        if (
+            len(data) == self.sizes[1]
+            and data.startswith(self._head)
+            and not self._decoder.waiting
+            and MARK not in data[head:]
+            and crc16(data[:-2]) == int.from_bytes(data[-2:], "little")
+        ):
+            # The usual answer: whole, alone, and without byte stuffing.
+            self.answers[self._id] = data[head], data[head + 1 : -2]
+            return True
         for packet in self._decoder.feed(data):
             if packet.intact and packet.id == self._id and len(packet.params) == self._size + 1:
                 self.answers[packet.id] = packet.params[0], packet.params[1:]
@@ -107,8 +113,8 @@ class ReadMany(Exchange):
     Attributes:
         fast: whether it is a fast sync read.
         order, asked: ids in the order asked, as a list and as bytes.
-        whole: a complete fast reply without its header: error, id, data and CRC of each servo in that order; `answers`
-            is empty then. None without a complete one.
+        whole: a complete fast reply: header, then error, id, data and CRC of each servo in that order; `answers` is empty
+            then. None without a complete one.
     """
 
     def __init__(self, ids: Sequence[int], span: Span, *, fast: bool, where: str) -> None:
@@ -132,7 +138,8 @@ class ReadMany(Exchange):
     def begin(self) -> bytes:
         """See `Exchange`."""
         self.forget()
-        self._decoder.clear()
+        if self._decoder.waiting:
+            self._decoder.clear()
         packet = self._packets.get(self.span.address)
         return self._encode() if packet is None else packet
 
@@ -144,9 +151,11 @@ class ReadMany(Exchange):
     def take(self, data: bytes) -> bool:
         """See `Exchange`."""
         if self._asks_fast:
-            self._reply += data
-            start = self._reply.find(_FAST_START)
-            return start >= 0 and len(self._reply) - start >= self.sizes[1]
+            reply = self._reply = self._reply + data if self._reply else data
+            if len(reply) < self.sizes[1] or reply.startswith(_FAST_START):
+                return len(reply) >= self.sizes[1]
+            start = reply.find(_FAST_START)
+            return start >= 0 and len(reply) - start >= self.sizes[1]
         for packet in self._decoder.feed(data):
             if not packet.intact or packet.id not in self._known or len(packet.params) != self.span.size + 1:
                 continue
@@ -157,10 +166,10 @@ class ReadMany(Exchange):
     def end(self) -> None:
         """See `Exchange`."""
         if self._asks_fast and self._split():
-            if self._retrying:
+            if self._given_up:
                 log.warning("%s: fast sync reads are answered again", self._where)
-            self._strikes = self._given_up = 0
-            self._retry_cycles = RETRY_CYCLES
+                self._given_up, self._retry_cycles = 0, RETRY_CYCLES
+            self._strikes = 0
             return
         order = self.order
         missing = [id_ for id_ in order if id_ not in self.answers]
@@ -212,23 +221,23 @@ class ReadMany(Exchange):
         packet = self._packets[address] = encode(BROADCAST, kind, params)
         # In a sync read every servo has its own return delay.
         self.delays = 1 if self._asks_fast else many
-        answers = _FAST_HEAD + many * (size + FAST_OVERHEAD) if self._asks_fast else many * (size + _STATUS_OVERHEAD)
+        answers = FAST_HEAD + many * (size + FAST_OVERHEAD) if self._asks_fast else many * (size + _STATUS_OVERHEAD)
         self.sizes = len(packet), answers
         return packet
 
     def _split(self) -> bool:
         """Decode a fast reply; whether it is complete."""
-        start = self._reply.find(_FAST_START)
-        if start < 0:
-            return False
-        size = self.sizes[1]
-        reply = self._reply[start : start + size]
-        if len(reply) == size and crc16(reply[:-2]) == int.from_bytes(reply[-2:], "little"):
-            # Every CRC covers all bytes before it: if the last one is right, all are.
-            rows = reply[_FAST_HEAD:]
-            if rows[1 :: self.span.size + FAST_OVERHEAD] == self.asked:
-                self.whole = rows
-                return True
+        reply, size = self._reply, self.sizes[1]
+        if len(reply) != size or not reply.startswith(_FAST_START):
+            start = reply.find(_FAST_START)
+            if start < 0:
+                return False
+            reply = reply[start : start + size]
+        # Every CRC covers all bytes before it: if the last one is right, all are.
+        whole = len(reply) == size and crc16(reply[:-2]) == int.from_bytes(reply[-2:], "little")
+        if whole and reply[FAST_HEAD + 1 :: self.span.size + FAST_OVERHEAD] == self.asked:
+            self.whole = reply
+            return True
         for error, id_, data in split_fast_status(reply, self.span.size):
             if id_ in self._known and not error & ~ALERT:
                 self.answers[id_] = error, data

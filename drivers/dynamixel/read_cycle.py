@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from flexmotion.configs.robot_file import Bus as BusConfig
 from flexmotion.drivers.bus.servo_bus import Measurement
 from flexmotion.drivers.dynamixel.columns import Columns
-from flexmotion.drivers.dynamixel.exchange import Exchange, ReadMany, ReadOne
+from flexmotion.drivers.dynamixel.exchange import FAST_HEAD, Exchange, ReadMany, ReadOne
 from flexmotion.drivers.dynamixel.layout import SHIFT, Span
 from flexmotion.drivers.dynamixel.opencr import OpenCr
 from flexmotion.drivers.dynamixel.packet import ALERT
@@ -54,7 +54,9 @@ class _Group:
         span, many = read.span, len(read.ids)
         self.read = read
         self.spans = span, Span(span.address - SHIFT, span.size)
-        self.columns = tuple(Columns(many, before=2, after=2, watchdog=watchdog) for watchdog in (False, True))
+        self.columns = tuple(
+            Columns(many, head=FAST_HEAD, before=2, after=2, watchdog=watchdog) for watchdog in (False, True)
+        )
         self.asked = b""
         self.slots: list[int] = []
         self.where: Slots | slice = _ALL
@@ -247,5 +249,5 @@ class ReadCycle:
         if self.read_watchdogs:
             measured.watchdog[where] = np.frombuffer(turn, np.int8)[which]
         else:
-            measured.torque[where] = np.frombuffer(turn, np.uint8)[which] == 1
+            measured.torque[where] = np.frombuffer(turn, np.uint8)[which] == 1 if turn.strip(b"\1") else True
         measured.fresh[where] = True
