@@ -108,7 +108,9 @@ class Robot:
         self.no_load_speed = _array(servo.no_load_speed for servo in self.servos)
         self.nominal_voltage = _array(servo.nominal_voltage for servo in self.servos)
         self.tick_rad = _array(servo.tick_rad for servo in self.servos)
-        self._centre_tick = _array(servo.centre_tick for servo in self.servos)
+        self._rad_per_tick = _frozen(self.tick_rad * self.direction)
+        self._ticks_per_rad = _frozen(self.direction / self.tick_rad)
+        self._zero_tick = _frozen(_array(servo.centre_tick for servo in self.servos) + self.zero / self.tick_rad)
         self._min_tick = _array(servo.min_tick for servo in self.servos)
         self._max_tick = _array(servo.max_tick for servo in self.servos)
         self._check_servo_ranges()
@@ -179,20 +181,16 @@ class Robot:
 
     def to_ticks(self, position: Float, out: Float | None = None) -> Float:
         """Joint angles [rad] -> servo position units (whole numbers, in the servos' range), (n,)."""
-        out = np.multiply(position, self.direction, out=out)
-        out += self.zero
-        out /= self.tick_rad
-        out += self._centre_tick
+        out = np.multiply(position, self._ticks_per_rad, out=out)
+        out += self._zero_tick
         np.rint(out, out=out)
         np.maximum(out, self._min_tick, out=out)
         return np.minimum(out, self._max_tick, out=out)
 
     def from_ticks(self, ticks: Float, out: Float | None = None) -> Float:
         """Servo position units -> joint angles [rad], (n,)."""
-        out = np.subtract(ticks, self._centre_tick, out=out)
-        out *= self.tick_rad
-        out -= self.zero
-        out *= self.direction
+        out = np.subtract(ticks, self._zero_tick, out=out)
+        out *= self._rad_per_tick
         return out
 
     def _alternatives(self, name: str, known: Iterable[str]) -> str:

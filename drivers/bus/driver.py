@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Callable
 from typing import ClassVar
 
@@ -13,7 +14,7 @@ from flexmotion.configs.errors import ConfigError, DriverError
 from flexmotion.configs.robot import Robot
 from flexmotion.configs.schema import Strict
 from flexmotion.drivers.bus.options import BusOptions
-from flexmotion.drivers.bus.servo_bus import TORQUE_LOST, ServoBus
+from flexmotion.drivers.bus.servo_bus import TORQUE_LOST, ServoBus, every
 from flexmotion.drivers.imu import registry as imus
 from flexmotion.drivers.imu.interface import Imu, StandaloneImu, do_without
 from flexmotion.drivers.interface import Capabilities, Driver, JointCommand, RobotState
@@ -70,7 +71,9 @@ class BusDriver(Driver):
         self._imu: Imu | None = None
         self._imu_raised = False
         self._period = 1.0 / robot.rate_hz
-        self._ticks, self._raw = np.zeros(n), np.zeros(n)
+        self._measured, self._raw = np.full((5, n), np.nan), np.zeros(n)
+        self._directions = np.ones((5, n))
+        self._directions[1:3] = robot.direction
         self._stale, self._imu_stale = np.zeros(n, np.int64), 0
         self._on_since: float | None = None
         self._stamp_ns = self._violations = 0
@@ -159,10 +162,9 @@ class BusDriver(Driver):
         self._cycle(begin, begin + READ_SHARE * self._period)
         for bus in self.buses:
             self._take(bus, state)
-        robot = self.robot
-        robot.from_ticks(self._ticks, out=state.position)
-        state.velocity *= robot.direction
-        state.effort *= robot.direction
+        # Velocity and effort in the direction of the joints, then positions in their units.
+        np.multiply(self._measured, self._directions, out=state.values)
+        self.robot.from_ticks(self._measured[0], out=state.position)
         state.stale[:] = self._stale
         self._look_at_torque(begin, state)
         self._read_imu(state)
@@ -170,11 +172,13 @@ class BusDriver(Driver):
 
     def write(self, command: JointCommand) -> None:
         """Send the goals to all buses. If one is not a number, none is sent and the goals before stay in effect."""
-        robot, bad = self.robot, ~np.isfinite(command.position)
-        if bad.any():
-            log.error("joint %s: goal is not a number", robot.joint_names[int(np.flatnonzero(bad)[0])])
-            return
-        robot.to_ticks(command.position, out=self._raw)
+        robot, position = self.robot, command.position
+        if not math.isfinite(position.dot(position)):  # else all are
+            bad = ~np.isfinite(position)
+            if bad.any():
+                log.error("joint %s: goal is not a number", robot.joint_names[int(np.flatnonzero(bad)[0])])
+                return
+        robot.to_ticks(position, out=self._raw)
         for bus in self.buses:
             bus.send_goals(self._raw[bus.where], command.torque_bound[bus.where])
 
@@ -216,36 +220,38 @@ class BusDriver(Driver):
     # ---------------------------------------------------------------- inside
 
     def _cycle(self, begin: float, deadline: float) -> None:
-        waiting, clock = list(self.buses), self.buses[0].port
-        for bus in waiting:
+        clock = self.buses[0].port
+        for bus in self.buses:
             bus.request(begin)
         self._stamp_ns = round(begin * 1e9)
-        while waiting:
+        waiting, now = [bus for bus in self.buses if bus.port.lost is None], clock.now()
+        while waiting and now < deadline:
+            until = min(deadline, *(bus.patience for bus in waiting))
+            # An adapter that passes an answer on in pieces wakes the loop for the first and the last of them.
+            due = min(bus.due for bus in waiting)
+            if due > now:
+                clock.sleep(min(due, until) - now)
+                now = clock.now()
+            clock.wait_any([bus.port for bus in waiting], until - now)
             now = clock.now()
             waiting = [bus for bus in waiting if not bus.receive(now)]
-            if not waiting or now >= deadline:
-                break
-            until = min(deadline, *(bus.patience for bus in waiting))
-            clock.wait_any([bus.port for bus in waiting], until - clock.now())
         for bus in self.buses:
             bus.finish()
 
     def _take(self, bus: ServoBus, state: RobotState) -> None:
-        """Copy the measurements of a bus to `state`, in the direction of the output shafts."""
+        """Copy the measurements of a bus; those in servo units to `_measured`."""
         measured, where = bus.measured, bus.where
-        if measured.fresh.all():
+        if measured.complete:
             self._stale[where] = 0
         else:
             self._stale[bus.joints[measured.fresh]] = 0
             self._stale[bus.joints[measured.asked & ~measured.fresh]] += 1
-        self._ticks[where] = measured.ticks
-        state.velocity[where], state.effort[where] = measured.velocity, measured.effort
-        state.voltage[where], state.temperature[where] = measured.voltage, measured.temperature
+        self._measured[:, where] = measured.values
         state.hardware_error[where] = measured.error
 
     def _look_at_torque(self, now: float, state: RobotState) -> None:
         """Find servos whose torque is off unasked: during `SETTLE_S` switch it on again, later set `TORQUE_LOST`."""
-        if self._on_since is None or all(bus.measured.torque.all() for bus in self.buses):
+        if self._on_since is None or all(every(bus.measured.torque) for bus in self.buses):
             return
         for bus in self.buses:
             off = ~bus.measured.torque & (self._stale[bus.where] == 0)

@@ -50,6 +50,7 @@ class Measurement:
     """The newest values of the servos of one bus, (m,) each, in the order of the bus.
 
     Attributes:
+        values: the first five of the following, (5, m); they are views of its rows.
         ticks: position in servo units.
         velocity: of the output shaft [rad/s].
         effort: torque at the output shaft [N·m]; NaN where unknown.
@@ -62,11 +63,22 @@ class Measurement:
     """
 
     def __init__(self, m: int) -> None:
-        self.ticks, self.velocity = np.zeros(m), np.zeros(m)
-        self.effort, self.voltage, self.temperature = (np.full(m, np.nan) for _ in range(3))
+        self.values = np.full((5, m), np.nan)
+        self.values[:2] = 0.0
+        self.ticks, self.velocity, self.effort, self.voltage, self.temperature = self.values
         self.error = np.zeros(m, np.int64)
         self.torque, self.watchdog = np.zeros(m, np.bool_), np.zeros(m, np.int64)
         self.fresh, self.asked = np.zeros(m, np.bool_), np.ones(m, np.bool_)
+
+    @property
+    def complete(self) -> bool:
+        """Whether all servos answered in the last cycle."""
+        return every(self.fresh)
+
+
+def every(mask: Bool) -> bool:
+    """`mask.all()`, in a fifth of its time for some tens of values."""
+    return b"\0" not in mask.tobytes()
 
 
 class ServoBus(ABC):
@@ -166,6 +178,11 @@ class ServoBus(ABC):
     @abstractmethod
     def patience(self) -> float:
         """Time at which `receive` gives up the pending exchange [s]."""
+
+    @property
+    def due(self) -> float:
+        """Time before which answers of which a part has come cannot be complete [s]; 0: nothing has come."""
+        return 0.0
 
     @abstractmethod
     def finish(self) -> None:

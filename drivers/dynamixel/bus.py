@@ -60,8 +60,7 @@ class DynamixelBus(ServoBus):
         m = len(self.joints)
         self._client = Client(port)
         self._slot = {id_: slot for slot, id_ in enumerate(self.ids)}
-        self._slot_of = np.zeros(256, np.int64)
-        self._slot_of[self.ids] = np.arange(m)
+        self._slots_of: dict[tuple[int, ...], tuple[int, ...]] = {}  # of the ids in a packet
         self._layouts = [layout_of(table_of(s.name), current_bound=self.config.current_bound) for s in self.servos]
         self._board = board_of(robot, name)
         self._units = round(self.config.watchdog_ms * 1e-3 / WATCHDOG_S)
@@ -72,6 +71,7 @@ class DynamixelBus(ServoBus):
             GoalPacket(layout, self._slots_with(layout), self.ids, self.torque_per_unit)
             for layout in dict.fromkeys(self._layouts)
         ]
+        self._bounded, self._last_bound = any(goals.bounded for goals in self._goals), np.full(m, np.nan)
         self.cycle = ReadCycle(
             port, self.config, self.ids, self.measured, self.torque_per_unit, max(600.0 / robot.rate_hz, 2.0)
         )
@@ -172,11 +172,18 @@ class DynamixelBus(ServoBus):
         """See `ServoBus`."""
         return self.cycle.patience
 
+    @property
+    def due(self) -> float:
+        """See `ServoBus`."""
+        return self.cycle.due
+
     def finish(self) -> None:
         """See `ServoBus`. Watchdogs that have tripped are cleared: their servos refuse goals."""
         self.cycle.finish()
+        if not self._on or not self.cycle.read_watchdogs:
+            return
         tripped = self.measured.watchdog == TRIPPED
-        if not self._on or not tripped.any():
+        if not tripped.any():
             return
         self.measured.watchdog[tripped] = 0  # until they are read again
         self._trips[tripped] += 1
@@ -236,7 +243,7 @@ class DynamixelBus(ServoBus):
         """See `ServoBus`."""
         if off.any():
             ticks = np.clip(self.measured.ticks, *self.position_limits)
-            self._send(np.where(off, ticks, self._last_ticks), self._last_bound, np.where(off, ticks, np.nan))
+            self._send(np.where(off, ticks, self.guard.last), self._last_bound, np.where(off, ticks, np.nan))
             self._switch(off, on=True)
 
     def send_off(self) -> None:
@@ -275,24 +282,34 @@ class DynamixelBus(ServoBus):
 
     def _send(self, ticks: Float, bound: Float, standing: Float | None = None) -> None:
         """Send goals of the whole bus; `standing`: position of servos that are pinned, NaN for the others, (m,)."""
-        ticks = ticks.copy()
         for goals in self._goals:
             packet = goals.encode(ticks, bound, self.current_limit)
-            sent = goals.decode(packet)
-            slots = self._slot_of[sent["id"]]
-            admitted = self.guard.admit(
-                slots,
-                sent["position"],
-                sent["current"] if goals.bounded else None,
-                None if standing is None else standing[slots],
-            )
-            if (admitted != sent["position"]).any():
-                ticks[slots] = admitted
-                packet = goals.encode(ticks, bound, self.current_limit)
+            ids, position, current = goals.decode(packet)
+            slots = self._slots_of.get(ids)
+            if slots is None:
+                slots = self._slots_of[ids] = tuple(self._slot[id_] for id_ in ids)
+            if standing is not None or not self.guard.admits(slots, position, current):
+                admitted = self._admit(np.array(slots), position, current, standing)
+                if (admitted != position).any():
+                    ticks = ticks.copy()
+                    ticks[list(slots)] = admitted
+                    packet = goals.encode(ticks, bound, self.current_limit)
             self.port.send(packet)
-        self._last_ticks, self._last_bound = ticks, bound.copy()
+        if self._bounded:
+            np.copyto(self._last_bound, bound)
         if standing is not None:
             np.copyto(self.pins, ticks, where=np.isfinite(standing))
+
+    def _admit(
+        self, slots: NDArray[np.int64], position: Sequence[int], current: Sequence[int], standing: Float | None
+    ) -> Float:
+        """`GoalGuard.admit` of the goals in a packet."""
+        return self.guard.admit(
+            slots,
+            np.array(position, np.float64),
+            np.array(current, np.float64) if current else None,
+            None if standing is None else standing[slots],
+        )
 
     def _write_all(self, name: str, value: int, which: Bool | None = None) -> None:
         """Set a register of all servos, or of those in `which`, to one value; one packet for each address it has."""
@@ -320,7 +337,7 @@ class DynamixelBus(ServoBus):
     def _pinned(self) -> Bool:
         """Which servos hold the goal that `_pin` has sent, and an armed watchdog, (m,)."""
         held = self._registers(("bus_watchdog", "goal_position"), PATIENCE_S)
-        return (held[:, 0] == self._units) & (held[:, 1] == self._last_ticks.astype(np.int64))
+        return (held[:, 0] == self._units) & (held[:, 1] == self.guard.last)
 
     def _registers(self, names: Sequence[str], slack: float) -> Float:
         """Read registers of all servos, from the first named to the last, blocking; (m, names), NaN without an answer.

@@ -29,39 +29,11 @@ INSTEAD = "bus_watchdog"
 """One byte before these. A read that begins one byte earlier has the watchdog in the place of the torque switch: both
 are read in turns, at no cost on the wire."""
 
-ROW = np.dtype(
-    [
-        ("position", "<i2"),
-        ("velocity", "<i2"),
-        ("current", "<i2"),
-        ("voltage", "u1"),
-        ("temperature", "u1"),
-        ("error", "u1"),
-        ("tick", "u1"),
-        ("torque", "u1"),
-    ]
-)
-"""A servo's bytes in a status packet."""
+MOTION, SUPPLY, ERROR, TICK, TORQUE = 0, 6, 8, 9, 10
+"""Places of position, velocity and current, of voltage and temperature, and of single bytes among a servo's data."""
 
-WATCHDOG_ROW = np.dtype([("watchdog", "i1"), *[(name, ROW[name]) for name in (ROW.names or ())[:-1]]])
-"""The same in a read with the watchdog."""
-
-
-FAST_ROW = np.dtype(
-    [("error_byte", "u1"), ("id", "u1"), *[(name, ROW[name]) for name in ROW.names or ()], ("crc", "<u2")]
-)
-"""A servo's bytes in a fast reply."""
-
-FAST_WATCHDOG_ROW = np.dtype(
-    [
-        ("error_byte", "u1"),
-        ("id", "u1"),
-        *[(name, WATCHDOG_ROW[name]) for name in WATCHDOG_ROW.names or ()],
-        ("crc", "<u2"),
-    ]
-)
-"""The same in a read with the watchdog."""
-
+WATCHDOG, SHIFT = 0, 1
+"""Place of the watchdog in a read that has it, and how much later all others come there."""
 
 _GOAL_ROW, _BOUNDED_GOAL_ROW = (
     np.dtype([("id", "u1"), *bound, ("position", "<i4")]) for bound in ([], [("current", "<i2")])
