@@ -31,26 +31,26 @@ OF_JOINT: tuple[Figure, ...] = ("armature", "frictionloss", "damping")
 
 
 class IdentifiedFigure(Strict):
-    """A value and its uncertainty, which covers the true value with a probability of 95 %."""
+    """A measured value.
+
+    Attributes:
+        value: in the units of `flexmotion.configs.servo.Servo`.
+        uncertainty: covers the true value with a probability of 95 %.
+        date: of the measurement (ISO 8601).
+        motion: that it was measured with.
+    """
 
     value: float = Field(ge=0)
     uncertainty: float = Field(gt=0)
+    date: str
+    motion: str
 
 
 class IdentifiedServo(Strict):
-    """The servo of one joint, valid for this model and id.
-
-    Attributes:
-        servo, id: model and address.
-        date: of the measurement (ISO 8601).
-        motion: that it was measured with.
-        figures: by name.
-    """
+    """The servo of one joint, valid for this model and id; its figures by name."""
 
     servo: str
     id: int
-    date: str
-    motion: str
     figures: dict[Figure, IdentifiedFigure]
 
 
@@ -114,8 +114,11 @@ def _with(servo: Servo, measured: IdentifiedServo) -> Servo:
     if "back_emf" in figures:
         # The slope of the line: the stall torque stays that of the catalogue.
         figures["no_load_speed"] = servo.stall_torque / figures.pop("back_emf")
-    source = Source(text=f"identified {measured.date}, {measured.motion}")
-    return servo.model_copy(update={**figures, "provenance": servo.provenance | dict.fromkeys(figures, source)})
+    sources = {
+        "no_load_speed" if name == "back_emf" else name: Source(text=f"identified {figure.date}, {figure.motion}")
+        for name, figure in measured.figures.items()
+    }
+    return servo.model_copy(update={**figures, "provenance": servo.provenance | sources})
 
 
 def _set(joint: mujoco.MjsJoint, figure: str, value: float) -> None:

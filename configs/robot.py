@@ -67,7 +67,7 @@ class Robot:
         back_emf: torque lost per speed [N·m·s/rad].
         stall_torque, usable_torque: at nominal voltage [N·m].
         no_load_speed: [rad/s].
-        servo_delay: from the arrival of a goal to a servo acting on it [s], one number for all servos: the mean of those
+        servo_delay: from the arrival of a goal to a servo acting on it [s], one number for all: the mean of those
             identified, or else of the catalogue's.
         nominal_voltage: [V].
         tick_rad: position unit [rad].

@@ -53,7 +53,9 @@ class ServoPlant:
         temperature: of the windings [°C].
     """
 
-    def __init__(self, robot: ServoFigures, *, kp_scale: float = 1.0, supply: float | None = None, resistance: float = 0.0):
+    def __init__(
+        self, robot: ServoFigures, *, kp_scale: float = 1.0, supply: float | None = None, resistance: float = 0.0
+    ):
         """`supply` defaults to the lowest nominal voltage of the servos."""
         n = robot.n
         self.goal = np.zeros(n)
