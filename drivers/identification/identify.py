@@ -157,5 +157,6 @@ def _refuse_unexplained(robot: Robot, joint: int, estimate: Estimate) -> None:
     if estimate.error > max(_ERROR_SHARE * estimate.motion, _ERROR_TICKS * tick):
         raise DriverError(
             f"{where}: the servo plant does not explain its motion ({estimate.error:.4f} rad RMS of "
-            f"{estimate.motion:.3f}): something touches the limb, it carries what the robot file does not know, or another joint gives way"
+            f"{estimate.motion:.3f}): something touches the limb, it carries "
+            "what the robot file does not know, or another joint gives way"
         )

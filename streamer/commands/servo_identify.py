@@ -127,8 +127,8 @@ def _plans(robot: Robot, indices: Sequence[int], port: str, amplitude: float | N
         index = int(np.flatnonzero(outside)[0])
         config = robot.joints[index]
         raise DriverError(
-            f"servo of {config.name} (id {config.id}): hangs at {state.position[index]:.2f} rad, more than {margin:g} rad "
-            f"outside [{robot.lower[index]:.2f}, {robot.upper[index]:.2f}]: move it by hand"
+            f"servo of {config.name} (id {config.id}): hangs at {state.position[index]:.2f} rad, more than {margin:g} "
+            f"rad outside [{robot.lower[index]:.2f}, {robot.upper[index]:.2f}]: move it by hand"
         )
     up = np.mean(forces, axis=0) if forces else None
     if up is None:
@@ -211,9 +211,10 @@ def _announcement(robot: Robot, planned: Excitation) -> str:
     config, row = robot.joints[planned.joint], _plan_row(robot, planned)
     low, high = (f"{angle:.2f} rad ({math.degrees(angle):.0f}°)" for angle in row["between_rad"])
     return (
-        f"{config.name} ({config.servo}, id {config.id}): moves between {low} and {high} for {row['seconds']:.0f} s, from "
-        f"{planned.start:.2f} rad and back; at most {row['speed_rad_s']:.2f} rad/s, {row['tip_speed_m_s']:.2f} m/s at its "
-        f"farthest point; torque by the model {row['torque_nm']:.2f} of {robot.usable_torque[planned.joint]:.2f} N·m"
+        f"{config.name} ({config.servo}, id {config.id}): moves between {low} and {high} for {row['seconds']:.0f} s, "
+        f"from {planned.start:.2f} rad and back; at most {row['speed_rad_s']:.2f} rad/s, {row['tip_speed_m_s']:.2f} m/s at "
+        f"its farthest point; torque by the model {row['torque_nm']:.2f} of "
+        f"{robot.usable_torque[planned.joint]:.2f} N·m"
     )
 
 

@@ -90,7 +90,7 @@ def _bus_s(log: Log, robot: Robot) -> float:
     kind = registry.available().get(name)
     if kind is None or not issubclass(kind, BusDriver):
         raise ConfigError(
-            f"{log.path}: is of driver {name!r}, whose bus time is not known: expected a servo bus or sim"
+            f"{log.path}: is of driver {name!r}, whose bus time is not known, expected a servo bus or sim"
         )
     budgets = [kind.Bus.budget(robot, bus) for bus in robot.config.buses]
     return max(budget.write_s - budget.asked_s for budget in budgets)
