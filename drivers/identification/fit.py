@@ -29,9 +29,11 @@ its age, both over the tick's duration (see `JointModel.simulate`)."""
 _COVERAGE = 2.0
 """Standard deviations of a stated uncertainty: 95 % of a normal distribution."""
 
-MODEL_SHARE, TIMING_S = 0.02, 0.0008
-"""Part of an uncertainty that no residual shows: of every torque, over it (a supply known to 0.1 V, torque as its mean
-over a tick, steps of the integration), and of the delay (when in its own cycle a servo takes its angle) [s]."""
+MODEL_SHARE, SPLIT_SHARE, UNKNOWN_TORQUE_SHARE, TIMING_S = 0.02, 0.03, 0.0015, 0.0008
+"""Parts of an uncertainty that no residual shows: of every torque, over it (a supply known to 0.1 V, torque as its mean
+over a tick, steps of the integration); of the two kinds of drag against each other, over the back-EMF; a torque that
+grows with the angle as the limb's weight does, such as a cable's, over the stall torque; of the delay (when in its own
+cycle a servo takes its angle) [s]."""
 
 _WEAK = 10.0
 """Standard deviation of the belief that a figure is as in the catalogue, over that figure: keeps a figure that the
@@ -117,8 +119,8 @@ class Fit:
                 jac=self._jacobian,
                 bounds=(self._unknowns.lower, self._unknowns.upper),
                 x_scale=1.0,
-                xtol=1e-5,
-                ftol=1e-6,
+                xtol=1e-4,
+                ftol=1e-5,
                 max_nfev=_MOST_EVALUATIONS,
             )
             x = found.x
@@ -214,12 +216,20 @@ class Fit:
 
     def _uncertainty(self, value: Float, random: Float) -> dict[str, float]:
         """Uncertainties by name: those by the residual, with those that it cannot show."""
-        hidden = {"delay": TIMING_S, "damping": MODEL_SHARE * self.servo.back_emf, PHASE: 0.0, AGE: 0.0}
-        names = self._unknowns.names
-        return {
-            name: math.hypot(each, hidden.get(name, MODEL_SHARE * abs(known)))
-            for name, each, known in zip(names, random.tolist(), value.tolist(), strict=True)
-        }
+        loads = np.concatenate([each.load.load for each in self.model.stretches])[self._compared]
+        limb = float(np.mean(np.concatenate([each.load.inertia for each in self.model.stretches])))
+        # Every torque is known by the limb's weight, or else by the belief in the torque constant.
+        scale = UNKNOWN_TORQUE_SHARE * self.servo.stall_torque / max(2.0 * float(loads.std()), 1e-9)
+        scale = min(scale, _COVERAGE * (torque_constant_belief() if self._measures_torque else _WEAK))
+        share = math.hypot(MODEL_SHARE, scale)
+        table = {"delay": TIMING_S, PHASE: 0.0, AGE: 0.0}
+        found = {}
+        for name, each, known in zip(self._unknowns.names, random.tolist(), value.tolist(), strict=True):
+            own = share * (abs(known) + (limb if name == "armature" else 0.0))
+            if name == "damping":
+                own = math.hypot(own, SPLIT_SHARE * self.servo.back_emf)
+            found[name] = math.hypot(each, table.get(name, own))
+        return found
 
     def _covariance(self, x: Float) -> Float:
         """Covariance of the scaled unknowns, (p, p): Morelli and Klein, with the residual's own autocorrelation."""

@@ -212,8 +212,8 @@ def _announcement(robot: Robot, planned: Excitation) -> str:
     low, high = (f"{angle:.2f} rad ({math.degrees(angle):.0f}°)" for angle in row["between_rad"])
     return (
         f"{config.name} ({config.servo}, id {config.id}): moves between {low} and {high} for {row['seconds']:.0f} s, "
-        f"from {planned.start:.2f} rad and back; at most {row['speed_rad_s']:.2f} rad/s, {row['tip_speed_m_s']:.2f} m/s at "
-        f"its farthest point; torque by the model {row['torque_nm']:.2f} of "
+        f"from {planned.start:.2f} rad and back; at most {row['speed_rad_s']:.2f} rad/s and {row['tip_speed_m_s']:.2f} "
+        f"m/s at its farthest point; torque by the model {row['torque_nm']:.2f} of "
         f"{robot.usable_torque[planned.joint]:.2f} N·m"
     )
 
