@@ -26,6 +26,9 @@ Figure = Literal["delay", "kp", "back_emf", "frictionloss", "damping", "armature
 `kp` holds for the catalogue's `gain_register`, `back_emf` is the slope of the speed-torque line [N·m·s/rad].
 """
 
+LONGEST_DELAY_S = 0.1
+"""A servo that takes longer follows no motion [s]."""
+
 OF_JOINT: tuple[Figure, ...] = ("armature", "frictionloss", "damping")
 """Figures that the joints of an MJCF have too."""
 
@@ -111,6 +114,8 @@ def _with(servo: Servo, measured: IdentifiedServo) -> Servo:
     for name in ("kp", "back_emf", "torque_constant"):
         if figures.get(name, 1.0) <= 0:
             raise ValueError(f"{name} is {figures[name]:g}, expected more than 0")
+    if figures.get("delay", 0.0) > LONGEST_DELAY_S:
+        raise ValueError(f"delay is {figures['delay']:g} s, expected at most {LONGEST_DELAY_S:g}")
     if "back_emf" in figures:
         # The slope of the line: the stall torque stays that of the catalogue.
         figures["no_load_speed"] = servo.stall_torque / figures.pop("back_emf")
