@@ -88,7 +88,9 @@ class Experiment:
             self._play(planned, planned.goals)
             end = len(self._rows)
             self._refuse_unmoved(planned, begin, end)
-            self._play(planned, _way(robot, planned.centre, first, planned.approach))
+            # Outside its limits a goal may only move inwards.
+            back = float(np.clip(first, robot.lower[joint], robot.upper[joint]))
+            self._play(planned, _way(robot, planned.centre, back, planned.approach))
         finally:
             self.driver.set_torque(False)
             holding = list(self.driver.holding)

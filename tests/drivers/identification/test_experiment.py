@@ -41,7 +41,9 @@ def test_the_motion_stays_within_what_was_announced(op3: Robot, stand: Stand) ->
     assert np.abs(np.gradient(angle, record.time)).max() < 1.25 * planned.speed
     others = np.delete(np.ptp(record.position, axis=0), knee)
     assert others.max() < 0.05  # they hold
-    assert stand.body.position[knee] == pytest.approx(planned.start, abs=0.05)  # it was brought back
+    assert planned.start < op3.lower[knee]  # limp, the knee hangs past its limit; it is brought back to that
+    assert stand.body.position[knee] == pytest.approx(op3.lower[knee], abs=0.05)
+    assert stand.driver.violations == 0
 
 
 def test_a_blocked_joint_ends_it(stand: Stand, op3: Robot) -> None:
@@ -106,7 +108,7 @@ def test_a_robot_that_was_moved_after_the_announcement_is_left_alone(stand: Stan
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"amplitude": 0.9}, "l_knee.*amplitude 0.9 rad: expected 0.12 to"),
+        ({"amplitude": 1.5}, "l_knee.*amplitude 1.5 rad: expected 0.12 to"),
         ({"amplitude": 0.05}, "l_knee.*amplitude 0.05 rad: expected 0.12 to"),
         ({"up": np.array([60.0, 0.0, 60.0])}, "l_knee.*its limb weighs .* N·m on it, by the masses of the robot file"),
     ],
