@@ -189,7 +189,8 @@ def _predicted(robot: Robot, limb: Limb, planned: Excitation, pose: Float, gravi
         "armature": servo.armature,
         "delay": servo.delay,
     }
-    angle, torque, _ = JointModel(robot, joint, [stretch]).simulate(np.array([[figures[name] for name in FIGURES]]))
+    found = JointModel(robot, joint, [stretch]).simulate(np.array([[figures[name] for name in FIGURES]]))
+    angle, torque = found.angle, found.torque
     speed = np.gradient(angle[:, 0], 1.0 / robot.rate_hz)
     return replace(
         planned,

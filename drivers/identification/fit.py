@@ -29,7 +29,7 @@ its age, both over the tick's duration (see `JointModel.simulate`)."""
 _COVERAGE = 2.0
 """Standard deviations of a stated uncertainty: 95 % of a normal distribution."""
 
-MODEL_SHARE, SPLIT_SHARE, UNKNOWN_TORQUE_SHARE, TIMING_S = 0.02, 0.03, 0.0015, 0.0008
+MODEL_SHARE, SPLIT_SHARE, UNKNOWN_TORQUE_SHARE, TIMING_S = 0.02, 0.05, 0.0015, 0.0008
 """Parts of an uncertainty that no residual shows: of every torque, over it (a supply known to 0.1 V, torque as its mean
 over a tick, steps of the integration); of the two kinds of drag against each other, over the back-EMF; a torque that
 grows with the angle as the limb's weight does, such as a cable's, over the stall torque; of the delay (when in its own
@@ -40,8 +40,11 @@ _WEAK = 10.0
 motion does not show at all finite, with an uncertainty that nobody can mistake."""
 
 _STEP, _OUTLIER, _CORRELATION_S, _MOST_EVALUATIONS = 0.01, 5.0, 0.4, 40
-_ROUNDS, _FIRST_SHARE = 3, 0.05
-"""Fits, each with the noise of the one before; noise of torque in the first one, over the stall torque."""
+_ROUNDS, _TRIALS, _FIRST_SHARE = 2, 6, 0.05
+"""Fits, each with the noise of the one before; evaluations to compare two ways of measuring a current; noise of torque
+in the first fit, over the stall torque."""
+_EDGES = (-0.3, 0.3)
+"""How much earlier than the angle a current may be sampled, over a tick, to tell which goal was in effect."""
 
 
 @dataclass(frozen=True)
@@ -107,24 +110,18 @@ class Fit:
         self._floor = tick / math.sqrt(12), unit / math.sqrt(12)
         # First the angle alone decides, which has one minimum over the delay.
         self._noise = self._floor[0], _FIRST_SHARE * self.servo.stall_torque
+        self._goal_of_effort: Float | None = None
         self._cache: tuple[Float, Float, Float] | None = None
 
     def solve(self) -> Estimate:
-        """The estimate. The noise of angle and torque is that of the residual of a first fit."""
-        x = self._start()
+        """The estimate. The noise of angle and torque is that of the residual of the fit before."""
+        x = self._solve(self._start())
+        rejected = self._weigh(x)
+        if self._measures_torque:
+            x = self._choose_sampling(x)
         for _ in range(_ROUNDS):
-            found = least_squares(
-                self._residual,
-                x,
-                jac=self._jacobian,
-                bounds=(self._unknowns.lower, self._unknowns.upper),
-                x_scale=1.0,
-                xtol=1e-4,
-                ftol=1e-5,
-                max_nfev=_MOST_EVALUATIONS,
-            )
-            x = found.x
-            rejected = self._weigh(x)
+            rejected += self._weigh(x)
+            x = self._solve(x)
         x = np.asarray(x)
         deviation = np.sqrt(np.diag(self._covariance(x)))
         unknowns = self._unknowns
@@ -142,6 +139,41 @@ class Fit:
 
     # ---------------------------------------------------------------- inside
 
+    def _solve(self, x: Float, evaluations: int = _MOST_EVALUATIONS) -> Float:
+        """Unknowns with the least squares of the present weights, from `x` on."""
+        bounds = self._unknowns.lower, self._unknowns.upper
+        found = least_squares(
+            self._residual, x, jac=self._jacobian, bounds=bounds, xtol=1e-4, ftol=1e-5, max_nfev=evaluations
+        )
+        return np.asarray(found.x)
+
+    def _choose_sampling(self, x: Float) -> Float:
+        """Find out how the servo measures its current; returns the unknowns for that.
+
+        Either it samples the current under the goal that is in effect: which one that is, is uncertain if goals arrive
+        close to the sample. Or its current is filtered over more than a tick.
+        """
+        place = self._unknowns.names.index("delay")
+        delay = float(x[place] * self._unknowns.scale[place])
+        best = (math.inf, x, self._goal_of_effort)
+        for early in (*_EDGES, None):
+            self._goal_of_effort = None if early is None else self._goals_in_effect(delay, early / self._rate)
+            self._cache = None
+            tried = self._solve(x, _TRIALS)
+            cost = float(np.sum(self._residual(tried) ** 2))
+            if cost < best[0]:
+                best = cost, tried, self._goal_of_effort
+        self._goal_of_effort, self._cache = best[2], None
+        return best[1]
+
+    def _goals_in_effect(self, delay: float, early: float) -> Float:
+        """The goal that has arrived at each tick, `early` before the measurement [s], (N,) [rad]."""
+        goals = []
+        for each in self.model.stretches:
+            arrived = np.searchsorted(each.goal_time + delay + each.bus_s, each.time - early, side="right") - 1
+            goals.append(each.goal[np.maximum(arrived, 0)])
+        return np.concatenate(goals)
+
     def _start(self) -> Float:
         """The catalogue's figures with the delay that fits them best."""
         start, place = self._unknowns.start, self._unknowns.names.index("delay")
@@ -156,10 +188,16 @@ class Fit:
         """Simulated angle and measured torque, (N, m) each, of scaled unknowns (m, p)."""
         figures = self._unknowns.figures(x)
         if not self._measures_torque:
-            return self.model.simulate(figures)[:2]
+            found = self.model.simulate(figures)
+            return found.angle, found.torque
         effort, phase, age = x[:, -3:].T
-        angle, torque, slope = self.model.simulate(figures, age / self._rate)
-        return angle, (torque + slope * (phase / self._rate)) * effort
+        found = self.model.simulate(figures, age / self._rate)
+        if self._goal_of_effort is None:
+            return found.angle, (found.torque + found.slope * (phase / self._rate)) * effort
+        kp, back_emf = figures[:, 0], figures[:, 1]
+        supply = found.supply[:, None]
+        torque = kp * supply * (self._goal_of_effort[:, None] - found.late_angle) - back_emf * found.late_speed
+        return found.angle, np.clip(torque, -self.servo.stall_torque, self.servo.stall_torque) * effort
 
     def _evaluate(self, x: Float) -> tuple[Float, Float]:
         """Weighted residual (R,) and its Jacobian (R, p): all candidates of the central differences at once."""

@@ -33,7 +33,7 @@ MOTION_FOR: dict[Figure, str] = {
 }
 """What motion determines a figure."""
 
-_SHARE, _FRICTION_SHARE, _FRICTION_FLOOR, _DAMPING_SHARE, _DELAY_S = 0.2, 0.35, 0.003, 0.08, 0.002
+_SHARE, _FRICTION_SHARE, _FRICTION_FLOOR, _DAMPING_SHARE, _DELAY_S = 0.2, 0.35, 0.003, 0.1, 0.002
 """Greatest uncertainty of a figure that counts as determined: over its value, dry friction over its value or over the
 stall torque, viscous friction over the back-EMF, delay [s]."""
 

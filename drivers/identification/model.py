@@ -64,6 +64,27 @@ class Stretch:
     bus_s: float
 
 
+@dataclass(frozen=True)
+class Simulated:
+    """What m candidates do, (N, m) each.
+
+    Attributes:
+        angle: when it is measured [rad].
+        torque: mean over a tick, when torque is measured [N·m].
+        slope: its change with time by the goals alone [N·m/s]. Torque jumps with each goal and falls until the next;
+            a current that is filtered follows the mean, early or late by an unknown part of a tick.
+        late_angle, late_speed: when torque is measured [rad, rad/s].
+        supply: over the nominal one, (N,).
+    """
+
+    angle: Float
+    torque: Float
+    slope: Float
+    late_angle: Float
+    late_speed: Float
+    supply: Float
+
+
 class JointModel:
     """Simulates a joint under the goals of a record.
 
@@ -76,11 +97,8 @@ class JointModel:
         self.servo, self.stretches = robot.servos[joint], list(stretches)
         self._usable, self._period = robot.usable_torque[joint], 1.0 / robot.rate_hz
 
-    def simulate(self, figures: Float, age: Float | None = None) -> tuple[Float, Float, Float]:
-        """Angles [rad], torques [N·m] and change of torque with time by the goals alone [N·m/s], at all ticks, (N, m).
-
-        Torques are means over a tick. A servo's torque jumps with each goal and falls until the next one, and a sample
-        of its current is taken somewhere on this edge: at an unknown time, which the third output is for.
+    def simulate(self, figures: Float, age: Float | None = None) -> Simulated:
+        """The joint at the ticks of all stretches.
 
         Args:
             figures: (m, 6) in the order of `FIGURES`.
@@ -89,10 +107,9 @@ class JointModel:
         figures = np.atleast_2d(figures)
         age = np.zeros(len(figures)) if age is None else age
         parts = [self._simulate(stretch, figures, age) for stretch in self.stretches]
-        angle, torque, slope = (np.concatenate(each) for each in zip(*parts, strict=True))
-        return angle, torque, slope
+        return Simulated(*(np.concatenate(each) for each in zip(*parts, strict=True)))
 
-    def _simulate(self, stretch: Stretch, figures: Float, age: Float) -> tuple[Float, Float, Float]:
+    def _simulate(self, stretch: Stretch, figures: Float, age: Float) -> tuple[Float, ...]:
         kp, back_emf, friction, damping, armature, delay = (np.ascontiguousarray(row) for row in figures.T)
         m, start, end = len(figures), stretch.time[0], stretch.time[-1]
         inertia = armature + stretch.load.inertia.min()
@@ -123,7 +140,7 @@ class JointModel:
         plant.enabled[:] = True
         q, v = np.full(m, _first(stretch)), np.full(m, _first_speed(stretch))
         before, speed, drag = v.copy(), np.empty(m), np.empty(m)
-        angles, torques = np.empty((steps + 1, m)), np.empty((steps + 1, m))
+        angles, speeds, torques = (np.empty((steps + 1, m)) for _ in range(3))
         for k in range(steps + 1):
             if k == 0 or voltage[k] != voltage[k - 1]:
                 plant.set_supply(float(voltage[k]))
@@ -132,7 +149,7 @@ class JointModel:
             np.multiply(v, 1.5, out=speed)
             speed -= 0.5 * before
             torque = plant.step(q, speed)
-            angles[k], torques[k] = q, torque
+            angles[k], speeds[k], torques[k] = q, speed, torque
             before[:] = v
             per_step = dt / (armature + limb[k])
             v += (torque - load[k] - damping * speed) * per_step
@@ -149,6 +166,9 @@ class JointModel:
             _sampled(angles, stretch.time, none, grid),
             _sampled(torques, stretch.time, age, grid),
             _sampled(slope, stretch.time, none, grid),
+            _sampled(angles, stretch.time, age, grid),
+            _sampled(speeds, stretch.time, age, grid),
+            np.interp(stretch.time, grid, supply[:, 0]),
         )
 
 
