@@ -63,7 +63,7 @@ def hidden(robot: Robot, joint: str, figures: dict[str, float], folder: Path) ->
     known = {
         name: IdentifiedFigure(value=value, uncertainty=1e-9, date="", motion="") for name, value in figures.items()
     }
-    servo = IdentifiedServo(servo=config.servo, id=config.id, figures=known)  # type: ignore[arg-type]
+    servo = IdentifiedServo(servo=config.servo, id=config.id, figures=known)
     write_identification(place, Identification(joints={joint: servo}))
     return load_robot(place)
 

@@ -116,9 +116,10 @@ def present(servo: Servo, figure: Figure) -> float | None:
 
 def _figures(robot: Robot, joint: int, estimate: Estimate) -> dict[Figure, tuple[float, float]]:
     """Value and uncertainty of each fitted figure, in the units of the catalogue."""
-    servo, found = robot.servos[joint], {}
+    servo = robot.servos[joint]
+    found: dict[Figure, tuple[float, float]] = {}
     per_gain = servo.kp / float(robot.kp[joint])
-    for figure in ("delay", "kp", "back_emf", "frictionloss", "damping", "armature"):
+    for figure in UNITS:
         if figure in estimate.names:
             unit = per_gain if figure == "kp" else 1.0
             found[figure] = (unit * estimate.value[figure], unit * estimate.uncertainty[figure])
@@ -126,7 +127,7 @@ def _figures(robot: Robot, joint: int, estimate: Estimate) -> dict[Figure, tuple
         constant = present(servo, "torque_constant") or 0.0
         share, uncertainty = estimate.value[EFFORT], estimate.uncertainty[EFFORT]
         found["torque_constant"] = (constant / share, constant / share**2 * uncertainty)
-    return found  # type: ignore[return-value]
+    return found
 
 
 def _undetermined(figure: Figure, value: float, uncertainty: float, servo: Servo) -> str | None:
