@@ -129,6 +129,7 @@ CATALOGUE = (
     Benchmark("live/soak", "3 h", (), "unanswered, 1 MB in 10 min, a goal outside the envelope, falls of transports"),
     Benchmark("bus/cycle_time", "1 min", (Need.DEV,)),
     Benchmark("bus/faults", "5 min", (), "bad packets end a run or cost 10 % of the tracking"),
+    Benchmark("bus/identification", "3 min", (), "a figure off by 10 %, an uncertainty that does not hold"),
 )
 """By topic; in the order of the list."""
 

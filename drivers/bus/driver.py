@@ -25,9 +25,6 @@ Float = NDArray[np.float64]
 READ_SHARE = 0.6
 """Largest share of a tick for reading; the rest is for the loop and for writing."""
 
-SERVO_CYCLE_S = 0.001
-"""Time from a servo's receiving a goal to acting on it (assumption) [s]."""
-
 SETTLE_S = 0.05
 """Time after switching on in which servos without torque are switched on again; later it is a fault [s]."""
 
@@ -80,9 +77,9 @@ class BusDriver(Driver):
 
     @property
     def delay_s(self) -> float:
-        """Time from the start of a tick until its goals act [s]: read, write, and a servo's own cycle (assumption)."""
+        """Time from the start of a tick until its goals act [s]: read, write, and the servos' own delay."""
         robot = self.robot
-        return max(self.Bus.budget(robot, name).cycle_s for name in robot.config.buses) + SERVO_CYCLE_S
+        return max(self.Bus.budget(robot, name).cycle_s for name in robot.config.buses) + robot.servo_delay
 
     @property
     def turns(self) -> int:

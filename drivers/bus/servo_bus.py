@@ -33,12 +33,14 @@ class Budget:
     Attributes:
         read_bytes, write_bytes: both directions together.
         read_s, write_s: at the bus's baud rate, with return delays [s].
+        asked_s: from the beginning of a read until a servo has been asked for its angle, on average [s].
     """
 
     read_bytes: int
     write_bytes: int
     read_s: float
     write_s: float
+    asked_s: float
 
     @property
     def cycle_s(self) -> float:

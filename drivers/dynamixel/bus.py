@@ -122,7 +122,8 @@ class DynamixelBus(ServoBus):
         write_bytes = sum(len(sync_write(span, bytes((span.size + 1) * many))) for span, many in writes.items())
         read_bytes = sum(sum(exchange.sizes) for exchange in reads)
         delays = sum(exchange.delays for exchange in reads) * delay
-        return Budget(read_bytes, write_bytes, read_bytes * byte_s + delays, write_bytes * byte_s)
+        asked_s = reads[0].sizes[0] * byte_s
+        return Budget(read_bytes, write_bytes, read_bytes * byte_s + delays, write_bytes * byte_s, asked_s)
 
     # ---------------------------------------------------------------- before the first tick
 

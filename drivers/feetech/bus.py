@@ -67,7 +67,8 @@ class FeetechBus(ServoBus):
         read = FORMAT.overhead + 2 + m + m * (FORMAT.overhead + size)
         write = FORMAT.overhead + 2 + 3 * m
         byte_s = BITS_A_BYTE / config.baud
-        return Budget(read, write, read * byte_s + m * config.return_delay_us * 1e-6, write * byte_s)
+        read_s, asked_s = read * byte_s + m * config.return_delay_us * 1e-6, (FORMAT.overhead + 2 + m) * byte_s
+        return Budget(read, write, read_s, write * byte_s, asked_s)
 
     def audit(self) -> None:
         """See `ServoBus`."""

@@ -65,7 +65,8 @@ class Lx16aBus(ServoBus):
         m = sum(joint.bus == name for joint in robot.joints)
         read = m * (2 * FORMAT.overhead + ANSWER_SIZE[Command.READ_POSITION])
         write = m * (FORMAT.overhead + 4)
-        return Budget(read, write, read * BITS_A_BYTE / BAUD, write * BITS_A_BYTE / BAUD)
+        read_s, write_s = read * BITS_A_BYTE / BAUD, write * BITS_A_BYTE / BAUD
+        return Budget(read, write, read_s, write_s, asked_s=min(0.5 * read_s, 0.3 / robot.rate_hz))
 
     @classmethod
     def turns(cls, robot: Robot, name: str) -> int:

@@ -16,7 +16,7 @@ from flexmotion.drivers.plant import ServoPlant
 from flexmotion.drivers.receiver import Receiver
 from flexmotion.drivers.sim.ground_truth import GroundTruth
 from flexmotion.drivers.sim.imu import SimImu
-from flexmotion.drivers.sim.options import SimOptions
+from flexmotion.drivers.sim.options import BUS_S, SimOptions
 from flexmotion.drivers.sim.process import SimProcess
 from flexmotion.drivers.sim.pushes import PushSchedule
 from flexmotion.drivers.sim.world import HOLDER, build_model, start_qpos
@@ -81,7 +81,8 @@ class SimDriver(LockstepDriver):
     @property
     def delay_s(self) -> float:
         """The command delay [s], without `extra_latency_s`: the driver does not report that mismatch."""
-        return self._settings.command_delay_s
+        given = self._settings.command_delay_s
+        return BUS_S + self.robot.servo_delay if given is None else given
 
     @property
     def violations(self) -> int:
@@ -275,7 +276,7 @@ class SimDriver(LockstepDriver):
 
         self._command_row = np.full(2 * n, UNBOUND)
         self._command_row[:n] = robot.stand_pose
-        self._delay = DelayLine(self._command_row, options.command_delay_s + options.extra_latency_s)
+        self._delay = DelayLine(self._command_row, self.delay_s + options.extra_latency_s)
         self._read_steps = round(options.read_delay_s / options.timestep)
         self._history = np.zeros((self._read_steps + 1, 2 * n + 6))
         self._torque, self._saturated = np.zeros(n), np.zeros(n)
