@@ -138,6 +138,18 @@ def test_a_turn_that_nothing_explains_is_not_believed_and_an_impact_is(watched: 
     assert struck.gyro[0] == 5.0 and struck.accel[0] == 30.0
 
 
+@pytest.mark.parametrize("size", [0.5, 1.0, 4.0])
+def test_the_step_of_a_turn_that_is_believed_follows_the_robots_size(op3: Robot, size: float) -> None:
+    """A bound of OP3's size was that of every robot: one of four times its size believed 1.4 rad/s in a tick."""
+    tall = copy(op3)
+    tall.gait = op3.gait.model_copy(update={"stand_hip_height": size * op3.gait.stand_hip_height})
+    watched = Watched(tall)
+    watched.read()
+    step = 4.0 * GRAVITY / tall.gait.stand_hip_height / RATE
+    assert watched.read(gyro=0.9 * step).gyro[0] == pytest.approx(0.9 * step)
+    assert watched.read(gyro=2.0 * step).gyro[0] == pytest.approx(0.9 * step) and watched.checks.disbelieved == 1
+
+
 def test_an_imu_that_stays_wrong_counts_as_silent(watched: Watched) -> None:
     reads = watched.robot.safety.max_stale_reads
     stale = [watched.read(gyro=5.0).imu_stale for _ in range(reads + 3)]
