@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexmotion.configs.robot import Robot
+from flexmotion.drivers.masks import every, some
 
 Float = NDArray[np.float64]
 
@@ -38,10 +39,13 @@ class Obedience:
         self._keeps = np.exp(-robot.kp / robot.back_emf / robot.rate_hz)
         self.predicted, self.load = np.zeros(robot.n), np.zeros(robot.n)
         self.overdue = np.zeros(robot.n)
+        self._aim, self._any_overdue = np.zeros(robot.n), False
 
     @property
     def worst(self) -> int | None:
         """The joint whose servo does not follow its goals; None while all do."""
+        if not self._any_overdue:
+            return None
         joint = int(np.argmax(self.overdue))
         return joint if self.overdue[joint] > PATIENCE_S else None
 
@@ -54,6 +58,7 @@ class Obedience:
         """Begin with joints at `position`, (n,) [rad]."""
         np.copyto(self.predicted, position)
         self.load[:] = self.overdue[:] = 0.0
+        self._any_overdue = False
 
     def update(self, goal: Float, torque: Float, position: Float, velocity: Float, known: NDArray[np.bool_]) -> None:
         """One tick.
@@ -65,10 +70,21 @@ class Obedience:
             known: joints whose position was measured; the others are not judged.
         """
         robot, dt = self.robot, 1.0 / self.robot.rate_hz
-        aim = goal - torque / robot.kp
-        self.predicted[:] = aim + self._keeps * (self.predicted - aim)
-        np.copyto(self.load, robot.kp * (position - self.predicted) / robot.usable_torque)
-        np.copyto(self.load, 0.0, where=~known)
-        late = (np.abs(self.load) > SHARE) & ~(-np.sign(self.load) * velocity > CLOSING)
+        aim, predicted, load = self._aim, self.predicted, self.load
+        np.divide(torque, robot.kp, out=aim)
+        np.subtract(goal, aim, out=aim)
+        predicted -= aim
+        predicted *= self._keeps
+        predicted += aim
+        np.subtract(position, predicted, out=load)
+        load *= robot.kp
+        load /= robot.usable_torque
+        if not every(known):
+            np.copyto(load, 0.0, where=~known)
+        heavy = np.abs(load) > SHARE
+        if not some(heavy) and not self._any_overdue:
+            return
+        late = heavy & ~(-np.sign(load) * velocity > CLOSING)
         self.overdue += np.where(late, dt, -0.5 * dt)
         np.clip(self.overdue, 0.0, 2 * PATIENCE_S, out=self.overdue)
+        self._any_overdue = bool(self.overdue.any())
