@@ -14,10 +14,11 @@ from flexmotion.configs.errors import ConfigError, DriverError
 from flexmotion.configs.robot import Robot
 from flexmotion.configs.schema import Strict
 from flexmotion.drivers.bus.options import BusOptions
-from flexmotion.drivers.bus.servo_bus import TORQUE_LOST, ServoBus, every
+from flexmotion.drivers.bus.servo_bus import TORQUE_LOST, ServoBus
 from flexmotion.drivers.imu import registry as imus
 from flexmotion.drivers.imu.interface import Imu, StandaloneImu, do_without
 from flexmotion.drivers.interface import Capabilities, Driver, JointCommand, RobotState
+from flexmotion.drivers.masks import every
 from flexmotion.drivers.port import SerialPort
 
 Float = NDArray[np.float64]

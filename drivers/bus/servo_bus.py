@@ -16,6 +16,7 @@ from flexmotion.drivers.bus.attempts import TRIES
 from flexmotion.drivers.bus.goal_guard import GoalGuard
 from flexmotion.drivers.bus.options import BusOptions
 from flexmotion.drivers.imu.interface import Imu
+from flexmotion.drivers.masks import every
 from flexmotion.drivers.port import SerialPort
 
 Float = NDArray[np.float64]
@@ -76,11 +77,6 @@ class Measurement:
     def complete(self) -> bool:
         """Whether all servos answered in the last cycle."""
         return every(self.fresh)
-
-
-def every(mask: Bool) -> bool:
-    """`mask.all()`, in a fifth of its time for some tens of values."""
-    return b"\0" not in mask.tobytes()
 
 
 class ServoBus(ABC):

@@ -7,6 +7,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from flexmotion.drivers.masks import every, some
+
 Float = NDArray[np.float64]
 Bool = NDArray[np.bool_]
 
@@ -27,28 +29,31 @@ class Suspicion:
 
     Attributes:
         level: wrong readings in a row, reduced by good ones, (m,).
+        raised: whether a level is above 0.
         total: all wrong readings so far.
     """
 
     def __init__(self, m: int, patience: int) -> None:
         self.level = np.zeros(m)
-        self.total = 0
+        self.total, self.raised = 0, False
         self._most = float(_MOST * patience)
 
     def reset(self) -> None:
         """Forget the level; the total stays."""
         self.level.fill(0.0)
+        self.raised = False
 
     def note(self, wrong: Bool, asked: Bool) -> None:
         """Take which sensors that were asked gave a wrong reading, (m,) each."""
-        if wrong.any():
+        if some(wrong):
             self.total += int(np.count_nonzero(wrong & asked))
-        elif not self.level.any():
+        elif not self.raised:
             return
         self.level[asked & wrong] += 1.0
         np.minimum(self.level, self._most, out=self.level)
         good = asked & ~wrong
         self.level[good] = np.maximum(self.level[good] - _FORGIVEN, 0.0)
+        self.raised = bool(self.level.any())
 
 
 class Believed:
@@ -72,6 +77,7 @@ class Believed:
         self.value = np.full(m, np.nan)
         self._lowest, self._highest, self._step, self._agreeing = lowest, highest, step, agreeing
         self._candidate, self._repeats = np.full(m, np.nan), np.zeros(m, np.int64)
+        self._none = np.zeros(m, np.bool_)
 
     def forget(self) -> None:
         """The next values are believed if they are in their range."""
@@ -82,8 +88,12 @@ class Believed:
     def take(self, values: Float, widened: float = 1.0) -> Bool:
         """Replace the values that are not believed by the last believed ones, in place; which they were, (m,).
 
-        NaN (unknown) is left as it is. `widened` multiplies the step that is believed at once.
+        The result must not be changed. NaN (unknown) is left as it is. `widened` multiplies the step that is believed
+        at once.
         """
+        if self._usual(values, widened):
+            np.copyto(self.value, values)
+            return self._none
         with np.errstate(invalid="ignore"):
             outside = (values < self._lowest) | (values > self._highest)
             wrong = outside | (np.abs(values - self.value) > widened * self._step)
@@ -98,3 +108,10 @@ class Believed:
         np.copyto(self.value, values, where=~wrong & ~np.isnan(values))
         np.copyto(values, self.value, where=wrong & ~np.isnan(self.value))
         return wrong
+
+    def _usual(self, values: Float, widened: float) -> bool:
+        """Whether all values are known, inside the range and near the last ones, and none is being repeated."""
+        inside = every((values >= self._lowest) & (values <= self._highest))
+        if not inside or some(self._repeats):
+            return False
+        return self._step == math.inf or every(np.abs(values - self.value) <= widened * self._step)

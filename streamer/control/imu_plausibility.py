@@ -8,6 +8,7 @@ import numpy as np
 
 from flexmotion.configs.robot import Robot
 from flexmotion.drivers.interface import RobotState
+from flexmotion.drivers.masks import some
 from flexmotion.spatial.gravity import GRAVITY
 from flexmotion.streamer.control.believed import Believed, Suspicion
 
@@ -45,7 +46,8 @@ class ImuPlausibility:
         turn_step = FALL_STEPS * GRAVITY / height / robot.rate_hz
         self._gyro = Believed(3, np.full(3, -turn), np.full(3, turn), step=turn_step, agreeing=None)
         self._accel = Believed(3, np.full(3, -MOST_ACCEL), np.full(3, MOST_ACCEL), step=ACCEL_STEP)
-        self._last_accel, self._mean = np.full(3, np.nan), np.full(3, np.nan)
+        # Plain numbers: numpy takes longer for three of them than for all of a robot's joints.
+        self._last_accel, self._mean = [math.nan] * 3, [math.nan] * 3
         self._since, self._shaken, self._unread = 0.0, 0, 0
 
     def check(self, state: RobotState, elapsed: float, *, powered: bool = True) -> None:
@@ -60,7 +62,9 @@ class ImuPlausibility:
         if not powered:
             self._gyro.forget()
             self._accel.forget()
-        if not (np.isfinite(state.gyro).all() and np.isfinite(state.accel).all()):
+        # Where the sum of squares is a number, all are.
+        known = math.isfinite(state.gyro.dot(state.gyro) + state.accel.dot(state.accel))
+        if not known and not (np.isfinite(state.gyro).all() and np.isfinite(state.accel).all()):
             state.gyro.fill(0.0)
             if state.imu_stale >= 0:
                 self._unread += 1
@@ -71,13 +75,15 @@ class ImuPlausibility:
             return
         # Between samples that are further apart than usual more may change.
         gap, self._since = max(self._since / self._period, 1.0), 0.0
-        with np.errstate(invalid="ignore"):
-            struck = bool((np.abs(state.accel - self._last_accel) > IMPACT).any())
-        np.copyto(self._last_accel, state.accel)
+        accel = state.accel.tolist()
+        struck = any(abs(now - last) > IMPACT for now, last in zip(accel, self._last_accel, strict=True))
+        self._last_accel = accel
         self._shaken = IMPACT_TICKS if struck else max(self._shaken - 1, 0)
-        wrong = bool(self._gyro.take(state.gyro, math.inf if self._shaken else gap).any())
-        wrong |= bool(self._accel.take(state.accel, gap).any())
+        wrong = some(self._gyro.take(state.gyro, math.inf if self._shaken else gap))
+        wrong |= some(self._accel.take(state.accel, gap))
         wrong |= self._no_gravity(state, gap)
+        if not wrong and not self._suspicion.raised:
+            return
         self._suspicion.note(np.array([wrong]), np.ones(1, np.bool_))
         level = int(self._suspicion.level[0])
         if level > self._patience:
@@ -85,7 +91,8 @@ class ImuPlausibility:
 
     def _no_gravity(self, state: RobotState, gap: float) -> bool:
         """Whether the specific force has been far from gravity for long."""
-        if np.isnan(self._mean).any():
-            np.copyto(self._mean, state.accel)
-        self._mean += (1.0 - math.exp(-gap * self._period / MEAN_S)) * (state.accel - self._mean)
-        return abs(float(np.linalg.norm(self._mean)) - GRAVITY) > MEAN_ERROR
+        accel, follows = state.accel.tolist(), 1.0 - math.exp(-gap * self._period / MEAN_S)
+        if any(map(math.isnan, self._mean)):
+            self._mean = accel
+        self._mean = [mean + follows * (now - mean) for now, mean in zip(accel, self._mean, strict=True)]
+        return abs(math.hypot(*self._mean) - GRAVITY) > MEAN_ERROR

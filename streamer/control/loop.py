@@ -335,7 +335,7 @@ class ControlLoop:
             self.move.step(self.now)
             self.ahead.copy(self.now)
         np.copyto(self._load, self._torque())
-        expected = self.plausibility.expected
+        expected = self.plausibility.expected if self.plausibility.returned else None
         self.command.position[:] = self.servo.update(self.ahead.q, self.ahead.qd, self._load, self.state, expected)
         repairs = self.telemetry.row.repairs
         repairs[_POSITION] += self.servo.position_clamps

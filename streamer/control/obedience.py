@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexmotion.configs.robot import Robot
+from flexmotion.drivers.masks import every, some
 
 Float = NDArray[np.float64]
 
@@ -52,10 +53,13 @@ class Obedience:
         # Of the last ticks, in turns.
         self._positions, self._predictions = np.zeros((span, robot.n)), np.zeros((turns, robot.n))
         self._place = 0
+        self._aim, self._moved, self._any_overdue = np.zeros(robot.n), np.zeros(robot.n), False
 
     @property
     def worst(self) -> int | None:
         """The joint whose servo does not follow its goals; None while all do."""
+        if not self._any_overdue:
+            return None
         joint = int(np.argmax(self.overdue))
         return joint if self.overdue[joint] > PATIENCE_S else None
 
@@ -69,6 +73,7 @@ class Obedience:
         for row in (self.predicted, *self._positions, *self._predictions):
             np.copyto(row, position)
         self.load[:] = self.overdue[:] = 0.0
+        self._any_overdue = False
 
     def update(self, goal: Float, torque: Float, position: Float, known: NDArray[np.bool_]) -> None:
         """One tick.
@@ -80,16 +85,30 @@ class Obedience:
             known: joints whose position was measured; the others are not judged.
         """
         robot, dt = self.robot, 1.0 / self.robot.rate_hz
-        aim = goal - torque / robot.kp
-        self.predicted[:] = aim + self._keeps * (self.predicted - aim)
+        aim, predicted, load = self._aim, self.predicted, self.load
+        np.divide(torque, robot.kp, out=aim)
+        np.subtract(goal, aim, out=aim)
+        predicted -= aim
+        predicted *= self._keeps
+        predicted += aim
         self._place += 1
-        np.copyto(self._predictions[self._place % len(self._predictions)], self.predicted)
+        np.copyto(self._predictions[self._place % len(self._predictions)], predicted)
         before = self._positions[self._place % len(self._positions)]
-        moved = position - before
+        np.subtract(position, before, out=self._moved)
         np.copyto(before, position)
-        away = position - np.clip(position, self._predictions.min(axis=0), self._predictions.max(axis=0))
-        np.copyto(self.load, robot.kp * away / robot.usable_torque)
-        np.copyto(self.load, 0.0, where=~known)
-        late = (np.abs(self.load) > SHARE) & ~(-np.sign(self.load) * moved > self._closing)
+        if len(self._predictions) == 1:
+            np.subtract(position, predicted, out=load)
+        else:
+            nearest = np.clip(position, self._predictions.min(axis=0), self._predictions.max(axis=0))
+            np.subtract(position, nearest, out=load)
+        load *= robot.kp
+        load /= robot.usable_torque
+        if not every(known):
+            np.copyto(load, 0.0, where=~known)
+        heavy = np.abs(load) > SHARE
+        if not some(heavy) and not self._any_overdue:
+            return
+        late = heavy & ~(-np.sign(load) * self._moved > self._closing)
         self.overdue += np.where(late, dt, -0.5 * dt)
         np.clip(self.overdue, 0.0, 2 * PATIENCE_S, out=self.overdue)
+        self._any_overdue = bool(self.overdue.any())

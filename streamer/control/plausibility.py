@@ -8,11 +8,14 @@ All limits follow from the robot file and the servo catalogue.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
 from flexmotion.configs.robot import Robot
 from flexmotion.drivers.interface import RobotState
+from flexmotion.drivers.masks import every, some
 from flexmotion.streamer.control.believed import Believed, Suspicion
 from flexmotion.streamer.control.imu_plausibility import ImuPlausibility
 from flexmotion.streamer.control.servo_command import SUPPLY_MARGIN
@@ -49,6 +52,7 @@ class Plausibility:
         unread: ticks since each joint's position was last believed, (n,).
         doubted: joints whose reading was not believed this time, (n,) bool.
         expected: where joints were assumed to be whose position is known again, (n,) [rad]; NaN for the others.
+        returned: whether there are such joints.
         suspicions: of each of `KINDS`, per servo.
         imu_suspicion: of the IMU.
         disbelieved: readings that were not believed so far, of all sensors.
@@ -63,6 +67,7 @@ class Plausibility:
         # Outside its limits a joint rests on its stops, or the load bends it out by what the servo can hold.
         beyond = robot.safety.standing_margin + robot.usable_torque / robot.kp + self._margin
         self._lower, self._upper = robot.lower - beyond, robot.upper + beyond
+        self._middle = 0.5 * (self._lower + self._upper)
         self._lag, self._strange = LAG_SHARE * robot.no_load_speed, SPEED_SHARE * robot.no_load_speed
         self._in_turns = turns > 1
         self._position, self._velocity = np.full(n, np.nan), np.zeros(n)
@@ -72,6 +77,13 @@ class Plausibility:
         self.doubted, self.expected = np.zeros(n, np.bool_), np.full(n, np.nan)
         self.suspicions = tuple(Suspicion(n, patience) for _ in KINDS)
         self.imu_suspicion = Suspicion(1, patience)
+        self.returned = False
+        self._calm = False  # all were believed the last time, and none is wrong for good
+        self._none, self._all = np.zeros(n, np.bool_), np.ones(n, np.bool_)
+        # Of each joint its step, the difference of its speeds, its speed, and its place in the middle of the range; and
+        # what these may be at most, for an elapsed time.
+        self._away, self._most = np.zeros((4, n)), np.zeros((4, n))
+        self._most_for = (math.nan, math.nan, False)
         self._never = np.zeros(n, np.bool_)  # joints that are not believed again before torque goes off
         least = np.array([servo.min_voltage for servo in servos])
         self._voltage = Believed(n, (1 - SUPPLY_MARGIN) * least, (1 + SUPPLY_MARGIN) * most)
@@ -105,7 +117,7 @@ class Plausibility:
         self._tick, self._stamp_ns = tick, state.stamp_ns
         self._check_joints(state, speed, max(stamped, ticked), stamped if stamped > 0 else ticked, powered)
         voltage, temperature = self.suspicions[2:]
-        asked = state.stale == 0
+        asked = self._all if self._calm else state.stale == 0
         voltage.note(self._voltage.take(state.voltage), asked)
         temperature.note(self._temperature.take(state.temperature), asked)
         self._imu.check(state, max(stamped, ticked), powered=powered)
@@ -113,6 +125,10 @@ class Plausibility:
     def _check_joints(self, state: RobotState, speed: Float, elapsed: float, between: float, powered: bool) -> None:
         """`elapsed`, `between`: time since the last check, and between the readings [s]."""
         position, velocity = state.position, state.velocity
+        calm = self._calm and between > 0 and not some(state.stale)
+        if calm and self._as_expected(position, velocity, elapsed, between, powered):
+            self._go_on(position, velocity)
+            return
         came = np.isfinite(position) & np.isfinite(velocity)
         # The first reading of a bus may be that of its set-up, some cycles old: the joints are off and stay.
         first = np.isnan(self._position) & (state.stale <= self.robot.safety.max_stale_reads)
@@ -141,11 +157,44 @@ class Plausibility:
         assumed = ~believed & ~(np.isnan(expected) & came)
         np.copyto(position, expected, where=assumed)
         np.copyto(velocity, speed if powered else 0.0, where=assumed)
-        np.copyto(self.expected, np.where(believed & (self.unread > 0), expected, np.nan))
+        back = believed & (self.unread > 0)
+        np.copyto(self.expected, np.where(back, expected, np.nan))
+        self.returned = some(back)
         self.unread += 1
         self.unread[believed] = 0
         self._since[believed] = 0.0
         np.copyto(state.stale, np.maximum(state.stale, self.unread), where=~came | self.doubted)
+        np.copyto(self._position, position)
+        np.copyto(self._velocity, velocity)
+        self._calm = every(believed) and not self._in_turns and not some(self._never)
+
+    def _as_expected(self, position: Float, velocity: Float, elapsed: float, between: float, powered: bool) -> bool:
+        """Whether `_check_joints` would believe all positions and speeds as they are, as in nearly every tick.
+
+        The same limits as there, for joints of which all were believed the last time.
+        """
+        away, most = self._away, self._most
+        if (elapsed, between, powered) != self._most_for:
+            self._most_for = elapsed, between, powered
+            most[0] = self._fastest * elapsed + self._margin
+            most[1] = self._lag + self.robot.tick_rad / between
+            most[2] = self._fastest
+            most[3] = 0.5 * (self._upper - self._lower) if powered else math.inf
+        np.subtract(position, self._position, out=away[0])
+        np.divide(away[0], between, out=away[1])
+        away[1] -= velocity
+        away[2] = velocity
+        np.subtract(position, self._middle, out=away[3])
+        np.abs(away, out=away)
+        return every(away <= most)
+
+    def _go_on(self, position: Float, velocity: Float) -> None:
+        """Believe positions and speeds of all joints, of which all were believed the last time."""
+        for suspicion in self.suspicions[:2]:
+            suspicion.note(self._none, self._all)
+        if self.returned:
+            self.expected.fill(np.nan)
+            self.returned = False
         np.copyto(self._position, position)
         np.copyto(self._velocity, velocity)
 
