@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from flexmotion.configs.errors import DriverError
 from flexmotion.configs.robot import Robot
 from flexmotion.drivers.identification.excitation import Excitation, way_s
-from flexmotion.drivers.identification.record import RobotRecord
+from flexmotion.drivers.identification.record import RobotRecord, new_angles
 from flexmotion.drivers.interface import Driver, JointCommand, RobotState
 
 Float = NDArray[np.float64]
@@ -71,34 +71,49 @@ class Experiment:
                 torque is off then.
             KeyboardInterrupt: the operator ended it; torque is off then.
         """
-        robot, joint = self.robot, planned.joint
         self._rows, self._strange, self._heavy = [], 0, 0
         self._next = self._clock()
         try:
-            self._wait_for_angles()
-            self._refuse_moved(planned)
-            self.driver.set_torque(True)
-            held = self._state.position.copy()
-            self.driver.take_pins(held)
-            np.copyto(self._command.position, held)
-            first = float(held[joint])
-            self._play(planned, np.full(round(_PINNED_S * robot.rate_hz), first))
-            self._play(planned, _way(robot, first, planned.centre, planned.approach))
-            begin = len(self._rows)
-            self._play(planned, planned.goals)
-            end = len(self._rows)
-            self._refuse_unmoved(planned, begin, end)
-            # Outside its limits a goal may only move inwards.
-            back = float(np.clip(first, robot.lower[joint], robot.upper[joint]))
-            self._play(planned, _way(robot, planned.centre, back, planned.approach))
-        finally:
-            self.driver.set_torque(False)
-            holding = list(self.driver.holding)
-        if holding:
-            raise DriverError(f"torque off is not confirmed by: {', '.join(holding)}: switch the power off")
+            begin, end = self._move(planned)
+        except BaseException as error:
+            off = self._switch_off()
+            if isinstance(error, DriverError) or off is not None:
+                what = "interrupted" if isinstance(error, KeyboardInterrupt) else str(error)
+                raise DriverError(f"{what}; nothing was stored, {off or 'torque is off'}") from error
+            raise
+        off = self._switch_off()
+        if off is not None:
+            raise DriverError(off)
         return self._record(planned, begin, end)
 
     # ---------------------------------------------------------------- inside
+
+    def _move(self, planned: Excitation) -> tuple[int, int]:
+        """The motion; first row of the record, and the one after its last."""
+        robot, joint = self.robot, planned.joint
+        self._wait_for_angles()
+        self._refuse_moved(planned)
+        self.driver.set_torque(True)
+        held = self._state.position.copy()
+        self.driver.take_pins(held)
+        np.copyto(self._command.position, held)
+        first = float(held[joint])
+        self._play(planned, np.full(round(_PINNED_S * robot.rate_hz), first))
+        self._play(planned, _way(robot, first, planned.centre, planned.approach))
+        begin = len(self._rows)
+        self._play(planned, planned.goals)
+        end = len(self._rows)
+        self._refuse_unmoved(planned, begin, end)
+        # Outside its limits a goal may only move inwards.
+        back = float(np.clip(first, robot.lower[joint], robot.upper[joint]))
+        self._play(planned, _way(robot, planned.centre, back, planned.approach))
+        return begin, end
+
+    def _switch_off(self) -> str | None:
+        """Switch torque off; what to do if servos do not confirm it."""
+        self.driver.set_torque(False)
+        holding = ", ".join(self.driver.holding)
+        return f"torque off is not confirmed by: {holding}: switch the power off" if holding else None
 
     def _wait_for_angles(self) -> None:
         """Read until every joint has answered. Raises `DriverError` if one does not."""
@@ -137,7 +152,6 @@ class Experiment:
             command.position[joint] = goal
             sent = self._clock()
             self.driver.write(command)
-            fresh = (state.stale == 0) & np.isfinite(state.position)
             imu = state.imu_stale == 0
             nothing = np.full(3, np.nan)
             self._rows.append(
@@ -148,7 +162,7 @@ class Experiment:
                     state.position.copy(),
                     state.effort.copy(),
                     state.voltage.copy(),
-                    fresh,
+                    state.stale == 0,
                     state.accel.copy() if imu else nothing,
                     state.gyro.copy() if imu else nothing,
                 )
@@ -161,8 +175,7 @@ class Experiment:
         limits = robot.safety
         if not self.driver.connected:
             raise DriverError("the bus is lost")
-        patience = limits.max_stale_reads * self.driver.turns
-        if state.stale.max() > patience:
+        if state.stale.max() > limits.max_stale_reads:
             raise self._of(int(np.argmax(state.stale)), f"has not answered for {int(state.stale.max())} reads")
         if state.hardware_error.any():
             index = int(np.flatnonzero(state.hardware_error)[0])
@@ -220,6 +233,7 @@ class Experiment:
     def _record(self, planned: Excitation, begin: int, end: int) -> RobotRecord:
         columns = [np.array(column) for column in zip(*self._rows[begin:end], strict=True)]
         sent, goal, position, effort, voltage, fresh, accel, gyro = columns[1:]
+        fresh = new_angles(position, fresh, self.driver.turns)
         motion = f"{planned.amplitude:.2f} rad around {planned.centre:.2f} rad on a stand"
         return RobotRecord(
             columns[0], sent, goal, position, effort, voltage, fresh, accel, gyro, bus_s=self._bus_s, motion=motion
@@ -227,7 +241,7 @@ class Experiment:
 
     def _of(self, joint: int, what: str) -> DriverError:
         config = self.robot.joints[joint]
-        return DriverError(f"servo of {config.name} (id {config.id}): {what}; torque is off, nothing was stored")
+        return DriverError(f"servo of {config.name} (id {config.id}): {what}")
 
 
 def _way(robot: Robot, start: float, end: float, speed: float) -> Float:

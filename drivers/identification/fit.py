@@ -123,8 +123,8 @@ class Fit:
             rejected += self._weigh(x)
             x = self._solve(x)
         x = np.asarray(x)
-        deviation = np.sqrt(np.diag(self._covariance(x)))
         unknowns = self._unknowns
+        deviation = np.sqrt(np.diag(self._covariance(x)) + self._split(x) ** 2 / _COVERAGE**2)
         angle = self._errors(x)[0]
         motion = self._position[self._compared]
         return Estimate(
@@ -252,6 +252,15 @@ class Fit:
         self._cache = None
         return left_out
 
+    def _split(self, x: Float) -> Float:
+        """What an error of `SPLIT_SHARE` in viscous friction makes of every scaled unknown, (p,)."""
+        if "damping" not in self._unknowns.names:
+            return np.zeros(len(x))
+        place = self._unknowns.names.index("damping")
+        jacobian = self._evaluate(x)[1]
+        column = np.linalg.inv(jacobian.T @ jacobian)[:, place]
+        return np.asarray(column / column[place]) * SPLIT_SHARE * self.servo.back_emf / self._unknowns.scale[place]
+
     def _uncertainty(self, value: Float, random: Float) -> dict[str, float]:
         """Uncertainties by name: those by the residual, with those that it cannot show."""
         loads = np.concatenate([each.load.load for each in self.model.stretches])[self._compared]
@@ -264,8 +273,6 @@ class Fit:
         found = {}
         for name, each, known in zip(self._unknowns.names, random.tolist(), value.tolist(), strict=True):
             own = share * (abs(known) + (limb if name == "armature" else 0.0))
-            if name == "damping":
-                own = math.hypot(own, SPLIT_SHARE * self.servo.back_emf)
             found[name] = math.hypot(each, table.get(name, own))
         return found
 

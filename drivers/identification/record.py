@@ -68,4 +68,15 @@ class RobotRecord:
         return np.where(np.isfinite(self.accel), self.accel, np.array([0.0, 0.0, GRAVITY]))
 
 
+def new_angles(position: Float, answered: Bool, turns: int) -> Bool:
+    """Ticks in which a joint was measured, (N, n), for the angles of all ticks.
+
+    Servos that are read in turns (`Driver.turns`) keep their last angle in between: only a change is certainly new.
+    """
+    fresh = answered & np.isfinite(position)
+    if turns > 1:
+        fresh[1:] &= position[1:] != position[:-1]
+    return fresh
+
+
 _PER_TICK = ("time", "goal_time", "goal", "position", "effort", "voltage", "fresh", "accel", "gyro")

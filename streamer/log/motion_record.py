@@ -9,7 +9,7 @@ from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.robot import Robot
 from flexmotion.drivers import registry
 from flexmotion.drivers.bus.driver import BusDriver
-from flexmotion.drivers.identification.record import RobotRecord
+from flexmotion.drivers.identification.record import RobotRecord, new_angles
 from flexmotion.drivers.sim.options import BUS_S, SimOptions
 from flexmotion.streamer.control.ladder import POWERED
 from flexmotion.streamer.log.reader import Log
@@ -43,6 +43,7 @@ def motion_record(log: Log, robot: Robot, joint: int) -> RobotRecord:
         )
     lockstep = log.header.clock == "lockstep"
     time = rows["tick"] / log.header.rate_hz if lockstep else (rows["stamp_ns"] - rows["stamp_ns"][0]) * 1e-9
+    bus_s, turns = _bus(log, robot)
     known = (rows["imu_stale"] == 0)[:, None]
     record = RobotRecord(
         time=np.asarray(time, np.float64),
@@ -52,10 +53,10 @@ def motion_record(log: Log, robot: Robot, joint: int) -> RobotRecord:
         position=rows["q"],
         effort=rows["effort"],
         voltage=rows["voltage"],
-        fresh=(rows["stale"] == 0) & np.isfinite(rows["q"]),
+        fresh=new_angles(rows["q"], rows["stale"] == 0, turns),
         accel=np.where(known, rows["accel"], np.nan),
         gyro=np.where(known, rows["gyro"], np.nan),
-        bus_s=_bus_s(log, robot),
+        bus_s=bus_s,
         motion=f"log {log.path.name}",
     )
     return record.part(_liveliest(record, joint, used, robot.rate_hz))
@@ -79,18 +80,19 @@ def _liveliest(record: RobotRecord, joint: int, used: NDArray[np.bool_], rate_hz
     return np.sort(np.concatenate(chosen))
 
 
-def _bus_s(log: Log, robot: Robot) -> float:
-    """See `RobotRecord.bus_s`. Raises `ConfigError` if it is not known for the log's driver."""
+def _bus(log: Log, robot: Robot) -> tuple[float, int]:
+    """`RobotRecord.bus_s` and `Driver.turns`. Raises `ConfigError` if they are not known for the log's driver."""
     name = log.header.driver
     if name == "sim":
         options = SimOptions.model_validate(log.header.driver_options)
         given = options.command_delay_s
         assumed = float(np.mean([servo.delay for servo in robot.catalogue_servos]))
-        return (BUS_S if given is None else given - assumed) + options.read_delay_s
+        return (BUS_S if given is None else given - assumed) + options.read_delay_s, 1
     kind = registry.available().get(name)
     if kind is None or not issubclass(kind, BusDriver):
         raise ConfigError(
             f"{log.path}: is of driver {name!r}, whose bus time is not known, expected a servo bus or sim"
         )
     budgets = [kind.Bus.budget(robot, bus) for bus in robot.config.buses]
-    return max(budget.write_s - budget.asked_s for budget in budgets)
+    turns = max(kind.Bus.turns(robot, bus) for bus in robot.config.buses)
+    return max(budget.write_s - budget.asked_s for budget in budgets), turns

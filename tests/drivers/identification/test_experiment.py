@@ -8,14 +8,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
 from flexmotion.configs.errors import DriverError
 from flexmotion.configs.robot import Robot, load_robot
 from flexmotion.drivers.emulator.faults import Fault, FaultKind
 from flexmotion.drivers.identification.excitation import plan
 from flexmotion.drivers.identification.experiment import Experiment
+from flexmotion.drivers.identification.limb import Limb
+from flexmotion.drivers.identification.record import new_angles
 
-from .stand import Stand
+from .stand import Stand, plain_copy
 
 KNEE_ID = 14
 
@@ -71,7 +74,7 @@ def test_a_limb_heavier_than_its_file_ends_it(stand: Stand, op3: Robot) -> None:
     model = stand.body.driver.model
     for body in ("l_ank_roll_link", "l_ank_pitch_link"):
         model.body_mass[model.body(body).id] *= 25
-    with pytest.raises(DriverError, match=r"l_hip_pitch|l_knee|l_ank"):
+    with pytest.raises(DriverError, match=r"l_hip_pitch \(id 12\): .* planned were"):
         stand.experiment().run(planned)
     assert stand.limp
 
@@ -79,11 +82,31 @@ def test_a_limb_heavier_than_its_file_ends_it(stand: Stand, op3: Robot) -> None:
 def test_a_servo_that_falls_silent_ends_it(op3: Robot, stand: Stand) -> None:
     planned = stand.plan("l_knee")
     stand.world.emulator.faults.append(Fault(FaultKind.DEAD, KNEE_ID, at=2.0))
-    with pytest.raises(DriverError, match=r"l_knee \(id 14\): has not answered for 6 reads"):
+    with pytest.raises(
+        DriverError,
+        match=r"l_knee \(id 14\): has not answered for 6 reads; nothing was stored, torque off is "
+        r"not confirmed by: l_knee \(id 14\): switch the power off",
+    ):
         stand.experiment().run(planned)
     enabled = stand.body.plant.enabled.copy()
     enabled[op3.index("l_knee")] = False  # it heard nothing
     assert not enabled.any()
+
+
+def test_a_servo_that_overheats_ends_it(stand: Stand) -> None:
+    planned = stand.plan("l_knee")
+    stand.world.emulator.faults.append(Fault(FaultKind.OVERHEAT, KNEE_ID, at=1.0))
+    with pytest.raises(DriverError, match=r"l_knee \(id 14\): (reports hardware error|has 85 °C).*torque is off"):
+        stand.experiment().run(planned)
+    assert stand.limp
+
+
+def test_a_servo_that_is_read_in_turns_is_measured_when_its_angle_changes() -> None:
+    """An LX-16A is read in every twentieth tick; its last angle was taken for a measurement of all of them."""
+    position = np.array([[1.0], [1.0], [1.1], [1.1], [np.nan], [1.2]])
+    answered = np.ones((6, 1), np.bool_)
+    assert new_angles(position, answered, 1)[:, 0].tolist() == [True, True, True, True, False, True]
+    assert new_angles(position, answered, 20)[:, 0].tolist() == [True, False, True, False, False, True]
 
 
 def test_an_operator_ends_it(stand: Stand) -> None:
@@ -130,8 +153,6 @@ def test_the_range_keeps_clear_of_the_robots_own_body(op3: Robot) -> None:
     """Arms hang beside the torso: the shoulder's limits reach through it."""
     planned = plan(op3, op3.index("l_sho_roll"), op3.stand_pose)
     pose = op3.stand_pose.copy()
-    from flexmotion.drivers.identification.limb import Limb
-
     limb = Limb(op3, op3.index("l_hip_roll"))
     low, high = limb.free_range(pose)
     assert op3.lower[op3.index("l_hip_roll")] <= low < high
@@ -142,9 +163,6 @@ def test_the_range_keeps_clear_of_the_robots_own_body(op3: Robot) -> None:
 @pytest.fixture
 def spoilt(tmp_path: Path) -> Callable[[str, list[float]], Robot]:
     """Call with a joint and its limits: OP3 with these limits."""
-    import yaml
-
-    from .stand import plain_copy
 
     def make(joint: str, limits: list[float]) -> Robot:
         folder = plain_copy(tmp_path)

@@ -61,16 +61,6 @@ def test_a_joint_that_gravity_does_not_bend_shows_no_torque(op3: Robot, tmp_path
     assert "delay" in found.figures
 
 
-def test_slow_motion_shows_neither_armature_nor_delay(op3: Robot, knee: tuple[dict[str, float], RobotRecord]) -> None:
-    """The sweeps alone, without the oscillation."""
-    _, record = knee
-    sweep = record.part(record.time < record.time[0] + 5.0)
-    found = identify(op3, op3.index("l_knee"), sweep, DATE)
-    assert "quick reversals show it" in found.refused["armature"]
-    assert "goals that change fast show it" in found.refused["delay"] or found.figures["delay"].uncertainty < 2e-3
-    assert "kp" in found.figures
-
-
 def test_without_current_the_drag_is_one_figure(op3: Robot, knee: tuple[dict[str, float], RobotRecord]) -> None:
     hidden, record = knee
     silent = replace(record, effort=np.full_like(record.effort, np.nan))

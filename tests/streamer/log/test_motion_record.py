@@ -68,6 +68,17 @@ def test_hidden_figures_are_found_in_a_log(op3: Robot, tmp_path: Path) -> None:
         assert figure.motion == "log version_0.1.0.mcap"
 
 
+def test_a_log_of_slow_motion_shows_no_inertia_and_names_what_would(op3: Robot, tmp_path: Path) -> None:
+    joint, time = op3.index("l_knee"), np.arange(0.0, 16.0, 1.0 / op3.rate_hz)
+    goals = op3.stand_pose[joint] + 0.4 * np.sin(2 * np.pi * 0.12 * time)
+    log = logged(hide(op3, "l_knee", tmp_path, FIGURES), joint, goals, read_log(LOG))
+    found = identify(op3, joint, motion_record(log, op3, joint), "2026-11-23")
+    assert "quick reversals show it" in found.refused["armature"]
+    assert "motion at several speeds" in found.refused["damping"]
+    for name, figure in found.figures.items():
+        assert abs(figure.value - (FIGURES | {"torque_constant": 1.783})[name]) <= figure.uncertainty, name
+
+
 def test_a_leg_that_carries_the_robot_is_refused(op3: Robot) -> None:
     log = read_log(LOG)
     assert log.header.joints == op3.joint_names
