@@ -82,8 +82,8 @@ class Desk:
 
     Attributes:
         counts: messages received, answers by state, and what was refused, by its reason.
-        following: the newest target that was accepted; None before the first, after a stop, without torque, and where the
-            robot stands still for words that it does not understand.
+        following: the newest target that was accepted; None before the first, after a stop, without torque, and where
+            the robot stands still for words that it does not understand.
         sources: who sent the newest targets, by number.
     """
 

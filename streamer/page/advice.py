@@ -7,8 +7,8 @@ import re
 _ADVICE = (
     (
         r"e-stop",
-        "The robot lowers itself, then its torque goes off. See that nobody is in its way, clear the fault, then arm the "
-        "robot: it stands up.",
+        "The robot lowers itself, then its torque goes off. See that nobody is in its way, clear the fault, then arm "
+        "the robot: it stands up.",
     ),
     (r"kill", "The torque was cut. Put the robot into its rest pose by hand, clear the fault, then arm the robot."),
     (r"\bfall\b", "Switch the supply off before you touch it. Put it up, look for damage, clear the fault, arm it."),
@@ -31,10 +31,12 @@ _ADVICE = (
 
 
 _BUS_LOST, _TOO_BUSY = re.compile(r"bus lost"), re.compile(r"the loop itself woke")
-_BUSY = "This computer was too busy to read the servos in time. Close other programs. If it comes again, check their cable."
+_BUSY = (
+    "This computer was too busy to read the servos in time. Close other programs; if it comes again, check the cable."
+)
 _BUSY_SIMULATION = (
-    "This computer was too busy to simulate the robot in real time. Close other programs, or switch off the plan and the "
-    "human in the picture."
+    "This computer was too busy to simulate the robot in real time. Close other programs, or switch off the "
+    "planned pose and the human in the picture."
 )
 
 _HEADLINES = (

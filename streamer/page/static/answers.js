@@ -40,7 +40,7 @@ export function told(entry, own) {
       end: ENDS[step.end] ?? "", done: step.end === "done",
     }));
   } else if (heard_as && plain(heard_as) !== entry.text && !entry.stick && !entry.goal) {
-    found.notes.push(certainty < UNSURE ? `unsure: it may not be “${plain(heard_as)}” that was meant` : `heard as ${plain(heard_as)}`);
+    found.notes.push(`heard as ${plain(heard_as)}${certainty < UNSURE ? ", but not sure" : ""}`);
   }
   if (dropped?.length) found.notes.push(`not done: ${dropped.join(", ")}`);
   if (slowed) found.notes.push(`slowed to ${slowed}`);

@@ -4,7 +4,7 @@ import { mark, told } from "./answers.js";
 import { Strip } from "./strip.js";
 import { made } from "./words.js";
 
-const SUGGESTIONS = ["walk forward", "wave your right hand", "turn left 90 degrees", "stand still", "two steps back, then bow", "raise both arms"];
+const SUGGESTIONS = ["walk forward", "wave", "turn left 90 degrees", "two steps back, then bow", "raise both arms"];
 const KEPT = 40, LISTED = 12;
 const FOLLOWED = ["accepted", "slowed", "partly"];
 const HINT = "What should the robot do?";

@@ -54,8 +54,8 @@ export function nextStep({ state, must_stop }, recovering) {
 export function whyNot({ state, must_stop, loop }, other) {
   if (loop === "silent") return state ? "The run has ended" : "The run is starting";
   const reasons = {
-    OFF: "Torque is off: arm the robot first", PARK: "The robot lowers itself: arm it after that",
-    DAMPED: "The robot fell: clear the fault first", FAULT: "Fault: clear it, then arm the robot",
+    OFF: "Torque is off: arm it first", PARK: "Lowering itself: arm it then",
+    DAMPED: "The robot fell", FAULT: "Fault: clear it first",
   };
   if (reasons[state]) return reasons[state];
   if (must_stop) return "Stopped: release the stop first";
