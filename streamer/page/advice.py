@@ -32,7 +32,7 @@ _ADVICE = (
 
 _BUS_LOST, _TOO_BUSY = re.compile(r"bus lost"), re.compile(r"the loop itself woke")
 _BUSY = (
-    "This computer was too busy to read the servos in time. Close other programs; if it comes again, check the cable."
+    "This computer was too busy to read the servos in time. Close other programs. If it comes back, check the cable."
 )
 _BUSY_SIMULATION = (
     "This computer was too busy to simulate the robot in real time. Close other programs, or switch off the "

@@ -17,7 +17,7 @@ PHONE, DESK = {"width": 390, "height": 780}, {"width": 1280, "height": 800}
 STATES = {"OFF": "torque off", "STREAMING": "moving", "PARK": "parking", "FAULT": "fault", "HOLD": "stopped"}
 ACCESS = Path(__file__).with_name("page_access.js")
 """What WCAG 2.2 AA asks of a page: contrast of its texts (1.4.3), names of its controls (4.1.2), their size in pixels
-(2.5.8), and that the keyboard reaches them (2.1.1)."""
+(2.5.8), contrast of the edges of its fields (1.4.11), and that the keyboard reaches them (2.1.1)."""
 
 
 @pytest.fixture(scope="module", params=[PHONE, DESK], ids=["phone", "desk"])
@@ -58,7 +58,7 @@ def test_every_text_can_be_read_and_every_control_reached(run: StandIn) -> None:
             run.status(state, operator="another", must_stop=state == "HOLD")
             run.until(partial(lambda words: page.inner_text("#state") == words, shown), "the state")
             found = page.evaluate(ACCESS.read_text(encoding="utf-8").partition("\n")[2])
-            assert found == {"contrast": [], "names": [], "small": [], "unreachable": []}, state
+            assert found == {"contrast": [], "names": [], "small": [], "edges": [], "unreachable": []}, state
         page.click("#theme")
     assert page.evaluate("() => document.documentElement.scrollWidth <= innerWidth")
     assert not run.problems
