@@ -63,6 +63,8 @@ _REQUESTS: dict[type, Request] = {
 _WITHOUT_LEASE = (StopMessage, EmergencyStopMessage)
 _AT_ANY_TIME = (*_WITHOUT_LEASE, KillMessage)
 """An emergency depends on no order of arrival, and not on two clocks that agree."""
+_FOLLOWS = (State.READY, State.STREAMING, State.HOLD)
+"""States in which a target is followed, or waits to be."""
 _FOLLOWED: tuple[AnswerState, ...] = ("accepted", "slowed", "partly")
 
 
@@ -80,7 +82,8 @@ class Desk:
 
     Attributes:
         counts: messages received, answers by state, and what was refused, by its reason.
-        following: the newest target that was accepted; None before the first.
+        following: the newest target that was accepted; None before the first, after a stop, without torque, and where
+            the robot stands still for words that it does not understand.
         sources: who sent the newest targets, by number.
         cause: why the robot does not do as it is told.
     """
@@ -274,7 +277,10 @@ class Desk:
             notes=heard.notes or None,
         )
         if told.state in _FOLLOWED and asked.intent is not None:
-            self.following = Following(asked.message.source, to_content(asked.intent), told, time.perf_counter())
+            content = to_content(asked.intent)
+            self.following = Following(asked.message.source, content, told, time.perf_counter(), asked.holds_s)
+        elif told.state == "refused" and told.tick is not None:
+            self.following = None  # it stands still
 
     def _match(self, new: list[Event]) -> None:
         """Reply to the requests that the loop has taken; to CLEAR and ARM once their effect is known."""
@@ -289,6 +295,8 @@ class Desk:
                     self._asked.remove(asked)
                     self._reply(asked, "refused", reason)
         row = self._ticks.latest()
+        if row is not None and (row["must_stop"] or State(int(row["state"])) not in _FOLLOWS):
+            self.following = None
         for asked in [one for one in self._asked if one.tick >= 0]:
             if isinstance(asked.message, ArmMessage | ClearMessage):
                 if row is None or int(row["tick"]) < asked.tick:
