@@ -19,6 +19,9 @@ _MOST = 4
 """Highest level, over the patience: above it, so that a sensor that goes on is a fault however large the patience is,
 and bounded: one that was wrong for minutes is believed again after 30 times as many good readings as the patience."""
 
+_RETURNS = 4
+"""Readings in which the way back from an explained step is believed: as many as an impact explains, and one."""
+
 
 class Suspicion:
     """Counts wrong readings of m sensors; good ones in between count against them.
@@ -59,7 +62,8 @@ class Suspicion:
 class Believed:
     """The last m values that can be.
 
-    A value outside its range is never believed. A step is believed once it is repeated.
+    A value outside its range is never believed. A step is believed once it is repeated. One that was believed because
+    something explained it may have been wrong all the same: for some readings the way back is believed too.
 
     Args:
         m: number of values.
@@ -78,25 +82,37 @@ class Believed:
         self._lowest, self._highest, self._step, self._agreeing = lowest, highest, step, agreeing
         self._candidate, self._repeats = np.full(m, np.nan), np.zeros(m, np.int64)
         self._none = np.zeros(m, np.bool_)
+        self._before, self._returns = np.full(m, np.nan), 0  # values before an explained step, and readings since
 
     def forget(self) -> None:
         """The next values are believed if they are in their range."""
         self.value.fill(np.nan)
         self._candidate.fill(np.nan)
         self._repeats.fill(0)
+        self._returns = 0
 
-    def take(self, values: Float, widened: float = 1.0) -> Bool:
+    def take(self, values: Float, widened: float = 1.0, explained: float = 0.0) -> Bool:
         """Replace the values that are not believed by the last believed ones, in place; which they were, (m,).
 
-        The result must not be changed. NaN (unknown) is left as it is. `widened` multiplies the step that is believed
-        at once.
+        The result must not be changed. NaN (unknown) is left as it is.
+
+        Args:
+            widened: multiplies the step that is believed at once.
+            explained: is added to it.
         """
-        if self._usual(values, widened):
+        if not self._returns and self._usual(values, widened):
             np.copyto(self.value, values)
             return self._none
         with np.errstate(invalid="ignore"):
-            outside = (values < self._lowest) | (values > self._highest)
-            wrong = outside | (np.abs(values - self.value) > widened * self._step)
+            outside, step = (values < self._lowest) | (values > self._highest), widened * self._step
+            away = np.abs(values - self.value)
+            wrong = outside | (away > step + explained)
+            if self._returns:
+                self._returns -= 1
+                wrong &= outside | (np.abs(values - self._before) > step)
+            if explained and (~wrong & (away > step)).any():
+                np.copyto(self._before, self.value)
+                self._returns = _RETURNS
             if wrong.any() and self._agreeing is not None:
                 again = wrong & ~outside & (np.abs(values - self._candidate) <= self._step)
                 self._repeats = np.where(again, self._repeats + 1, 1)

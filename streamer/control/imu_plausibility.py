@@ -18,7 +18,8 @@ the accelerometer shows. What turns a robot without one (its weight, friction of
 weight, at a lever of its own size: g / h is the measure for robots of every size. OP3 in simulation reaches 1.1 where
 it walks, and 2.3 pushed every 1.5 s on a floor with a friction of 0.25."""
 IMPACT, IMPACT_TICKS = 1.0 * GRAVITY, 3
-"""Change of the specific force that is an impact [m/s²], and ticks for which it explains a change of the speed."""
+"""Change of the specific force that is an impact [m/s²], and ticks for which it explains a change of the speed: one of
+`FALL_STEPS` for each g. Steps and pushes of OP3 in simulation reach a third of this."""
 MOST_ACCEL, ACCEL_STEP = 17.0 * GRAVITY, 5.0 * GRAVITY
 """Greatest specific force, above the range of the usual sensors, and greatest change that is believed at once [m/s²].
 The foot of a walking robot strikes with up to 4 g."""
@@ -48,7 +49,8 @@ class ImuPlausibility:
         self._accel = Believed(3, np.full(3, -MOST_ACCEL), np.full(3, MOST_ACCEL), step=ACCEL_STEP)
         # Plain numbers: numpy takes longer for three of them than for all of a robot's joints.
         self._last_accel, self._mean = [math.nan] * 3, [math.nan] * 3
-        self._since, self._shaken, self._unread = 0.0, 0, 0
+        self._turn_of = FALL_STEPS / height / robot.rate_hz  # by a change of the specific force [rad/s by m/s²]
+        self._since, self._shaken, self._unread, self._impact = 0.0, 0, 0, 0.0
 
     def check(self, state: RobotState, elapsed: float, *, powered: bool = True) -> None:
         """Check one sample.
@@ -76,10 +78,15 @@ class ImuPlausibility:
         # Between samples that are further apart than usual more may change.
         gap, self._since = max(self._since / self._period, 1.0), 0.0
         accel = state.accel.tolist()
-        struck = any(abs(now - last) > IMPACT for now, last in zip(accel, self._last_accel, strict=True))
+        changes = (abs(now - last) for now, last in zip(accel, self._last_accel, strict=True))
+        change = max((one for one in changes if not math.isnan(one)), default=0.0)
         self._last_accel = accel
-        self._shaken = IMPACT_TICKS if struck else max(self._shaken - 1, 0)
-        wrong = some(self._gyro.take(state.gyro, math.inf if self._shaken else gap))
+        self._shaken -= 1
+        if self._shaken <= 0:
+            self._impact = 0.0
+        if change > IMPACT:
+            self._shaken, self._impact = IMPACT_TICKS, max(self._impact, change)
+        wrong = some(self._gyro.take(state.gyro, gap, self._turn_of * self._impact))
         wrong |= some(self._accel.take(state.accel, gap))
         wrong |= self._no_gravity(state, gap)
         if not wrong and not self._suspicion.raised:

@@ -138,6 +138,21 @@ def test_a_turn_that_nothing_explains_is_not_believed_and_an_impact_is(watched: 
     assert struck.gyro[0] == 5.0 and struck.accel[0] == 30.0
 
 
+def test_two_lies_that_seem_to_explain_each_other_are_no_fall(watched: Watched) -> None:
+    """A wrong force was an impact, which explained any turn within three ticks, and the turn was held for good.
+
+    In six ticks it made 50 degrees of tilt, and a robot that stood still was dropped.
+    """
+    watched.read(accel=-10.3)
+    watched.read()
+    assert watched.read(gyro=18.4).gyro[0] == 0.0
+    for _ in range(10):
+        watched.read()
+    watched.read(accel=-10.3)
+    held = [float(watched.read(gyro=wrong).gyro[0]) for wrong in (2.5, 0.0, 0.0)]
+    assert held == [2.5, 0.0, 0.0] and watched.state.imu_stale == 0
+
+
 @pytest.mark.parametrize("size", [0.5, 1.0, 4.0])
 def test_the_step_of_a_turn_that_is_believed_follows_the_robots_size(op3: Robot, size: float) -> None:
     """A bound of OP3's size was that of every robot: one of four times its size believed 1.4 rad/s in a tick."""
