@@ -266,13 +266,19 @@ class Fit:
         loads = np.concatenate([each.load.load for each in self.model.stretches])[self._compared]
         limb = float(np.mean(np.concatenate([each.load.inertia for each in self.model.stretches])))
         # Every torque is known by the limb's weight, or else by the belief in the torque constant.
-        scale = UNKNOWN_TORQUE_SHARE * self.servo.stall_torque / max(2.0 * float(loads.std()), 1e-9)
+        unknown = UNKNOWN_TORQUE_SHARE * self.servo.stall_torque
+        scale = unknown / max(2.0 * float(loads.std()), 1e-9)
         scale = min(scale, _COVERAGE * (torque_constant_belief() if self._measures_torque else _WEAK))
         share = math.hypot(MODEL_SHARE, scale)
+        speed = self.model.simulate(self._unknowns.figures((value / self._unknowns.scale)[None])).late_speed[:, 0]
+        acceleration = float(np.std(np.gradient(speed)[self._compared])) * self._rate
         table = {"delay": TIMING_S, PHASE: 0.0, AGE: 0.0}
         found = {}
         for name, each, known in zip(self._unknowns.names, random.tolist(), value.tolist(), strict=True):
-            own = share * (abs(known) + (limb if name == "armature" else 0.0))
+            own = share * abs(known)
+            if name == "armature":
+                # At one frequency acceleration follows the angle, as that torque does.
+                own = math.hypot(share * (abs(known) + limb), unknown / max(2.0 * acceleration, 1e-9))
             found[name] = math.hypot(each, table.get(name, own))
         return found
 
