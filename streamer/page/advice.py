@@ -7,8 +7,8 @@ import re
 _ADVICE = (
     (
         r"e-stop",
-        "The robot lowers itself, then its torque goes off. See that nobody is in its way, clear the fault, then arm "
-        "the robot: it stands up.",
+        "The robot stops, lowers itself, and its torque goes off. See that nobody is in its way, clear the fault, then "
+        "arm the robot: it stands up.",
     ),
     (r"kill", "The torque was cut. Put the robot into its rest pose by hand, clear the fault, then arm the robot."),
     (r"\bfall\b", "Switch the supply off before you touch it. Put it up, look for damage, clear the fault, arm it."),

@@ -180,6 +180,54 @@ def test_a_later_version_of_an_answer_says_where_the_robot_arrived_and_is_no_sec
     assert followed is not None and (followed.end, followed.place) == ("done", (0.97, 0.02, 0.1))
 
 
+def test_what_is_followed_ends_with_a_stop_without_torque_and_for_words_that_are_not_understood(
+    make_office: Make,
+) -> None:
+    """The page named an older sentence while the robot stood for another reason."""
+    office = make_office()
+
+    def followed() -> bool:
+        office.run.step()
+        office.desk.pump()
+        return office.desk.following is not None
+
+    def sent(message: str) -> int:
+        office.ask(message)
+        while not (arrived := office.run.arrived()):
+            office.desk.pump()
+        return arrived[-1].id
+
+    def accept() -> None:
+        office.run.state, office.run.stopped = State.STREAMING, False
+        office.run.step()
+        office.run.answer(sent(WAVE))
+        assert followed()
+
+    accept()
+    office.run.stopped = True
+    assert not followed()
+    for state in (State.PARK, State.OFF, State.FAULT):
+        accept()
+        office.run.state = state
+        assert not followed()
+    accept()
+    fly = sent('{"type":"text","text":"fly to the moon"}')
+    office.run.heard.publish(Heard(id=fly, asked="?", state="refused", tick=7, reason="it stands still"))
+    assert not followed()
+
+
+def test_a_velocity_that_is_not_sent_again_is_told_as_over(make_office: Make) -> None:
+    office = make_office()
+    office.ask('{"type":"velocity","velocity":[0.3,0,0],"ttl_s":0.001}')
+    (target,) = office.run.arrived()
+    office.run.answer(target.id)
+    office.run.step()
+    office.desk.pump()
+    time.sleep(0.002)
+    told = status_of(office.desk, "op3", "sim", 125.0, None).following
+    assert told is not None and told.end == "expired"
+
+
 def test_an_arm_is_accepted_once_torque_is_on_and_refused_with_the_loops_reason(make_office: Make) -> None:
     office = make_office()
     office.run.state = State.OFF

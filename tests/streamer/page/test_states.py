@@ -14,7 +14,8 @@ from .stand_in import StandIn, browser_page
 ACROSS = ((844, 390), (932, 430), (568, 320))
 """Sizes of phones that are held across [pixels]."""
 UPRIGHT = ((390, 844), (320, 568))
-DESK, PHONE = {"width": 1280, "height": 800}, {"width": 390, "height": 844}
+DESK: Any = {"width": 1280, "height": 800}
+PHONE: Any = {"width": 390, "height": 844}
 CAUSE = "e-stop: frozen by an operator"
 REASON = (
     "'fly to the moon' is not understood by this model, it stands still; it can: stand, walk, bow, wave right hand; "
@@ -34,7 +35,7 @@ def tab() -> Iterator[StandIn]:
 @pytest.fixture
 def run(tab: StandIn) -> StandIn:
     """A run that stands, and its page, on a phone that is held upright."""
-    tab.page.set_viewport_size(PHONE)  # type: ignore[arg-type]
+    tab.page.set_viewport_size(PHONE)
     tab.asked.clear()
     tab.pressed.clear()
     tab.picture()

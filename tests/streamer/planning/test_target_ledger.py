@@ -69,6 +69,15 @@ def test_a_target_is_accepted_when_the_loop_has_taken_a_plan_and_not_before(benc
     assert (answer.at_s, answer.certainty) == (10.01, 0.9)
 
 
+def test_an_answer_names_a_stop_as_such(bench: Bench) -> None:
+    """The history listed "True: too late"."""
+    bench.mailbox.send(Stop())
+    bench.mailbox.send(WALK)
+    bench.look(10)
+    (answer,) = bench.told
+    assert (answer.asked, answer.state) == ("stop", "superseded")
+
+
 def test_words_that_mean_nothing_are_refused_with_what_the_robot_does_instead(bench: Bench) -> None:
     bench.mailbox.send(Text("fly"))
     bench.look(10)
