@@ -51,7 +51,7 @@ BITS_A_BYTE = 10
 WRITE_OVERHEAD, READ_REQUEST, FAST_ROW, STATUS = 14, 14, 4, 11
 """Bytes of a sync write and of a read request without their rows, of a row of a fast reply, of a status packet."""
 BAUDS = (1_000_000, 2_000_000, 4_000_000)
-START_S, SETTLE_S, STOP_S = 30.0, 1.0, 20.0
+START_S, SETTLE_S, STOP_S = 90.0, 1.0, 20.0
 """Longest time for the emulator's start, time after it, longest time for its end [s]."""
 PAUSE_S = 0.002
 """Between two cycles [s]."""

@@ -60,7 +60,6 @@ class DynamixelBus(ServoBus):
         m = len(self.joints)
         self._client = Client(port)
         self._slot = {id_: slot for slot, id_ in enumerate(self.ids)}
-        self._slots_of: dict[tuple[int, ...], tuple[int, ...]] = {}  # of the ids in a packet
         self._layouts = [layout_of(table_of(s.name), current_bound=self.config.current_bound) for s in self.servos]
         self._board = board_of(robot, name)
         self._units = round(self.config.watchdog_ms * 1e-3 / WATCHDOG_S)
@@ -181,10 +180,8 @@ class DynamixelBus(ServoBus):
     def finish(self) -> None:
         """See `ServoBus`. Watchdogs that have tripped are cleared: their servos refuse goals."""
         self.cycle.finish()
-        if not self._on or not self.cycle.read_watchdogs:
-            return
-        tripped = self.measured.watchdog == TRIPPED
-        if not tripped.any():
+        tripped = self.measured.watchdog == TRIPPED if self._on and self.cycle.read_watchdogs else None
+        if tripped is None or not tripped.any():
             return
         self.measured.watchdog[tripped] = 0  # until they are read again
         self._trips[tripped] += 1
@@ -285,32 +282,24 @@ class DynamixelBus(ServoBus):
         """Send goals of the whole bus; `standing`: position of servos that are pinned, NaN for the others, (m,)."""
         for goals in self._goals:
             packet = goals.encode(ticks, bound, self.current_limit)
-            ids, position, current = goals.decode(packet)
-            slots = self._slots_of.get(ids)
-            if slots is None:
-                slots = self._slots_of[ids] = tuple(self._slot[id_] for id_ in ids)
+            slots, position, current = goals.decode(packet)
             if standing is not None or not self.guard.admits(slots, position, current):
-                admitted = self._admit(np.array(slots), position, current, standing)
+                at = np.array(slots)
+                admitted = self.guard.admit(
+                    at,
+                    np.array(position, np.float64),
+                    np.array(current, np.float64) if current else None,
+                    None if standing is None else standing[at],
+                )
                 if (admitted != position).any():
                     ticks = ticks.copy()
-                    ticks[list(slots)] = admitted
+                    ticks[at] = admitted
                     packet = goals.encode(ticks, bound, self.current_limit)
             self.port.send(packet)
         if self._bounded:
             np.copyto(self._last_bound, bound)
         if standing is not None:
             np.copyto(self.pins, ticks, where=np.isfinite(standing))
-
-    def _admit(
-        self, slots: NDArray[np.int64], position: Sequence[int], current: Sequence[int], standing: Float | None
-    ) -> Float:
-        """`GoalGuard.admit` of the goals in a packet."""
-        return self.guard.admit(
-            slots,
-            np.array(position, np.float64),
-            np.array(current, np.float64) if current else None,
-            None if standing is None else standing[slots],
-        )
 
     def _write_all(self, name: str, value: int, which: Bool | None = None) -> None:
         """Set a register of all servos, or of those in `which`, to one value; one packet for each address it has."""

@@ -113,8 +113,8 @@ class ReadMany(Exchange):
     Attributes:
         fast: whether it is a fast sync read.
         order, asked: ids in the order asked, as a list and as bytes.
-        whole: a complete fast reply: header, then error, id, data and CRC of each servo in that order; `answers` is empty
-            then. None without a complete one.
+        whole: a complete fast reply: header, then error, id, data and CRC of each servo in that order; `answers` is
+            empty then. None without a complete one.
     """
 
     def __init__(self, ids: Sequence[int], span: Span, *, fast: bool, where: str) -> None:

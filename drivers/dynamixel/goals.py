@@ -15,7 +15,7 @@ Float = NDArray[np.float64]
 Slots = NDArray[np.int64]
 
 Decoded = tuple[tuple[int, ...], tuple[int, ...], tuple[int, ...]]
-"""Ids, goal positions and goal currents (none if they are not sent) in the bytes of a packet, (k,) each."""
+"""Slots, goal positions and goal currents (none if they are not sent) in the bytes of a packet, k each."""
 
 
 class GoalPacket:
@@ -35,6 +35,8 @@ class GoalPacket:
         self._span, self.bounded = layout.write, layout.bounded
         self._slots: Slots | slice = slice(None) if np.array_equal(slots, np.arange(len(ids))) else slots
         self._unit = torque_per_unit[slots]
+        self._slot = {id_: slot for slot, id_ in enumerate(ids)}
+        self._seen: tuple[tuple[int, ...], tuple[int, ...]] = (), ()  # ids in the last packet, and their slots
         row = goal_row(bounded=layout.bounded)
         blank = sync_write(self._span, bytes(len(slots) * row.itemsize))[:-2]
         self._first = len(blank) - len(slots) * row.itemsize
@@ -66,7 +68,10 @@ class GoalPacket:
     def decode(self, packet: bytes) -> Decoded:
         """What the bytes of a packet command."""
         values, fields = self._unpack(sync_write_rows(packet)), 3 if self.bounded else 2
-        return values[::fields], values[fields - 1 :: fields], values[1::3] if self.bounded else ()
+        ids = values[::fields]
+        if ids != self._seen[0]:
+            self._seen = ids, tuple(self._slot[id_] for id_ in ids)
+        return self._seen[1], values[fields - 1 :: fields], values[1::3] if self.bounded else ()
 
 
 def sync_write(span: Span, rows: bytes) -> bytes:

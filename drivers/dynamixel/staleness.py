@@ -57,11 +57,12 @@ class ReplyClock:
         units, forgotten, oldest = _units(now), now - FORGET_S, self._oldest
         if slots == self._every and min(self._accepted) >= forgotten:
             # The usual answer, of all servos in order.
-            late = [((units - tick * _UNITS - at + _HALF) & _MASK) - _HALF for tick, at in zip(ticks, self._offset)]
-            if -_NEWEST < min(late) and max(late) < oldest and not any(map(eq, ticks, self._tick)):
+            pairs = zip(ticks, self._offset, strict=True)
+            late = [((units - tick * _UNITS - at + _HALF) & _MASK) - _HALF for tick, at in pairs]
+            if min(late) > -_NEWEST and max(late) < oldest and not any(map(eq, ticks, self._tick)):
                 self._offset = [
                     at + (own if -_CREEP <= own <= _CREEP else _CREEP if own > 0 else -_CREEP)
-                    for own, at in zip(late, self._offset)
+                    for own, at in zip(late, self._offset, strict=True)
                 ]
                 self._tick = list(ticks)
                 self._answered, self._accepted = [now] * len(slots), [now] * len(slots)

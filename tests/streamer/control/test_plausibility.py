@@ -238,3 +238,37 @@ def test_a_sensor_that_lies_while_torque_is_off_is_held_against_a_start(watched:
     for _ in range(600):
         watched.read(powered=False)
     assert watched.level("voltage") == 0 and watched.checks.imu_suspicion.level[0] == 0
+
+
+class LongWay(Plausibility):
+    """Checks that never take their short way."""
+
+    def _as_expected(self, *_: object) -> bool:
+        return False
+
+
+def test_the_short_way_believes_what_the_long_way_believes(op3: Robot) -> None:
+    """Over two thousand ticks with lies, gaps, silences and torque that goes off."""
+    random = np.random.default_rng(0)
+    short, long = Watched(op3), Watched(op3)
+    long.checks = LongWay(op3)
+    kinds = ("position", "velocity", "voltage", "temperature", "gyro", "accel")
+    taken = 0
+    for _ in range(2000):
+        wrong = {}
+        if random.random() < 0.1:
+            wrong[str(random.choice(kinds))] = float(random.choice([0.02, 0.4, 6.0, 60.0, np.nan]))
+        silent = int(random.integers(op3.n)) if random.random() < 0.03 else None
+        powered, speed = random.random() > 0.02, float(random.choice([0.0, 0.0, 0.5, 3.0]))
+        short.speed[KNEE] = long.speed[KNEE] = speed
+        taken += short.checks._calm
+        for each in (short, long):
+            each.read(powered=powered, silent=silent, **wrong)
+        ours, theirs = short.checks, long.checks
+        for name in ("position", "velocity", "voltage", "temperature", "stale", "gyro", "accel", "imu_stale"):
+            np.testing.assert_array_equal(getattr(short.state, name), getattr(long.state, name), err_msg=name)
+        for name in ("unread", "doubted", "expected", "returned", "disbelieved"):
+            np.testing.assert_array_equal(getattr(ours, name), getattr(theirs, name), err_msg=name)
+        for one, other in zip(ours.suspicions, theirs.suspicions, strict=True):
+            np.testing.assert_array_equal(one.level, other.level)
+    assert taken > 200
