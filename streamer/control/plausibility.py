@@ -72,6 +72,7 @@ class Plausibility:
         self._in_turns = turns > 1
         self._position, self._velocity = np.full(n, np.nan), np.zeros(n)
         self._since = np.full(n, np.inf)  # time since a joint's last believed reading [s]
+        self._believed = np.full(n, np.nan)  # the position then
         self._stamp_ns, self._tick = 0, -1
         self.unread = np.full(n, patience + 1, np.int64)
         self.doubted, self.expected = np.zeros(n, np.bool_), np.full(n, np.nan)
@@ -145,6 +146,7 @@ class Plausibility:
             known = fresh & (self.unread == 0) & ~jumped
             unseen &= ~known
             self._compare(position, velocity, between, known, jumped, racing)
+            self._compare_after_gap(position, velocity, fresh & (self.unread > 0) & ~jumped, racing)
         jumped &= fresh
         racing &= fresh & ~jumped
         np.logical_or(jumped, unseen & fresh, out=self.doubted)
@@ -163,6 +165,7 @@ class Plausibility:
         self.unread += 1
         self.unread[believed] = 0
         self._since[believed] = 0.0
+        np.copyto(self._believed, position, where=believed)
         np.copyto(state.stale, np.maximum(state.stale, self.unread), where=~came | self.doubted)
         np.copyto(self._position, position)
         np.copyto(self._velocity, velocity)
@@ -196,6 +199,7 @@ class Plausibility:
             self.expected.fill(np.nan)
             self.returned = False
         np.copyto(self._position, position)
+        np.copyto(self._believed, position)
         np.copyto(self._velocity, velocity)
 
     def _compare(
@@ -217,3 +221,17 @@ class Plausibility:
         np.copyto(velocity, np.clip(velocity, moved - slack, moved + slack), where=known & speed_lies)
         racing |= strange & speed_lies
         jumped |= strange & ~speed_lies
+
+    def _compare_after_gap(self, position: Float, velocity: Float, back: Bool, racing: Bool) -> None:
+        """Bound the speeds of joints in `back`, which were not read for a few ticks, by what they moved meanwhile.
+
+        The speed at the end may be further from the mean one the longer the gap was.
+        """
+        if not some(back):
+            return
+        with np.errstate(invalid="ignore"):
+            mean = (position - self._believed) / self._since
+            slack = (self._lag + self.robot.tick_rad / self._since) * (1 + self.unread)
+            judged = back & (self.unread <= self.robot.safety.max_stale_reads) & np.isfinite(mean)
+            racing |= judged & (np.abs(velocity - mean) > self._strange + slack)
+            np.copyto(velocity, np.clip(velocity, mean - slack, mean + slack), where=judged)

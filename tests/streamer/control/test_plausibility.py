@@ -114,6 +114,32 @@ def test_a_speed_that_the_positions_contradict_is_replaced(watched: Watched, wro
     assert watched.level("speed") > watched.robot.safety.max_stale_reads
 
 
+@pytest.mark.parametrize("gap", [1, 3])
+@pytest.mark.parametrize("wrong", [4.4, -4.4])
+def test_a_false_speed_behind_a_false_position_is_bounded_by_what_the_joint_moved(
+    watched: Watched, gap: int, wrong: float
+) -> None:
+    """Regression: nothing was compared with such a speed; with random lies a goal jumped by 10 degrees in a tick."""
+    for _ in range(20):
+        watched.read()
+    for _ in range(gap):
+        assert watched.read(position=1.5).stale[KNEE] > 0
+    state, most = watched.read(velocity=wrong), 0.15 * (1 + gap) * watched.robot.no_load_speed[KNEE]
+    assert state.stale[KNEE] == 0 and 0.0 < abs(state.velocity[KNEE]) < min(most, 4.0)
+    assert watched.read().velocity[KNEE] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_joint_that_was_not_read_for_a_few_ticks_keeps_the_speed_that_it_has(watched: Watched) -> None:
+    watched.speed[KNEE] = 3.0
+    for _ in range(10):
+        watched.read()
+    watched.speed[KNEE] = 3.4
+    watched.read(silent=KNEE)
+    watched.read(silent=KNEE)
+    watched.speed[KNEE] = 3.8
+    assert watched.read().velocity[KNEE] == pytest.approx(3.8)
+
+
 @pytest.mark.parametrize(("kind", "wrong"), [("voltage", -9.0), ("voltage", 30.0), ("temperature", 200.0)])
 def test_a_value_outside_every_range_is_replaced_and_a_fault_if_it_stays(
     watched: Watched, kind: str, wrong: float
