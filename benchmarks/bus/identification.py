@@ -7,7 +7,6 @@ friction: of the whole drag, of which it is a part), or too few of the uncertain
 
 from __future__ import annotations
 
-import shutil
 import tempfile
 from pathlib import Path
 from typing import Annotated, Any
@@ -18,14 +17,9 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
+from benchmarks.shared.hidden_servos import drawn, hide
 from benchmarks.shared.outcome import Outcome, Verdict
-from flexmotion.configs.identification import (
-    Identification,
-    IdentifiedFigure,
-    IdentifiedServo,
-    write_identification,
-)
-from flexmotion.configs.robot import ROBOTS, Robot, load_robot
+from flexmotion.configs.robot import load_robot
 from flexmotion.drivers.bus.driver import BusDriver
 from flexmotion.drivers.emulator.loopback import Loopback
 from flexmotion.drivers.emulator.sim_body import SimBody
@@ -43,38 +37,13 @@ LIMP_S = 1.5
 """Time in which the limp robot swings to rest before it is planned for [s]."""
 
 
-def drawn(robot: Robot, joint: str, rng: np.random.Generator) -> dict[str, float]:
-    """Figures of a servo that is not as in the catalogue."""
-    servo = robot.servo(joint)
-    return {
-        "kp": servo.kp * rng.uniform(0.7, 1.3),
-        "back_emf": servo.back_emf * rng.uniform(0.7, 1.3),
-        "frictionloss": servo.stall_torque * rng.uniform(0.005, 0.03),
-        "damping": servo.back_emf * rng.uniform(0.03, 0.25),
-        "armature": servo.armature * rng.uniform(0.6, 1.6),
-    }
-
-
-def hidden(robot: Robot, joint: str, figures: dict[str, float], folder: Path) -> Robot:
-    """OP3 whose servo has these figures."""
-    place = folder / "op3"
-    shutil.copytree(ROBOTS / "op3", place)
-    config = robot.joints[robot.index(joint)]
-    known = {
-        name: IdentifiedFigure(value=value, uncertainty=1e-9, date="", motion="") for name, value in figures.items()
-    }
-    servo = IdentifiedServo(servo=config.servo, id=config.id, figures=known)
-    write_identification(place, Identification(joints={joint: servo}))
-    return load_robot(place)
-
-
 def one(joint: str, seed: int, timestep: float) -> tuple[dict[str, float], Identified]:
     """The hidden figures of a joint, and what was found of them."""
     robot, rng = load_robot("op3"), np.random.default_rng([seed, JOINTS.index(joint) if joint in JOINTS else 99])
     figures, delay = drawn(robot, joint, rng), float(rng.uniform(0.004, 0.012))
     with tempfile.TemporaryDirectory() as folder:
         options = SimOptions(suspended=True, extra_latency_s=delay, timestep=timestep)
-        body = SimBody(hidden(robot, joint, figures, Path(folder)), options)
+        body = SimBody(hide(robot, joint, Path(folder), figures), options)
         world = Loopback(body)
         world.advance(LIMP_S)
         driver = create("dynamixel", robot, port="main")

@@ -8,13 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.shared.hidden_servos import drawn, hide
 from flexmotion.configs.errors import DriverError
 from flexmotion.configs.identification import Identification, IdentifiedFigure
 from flexmotion.configs.robot import Robot, load_robot
 from flexmotion.drivers.identification.identify import identify, merged
 from flexmotion.drivers.identification.record import RobotRecord
 
-from .stand import Stand, drawn, hide
+from .stand import Stand
 
 DATE = "2026-11-23T15:00:00+00:00"
 FINE = 0.0005

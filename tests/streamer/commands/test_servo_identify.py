@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.shared.hidden_servos import hide
 from flexmotion.configs.identification import FILE, read_identification
 from flexmotion.configs.robot import Robot, load_robot
 from flexmotion.drivers.emulator.loopback import Loopback
@@ -17,7 +18,7 @@ from flexmotion.drivers.sim.options import SimOptions
 from flexmotion.streamer.cli import execute
 
 from ...drivers.bus.wire_tap import WireTap
-from ...drivers.identification.stand import hide, plain_copy
+from ...drivers.identification.stand import plain_copy
 
 FIGURES = {"kp": 15.5, "back_emf": 0.7, "frictionloss": 0.06, "damping": 0.1, "armature": 0.06}
 TORQUE_ENABLE, EEPROM_END, WRITE = 64, 64, 3

@@ -92,17 +92,21 @@ def test_a_frozen_robot_holds_a_servo_where_it_stopped(loop: ControlLoop, op3: R
     assert steps.max() <= max(most, DECAY_SHARE * op3.no_load_speed[arm]) / op3.rate_hz + 1e-9
 
 
-def test_an_imu_that_lies_while_the_robot_stands_up_ends_the_start(
-    loop: ControlLoop, op3: Robot, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """OP3 does not require its IMU: it stood up with one that measured 5 g, and walked on without fall detection."""
-    read = loop.driver.read
+def lying(read: Callable[[RobotState], None]) -> Callable[[RobotState], None]:
+    """A driver's `read` with an IMU that measures 4 g too much."""
 
     def lies(state: RobotState) -> None:
         read(state)
         state.accel += 40.0
 
-    monkeypatch.setattr(loop.driver, "read", lies)
+    return lies
+
+
+def test_an_imu_that_lies_while_the_robot_stands_up_ends_the_start(
+    loop: ControlLoop, op3: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """OP3 does not require its IMU: it stood up with one that measured 5 g, and walked on without fall detection."""
+    monkeypatch.setattr(loop.driver, "read", lying(loop.driver.read))
     run(loop, lambda: loop.ladder.state in (State.FAULT, State.STREAMING) or loop.ready, start=True)
     assert loop.ladder.state is State.FAULT and loop.hardware_failed
     told = [event.message for event in events(loop.telemetry.events.reader())]
@@ -113,14 +117,8 @@ def test_an_imu_that_lies_while_the_robot_stands_up_ends_the_start(
 def test_an_imu_that_lied_before_is_held_against_the_start(
     loop: ControlLoop, op3: Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    read = loop.driver.read
-
-    def lies(state: RobotState) -> None:
-        read(state)
-        state.accel += 40.0
-
-    with monkeypatch.context() as lying:
-        lying.setattr(loop.driver, "read", lies)
+    with monkeypatch.context() as patched:
+        patched.setattr(loop.driver, "read", lying(loop.driver.read))
         run(loop, lambda: loop.tick_count > 100)
         run(loop, lambda: True, start=True)
         (event,) = events(loop.telemetry.events.reader())

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import pytest
@@ -365,16 +366,19 @@ def test_answers_come_while_time_passes(make_office: Make) -> None:
     assert before <= office.run.arrived()[0].stamp_ns <= time.perf_counter_ns()
 
 
+def cause_after(office: Any, kind: str, message: str) -> str | None:
+    """The status's cause after an event of the loop."""
+    office.run.telemetry.emit(office.run.tick, kind, message)
+    office.desk.pump()
+    return status_of(office.desk, "op3", "sim", 125.0, None).cause
+
+
 def test_a_fault_is_told_in_the_status_until_it_is_cleared(make_office: Make) -> None:
     """The status said FAULT and not why; the cause was in the log alone."""
     office = make_office()
     office.run.step()
 
-    def told(kind: str, message: str) -> str | None:
-        office.run.telemetry.emit(office.run.tick, kind, message)
-        office.desk.pump()
-        return status_of(office.desk, "op3", "sim", 125.0, None).cause
-
+    told = partial(cause_after, office)
     assert told("state", "STREAMING -> DAMPED: fall: torso tilted past the robot's limit") == (
         "fall: torso tilted past the robot's limit"
     )
@@ -390,11 +394,7 @@ def test_the_first_cause_stays_in_the_status(make_office: Make) -> None:
     office = make_office()
     office.run.step()
 
-    def told(kind: str, message: str) -> str | None:
-        office.run.telemetry.emit(office.run.tick, kind, message)
-        office.desk.pump()
-        return status_of(office.desk, "op3", "sim", 125.0, None).cause
-
+    told = partial(cause_after, office)
     lost, stiff = "bus lost: no joint has answered for 6 reads", "torque off is not confirmed by l_knee (id 14): …"
     died, begun = "the planner's process died (exit code 1); it is started again", "HOLD -> PARK"
     assert told("state", f"STREAMING -> HOLD: {lost}") == lost

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from benchmarks.shared.hidden_servos import hide
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.robot import Robot, load_robot
 from flexmotion.drivers.identification.excitation import plan
@@ -20,8 +21,6 @@ from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.tick_row import TickRow, blank
 from flexmotion.streamer.log.motion_record import motion_record
 from flexmotion.streamer.log.reader import Log, read_log
-
-from ...drivers.identification.stand import hide
 
 LOG = Path(__file__).parent / "data" / "version_0.1.0.mcap"
 FIGURES = {"kp": 15.5, "back_emf": 0.7, "frictionloss": 0.06, "damping": 0.1, "armature": 0.06, "delay": 0.005}
