@@ -67,16 +67,16 @@ class DistillationTask:
         guidance = (low + (high - low) * uniform((*key, 3), (batch, 2))).to(device)
         noise = normal((*key, 4), tuple(latent.shape)).to(device)
         noisy = teacher.noise.add_noise(latent, noise, time)
-        with torch.no_grad():
+        with torch.no_grad(), teacher.processes.mixed_precision():
             full, any_manner, unconditional = (
-                teacher.denoise(noisy, time, windows.history, one)
+                teacher.denoise(noisy, time, windows.history, one).float()
                 for one in (conditions, conditions.without_manner(), conditions.unconditional())
             )
             clean = guided(full, any_manner, unconditional, guidance)
             stepped = teacher.noise.step(noisy, clean, time, earlier)
             request = (conditions.sentence, conditions.velocity, conditions.manner, conditions.present)
             inputs = (windows.history, *request, guidance)
-            target = self.network(stepped, earlier.clamp(min=0), *inputs)
+            target = self.network(stepped, earlier.clamp(min=0), *inputs).float()
             target = torch.where(earlier[:, None] < 0, clean, target)
         with teacher.processes.mixed_precision():
             found = self.network(noisy, time, *inputs)
