@@ -61,6 +61,11 @@ def moves_head(kind: str) -> bool:
     return bool(_table().get(kind, {}).get("head", False))
 
 
+def is_sudden(kind: str) -> bool:
+    """Whether a kind of motion startles or hits who stands beside the robot: done on request, and not suggested."""
+    return bool(_table().get(kind, {}).get("sudden", False))
+
+
 def caption_patterns(kind: str) -> tuple[str, ...]:
     """Regular expressions of captions that tell of a kind of motion."""
     return tuple(_table()[kind].get("captions", ()))

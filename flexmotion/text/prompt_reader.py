@@ -14,7 +14,7 @@ from flexmotion.text.listener import Listener
 from flexmotion.text.manner_phrases import without_phrases
 from flexmotion.text.manner_reader import HeardManner, MannerReader
 from flexmotion.text.manners import NORMAL
-from flexmotion.text.phrases import STAND
+from flexmotion.text.phrases import STAND, is_sudden
 from flexmotion.text.sayings import NOTHING
 from flexmotion.text.sentence_encoder import SentenceEncoder
 from flexmotion.text.sides import is_other_side
@@ -163,7 +163,7 @@ class PromptReader:
     def _offer(self, likeness: NDArray[np.float32]) -> str:
         """What the model can do, and which of it to try; `likeness`: of each wording with what was asked, (K,)."""
         nearest = dict.fromkeys(self._kinds[np.argsort(-likeness)].tolist())
-        tries = [kind for kind in nearest if kind in self.offered and kind != STAND][:TRIES]
+        tries = [kind for kind in nearest if kind in self.offered and kind != STAND and not is_sudden(kind)][:TRIES]
         told = f"it can: {_names(self.offered)}"
         return f"{told}; try: {_names(tries)}" if tries else told
 

@@ -113,6 +113,14 @@ def test_a_kind_that_the_model_does_not_offer_is_refused_by_name(heard: Heard) -
     assert heard([-1.0, 0.35, 0.0], "a bow", ("bow",), bow=0.9).kind == "bow"
 
 
+def test_motions_that_hit_are_never_suggested(heard: Heard, monkeypatch: pytest.MonkeyPatch) -> None:
+    # Regression: "juggle five balls" was answered with "try: punch, slash", a button of the page beside the robot.
+    kinds = tuple("punch" if kind == "bow" else kind for kind in KINDS)
+    monkeypatch.setitem(globals(), "KINDS", kinds)
+    told = str(heard([-1.0, 0.35, 0.0], "juggle five balls", ("punch", "walk", "turn-left"), **{NOTHING: 0.9}).warning)
+    assert " punch, walk; try: " in told and told.endswith("; try: walk, turn left")
+
+
 def test_a_manner_that_is_not_offered_is_dropped(heard: Heard) -> None:
     prompt = heard([-1.0, 0.35, 0.0], "bow proudly", bow=0.9)
     assert (prompt.kind, prompt.manner, prompt.dropped) == ("bow", "normal", ("proudly",))
