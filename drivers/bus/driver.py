@@ -12,23 +12,22 @@ from numpy.typing import NDArray
 from flexmotion.configs.errors import ConfigError, DriverError
 from flexmotion.configs.robot import Robot
 from flexmotion.configs.schema import Strict
+from flexmotion.drivers.bus.joint_switch import JointSwitch
 from flexmotion.drivers.bus.options import BusOptions
-from flexmotion.drivers.bus.servo_bus import TORQUE_LOST, ServoBus
+from flexmotion.drivers.bus.servo_bus import ServoBus
 from flexmotion.drivers.imu import registry as imus
 from flexmotion.drivers.imu.interface import Imu, StandaloneImu, do_without
 from flexmotion.drivers.interface import Capabilities, Driver, JointCommand, RobotState
 from flexmotion.drivers.port import SerialPort
 
 Float = NDArray[np.float64]
+Bool = NDArray[np.bool_]
 
 READ_SHARE = 0.6
 """Largest share of a tick for reading; the rest is for the loop and for writing."""
 
 SERVO_CYCLE_S = 0.001
 """Time from a servo's receiving a goal to acting on it (assumption) [s]."""
-
-SETTLE_S = 0.05
-"""Time after switching on in which servos without torque are switched on again; later it is a fault [s]."""
 
 IMU_PATIENCE_S = 0.15
 """Longest time that `open` waits for a sample of the IMU [s]; longer than a sensor needs to reach its rate."""
@@ -68,7 +67,7 @@ class BusDriver(Driver):
         self._period = 1.0 / robot.rate_hz
         self._ticks, self._raw = np.zeros(n), np.zeros(n)
         self._stale, self._imu_stale = np.zeros(n, np.int64), 0
-        self._on_since: float | None = None
+        self._switch = JointSwitch(n)
         self._stamp_ns = self._violations = 0
 
     @property
@@ -160,7 +159,8 @@ class BusDriver(Driver):
         state.velocity *= robot.direction
         state.effort *= robot.direction
         state.stale[:] = self._stale
-        self._look_at_torque(begin, state)
+        self._switch.look(self.buses, self._stale, begin, state)
+        self._switch.go_on()
         self._read_imu(state)
         state.stamp_ns = self._stamp_ns
 
@@ -173,11 +173,12 @@ class BusDriver(Driver):
         robot.to_ticks(command.position, out=self._raw)
         for bus in self.buses:
             bus.send_goals(self._raw[bus.where], command.torque_bound[bus.where])
+        self._switch.repeat(self.buses)
 
     def set_torque(self, on: bool) -> None:
         """Switch all servos. On: goals are pinned to present positions and verified first; raises if that fails."""
         if not on:
-            self._on_since = None
+            self._switch.set_all(False, 0.0)
             for bus in self.buses:
                 bus.send_off()
             # Only now: servos that are silent on one bus must not delay the others.
@@ -190,7 +191,19 @@ class BusDriver(Driver):
         except BaseException:
             self.set_torque(False)
             raise
-        self._on_since = self.buses[0].port.now()
+        self._switch.set_all(True, self.buses[0].port.now())
+
+    def switch(self, which: Bool, on: bool) -> None:
+        """See `Driver`."""
+        self._switch.switch(self.buses, which, on, self.buses[0].port.now())
+
+    def reboot(self, which: Bool) -> None:
+        """See `Driver`."""
+        self._switch.restart(self.buses, which)
+
+    def take_restarted(self) -> list[tuple[int, str | None]]:
+        """See `Driver`."""
+        return self._switch.take_restarted()
 
     def take_pins(self, goal: Float) -> None:
         """See `Driver`."""
@@ -236,17 +249,6 @@ class BusDriver(Driver):
         state.velocity[where], state.effort[where] = measured.velocity, measured.effort
         state.voltage[where], state.temperature[where] = measured.voltage, measured.temperature
         state.hardware_error[where] = measured.error
-
-    def _look_at_torque(self, now: float, state: RobotState) -> None:
-        """Find servos whose torque is off unasked: during `SETTLE_S` switch it on again, later set `TORQUE_LOST`."""
-        if self._on_since is None or all(bus.measured.torque.all() for bus in self.buses):
-            return
-        for bus in self.buses:
-            off = ~bus.measured.torque & (self._stale[bus.where] == 0)
-            if now - self._on_since < SETTLE_S:
-                bus.repeat_on(off)
-            else:
-                state.hardware_error[bus.joints[off]] |= TORQUE_LOST
 
     def _own_imu(self) -> StandaloneImu | None:
         """The robot's IMU if it is not on a servo bus. Raises `ConfigError` if its driver is unknown."""
@@ -304,6 +306,8 @@ class BusDriver(Driver):
             imu=self._imu_on_bus or self._standalone_imu is not None,
             effort=any(servo.current_unit is not None for servo in self.robot.servos),
             torque_bound=self.Bus.bounds_torque(self.robot),
+            joint_torque=True,
+            reboot=self.Bus.restarts,
         )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,7 @@ from flexmotion.drivers.dynamixel.opencr import board_of
 from flexmotion.drivers.dynamixel.read_cycle import PATIENCE_S, ReadCycle
 from flexmotion.drivers.dynamixel.registers import BAUD_RATES, VOLTAGE, WATCHDOG_S, table_of
 from flexmotion.drivers.dynamixel.sdk import Client
-from flexmotion.drivers.dynamixel.setup import ANSWER_ALL, find, prepare
+from flexmotion.drivers.dynamixel.setup import ANSWER_ALL, find, prepare, restart
 from flexmotion.drivers.imu.interface import do_without
 from flexmotion.drivers.plant import DAMPED_SHARE
 from flexmotion.drivers.port import BITS_A_BYTE, SerialPort
@@ -54,6 +54,7 @@ class DynamixelBus(ServoBus):
     """
 
     protocol = "dynamixel2"
+    restarts = True
 
     def __init__(self, robot: Robot, name: str, port: SerialPort, options: BusOptions) -> None:
         super().__init__(robot, name, port, options)
@@ -238,6 +239,20 @@ class DynamixelBus(ServoBus):
             ticks = np.clip(self.measured.ticks, *self.position_limits)
             self._send(np.where(off, ticks, self._last_ticks), self._last_bound, np.where(off, ticks, np.nan))
             self._switch(off, on=True)
+
+    def switch(self, which: Bool, on: bool) -> None:
+        """See `ServoBus`. Goals to a servo without torque are kept, and do not switch it on."""
+        if not which.any():
+            return
+        if on:
+            self.repeat_on(which)
+        else:
+            self._switch(which, on=False)
+        self.measured.torque[which] = on
+
+    def restart(self, slot: int) -> Iterator[None]:
+        """See `ServoBus`."""
+        return restart(self._client, self.robot, int(self.joints[slot]), self._layouts[slot])
 
     def send_off(self) -> None:
         """See `ServoBus`."""

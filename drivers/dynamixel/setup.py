@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from flexmotion.configs.errors import DriverError
 from flexmotion.configs.robot import Robot
-from flexmotion.drivers.bus.inspection import Inspection
+from flexmotion.drivers.bus.inspection import Inspection, refuse_unconfigured
 from flexmotion.drivers.bus.packet import SumFormat
 from flexmotion.drivers.bus.sum_client import SumClient
 from flexmotion.drivers.dynamixel.layout import Layout
+from flexmotion.drivers.dynamixel.packet import Instruction, encode
 from flexmotion.drivers.dynamixel.registers import RETURN_DELAY_US, Table, table_of
 from flexmotion.drivers.dynamixel.sdk import Client
 
@@ -23,6 +24,10 @@ POSITION_MODE, CURRENT_POSITION_MODE = 3, 5
 NO_SECONDARY_ID = 255
 ANSWER_ALL = 2
 """Status return level at which every instruction is answered."""
+
+BOOT_S, LONGEST_BOOT_S, BOOT_LOOK_S = 0.3, 2.0, 0.2
+"""Time after a reboot in which a servo is not asked, time after which it counts as silent, and time between two looks
+[s] (assumptions: the e-Manual gives no time)."""
 
 
 @dataclass(frozen=True)
@@ -148,17 +153,62 @@ def read_head(client: Client, id_: int, table: Table) -> bytes | None:
 
 def prepare(client: Client, robot: Robot, joint: int, layout: Layout, found: Found) -> Prepared:
     """Write the settings in RAM that differ. EEPROM is not written. Raises `DriverError` if a write is refused."""
-    table, id_ = found.table, robot.joints[joint].id
-    for name, value in run_settings(robot, joint).items():
-        if found.value(name) != value:
-            client.write(id_, table[name], value)
-    _point(client, id_, layout)
+    table = found.table
+    for _ in _set_up(client, robot, joint, layout, found):
+        pass
     lowest = table.fast_sync_read_firmware
     return Prepared(
         fast=lowest is not None and found.value("firmware_version") >= lowest,
         position_limits=(found.value("min_position_limit"), found.value("max_position_limit")),
         current_limit=found.value("current_limit") if "current_limit" in table else math.inf,
     )
+
+
+def _set_up(client: Client, robot: Robot, joint: int, layout: Layout, found: Found) -> Iterator[None]:
+    """Write the settings in RAM that differ, one exchange for each step."""
+    table, id_ = found.table, robot.joints[joint].id
+    for name, value in run_settings(robot, joint).items():
+        if found.value(name) != value:
+            client.write(id_, table[name], value)
+            yield
+    first = layout.slots[0][0]
+    wanted = b"".join(target.to_bytes(2, "little") for _, target in layout.slots)
+    held = client.read_block(id_, first, len(wanted))
+    yield
+    if held != wanted:
+        client.write_block(id_, first, wanted)
+        yield
+
+
+def restart(client: Client, robot: Robot, joint: int, layout: Layout) -> Iterator[None]:
+    """Reboot a joint's servo and set it up for a run again, one exchange for each step; its torque is off.
+
+    The instruction is sent twice and its answer not waited for: a servo in shutdown may be slow to answer.
+
+    Raises `DriverError` if the servo does not answer again, or reports a hardware error whose cause is not gone.
+    """
+    line, id_ = client.line, robot.joints[joint].id
+    where = f"servo of {robot.joint_names[joint]} (id {id_}) on {line.path}"
+    for _ in range(2):
+        line.send(encode(id_, Instruction.REBOOT, b""))
+        yield
+    begun = asked = line.now()
+    while line.now() < begun + BOOT_S:
+        yield
+    while client.ping(id_, once=True) is None:
+        asked = line.now()
+        if line.lost is not None or asked > begun + LONGEST_BOOT_S:
+            raise DriverError(f"{where}: {line.lost or f'does not answer {LONGEST_BOOT_S:g} s after its reboot'}")
+        while line.now() < asked + BOOT_LOOK_S:
+            yield
+    yield
+    found = find(client, robot, joint)
+    yield
+    refuse_unconfigured([found.inspection])
+    error = found.value("hardware_error_status")
+    if error:
+        raise DriverError(f"{where}: reports hardware error 0x{error:02x} after its reboot: its cause is not gone")
+    yield from _set_up(client, robot, joint, layout, found)
 
 
 def write_kept(client: Client, robot: Robot, joint: int, settings: Mapping[str, int]) -> None:
@@ -180,11 +230,3 @@ def write_kept(client: Client, robot: Robot, joint: int, settings: Mapping[str, 
 def _value(table: Table, memory: bytes, name: str) -> int:
     register = table[name]
     return register.unpack(memory[register.address : register.end])
-
-
-def _point(client: Client, id_: int, layout: Layout) -> None:
-    """Set the indirect addresses of the layout."""
-    first = layout.slots[0][0]
-    wanted = b"".join(target.to_bytes(2, "little") for _, target in layout.slots)
-    if client.read_block(id_, first, len(wanted)) != wanted:
-        client.write_block(id_, first, wanted)

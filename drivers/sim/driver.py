@@ -72,6 +72,8 @@ class SimDriver(LockstepDriver):
             imu=self._imu is not None,
             effort=bool(self._has_current.any()),
             torque_bound=True,
+            joint_torque=True,
+            reboot=True,
             lockstep=True,
             truth=True,
         )
@@ -140,6 +142,28 @@ class SimDriver(LockstepDriver):
             self.release()
         else:
             self.plant.enabled[:] = False
+
+    def switch(self, which: NDArray[np.bool_], on: bool) -> None:
+        """See `Driver`. A servo that has shut down stays without torque."""
+        if on:
+            joints = np.flatnonzero(which)
+            self._receiver.pin(self.position, which)
+            for columns, values in ((joints, self._receiver.goal[joints]), (joints + self.robot.n, UNBOUND)):
+                self._command_row[columns] = values
+                self._delay.overwrite(columns, values)
+        self.plant.enabled[which] = on
+        self.plant.enabled &= self._hardware_error == 0
+
+    def reboot(self, which: NDArray[np.bool_]) -> None:
+        """See `Driver`. It takes no time; a servo that is still too hot shuts down again."""
+        self.plant.enabled[which] = False
+        self._hardware_error[which] = 0
+        self._restarted += [(int(joint), None) for joint in np.flatnonzero(which)]
+
+    def take_restarted(self) -> list[tuple[int, str | None]]:
+        """See `Driver`."""
+        restarted, self._restarted = self._restarted, []
+        return restarted
 
     def release(self) -> None:
         """Stop holding the torso, unless the robot is suspended."""
@@ -267,6 +291,7 @@ class SimDriver(LockstepDriver):
         )
         self._receiver = Receiver(robot)
         self._hardware_error = np.zeros(n, np.int64)
+        self._restarted: list[tuple[int, str | None]] = []
         self._temperature_limit = np.array([servo.temperature_limit for servo in robot.servos])
 
         self._command_row = np.full(2 * n, UNBOUND)

@@ -15,6 +15,7 @@ from flexmotion.retarget.retargeter import Retargeter
 from flexmotion.streamer.control.estimator import Estimator
 from flexmotion.streamer.control.gyro_bias import GyroBias
 from flexmotion.streamer.control.hardware_audit import HardwareAudit
+from flexmotion.streamer.control.joint_torque import JointTorque
 from flexmotion.streamer.control.ladder import POWERED, Inputs, Ladder, Playback, State
 from flexmotion.streamer.control.load_estimator import LoadEstimator
 from flexmotion.streamer.control.obedience import Obedience
@@ -52,7 +53,7 @@ class ControlLoop:
 
     Attributes:
         tick_count: ticks done, which is the number of the next tick.
-        inputs: requests for the next tick; cleared after it.
+        inputs: requests for the next tick; cleared after it. joints: requests for single joints.
         playing: the plan that plays; `waiting`: the accepted plan that takes over at its start tick.
         winding_down: set by the lifecycle: from now on only a plan that stops is accepted.
         awaits_arm: set by the lifecycle: a start that is refused is no fault, another may be requested.
@@ -72,6 +73,7 @@ class ControlLoop:
         self.robot, self.driver, self.plans, self.telemetry = robot, driver, plans, telemetry
         self.ladder = Ladder(robot.safety, robot.rate_hz)
         self.inputs = Inputs()
+        self.joints = JointTorque(robot, driver, self.ladder, self._emit)
         self.state = RobotState(robot.n)
         self.command = JointCommand(robot.n)
         self.now, self.ahead = Reference(robot.n), Reference(robot.n)
@@ -106,6 +108,11 @@ class ControlLoop:
         return self.ladder.state is State.READY and self._arrived
 
     @property
+    def _stands(self) -> bool:
+        """Whether the robot stands and nothing is about to move it."""
+        return self.ready or self.ladder.state is State.HOLD
+
+    @property
     def _arrived(self) -> bool:
         """Whether the slow move of this state is done; in READY also the measurement of the gyro's bias after it."""
         return self.move.done and (self.ladder.state is not State.READY or self.gyro_bias.done)
@@ -123,7 +130,8 @@ class ControlLoop:
     @property
     def must_stop(self) -> bool:
         """Whether only a plan that stops is accepted."""
-        return self.winding_down or self.ladder.stopping or self.ladder.fault is not None
+        ladder = self.ladder
+        return self.winding_down or ladder.stopping or ladder.fault is not None or self.joints.reason is not None
 
     def touch(self) -> None:
         """Read the shared memory that ticks need, so that no tick meets a page fault in it."""
@@ -151,6 +159,9 @@ class ControlLoop:
         if self.ladder.state is not before:
             self.servo.rejoin()
             self._enter(self.ladder.state, before)
+        pins = self.joints.step(self.tick_count, self.state, stands=self._stands)
+        if pins is not None:
+            self.servo.take_pins(pins)
         self._play(playback)
         self._write_row(playback)
         self._check_underrun(playback)
@@ -168,7 +179,7 @@ class ControlLoop:
         self._pins.fill(np.nan)
         self.driver.take_pins(self._pins)
         self.servo.take_pins(self._pins)
-        self.plausibility.check(self.state, self.now.qd, self.tick_count, powered=powered)
+        self.plausibility.check(self.state, self.now.qd, self.tick_count, powered=powered, limp=self.joints.limp)
         if self.tick_count - self._last_tick > _LATE_TICKS and powered:
             self.servo.rejoin()  # the servos have held their goals meanwhile
         self._last_tick = self.tick_count
@@ -226,7 +237,7 @@ class ControlLoop:
         inputs.fallen = bool(self.estimator.has_imu and tilted)
         # Of joints that are read in turns nobody knows in time whether they follow.
         if state in _JUDGED and self.driver.turns == 1:
-            goal, known = self.command.position, measured.stale == 0
+            goal, known = self.command.position, (measured.stale == 0) & ~self.joints.limp
             self.obedience.update(goal, self._load, measured.position, measured.velocity, known)
         lost = self.audit.lost_bus(measured)
         if lost is not None:
@@ -255,7 +266,10 @@ class ControlLoop:
             self.audit.watch(self.state)
             return
         self.audit.take_limits(self.driver.temperature_limit, self.driver.voltage_limit)
-        reason = self.audit.refusal(self.state, self.plausibility.unread, self.estimator.has_imu) or self._lies()
+        reason = self.joints.restarting or self.audit.refusal(
+            self.state, self.plausibility.unread, self.estimator.has_imu
+        )
+        reason = reason or self._lies()
         if reason is None:
             return
         self.inputs.start = False
@@ -283,6 +297,8 @@ class ControlLoop:
         cause = f": {self.ladder.fault}" if self.ladder.fault else ""
         self._emit("fault" if state is State.FAULT else "state", f"{before.name} -> {state.name}{cause}")
         robot = self.robot
+        if state in (State.OFF, State.READY, State.FAULT):
+            self.joints.forget()
         if state is State.READY:
             begin = time.perf_counter_ns()
             self.driver.set_torque(True)
@@ -333,6 +349,7 @@ class ControlLoop:
             self.move.step(self.now)
             self.ahead.copy(self.now)
         np.copyto(self._load, self._torque())
+        self.joints.lead(self.ahead, self._load, self.state)
         expected = self.plausibility.expected
         self.command.position[:] = self.servo.update(self.ahead.q, self.ahead.qd, self._load, self.state, expected)
         repairs = self.telemetry.row.repairs
@@ -360,6 +377,7 @@ class ControlLoop:
         row.ready[...], row.plan_over[...], row.must_stop[...] = self.ready, self.plan_over, self.must_stop
         row.offer[...], row.pending[...] = self._examined, 0 if self.waiting is None else self.waiting.ticket.id
         row.disbelieved[...] = self.plausibility.disbelieved
+        row.limp[...] = self.joints.limp
         row.hung[...], row.hardware_failed[...] = self.suspension.hung, self.hardware_failed
         writer.write_measured(self.state)
         writer.write_plan(self.playing)

@@ -72,6 +72,7 @@ class Plausibility:
         self.doubted, self.expected = np.zeros(n, np.bool_), np.full(n, np.nan)
         self.suspicions = tuple(Suspicion(n) for _ in KINDS)
         self.imu_suspicion = Suspicion(1)
+        self._held = np.zeros(n, np.bool_)  # joints whose torque is on
         self._never = np.zeros(n, np.bool_)  # joints that are not believed again before torque goes off
         least = np.array([servo.min_voltage for servo in servos])
         self._voltage = Believed(n, (1 - SUPPLY_MARGIN) * least, (1 + SUPPLY_MARGIN) * most)
@@ -86,7 +87,7 @@ class Plausibility:
         """Readings that were not believed so far, of all sensors."""
         return sum(suspicion.total for suspicion in (*self.suspicions, self.imu_suspicion))
 
-    def check(self, state: RobotState, speed: Float, tick: int, *, powered: bool) -> None:
+    def check(self, state: RobotState, speed: Float, tick: int, *, powered: bool, limp: Bool | None = None) -> None:
         """Replace what cannot be believed in `state`, and count it in `stale` and `imu_stale`.
 
         Args:
@@ -94,6 +95,7 @@ class Plausibility:
             tick: number of the tick; a loop that was late skips some.
             powered: whether torque is on; hands may move limp joints to wherever they go. What is held against other
                 sensors stays, so that a robot with one that lies does not start.
+            limp: joints without torque all the same, (n,); None: no joint.
         """
         if not powered:
             self._never.fill(False)
@@ -103,27 +105,31 @@ class Plausibility:
         stamped = (state.stamp_ns - self._stamp_ns) * 1e-9
         ticked = (tick - self._tick) / self.robot.rate_hz
         self._tick, self._stamp_ns = tick, state.stamp_ns
-        self._check_joints(state, speed, max(stamped, ticked), stamped if stamped > 0 else ticked, powered)
+        self._held.fill(powered)
+        if limp is not None and limp.any():
+            self._held &= ~limp
+            for suspicion in self.suspicions[:2]:
+                suspicion.level[limp] = 0.0
+        self._check_joints(state, speed, max(stamped, ticked), stamped if stamped > 0 else ticked)
         voltage, temperature = self.suspicions[2:]
         asked = state.stale == 0
         voltage.note(self._voltage.take(state.voltage), asked)
         temperature.note(self._temperature.take(state.temperature), asked)
         self._imu.check(state, max(stamped, ticked), powered=powered)
 
-    def _check_joints(self, state: RobotState, speed: Float, elapsed: float, between: float, powered: bool) -> None:
+    def _check_joints(self, state: RobotState, speed: Float, elapsed: float, between: float) -> None:
         """`elapsed`, `between`: time since the last check, and between the readings [s]."""
-        position, velocity = state.position, state.velocity
+        position, velocity, held = state.position, state.velocity, self._held
         came = np.isfinite(position) & np.isfinite(velocity)
         # The first reading of a bus may be that of its set-up, some cycles old: the joints are off and stay.
         first = np.isnan(self._position) & (state.stale <= self.robot.safety.max_stale_reads)
         fresh = came & ((state.stale == 0) | first)
-        expected = self._position + (speed * elapsed if powered else 0.0)
+        expected = self._position + np.where(held, speed * elapsed, 0.0)
         self._since += elapsed
         with np.errstate(invalid="ignore"):
             jumped = np.abs(position - self._position) > self._fastest * self._since + self._margin
             racing = np.abs(velocity) > self._fastest
-            if powered:
-                jumped |= (position < self._lower) | (position > self._upper) | self._never
+            jumped |= held & ((position < self._lower) | (position > self._upper) | self._never)
         unseen = racing.copy()
         if not self._in_turns and between > 0:
             known = fresh & (self.unread == 0) & ~jumped
@@ -134,13 +140,12 @@ class Plausibility:
         np.logical_or(jumped, unseen & fresh, out=self.doubted)
         for suspicion, wrong in zip(self.suspicions, (jumped, racing), strict=False):
             suspicion.note(wrong, fresh)
-            if powered:
-                self._never |= suspicion.level > self.robot.safety.max_stale_reads
+            self._never |= held & (suspicion.level > self.robot.safety.max_stale_reads)
         believed = fresh & ~self.doubted
         # Before the first reading there is nothing to expect: what came is kept.
         assumed = ~believed & ~(np.isnan(expected) & came)
         np.copyto(position, expected, where=assumed)
-        np.copyto(velocity, speed if powered else 0.0, where=assumed)
+        np.copyto(velocity, np.where(held, speed, 0.0), where=assumed)
         np.copyto(self.expected, np.where(believed & (self.unread > 0), expected, np.nan))
         self.unread += 1
         self.unread[believed] = 0
