@@ -30,6 +30,9 @@ SPEED_SHARE, LAG_SHARE = 0.5, 0.1
 """Difference of a speed from the change of the position, over the no-load speed. From the first on one of them is
 wrong, beyond the second (and the quantisation of the position) the speed is bounded. Robots in simulation reach 0.06,
 servos that filter their speed more."""
+STEADY_SHARE = 0.3
+"""Change between two reads of the speed at which the positions move, over the no-load speed, up to which they are not
+blamed for a difference to the speed that is read: a servo that filters its speed lags behind."""
 MARGIN_TICKS = 12
 """Error of a position that is not a wrong reading: quantisation, play, the time stamp of the reading [servo units]."""
 COLDEST, HOTTEST = -20.0, 50.0
@@ -64,8 +67,10 @@ class Plausibility:
         beyond = robot.safety.standing_margin + robot.usable_torque / robot.kp + self._margin
         self._lower, self._upper = robot.lower - beyond, robot.upper + beyond
         self._lag, self._strange = LAG_SHARE * robot.no_load_speed, SPEED_SHARE * robot.no_load_speed
+        self._steady = STEADY_SHARE * robot.no_load_speed
         self._in_turns = turns > 1
         self._position, self._velocity = np.full(n, np.nan), np.zeros(n)
+        self._reported, self._moved = np.zeros(n), np.full(n, np.nan)  # speed as it was read, and that of the positions
         self._since = np.full(n, np.inf)  # time since a joint's last believed reading [s]
         self._stamp_ns, self._tick = 0, -1
         self.unread = np.full(n, patience + 1, np.int64)
@@ -140,7 +145,8 @@ class Plausibility:
         np.logical_or(jumped, unseen & fresh, out=self.doubted)
         for suspicion, wrong in zip(self.suspicions, (jumped, racing), strict=False):
             suspicion.note(wrong, fresh)
-            self._never |= held & (suspicion.level > self.robot.safety.max_stale_reads)
+        # A speed that lies takes no position with it.
+        self._never |= held & (self.suspicions[0].level > self.robot.safety.max_stale_reads)
         believed = fresh & ~self.doubted
         # Before the first reading there is nothing to expect: what came is kept.
         assumed = ~believed & ~(np.isnan(expected) & came)
@@ -159,17 +165,25 @@ class Plausibility:
     ) -> None:
         """Compare speeds with the change of the positions in `between` [s], of the joints in `known`.
 
-        Of two that disagree, the one nearer to the last speed is believed: a wrong speed is replaced, a wrong position
-        is marked in `jumped`; `racing` marks speeds that are clearly wrong.
+        Of two that disagree, the one nearer to the last speed is believed, and positions that move on at much the same
+        speed: a wrong speed is replaced, a wrong position is marked in `jumped`. `racing` marks speeds that are clearly
+        wrong and not on their way to the right one, as filtered speeds are.
         """
         moved = (position - self._position) / between
-        slack = self._lag + self.robot.tick_rad / between
+        quantum = self.robot.tick_rad / between
+        slack = self._lag + quantum
         with np.errstate(invalid="ignore"):
             away = np.abs(velocity - moved)
-            if not (known & (away > slack)).any():
-                return
-            speed_lies = np.abs(velocity - self._velocity) > np.abs(moved - self._velocity)
-            strange = known & (away > self._strange + self.robot.tick_rad / between)
-        np.copyto(velocity, np.clip(velocity, moved - slack, moved + slack), where=known & speed_lies)
-        racing |= strange & speed_lies
-        jumped |= strange & ~speed_lies
+            if (known & (away > slack)).any():
+                steady = np.abs(moved - self._moved) < self._steady + quantum
+                speed_lies = steady | (np.abs(velocity - self._velocity) > np.abs(moved - self._velocity))
+                strange = known & (away > self._strange + quantum)
+                coming = (velocity - self._reported) * (moved - self._reported) > 0.0
+                racing |= strange & speed_lies & ~coming
+                jumped |= strange & ~speed_lies
+                bounded = np.clip(velocity, moved - slack, moved + slack)
+                np.copyto(self._reported, velocity)
+                np.copyto(velocity, bounded, where=known & speed_lies)
+            else:
+                np.copyto(self._reported, velocity)
+        np.copyto(self._moved, np.where(known & ~jumped, moved, np.nan))
