@@ -55,6 +55,7 @@ class ControlLoop:
         tick_count: ticks done, which is the number of the next tick.
         inputs: requests for the next tick; cleared after it. joints: requests for single joints.
         playing: the plan that plays; `waiting`: the accepted plan that takes over at its start tick.
+        commands: goals have been sent since torque went on.
         winding_down: set by the lifecycle: from now on only a plan that stops is accepted.
         awaits_arm: set by the lifecycle: a start that is refused is no fault, another may be requested.
         hardware_failed: a servo, the IMU, the supply or the bus is why the start was refused or a fault is latched.
@@ -90,7 +91,7 @@ class ControlLoop:
         self.stand_pose = retargeter.layout.view(retargeter.standing()).q[0].copy()
         self.playing: Offer | None = None
         self.waiting: Offer | None = None
-        self.winding_down = self.hardware_failed = self.awaits_arm = False
+        self.winding_down = self.hardware_failed = self.awaits_arm = self.commands = False
         self.tick_count = 0
         self._writer = RowWriter(telemetry.row, robot, driver)
         self._examined = 0  # id of the newest plan that was accepted or refused
@@ -299,6 +300,7 @@ class ControlLoop:
         robot = self.robot
         if state in (State.OFF, State.READY, State.FAULT):
             self.joints.forget()
+            self.commands = False
         if state is State.READY:
             begin = time.perf_counter_ns()
             self.driver.set_torque(True)
@@ -351,6 +353,7 @@ class ControlLoop:
         np.copyto(self._load, self._torque())
         self.joints.lead(self.ahead, self._load, self.state)
         expected = self.plausibility.expected
+        self.commands = True
         self.command.position[:] = self.servo.update(self.ahead.q, self.ahead.qd, self._load, self.state, expected)
         repairs = self.telemetry.row.repairs
         repairs[_POSITION] += self.servo.position_clamps
