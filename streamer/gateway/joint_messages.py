@@ -29,7 +29,7 @@ class JointsMessage(MessageBase):
     def _fit(cls, joints: tuple[str, ...]) -> tuple[str, ...]:
         if len(set(joints)) < len(joints):
             raise ValueError("a joint is named twice")
-        if len(",".join(joints)) > LONGEST_JOINTS:
+        if len(",".join(joints).encode()) > LONGEST_JOINTS:
             raise ValueError(f"expected at most {LONGEST_JOINTS} bytes of names")
         return joints
 
