@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from flexmotion.configs.errors import ConfigError, DriverError
+from flexmotion.configs.errors import DriverError
 from flexmotion.configs.robot import Robot
 from flexmotion.drivers.bus.attempts import attempts
 from flexmotion.drivers.bus.inspection import refuse_unconfigured
@@ -19,9 +19,10 @@ from flexmotion.drivers.dynamixel.goals import GoalPacket, sync_write
 from flexmotion.drivers.dynamixel.layout import Layout, Span, layout_of
 from flexmotion.drivers.dynamixel.opencr import board_of
 from flexmotion.drivers.dynamixel.read_cycle import PATIENCE_S, ReadCycle
-from flexmotion.drivers.dynamixel.registers import BAUD_RATES, VOLTAGE, WATCHDOG_S, table_of
+from flexmotion.drivers.dynamixel.register_read import read_registers
+from flexmotion.drivers.dynamixel.registers import VOLTAGE, WATCHDOG_S, table_of
 from flexmotion.drivers.dynamixel.sdk import Client
-from flexmotion.drivers.dynamixel.setup import ANSWER_ALL, find, prepare, restart
+from flexmotion.drivers.dynamixel.setup import ANSWER_ALL, check_settings, find, prepare, restart
 from flexmotion.drivers.imu.interface import do_without
 from flexmotion.drivers.plant import DAMPED_SHARE
 from flexmotion.drivers.port import BITS_A_BYTE, SerialPort
@@ -74,7 +75,13 @@ class DynamixelBus(ServoBus):
             for layout in dict.fromkeys(self._layouts)
         ]
         self.cycle = ReadCycle(
-            port, self.config, self.ids, self.measured, self.torque_per_unit, max(600.0 / robot.rate_hz, 2.0)
+            port,
+            self.config,
+            self.ids,
+            self.measured,
+            self.torque_per_unit,
+            np.array([table_of(servo.name).velocity_unit for servo in self.servos]),
+            max(600.0 / robot.rate_hz, 2.0),
         )
         self._wrote_at = 0.0
         self._on = self._damped = False
@@ -85,9 +92,7 @@ class DynamixelBus(ServoBus):
     def check(cls, robot: Robot, name: str) -> None:
         """See `ServoBus`. The baud rate must be one that these servos support."""
         super().check(robot, name)
-        baud = robot.config.buses[name].baud
-        if baud not in BAUD_RATES:
-            raise ConfigError(f"{robot.file}: field buses.{name}.baud: {baud}, expected one of {list(BAUD_RATES)}")
+        check_settings(robot, name)
 
     @classmethod
     def bounds_torque(cls, robot: Robot) -> bool:
@@ -343,18 +348,5 @@ class DynamixelBus(ServoBus):
         Args:
             slack: time beyond that on the wire that the answers may take [s].
         """
-        table = table_of(self.servos[0].name)
-        first = table[names[0]].address
-        check = ReadMany(self.ids, Span(first, table[names[-1]].end - first), fast=False, where=f"bus {self.name}")
-        self.port.receive()
-        self.port.send(check.begin())
-        patience = self.cycle.answered_by(check, slack)
-        while (now := self.port.now()) < patience and self.port.lost is None:
-            if check.take(self.port.wait(patience - now)):
-                break
-        values = np.full((len(self.ids), len(names)), np.nan)
-        for id_, (_, data) in check.answers.items():
-            values[self._slot[id_]] = [
-                table[name].unpack(data[table[name].address - first : table[name].end - first]) for name in names
-            ]
-        return values
+        tables = [table_of(servo.name) for servo in self.servos]
+        return read_registers(self.cycle, self.port, self.ids, tables, names, slack)

@@ -1,6 +1,6 @@
 """Registers that a cycle reads and writes, and how indirect addresses gather them into one run of bytes per servo.
 
-The two low bytes of position and speed are enough: +-8 turns, +-7,500 rpm.
+The low bytes of position and speed are enough: +-8 turns, +-7,500 rpm (P series: all of the position, +-327 rpm).
 """
 
 from __future__ import annotations
@@ -11,8 +11,7 @@ import numpy as np
 
 from flexmotion.drivers.dynamixel.registers import Table
 
-READ = (
-    ("present_position", 2),
+_READ = (
     ("present_velocity", 2),
     ("present_current", 2),
     ("present_input_voltage", 1),
@@ -21,47 +20,51 @@ READ = (
     ("realtime_tick", 1),
     ("torque_enable", 1),
 )
-"""Registers that a cycle reads, and the number of low bytes of each."""
-
-READ_SIZE = sum(size for _, size in READ)
+"""Registers that a cycle reads after the position, and the number of low bytes of each."""
 
 INSTEAD = "bus_watchdog"
-"""One byte before these. A read that begins one byte earlier has the watchdog in the place of the torque switch: both
-are read in turns, at no cost on the wire."""
+"""One byte before the position. A read that begins one byte earlier has the watchdog in the place of the torque switch:
+both are read in turns, at no cost on the wire."""
 
-ROW = np.dtype(
-    [
-        ("position", "<i2"),
+
+@dataclass(frozen=True)
+class Rows:
+    """A servo's bytes in the answers to a cycle's read.
+
+    Attributes:
+        plain: in a status packet; watchdog: in a read with the watchdog.
+        fast, fast_watchdog: the same in a fast reply.
+    """
+
+    plain: np.dtype[np.void]
+    watchdog: np.dtype[np.void]
+    fast: np.dtype[np.void]
+    fast_watchdog: np.dtype[np.void]
+
+
+def _rows(position_bytes: int) -> Rows:
+    common = [
+        ("position", f"<i{position_bytes}"),
         ("velocity", "<i2"),
         ("current", "<i2"),
-        ("voltage", "u1"),
-        ("temperature", "u1"),
-        ("error", "u1"),
-        ("tick", "u1"),
-        ("torque", "u1"),
+        *((name, "u1") for name in ("voltage", "temperature", "error", "tick")),
     ]
-)
-"""A servo's bytes in a status packet."""
+    plain, watchdog = [*common, ("torque", "u1")], [("watchdog", "i1"), *common]
+    head, end = [("error_byte", "u1"), ("id", "u1")], [("crc", "<u2")]
+    kinds = (plain, watchdog, [*head, *plain, *end], [*head, *watchdog, *end])
+    return Rows(*(np.dtype(kind) for kind in kinds))
 
-WATCHDOG_ROW = np.dtype([("watchdog", "i1"), *[(name, ROW[name]) for name in (ROW.names or ())[:-1]]])
-"""The same in a read with the watchdog."""
+
+_ROWS = {rows.plain.itemsize: rows for rows in (_rows(2), _rows(4))}
 
 
-FAST_ROW = np.dtype(
-    [("error_byte", "u1"), ("id", "u1"), *[(name, ROW[name]) for name in ROW.names or ()], ("crc", "<u2")]
-)
-"""A servo's bytes in a fast reply."""
+def rows_of(size: int) -> Rows:
+    """The rows of a read of `size` bytes."""
+    return _ROWS[size]
 
-FAST_WATCHDOG_ROW = np.dtype(
-    [
-        ("error_byte", "u1"),
-        ("id", "u1"),
-        *[(name, WATCHDOG_ROW[name]) for name in WATCHDOG_ROW.names or ()],
-        ("crc", "<u2"),
-    ]
-)
-"""The same in a read with the watchdog."""
 
+CURRENT_POSITION_MODE = 5
+"""Operating mode in which the goal current bounds the current of a position."""
 
 _GOAL_ROW, _BOUNDED_GOAL_ROW = (
     np.dtype([("id", "u1"), *bound, ("position", "<i4")]) for bound in ([], [("current", "<i2")])
@@ -97,11 +100,17 @@ class Layout:
     bounded: bool
 
 
+def bounds_current(table: Table) -> bool:
+    """Whether a servo holds positions with a bounded current."""
+    return "goal_current" in table and CURRENT_POSITION_MODE in table.modes
+
+
 def layout_of(table: Table, *, current_bound: bool) -> Layout:
     """The layout for a control table; with `current_bound`, goal currents are written if the servo supports them."""
+    read = (("present_position", table.position_bytes), *_READ)
     targets = [table[INSTEAD].address]
-    targets += [table[name].address + byte for name, size in READ for byte in range(size)]
-    bounded = current_bound and "goal_current" in table
+    targets += [table[name].address + byte for name, size in read for byte in range(size)]
+    bounded = current_bound and bounds_current(table)
     run = table.indirect[0]
     goal = table["goal_position"]
     write = Span(goal.address, goal.size)
@@ -110,4 +119,4 @@ def layout_of(table: Table, *, current_bound: bool) -> Layout:
         for name in ("goal_current", "goal_position"):
             targets += range(table[name].address, table[name].end)
     slots = tuple((run.address + 2 * slot, target) for slot, target in enumerate(targets))
-    return Layout(Span(run.data + 1, READ_SIZE), write, slots, bounded)
+    return Layout(Span(run.data + 1, sum(size for _, size in read)), write, slots, bounded)

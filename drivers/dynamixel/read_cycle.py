@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -11,10 +10,10 @@ from numpy.typing import NDArray
 from flexmotion.configs.robot_file import Bus as BusConfig
 from flexmotion.drivers.bus.servo_bus import Measurement
 from flexmotion.drivers.dynamixel.exchange import Exchange, ReadMany, ReadOne
-from flexmotion.drivers.dynamixel.layout import FAST_ROW, FAST_WATCHDOG_ROW, ROW, WATCHDOG_ROW, Span
+from flexmotion.drivers.dynamixel.layout import Span, rows_of
 from flexmotion.drivers.dynamixel.opencr import OpenCr
 from flexmotion.drivers.dynamixel.packet import ALERT
-from flexmotion.drivers.dynamixel.registers import VELOCITY_RPM, VOLTAGE
+from flexmotion.drivers.dynamixel.registers import VOLTAGE
 from flexmotion.drivers.dynamixel.staleness import ReplyClock
 from flexmotion.drivers.port import SerialPort
 
@@ -31,8 +30,6 @@ WATCHDOG_TURN = 4
 LEARNING_CYCLES = 8
 """Cycles at `open` from which the offsets of the servos' clocks are learnt."""
 
-_RAD_S = VELOCITY_RPM * 2 * math.pi / 60
-
 
 class ReadCycle:
     """One exchange for each group of servos with the same layout, then one for the board, without blocking.
@@ -43,6 +40,7 @@ class ReadCycle:
         ids: of the servos, in the order of `measured`.
         measured: is filled in place.
         torque_per_unit: torque of one unit of measured current, (m,) [N·m]; NaN without current measurement.
+        speed_unit: one unit of velocity, (m,) [rad/s].
         oldest_ms: an answer that is older than usual by this is refused [ms].
 
     Attributes:
@@ -59,10 +57,12 @@ class ReadCycle:
         ids: Sequence[int],
         measured: Measurement,
         torque_per_unit: Float,
+        speed_unit: Float,
         oldest_ms: float,
     ) -> None:
         m = len(ids)
-        self._port, self._measured, self._torque_per_unit = port, measured, torque_per_unit
+        self._port, self._measured = port, measured
+        self._torque_per_unit, self._speed_unit = torque_per_unit, speed_unit
         self._return_delay = config.return_delay_us * 1e-6
         self._slot = {id_: slot for slot, id_ in enumerate(ids)}
         self._slots: dict[bytes, Slots | slice] = {}
@@ -156,13 +156,13 @@ class ReadCycle:
         self.last_traffic = max(self.last_traffic, now)
 
     def _take_rows(self, group: ReadMany) -> None:
-        watchdogs = self._turn % WATCHDOG_TURN == 0
+        watchdogs, kinds = self._turn % WATCHDOG_TURN == 0, rows_of(group.span.size)
         if group.whole is not None:
-            rows = np.frombuffer(group.whole, FAST_WATCHDOG_ROW if watchdogs else FAST_ROW)
+            rows = np.frombuffer(group.whole, kinds.fast_watchdog if watchdogs else kinds.fast)
             slots: Slots | slice = self._slots_of(group)
         elif group.answers:
             rows = np.frombuffer(
-                b"".join(data for _, data in group.answers.values()), WATCHDOG_ROW if watchdogs else ROW
+                b"".join(data for _, data in group.answers.values()), kinds.watchdog if watchdogs else kinds.plain
             )
             slots = np.array([self._slot[id_] for id_ in group.answers], np.int64)
         else:
@@ -180,7 +180,7 @@ class ReadCycle:
                 rows = rows[fresh]
         measured = self._measured
         measured.ticks[slots] = rows["position"]
-        measured.velocity[slots] = rows["velocity"] * _RAD_S
+        measured.velocity[slots] = rows["velocity"] * self._speed_unit[slots]
         measured.effort[slots] = rows["current"] * self._torque_per_unit[slots]
         measured.voltage[slots] = rows["voltage"] * VOLTAGE
         measured.temperature[slots] = rows["temperature"]

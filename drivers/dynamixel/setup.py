@@ -6,22 +6,24 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from flexmotion.configs.errors import DriverError
+from flexmotion.configs.errors import ConfigError, DriverError
 from flexmotion.configs.robot import Robot
 from flexmotion.drivers.bus.inspection import Inspection, refuse_unconfigured
 from flexmotion.drivers.bus.packet import SumFormat
 from flexmotion.drivers.bus.sum_client import SumClient
-from flexmotion.drivers.dynamixel.layout import Layout
+from flexmotion.drivers.dynamixel.layout import CURRENT_POSITION_MODE, Layout, bounds_current, layout_of
 from flexmotion.drivers.dynamixel.packet import Instruction, encode
-from flexmotion.drivers.dynamixel.registers import RETURN_DELAY_US, Table, table_of
+from flexmotion.drivers.dynamixel.registers import BAUD_RATES, RETURN_DELAY_US, Table, table_of
 from flexmotion.drivers.dynamixel.sdk import Client
 
 PROTOCOL_1 = SumFormat(header=0xFF, counted=2)
 PROTOCOL_1_PING = 0x01
 ANOTHER_PROTOCOL = "set its protocol_type to 2.0 if it has one, otherwise it needs a driver plug-in"
 
-POSITION_MODE, CURRENT_POSITION_MODE = 3, 5
+POSITION_MODE = 3
 NO_SECONDARY_ID = 255
+_MOST_SLOTS = 24
+"""Indirect addresses that are read, more than any layout has."""
 ANSWER_ALL = 2
 """Status return level at which every instruction is answered."""
 
@@ -63,6 +65,24 @@ class Prepared:
     current_limit: float
 
 
+def check_settings(robot: Robot, name: str) -> None:
+    """Raise `ConfigError` if the servos of a bus cannot have the settings that the robot file gives the bus."""
+    bus = robot.config.buses[name]
+    for joint, servo in zip(robot.joints, robot.servos, strict=True):
+        if joint.bus != name:
+            continue
+        table = table_of(servo.name)
+        codes = table["baud_rate"].range
+        rates = BAUD_RATES if codes is None else BAUD_RATES[: codes[1] + 1]
+        if bus.baud not in rates:
+            raise ConfigError(f"{robot.file}: field buses.{name}.baud: {bus.baud}, expected one of {list(rates)}")
+        if bus.current_bound and "goal_current" in table and not bounds_current(table):
+            raise ConfigError(
+                f"{robot.file}: field buses.{name}.current_bound: servo {servo.name} of {joint.name} has no "
+                "current-based position mode"
+            )
+
+
 def kept_settings(robot: Robot, joint: int) -> dict[str, int]:
     """Values that the EEPROM of a joint's servo must have, by name, in the order in which they must be written.
 
@@ -74,7 +94,7 @@ def kept_settings(robot: Robot, joint: int) -> dict[str, int]:
         (angle * config.direction + config.zero) / servo.tick_rad + servo.centre_tick for angle in config.limits
     )
     margin = robot.safety.standing_margin / servo.tick_rad
-    bounded = bus.current_bound and "goal_current" in table
+    bounded = bus.current_bound and bounds_current(table)
     settings = {
         "operating_mode": CURRENT_POSITION_MODE if bounded else POSITION_MODE,
         "drive_mode": 0,
@@ -87,6 +107,9 @@ def kept_settings(robot: Robot, joint: int) -> dict[str, int]:
         "shutdown": table["shutdown"].initial,
         "startup_configuration": 0,
     }
+    if table.keeps_indirect:
+        slots = layout_of(table, current_bound=bus.current_bound).slots
+        settings |= {f"indirect_address_{number}": target for number, (_, target) in enumerate(slots, 1)}
     return {name: value for name, value in settings.items() if name in table}
 
 
@@ -142,9 +165,16 @@ def find(client: Client, robot: Robot, joint: int, present_id: int | None = None
 
 
 def read_head(client: Client, id_: int, table: Table) -> bytes | None:
-    """The registers from the start of the table to the goals; None if a servo that answers pings answers no read."""
+    """The registers from the start of the table to the goals; None if a servo that answers pings answers no read.
+
+    Where much is between the settings and the goals it is not read, and 0 here.
+    """
+    ram, end = table["torque_enable"].address, table["goal_position"].end
     try:
-        return client.read_block(id_, 0, table["goal_position"].end)
+        if not table.keeps_indirect:
+            return client.read_block(id_, 0, end)
+        settings = client.read_block(id_, 0, table[f"indirect_address_{_MOST_SLOTS}"].end)
+        return settings.ljust(ram, b"\0") + client.read_block(id_, ram, end - ram)
     except DriverError:
         if client.line.lost is not None:
             raise

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flexmotion.drivers.dynamixel.exchange import ReadMany
-from flexmotion.drivers.dynamixel.layout import READ_SIZE, ROW, Span
+from flexmotion.drivers.dynamixel.layout import Span, rows_of
 from flexmotion.drivers.dynamixel.packet import encode_fast_status, encode_status
 
 IDS = (1, 2)
@@ -20,7 +20,7 @@ def row(position: int, velocity: int = 0, current: int = 0) -> bytes:
 @pytest.fixture
 def fast() -> ReadMany:
     """A fast read of two servos, just sent."""
-    made = ReadMany(IDS, Span(224, READ_SIZE), fast=True, where="bus")
+    made = ReadMany(IDS, Span(224, 11), fast=True, where="bus")
     made.begin()
     return made
 
@@ -47,4 +47,4 @@ def test_the_complete_parts_of_a_truncated_fast_reply_are_taken(fast: ReadMany) 
     fast.take(reply[:-3])
     fast.end()
     ((id_, (error, data)),) = fast.answers.items()
-    assert (id_, error) == (1, 0) and np.frombuffer(data, ROW)["position"] == 2001
+    assert (id_, error) == (1, 0) and np.frombuffer(data, rows_of(11).plain)["position"] == 2001
