@@ -270,3 +270,37 @@ def test_torque_off_that_a_servo_does_not_confirm_is_told(name: str, sts: Robot,
         world.advance(0.02)
         driver.set_torque(False)
         assert driver.holding == [] and not world.emulator.body.plant.enabled.any()
+
+
+@pytest.mark.parametrize("name", ["feetech", "lx16a"])
+def test_a_single_servo_is_switched_and_the_others_keep_their_goals(name: str, sts: Robot, lx: Robot) -> None:
+    """A limp servo gets no goals, and the pin arrives with the torque."""
+    robot = sts if name == "feetech" else lx
+    driver, world = looped(name, robot)
+    state, command, body = RobotState(robot.n), JointCommand(robot.n), world.emulator.body
+    knee = robot.index("l_knee")
+    with driver:
+        ticks(driver, world, state, command, 30)
+        driver.set_torque(True)
+        command.position[:] = state.position
+        ticks(driver, world, state, command, 30)
+        driver.take_pins(np.zeros(robot.n))
+        which = np.arange(robot.n) == knee
+        driver.switch(which, False)
+        command.position[knee] += 0.5
+        ticks(driver, world, state, command, 40)
+        assert not body.plant.enabled[knee] and body.plant.enabled.sum() == robot.n - 1
+        assert abs(body.position[knee] - robot.stand_pose[knee]) < 0.02
+        body.position[knee] += 0.3  # by hand
+        command.position[knee] = body.position[knee]
+        ticks(driver, world, state, command, 40)
+        driver.switch(which, True)
+        world.advance(0.02)
+        assert body.plant.enabled.all()
+        pins = np.full(robot.n, np.nan)
+        driver.take_pins(pins)
+        assert pins[knee] == pytest.approx(body.position[knee], abs=0.02) and np.isnan(np.delete(pins, knee)).all()
+        ticks(driver, world, state, command, 40)
+        assert abs(body.position[knee] - command.position[knee]) < 0.03
+        assert driver.violations == 0 and body.receiver.violations == 0
+    assert not driver.capabilities.reboot
