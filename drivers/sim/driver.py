@@ -11,9 +11,11 @@ from numpy.typing import NDArray
 from flexmotion.configs.robot import Robot
 from flexmotion.configs.schema import Strict
 from flexmotion.drivers.delay import DelayLine
+from flexmotion.drivers.emulator.false_readings import FalseReadings
 from flexmotion.drivers.interface import Capabilities, JointCommand, RobotState
 from flexmotion.drivers.plant import ServoPlant
 from flexmotion.drivers.receiver import Receiver
+from flexmotion.drivers.sim.false_state import falsify
 from flexmotion.drivers.sim.ground_truth import GroundTruth
 from flexmotion.drivers.sim.imu import SimImu
 from flexmotion.drivers.sim.options import SimOptions
@@ -87,6 +89,11 @@ class SimDriver(LockstepDriver):
     def violations(self) -> int:
         """Goals outside the servos' envelope (see `flexmotion.drivers.receiver`)."""
         return self._receiver.violations
+
+    @property
+    def false_readings(self) -> FalseReadings:
+        """What its sensors have reported wrongly."""
+        return self._false
 
     @property
     def time(self) -> float:
@@ -228,7 +235,10 @@ class SimDriver(LockstepDriver):
         self._delay.push(row)
 
     def read(self, state: RobotState) -> None:
-        """Fill `state` with measurements that are `read_delay_s` old; effort, voltage and temperature are current."""
+        """Fill `state` with measurements that are `read_delay_s` old; effort, voltage and temperature are current.
+
+        Option `false_readings` makes a share of them false.
+        """
         robot, row = self.robot, self._history[(self._steps - self._read_steps) % len(self._history)]
         n = robot.n
         robot.from_ticks(robot.to_ticks(row[:n], out=state.position), out=state.position)
@@ -243,6 +253,8 @@ class SimDriver(LockstepDriver):
         else:
             self._imu.read(row[2 * n :], state.gyro, state.accel)
             state.imu_stale = 0
+        if self._settings.false_readings:
+            falsify(self._false, robot, state)
         state.stamp_ns = round(max(self._steps - self._read_steps, 0) * self._settings.timestep * 1e9)
 
     def advance(self, seconds: float) -> None:
@@ -286,6 +298,7 @@ class SimDriver(LockstepDriver):
         imu = robot.config.imu if options.imu else None
         self._imu = None if imu is None else SimImu(imu, self.model, options, sensors)
         self._pushes = PushSchedule(options, pushes)
+        self._false = FalseReadings(options.false_readings, options.seed)
         self.plant = ServoPlant(
             robot, kp_scale=options.kp_scale, supply=options.voltage, resistance=options.supply_resistance
         )
