@@ -8,12 +8,12 @@ import numpy as np
 
 from flexmotion.configs.servo import Servo
 from flexmotion.drivers.bus.packet import BROADCAST, SumPacket
-from flexmotion.drivers.emulator.false_readings import ServoError
 from flexmotion.drivers.emulator.servo import Joints
 from flexmotion.drivers.emulator.sum_bus import SumBus, SumServo
 from flexmotion.drivers.emulator.wire import Reply
 from flexmotion.drivers.feetech.registers import BAUD_RATES, FORMAT, VOLTAGE, Instruction, sts
 from flexmotion.drivers.feetech.setup import SEVERAL_TURNS
+from flexmotion.drivers.random_errors import ServoError
 
 RETURN_DELAY_US = 2.0
 INPUT_VOLTAGE, OVERHEATING = 0x01, 0x04

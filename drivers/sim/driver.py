@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from flexmotion.configs.robot import Robot
 from flexmotion.configs.schema import Strict
 from flexmotion.drivers.delay import DelayLine
-from flexmotion.drivers.emulator.false_readings import FalseReadings
 from flexmotion.drivers.interface import Capabilities, JointCommand, RobotState
 from flexmotion.drivers.plant import ServoPlant
+from flexmotion.drivers.random_errors import RandomErrors
 from flexmotion.drivers.receiver import Receiver
 from flexmotion.drivers.sim.false_state import falsify
 from flexmotion.drivers.sim.ground_truth import GroundTruth
@@ -65,6 +65,7 @@ class SimDriver(LockstepDriver):
         self._has_current = np.array([servo.current_unit is not None for servo in robot.servos])
         self._free_damping: dict[int, float] = {}
         self._open = False
+        self._restarted: list[tuple[int, str | None]] = []
         self._reset()
 
     @property
@@ -89,11 +90,6 @@ class SimDriver(LockstepDriver):
     def violations(self) -> int:
         """Goals outside the servos' envelope (see `flexmotion.drivers.receiver`)."""
         return self._receiver.violations
-
-    @property
-    def false_readings(self) -> FalseReadings:
-        """What its sensors have reported wrongly."""
-        return self._false
 
     @property
     def time(self) -> float:
@@ -155,9 +151,9 @@ class SimDriver(LockstepDriver):
         if on:
             joints = np.flatnonzero(which)
             self._receiver.pin(self.position, which)
-            for columns, values in ((joints, self._receiver.goal[joints]), (joints + self.robot.n, UNBOUND)):
-                self._command_row[columns] = values
-                self._delay.overwrite(columns, values)
+            columns = np.concatenate([joints, joints + self.robot.n])
+            self._command_row[columns] = np.append(self._receiver.goal[joints], np.full(len(joints), UNBOUND))
+            self._delay.overwrite(columns, self._command_row[columns])
         self.plant.enabled[which] = on
         self.plant.enabled &= self._hardware_error == 0
 
@@ -254,7 +250,7 @@ class SimDriver(LockstepDriver):
             self._imu.read(row[2 * n :], state.gyro, state.accel)
             state.imu_stale = 0
         if self._settings.false_readings:
-            falsify(self._false, robot, state)
+            falsify(self._errors, robot, state)
         state.stamp_ns = round(max(self._steps - self._read_steps, 0) * self._settings.timestep * 1e9)
 
     def advance(self, seconds: float) -> None:
@@ -298,13 +294,13 @@ class SimDriver(LockstepDriver):
         imu = robot.config.imu if options.imu else None
         self._imu = None if imu is None else SimImu(imu, self.model, options, sensors)
         self._pushes = PushSchedule(options, pushes)
-        self._false = FalseReadings(options.false_readings, options.seed)
+        self._errors = RandomErrors(options.false_readings, options.seed)
         self.plant = ServoPlant(
             robot, kp_scale=options.kp_scale, supply=options.voltage, resistance=options.supply_resistance
         )
         self._receiver = Receiver(robot)
         self._hardware_error = np.zeros(n, np.int64)
-        self._restarted: list[tuple[int, str | None]] = []
+        self._restarted = []
         self._temperature_limit = np.array([servo.temperature_limit for servo in robot.servos])
 
         self._command_row = np.full(2 * n, UNBOUND)

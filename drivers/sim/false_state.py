@@ -3,28 +3,24 @@
 from __future__ import annotations
 
 from flexmotion.configs.robot import Robot
-from flexmotion.drivers.emulator.false_readings import FalseReadings
 from flexmotion.drivers.interface import RobotState
+from flexmotion.drivers.random_errors import ImuError, RandomErrors, ServoError
 
 
-def falsify(false: FalseReadings, robot: Robot, state: RobotState) -> None:
-    """Add the errors that are due to what was measured, in place. The simulated servos themselves know the truth.
-
-    Errors of a servo are in its own direction and units (`flexmotion.drivers.emulator.false_readings.ServoError`).
-    """
+def falsify(errors: RandomErrors, robot: Robot, state: RobotState) -> None:
+    """Add the errors that are due to what was measured, in place. The simulated servos themselves know the truth."""
     for joint in range(robot.n):
-        error = false.of_servo(joint)
-        if error is None:
-            continue
-        direction = robot.direction[joint]
-        state.position[joint] += direction * error.position * robot.tick_rad[joint]
-        state.velocity[joint] += direction * error.speed
-        state.effort[joint] += direction * error.torque
-        state.voltage[joint] += error.voltage
-        state.temperature[joint] += error.temperature
-    if state.imu_stale < 0:
-        return
-    wrong = false.of_imu()
-    if wrong is not None:
+        if errors.due():
+            error = ServoError()
+            errors.of_servo(error)
+            direction = robot.direction[joint]
+            state.position[joint] += direction * error.position * robot.tick_rad[joint]
+            state.velocity[joint] += direction * error.speed
+            state.effort[joint] += direction * error.torque
+            state.voltage[joint] += error.voltage
+            state.temperature[joint] += error.temperature
+    if state.imu_stale >= 0 and errors.due():
+        wrong = ImuError()
+        errors.of_imu(wrong)
         state.gyro += wrong.gyro
         state.accel += wrong.accel

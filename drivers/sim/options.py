@@ -55,7 +55,7 @@ class SimOptions(Strict):
         joint_friction_scale: multiplies dry friction in the joints.
         slope_deg: tilt of the floor about y (uphill is negative) and x [deg].
         false_readings: share of readings, of servos and IMU, that are false at random, as on the emulated bus
-            (`flexmotion.drivers.emulator.false_readings`).
+            (`flexmotion.drivers.random_errors`).
         pushes, random_pushes: pushes at the torso.
     """
 

@@ -163,8 +163,8 @@ class JointTorque:
                 return f"driver {self.driver.name!r} does not restart servos: switch their power off and on"
             if state not in (State.OFF, State.FAULT):
                 return f"in {state.name} the robot has torque: a servo restarts in OFF and FAULT alone; disarm it first"
-            known = [robot.joint_names[joint] for joint in indices if joint in self._restarting]
-            return f"restarting: {', '.join(known)}" if known else None
+            again = [robot.joint_names[joint] for joint in indices if joint in self._restarting]
+            return f"restarting: {', '.join(again)}" if again else None
         if not offers.joint_torque:
             return f"driver {self.driver.name!r} does not switch the torque of single joints"
         if state in (State.OFF, State.FAULT):

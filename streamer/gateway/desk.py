@@ -240,8 +240,9 @@ class Desk:
         same = any(name_of(one) == name_of(asked) and one.tick < 0 for one in self._asked)
         self._asked.append(asked)
         if not same:  # one that the loop has not taken yet stands for both: a burst does not overrun the channel
-            named = isinstance(message, JointsMessage)
-            reason = ",".join(message.joints) if named else f"{message.source}: {message.type}"
+            reason = f"{message.source}: {message.type}"
+            if isinstance(message, JointsMessage):
+                reason = ",".join(message.joints)
             self.requests.send(REQUESTS[type(message)], reason)
 
     # ---------------------------------------------------------------- answers
