@@ -114,6 +114,7 @@ class BusDriver(Driver):
 
     def open(self) -> None:
         """Open every port, check and set up every servo; torque stays as it is. Raises `DriverError`."""
+        self._switch = JointSwitch(self.robot.n)
         try:
             for name, path in self._paths.items():
                 port = self.open_port(path, self.robot.config.buses[name].baud)

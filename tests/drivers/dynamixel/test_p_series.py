@@ -33,7 +33,7 @@ def test_table_and_catalogue_agree(model: str) -> None:
     table, servo = table_of(model), find_servo(model)
     limits = table["max_position_limit"].range
     assert limits == (servo.min_tick, servo.max_tick) and servo.centre_tick == 0
-    assert table["current_limit"].range == (0, round(servo.stall_current / servo.current_unit))  # type: ignore[operator]
+    assert servo.current_unit is not None and servo.stall_current / servo.current_unit < table["current_limit"].initial
     assert table["torque_enable"].address == table.eeprom_end == 512 and table.keeps_indirect
     layout = layout_of(table, current_bound=True)
     assert layout.read.size == 13 and not layout.bounded and all(target >= 512 for _, target in layout.slots)
@@ -119,9 +119,3 @@ def test_a_rate_of_the_p_series_is_refused_for_the_x_series(tmp_path: Path) -> N
     create("dynamixel", op3_with(tmp_path, servo="PM42-010-S260-R", baud=6_000_000), port="main")
     with pytest.raises(ConfigError, match=r"buses.main.baud: 6000000, expected one of \[9600, .* 4500000\]"):
         create("dynamixel", op3_with(tmp_path, servo="XM430-W350", baud=6_000_000), port="main")
-
-
-@pytest.mark.parametrize("model", ["YM070-210-R051-RH", "SCS0009", "SCS15", "H54-200-S500-R(A)"])
-def test_what_is_not_driven_is_refused_with_the_reason(model: str) -> None:
-    with pytest.raises(ConfigError, match=rf"servo '{model[:5]}.*: it needs a driver plug-in"):
-        find_servo(model)
