@@ -31,6 +31,11 @@ def clause_of(part: Part, forbidding: bool) -> Clause | None:
         rest = plain(stripped([*NEGATES.sub(" ", sentence).split()]))
         return Clause(said, rest, forbidden=True, dropped=tuple(dropped))
     plain_stop = taught().get(plain(tokens)) == STAND
+    stops = words[:1] and words[0] in known.words("stop_verbs")
+    conditions = (None, *known.phrases("allowed_conditions"))
+    if stops and part.refusal is None and (refusal_of(words) is not None or condition_of(words) not in conditions):
+        # "stop wherever you are": whatever else is said, the robot can stop.
+        return Clause(said, words[0], dropped=(*dropped, " ".join(words[1:])))
     if (refusal := part.refusal or refusal_of(words)) is not None:
         return Clause(said, sentence, refusal=refusal, dropped=tuple(dropped))
     if not tokens:

@@ -6,6 +6,7 @@ import re
 from functools import lru_cache
 
 from flexmotion.text.vocabulary import vocabulary
+from flexmotion.text.wording import stem
 
 _ENUMERATED = re.compile(r"\s*(?:\(?(?:1|a|i)[.)]|(?:step|part|number)\s(?:one|1)\s?[:,.)])\s*[a-z]", re.IGNORECASE)
 _ITEM = re.compile(
@@ -14,6 +15,11 @@ _ITEM = re.compile(
     re.IGNORECASE,
 )
 _VOCATIVE = re.compile(r"\s*(?:(?:hey|hi|hello|ok|okay|dear|now)\s+)?[a-z]+-?\d+\s*[,:!]\s*(?=\w)", re.IGNORECASE)
+
+_NOT_UNTIL = re.compile(
+    r"(?<!\w)(?:do not|don't|never) ([^,.;!]+?),? (?:until|till|til|before) (?:after )?(?:you've|you have) ([^.;!]+)",
+    re.IGNORECASE,
+)
 
 
 def reworded(sentence: str) -> str:
@@ -27,9 +33,24 @@ def reworded(sentence: str) -> str:
         found = found[match.end() :]
     if _ENUMERATED.match(found):
         found = _ITEM.sub(" , then ", found).lstrip(" ,")
+    found = _NOT_UNTIL.sub(_after_motion, found)
     for pattern, same in _patterns():
         found = pattern.sub(same, found)
     return sentence if found == text else " ".join(found.split())
+
+
+def _after_motion(match: re.Match[str]) -> str:
+    """A prohibition until a motion is over, as a request after it; other conditions leave a prohibition.
+
+    "don't wave until you've bowed" is "after you have bowed, wave"; "don't wave until you've been told" is not.
+    """
+    motion, ended = match.groups()
+    words, known = ended.lower().split(), vocabulary()
+    verb = stem(words[0])
+    amount = any(word.isdigit() or word in known.table["numbers"] or word in known.table["articles"] for word in words)
+    if verb not in known.words("ended_motions") or (verb in known.words("ended_by_amount") and not amount):
+        return match.group(0)
+    return f"after you have {ended}, {motion}"
 
 
 @lru_cache

@@ -10,7 +10,7 @@ from flexmotion.text.clause import Asks
 from flexmotion.text.prompt_reader import FORBIDS, FORBIDS_NOTHING, WITHOUT_TURNING
 from flexmotion.text.relative import asked_change
 from flexmotion.text.vocabulary import vocabulary
-from flexmotion.text.wording import begins, opens_by_number, plain, stem, stripped
+from flexmotion.text.wording import begins, opens_by_number, plain, stem, stripped, taught
 
 NEGATES = re.compile(
     r"""\b(?:not|never|no|without|neither|nor|none|nobody|cannot|avoid|refrain\ from|stop\ short\ of
@@ -120,10 +120,13 @@ def parts_of(tokens: list[Token]) -> list[Part]:
             if _begins_request(tokens, place + 1, parts[-1].tokens):
                 open_part("then" if token in (".", ";", "!", "?") else ",")
             elif asked_change(plain(stripped(parts[-1].tokens)), None, "then") in (Asks.FASTER, Asks.SLOWER):
-                # "hurry up, we are late": the rest asks for nothing.
                 end = _next_joint(tokens, place + 1)
-                parts[-1].dropped += [plain(tokens[place + 1 : end])] if end > place + 1 else []
-                place = end - 1
+                rest = tokens[place + 1 : end]
+                if plain(rest) in taught() or plain(stripped(rest)) in taught() or _names_request(rest, 0):
+                    open_part(",")  # "slow down, that's enough", "slower, hands up"
+                else:  # "hurry up, we are late": the rest asks for nothing
+                    parts[-1].dropped += [plain(rest)] if stripped(rest) else []  # "please" is nothing
+                    place = end - 1
             place += 1
             continue
         if token == "but" and not parts[-1].tokens:

@@ -134,7 +134,8 @@ class Autoencoder(nn.Module):
         mean, spread = self.distribution(self.encoder(tokens)[:, 0]).chunk(2, dim=-1)
         if self.read_straight is not None:
             ahead = future - self.known * history[:, -1:] if self.recall is not None else future
-            mean = mean + self.read_straight(ahead[..., self.columns].flatten(1))
+            with _in_full_precision(ahead.device):
+                mean = mean.float() + self.read_straight(ahead[..., self.columns].flatten(1))
         return mean, spread.clamp(-12.0, 4.0)
 
     def decode(self, history: Tensor, latent: Tensor, loads: Tensor | None = None) -> Tensor:

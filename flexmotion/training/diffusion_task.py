@@ -243,12 +243,12 @@ class DiffusionTask:
         conditions = self.training.describe(windows, (*seed, 2))
         noisy = normal((*seed, 3), (count, self.autoencoder.latent)).to(device)
         times = torch.linspace(diffusion.steps - 1, 0, diffusion.roll_out_steps + 1).round().long().tolist()[:-1]
-        with torch.no_grad():
+        with torch.no_grad(), self.processes.mixed_precision():
             for now, earlier in zip(times, [*times[1:], -1], strict=True):
                 time, target = (torch.full((count,), at, device=device) for at in (now, earlier))
                 clean = self.denoise(noisy, time, windows.history, conditions)
-                noisy = self.noise.step(noisy, clean, time, target)
-            sampled = self.decode(windows.history, noisy)
+                noisy = self.noise.step(noisy, clean.float(), time, target)
+            sampled = self.decode(windows.history, noisy).float()
         return windows.next(sampled[:, -self.config.window.history :])
 
     def validate(self) -> dict[str, float]:

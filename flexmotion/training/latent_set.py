@@ -40,7 +40,7 @@ class LatentSet:
     ) -> None:
         self.config, self.store, self.autoencoder = config, store, autoencoder
         self.sentences, self.manners = sentences, manners
-        self.device = processes.device
+        self.processes, self.device = processes, processes.device
         self.windows = WindowSet(store, config.window, split, normal=config.diffusion.normal)
         self._restore = Reconstruction(store.layout, store.statistics, config.losses).restore
 
@@ -50,8 +50,8 @@ class LatentSet:
 
     def encode(self, history: Tensor, future: Tensor) -> Tensor:
         """Mean latents, (N, latent), not normalised."""
-        with torch.no_grad():
-            return self.autoencoder.encode(history, future)[0]
+        with torch.no_grad(), self.processes.mixed_precision():
+            return self.autoencoder.encode(history, future)[0].float()
 
     def describe(self, windows: Windows, seed: tuple[int, ...]) -> Conditions:
         """Conditions of windows; a share of sentences, velocities and manners is dropped at random."""

@@ -37,8 +37,10 @@ class Processes:
         return self.rank == 0
 
     def mixed_precision(self) -> AbstractContextManager[object]:
-        """Autocast to bfloat16 on a GPU; no change on a CPU."""
-        return torch.autocast("cuda", torch.bfloat16) if self.device.type == "cuda" else nullcontext()
+        """Autocast to bfloat16 on a GPU, and on a CPU with instructions for it; no change on other CPUs."""
+        if self.device.type == "cuda" or torch.cpu._is_avx512_bf16_supported():
+            return torch.autocast(self.device.type, torch.bfloat16)
+        return nullcontext()
 
     def any(self, here: bool) -> bool:
         """Whether `here` is true in any process: all processes must stop at the same step."""

@@ -264,6 +264,34 @@ def evaluator(run: Run, finish: Finish) -> None:
     finish(EvaluatorTask(run.config, run.store(), _encoder(run), run.seed, Processes()))
 
 
+@train.command()
+def curves(
+    out: OutOption,
+    picture: Annotated[Path, typer.Option("--picture", help="PNG to write.")] = Path("training.png"),
+    as_json: JsonOption = False,
+) -> None:
+    """Draw the validations of all stages of a training.
+
+    [bold]Examples[/bold]
+
+      flexmotion train curves -o training --picture docs/results/training.png
+    """
+    from flexmotion.streamer.plots.training_curves import least, plot_training, read_curve
+
+    found = {path.parent.name: read_curve(path) for path in sorted(out.glob("*/history.jsonl"))}
+    found = {stage: curve for stage, curve in found.items() if curve}
+    if not found:
+        raise ConfigError(f"{out}: no stage of a training with a validation there")
+    plot_training(found, picture, out.name)
+    best = {stage: {"steps": max(curve), "best": least(curve)} | curve[least(curve)] for stage, curve in found.items()}
+    if as_json:
+        print_json(best)
+        return
+    for stage, figures in best.items():
+        shown = {name: value for name, value in figures.items() if name not in ("steps", "best")}
+        print_result(f"{stage}: {figures['steps']} steps, best at {figures['best']}: {figures_text(shown)}")
+
+
 def _encoder(run: Run) -> SentenceEncoder:
     """The run's own sentence encoder."""
     from flexmotion.text.sentence_encoder import NETWORK, SentenceEncoder

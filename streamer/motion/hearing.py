@@ -170,6 +170,8 @@ class Hearing:
         """The same program at another speed, which goes on where it is; None where a clause asks for no such thing."""
         if clause.asks not in (Asks.FASTER, Asks.SLOWER):
             return None
+        if any(self.model.prompt(rest).known for rest in clause.dropped):
+            raise RefusedError(f"{clause.dropped[0]!r}: say it alone, or after 'then'")
         if under_way is None or all(step.kind == STAND for step in under_way.steps):
             raise RefusedError("nothing is under way whose speed could change")
         steps = [self.speeds.changed(step, clause.speed) for step in under_way.steps]
@@ -184,9 +186,10 @@ class Hearing:
         told = ", ".join(dict.fromkeys(_intent_text(step.intent) for step in moved))
         heard = Heard(
             asked=sentence,
-            state="accepted",
+            state="partly" if clause.dropped else "accepted",
             heard_as=", ".join(step.kind for step in steps),
             certainty=1.0,
+            dropped=clause.dropped,
             notes=(f"now at a human's {told}",),
             steps=tuple(step.told for step in steps),
         )

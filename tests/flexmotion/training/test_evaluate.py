@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from shutil import copytree
+
 import pytest
 
 pytest.importorskip("torch", reason="training needs the extra 'train'")
@@ -15,15 +18,15 @@ from flexmotion.training.processes import Processes
 from flexmotion.training.run import Run
 
 
-def test_evaluation(trained: Run, bundle: Bundle, stages, monkeypatch: pytest.MonkeyPatch) -> None:
-    encode = SentenceEncoder(trained.stage("text"))
-    stages.train(
-        trained, "evaluator", EvaluatorTask(trained.config, trained.store(), encode, trained.seed, Processes())
-    )
+def test_evaluation(trained: Run, bundle: Bundle, stages, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    # A copy: other tests share the run, and it has no evaluator.
+    run = Run(Path(copytree(trained.folder, tmp_path / "run")))
+    encode = SentenceEncoder(run.stage("text"))
+    stages.train(run, "evaluator", EvaluatorTask(run.config, run.store(), encode, run.seed, Processes()))
     monkeypatch.setattr(evaluate, "PHYSICAL", 1)
     monkeypatch.setattr(evaluate, "TEXTS", 2)
     monkeypatch.setattr(evaluate, "NEIGHBOURS", 64)
-    judge = evaluate.Judge(trained, bundle.body, 64)
+    judge = evaluate.Judge(run, bundle.body, 64)
     real, model, still = (
         judge.measure(generator) for generator in (judge.real, judge.sampled(Sampler(bundle)), judge.motionless)
     )

@@ -7,6 +7,7 @@ import os
 import runpy
 import subprocess
 import sys
+from contextlib import nullcontext
 from pathlib import Path
 from shutil import copytree
 
@@ -107,3 +108,15 @@ def test_only_the_first_process_prints(
     printed = capfd.readouterr()
     assert bool(printed.out) == prints and ("step 7" in printed.err) == prints
     assert not prints or json.loads(printed.out)["step"] == 7
+
+
+@pytest.mark.skipif(not torch.cpu._is_avx512_bf16_supported(), reason="this CPU has no instructions for bfloat16")
+def test_bfloat16_on_a_cpu_changes_a_loss_by_less_than_a_hundredth(
+    trained: Run, stages, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    task = stages.diffusion(trained)
+    mixed = [float(task.losses(step)[0].detach()) for step in range(4)]
+    monkeypatch.setattr(Processes, "mixed_precision", lambda self: nullcontext())
+    full = [float(task.losses(step)[0].detach()) for step in range(4)]
+    assert mixed == pytest.approx(full, rel=1e-2)
+    assert mixed != full

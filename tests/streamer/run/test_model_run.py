@@ -301,7 +301,9 @@ def test_a_refused_prompt_does_not_pass_and_the_report_says_why(
 
 
 def test_a_part_that_is_dropped_does_not_pass_either(bundle: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert dry_run("--prompt", "walk to the kitchen", "--bundle", str(bundle), "--seconds", "0.5", "--json") == 1
+    assert (
+        dry_run("--prompt", "walk two steps to the kitchen", "--bundle", str(bundle), "--seconds", "0.5", "--json") == 1
+    )
     (answer,) = json.loads(capsys.readouterr().out)["targets"]
     assert answer["state"] == "partly" and answer["dropped"] == ["to the kitchen"] and answer["certainty"] > 0.45
 
