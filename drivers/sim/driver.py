@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from flexmotion.configs.robot import Robot
 from flexmotion.configs.schema import Strict
-from flexmotion.drivers.delay import DelayLine
 from flexmotion.drivers.interface import Capabilities, JointCommand, RobotState
 from flexmotion.drivers.plant import ServoPlant
 from flexmotion.drivers.random_errors import RandomErrors
 from flexmotion.drivers.receiver import Receiver
 from flexmotion.drivers.sim.false_state import falsify
+from flexmotion.drivers.sim.goal_line import GoalLine
 from flexmotion.drivers.sim.ground_truth import GroundTruth
 from flexmotion.drivers.sim.imu import SimImu
 from flexmotion.drivers.sim.options import SimOptions
@@ -31,9 +31,6 @@ OVERHEATED = 0x04
 
 BLOCKED_DAMPING = 1e4
 """Damping of a blocked joint: against all torque of a servo it moves by less than a tick a second [N·m·s/rad]."""
-
-UNBOUND = 1e6
-"""Torque bound above every servo's torque [N·m]; finite, because the delay line averages bounds."""
 
 log = logging.getLogger(__name__)
 
@@ -89,7 +86,7 @@ class SimDriver(LockstepDriver):
     @property
     def violations(self) -> int:
         """Goals outside the servos' envelope (see `flexmotion.drivers.receiver`)."""
-        return self._receiver.violations
+        return self._goals.receiver.violations
 
     @property
     def time(self) -> float:
@@ -99,7 +96,7 @@ class SimDriver(LockstepDriver):
     @property
     def receiver(self) -> Receiver:
         """Takes goals and counts those outside the envelope."""
-        return self._receiver
+        return self._goals.receiver
 
     @property
     def position(self) -> Float:
@@ -149,11 +146,7 @@ class SimDriver(LockstepDriver):
     def switch(self, which: NDArray[np.bool_], on: bool) -> None:
         """See `Driver`. A servo that has shut down stays without torque."""
         if on:
-            joints = np.flatnonzero(which)
-            self._receiver.pin(self.position, which)
-            columns = np.concatenate([joints, joints + self.robot.n])
-            self._command_row[columns] = np.append(self._receiver.goal[joints], np.full(len(joints), UNBOUND))
-            self._delay.overwrite(columns, self._command_row[columns])
+            self._goals.pin_some(self.position, which)
         self.plant.enabled[which] = on
         self.plant.enabled &= self._hardware_error == 0
 
@@ -195,12 +188,7 @@ class SimDriver(LockstepDriver):
 
         All of `goal` and `bound` takes effect; only goals of servos marked in `which` are counted against the envelope.
         """
-        n = self.robot.n
-        receiver = self._receiver
-        receiver.receive(goal, self.position, self.velocity, self.plant.voltage, self.plant.enabled, which)
-        self._command_row[:n] = receiver.goal
-        np.minimum(bound, UNBOUND, out=self._command_row[n:])
-        self._delay.push(self._command_row)
+        self._goals.send(goal, bound, self.position, self.velocity, self.plant, which)
 
     def block(self, joint: int, on: bool) -> None:
         """Hold a joint by damping that no servo overcomes, or let it go."""
@@ -216,19 +204,7 @@ class SimDriver(LockstepDriver):
 
     def write(self, command: JointCommand) -> None:
         """Send goals: they are quantised and counted against the envelope now, and take effect after the delay."""
-        n = self.robot.n
-        row = self._command_row
-        self._receiver.receive(
-            command.position,
-            self._newest[:n],
-            self._newest[n : 2 * n],
-            self.plant.voltage,
-            self.plant.enabled,
-        )
-        row[:n] = self._receiver.goal
-        np.copyto(row[n:], command.torque_bound)
-        row[n:][np.isnan(row[n:])] = UNBOUND
-        self._delay.push(row)
+        self._goals.send(command.position, command.torque_bound, self.position, self.velocity, self.plant)
 
     def read(self, state: RobotState) -> None:
         """Fill `state` with measurements that are `read_delay_s` old; effort, voltage and temperature are current.
@@ -298,14 +274,11 @@ class SimDriver(LockstepDriver):
         self.plant = ServoPlant(
             robot, kp_scale=options.kp_scale, supply=options.voltage, resistance=options.supply_resistance
         )
-        self._receiver = Receiver(robot)
         self._hardware_error = np.zeros(n, np.int64)
         self._restarted = []
         self._temperature_limit = np.array([servo.temperature_limit for servo in robot.servos])
 
-        self._command_row = np.full(2 * n, UNBOUND)
-        self._command_row[:n] = robot.stand_pose
-        self._delay = DelayLine(self._command_row, options.command_delay_s + options.extra_latency_s)
+        self._goals = GoalLine(robot, robot.stand_pose, options.command_delay_s + options.extra_latency_s)
         self._read_steps = round(options.read_delay_s / options.timestep)
         self._history = np.zeros((self._read_steps + 1, 2 * n + 6))
         self._torque, self._saturated = np.zeros(n), np.zeros(n)
@@ -314,8 +287,7 @@ class SimDriver(LockstepDriver):
 
     def _step(self) -> None:
         data, n, plant, row = self.data, self.robot.n, self.plant, self._newest
-        plant.goal[:] = self._delay.advance(self._settings.timestep)[:n]
-        plant.torque_bound[:] = self._delay.value[n:]
+        self._goals.advance(self._settings.timestep, plant)
         data.qfrc_applied[self._dof] = plant.step(row[:n], row[n : 2 * n])
         self._push()
         mujoco.mj_step(self.model, data)
@@ -345,11 +317,7 @@ class SimDriver(LockstepDriver):
 
     def _pin_goals(self) -> None:
         """Set the goals to the present positions; goals still in the delay line are dropped."""
-        n = self.robot.n
-        self._receiver.pin(self._newest[:n])
-        self._command_row[:n] = self._receiver.goal
-        self._command_row[n:] = UNBOUND
-        self._delay.reset(self._command_row)
+        self._goals.pin(self.position)
 
     def _shut_down(self, hot: NDArray[np.bool_]) -> None:
         """Servos past their temperature limit switch their own torque off, as real servos do."""

@@ -7,12 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.errors import ConfigError, DriverError
 from flexmotion.configs.robot import Robot
 from flexmotion.configs.servo import catalogue, find_servo
 from flexmotion.drivers.bus.inspection import NotConfiguredError
 from flexmotion.drivers.dynamixel.layout import layout_of
 from flexmotion.drivers.dynamixel.registers import table_of
+from flexmotion.drivers.dynamixel.sdk import Client
 from flexmotion.drivers.dynamixel.tools import DynamixelTools
 from flexmotion.drivers.emulator.dynamixel_bus import EmulatedDynamixelBus
 from flexmotion.drivers.interface import JointCommand, RobotState
@@ -119,3 +120,27 @@ def test_a_rate_of_the_p_series_is_refused_for_the_x_series(tmp_path: Path) -> N
     create("dynamixel", op3_with(tmp_path, servo="PM42-010-S260-R", baud=6_000_000), port="main")
     with pytest.raises(ConfigError, match=r"buses.main.baud: 6000000, expected one of \[9600, .* 4500000\]"):
         create("dynamixel", op3_with(tmp_path, servo="XM430-W350", baud=6_000_000), port="main")
+
+
+@pytest.mark.parametrize(
+    ("before", "name", "value", "error", "rule"),
+    [
+        ({"torque_enable": 1}, "indirect_address_1", 580, "access", "eeprom_locked"),
+        ({}, "indirect_address_1", 64, "range", "out_of_range"),
+        ({}, "operating_mode", 5, "range", "out_of_range"),
+        ({"max_position_limit": 1000}, "goal_position", 1001, "limit", "over_limit"),
+        ({"pwm_limit": 900}, "goal_pwm", 901, "limit", "over_limit"),
+        ({"torque_enable": 1}, "max_position_limit", 5, "access", "eeprom_locked"),
+    ],
+)
+def test_the_emulated_servo_refuses_as_the_manual_says(
+    strong: Robot, before: dict[str, int], name: str, value: int, error: str, rule: str
+) -> None:
+    _, world = looped("dynamixel", strong)
+    bus = world.emulator.lines[0].bus
+    client, table = Client(world.open_port("main", 2_000_000)), table_of("PM54-060-S250-R")
+    for other, held in before.items():
+        client.write(14, table[other], held)
+    with pytest.raises(DriverError, match=rf"refused: {error} error"):
+        client.write(14, table[name], value)
+    assert bus.refusals[rule] == 1
