@@ -5,14 +5,11 @@ The calibration takes precedence over the robot file.
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
-
-import yaml
 
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.robot_file import Imu, JointConfig, Quaternion
-from flexmotion.configs.schema import Strict, load
+from flexmotion.configs.schema import Strict, load, store
 from flexmotion.configs.servo import Servo
 
 FILE = "calibration.yaml"
@@ -49,18 +46,7 @@ def read_calibration(folder: Path) -> Calibration | None:
 
 def write_calibration(folder: Path, calibration: Calibration) -> Path:
     """Write it beside the robot file, completely or not at all. Raises `ConfigError` if the file cannot be written."""
-    file = folder / FILE
-    unfinished = file.with_suffix(".unfinished")
-    try:
-        with unfinished.open("w", encoding="utf-8") as stream:
-            yaml.safe_dump(calibration.model_dump(), stream, sort_keys=False)
-            stream.flush()
-            os.fsync(stream.fileno())
-        os.replace(unfinished, file)
-    except OSError as error:
-        unfinished.unlink(missing_ok=True)
-        raise ConfigError(f"{file}: cannot be written: {error.strerror}") from error
-    return file
+    return store(calibration, folder / FILE)
 
 
 def check_zero(joint: JointConfig, servo: Servo, zero: float) -> None:

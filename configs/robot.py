@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from difflib import get_close_matches
 from functools import cached_property
 from pathlib import Path
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from flexmotion.configs.calibration import calibrated, calibrated_imu, check_zero
 from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.identification import apply_to_joints, identified
 from flexmotion.configs.robot_file import ROBOT_FILE_VERSIONS, Gait, JointConfig, Mapping, RobotFile
 from flexmotion.configs.schema import parse, read_yaml
 from flexmotion.configs.servo import Servo, find_servo
@@ -58,12 +59,16 @@ class Robot:
         file, folder: the YAML file and its folder.
         config: the file's content, with the calibrated mounting of the IMU.
         name, rate_hz, gait, mapping, safety: parts of it.
-        joints, joint_names, servos: joint configurations (calibrated), names and servos; n: number of joints.
+        joints, joint_names, servos: joint configurations (calibrated), names and servos (identified, where they were);
+            n: number of joints.
+        catalogue_servos: the servos as the catalogue has them.
         lower, upper: limits [rad].
         kp: stiffness of the position loop at nominal voltage and the joint's gain [N·m/rad].
         back_emf: torque lost per speed [N·m·s/rad].
         stall_torque, usable_torque: at nominal voltage [N·m].
         no_load_speed: [rad/s].
+        servo_delay: from the arrival of a goal to a servo acting on it [s], one number for all: the mean of those
+            identified, or else of the catalogue's.
         nominal_voltage: [V].
         tick_rad: position unit [rad].
         direction, zero: servo angle = direction * joint angle + zero [rad].
@@ -92,7 +97,8 @@ class Robot:
         self.joint_names = tuple(joint.name for joint in self.joints)
         self.n = len(self.joints)
         self._check_addresses()
-        self.servos: tuple[Servo, ...] = tuple(self._servo(joint) for joint in self.joints)
+        self.catalogue_servos: tuple[Servo, ...] = tuple(self._servo(joint) for joint in self.joints)
+        self.servos: tuple[Servo, ...] = identified(self.joints, self.catalogue_servos, self.folder)
 
         self.lower = _array(joint.limits[0] for joint in self.joints)
         self.upper = _array(joint.limits[1] for joint in self.joints)
@@ -106,9 +112,12 @@ class Robot:
         self.stall_torque = _array(servo.stall_torque for servo in self.servos)
         self.usable_torque = _array(servo.usable_torque for servo in self.servos)
         self.no_load_speed = _array(servo.no_load_speed for servo in self.servos)
+        self.servo_delay = _mean_delay(self.servos, self.catalogue_servos)
         self.nominal_voltage = _array(servo.nominal_voltage for servo in self.servos)
         self.tick_rad = _array(servo.tick_rad for servo in self.servos)
-        self._centre_tick = _array(servo.centre_tick for servo in self.servos)
+        self._rad_per_tick = _frozen(self.tick_rad * self.direction)
+        self._ticks_per_rad = _frozen(self.direction / self.tick_rad)
+        self._zero_tick = _frozen(_array(servo.centre_tick for servo in self.servos) + self.zero / self.tick_rad)
         self._min_tick = _array(servo.min_tick for servo in self.servos)
         self._max_tick = _array(servo.max_tick for servo in self.servos)
         self._check_servo_ranges()
@@ -158,14 +167,16 @@ class Robot:
         return {part: self.index(joint) for part, joint in chains[name]}
 
     def spec(self) -> mujoco.MjSpec:
-        """A new MjSpec of the MJCF, for edits. Raises `ConfigError` if MuJoCo cannot read it."""
+        """A new MjSpec of the MJCF with identified joints, for edits. Raises `ConfigError` if MuJoCo cannot read it."""
         file = self.folder / self.config.mjcf
         if not file.is_file():
             raise ConfigError(f"{self.file}: field mjcf: no such file: {file}")
         try:
-            return mujoco.MjSpec.from_file(str(file))
+            spec = mujoco.MjSpec.from_file(str(file))
         except ValueError as error:
             raise ConfigError(f"{file}: not a valid MJCF: {' '.join(str(error).split())}") from error
+        apply_to_joints(spec, self.folder)
+        return spec
 
     def compile(self, edit: Callable[[mujoco.MjSpec], None] | None = None) -> mujoco.MjModel:
         """A new MjModel; `edit` may change the MjSpec first (a floor, another mass). Raises `ConfigError`."""
@@ -179,20 +190,16 @@ class Robot:
 
     def to_ticks(self, position: Float, out: Float | None = None) -> Float:
         """Joint angles [rad] -> servo position units (whole numbers, in the servos' range), (n,)."""
-        out = np.multiply(position, self.direction, out=out)
-        out += self.zero
-        out /= self.tick_rad
-        out += self._centre_tick
+        out = np.multiply(position, self._ticks_per_rad, out=out)
+        out += self._zero_tick
         np.rint(out, out=out)
         np.maximum(out, self._min_tick, out=out)
         return np.minimum(out, self._max_tick, out=out)
 
     def from_ticks(self, ticks: Float, out: Float | None = None) -> Float:
         """Servo position units -> joint angles [rad], (n,)."""
-        out = np.subtract(ticks, self._centre_tick, out=out)
-        out *= self.tick_rad
-        out -= self.zero
-        out *= self.direction
+        out = np.subtract(ticks, self._zero_tick, out=out)
+        out *= self._rad_per_tick
         return out
 
     def _alternatives(self, name: str, known: Iterable[str]) -> str:
@@ -299,6 +306,12 @@ class Robot:
 
 def _array(values: Iterable[float]) -> Float:
     return _frozen(np.fromiter(values, np.float64))
+
+
+def _mean_delay(servos: Sequence[Servo], catalogue: Sequence[Servo]) -> float:
+    """Of the servos that differ from the catalogue, if any do [s]."""
+    known = [servo.delay for servo, other in zip(servos, catalogue, strict=True) if servo.delay != other.delay]
+    return float(np.mean(known or [servo.delay for servo in servos]))
 
 
 def _frozen(array: NDArray) -> NDArray:

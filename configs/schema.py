@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -51,6 +52,21 @@ def parse(model: type[Model], content: dict[str, Any], origin: Path | str) -> Mo
 def load(model: type[Model], file: Path) -> Model:
     """A YAML file as a `model`. Raises `ConfigError` (see `read_yaml` and `parse`)."""
     return parse(model, read_yaml(file), file)
+
+
+def store(content: Strict, file: Path) -> Path:
+    """Write a model as YAML, completely or not at all. Raises `ConfigError` if the file cannot be written."""
+    unfinished = file.with_suffix(".unfinished")
+    try:
+        with unfinished.open("w", encoding="utf-8") as stream:
+            yaml.safe_dump(content.model_dump(), stream, sort_keys=False, allow_unicode=True)
+            stream.flush()
+            os.fsync(stream.fileno())
+        os.replace(unfinished, file)
+    except OSError as error:
+        unfinished.unlink(missing_ok=True)
+        raise ConfigError(f"{file}: cannot be written: {error.strerror}") from error
+    return file
 
 
 def _one_line(model: type[Strict], error: ValidationError) -> str:

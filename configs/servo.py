@@ -48,6 +48,8 @@ class Servo(Strict):
         ticks_per_turn, centre_tick, min_tick, max_tick: position units.
         armature: inertia of rotor and gears, reflected to the output [kg·m²].
         frictionloss: dry friction at the output [N·m].
+        damping: viscous friction at the output, in addition to back-EMF [N·m·s/rad].
+        delay: from the arrival of a goal to acting on it [s].
         current_unit: one unit of the current registers [A]; None: no current measurement.
         torque_constant: output torque per motor current [N·m/A].
         temperature_limit: the servo shuts down above it [°C].
@@ -74,6 +76,8 @@ class Servo(Strict):
     max_tick: int
     armature: float = Field(ge=0)
     frictionloss: float = Field(ge=0)
+    damping: float = Field(ge=0)
+    delay: float = Field(ge=0, le=0.1)
     current_unit: float | None = Field(default=None, gt=0)
     torque_constant: float | None = Field(default=None, gt=0)
     temperature_limit: float

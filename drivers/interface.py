@@ -52,6 +52,7 @@ class RobotState:
 
     Attributes:
         stamp_ns: `time.perf_counter_ns` (or simulated time) of the measurement.
+        values: the five that follow, (5, n); they are views of its rows.
         position, velocity: joint angles and speeds, (n,) [rad, rad/s].
         effort: joint torque estimated from current, (n,) [N·m]; NaN where unknown.
         voltage, temperature: per servo, (n,) [V, °C]; NaN where unknown.
@@ -64,6 +65,7 @@ class RobotState:
 
     n: int
     stamp_ns: int = 0
+    values: Float = field(init=False)
     position: Float = field(init=False)
     velocity: Float = field(init=False)
     effort: Float = field(init=False)
@@ -76,8 +78,9 @@ class RobotState:
     imu_stale: int = -1
 
     def __post_init__(self) -> None:
-        self.position, self.velocity = np.zeros(self.n), np.zeros(self.n)
-        self.effort, self.voltage, self.temperature = (np.full(self.n, np.nan) for _ in range(3))
+        self.values = np.full((5, self.n), np.nan)
+        self.values[:2] = 0.0
+        self.position, self.velocity, self.effort, self.voltage, self.temperature = self.values
         self.hardware_error, self.stale = np.zeros(self.n, np.int64), np.zeros(self.n, np.int64)
 
 

@@ -11,16 +11,30 @@ times V/Vn. Friction and rotor inertia are part of the joint (MJCF `frictionloss
 
 from __future__ import annotations
 
+from typing import Protocol
+
 import numpy as np
 from numpy.typing import NDArray
 
 from flexmotion.configs.envelope import AMBIENT
-from flexmotion.configs.robot import Robot
+from flexmotion.configs.servo import Servo
 
 Float = NDArray[np.float64]
 
 DAMPED_SHARE = 0.1
 """Share to which position gain and voltage (PWM limit) are lowered while damped; back-EMF brakes the joints."""
+
+
+class ServoFigures(Protocol):
+    """What the plant is computed from: a `Robot`, or several candidates for one servo. Arrays are (n,)."""
+
+    n: int
+    servos: tuple[Servo, ...]
+    kp: Float
+    back_emf: Float
+    stall_torque: Float
+    usable_torque: Float
+    nominal_voltage: Float
 
 
 class ServoPlant:
@@ -39,7 +53,9 @@ class ServoPlant:
         temperature: of the windings [°C].
     """
 
-    def __init__(self, robot: Robot, *, kp_scale: float = 1.0, supply: float | None = None, resistance: float = 0.0):
+    def __init__(
+        self, robot: ServoFigures, *, kp_scale: float = 1.0, supply: float | None = None, resistance: float = 0.0
+    ):
         """`supply` defaults to the lowest nominal voltage of the servos."""
         n = robot.n
         self.goal = np.zeros(n)

@@ -45,6 +45,7 @@ class SerialPort:
         lost: why the port is gone; None while it works.
         sent: bytes sent so far.
         busy_until: time at which the last byte sent has left the wire [s].
+        descriptor: file descriptor.
     """
 
     def __init__(self, path: str, baud: int) -> None:
@@ -52,6 +53,7 @@ class SerialPort:
         self.path, self.baud = path, baud
         self.lost: str | None = None
         self.sent, self.busy_until = 0, 0.0
+        self._silent = False  # the last `receive` found nothing
         try:
             self._serial = serial.Serial(path, baud, timeout=0, write_timeout=0, exclusive=True)
         except serial.SerialException as error:
@@ -63,6 +65,7 @@ class SerialPort:
             self._serial.set_low_latency_mode(True)
         except (OSError, ValueError, NotImplementedError, AttributeError):
             log.debug("port %s has no low-latency mode", path)
+        self.descriptor = int(self._serial.fileno())
 
     def seconds(self, size: int) -> float:
         """Time that `size` bytes take on the wire [s]."""
@@ -75,15 +78,16 @@ class SerialPort:
         """
         if self.lost is not None:
             return
-        left, end = data, time.perf_counter() + self.seconds(len(data)) + FULL_S
+        left, end = data, 0.0
         for _ in range(2 * len(data)):
             try:
                 # Not through pyserial, which copies and selects first.
-                left = left[os.write(self._serial.fd, left) :]
+                left = left[os.write(self.descriptor, left) :]
                 if not left:
                     break
             except BlockingIOError:
-                if not select.select((), (self._serial.fd,), (), max(end - time.perf_counter(), 0.0))[1]:
+                end = end or time.perf_counter() + self.seconds(len(data)) + FULL_S
+                if not select.select((), (self.descriptor,), (), max(end - time.perf_counter(), 0.0))[1]:
                     break
             except OSError as error:
                 self._lose(error)
@@ -107,12 +111,14 @@ class SerialPort:
             return b""
         try:
             # Not through pyserial, which selects first.
-            data = os.read(self._serial.fd, _CHUNK)
-            if not data:
+            data = os.read(self.descriptor, _CHUNK)
+            if not data and self._silent:
+                # A device that is gone is silent too, but `select` has something to read from it.
                 _ = self._serial.in_waiting  # raises if the device is gone
         except OSError as error:
             self._lose(error)
             return b""
+        self._silent = not data
         return data
 
     def wait(self, seconds: float) -> bytes:
@@ -151,11 +157,6 @@ class SerialPort:
             self._serial.close()
         except OSError as error:
             log.debug("port %s: %s", self.path, error)
-
-    @property
-    def descriptor(self) -> int:
-        """File descriptor for `select`; -1 once the port is lost."""
-        return -1 if self.lost is not None else int(self._serial.fileno())
 
     def _count(self, data: bytes) -> None:
         self.sent += len(data)

@@ -38,6 +38,7 @@ from flexmotion.streamer.commands.send import arm, clear, disarm, estop, kill, s
 from flexmotion.streamer.commands.servo import servo
 from flexmotion.streamer.commands.servo_adopt import adopt
 from flexmotion.streamer.commands.servo_calibration import calibrate, calibrate_imu
+from flexmotion.streamer.commands.servo_identify import identify
 from flexmotion.streamer.commands.servo_settings import configure, restore
 from flexmotion.streamer.commands.train import train
 
@@ -66,6 +67,7 @@ servo.command("configure")(configure)
 servo.command("restore")(restore)
 servo.command("calibrate")(calibrate)
 servo.command("calibrate-imu")(calibrate_imu)
+servo.command("identify")(identify)
 app.add_typer(servo, name="servo")
 app.command("emulate")(emulate)
 app.add_typer(log, name="log")

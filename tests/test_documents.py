@@ -28,6 +28,7 @@ OF_A_USER = {
     "NAME.py",
     "NAME.yaml",
     "calibration.yaml",
+    "identification.yaml",
     "clips.yaml",
     "config.yaml",
     "index.html",

@@ -144,7 +144,7 @@ def lying(robot: Robot, clip: Path | None, share: float, minutes: float) -> dict
         seed += 1
         found["minutes"] += len(result.record.q) / robot.rate_hz / 60
         found["false"] += result.told
-        found["disbelieved"] += int(result.record.disbelieved)
+        found["disbelieved"] += int(result.record.disbelieved[-1]) - int(clean.disbelieved[-1])
         found["faults"] += len(result.faults)
         found["falls"] += result.body.fell
         found["violations"] += result.body.receiver.violations + result.refused
@@ -173,8 +173,11 @@ def single(robot: Robot, clip: Path | None, fault: str) -> dict[str, Any]:
 def verdicts_of_lies(share: float, found: dict[str, float]) -> list[Verdict]:
     """Of the false readings."""
     lies = f"{100 * share:g} % false readings for {found['minutes']:.1f} min"
-    most = found["jump_deg"]
+    most, told, disbelieved = found["jump_deg"], found["false"], found["disbelieved"]
     return [
+        # Without lies, or with none that was seen, the verdicts below say nothing.
+        Verdict(f"{lies}: {told:.0f} readings were false (> 0)", told > 0),
+        Verdict(f"{lies}: {disbelieved:.0f} more than in the clean run were not believed (> 0)", disbelieved > 0),
         Verdict(f"{lies}: {found['faults']:.0f} faults (0)", not found["faults"]),
         Verdict(f"{lies}: {found['falls']:.0f} falls (0)", not found["falls"]),
         Verdict(f"{lies}: goals outside the envelope: {found['violations']:.0f} (0)", not found["violations"]),

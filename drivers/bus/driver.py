@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Callable
 from typing import ClassVar
 
@@ -26,8 +27,9 @@ Bool = NDArray[np.bool_]
 READ_SHARE = 0.6
 """Largest share of a tick for reading; the rest is for the loop and for writing."""
 
-SERVO_CYCLE_S = 0.001
-"""Time from a servo's receiving a goal to acting on it (assumption) [s]."""
+CONFIRM_S = 0.2
+"""Time in which servos are asked whether torque went off, of all buses together [s]. The loop does not tick meanwhile,
+and whoever cuts the torque waits for it; it is enough for two rounds on a bus whose servos are asked one by one."""
 
 IMU_PATIENCE_S = 0.15
 """Longest time that `open` waits for a sample of the IMU [s]; longer than a sensor needs to reach its rate."""
@@ -65,16 +67,18 @@ class BusDriver(Driver):
         self._imu: Imu | None = None
         self._imu_raised = False
         self._period = 1.0 / robot.rate_hz
-        self._ticks, self._raw = np.zeros(n), np.zeros(n)
+        self._measured, self._raw = np.full((5, n), np.nan), np.zeros(n)
+        self._directions = np.ones((5, n))
+        self._directions[1:3] = robot.direction
         self._stale, self._imu_stale = np.zeros(n, np.int64), 0
         self._switch = JointSwitch(n)
         self._stamp_ns = self._violations = 0
 
     @property
     def delay_s(self) -> float:
-        """Time from the start of a tick until its goals act [s]: read, write, and a servo's own cycle (assumption)."""
+        """Time from the start of a tick until its goals act [s]: read, write, and the servos' own delay."""
         robot = self.robot
-        return max(self.Bus.budget(robot, name).cycle_s for name in robot.config.buses) + SERVO_CYCLE_S
+        return max(self.Bus.budget(robot, name).cycle_s for name in robot.config.buses) + robot.servo_delay
 
     @property
     def turns(self) -> int:
@@ -155,10 +159,9 @@ class BusDriver(Driver):
         self._cycle(begin, begin + READ_SHARE * self._period)
         for bus in self.buses:
             self._take(bus, state)
-        robot = self.robot
-        robot.from_ticks(self._ticks, out=state.position)
-        state.velocity *= robot.direction
-        state.effort *= robot.direction
+        # Velocity and effort in the direction of the joints, then positions in their units.
+        np.multiply(self._measured, self._directions, out=state.values)
+        self.robot.from_ticks(self._measured[0], out=state.position)
         state.stale[:] = self._stale
         self._switch.look(self.buses, self._stale, begin, state)
         self._switch.go_on()
@@ -167,11 +170,13 @@ class BusDriver(Driver):
 
     def write(self, command: JointCommand) -> None:
         """Send the goals to all buses. If one is not a number, none is sent and the goals before stay in effect."""
-        robot, bad = self.robot, ~np.isfinite(command.position)
-        if bad.any():
-            log.error("joint %s: goal is not a number", robot.joint_names[int(np.flatnonzero(bad)[0])])
-            return
-        robot.to_ticks(command.position, out=self._raw)
+        robot, position = self.robot, command.position
+        if not math.isfinite(position.dot(position)):  # else all are
+            bad = ~np.isfinite(position)
+            if bad.any():
+                log.error("joint %s: goal is not a number", robot.joint_names[int(np.flatnonzero(bad)[0])])
+                return
+        robot.to_ticks(position, out=self._raw)
         for bus in self.buses:
             bus.send_goals(self._raw[bus.where], command.torque_bound[bus.where])
         self._switch.repeat(self.buses)
@@ -183,8 +188,10 @@ class BusDriver(Driver):
             for bus in self.buses:
                 bus.send_off()
             # Only now: servos that are silent on one bus must not delay the others.
-            for bus in self.buses:
-                bus.confirm_off()
+            end = self.buses[0].port.now() + CONFIRM_S
+            for place, bus in enumerate(self.buses):
+                now = bus.port.now()
+                bus.confirm_off(now + (end - now) / (len(self.buses) - place))
             return
         try:
             for bus in self.buses:
@@ -224,31 +231,33 @@ class BusDriver(Driver):
     # ---------------------------------------------------------------- inside
 
     def _cycle(self, begin: float, deadline: float) -> None:
-        waiting, clock = list(self.buses), self.buses[0].port
-        for bus in waiting:
+        clock = self.buses[0].port
+        for bus in self.buses:
             bus.request(begin)
         self._stamp_ns = round(begin * 1e9)
-        while waiting:
+        waiting, now = [bus for bus in self.buses if bus.port.lost is None], clock.now()
+        while waiting and now < deadline:
+            until = min(deadline, *(bus.patience for bus in waiting))
+            # An adapter that passes an answer on in pieces wakes the loop for the first and the last of them.
+            due = min(bus.due for bus in waiting)
+            if due > now:
+                clock.sleep(min(due, until) - now)
+                now = clock.now()
+            clock.wait_any([bus.port for bus in waiting], until - now)
             now = clock.now()
             waiting = [bus for bus in waiting if not bus.receive(now)]
-            if not waiting or now >= deadline:
-                break
-            until = min(deadline, *(bus.patience for bus in waiting))
-            clock.wait_any([bus.port for bus in waiting], until - clock.now())
         for bus in self.buses:
             bus.finish()
 
     def _take(self, bus: ServoBus, state: RobotState) -> None:
-        """Copy the measurements of a bus to `state`, in the direction of the output shafts."""
+        """Copy the measurements of a bus; those in servo units to `_measured`."""
         measured, where = bus.measured, bus.where
-        if measured.fresh.all():
+        if measured.complete:
             self._stale[where] = 0
         else:
             self._stale[bus.joints[measured.fresh]] = 0
             self._stale[bus.joints[measured.asked & ~measured.fresh]] += 1
-        self._ticks[where] = measured.ticks
-        state.velocity[where], state.effort[where] = measured.velocity, measured.effort
-        state.voltage[where], state.temperature[where] = measured.voltage, measured.temperature
+        self._measured[:, where] = measured.values
         state.hardware_error[where] = measured.error
 
     def _own_imu(self) -> StandaloneImu | None:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from flexmotion.configs.errors import ConfigError, DriverError
 from flexmotion.drivers.bus.servo_bus import TORQUE_LOST, ServoBus
 from flexmotion.drivers.interface import RobotState
+from flexmotion.drivers.masks import every, some
 
 Bool = NDArray[np.bool_]
 
@@ -57,7 +58,7 @@ class JointSwitch:
     def repeat(self, buses: Sequence[ServoBus]) -> None:
         """Send what was switched lately again; once a tick."""
         again = self._again > 0
-        if not again.any():
+        if not some(again):
             return
         self._again[again] -= 1
         for bus in buses:
@@ -71,7 +72,7 @@ class JointSwitch:
 
         Torque that went off unasked is switched on again during `SETTLE_S`, later `TORQUE_LOST` is set.
         """
-        if not self._powered or all((bus.measured.torque != self.limp[bus.where]).all() for bus in buses):
+        if not self._powered or all(every(bus.measured.torque != self.limp[bus.where]) for bus in buses):
             return
         for bus in buses:
             limp, fresh = self.limp[bus.where], stale[bus.where] == 0

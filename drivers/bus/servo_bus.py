@@ -18,6 +18,7 @@ from flexmotion.drivers.bus.attempts import TRIES
 from flexmotion.drivers.bus.goal_guard import GoalGuard
 from flexmotion.drivers.bus.options import BusOptions
 from flexmotion.drivers.imu.interface import Imu
+from flexmotion.drivers.masks import every
 from flexmotion.drivers.port import SerialPort
 
 Float = NDArray[np.float64]
@@ -35,12 +36,14 @@ class Budget:
     Attributes:
         read_bytes, write_bytes: both directions together.
         read_s, write_s: at the bus's baud rate, with return delays [s].
+        asked_s: from the beginning of a read until a servo has been asked for its angle, on average [s].
     """
 
     read_bytes: int
     write_bytes: int
     read_s: float
     write_s: float
+    asked_s: float
 
     @property
     def cycle_s(self) -> float:
@@ -52,6 +55,7 @@ class Measurement:
     """The newest values of the servos of one bus, (m,) each, in the order of the bus.
 
     Attributes:
+        values: the first five of the following, (5, m); they are views of its rows.
         ticks: position in servo units.
         velocity: of the output shaft [rad/s].
         effort: torque at the output shaft [N·m]; NaN where unknown.
@@ -64,11 +68,17 @@ class Measurement:
     """
 
     def __init__(self, m: int) -> None:
-        self.ticks, self.velocity = np.zeros(m), np.zeros(m)
-        self.effort, self.voltage, self.temperature = (np.full(m, np.nan) for _ in range(3))
+        self.values = np.full((5, m), np.nan)
+        self.values[:2] = 0.0
+        self.ticks, self.velocity, self.effort, self.voltage, self.temperature = self.values
         self.error = np.zeros(m, np.int64)
         self.torque, self.watchdog = np.zeros(m, np.bool_), np.zeros(m, np.int64)
         self.fresh, self.asked = np.zeros(m, np.bool_), np.ones(m, np.bool_)
+
+    @property
+    def complete(self) -> bool:
+        """Whether all servos answered in the last cycle."""
+        return every(self.fresh)
 
 
 class ServoBus(ABC):
@@ -171,6 +181,11 @@ class ServoBus(ABC):
     def patience(self) -> float:
         """Time at which `receive` gives up the pending exchange [s]."""
 
+    @property
+    def due(self) -> float:
+        """Time before which answers of which a part has come cannot be complete [s]; 0: nothing has come."""
+        return 0.0
+
     @abstractmethod
     def finish(self) -> None:
         """End the cycle and update `measured`; `fresh` marks the servos that answered."""
@@ -200,8 +215,8 @@ class ServoBus(ABC):
         """Send torque off to all servos; waits for no answer."""
 
     @abstractmethod
-    def torque_is_off(self) -> Bool:
-        """Ask all servos, blocking: which of them say that torque is off, (m,)."""
+    def torque_is_off(self, asked: Bool, until: float) -> Bool:
+        """Ask the servos in `asked`, blocking until time `until` [s] at most: which say that torque is off, (m,)."""
 
     @abstractmethod
     def damp(self) -> None:
@@ -211,14 +226,17 @@ class ServoBus(ABC):
         """`servo of JOINT (id N)` for messages."""
         return f"servo of {self.robot.joint_names[self.joints[slot]]} (id {self.ids[slot]})"
 
-    def confirm_off(self) -> None:
-        """Ask servos whether torque is off, blocking, and send it again; fills `holding`."""
-        off = self.torque_is_off()
+    def confirm_off(self, until: float) -> None:
+        """Ask servos whether torque is off, and send it again to all while some have not confirmed it.
+
+        Fills `holding`. Blocks until time `until` [s] at most, on a bus that does not answer too.
+        """
+        off = self.torque_is_off(np.ones(len(self.ids), np.bool_), until)
         for _ in range(TRIES - 1):
-            if off.all() or self.port.lost is not None:
+            if off.all() or self.port.lost is not None or self.port.now() >= until:
                 break
             self.send_off()
-            off |= self.torque_is_off()
+            off |= self.torque_is_off(~off, until)
         self.measured.torque[off] = False
         names = self.robot.joint_names
         self.holding = [f"{names[self.joints[slot]]} (id {self.ids[slot]})" for slot in np.flatnonzero(~off)]

@@ -62,8 +62,6 @@ class DynamixelBus(ServoBus):
         m = len(self.joints)
         self._client = Client(port)
         self._slot = {id_: slot for slot, id_ in enumerate(self.ids)}
-        self._slot_of = np.zeros(256, np.int64)
-        self._slot_of[self.ids] = np.arange(m)
         self._layouts = [layout_of(table_of(s.name), current_bound=self.config.current_bound) for s in self.servos]
         self._board = board_of(robot, name)
         self._units = round(self.config.watchdog_ms * 1e-3 / WATCHDOG_S)
@@ -74,6 +72,7 @@ class DynamixelBus(ServoBus):
             GoalPacket(layout, self._slots_with(layout), self.ids, self.torque_per_unit)
             for layout in dict.fromkeys(self._layouts)
         ]
+        self._bounded, self._last_bound = any(goals.bounded for goals in self._goals), np.full(m, np.nan)
         self.cycle = ReadCycle(
             port,
             self.config,
@@ -128,7 +127,8 @@ class DynamixelBus(ServoBus):
         write_bytes = sum(len(sync_write(span, bytes((span.size + 1) * many))) for span, many in writes.items())
         read_bytes = sum(sum(exchange.sizes) for exchange in reads)
         delays = sum(exchange.delays for exchange in reads) * delay
-        return Budget(read_bytes, write_bytes, read_bytes * byte_s + delays, write_bytes * byte_s)
+        asked_s = reads[0].sizes[0] * byte_s
+        return Budget(read_bytes, write_bytes, read_bytes * byte_s + delays, write_bytes * byte_s, asked_s)
 
     # ---------------------------------------------------------------- before the first tick
 
@@ -178,17 +178,22 @@ class DynamixelBus(ServoBus):
         """See `ServoBus`."""
         return self.cycle.patience
 
+    @property
+    def due(self) -> float:
+        """See `ServoBus`."""
+        return self.cycle.due
+
     def finish(self) -> None:
         """See `ServoBus`. Watchdogs that have tripped are cleared: their servos refuse goals."""
         self.cycle.finish()
-        tripped = self.measured.watchdog == TRIPPED
-        if not self._on or not tripped.any():
+        tripped = self.measured.watchdog == TRIPPED if self._on and self.cycle.read_watchdogs else None
+        if tripped is None or not tripped.any():
             return
         self.measured.watchdog[tripped] = 0  # until they are read again
         self._trips[tripped] += 1
         self._rearm = 2
-        # They have stopped where they were; the next goals begin there.
-        np.copyto(self.pins, np.clip(self.measured.ticks, *self.position_limits), where=tripped & self.measured.fresh)
+        # They have stopped where they were; the next goals begin there, inside the envelope.
+        np.copyto(self.pins, self.guard.nearest(self.measured.ticks), where=tripped & self.measured.fresh)
         for slot in np.flatnonzero(tripped):
             log.warning("%s: its bus watchdog has tripped, goals were refused: cleared", self.joint_name(int(slot)))
         self.measured.error[self._trips > MOST_TRIPS] |= WATCHDOG_TRIPS
@@ -242,7 +247,7 @@ class DynamixelBus(ServoBus):
         """See `ServoBus`."""
         if off.any():
             ticks = np.clip(self.measured.ticks, *self.position_limits)
-            self._send(np.where(off, ticks, self._last_ticks), self._last_bound, np.where(off, ticks, np.nan))
+            self._send(np.where(off, ticks, self.guard.last), self._last_bound, np.where(off, ticks, np.nan))
             self._switch(off, on=True)
 
     def switch(self, which: Bool, on: bool) -> None:
@@ -264,13 +269,13 @@ class DynamixelBus(ServoBus):
         self._on = False
         self._switch(np.ones(len(self.ids), np.bool_), on=False)
 
-    def torque_is_off(self) -> Bool:
-        """See `ServoBus`."""
-        return self._registers(("torque_enable",), LATE_S)[:, 0] == 0
+    def torque_is_off(self, asked: Bool, until: float) -> Bool:
+        """See `ServoBus`. All are asked at once."""
+        return self._registers(("torque_enable",), min(LATE_S, until - self.port.now()))[:, 0] == 0
 
-    def confirm_off(self) -> None:
+    def confirm_off(self, until: float) -> None:
         """See `ServoBus`. Watchdogs are switched off after it: they would trip."""
-        super().confirm_off()
+        super().confirm_off(until)
         self._write_all("bus_watchdog", 0)
 
     def damp(self) -> None:
@@ -295,22 +300,24 @@ class DynamixelBus(ServoBus):
 
     def _send(self, ticks: Float, bound: Float, standing: Float | None = None) -> None:
         """Send goals of the whole bus; `standing`: position of servos that are pinned, NaN for the others, (m,)."""
-        ticks = ticks.copy()
         for goals in self._goals:
             packet = goals.encode(ticks, bound, self.current_limit)
-            sent = goals.decode(packet)
-            slots = self._slot_of[sent["id"]]
-            admitted = self.guard.admit(
-                slots,
-                sent["position"],
-                sent["current"] if goals.bounded else None,
-                None if standing is None else standing[slots],
-            )
-            if (admitted != sent["position"]).any():
-                ticks[slots] = admitted
-                packet = goals.encode(ticks, bound, self.current_limit)
+            slots, position, current = goals.decode(packet)
+            if standing is not None or not self.guard.admits(slots, position, current):
+                at = np.array(slots)
+                admitted = self.guard.admit(
+                    at,
+                    np.array(position, np.float64),
+                    np.array(current, np.float64) if current else None,
+                    None if standing is None else standing[at],
+                )
+                if (admitted != position).any():
+                    ticks = ticks.copy()
+                    ticks[at] = admitted
+                    packet = goals.encode(ticks, bound, self.current_limit)
             self.port.send(packet)
-        self._last_ticks, self._last_bound = ticks, bound.copy()
+        if self._bounded:
+            np.copyto(self._last_bound, bound)
         if standing is not None:
             np.copyto(self.pins, ticks, where=np.isfinite(standing))
 
@@ -340,7 +347,7 @@ class DynamixelBus(ServoBus):
     def _pinned(self) -> Bool:
         """Which servos hold the goal that `_pin` has sent, and an armed watchdog, (m,)."""
         held = self._registers(("bus_watchdog", "goal_position"), PATIENCE_S)
-        return (held[:, 0] == self._units) & (held[:, 1] == self._last_ticks.astype(np.int64))
+        return (held[:, 0] == self._units) & (held[:, 1] == self.guard.last)
 
     def _registers(self, names: Sequence[str], slack: float) -> Float:
         """Read registers of all servos, from the first named to the last, blocking; (m, names), NaN without an answer.

@@ -11,6 +11,7 @@ from flexmotion.drivers.dynamixel.packet import (
     ALERT,
     BROADCAST,
     HEADER,
+    MARK,
     Decoder,
     Instruction,
     crc16,
@@ -24,7 +25,7 @@ RETRY_CYCLES, MOST_RETRY_CYCLES = 1000, 100_000
 STRIKES = 3
 """Consecutive fast reads without an answer, each followed by an answered sync read, before fast reads are given up."""
 
-_STATUS_OVERHEAD, _FAST_OVERHEAD, _FAST_HEAD = 11, 4, 8
+_STATUS_OVERHEAD, FAST_OVERHEAD, FAST_HEAD = 11, 4, 8
 """Bytes around a servo's data in a status packet and in a fast reply, and bytes before the first servo's data."""
 _FAST_START = HEADER + bytes([BROADCAST])
 """Start of a fast reply. A late answer to a sync read may have the same length (with a stuffed byte) and a valid CRC at
@@ -38,10 +39,14 @@ class Exchange(ABC):
 
     Attributes:
         answers: id -> (error byte, data), received in this cycle.
+        sizes: number of bytes of the instruction and of all answers.
+        delays: number of return delays in the answers.
     """
 
     def __init__(self) -> None:
         self.answers: dict[int, tuple[int, bytes]] = {}
+        self.sizes = (0, 0)
+        self.delays = 1
 
     @abstractmethod
     def begin(self) -> bytes:
@@ -56,17 +61,7 @@ class Exchange(ABC):
         self.answers.clear()
 
     def end(self) -> None:  # noqa: B027 - optional
-        """The cycle is over; evaluate what was received."""
-
-    @property
-    @abstractmethod
-    def sizes(self) -> tuple[int, int]:
-        """Number of bytes of the instruction and of all answers."""
-
-    @property
-    def delays(self) -> int:
-        """Number of return delays in the answers."""
-        return 1
+        """No more is received; evaluate what was."""
 
 
 class ReadOne(Exchange):
@@ -78,6 +73,9 @@ class ReadOne(Exchange):
         params = span.address.to_bytes(2, "little") + span.size.to_bytes(2, "little")
         self._packet = encode(id_, Instruction.READ, params)
         self._decoder = Decoder()
+        self.sizes = len(self._packet), self._size + _STATUS_OVERHEAD
+        length = (self._size + 4).to_bytes(2, "little")
+        self._head = HEADER + bytes([id_]) + length + bytes([Instruction.STATUS])
 
     def begin(self) -> bytes:
         """See `Exchange`."""
@@ -87,15 +85,21 @@ class ReadOne(Exchange):
 
     def take(self, data: bytes) -> bool:
         """See `Exchange`."""
+        head = len(self._head)
+        if (
+            len(data) == self.sizes[1]
+            and data.startswith(self._head)
+            and not self._decoder.waiting
+            and MARK not in data[head:]
+            and crc16(data[:-2]) == int.from_bytes(data[-2:], "little")
+        ):
+            # The usual answer: whole, alone, and without byte stuffing.
+            self.answers[self._id] = data[head], data[head + 1 : -2]
+            return True
         for packet in self._decoder.feed(data):
             if packet.intact and packet.id == self._id and len(packet.params) == self._size + 1:
                 self.answers[packet.id] = packet.params[0], packet.params[1:]
         return bool(self.answers)
-
-    @property
-    def sizes(self) -> tuple[int, int]:
-        """See `Exchange`."""
-        return len(self._packet), self._size + _STATUS_OVERHEAD
 
 
 class ReadMany(Exchange):
@@ -108,9 +112,9 @@ class ReadMany(Exchange):
 
     Attributes:
         fast: whether it is a fast sync read.
-        order: ids in the order asked.
-        whole: a complete fast reply without its header: error, id, data and CRC of each servo in that order; `answers`
-            is empty then. None without a complete one.
+        order, asked: ids in the order asked, as a list and as bytes.
+        whole: a complete fast reply: header, then error, id, data and CRC of each servo in that order; `answers` is
+            empty then. None without a complete one.
     """
 
     def __init__(self, ids: Sequence[int], span: Span, *, fast: bool, where: str) -> None:
@@ -120,36 +124,38 @@ class ReadMany(Exchange):
         self._where, self._known = where, frozenset(ids)
         self.order = list(ids)
         self._decoder = Decoder()
-        self._reply = bytearray()
+        self._reply = b""
         self._strikes, self._doubted = 0, False
         self._given_up, self._retry_cycles = 0, RETRY_CYCLES  # cycles since, and until the next attempt
         self.whole: bytes | None = None
+        self._packets: dict[int, bytes] = {}  # by address
         self._encode()
 
     def aim(self, span: Span) -> None:
         """Read another span of the same size from the next cycle on."""
-        if span != self.span:
-            self.span = span
-            self._encode()
+        self.span = span
 
     def begin(self) -> bytes:
         """See `Exchange`."""
         self.forget()
-        self._decoder.clear()
-        self._reply.clear()
-        return self._packet
+        if self._decoder.waiting:
+            self._decoder.clear()
+        packet = self._packets.get(self.span.address)
+        return self._encode() if packet is None else packet
 
     def forget(self) -> None:
         """See `Exchange`."""
         self.answers.clear()
-        self.whole = None
+        self._reply, self.whole = b"", None
 
     def take(self, data: bytes) -> bool:
         """See `Exchange`."""
         if self._asks_fast:
-            self._reply += data
-            start = self._reply.find(_FAST_START)
-            return start >= 0 and len(self._reply) - start >= self._fast_size
+            reply = self._reply = self._reply + data if self._reply else data
+            if len(reply) < self.sizes[1] or reply.startswith(_FAST_START):
+                return len(reply) >= self.sizes[1]
+            start = reply.find(_FAST_START)
+            return start >= 0 and len(reply) - start >= self.sizes[1]
         for packet in self._decoder.feed(data):
             if not packet.intact or packet.id not in self._known or len(packet.params) != self.span.size + 1:
                 continue
@@ -160,10 +166,10 @@ class ReadMany(Exchange):
     def end(self) -> None:
         """See `Exchange`."""
         if self._asks_fast and self._split():
-            if self._retrying:
+            if self._given_up:
                 log.warning("%s: fast sync reads are answered again", self._where)
-            self._strikes = self._given_up = 0
-            self._retry_cycles = RETRY_CYCLES
+                self._given_up, self._retry_cycles = 0, RETRY_CYCLES
+            self._strikes = 0
             return
         order = self.order
         missing = [id_ for id_ in order if id_ not in self.answers]
@@ -173,23 +179,8 @@ class ReadMany(Exchange):
         doubted = self._doubt()
         if order != self.order or doubted != self._doubted:
             self.order, self._doubted = order, doubted
+            self._packets.clear()
             self._encode()
-
-    @property
-    def sizes(self) -> tuple[int, int]:
-        """See `Exchange`."""
-        many = len(self.ids)
-        answers = self._fast_size if self._asks_fast else many * (self.span.size + _STATUS_OVERHEAD)
-        return len(self._packet), answers
-
-    @property
-    def delays(self) -> int:
-        """See `Exchange`. In a sync read every servo has its own return delay."""
-        return 1 if self._asks_fast else len(self.ids)
-
-    @property
-    def _asks_fast(self) -> bool:
-        return self.fast and not self._doubted
 
     def _doubt(self) -> bool:
         """Whether the next read is a sync read to test if fast reads work."""
@@ -220,26 +211,33 @@ class ReadMany(Exchange):
         """Whether fast reads were given up and this is an attempt."""
         return self._given_up > 0 and not self._doubted
 
-    def _encode(self) -> None:
-        address, size = self.span.address, self.span.size
-        params = address.to_bytes(2, "little") + size.to_bytes(2, "little") + bytes(self.order)
+    def _encode(self) -> bytes:
+        """Make the packet for the present span and order, and keep it; packets of another order must be forgotten."""
+        address, size, many = self.span.address, self.span.size, len(self.ids)
+        self._asks_fast = self.fast and not self._doubted
+        self.asked = bytes(self.order)
+        params = address.to_bytes(2, "little") + size.to_bytes(2, "little") + self.asked
         kind = Instruction.FAST_SYNC_READ if self._asks_fast else Instruction.SYNC_READ
-        self._packet = encode(BROADCAST, kind, params)
-        self._asked = bytes(self.order)
-        self._fast_size = _FAST_HEAD + len(self.ids) * (size + _FAST_OVERHEAD)
+        packet = self._packets[address] = encode(BROADCAST, kind, params)
+        # In a sync read every servo has its own return delay.
+        self.delays = 1 if self._asks_fast else many
+        answers = FAST_HEAD + many * (size + FAST_OVERHEAD) if self._asks_fast else many * (size + _STATUS_OVERHEAD)
+        self.sizes = len(packet), answers
+        return packet
 
     def _split(self) -> bool:
         """Decode a fast reply; whether it is complete."""
-        start = self._reply.find(_FAST_START)
-        if start < 0:
-            return False
-        reply = bytes(self._reply[start : start + self._fast_size])
-        if len(reply) == self._fast_size and crc16(reply[:-2]) == int.from_bytes(reply[-2:], "little"):
-            # Every CRC covers all bytes before it: if the last one is right, all are.
-            rows = reply[_FAST_HEAD:]
-            if rows[1 :: self.span.size + _FAST_OVERHEAD] == self._asked:
-                self.whole = rows
-                return True
+        reply, size = self._reply, self.sizes[1]
+        if len(reply) != size or not reply.startswith(_FAST_START):
+            start = reply.find(_FAST_START)
+            if start < 0:
+                return False
+            reply = reply[start : start + size]
+        # Every CRC covers all bytes before it: if the last one is right, all are.
+        whole = len(reply) == size and crc16(reply[:-2]) == int.from_bytes(reply[-2:], "little")
+        if whole and reply[FAST_HEAD + 1 :: self.span.size + FAST_OVERHEAD] == self.asked:
+            self.whole = reply
+            return True
         for error, id_, data in split_fast_status(reply, self.span.size):
             if id_ in self._known and not error & ~ALERT:
                 self.answers[id_] = error, data

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexmotion.drivers.dynamixel.layout import Layout, Span, goal_row
-from flexmotion.drivers.dynamixel.packet import BROADCAST, Instruction, encode, sync_write_rows
+from flexmotion.drivers.dynamixel.packet import BROADCAST, HEADER, MARK, Instruction, crc16, encode, sync_write_rows
 
 Float = NDArray[np.float64]
 Slots = NDArray[np.int64]
+
+Decoded = tuple[tuple[int, ...], tuple[int, ...], tuple[int, ...]]
+"""Slots, goal positions and goal currents (none if they are not sent) in the bytes of a packet, k each."""
 
 
 class GoalPacket:
@@ -28,11 +32,20 @@ class GoalPacket:
     """
 
     def __init__(self, layout: Layout, slots: Slots, ids: Sequence[int], torque_per_unit: Float) -> None:
-        self._span, self._slots = layout.write, slots
-        self._rows = np.zeros(len(slots), goal_row(bounded=layout.bounded))
-        self._rows["id"] = [ids[slot] for slot in slots]
+        self._span, self.bounded = layout.write, layout.bounded
+        self._slots: Slots | slice = slice(None) if np.array_equal(slots, np.arange(len(ids))) else slots
         self._unit = torque_per_unit[slots]
-        self.bounded = layout.bounded
+        self._slot = {id_: slot for slot, id_ in enumerate(ids)}
+        self._seen: tuple[tuple[int, ...], tuple[int, ...]] = (), ()  # ids in the last packet, and their slots
+        row = goal_row(bounded=layout.bounded)
+        blank = sync_write(self._span, bytes(len(slots) * row.itemsize))[:-2]
+        self._first = len(blank) - len(slots) * row.itemsize
+        # Header, rows without byte stuffing; filled in place.
+        self._packet = bytearray(blank)
+        rows = np.ndarray(len(slots), row, self._packet, self._first)
+        rows["id"] = [ids[slot] for slot in slots]
+        self._position, self._current = rows["position"], rows["current"] if self.bounded else None
+        self._unpack = struct.Struct("<" + ("Bhi" if self.bounded else "Bi") * len(slots)).unpack
 
     def encode(self, ticks: Float, bound: Float, current_limit: Float) -> bytes:
         """The packet for goals of the whole bus, (m,) each.
@@ -42,16 +55,23 @@ class GoalPacket:
             bound: torque bounds [N·m]; NaN: the servo's own limit.
             current_limit: greatest goal current of each servo [servo units].
         """
-        self._rows["position"] = ticks[self._slots]
-        if self.bounded:
+        self._position[:] = ticks[self._slots]
+        if self._current is not None:
             most = current_limit[self._slots]
             units = np.minimum(bound[self._slots] / self._unit, most)
-            self._rows["current"] = np.where(np.isnan(units), most, units)
-        return sync_write(self._span, self._rows.tobytes())
+            self._current[:] = np.where(np.isnan(units), most, units)
+        packet = bytes(self._packet)
+        if packet.find(MARK, len(HEADER) + 3) >= 0:
+            return sync_write(self._span, packet[self._first :])
+        return packet + crc16(packet).to_bytes(2, "little")
 
-    def decode(self, packet: bytes) -> NDArray[np.void]:
-        """The goals in the bytes of a packet, structured as `goal_row`, (k,)."""
-        return np.frombuffer(sync_write_rows(packet), goal_row(bounded=self.bounded))
+    def decode(self, packet: bytes) -> Decoded:
+        """What the bytes of a packet command."""
+        values, fields = self._unpack(sync_write_rows(packet)), 3 if self.bounded else 2
+        ids = values[::fields]
+        if ids != self._seen[0]:
+            self._seen = ids, tuple(self._slot[id_] for id_ in ids)
+        return self._seen[1], values[fields - 1 :: fields], values[1::3] if self.bounded else ()
 
 
 def sync_write(span: Span, rows: bytes) -> bytes:

@@ -22,46 +22,18 @@ _READ = (
 )
 """Registers that a cycle reads after the position, and the number of low bytes of each."""
 
+REST_SIZE = sum(size for _, size in _READ)
+"""Bytes of a servo's data after the position."""
+
 INSTEAD = "bus_watchdog"
 """One byte before the position. A read that begins one byte earlier has the watchdog in the place of the torque switch:
 both are read in turns, at no cost on the wire."""
 
+MOTION, SUPPLY, ERROR, TICK, TORQUE = 0, 4, 6, 7, 8
+"""Places of velocity and current, of voltage and temperature, and of single bytes among the data after the position."""
 
-@dataclass(frozen=True)
-class Rows:
-    """A servo's bytes in the answers to a cycle's read.
-
-    Attributes:
-        plain: in a status packet; watchdog: in a read with the watchdog.
-        fast, fast_watchdog: the same in a fast reply.
-    """
-
-    plain: np.dtype[np.void]
-    watchdog: np.dtype[np.void]
-    fast: np.dtype[np.void]
-    fast_watchdog: np.dtype[np.void]
-
-
-def _rows(position_bytes: int) -> Rows:
-    common = [
-        ("position", f"<i{position_bytes}"),
-        ("velocity", "<i2"),
-        ("current", "<i2"),
-        *((name, "u1") for name in ("voltage", "temperature", "error", "tick")),
-    ]
-    plain, watchdog = [*common, ("torque", "u1")], [("watchdog", "i1"), *common]
-    head, end = [("error_byte", "u1"), ("id", "u1")], [("crc", "<u2")]
-    kinds = (plain, watchdog, [*head, *plain, *end], [*head, *watchdog, *end])
-    return Rows(*(np.dtype(kind) for kind in kinds))
-
-
-_ROWS = {rows.plain.itemsize: rows for rows in (_rows(2), _rows(4))}
-
-
-def rows_of(size: int) -> Rows:
-    """The rows of a read of `size` bytes."""
-    return _ROWS[size]
-
+WATCHDOG, SHIFT = 0, 1
+"""Place of the watchdog in a read that has it, and how much later all others come there."""
 
 CURRENT_POSITION_MODE = 5
 """Operating mode in which the goal current bounds the current of a position."""
@@ -119,4 +91,4 @@ def layout_of(table: Table, *, current_bound: bool) -> Layout:
         for name in ("goal_current", "goal_position"):
             targets += range(table[name].address, table[name].end)
     slots = tuple((run.address + 2 * slot, target) for slot, target in enumerate(targets))
-    return Layout(Span(run.data + 1, sum(size for _, size in read)), write, slots, bounded)
+    return Layout(Span(run.data + 1, table.position_bytes + REST_SIZE), write, slots, bounded)

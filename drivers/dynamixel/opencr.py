@@ -40,8 +40,12 @@ class OpenCr(Imu):
         self._registers, self._model = file.registers, file.model_number
         self.span = Span(file.registers["gyro_x"].address, 12)
         units, axes = file.units, np.array(file.units.axes, np.float64)
-        self._to_gyro = self.mount * (axes * math.radians(units.gyro_deg_s))
-        self._to_accel = self.mount * (axes * units.accel_g * GRAVITY)
+        # Angular velocity and specific force, in one product.
+        self._to_units = np.zeros((6, 6))
+        self._to_units[:3, :3] = self.mount * (axes * math.radians(units.gyro_deg_s))
+        self._to_units[3:, 3:] = self.mount * (axes * units.accel_g * GRAVITY)
+        self._raw, self._sample = np.zeros(6), np.concatenate([self.gyro, self.accel])
+        self.gyro, self.accel = self._sample[:3], self._sample[3:]
         self._came = False
 
     def find(self, client: Client) -> DriverError | None:
@@ -74,9 +78,8 @@ class OpenCr(Imu):
 
     def take(self, data: bytes) -> None:
         """Take the bytes of `span`, received in this tick."""
-        raw = np.frombuffer(data, "<i2").astype(np.float64)
-        np.matmul(self._to_gyro, raw[:3], out=self.gyro)
-        np.matmul(self._to_accel, raw[3:], out=self.accel)
+        self._raw[:] = np.frombuffer(data, "<i2")
+        np.matmul(self._to_units, self._raw, out=self._sample)
         self._came = True
 
     def read(self, now: float) -> bool:

@@ -23,7 +23,8 @@ MAX_LENGTH = 1024
 ALERT = 0x80
 """Bit of the error byte: the hardware error status is not 0."""
 
-_MARK, _STUFFED = b"\xff\xff\xfd", b"\xff\xff\xfd\xfd"
+MARK, _STUFFED = b"\xff\xff\xfd", b"\xff\xff\xfd\xfd"
+"""Start of every packet. Where it occurs later in a packet, a byte is stuffed after it."""
 
 
 class Instruction(IntEnum):
@@ -77,7 +78,7 @@ def crc16(data: bytes | bytearray | memoryview, crc: int = 0) -> int:
 
 def encode(id_: int, instruction: int, params: bytes = b"") -> bytes:
     """The bytes of an instruction packet, with byte stuffing and CRC."""
-    body = (bytes([instruction]) + params).replace(_MARK, _STUFFED)
+    body = (bytes([instruction]) + params).replace(MARK, _STUFFED)
     head = HEADER + bytes([id_]) + (len(body) + 2).to_bytes(2, "little")
     packet = head + body
     return packet + crc16(packet).to_bytes(2, "little")
@@ -123,7 +124,7 @@ def split_fast_status(reply: bytes, size: int) -> Iterator[tuple[int, int, bytes
 
 def sync_write_rows(packet: bytes) -> bytes:
     """Id and data of each servo in the bytes of a sync write, without byte stuffing."""
-    return packet[len(HEADER) + 4 : -2].replace(_STUFFED, _MARK)[4:]
+    return packet[len(HEADER) + 4 : -2].replace(_STUFFED, MARK)[4:]
 
 
 class Decoder:
@@ -156,7 +157,7 @@ class Decoder:
                 return
             crc = int.from_bytes(buffer[size - 2 : size], "little")
             intact = crc16(memoryview(buffer)[: size - 2]) == crc
-            body = bytes(buffer[7 : size - 2]).replace(_STUFFED, _MARK)
+            body = bytes(buffer[7 : size - 2]).replace(_STUFFED, MARK)
             packet = Packet(buffer[4], body[0], body[1:], size, intact)
             if intact:
                 del buffer[:size]

@@ -87,6 +87,7 @@ class BenchBody(Body):
         self._position, self._velocity = robot.stand_pose.copy(), np.zeros(robot.n)
         self._inertia = inertia + np.array([servo.armature for servo in robot.servos])
         self._friction = np.array([servo.frictionloss for servo in robot.servos])
+        self._damping = np.array([servo.damping for servo in robot.servos])
         self._blocked = np.zeros(robot.n, np.bool_)
         self._receiver.pin(self._position)
         self._plant.goal[:] = self._receiver.goal
@@ -130,6 +131,7 @@ class BenchBody(Body):
         """See `Body`. Semi-implicit Euler; dry friction never reverses a motion."""
         for _ in range(round(seconds / self.timestep)):
             torque = self._plant.step(self._position, self._velocity)
+            torque = torque - self._damping * self._velocity
             speed = self._velocity + torque / self._inertia * self.timestep
             drag = self._friction / self._inertia * self.timestep
             self._velocity[:] = np.sign(speed) * np.maximum(np.abs(speed) - drag, 0.0)

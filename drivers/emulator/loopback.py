@@ -123,11 +123,6 @@ class LoopbackPort(SerialPort):
         """See `SerialPort`."""
         self.lost = self.lost or "closed"
 
-    @property
-    def descriptor(self) -> int:
-        """-1: `wait_any` does not use it."""
-        return -1
-
     def _there(self) -> bool:
         if self.lost is None and not self._memory.open:
             self.lost = "unplugged"

@@ -38,7 +38,10 @@ class SimBody(Body):
 
     def __init__(self, robot: Robot, options: SimOptions | None = None) -> None:
         options = SimOptions() if options is None else options
-        instant = options.model_copy(update={"command_delay_s": options.extra_latency_s, "read_delay_s": 0.0})
+        # A goal waits for the next physics step, which stands for the catalogue's delay of a servo.
+        assumed = float(np.mean([servo.delay for servo in robot.catalogue_servos]))
+        delay = options.extra_latency_s + max(robot.servo_delay - assumed, 0.0)
+        instant = options.model_copy(update={"command_delay_s": delay, "read_delay_s": 0.0})
         self.driver = SimDriver(robot, options=instant.model_copy(update={"extra_latency_s": 0.0}))
         self.driver.open()
         super().__init__(robot, instant.timestep)

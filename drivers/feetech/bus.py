@@ -69,7 +69,8 @@ class FeetechBus(ServoBus):
         read = FORMAT.overhead + 2 + m + m * (FORMAT.overhead + size)
         write = FORMAT.overhead + 2 + 3 * m
         byte_s = BITS_A_BYTE / config.baud
-        return Budget(read, write, read * byte_s + m * config.return_delay_us * 1e-6, write * byte_s)
+        read_s, asked_s = read * byte_s + m * config.return_delay_us * 1e-6, (FORMAT.overhead + 2 + m) * byte_s
+        return Budget(read, write, read_s, write * byte_s, asked_s)
 
     def audit(self) -> None:
         """See `ServoBus`."""
@@ -168,13 +169,14 @@ class FeetechBus(ServoBus):
         self._limp.fill(False)
         self._write_all("torque_enable", 0)
 
-    def torque_is_off(self) -> Bool:
+    def torque_is_off(self, asked: Bool, until: float) -> Bool:
         """See `ServoBus`. All are asked at once: silent servos cost the time of one."""
-        held = self._read_all("torque_enable", self.ids)
-        silent = [id_ for id_ in self.ids if id_ not in held]
+        ids = [id_ for id_, one in zip(self.ids, asked, strict=True) if one]
+        held = self._read_all("torque_enable", ids, until)
+        silent = [id_ for id_ in ids if id_ not in held]
         if held and len(silent) > 1:
             # Those after the first silent servo may be silent for it.
-            held |= self._read_all("torque_enable", silent[1:] + silent[:1])
+            held |= self._read_all("torque_enable", silent[1:] + silent[:1], until)
         return np.array([held.get(id_) == 0 for id_ in self.ids])
 
     def damp(self) -> None:
@@ -205,13 +207,13 @@ class FeetechBus(ServoBus):
         while not self.receive(now := self.port.now()):
             self.port.wait_any([self.port], self._patience - now)
 
-    def _read_all(self, name: str, ids: list[int]) -> dict[int, int]:
-        """Read a register of several servos in one exchange, blocking; those that answer, by id."""
+    def _read_all(self, name: str, ids: list[int], until: float) -> dict[int, int]:
+        """Read a register of several servos in one exchange, blocking until `until` at most; answers by id."""
         register, decoder, found = sts()[name], SumDecoder(FORMAT), dict[int, int]()
         self.port.receive()
         params = bytes([register.address, register.size, *ids])
         self.port.send(FORMAT.encode(BROADCAST, Instruction.SYNC_READ, params))
-        patience = self.port.busy_until + self._answers_s(register.size) + LATENCY_S
+        patience = min(self.port.busy_until + self._answers_s(register.size) + LATENCY_S, until)
         while len(found) < len(ids) and (now := self.port.now()) < patience and self.port.lost is None:
             for packet in decoder.feed(self.port.wait(patience - now)):
                 if packet.id in ids and len(packet.params) == register.size:

@@ -13,7 +13,7 @@ from flexmotion.configs.robot import Robot
 from flexmotion.drivers.bus.options import BusOptions
 from flexmotion.drivers.bus.packet import SumDecoder
 from flexmotion.drivers.bus.servo_bus import Budget, ServoBus
-from flexmotion.drivers.bus.sum_client import SumClient
+from flexmotion.drivers.bus.sum_client import LATENCY_S, SumClient
 from flexmotion.drivers.lx16a.protocol import ANSWER_SIZE, BAUD, FORMAT, MILLIVOLT, Command
 from flexmotion.drivers.port import BITS_A_BYTE, SerialPort
 
@@ -42,7 +42,7 @@ class Lx16aBus(ServoBus):
         self._client, self._decoder = SumClient(port, FORMAT), SumDecoder(FORMAT)
         self._position_limits = np.array([[s.min_tick for s in self.servos], [s.max_tick for s in self.servos]])
         self._tick = np.array([servo.tick_rad for servo in self.servos])
-        self._read_at = np.zeros(m)
+        self._read_at = np.full(m, -np.inf)  # a first reading has no speed
         self._sent = np.full(m, np.nan)
         self._next_read = self._next_write = self._next_status = 0
         self._queue: list[tuple[int, Command]] = []
@@ -65,7 +65,8 @@ class Lx16aBus(ServoBus):
         m = sum(joint.bus == name for joint in robot.joints)
         read = m * (2 * FORMAT.overhead + ANSWER_SIZE[Command.READ_POSITION])
         write = m * (FORMAT.overhead + 4)
-        return Budget(read, write, read * BITS_A_BYTE / BAUD, write * BITS_A_BYTE / BAUD)
+        read_s, write_s = read * BITS_A_BYTE / BAUD, write * BITS_A_BYTE / BAUD
+        return Budget(read, write, read_s, write_s, asked_s=min(0.5 * read_s, 0.3 / robot.rate_hz))
 
     @classmethod
     def turns(cls, robot: Robot, name: str) -> int:
@@ -175,12 +176,33 @@ class Lx16aBus(ServoBus):
         for id_ in self.ids:
             self.port.send(FORMAT.encode(id_, Command.LOAD, b"\x00"))
 
-    def torque_is_off(self) -> Bool:
-        """See `ServoBus`."""
-        for slot in range(len(self.ids)):
-            self.measured.torque[slot] = True  # unless it says otherwise
-            self._ask(slot, Command.READ_LOAD, once=True)
-        return ~self.measured.torque
+    def torque_is_off(self, asked: Bool, until: float) -> Bool:
+        """See `ServoBus`. One by one, each with the patience of a cycle; an adapter may deliver answers later."""
+        off, waiting = np.zeros(len(self.ids), np.bool_), dict[int, int]()
+        self.port.receive()
+        self._decoder.clear()
+        for slot in np.flatnonzero(asked):
+            id_ = self.ids[slot]
+            waiting[id_] = int(slot)
+            self.port.send(FORMAT.encode(id_, Command.READ_LOAD))
+            answer = self.port.seconds(FORMAT.overhead + ANSWER_SIZE[Command.READ_LOAD])
+            patience = min(self.port.busy_until + answer + PATIENCE_S, until)
+            while id_ in waiting and self._take_torque(waiting, off, patience):
+                pass
+        patience = min(self.port.now() + LATENCY_S, until)
+        while waiting and self._take_torque(waiting, off, patience):
+            pass
+        return off
+
+    def _take_torque(self, waiting: dict[int, int], off: Bool, patience: float) -> bool:
+        """Wait for answers, and mark the servos of `waiting`, slots by id, that are off; False: no time is left."""
+        left = patience - self.port.now()
+        if left <= 0 or self.port.lost is not None:
+            return False
+        for packet in self._decoder.feed(self.port.wait(left)):
+            if packet.code == Command.READ_LOAD and len(packet.params) == 1 and packet.id in waiting:
+                off[waiting.pop(packet.id)] = packet.params[0] == 0
+        return True
 
     def damp(self) -> None:
         """See `ServoBus`. Sent twice."""
@@ -213,9 +235,9 @@ class Lx16aBus(ServoBus):
             answer = self.port.seconds(FORMAT.overhead + ANSWER_SIZE[command])
             self._patience = self.port.busy_until + answer + PATIENCE_S
 
-    def _ask(self, slot: int, command: Command, *, once: bool = False) -> bytes | None:
+    def _ask(self, slot: int, command: Command) -> bytes | None:
         """Read one value, blocking; not during a cycle."""
-        answer = self._client.ask(self.ids[slot], command, answer=ANSWER_SIZE[command], once=once)
+        answer = self._client.ask(self.ids[slot], command, answer=ANSWER_SIZE[command])
         if answer is None:
             return None
         self._take(slot, command, answer.params, self.port.now())

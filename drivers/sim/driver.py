@@ -18,7 +18,7 @@ from flexmotion.drivers.sim.false_state import falsify
 from flexmotion.drivers.sim.goal_line import GoalLine
 from flexmotion.drivers.sim.ground_truth import GroundTruth
 from flexmotion.drivers.sim.imu import SimImu
-from flexmotion.drivers.sim.options import SimOptions
+from flexmotion.drivers.sim.options import BUS_S, SimOptions
 from flexmotion.drivers.sim.process import SimProcess
 from flexmotion.drivers.sim.pushes import PushSchedule
 from flexmotion.drivers.sim.world import HOLDER, build_model, start_qpos
@@ -29,8 +29,10 @@ Float = NDArray[np.float64]
 OVERHEATED = 0x04
 """Hardware error bit of a servo that overheated and shut down (bit 2 of Dynamixel's hardware error status)."""
 
-BLOCKED_DAMPING = 1e4
-"""Damping of a blocked joint: against all torque of a servo it moves by less than a tick a second [N·m·s/rad]."""
+BLOCKED_SHARE, BLOCKED_IMPEDANCE = 12.0, (0.999, 0.9999, 0.001, 0.5, 2.0)
+"""Friction of a blocked joint over its servo's stall torque, and the impedance (`solimp`) of this constraint: against
+all torque of a servo it creeps by a few ticks a second. A damping that no servo overcomes is outside MuJoCo's solver:
+the state of a walking robot diverged."""
 
 log = logging.getLogger(__name__)
 
@@ -60,7 +62,7 @@ class SimDriver(LockstepDriver):
         self._truth = GroundTruth(robot, self.model, self.data)
         self._weld = self.model.equality(HOLDER).id
         self._has_current = np.array([servo.current_unit is not None for servo in robot.servos])
-        self._free_damping: dict[int, float] = {}
+        self._free: dict[int, tuple[float, Float]] = {}  # friction and impedance of joints that were blocked
         self._open = False
         self._restarted: list[tuple[int, str | None]] = []
         self._reset()
@@ -81,7 +83,8 @@ class SimDriver(LockstepDriver):
     @property
     def delay_s(self) -> float:
         """The command delay [s], without `extra_latency_s`: the driver does not report that mismatch."""
-        return self._settings.command_delay_s
+        given = self._settings.command_delay_s
+        return BUS_S + self.robot.servo_delay if given is None else given
 
     @property
     def violations(self) -> int:
@@ -191,11 +194,13 @@ class SimDriver(LockstepDriver):
         self._goals.send(goal, bound, self.position, self.velocity, self.plant, which)
 
     def block(self, joint: int, on: bool) -> None:
-        """Hold a joint by damping that no servo overcomes, or let it go."""
+        """Hold a joint by friction that no servo overcomes, or let it go."""
         dof = int(self.robot.dof_address[joint])
-        if joint not in self._free_damping:
-            self._free_damping[joint] = float(self.model.dof_damping[dof])
-        self.model.dof_damping[dof] = BLOCKED_DAMPING if on else self._free_damping[joint]
+        model = self.model
+        if joint not in self._free:
+            self._free[joint] = float(model.dof_frictionloss[dof]), model.dof_solimp[dof].copy()
+        blocked = BLOCKED_SHARE * float(self.robot.stall_torque[joint]), BLOCKED_IMPEDANCE
+        model.dof_frictionloss[dof], model.dof_solimp[dof] = blocked if on else self._free[joint]
 
     def damp(self) -> None:
         """Pin the goals and lower gain and voltage (see `ServoPlant.damp`)."""
@@ -278,7 +283,7 @@ class SimDriver(LockstepDriver):
         self._restarted = []
         self._temperature_limit = np.array([servo.temperature_limit for servo in robot.servos])
 
-        self._goals = GoalLine(robot, robot.stand_pose, options.command_delay_s + options.extra_latency_s)
+        self._goals = GoalLine(robot, robot.stand_pose, self.delay_s + options.extra_latency_s)
         self._read_steps = round(options.read_delay_s / options.timestep)
         self._history = np.zeros((self._read_steps + 1, 2 * n + 6))
         self._torque, self._saturated = np.zeros(n), np.zeros(n)

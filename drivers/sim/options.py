@@ -9,6 +9,9 @@ from pydantic import Field
 from flexmotion.configs.robot_file import Vector
 from flexmotion.configs.schema import Strict
 
+BUS_S = 0.003
+"""Time that a goal and the read before it take on the bus: about that of twenty servos at 2 Mbaud (assumption) [s]."""
+
 
 class Push(Strict):
     """A push at the torso's centre of mass: time [s], impulse in the world frame [N·s], spread over `duration` [s]."""
@@ -37,8 +40,8 @@ class SimOptions(Strict):
         held: the torso is held until torque is first switched on; otherwise the robot collapses.
         picked_up_s: this long after all torque has gone off, the robot is back in its start pose where it began, its
             torso held until torque goes on, as if somebody had set it up [s]; None: it stays where it sank down.
-        command_delay_s: time from `write` to the servos acting, as the driver reports it [s]; assumption: bus time at
-            2 Mbaud plus the servo's own cycle.
+        command_delay_s: time from `write` to the servos acting, as the driver reports it [s]; None: `BUS_S` plus the
+            servos' own delay.
         read_delay_s: age of what `read` returns [s]; assumption, as above.
         imu: whether there is one (without `imu` in the robot file there is none).
         noise_scale: multiplies noise and bias of every sensor.
@@ -66,7 +69,7 @@ class SimOptions(Strict):
     held: bool = True
     picked_up_s: float | None = Field(default=None, gt=0)
 
-    command_delay_s: float = Field(default=0.004, ge=0, le=0.1)
+    command_delay_s: float | None = Field(default=None, ge=0, le=0.1)
     read_delay_s: float = Field(default=0.004, ge=0, le=0.1)
 
     imu: bool = True

@@ -32,8 +32,12 @@ _STATE = ("position", "velocity", "effort", "voltage", "temperature", "hardware_
 
 
 class _CommandRow(Record):
-    """A command to the robot's process: goals, or what to do with the torque (of the joints in `which`, 0 or 1)."""
+    """A command to the robot's process: goals, or what to do with the torque (of the joints in `which`, 0 or 1).
 
+    `stamp_ns`: when it was sent [`time.perf_counter_ns`].
+    """
+
+    stamp_ns: Int = column("i8")
     kind: Int = column("i8")
     which: Int = column("i8", "joints")
     position: Float = column("f8", "joints")
@@ -214,7 +218,7 @@ class SimProcess(SimulatedDriver):
             self._process = None
 
     def _send(self, kind: int) -> None:
-        self._row.kind[...] = kind
+        self._row.kind[...], self._row.stamp_ns[...] = kind, time.perf_counter_ns()
         self._commands.publish(self._command)
 
     # ---------------------------------------------------------------- in the robot's process
@@ -237,9 +241,8 @@ class SimProcess(SimulatedDriver):
         worst, step, ended = [0.0, 0.0], 0, False
         while not ended:
             ticker.wait()
-            ended = self._execute(commands)
             # Skipped steps are simulated too: simulated time keeps up with the real clock.
-            simulation.advance(QUANTUM_S * (1 + ticker.skipped))
+            ended = self._simulate(commands.read(), 1 + ticker.skipped, ticker.deadline_ns)
             step += 1
             late = 1e-9 * ticker.late_ns + QUANTUM_S * ticker.skipped
             worst[0] = max(worst[0], late)
@@ -248,26 +251,42 @@ class SimProcess(SimulatedDriver):
             self._publish(sensed, state, late, max(worst))
         simulation.close()
 
-    def _execute(self, commands: Reader) -> bool:
-        """Carry out the commands that came since the last step, in order; True if the process must end."""
-        simulation = self.simulation
-        command = JointCommand(self.robot.n)
-        for row in map(_CommandRow, commands.read()):
-            kind = int(row.kind)
-            if kind == _GOALS:
-                command.position[:], command.torque_bound[:] = row.position, row.torque_bound
-                simulation.write(command)
-            elif kind in (_TORQUE_ON, _TORQUE_OFF):
-                simulation.set_torque(kind == _TORQUE_ON)
-            elif kind == _DAMP:
-                simulation.damp()
-            elif kind in (_STIFF, _LIMP):
-                simulation.switch(row.which == 1, kind == _STIFF)
-            elif kind == _REBOOT:
-                simulation.reboot(row.which == 1)
-            else:
-                return True
-        return False
+    def _simulate(self, sent: NDArray[np.void], steps: int, due_ns: int) -> bool:
+        """Simulate steps, and carry out each command before the step in which it came; True if the process must end.
+
+        A servo is never late: goals that came while this process was late meet the joints where they were then, not
+        where they are by the time that it goes on.
+
+        Args:
+            sent: commands since the last call, in order.
+            steps: number of steps of `QUANTUM_S`.
+            due_ns: when the last of them is due [ns, `time.perf_counter_ns`]; all commands are carried out before it.
+        """
+        rows, done, ended = [_CommandRow(row) for row in sent], 0, False
+        for left in reversed(range(steps)):
+            begin_ns = due_ns - round(left * QUANTUM_S * 1e9)
+            while done < len(rows) and (left == 0 or rows[done].stamp_ns <= begin_ns):
+                ended |= self._execute(rows[done])
+                done += 1
+            self.simulation.advance(QUANTUM_S)
+        return ended
+
+    def _execute(self, row: _CommandRow) -> bool:
+        """Carry out a command; True if the process must end."""
+        simulation, kind = self.simulation, int(row.kind)
+        if kind == _GOALS:
+            command = JointCommand(self.robot.n)
+            command.position[:], command.torque_bound[:] = row.position, row.torque_bound
+            simulation.write(command)
+        elif kind in (_TORQUE_ON, _TORQUE_OFF):
+            simulation.set_torque(kind == _TORQUE_ON)
+        elif kind == _DAMP:
+            simulation.damp()
+        elif kind in (_STIFF, _LIMP):
+            simulation.switch(row.which == 1, kind == _STIFF)
+        elif kind == _REBOOT:
+            simulation.reboot(row.which == 1)
+        return kind == _END
 
     def _publish(self, sensed: RobotState, state: _StateRow, late_s: float, worst_late_s: float) -> None:
         simulation = self.simulation

@@ -32,19 +32,19 @@ def clause_of(part: Part, forbidding: bool) -> Clause | None:
         return Clause(said, rest, forbidden=True, dropped=tuple(dropped))
     plain_stop = taught().get(plain(tokens)) == STAND
     stops = words[:1] and words[0] in known.words("stop_verbs")
-    conditions = (None, *known.phrases("allowed_conditions"))
-    if stops and part.refusal is None and (refusal_of(words) is not None or condition_of(words) not in conditions):
+    refusal, condition = part.refusal or refusal_of(words), condition_of(words)
+    untold = condition is not None and condition not in known.words("allowed_conditions")
+    if stops and part.refusal is None and (refusal is not None or untold):
         # "stop wherever you are": whatever else is said, the robot can stop.
         return Clause(said, words[0], dropped=(*dropped, " ".join(words[1:])))
-    if (refusal := part.refusal or refusal_of(words)) is not None:
+    if refusal is not None:
         return Clause(said, sentence, refusal=refusal, dropped=tuple(dropped))
     if not tokens:
         return Clause(said, "", dropped=tuple(dropped), refusal="nothing else is asked for") if dropped else None
     if _unknown(words, part.joint):
         return Clause(said, sentence, refusal=NO_KNOWN_WORD)
     head = needs_head(words)
-    condition = condition_of(words)
-    until_told = condition is not None and not plain_stop and condition in known.words("allowed_conditions")
+    until_told = condition is not None and not plain_stop and not untold
     if condition is not None and not plain_stop:
         dropped += [] if until_told else [condition]
         tokens = _without_tail(tokens, condition.split()[0])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -24,6 +24,9 @@ SAME = 0.99
 
 BREADTH = 10.0
 """Known wordings of a kind are mixed with weights exp(BREADTH x cosine)."""
+
+TRIES = 4
+"""Motions that are named to try where a sentence is not understood: those with the nearest wordings."""
 
 FORBIDS = re.compile(
     r"""\b(?:not|never|no|without|neither|nor|none|nobody|nowhere|cannot|stop|quit|cease|avoid|halt|enough|abort|cancel)\b
@@ -118,7 +121,6 @@ class PromptReader:
         self._kinds, self._embeddings, self._listener = np.array(kinds), embeddings, listener
         own = tuple(dict.fromkeys(kinds))
         self.offered = own if offered is None else tuple(kind for kind in own if kind in offered or kind == STAND)
-        self._told = ", ".join(kind.replace("-", " ") for kind in self.offered)
         self._manner = MannerReader(self._encode, manners, manner_listener)
         self.idle = self.meaning(STAND)
 
@@ -139,14 +141,14 @@ class PromptReader:
         if best <= SAME or is_other_side(kind, plain):
             kind, share = self._classified(sentence, self._encode(sentence), best)
         if kind == NOTHING:
-            warning = f"{sentence!r} is not understood by this model, it stands still; it can: {self._told}"
+            warning = f"{sentence!r} is not understood by this model, it stands still; {self._offer(likeness)}"
             return Prompt(self.idle.embedding, STAND, best, False, warning, share)
         if forbids(plain, kind) and (kind != STAND or best <= SAME):
             warning = f"{sentence!r} is a prohibition, the model stands still; say what to do"
             return Prompt(self.idle.embedding, STAND, best, True, warning, share)
         if kind not in self.offered:
             name = kind.replace("-", " ")
-            warning = f"{sentence!r}: this model cannot {name} yet, it stands still; it can: {self._told}"
+            warning = f"{sentence!r}: this model cannot {name} yet, it stands still; {self._offer(likeness)}"
             return Prompt(self.idle.embedding, STAND, best, False, warning, share, refused=kind)
         alike = self._kinds == kind
         mixture = np.exp(BREADTH * (likeness[alike] - best)) @ self._embeddings[alike]
@@ -158,12 +160,23 @@ class PromptReader:
         """How a sentence asks for its motion, whether the model offers that or not."""
         return self._manner(sentence)
 
+    def _offer(self, likeness: NDArray[np.float32]) -> str:
+        """What the model can do, and which of it to try; `likeness`: of each wording with what was asked, (K,)."""
+        nearest = dict.fromkeys(self._kinds[np.argsort(-likeness)].tolist())
+        tries = [kind for kind in nearest if kind in self.offered and kind != STAND][:TRIES]
+        told = f"it can: {_names(self.offered)}"
+        return f"{told}; try: {_names(tries)}" if tries else told
+
     def _classified(self, sentence: str, embedding: NDArray[np.float32], likeness: float) -> tuple[str, float]:
         """Kind of motion, or `NOTHING`, and its share."""
         pieces = self._encode.pieces(sentence)
         if all(piece == self._encode.pieces.unknown for piece in pieces):
             return NOTHING, 0.0
         return self._listener.heard(sentence, embedding, pieces, likeness)
+
+
+def _names(kinds: Iterable[str]) -> str:
+    return ", ".join(kind.replace("-", " ") for kind in kinds)
 
 
 def _unit(vector: NDArray[np.float32]) -> NDArray[np.float32]:

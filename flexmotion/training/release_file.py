@@ -164,7 +164,8 @@ def write_release_file(header: ReleaseHeader, tensors: Mapping[str, Tensor], pat
     content["sha256"] = _digest(content, stored)
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_suffix(".tmp")
-    safetensors.torch.save_file(stored, temporary, metadata={METADATA: _json(content)})
+    # Not `save_file`, whose files only their owner can read.
+    temporary.write_bytes(safetensors.torch.save(stored, metadata={METADATA: _json(content)}))
     os.replace(temporary, path)
     return ReleaseFile(path)
 

@@ -36,7 +36,7 @@ servo = typer.Typer(no_args_is_help=True)
 
 @servo.callback()
 def _servos() -> None:
-    """Find, watch, name, configure, calibrate and restart servos on a bus."""
+    """Find, watch, name, configure, calibrate, identify and restart servos on a bus."""
 
 
 @servo.command()

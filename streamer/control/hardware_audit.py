@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from flexmotion.configs.robot import Robot
 from flexmotion.drivers.interface import RobotState
+from flexmotion.drivers.masks import some
 from flexmotion.streamer.control.obedience import Obedience
 from flexmotion.streamer.control.plausibility import KINDS, Plausibility
 from flexmotion.streamer.control.punctuality import Punctuality
@@ -58,7 +59,7 @@ class HardwareAudit:
 
     def lost_bus(self, measured: RobotState) -> str | None:
         """Why the bus counts as lost; None while any joint answers."""
-        if measured.stale.min() <= self.robot.safety.max_stale_reads:
+        if not some(measured.stale) or measured.stale.min() <= self.robot.safety.max_stale_reads:
             return None
         reads = f"{int(measured.stale.min())} reads{self.punctuality.remark}"
         return f"bus lost: no joint has answered for {reads}"
@@ -66,9 +67,10 @@ class HardwareAudit:
     def watch(self, measured: RobotState) -> None:
         """Count the readings that must last to be a problem; for ticks that do not call `problem`, once in each."""
         low = measured.voltage < self._least_supply
-        self._low_reads[:] = np.where(low, self._low_reads + 1, 0)
-        supply = (measured.hardware_error & SUPPLY_ERROR) != 0
-        if supply.any() or self._supply_reads.any():
+        if some(low) or some(self._low_reads):
+            self._low_reads[:] = np.where(low, self._low_reads + 1, 0)
+        if some(measured.hardware_error) or some(self._supply_reads):
+            supply = (measured.hardware_error & SUPPLY_ERROR) != 0
             self._supply_reads[:] = np.where(supply, self._supply_reads + 1, 0)
 
     def problem(self, measured: RobotState) -> str | None:
@@ -78,14 +80,14 @@ class HardwareAudit:
         wrong = self._wrong_sensor()
         if wrong is not None:
             return wrong
-        if measured.stale.max() > limits.max_stale_reads:
+        if some(measured.stale) and measured.stale.max() > limits.max_stale_reads:
             return self._of_servo(f"does not answer{self.punctuality.remark}", int(np.argmax(measured.stale)))
         error = self._hardware_error(measured)
         if error is not None:
             return error
         imu = self.robot.config.imu
         if imu is not None and imu.required and measured.imu_stale > limits.max_stale_reads:
-            if self.plausibility.imu_suspicion.level[0] > limits.max_stale_reads:
+            if self._imu_lies:
                 return "IMU measures what cannot be"
             return f"IMU has not answered for {measured.imu_stale} reads{self.punctuality.remark}"
         disobedient = self.obedience.worst
@@ -119,12 +121,25 @@ class HardwareAudit:
             )
         if imu is not None and imu.required and not has_imu:
             return "the robot file requires an IMU and none answers"
-        return self.problem(measured)
+        return self.problem(measured) or self.lying_imu()
+
+    def lying_imu(self) -> str | None:
+        """Why a robot must not stand up with the IMU that it has, also with one that it does not require.
+
+        A sensor that lies is worse than none: a robot without an IMU is known to run open loop, and one that is
+        believed again at any time tilts the robot.
+        """
+        if not self._imu_lies:
+            return None
+        return "the IMU measures what cannot be: replace it, or run open loop without `imu` in the robot file"
+
+    @property
+    def _imu_lies(self) -> bool:
+        return bool(self.plausibility.imu_suspicion.level[0] > self.robot.safety.max_stale_reads)
 
     def warn_of_imu(self) -> None:
         """Warn that there is no IMU, or none that can be believed."""
-        wrong = self.plausibility.imu_suspicion.level[0] > self.robot.safety.max_stale_reads
-        what = "the IMU measures what cannot be" if wrong else "no IMU"
+        what = "the IMU measures what cannot be" if self._imu_lies else "no IMU"
         self.warn("imu", f"{what}: the robot runs open loop, falls are not detected")
 
     def warn(self, kind: str, message: str) -> None:
@@ -149,6 +164,8 @@ class HardwareAudit:
 
     def _low_supply(self, measured: RobotState) -> str | None:
         """Why the supply ends the run: a servo measured it low for more reads in a row than it may be silent."""
+        if not some(self._low_reads):
+            return None
         worst = int(np.argmax(self._low_reads))
         if self._low_reads[worst] > self.robot.safety.max_stale_reads:
             return f"supply at {measured.voltage[worst]:.1f} V, below {self._least_supply[worst]:.1f} V"
@@ -157,7 +174,7 @@ class HardwareAudit:
     def _hardware_error(self, measured: RobotState) -> str | None:
         """Which servo reports an error. A supply outside its limits may last as long as a silence."""
         errors = measured.hardware_error
-        if not errors.any():
+        if not some(errors):
             return None
         counted = self._supply_reads > self.robot.safety.max_stale_reads
         serious = np.flatnonzero(((errors & ~SUPPLY_ERROR) != 0) | counted)
@@ -169,6 +186,8 @@ class HardwareAudit:
     def _wrong_sensor(self) -> str | None:
         """Which servo goes on measuring what cannot be."""
         for kind, suspicion in zip(KINDS, self.plausibility.suspicions, strict=True):
+            if not suspicion.raised:
+                continue
             worst = int(np.argmax(suspicion.level))
             if suspicion.level[worst] > self.robot.safety.max_stale_reads:
                 return self._of_servo(f"measures a {kind} that cannot be", worst)

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from flexmotion.configs.robot import Robot
 from flexmotion.drivers.interface import Driver, RobotState
+from flexmotion.drivers.masks import some
 from flexmotion.streamer.control.ladder import Ladder, State
 from flexmotion.streamer.control.reference import Reference
 
@@ -68,7 +69,7 @@ class JointTorque:
     @property
     def reason(self) -> str | None:
         """Why the robot is not to move; None while every joint has torque."""
-        if not self.limp.any():
+        if not some(self.limp):
             return None
         return f"without torque on request: {self._names(self.limp)}; make them stiff first"
 
@@ -136,14 +137,14 @@ class JointTorque:
 
         A limp joint is to be where it is, without torque: nothing jumps when it is stiff again.
         """
-        if self.limp.any():
+        if some(self.limp):
             np.copyto(reference.q, measured.position, where=self.limp)
             for values in (reference.qd, load, self._away):
                 np.copyto(values, 0.0, where=self.limp)
-        if self._returns.any():
+        if some(self._returns):
             np.copyto(self._away, self._pins - reference.q, where=self._returns)
             self._returns.fill(False)
-        if self._away.any():
+        if some(self._away):
             back = np.clip(self._away, -self._step, self._step)
             self._away -= back
             reference.q += self._away

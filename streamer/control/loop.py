@@ -84,7 +84,7 @@ class ControlLoop:
         self.load = LoadEstimator(robot)
         self.suspension = Suspension(robot)
         self.punctuality = Punctuality(robot)
-        self.plausibility, self.obedience = Plausibility(robot, driver.turns), Obedience(robot)
+        self.plausibility, self.obedience = Plausibility(robot, driver.turns), Obedience(robot, driver.turns)
         self.audit = HardwareAudit(robot, self.punctuality, self.plausibility, self.obedience, self._warn)
         self.servo = ServoCommand(robot, driver.delay_s)
         self.move = PostureMove(robot, retargeter.body.dynamics)
@@ -180,6 +180,7 @@ class ControlLoop:
         self._pins.fill(np.nan)
         self.driver.take_pins(self._pins)
         self.servo.take_pins(self._pins)
+        np.copyto(self.command.position, self._pins, where=np.isfinite(self._pins))  # also where goals are frozen
         self.plausibility.check(self.state, self.now.qd, self.tick_count, powered=powered, limp=self.joints.limp)
         if self.tick_count - self._last_tick > _LATE_TICKS and powered:
             self.servo.rejoin()  # the servos have held their goals meanwhile
@@ -236,17 +237,19 @@ class ControlLoop:
             return
         tilted = math.hypot(*self.estimator.tilt) > self.robot.safety.fall_tilt
         inputs.fallen = bool(self.estimator.has_imu and tilted)
-        # Of joints that are read in turns nobody knows in time whether they follow.
-        if state in _JUDGED and self.driver.turns == 1:
-            goal, known = self.command.position, (measured.stale == 0) & ~self.joints.limp
-            self.obedience.update(goal, self._load, measured.position, measured.velocity, known)
+        if state in _JUDGED:
+            known = (measured.stale == 0) & ~self.joints.limp
+            self.obedience.update(self.command.position, self._load, measured.position, known)
         lost = self.audit.lost_bus(measured)
         if lost is not None:
             self._hardware_fault = inputs.bus_lost = lost
             if not self.driver.connected:
                 inputs.cut_off = lost
         elif inputs.fault is None:
-            self._hardware_fault = inputs.fault = self.audit.problem(measured)
+            fault = self.audit.problem(measured)
+            if fault is None and state is State.READY and not self._arrived:
+                fault = self.audit.lying_imu()  # a start, until the robot has stood up
+            self._hardware_fault = inputs.fault = fault
         if not self.estimator.has_imu:
             self.audit.warn_of_imu()
 
@@ -352,7 +355,7 @@ class ControlLoop:
             self.ahead.copy(self.now)
         np.copyto(self._load, self._torque())
         self.joints.lead(self.ahead, self._load, self.state)
-        expected = self.plausibility.expected
+        expected = self.plausibility.expected if self.plausibility.returned else None
         self.commands = True
         self.command.position[:] = self.servo.update(self.ahead.q, self.ahead.qd, self._load, self.state, expected)
         repairs = self.telemetry.row.repairs

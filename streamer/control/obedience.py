@@ -4,7 +4,11 @@ A position servo with goal g makes the torque kp (g - q) - b q'. If the load is 
 g - tau / kp with the time constant b / kp. A joint that is elsewhere carries another load than planned: kp times the
 distance. Where that is most of what the servo can give, and stays, the joint is blocked, or its servo does not act on
 the goals (`drivers/plant.py` has the same equations). A joint on its way to where the goals lead obeys them: an arm
-that is raised fast lags for half a second by as much as a blocked one.
+that is raised fast lags for half a second by as much as a blocked one. Whether it is on its way is judged by the change
+of its position: what a servo reports as its speed may be wrong.
+
+A slow bus reads its servos in turns and sends them goals in turns: a position is then some ticks old, and belongs to
+one of the predictions of that time. Its joint is judged by the nearest of them.
 """
 
 from __future__ import annotations
@@ -13,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexmotion.configs.robot import Robot
+from flexmotion.drivers.masks import every, some
 
 Float = NDArray[np.float64]
 
@@ -20,12 +25,17 @@ SHARE = 0.6
 """Unplanned load that counts, over the servo's usable torque."""
 PATIENCE_S = 0.5
 """Time for which it may last [s]; time without counts against it."""
-CLOSING = 0.3
-"""Speed towards its prediction from which a joint is on its way [rad/s]: ten units in which servos measure speed."""
+CLOSING_SHARE, CLOSING_S = 0.06, 0.1
+"""Speed towards its prediction from which a joint is on its way, over its servo's no-load speed, and the time over
+which it is measured [s], longer where servos are read in turns. A servo whose load leaves it a twentieth of its speed
+carries nearly all that it can; in 0.1 s the joint then moves by many units of its position and more than its play."""
 
 
 class Obedience:
     """Follows every joint's prediction, tick by tick; allocates nothing that grows.
+
+    Args:
+        turns: ticks within which every joint is read, and is sent its goal.
 
     Attributes:
         predicted: where the goals should have brought the joints, (n,) [rad].
@@ -33,15 +43,23 @@ class Obedience:
         overdue: time for which it was too large, (n,) [s].
     """
 
-    def __init__(self, robot: Robot) -> None:
+    def __init__(self, robot: Robot, turns: int = 1) -> None:
         self.robot = robot
         self._keeps = np.exp(-robot.kp / robot.back_emf / robot.rate_hz)
         self.predicted, self.load = np.zeros(robot.n), np.zeros(robot.n)
         self.overdue = np.zeros(robot.n)
+        span = max(round(CLOSING_S * robot.rate_hz), turns)
+        self._closing = CLOSING_SHARE * robot.no_load_speed * span / robot.rate_hz
+        # Of the last ticks, in turns.
+        self._positions, self._predictions = np.zeros((span, robot.n)), np.zeros((turns, robot.n))
+        self._place = 0
+        self._aim, self._moved, self._any_overdue = np.zeros(robot.n), np.zeros(robot.n), False
 
     @property
     def worst(self) -> int | None:
         """The joint whose servo does not follow its goals; None while all do."""
+        if not self._any_overdue:
+            return None
         joint = int(np.argmax(self.overdue))
         return joint if self.overdue[joint] > PATIENCE_S else None
 
@@ -52,23 +70,45 @@ class Obedience:
 
     def reset(self, position: Float) -> None:
         """Begin with joints at `position`, (n,) [rad]."""
-        np.copyto(self.predicted, position)
+        for row in (self.predicted, *self._positions, *self._predictions):
+            np.copyto(row, position)
         self.load[:] = self.overdue[:] = 0.0
+        self._any_overdue = False
 
-    def update(self, goal: Float, torque: Float, position: Float, velocity: Float, known: NDArray[np.bool_]) -> None:
+    def update(self, goal: Float, torque: Float, position: Float, known: NDArray[np.bool_]) -> None:
         """One tick.
 
         Args:
             goal: in effect since the last tick, (n,) [rad].
             torque: planned load, (n,) [N·m].
-            position, velocity: measured now, (n,) each [rad, rad/s].
+            position: measured last, (n,) [rad].
             known: joints whose position was measured; the others are not judged.
         """
         robot, dt = self.robot, 1.0 / self.robot.rate_hz
-        aim = goal - torque / robot.kp
-        self.predicted[:] = aim + self._keeps * (self.predicted - aim)
-        np.copyto(self.load, robot.kp * (position - self.predicted) / robot.usable_torque)
-        np.copyto(self.load, 0.0, where=~known)
-        late = (np.abs(self.load) > SHARE) & ~(-np.sign(self.load) * velocity > CLOSING)
+        aim, predicted, load = self._aim, self.predicted, self.load
+        np.divide(torque, robot.kp, out=aim)
+        np.subtract(goal, aim, out=aim)
+        predicted -= aim
+        predicted *= self._keeps
+        predicted += aim
+        self._place += 1
+        np.copyto(self._predictions[self._place % len(self._predictions)], predicted)
+        before = self._positions[self._place % len(self._positions)]
+        np.subtract(position, before, out=self._moved)
+        np.copyto(before, position)
+        if len(self._predictions) == 1:
+            np.subtract(position, predicted, out=load)
+        else:
+            nearest = np.clip(position, self._predictions.min(axis=0), self._predictions.max(axis=0))
+            np.subtract(position, nearest, out=load)
+        load *= robot.kp
+        load /= robot.usable_torque
+        if not every(known):
+            np.copyto(load, 0.0, where=~known)
+        heavy = np.abs(load) > SHARE
+        if not some(heavy) and not self._any_overdue:
+            return
+        late = heavy & ~(-np.sign(load) * self._moved > self._closing)
         self.overdue += np.where(late, dt, -0.5 * dt)
         np.clip(self.overdue, 0.0, 2 * PATIENCE_S, out=self.overdue)
+        self._any_overdue = bool(self.overdue.any())

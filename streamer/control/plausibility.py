@@ -8,11 +8,14 @@ All limits follow from the robot file and the servo catalogue.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
 from flexmotion.configs.robot import Robot
 from flexmotion.drivers.interface import RobotState
+from flexmotion.drivers.masks import every, some
 from flexmotion.streamer.control.believed import Believed, Suspicion
 from flexmotion.streamer.control.imu_plausibility import ImuPlausibility
 from flexmotion.streamer.control.servo_command import SUPPLY_MARGIN
@@ -52,6 +55,7 @@ class Plausibility:
         unread: ticks since each joint's position was last believed, (n,).
         doubted: joints whose reading was not believed this time, (n,) bool.
         expected: where joints were assumed to be whose position is known again, (n,) [rad]; NaN for the others.
+        returned: whether there are such joints.
         suspicions: of each of `KINDS`, per servo.
         imu_suspicion: of the IMU.
         disbelieved: readings that were not believed so far, of all sensors.
@@ -66,18 +70,28 @@ class Plausibility:
         # Outside its limits a joint rests on its stops, or the load bends it out by what the servo can hold.
         beyond = robot.safety.standing_margin + robot.usable_torque / robot.kp + self._margin
         self._lower, self._upper = robot.lower - beyond, robot.upper + beyond
+        self._middle = 0.5 * (self._lower + self._upper)
         self._lag, self._strange = LAG_SHARE * robot.no_load_speed, SPEED_SHARE * robot.no_load_speed
         self._steady = STEADY_SHARE * robot.no_load_speed
         self._in_turns = turns > 1
         self._position, self._velocity = np.full(n, np.nan), np.zeros(n)
         self._reported, self._moved = np.zeros(n), np.full(n, np.nan)  # speed as it was read, and that of the positions
         self._since = np.full(n, np.inf)  # time since a joint's last believed reading [s]
+        self._believed = np.full(n, np.nan)  # the position then
         self._stamp_ns, self._tick = 0, -1
         self.unread = np.full(n, patience + 1, np.int64)
         self.doubted, self.expected = np.zeros(n, np.bool_), np.full(n, np.nan)
-        self.suspicions = tuple(Suspicion(n) for _ in KINDS)
-        self.imu_suspicion = Suspicion(1)
+        self.suspicions = tuple(Suspicion(n, patience) for _ in KINDS)
+        self.imu_suspicion = Suspicion(1, patience)
+        self.returned = False
         self._held = np.zeros(n, np.bool_)  # joints whose torque is on
+        self._calm = False  # all were believed the last time, none is wrong for good, and none is limp by itself
+        self._none, self._all = np.zeros(n, np.bool_), np.ones(n, np.bool_)
+        # Of each joint its step, the difference of its speeds, its speed, and its place in the middle of the range; and
+        # what these may be at most, for an elapsed time.
+        self._away, self._most = np.zeros((4, n)), np.zeros((4, n))
+        self._most_for = (math.nan, math.nan, False)
+        self._moving = np.zeros(n)  # speed of the positions this time
         self._never = np.zeros(n, np.bool_)  # joints that are not believed again before torque goes off
         least = np.array([servo.min_voltage for servo in servos])
         self._voltage = Believed(n, (1 - SUPPLY_MARGIN) * least, (1 + SUPPLY_MARGIN) * most)
@@ -111,20 +125,25 @@ class Plausibility:
         ticked = (tick - self._tick) / self.robot.rate_hz
         self._tick, self._stamp_ns = tick, state.stamp_ns
         self._held.fill(powered)
-        if limp is not None and limp.any():
+        if limp is not None and some(limp):
             self._held &= ~limp
+            self._calm = False
             for suspicion in self.suspicions[:2]:
                 suspicion.level[limp] = 0.0
-        self._check_joints(state, speed, max(stamped, ticked), stamped if stamped > 0 else ticked)
+        self._check_joints(state, speed, max(stamped, ticked), stamped if stamped > 0 else ticked, powered)
         voltage, temperature = self.suspicions[2:]
-        asked = state.stale == 0
+        asked = self._all if self._calm else state.stale == 0
         voltage.note(self._voltage.take(state.voltage), asked)
         temperature.note(self._temperature.take(state.temperature), asked)
         self._imu.check(state, max(stamped, ticked), powered=powered)
 
-    def _check_joints(self, state: RobotState, speed: Float, elapsed: float, between: float) -> None:
+    def _check_joints(self, state: RobotState, speed: Float, elapsed: float, between: float, powered: bool) -> None:
         """`elapsed`, `between`: time since the last check, and between the readings [s]."""
         position, velocity, held = state.position, state.velocity, self._held
+        calm = self._calm and between > 0 and not some(state.stale)
+        if calm and self._as_expected(position, velocity, elapsed, between, powered):
+            self._go_on(position, velocity)
+            return
         came = np.isfinite(position) & np.isfinite(velocity)
         # The first reading of a bus may be that of its set-up, some cycles old: the joints are off and stay.
         first = np.isnan(self._position) & (state.stale <= self.robot.safety.max_stale_reads)
@@ -140,6 +159,7 @@ class Plausibility:
             known = fresh & (self.unread == 0) & ~jumped
             unseen &= ~known
             self._compare(position, velocity, between, known, jumped, racing)
+            self._compare_after_gap(position, velocity, fresh & (self.unread > 0) & ~jumped, racing)
         jumped &= fresh
         racing &= fresh & ~jumped
         np.logical_or(jumped, unseen & fresh, out=self.doubted)
@@ -152,13 +172,50 @@ class Plausibility:
         assumed = ~believed & ~(np.isnan(expected) & came)
         np.copyto(position, expected, where=assumed)
         np.copyto(velocity, np.where(held, speed, 0.0), where=assumed)
-        np.copyto(self.expected, np.where(believed & (self.unread > 0), expected, np.nan))
+        back = believed & (self.unread > 0)
+        np.copyto(self.expected, np.where(back, expected, np.nan))
+        self.returned = some(back)
         self.unread += 1
         self.unread[believed] = 0
         self._since[believed] = 0.0
+        np.copyto(self._believed, position, where=believed)
         np.copyto(state.stale, np.maximum(state.stale, self.unread), where=~came | self.doubted)
         np.copyto(self._position, position)
         np.copyto(self._velocity, velocity)
+        self._calm = every(believed) and not self._in_turns and not some(self._never)
+
+    def _as_expected(self, position: Float, velocity: Float, elapsed: float, between: float, powered: bool) -> bool:
+        """Whether `_check_joints` would believe all positions and speeds as they are, as in nearly every tick.
+
+        The same limits as there, for joints of which all were believed the last time.
+        """
+        away, most = self._away, self._most
+        if (elapsed, between, powered) != self._most_for:
+            self._most_for = elapsed, between, powered
+            most[0] = self._fastest * elapsed + self._margin
+            most[1] = self._lag + self.robot.tick_rad / between
+            most[2] = self._fastest
+            most[3] = 0.5 * (self._upper - self._lower) if powered else math.inf
+        np.subtract(position, self._position, out=away[0])
+        np.divide(away[0], between, out=self._moving)
+        np.subtract(self._moving, velocity, out=away[1])
+        away[2] = velocity
+        np.subtract(position, self._middle, out=away[3])
+        np.abs(away, out=away)
+        return every(away <= most)
+
+    def _go_on(self, position: Float, velocity: Float) -> None:
+        """Believe positions and speeds of all joints, of which all were believed the last time."""
+        for suspicion in self.suspicions[:2]:
+            suspicion.note(self._none, self._all)
+        if self.returned:
+            self.expected.fill(np.nan)
+            self.returned = False
+        np.copyto(self._position, position)
+        np.copyto(self._believed, position)
+        np.copyto(self._velocity, velocity)
+        np.copyto(self._reported, velocity)
+        self._moved, self._moving = self._moving, self._moved
 
     def _compare(
         self, position: Float, velocity: Float, between: float, known: Bool, jumped: Bool, racing: Bool
@@ -187,3 +244,17 @@ class Plausibility:
             else:
                 np.copyto(self._reported, velocity)
         np.copyto(self._moved, np.where(known & ~jumped, moved, np.nan))
+
+    def _compare_after_gap(self, position: Float, velocity: Float, back: Bool, racing: Bool) -> None:
+        """Bound the speeds of joints in `back`, which were not read for a few ticks, by what they moved meanwhile.
+
+        The speed at the end may be further from the mean one the longer the gap was.
+        """
+        if not some(back):
+            return
+        with np.errstate(invalid="ignore"):
+            mean = (position - self._believed) / self._since
+            slack = (self._lag + self.robot.tick_rad / self._since) * (1 + self.unread)
+            judged = back & (self.unread <= self.robot.safety.max_stale_reads) & np.isfinite(mean)
+            racing |= judged & (np.abs(velocity - mean) > self._strange + slack)
+            np.copyto(velocity, np.clip(velocity, mean - slack, mean + slack), where=judged)

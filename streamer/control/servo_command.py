@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from flexmotion.configs.robot import Robot
 from flexmotion.drivers.interface import RobotState
+from flexmotion.drivers.masks import some
 
 Float = NDArray[np.float64]
 
@@ -66,6 +67,8 @@ class ServoCommand:
         self._least_supply = np.array([servo.min_voltage for servo in robot.servos]) / nominal * (1 - SUPPLY_MARGIN)
         self._most_supply = np.array([servo.max_voltage for servo in robot.servos]) / nominal * (1 + SUPPLY_MARGIN)
         self._supply, self._trust = np.full(robot.n, np.nan), np.ones(robot.n)
+        self._doubts = False  # trust is below 1 somewhere
+        self._now_and_later = np.zeros((2, 2, robot.n))
         self._decay = DECAY_SHARE * robot.no_load_speed / robot.rate_hz
         self._rejoins = np.zeros(robot.n, np.bool_)
 
@@ -74,6 +77,7 @@ class ServoCommand:
         np.copyto(self.goal, position)
         self._velocity[:] = self.offset[:] = 0.0
         self._trust[:] = 1.0
+        self._doubts = False
         self._supply[:] = np.nan
         self._rejoins[:] = False
 
@@ -84,6 +88,8 @@ class ServoCommand:
     def take_pins(self, pins: Float) -> None:
         """Servos were pinned to `pins`, (n,) [rad], NaN for the others: their next goals begin there."""
         pinned = np.isfinite(pins)
+        if not some(pinned):
+            return
         np.copyto(self.goal, pins, where=pinned)
         self._rejoins |= pinned
 
@@ -102,25 +108,30 @@ class ServoCommand:
         supply = self._supply_of(measured)
         kp = robot.kp * supply
         goal = q + (torque + robot.back_emf * qd) / kp
-        back = np.zeros(robot.n, np.bool_) if expected is None else np.isfinite(expected)
-        blind = measured.stale > 0
-        self._trust += np.where(blind, -_DOUBT, _TRUST)
-        np.minimum(np.maximum(self._trust, _BLIND_SHARE, out=self._trust), 1.0, out=self._trust)
-        usable = robot.usable_torque
-        if (self._trust < 1.0).any():
-            usable = np.maximum(self._trust * usable, np.minimum(np.abs(torque), usable))
+        usable, back = robot.usable_torque, None if expected is None else np.isfinite(expected)
+        silent = some(measured.stale)
+        if silent or self._doubts:
+            self._trust += np.where(measured.stale > 0, -_DOUBT, _TRUST)
+            np.minimum(np.maximum(self._trust, _BLIND_SHARE, out=self._trust), 1.0, out=self._trust)
+            self._doubts = bool((self._trust < 1.0).any())
+            if self._doubts:
+                usable = np.maximum(self._trust * usable, np.minimum(np.abs(torque), usable))
         # The speed of a joint whose reading was assumed has not changed by the difference to it.
-        np.copyto(self._velocity, measured.velocity, where=blind | back)
+        if silent:
+            np.copyto(self._velocity, measured.velocity, where=measured.stale > 0)
+        if back is not None:
+            np.copyto(self._velocity, measured.velocity, where=back)
         bounded = self._bounded(goal, measured.position, measured.velocity, kp, supply, usable)
         self._settle(bounded)
-        if expected is not None and back.any():
+        if expected is not None and back is not None and some(back):
             assumed = self._bounded(goal, expected, qd, kp, supply, usable)
             self.offset[back] += (assumed - bounded)[back]
         np.copyto(self._velocity, measured.velocity)
         self.torque_clamps = int(np.count_nonzero(bounded != goal))
         # One reference that is no number must not stay in the offset, which would hold the joint for good.
-        np.copyto(self.offset, 0.0, where=~np.isfinite(self.offset))
-        if self.offset.any():
+        if some(self.offset):
+            np.copyto(self.offset, 0.0, where=~np.isfinite(self.offset))
+        if some(self.offset) and self.offset.any():
             lowest, highest = self._envelope(measured.position, measured.velocity, kp, supply, None)
             np.subtract(np.minimum(np.maximum(bounded + self.offset, lowest), highest), bounded, out=self.offset)
             bounded += self.offset
@@ -134,9 +145,9 @@ class ServoCommand:
 
     def _settle(self, bounded: Float) -> None:
         """Let the offsets decay; after `rejoin` they are the way from the goals in effect, where that is a jump."""
-        if self.offset.any():
+        if some(self.offset):
             np.subtract(self.offset, np.clip(self.offset, -self._decay, self._decay), out=self.offset)
-        if self._rejoins.any():
+        if some(self._rejoins):
             away = self.goal - bounded
             begins = self._rejoins & np.isfinite(away)
             np.copyto(self.offset, np.where(np.abs(away) > self._decay, away, 0.0), where=begins)
@@ -159,17 +170,16 @@ class ServoCommand:
         measured, and as it will be if its speed changes on at the same rate.
         """
         later = velocity + (velocity - self._velocity)
-        lowest, highest = self._envelope(position, velocity, kp, supply, usable)
-        lowest_later, highest_later = self._envelope(
-            position + self.delay * (velocity + later), later, kp, supply, usable
-        )
-        lowest, highest = np.maximum(lowest, lowest_later), np.minimum(highest, highest_later)
-        return np.maximum(np.minimum(goal, highest), lowest)
+        positions, velocities = self._now_and_later
+        positions[0], positions[1] = position, position + self.delay * (velocity + later)
+        velocities[0], velocities[1] = velocity, later
+        lowest, highest = self._envelope(positions, velocities, kp, supply, usable)
+        return np.maximum(np.minimum(goal, np.minimum(*highest)), np.maximum(*lowest))
 
     def _envelope(
         self, position: Float, velocity: Float, kp: Float, supply: Float, usable: Float | None
     ) -> tuple[Float, Float]:
-        """Lowest and highest goal whose torque a servo may make at this position and velocity, (n,) each [rad].
+        """Lowest and highest goal whose torque a servo may make at these positions and velocities, (..., n) each [rad].
 
         Args:
             usable: torque while it drives, at nominal supply [N·m]; None: as much as while it brakes.
@@ -182,7 +192,7 @@ class ServoCommand:
             return position + (drag - most) / kp, position + (drag + most) / kp
         usable = usable * supply
         more = np.maximum(braking - usable, 0.0)
-        along = velocity / BRAKING_SPEED
-        upper = usable + more * np.minimum(np.maximum(-along, 0.0), 1.0)
-        lower = -usable - more * np.minimum(np.maximum(along, 0.0), 1.0)
+        along = np.minimum(np.maximum(velocity / BRAKING_SPEED, -1.0), 1.0)
+        upper = usable + more * np.maximum(-along, 0.0)
+        lower = -usable - more * np.maximum(along, 0.0)
         return position + (lower + drag) / kp, position + (upper + drag) / kp

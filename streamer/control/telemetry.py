@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexmotion.drivers.realtime.ring import Reader, Ring
-from flexmotion.records import Int, Record, column
+from flexmotion.records import Float, Int, Record, column
 from flexmotion.streamer.control.tick_row import TickRow, blank
 
 KEPT_S = 30.0
@@ -54,7 +55,7 @@ class Telemetry:
         self._row = blank(dtype)
         # A view of each field, made once: to look a field up in a structured row takes longer than to write it.
         self.row = TickRow({name: self._row[name] for name in TickRow.names()})
-        self._floats = [values for _, values in self.row if values.dtype.kind == "f"]
+        self._floats = _runs_of_floats(self._row)
         self.ticks = Ring(dtype, int(KEPT_S * rate_hz))
         self.events = Ring(EventRow.dtype(), _EVENTS)
         self._event = EventRow(np.zeros((), EventRow.dtype()))
@@ -71,6 +72,20 @@ class Telemetry:
         event.tick[...], event.stamp_ns[...] = tick, time.perf_counter_ns()
         event.kind[...], event.message[...] = kind.encode(), message.encode()[:_MESSAGE_BYTES]
         self.events.publish(np.asarray(event.array))
+
+
+def _runs_of_floats(row: NDArray[np.void]) -> list[Float]:
+    """Views of the floats of a row, one of each run of bytes in which fields of floats follow each other."""
+    fields = [row.dtype.fields[name] for name in row.dtype.names or ()] if row.dtype.fields else []
+    places = sorted((offset, offset + kind.itemsize) for kind, offset, *_ in fields if kind.base.kind == "f")
+    runs: list[list[int]] = []
+    for begin, end in places:
+        if runs and runs[-1][1] == begin:
+            runs[-1][1] = end
+        else:
+            runs.append([begin, end])
+    raw = row.reshape(1).view(np.uint8)
+    return [raw[begin:end].view(np.float64) for begin, end in runs]
 
 
 def events(reader: Reader) -> list[Event]:

@@ -42,6 +42,7 @@ class Following:
         asked: its word and value, as in a script.
         answer: as its sender got it.
         stamp_s: when it was accepted, on the gateway's clock [s].
+        holds_s: it is over after this time [s].
         last: its last step, in the newest version of the planner's answer; None: it has no steps.
     """
 
@@ -49,6 +50,7 @@ class Following:
     asked: dict[str, object]
     answer: Answer
     stamp_s: float
+    holds_s: float = math.inf
     last: HeardStep | None = None
 
 

@@ -1,17 +1,35 @@
-"""Why the robot does not do as it is told: the cause that the loop gave last."""
+"""`Cause`: why the robot does not do as it is told, from the loop's events."""
 
 from __future__ import annotations
 
 from flexmotion.streamer.control.telemetry import Event
 
-_CHANGE = " -> "
+_CHANGE, _STAND = " -> ", " -> HOLD"
 
 
-def cause_after(event: Event, before: str | None) -> str | None:
-    """The cause in force after an event of the loop; None: there is none.
+class Cause:
+    """The first cause, which changes of the ladder's state tell behind a colon, and the newest fault beside it.
 
-    A change of the ladder's state tells its cause behind a colon, and ends an earlier one where it tells none.
+    The first cause is the one to solve, and stays until a change of state tells none. Faults that change no state, such
+    as torque off that is not confirmed or a planner that has died, are its consequences or of their own: they are told
+    behind it until the next change of state. The stand that a robot without a planner comes to does not end them.
     """
-    if _CHANGE in event.message and event.kind in ("state", "fault"):
-        return event.message.partition(": ")[2] or None
-    return event.message if event.kind == "fault" else before
+
+    def __init__(self) -> None:
+        self._first: str | None = None
+        self._other: str | None = None
+
+    @property
+    def text(self) -> str | None:
+        """Both; None: there is none."""
+        return "; ".join(filter(None, (self._first, self._other))) or None
+
+    def take(self, event: Event) -> None:
+        """Take an event of the loop."""
+        if _CHANGE in event.message and event.kind in ("state", "fault"):
+            change, _, cause = event.message.partition(": ")
+            self._first = cause or None
+            if not change.endswith(_STAND):
+                self._other = None
+        elif event.kind == "fault":
+            self._other = event.message

@@ -15,10 +15,11 @@ from dataclasses import replace
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.stream import Gateway
 from flexmotion.drivers.realtime.ring import Ring
+from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.telemetry import Event, Telemetry, events
 from flexmotion.streamer.control.tick_row import TickRow
 from flexmotion.streamer.gateway.asked import Asked, Following, Reply, Sequences
-from flexmotion.streamer.gateway.cause import cause_after
+from flexmotion.streamer.gateway.cause import Cause
 from flexmotion.streamer.gateway.joint_messages import JointsMessage, RebootMessage
 from flexmotion.streamer.gateway.lease import Lease
 from flexmotion.streamer.gateway.loop_requests import REQUESTS, in_effect, name_of
@@ -57,6 +58,8 @@ _SOURCES = 256
 _WITHOUT_LEASE = (StopMessage, EmergencyStopMessage)
 _AT_ANY_TIME = (*_WITHOUT_LEASE, KillMessage)
 """An emergency depends on no order of arrival, and not on two clocks that agree."""
+_FOLLOWS = (State.READY, State.STREAMING, State.HOLD)
+"""States in which a target is followed, or waits to be."""
 _FOLLOWED: tuple[AnswerState, ...] = ("accepted", "slowed", "partly")
 
 
@@ -74,8 +77,10 @@ class Desk:
 
     Attributes:
         counts: messages received, answers by state, and what was refused, by its reason.
-        following: the newest target that was accepted; None before the first.
+        following: the newest target that was accepted; None before the first, after a stop, without torque, and where
+            the robot stands still for words that it does not understand.
         sources: who sent the newest targets, by number.
+        cause: why the robot does not do as it is told.
     """
 
     def __init__(
@@ -94,7 +99,7 @@ class Desk:
         self.lease = Lease(settings)
         self.counts: Counter[str] = Counter()
         self.following: Following | None = None
-        self.cause: str | None = None
+        self.cause = Cause()
         self.sources: OrderedDict[int, str] = OrderedDict()
         self._ticks: Ring = telemetry.ticks
         self._events = telemetry.events.reader(new_only=True)
@@ -152,7 +157,7 @@ class Desk:
         row = self._ticks.latest()  # before the events: those of its tick are among them
         new = events(self._events)
         for event in new:
-            self.cause = cause_after(event, self.cause)
+            self.cause.take(event)
         self._match(new, None if row is None else TickRow(row))
         self._time_out(now)
         self.lease.lapse(now)
@@ -271,7 +276,10 @@ class Desk:
             notes=heard.notes or None,
         )
         if told.state in _FOLLOWED and asked.intent is not None:
-            self.following = Following(asked.message.source, to_content(asked.intent), told, time.perf_counter())
+            content = to_content(asked.intent)
+            self.following = Following(asked.message.source, content, told, time.perf_counter(), asked.holds_s)
+        elif told.state == "refused" and told.tick is not None:
+            self.following = None  # it stands still
 
     def _match(self, new: list[Event], row: TickRow | None) -> None:
         """Reply to the requests that the loop has taken; to most of them once their effect is known.
@@ -292,6 +300,8 @@ class Desk:
                         self._reply(asked, "refused", reason)
                     else:
                         self._reply(asked, "accepted", tick=event.tick)
+        if row is not None and (row.must_stop or State(int(row.state)) not in _FOLLOWS):
+            self.following = None
         for asked in [one for one in self._asked if one.tick >= 0 and in_effect(one, row)]:
             self._asked.remove(asked)
             self._reply(asked, "accepted", tick=asked.tick)

@@ -145,4 +145,5 @@ def robot_name(name: str) -> str:
 
 def _feed(session: Session, source_of: Callable[[int], str | None]) -> Feed:
     items = [heard for heard in session.heard if heard.item is not None]
-    return Feed(session.robot, session.telemetry, session.humans, session.heard_channel, items, source_of)
+    known = (session.robot, session.telemetry, session.humans, session.heard_channel, items, source_of)
+    return Feed(*known, simulated=session.driver.name == "sim")

@@ -21,7 +21,8 @@ class Followed(BaseModel):
     """The newest target that was accepted, and who asked for it.
 
     Attributes:
-        end: how its last step ended ("done", "time limit", …); None: it goes on, or has no end.
+        end: how its last step ended ("done", "time limit", …), or "expired" after its time to live; None: it goes on,
+            or has no end.
         place: of a heading or a waypoint that has ended: where the robot stands in its odometry, x, y, heading.
     """
 
@@ -41,7 +42,8 @@ class Status(BaseModel):
     Attributes:
         loop: "ticks", or "silent" where it has not for half a second.
         state: of the safety ladder.
-        cause: why the state is not one that follows targets, such as a fault, in the loop's words.
+        cause: why the state is not one that follows targets, in the loop's words: the first fault, and behind it the
+            newest one that changed no state, such as torque off that is not confirmed.
         must_stop: a stop is in force: no target is followed.
         time_s: of the robot, since the first tick.
         tilt: roll and pitch of the torso.
@@ -50,7 +52,8 @@ class Status(BaseModel):
         odometry: x, y [m] and heading [rad] since the robot stood up, as headings and waypoints are meant.
         hottest, coldest supply: greatest temperature of a servo, least supply voltage [V].
         target: number of the newest target that the robot follows; 0: none yet.
-        following: the newest target that came over the gateway and was accepted.
+        following: the newest target that came over the gateway and was accepted; null after a stop, without torque, and
+            where the robot stands still for words that it does not understand.
         operator: who holds the lease.
         counts: of messages, by what became of them.
         stop_port: of the process that takes stops alone.
@@ -104,7 +107,8 @@ def status_of(
     known["ways"] = {} if health is None else health.problems()
     followed = desk.following
     if followed is not None:
-        answer = followed.answer
+        answer, last = followed.answer, followed.last
+        over = time.perf_counter() - followed.stamp_s > followed.holds_s
         known["following"] = Followed(
             source=followed.source,
             asked=followed.asked,
@@ -112,8 +116,8 @@ def status_of(
             slowed=answer.slowed,
             target=answer.target,
             tick=answer.tick,
-            end=None if followed.last is None else followed.last.end,
-            place=None if followed.last is None else followed.last.place,
+            end=last.end if last is not None and last.end is not None else "expired" if over else None,
+            place=None if last is None else last.place,
         )
     row = desk.row()
     if row is None:
@@ -122,7 +126,7 @@ def status_of(
     return Status(
         loop="ticks" if age_s < _OLD_S else "silent",
         state=State(int(row.state)).name,
-        cause=desk.cause,
+        cause=desk.cause.text,
         must_stop=bool(row.must_stop),
         limp=tuple(name for name, limp in zip(joints, row.limp, strict=False) if limp),
         tick=int(row.tick),

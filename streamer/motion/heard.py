@@ -41,6 +41,7 @@ class HeardStep(BaseModel):
         limit_s: the step ends after this time, done or not [s]; None: never.
         slowed: speed that the motion is slowed to; None: not slowed.
         end: how it ended; None: not yet, or not measured.
+        end_s: when it ended, by the robot's clock [s].
         measured: what the robot did of it by its own odometry, in `unit`.
         place: of a heading or a waypoint: where the robot stood at the end by its odometry, x, y [m], heading [rad].
     """
@@ -56,6 +57,7 @@ class HeardStep(BaseModel):
     limit_s: float | None = None
     slowed: str | None = None
     end: End | None = None
+    end_s: float | None = None
     measured: float | None = None
     place: tuple[float, float, float] | None = None
 

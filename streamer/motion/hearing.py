@@ -13,7 +13,7 @@ from dataclasses import replace
 from flexmotion.sampling.pace import Pace
 from flexmotion.sampling.sampler import Condition
 from flexmotion.streamer.motion.heard import Heard, HeardStep
-from flexmotion.streamer.motion.intents import Clip, Heading, Intent, Stop, Text, Velocity, Waypoint, goal_text, word_of
+from flexmotion.streamer.motion.intents import Clip, Heading, Intent, Stop, Text, Velocity, Waypoint, word_of, words_of
 from flexmotion.streamer.motion.measured_steps import RefusedError, fits, measured
 from flexmotion.streamer.motion.programs import MOST_STEPS, NOT_SAID, Program, Step, usual_amount
 from flexmotion.streamer.motion.speeds import Model, Speeds, velocity_text
@@ -51,7 +51,7 @@ class Hearing:
             case Text(text):
                 return self._sentence(text, under_way, last)
             case Velocity(forward, left, turning):
-                asked = f"velocity {[forward, left, turning]}"
+                asked = words_of(intent)
                 slowed = self.speeds.slowed(Condition(velocity=(forward, left, turning), pace=self.pace))
                 heard = Heard(asked=asked, state="slowed" if slowed else "accepted", heard_as="velocity", slowed=slowed)
                 step = Step(intent, "velocity", None, (0, 0), 0, None, HeardStep(text=asked, heard_as="velocity"))
@@ -62,7 +62,7 @@ class Hearing:
                 step = Step(intent, "clip", Amount(seconds, "time", name), (0, 0), 0, seconds + 2.0, told)
                 return Program((step,), Heard(asked=name, state="accepted", heard_as="clip", steps=(told,)))
             case Heading() | Waypoint():
-                kind, words = word_of(intent), goal_text(intent)
+                kind, words = word_of(intent), words_of(intent)
                 told = HeardStep(text=words, heard_as=kind)
                 step = Step(Text("stand still"), kind, None, (0, 0), 0, None, told, intent)
                 return Program((step,), Heard(asked=words, state="accepted", heard_as=kind, steps=(told,)))

@@ -183,6 +183,20 @@ def to_content(intent: Intent) -> dict[str, Any]:
     return {word_of(intent): value}
 
 
+def words_of(intent: Intent) -> str:
+    """An intent in words, as answers name it."""
+    match intent:
+        case Text(text):
+            return text
+        case Clip(name):
+            return name
+        case Velocity(forward, left, turning):
+            return f"velocity {[forward, left, turning]}"
+        case Heading() | Waypoint():
+            return goal_text(intent)
+    return "stop"
+
+
 def goal_text(goal: Goal) -> str:
     """A goal in words: "heading 90°", "waypoint 1 m ahead, 0.5 m left, heading 180°"."""
     if isinstance(goal, Heading):

@@ -1,11 +1,15 @@
-"""`advice`: what to do about a fault or a warning, for the person in front of the page."""
+"""`advice`, `headline`: what happened and what to do about it, for the person in front of the page."""
 
 from __future__ import annotations
 
 import re
 
 _ADVICE = (
-    (r"e-stop", "The robot stopped, then parks. See that nobody is in its way, clear the fault, then arm the robot."),
+    (
+        r"e-stop",
+        "The robot stops, lowers itself, and its torque goes off. See that nobody is in its way, clear the fault, then "
+        "arm the robot: it stands up.",
+    ),
     (r"kill", "The torque was cut. Put the robot into its rest pose by hand, clear the fault, then arm the robot."),
     (r"\bfall\b", "Switch the supply off before you touch it. Put it up, look for damage, clear the fault, arm it."),
     (r"bus lost", "Check the servos' cable and supply; `flexmotion check bus` finds the rest."),
@@ -26,6 +30,37 @@ _ADVICE = (
 )  # fmt: skip
 
 
-def advice(message: str) -> str | None:
-    """What to do about the message of a fault, a warning or a note; None: nothing is known, or needed."""
+_BUS_LOST, _TOO_BUSY = re.compile(r"bus lost"), re.compile(r"the loop itself woke")
+_BUSY = (
+    "This computer was too busy to read the servos in time. Close other programs. If it comes back, check the cable."
+)
+_BUSY_SIMULATION = (
+    "This computer was too busy to simulate the robot in real time. Close other programs, or switch off the "
+    "planned pose and the human in the picture."
+)
+
+_HEADLINES = (
+    (r"e-stop", "Emergency stop pressed"),
+    (r"kill", "Torque cut"),
+    (r"\bfall\b", "The robot fell"),
+    (r"bus lost", "The servos do not answer"),
+)
+_HEADLINES_OF_SIMULATION = ((r"bus lost", "The simulation fell behind"),)
+
+
+def advice(message: str, *, simulated: bool = False) -> str | None:
+    """What to do about the message of a fault, a warning or a note; None: nothing is known, or needed.
+
+    Args:
+        simulated: the robot is; no cable of it can be loose.
+    """
+    busy = _TOO_BUSY.search(message) is not None
+    if busy or (simulated and _BUS_LOST.search(message)):
+        return _BUSY_SIMULATION if simulated else _BUSY
     return next((text for pattern, text in _ADVICE if re.search(pattern, message)), None)
+
+
+def headline(message: str, *, simulated: bool = False) -> str | None:
+    """What happened, in a few words; None: the message itself says it."""
+    known = (*_HEADLINES_OF_SIMULATION, *_HEADLINES) if simulated else _HEADLINES
+    return next((text for pattern, text in known if re.search(pattern, message)), None)

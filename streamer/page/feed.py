@@ -15,7 +15,7 @@ from flexmotion.configs.robot import Robot
 from flexmotion.streamer.control.telemetry import Event, Telemetry, events
 from flexmotion.streamer.motion.heard import Heard, HeardChannel, heard_since
 from flexmotion.streamer.motion.human_channel import HumanChannel
-from flexmotion.streamer.page.advice import advice
+from flexmotion.streamer.page.advice import advice, headline
 from flexmotion.streamer.page.curves import NAMES, Curves
 from flexmotion.streamer.page.health import Health
 from flexmotion.streamer.page.pictures import Pictures, Row
@@ -31,6 +31,7 @@ class Feed:
 
     Args:
         items: answers to the script or the prompt.
+        simulated: the robot is.
         source_of: gives the name of who sent a target, by its number; None: nobody knows.
     """
 
@@ -42,8 +43,10 @@ class Feed:
         heard: HeardChannel,
         items: Sequence[Heard] = (),
         source_of: Callable[[int], str | None] = lambda _number: None,
+        *,
+        simulated: bool = False,
     ) -> None:
-        self.robot, self.source_of = robot, source_of
+        self.robot, self.source_of, self.simulated = robot, source_of, simulated
         self.pictures, self.health, self.curves = Pictures(robot, humans), Health(robot), Curves(robot)
         self._rows, self._events, self._heard = telemetry.ticks.reader(), telemetry.events.reader(), heard.reader()
         self._told: deque[str] = deque((self._asked(item) for item in items), maxlen=_KEPT)
@@ -62,7 +65,7 @@ class Feed:
         rows = self._rows.read()
         texts = []
         for event in events(self._events):
-            self._happened.append(_event(event, self.robot.rate_hz))
+            self._happened.append(_event(event, self.robot.rate_hz, self.simulated))
             texts.append(self._happened[-1])
         for heard in heard_since(self._heard):
             self._told.append(self._asked(heard))
@@ -110,10 +113,13 @@ class Feed:
         return json.dumps({"type": "heard", "source": source, **content})
 
 
-def _event(event: Event, rate_hz: float) -> str:
+def _event(event: Event, rate_hz: float, simulated: bool) -> str:
     content = {"type": "event", "time_s": round(event.tick / rate_hz, 2), "kind": event.kind, "message": event.message}
-    known = advice(event.message) if event.kind != "request" else None
-    return json.dumps(content if known is None else {**content, "advice": known})
+    if event.kind != "request":
+        known = {"headline": headline, "advice": advice}
+        told = {name: of(event.message, simulated=simulated) for name, of in known.items()}
+        content |= {name: text for name, text in told.items() if text is not None}
+    return json.dumps(content)
 
 
 def _number(value: float | None, digits: int) -> float | None:

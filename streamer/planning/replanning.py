@@ -115,12 +115,12 @@ class Replanner:
         if not self._due(row, target):
             return False
         begin = time.perf_counter()
-        kind = self._kind(row, target)
+        kind, new = self._kind(row, target), self._is_new(target, row)
         now, sampling_s = tick - early, 0.0
         join, resumed, current = self._join(kind, row, self.lead.join(kind, now))
         if kind is Kind.STOP:
             target = NO_TARGET
-        elif self._is_new(target, row):
+        elif new:
             if not self._turn_to(target, current, join, row):
                 return False
         elif self._runner is not None and self._runner.wanted is not None:
@@ -139,7 +139,7 @@ class Replanner:
                 stop=kind is Kind.STOP or self._rests,
                 partial=kind is Kind.PARTIAL,
                 exact=self._runner is not None and self._runner.faces,
-                checkpoint=partial(self._check_urgency, kind, target),
+                checkpoint=partial(self._check_urgency, kind, target, new),
                 settle=None if self._lockstep else settle,
             )
         except Superseded:
@@ -253,16 +253,20 @@ class Replanner:
         """Whether a program has the robot stand until it is measured."""
         return self._runner is not None and self._runner.resting
 
-    def _check_urgency(self, kind: Kind, target: Target) -> None:
-        """Raise `Superseded` if a more urgent plan is needed than the one that is being made."""
+    def _check_urgency(self, kind: Kind, target: Target, new: bool) -> None:
+        """Raise `Superseded` if a more urgent plan is needed than the one that is being made.
+
+        Args:
+            target: that it follows; `new`: it is the first plan that does.
+        """
         if not (self.ledger.has_target or self.ticks.count > self._checked):
             return
         self._checked = self.ticks.count
         row = self._newest_row()
         stop = row is not None and bool(row.must_stop) and kind is not Kind.STOP
-        # A plan for a target is made quickly; if it was dropped too, frequent targets would leave no plan at all.
+        # If the first plan for a target was dropped too, frequent targets would leave no plan at all.
         self.ledger.take()
-        newer = kind is Kind.WHOLE and self.ledger.wanted.id > target.id
+        newer = kind is Kind.WHOLE and not new and self.ledger.wanted.id > target.id
         if stop or newer:
             raise Superseded
 

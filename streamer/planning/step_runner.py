@@ -129,7 +129,7 @@ class StepRunner:
         if not np.all(row.contact_ref):
             self._walked_tick = int(row.tick)
         if halted or bool(row.must_stop) or int(row.state) not in (State.STREAMING, State.HOLD):
-            self._abandon("stopped")
+            self._abandon("stopped", row)
             return
         if not math.isfinite(source_s := self._clock.second(row, runs_on=self.resting)):
             return
@@ -140,7 +140,7 @@ class StepRunner:
         program = found[1]
         self._place = stopping_place(row, stands_at)
         if self._program is None or program.number != self._program.number:
-            self._abandon("superseded")
+            self._abandon("superseded", row)
             self._begin(program, row)
         elif program is not self._program:
             self._program = program  # at another speed
@@ -186,13 +186,17 @@ class StepRunner:
         if step.amount is None and self._phase is _Phase.ACT and self._navigator is None:
             self._phase = _Phase.OVER  # until something else is asked
 
+    def _second(self, row: TickRow) -> float:
+        return round(int(row.tick) / self.rate_hz, 3)
+
     def _fresh(self, row: TickRow) -> StepProgress:
         return StepProgress.begun(row, self._place, self.size)
 
-    def _abandon(self, end: End) -> None:
+    def _abandon(self, end: End, row: TickRow) -> None:
         """The program ends before it is done."""
         if self._program is not None and self._index < len(self._program.steps) and not self._program.is_open:
-            self._ends = [step if step.end is not None else step.model_copy(update={"end": end}) for step in self._ends]
+            known = {"end": end, "end_s": self._second(row)}
+            self._ends = [step if step.end is not None else step.model_copy(update=known) for step in self._ends]
             self._publish()
             self._index = len(self._program.steps)
         self._phase, self.wanted, self.resting = _Phase.OVER, None, self.resting and end == "superseded"
@@ -201,7 +205,7 @@ class StepRunner:
         """A step has ended."""
         assert self._program is not None
         ended = self._program.steps[self._index]
-        known: dict[str, object] = {"end": end}
+        known: dict[str, object] = {"end": end, "end_s": self._second(row)}
         if measured is not None:
             known["measured"] = round(measured, 4)
         if ended.goal is not None:

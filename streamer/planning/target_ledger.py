@@ -11,14 +11,14 @@ from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.tick_row import TickRow
 from flexmotion.streamer.motion.heard import Heard
 from flexmotion.streamer.motion.heard import State as Fate
-from flexmotion.streamer.motion.intents import Stop, Velocity, to_content, word_of
+from flexmotion.streamer.motion.intents import Stop, Velocity, words_of
 from flexmotion.streamer.motion.targets import NO_TARGET, Target, TargetReader
 
 _ENDED = {
-    State.OFF: "the torque is off: arm the robot first (flexmotion arm, or the page)",
-    State.PARK: "the robot is in PARK: it lowers itself, then its torque goes off",
+    State.OFF: "the torque is off: arm the robot first",
+    State.PARK: "the robot lowers itself (PARK), then its torque goes off: arm it after that",
     State.DAMPED: "the robot has fallen and gives way (DAMPED)",
-    State.FAULT: "the robot is in FAULT: clear it, then arm the robot",
+    State.FAULT: "the robot is in FAULT: clear the fault, then arm the robot",
 }
 """States in which no target is followed, and why."""
 _LIMP = "a joint is without torque on request (flexmotion status names it): make it stiff first"
@@ -124,7 +124,7 @@ class TargetLedger:
         if bool(row.must_stop) or state in _ENDED:
             # Before it is armed nothing has ended: the robot will follow what its run was started with.
             self.halted |= state is not State.OFF
-            stopped = _LIMP if row.limp.any() else "a stop is in force (clear releases a STOP)"
+            stopped = _LIMP if row.limp.any() else "stopped: release the stop first"
             self.refuse_all(_ENDED.get(state, stopped))
             return
         planned, opened, followed = self._planned, self._open, self._followed
@@ -198,7 +198,7 @@ class TargetLedger:
             fate: what became of it; None: it is followed, as it was heard.
             tick: from which on it is followed.
         """
-        target, asked = entry.target, str(to_content(entry.target.intent)[word_of(entry.target.intent)])
+        target, asked = entry.target, words_of(entry.target.intent)
         heard = Heard(asked=asked, state="accepted", heard_as=asked) if entry.heard is None else entry.heard
         if fate is not None:
             heard = Heard(asked=asked, state=fate)

@@ -137,6 +137,7 @@ def _lower(
         f"{loop.ladder.state.name} -> PARK: the control loop failed: {type(failure).__name__}: {failure}; "
         "the robot is lowered without measurements",
     )
+    loop.driver.take_pins(loop.command.position)
     row, ticker = loop.telemetry.row, Ticker(1.0 / loop.robot.rate_hz)
     for goal in blind_lowering(loop.robot, loop.command.position.copy()):
         ticker.wait()

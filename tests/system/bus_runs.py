@@ -15,6 +15,7 @@ from flexmotion.drivers.emulator.loopback import Loopback
 from flexmotion.drivers.emulator.sim_body import SimBody
 from flexmotion.drivers.interface import Driver
 from flexmotion.drivers.registry import create
+from flexmotion.human.motion import Motion
 from flexmotion.streamer.commands.choice import choose_motion
 from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.motion.sources import ClipSource
@@ -72,9 +73,10 @@ class Run:
         return (tick - began) / self.record.rate_hz
 
 
-def through(robot: Robot, driver: Driver, body: SimBody | None = None) -> Run:
-    """A run of the first `SECONDS` of the shipped motion."""
-    session = Session(robot, driver, ClipSource(choose_motion()), load_stream(None), SECONDS)
+def through(robot: Robot, driver: Driver, body: SimBody | None = None, motion: Motion | None = None) -> Run:
+    """A run of a motion, by default of the first `SECONDS` of the shipped one."""
+    source, seconds = ClipSource(choose_motion() if motion is None else motion), SECONDS if motion is None else None
+    session = Session(robot, driver, source, load_stream(None), seconds)
     return Run(session.run(), driver, body)
 
 
@@ -85,6 +87,7 @@ def through_bytes(
     false_readings: float = 0.0,
     imu_port: str | None = None,
     seed: int = 1,
+    motion: Motion | None = None,
 ) -> Run:
     """The same over an emulated bus with faults, bad packets and false readings."""
     body = SimBody(robot)
@@ -97,4 +100,4 @@ def through_bytes(
     )
     driver = create("dynamixel", robot, port="main", imu_port=imu_port)
     assert isinstance(driver, BusDriver)
-    return through(robot, LockstepBus(driver, world, body), body)
+    return through(robot, LockstepBus(driver, world, body), body, motion)

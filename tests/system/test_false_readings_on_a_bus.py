@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from flexmotion.configs.robot import Robot
+from flexmotion.human.motion import Motion
 
 from .bus_runs import Run, through_bytes
 
@@ -87,3 +88,10 @@ def test_false_readings_at_random_change_nothing(op3: Robot, clean: Run, seed: i
     assert run.body is not None and not run.body.fell
     assert int(run.record.rows["disbelieved"][-1]) > 20
     assert greatest_step(run, clean) < np.radians(4)
+
+
+def test_a_blocked_knee_whose_speed_reads_as_moving_is_found_before_the_robot_falls(op3: Robot, steps: Motion) -> None:
+    """It counted as on its way: with a speed register that was stuck at .35 rad/s it was not found in 60 s."""
+    run = through_bytes(op3, "blocked:14@2.0", "false_speed:14:0.35@2.0", motion=steps)
+    assert "servo of l_knee (id 14) does not follow its goals" in run.end
+    assert np.isfinite(run.record.q).all()  # the simulation of a blocked joint had diverged

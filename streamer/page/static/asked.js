@@ -1,36 +1,44 @@
-// What was asked: the prompt, its history with what was heard, and the timeline.
+// What was asked: the prompt, the stick, and the history with what was heard.
 
-import { fitted } from "./curves.js";
+import { mark, told } from "./answers.js";
+import { Strip } from "./strip.js";
+import { made } from "./words.js";
 
-const SUGGESTIONS = ["wave with the right hand", "walk forward", "turn 90 degrees to the left", "stand still", "two steps back, then bow", "raise both arms"];
-const SHOWN_S = 60;
-const KEPT = 40;
-const LONGEST = 160; // characters of an answer that is not folded
-const MARKS = {
-  accepted: ["accepted", "good"], slowed: ["slowed", "good"], partly: ["in part", "warn"], done: ["done", "good"], late: ["not finished", "warn"],
-  refused: ["refused", "bad"], expired: ["too late", "bad"], superseded: ["replaced", "wait"], wait: ["sent", "wait"],
-};
+const SUGGESTIONS = ["walk forward", "wave", "turn left 90 degrees", "two steps back, then bow", "raise both arms"];
+const KEPT = 40, LISTED = 12;
+const FOLLOWED = ["accepted", "slowed", "partly"];
+const HINT = "What should the robot do?";
 
 export class Asked {
   constructor(link) {
     this.link = link;
     this.entries = []; // newest first: {key, text, source, state, answer, at_s}
+    this.items = new Map(); // of the list, by entry
     this.list = document.getElementById("history");
     this.said = document.getElementById("said");
-    this.timeline = document.getElementById("timeline");
+    this.strip = new Strip(document.getElementById("timeline"));
     this.prompt = document.getElementById("prompt");
+    this.asking = document.getElementById("asking");
     this.past = [];
     this.place = 0;
     document.getElementById("ask").onsubmit = (event) => { event.preventDefault(); this.ask(this.prompt.value); };
     this.prompt.addEventListener("keydown", (event) => this.recall(event));
-    const chips = document.getElementById("suggestions");
-    for (const text of SUGGESTIONS) {
-      const chip = document.createElement("button");
-      chip.type = "button";
-      chip.textContent = text;
-      chip.onclick = () => this.ask(text);
-      chips.append(chip);
-    }
+    this.list.addEventListener("scroll", () => this.fade());
+    document.getElementById("suggestions").append(...SUGGESTIONS.map((text) => this.chip(text)));
+    this.allow("Connecting");
+  }
+
+  // Targets can be asked for; else `reason` says why not.
+  allow(reason) {
+    this.asking.disabled = Boolean(reason);
+    this.prompt.placeholder = reason || HINT;
+  }
+
+  // A connection is made: the run tells its answers anew.
+  begin() {
+    this.entries = this.entries.filter((one) => one.key === null && one.state !== "wait");
+    this.strip.begin();
+    this.show();
   }
 
   ask(words) {
@@ -44,41 +52,67 @@ export class Asked {
 
   // Send a target, told as `text`; resolves to its answer.
   async send(message, text) {
-    const entry = { key: null, text, source: this.link.source, state: "wait", answer: {} };
-    this.add(entry);
+    const entry = this.add({ key: null, text, source: this.link.source, state: "wait", answer: {}, goal: message.type !== "text" });
     const answer = await this.link.send(message);
-    Object.assign(entry, { state: answer.state, answer, key: answer.target ?? null, at_s: entry.at_s ?? null });
+    Object.assign(entry, { state: answer.state, answer: { ...entry.answer, ...answer }, key: answer.target ?? null });
     this.merge(entry);
     this.show();
-    this.said.textContent = `${text}: ${MARKS[outcome(entry)]?.[0] ?? answer.state}${answer.reason ? `, ${answer.reason}` : ""}`;
+    this.said.textContent = `${text}: ${mark(entry)[0]}${answer.reason ? `, ${answer.reason}` : ""}`;
     return answer;
+  }
+
+  // Send a velocity of the stick. All of them while it is held are one entry, whatever became of each.
+  async steer(message) {
+    const moves = message.velocity.some((value) => value);
+    let entry = this.entries[0]?.held ? this.entries[0] : null;
+    if (moves) entry ??= this.add({ key: null, text: "stick", stick: true, held: true, source: this.link.source, state: "wait", answer: {} });
+    else if (entry) entry.held = false;
+    const answer = await this.link.send(message);
+    if (entry?.state === "wait" && ["refused", "expired"].includes(answer.state)) {
+      Object.assign(entry, { state: answer.state, answer });
+      this.show();
+    }
   }
 
   // The answer to a target of anyone; a later version of one says how its steps ended.
   heard(message) {
     const key = message.id || `item ${message.item}`;
+    const velocity = message.asked.match(/^velocity \[(.*)\]$/)?.[1].split(",").map(Number);
+    if (velocity) return this.steered(message, key, velocity);
+    // A run stands until somebody asks for something; nobody has typed that.
+    if (message.item !== undefined && message.heard_as === "stand") return;
     let entry = this.entries.find((one) => one.key === key);
     if (!entry && message.source === this.link.source) {
       // Its own answer comes over the same connection and may be later than this.
       entry = this.entries.find((one) => one.key === null && one.state === "wait" && one.text === message.asked);
-      if (entry) entry.key = key;
     }
-    const velocity = message.heard_as === "velocity" || message.asked.startsWith("velocity") || message.asked.startsWith("[");
-    if (!entry && velocity && message.state !== "refused") {
-      const last = this.entries[0];
-      if (last?.stick && last.source === message.source) { last.answer = message; last.key = key; this.show(); return; }
-      entry = this.add({ key, text: "stick", stick: true, source: message.source, state: message.state, answer: message, at_s: message.at_s });
-    } else if (!entry) {
-      entry = this.add({ key, text: message.asked, source: message.source, state: message.state, answer: message, at_s: message.at_s });
+    entry ??= this.add({ key, text: message.asked, source: message.source });
+    Object.assign(entry, { key, state: message.state, answer: message, at_s: message.at_s ?? entry.at_s });
+    this.show();
+  }
+
+  // The answer to one velocity of many: one that another velocity replaced is none of the stick's.
+  steered({ source, state, slowed, reason, at_s }, key, velocity) {
+    const moves = velocity.some((value) => value);
+    let entry = this.entries.find((one) => one.stick && one.source === source && one.end_s === undefined && (moves || !one.held));
+    if (!FOLLOWED.includes(state)) {
+      if (entry?.state === "wait" && state !== "superseded") Object.assign(entry, { state, answer: { reason }, key });
+    } else if (!moves) {
+      if (entry) Object.assign(entry, { end_s: at_s, held: false });
+    } else {
+      const own = source === this.link.source;
+      if (!entry || !(own || entry === this.entries[0])) {
+        entry = this.add({ text: "stick", stick: true, source });
+      }
+      Object.assign(entry, { key, state, answer: { slowed }, at_s: entry.at_s ?? at_s });
     }
-    Object.assign(entry, { state: message.state, answer: message, at_s: message.at_s ?? entry.at_s });
     this.show();
   }
 
   add(entry) {
     this.entries.unshift(entry);
     this.entries.length = Math.min(this.entries.length, KEPT);
-    this.show();
+    if (entry.answer) this.show();
     return entry;
   }
 
@@ -98,103 +132,66 @@ export class Asked {
     this.prompt.value = this.past[this.place] ?? "";
   }
 
+  // Only entries that have changed are made anew: what has the focus, or is unfolded, stays.
   show() {
-    this.list.replaceChildren(...this.entries.slice(0, 12).map((entry) => {
-      const item = document.createElement("li");
-      const [words, kind] = MARKS[outcome(entry)] ?? [entry.state, "wait"];
-      item.append(made("b", entry.text));
-      item.append(made("span", words, `mark ${kind}`));
-      const told = explained(entry, this.link.source);
-      if (told) item.append(this.told(entry, told, kind === "bad" ? "no" : ""));
-      return item;
-    }));
+    const listed = this.entries.slice(0, LISTED);
+    for (const [entry, { item }] of this.items) {
+      if (listed.includes(entry)) continue;
+      item.remove();
+      this.items.delete(entry);
+    }
+    listed.forEach((entry, index) => {
+      const content = { text: entry.text, mark: mark(entry), ...told(entry, this.link.source) };
+      const known = this.items.get(entry) ?? { item: document.createElement("li"), shown: "" };
+      const shown = JSON.stringify(content);
+      if (known.shown !== shown) known.item.replaceChildren(...this.parts(content));
+      this.items.set(entry, { item: known.item, shown });
+      if (this.list.children[index] !== known.item) this.list.insertBefore(known.item, this.list.children[index] ?? null);
+    });
+    document.getElementById("nothing").hidden = listed.length > 0;
+    this.fade();
   }
 
-  // What became of it; a long one is folded behind its first part.
-  told(entry, text, kind) {
-    const end = text.indexOf("; ");
-    if (text.length <= LONGEST || end < 0) return made("p", text, kind);
-    const folded = document.createElement("details");
-    folded.open = Boolean(entry.unfolded);
-    folded.ontoggle = () => { entry.unfolded = folded.open; };
-    folded.append(made("summary", text.slice(0, end)), document.createTextNode(text.slice(end + 2)));
-    return folded;
+  parts({ text, mark: [words, kind], steps, notes, problem, tries, more }) {
+    const found = [made("b", text), made("span", words, `mark ${kind}`)];
+    if (problem) found.push(made("p", problem, "why"));
+    if (tries.length) {
+      const chips = made("div", "", "chips");
+      chips.append(made("span", "Try:"), ...tries.map((one) => this.chip(one)));
+      found.push(chips);
+    }
+    if (steps.length) {
+      const list = made("p", "", "steps");
+      list.append(...steps.map((step, index) => {
+        const one = made("span", `${steps.length > 1 ? `${index + 1}. ` : ""}${step.text}`, step.done ? "done" : "");
+        if (step.end) one.append(" ", made("i", step.end));
+        return one;
+      }));
+      found.push(list);
+    }
+    if (notes.length) found.push(made("p", notes.join("; ")));
+    if (more) {
+      const folded = document.createElement("details");
+      folded.append(made("summary", tries.length || problem.includes("stands still") ? "All motions that it can do" : "More"), document.createTextNode(more));
+      found.push(folded);
+    }
+    return found;
   }
 
-  // What the robot follows now, in words; "" where it stands.
-  get now() {
-    const entry = this.entries.find((one) => one.at_s !== null && one.at_s !== undefined && ["accepted", "slowed", "partly"].includes(one.state));
-    return entry ? entry.text : "";
+  chip(text) {
+    const chip = made("button", text);
+    chip.type = "button";
+    chip.onclick = () => this.ask(text);
+    return chip;
+  }
+
+  // The list goes on below its edge.
+  fade() {
+    const { scrollHeight, scrollTop, clientHeight } = this.list;
+    this.list.classList.toggle("more", scrollHeight - scrollTop - clientHeight > 4);
   }
 
   draw(now_s) {
-    const [context, width, height] = fitted(this.timeline);
-    const style = getComputedStyle(document.documentElement);
-    const colour = (name) => style.getPropertyValue(name);
-    const x = (time) => width * (1 - (now_s - time) / SHOWN_S);
-    const placed = this.entries.filter((one) => Number.isFinite(one.at_s) && one.at_s <= now_s).sort((a, b) => a.at_s - b.at_s);
-    context.font = "12px system-ui, sans-serif";
-    context.textBaseline = "middle";
-    placed.forEach((entry, index) => {
-      const end = Math.min(placed[index + 1]?.at_s ?? now_s, now_s);
-      if (end < now_s - SHOWN_S) return;
-      const [left, right] = [Math.max(x(entry.at_s), 0), x(end)];
-      const refused = entry.state === "refused";
-      context.fillStyle = refused ? colour("--bad") : entry.stick ? colour("--plan") : colour("--accent");
-      context.beginPath();
-      context.roundRect(left, 4, Math.max(right - left - 2, 3), 28, 6);
-      context.fill();
-      if (right - left > 30) {
-        context.save();
-        context.beginPath();
-        context.rect(left, 4, right - left - 8, 28);
-        context.clip();
-        context.fillStyle = colour("--on-accent");
-        context.fillText(entry.text, left + 8, 18);
-        context.restore();
-      }
-    });
-    context.fillStyle = colour("--quiet");
-    for (const ago of [60, 45, 30, 15, 0]) {
-      context.textAlign = ago === 60 ? "left" : ago === 0 ? "right" : "center";
-      context.fillText(ago ? `−${ago} s` : "now", x(now_s - ago), height - 9);
-    }
-    context.textAlign = "left";
+    this.strip.draw(this.entries, now_s);
   }
-}
-
-// What became of it: the robot has measured the steps that have an amount.
-function outcome({ state, answer }) {
-  const measured = (answer.steps ?? []).filter((step) => step.amount !== undefined);
-  if (!["accepted", "slowed"].includes(state) || !measured.length || !measured.every((step) => step.end)) return state;
-  const ends = measured.map((step) => step.end);
-  return ends.every((end) => end === "done") ? "done" : ends.includes("time limit") ? "late" : state;
-}
-
-function made(tag, text, kind = "") {
-  const element = document.createElement(tag);
-  element.textContent = text;
-  if (kind) element.className = kind;
-  return element;
-}
-
-// A kind of motion in words: "walk-back" is "walk back".
-function plain(kind) {
-  return kind.replaceAll("-", " ");
-}
-
-// How it was heard, and what became of it.
-function explained(entry, own) {
-  const { heard_as, certainty, slowed, dropped, notes, reason, steps } = entry.answer;
-  const parts = [];
-  if (reason) parts.push(reason);
-  if (heard_as && heard_as !== entry.text && !entry.stick) {
-    parts.push(`heard as ${plain(heard_as)}${certainty ? ` (${Math.round(100 * certainty)} % sure)` : ""}`);
-  }
-  if (slowed) parts.push(`slowed to ${slowed}`);
-  if (dropped?.length) parts.push(`not done: ${dropped.join(", ")}`);
-  parts.push(...(notes ?? []));
-  for (const step of steps ?? []) if (step.end) parts.push(`${plain(step.heard_as)}: ${step.end}`);
-  if (entry.source && entry.source !== own) parts.push(`from ${entry.source}`);
-  return parts.join("; ");
 }

@@ -35,6 +35,7 @@ export class Curves {
   }
 
   draw() {
+    if (!this.parts[0].canvas.clientWidth) return; // folded away
     const style = getComputedStyle(document.documentElement);
     const [ink, line, bad] = ["--accent", "--line", "--bad"].map((name) => style.getPropertyValue(name));
     const end = this.samples.at(-1)?.[0] ?? 0;

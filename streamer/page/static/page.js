@@ -4,9 +4,11 @@ import { Asked } from "./asked.js";
 import { Curves } from "./curves.js";
 import { Floor } from "./floor.js";
 import { Link } from "./link.js";
+import { nextStep, Panel, whyNot } from "./panel.js";
 import { Scene } from "./scene.js";
 import { Stick } from "./stick.js";
 import { Stops } from "./stops.js";
+import { coded, doing } from "./words.js";
 
 const STATES = {
   OFF: ["torque off", ""], READY: ["ready", "good"], STREAMING: ["moving", "good"], HOLD: ["standing", "good"],
@@ -15,9 +17,10 @@ const STATES = {
 const EVENTS_KEPT = 40;
 const element = (id) => document.getElementById(id);
 
-const ALARMS = new Map(); // by kind, the most urgent first: what was not taken, what is lost, what has happened
-const KINDS = ["press", "lost", "fault"];
+const PICKED_UP = "Simulation: somebody picked the robot up and stood it up again.";
+const PICKED_UP_MS = 6000;
 
+let fault = null; // what happened last, and what to do about it
 let robot = null, scene = null, floor = null, curves = null, status = {}, seen = 0;
 
 const link = new Link({
@@ -28,8 +31,10 @@ const link = new Link({
   message: ({ type, ...content }) => ({ status: showStatus, health: showHealth, curves: takeCurves, event: showEvent, heard: (one) => asked.heard(one), lease: () => {} })[type]?.(content),
 });
 const asked = new Asked(link);
-const stick = new Stick(link, () => robot?.pace ?? [0.4, 0.3, 0.2, 0.5]);
-const stops = new Stops(link, () => status.stop_port ?? 8791, (message, advice) => showAlarm("press", message, advice));
+const stick = new Stick((message) => asked.steer(message), () => robot?.pace ?? [0.4, 0.3, 0.2, 0.5]);
+const panel = new Panel();
+const stops = new Stops(link, () => status.stop_port ?? 8791, (title, text) => panel.show("press", title, text), (message) => panel.tell(message));
+for (const card of document.querySelectorAll(".wide-open")) card.open = matchMedia("(min-width: 900px)").matches;
 
 async function start() {
   theme(localStorage.getItem("theme") ?? (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light"));
@@ -46,6 +51,10 @@ async function start() {
   curves = new Curves(1000 / robot.rate_hz);
   scene = new Scene(element("scene"), robot);
   scene.paint();
+  scene.pickedUp = () => {
+    if (robot.driver === "sim") panel.tell(PICKED_UP, PICKED_UP_MS);
+    scene.pickedUp = () => {};
+  };
   floor = new Floor(element("scene"), scene, asked);
   element("clips").hidden = !robot.clips.length;
   element("clip").replaceChildren(...robot.clips.map((name) => new Option(name)));
@@ -61,18 +70,22 @@ async function start() {
 function begin() {
   element("events").replaceChildren();
   element("scene").parentElement.classList.remove("lost");
-  showAlarm("lost", null);
+  asked.begin();
+  panel.show("lost", null);
 }
 
 // The picture, and all figures, are those of the last moment in which the run could be reached.
 function lost() {
   pill("no connection", "bad");
   element("scene").parentElement.classList.add("lost");
-  element("stick").classList.add("off");
+  stick.allow(false);
+  asked.allow("No connection");
+  asked.strip.lost(scene?.time ?? 0);
   element("following").textContent = "";
   floor?.forget();
   stops.lost();
-  showAlarm("lost", "No connection to the run", "What you see is old. STOP and EMERGENCY STOP go to a process of their own: press them all the same.");
+  panel.show("state", null);
+  panel.show("lost", "No connection to the run", "What you see is old. STOP and EMERGENCY STOP go to a process of their own: press them all the same.");
 }
 
 element("clips").onsubmit = (event) => {
@@ -106,13 +119,11 @@ function showStatus(now) {
   status = now;
   const [text, kind] = STATES[now.state] ?? ["starting", ""];
   const silent = now.loop === "silent";
-  const stopped = now.must_stop && ["HOLD", "STREAMING"].includes(now.state);
-  pill(silent ? (now.state ? "run has ended" : "starting") : stopped ? "stopped" : text, silent || stopped ? "warn" : kind);
+  const stopped = now.must_stop && ["READY", "HOLD", "STREAMING"].includes(now.state);
+  const words = silent ? (now.state ? "run has ended" : "starting") : stopped ? (now.state === "STREAMING" ? "stopping" : "stopped") : text;
+  pill(words, silent || stopped ? "warn" : kind);
   stops.show(now);
-  element("following").textContent = silent ? "" : stopped
-    ? (now.state === "HOLD" ? "stopped: release the stop to go on" : "stopping")
-    : now.state === "OFF" ? "see that nobody is in its way, then arm it"
-    : now.state === "STREAMING" ? asked.now : "";
+  element("following").textContent = silent || stopped ? "" : doing(now, link.source);
   const other = now.operator && now.operator !== link.source ? now.operator : null;
   element("operator").textContent = now.operator ? (other ? `operator: ${other}` : "you steer") : "";
   const lease = element("lease");
@@ -121,14 +132,20 @@ function showStatus(now) {
     lease.firstElementChild.textContent = `${other} steers the robot.`;
     lease.lastElementChild.onclick = () => link.send({ type: "take" });
   }
-  const steers = ["READY", "HOLD", "STREAMING"].includes(now.state) && !(stopped || silent || other);
-  element("stick").classList.toggle("off", !steers);
-  if (steers) floor?.show(now); else floor?.forget();
-  const cleared = before === "FAULT" && now.state === "OFF";
-  if (cleared || !["FAULT", "DAMPED", "PARK", "OFF", "HOLD"].includes(now.state)) showAlarm("fault", null);
+  const reason = whyNot(now, other);
+  asked.allow(reason);
+  stick.allow(!reason);
+  if (scene) scene.powered = !["OFF", "FAULT"].includes(now.state);
+  if (reason) floor?.forget(); else floor?.show(now);
+  const stands = ["READY", "STREAMING", "HOLD"].includes(now.state) && !now.cause;
+  if ((before === "FAULT" && now.state === "OFF") || (stands && now.state !== "HOLD")) fault = null;
+  panel.show("fault", ...((stands ? null : fault) ?? [null]));
+  panel.show("state", ...((silent ? null : nextStep(now, stops.recovering)) ?? [null]));
 }
 
-function showEvent({ time_s, kind, message, advice }) {
+function showEvent(event) {
+  const { time_s, kind, message, headline, advice } = event;
+  asked.strip.happened(event);
   if (kind === "request" && message === "NOTE") return;
   const item = document.createElement("li");
   const time = document.createElement("time");
@@ -137,24 +154,16 @@ function showEvent({ time_s, kind, message, advice }) {
   text.className = kind;
   text.textContent = message;
   item.append(time, text);
-  if (advice) item.append(Object.assign(document.createElement("p"), { textContent: advice }));
+  if (advice) {
+    item.append(document.createElement("p"));
+    item.lastChild.append(...coded(advice));
+  }
   const list = element("events");
   list.prepend(item);
   while (list.children.length > EVENTS_KEPT) list.lastChild.remove();
-  if (kind === "fault" || kind === "refused" || (kind === "state" && advice)) showAlarm("fault", message, advice ?? "The robot stands or parks. See the messages.");
-}
-
-function showAlarm(kind, message, advice) {
-  if (message) ALARMS.set(kind, [message, advice]);
-  else if (!ALARMS.delete(kind)) return;
-  const box = element("alarm");
-  const first = KINDS.find((one) => ALARMS.has(one));
-  box.hidden = !first;
-  if (!first) return box.replaceChildren();
-  const [what, todo] = ALARMS.get(first);
-  const head = document.createElement("strong");
-  head.textContent = what.replace(/^[A-Z]+ -> [A-Z]+:? ?/, "");
-  box.replaceChildren(head, todo ?? "");
+  if (kind !== "fault" && kind !== "refused" && !(kind === "state" && advice)) return;
+  fault = [headline ?? message.replace(/^[A-Z]+ -> [A-Z]+:? ?/, ""), advice ?? "See the messages."];
+  panel.show("fault", ...fault);
 }
 
 function showHealth(now) {

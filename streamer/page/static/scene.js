@@ -8,6 +8,7 @@ const FOLLOW_S = 0.4;
 const PATH_STEP_M = 0.01, PATH_KEPT = 800;
 const PATH_MEAN_S = 1.0; // its sway from foot to foot is no part of the way
 const HALO_M = 0.004;
+const JUMP = 0.4, RISE = 0.08; // of its height: between two pictures it cannot go so far, and without torque not rise so much
 
 export class Scene {
   // robot: what /robot gives.
@@ -42,6 +43,8 @@ export class Scene {
     this.addPath();
     this.addMark();
     this.odometry = [NaN, NaN, NaN];
+    this.powered = true; // whether its torque may be on
+    this.pickedUp = () => {}; // called when somebody has set up a robot whose torque is off
     this.shown = { plan: true, human: true, balance: false };
     this.resize = new ResizeObserver(() => this.fit());
     this.resize.observe(canvas.parentElement);
@@ -276,6 +279,15 @@ export class Scene {
     this.world.position.set(-this.centre.x, -this.centre.y, 0);
     this.tiles.offset.set((this.centre.x / this.cell) % 1, (this.centre.y / this.cell) % 1);
     this.mean ??= at.clone();
+    this.last ??= at.clone();
+    const far = Math.hypot(at.x - this.last.x, at.y - this.last.y) > JUMP * this.height;
+    if (far) {
+      this.path.length = 0; // it did not walk there
+      this.mean.copy(at);
+      this.centre.copy(at);
+    }
+    if (!this.powered && (far || at.z - this.last.z > RISE * this.height)) this.pickedUp();
+    this.last.copy(at);
     this.mean.lerp(at, 1 - Math.exp(-this.passed / PATH_MEAN_S));
     const last = this.path.at(-1);
     if (!last || Math.hypot(last.x - this.mean.x, last.y - this.mean.y) > PATH_STEP_M) {

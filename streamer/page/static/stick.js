@@ -7,9 +7,10 @@ const STEPS = 10; // small movements of the hand make no new plan
 const KEYS = { ArrowUp: [0, 1], ArrowDown: [0, -1], ArrowLeft: [-1, 0], ArrowRight: [1, 0] };
 
 export class Stick {
-  // pace(): [ahead, back, aside, turning] at full deflection, in a human's speed.
-  constructor(link, pace) {
-    this.link = link;
+  // send(message): sends a velocity; pace(): [ahead, back, aside, turning] at full deflection, in a human's speed.
+  constructor(send, pace) {
+    this.send = send;
+    this.allowed = false;
     this.pace = pace;
     this.pad = document.getElementById("stick");
     this.knob = document.getElementById("knob");
@@ -24,6 +25,13 @@ export class Stick {
     document.addEventListener("visibilitychange", () => { if (document.hidden) this.release(); });
   }
 
+  // Whether the robot takes velocities now.
+  allow(allowed) {
+    if (!allowed) this.release();
+    this.allowed = allowed;
+    this.pad.classList.toggle("off", !allowed);
+  }
+
   hold(event) {
     const box = this.pad.getBoundingClientRect();
     const reach = (box.width - this.knob.clientWidth) / 2;
@@ -34,7 +42,7 @@ export class Stick {
   }
 
   key(event, down) {
-    if (!(event.key in KEYS)) return;
+    if (!(event.key in KEYS) || !this.allowed) return;
     event.preventDefault();
     if (down) this.pressed.add(event.key); else this.pressed.delete(event.key);
     if (!this.pressed.size) return this.release();
@@ -43,6 +51,7 @@ export class Stick {
   }
 
   deflect(x, y) {
+    if (!this.allowed) return;
     this.x = x;
     this.y = y;
     const reach = (this.pad.clientWidth - this.knob.clientWidth) / 2;
@@ -65,7 +74,7 @@ export class Stick {
   tell() {
     const velocity = this.velocity();
     if (velocity.some((value) => value)) this.moving = true;
-    if (this.moving) this.link.send({ type: "velocity", velocity, ttl_s: HOLDS_S });
+    if (this.moving) this.send({ type: "velocity", velocity, ttl_s: HOLDS_S });
   }
 
   release() {
@@ -75,7 +84,7 @@ export class Stick {
     this.pressed.clear();
     this.pad.classList.remove("held");
     this.knob.style.transform = "";
-    if (this.moving) this.link.send({ type: "velocity", velocity: [0, 0, 0] });
+    if (this.moving) this.send({ type: "velocity", velocity: [0, 0, 0] });
     this.moving = false;
   }
 }

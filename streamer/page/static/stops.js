@@ -1,22 +1,26 @@
-// STOP and emergency stop: over the process of their own, and over the gateway where that does not answer.
+// STOP and emergency stop: over the process of their own, and over the gateway where that does not answer. The way back:
+// release, clear, arm.
 
 const PATIENCE_MS = 700;
-const NAMES = { stop: "STOP", estop: "EMERGENCY STOP", clear: "Release", arm: "Arm", disarm: "Disarm" };
+const SETTLES_MS = 1000; // a button that comes into reach is not pressed by the second half of a double tap
+const NAMES = { stop: "STOP", estop: "EMERGENCY STOP", clear: "Clear", arm: "Arm", disarm: "Disarm" };
 
 export class Stops {
-  // alarm(message, advice): shows what was not taken; alarm(null) hides it.
-  constructor(link, stopPort, alarm) {
-    this.link = link;
-    this.stopPort = stopPort;
-    this.alarm = alarm;
+  // alarm(message, advice): shows what was not taken; alarm(null) hides it. tell(message): confirms a press.
+  constructor(link, stopPort, alarm, tell) {
+    Object.assign(this, { link, stopPort, alarm, tell });
+    this.state = null;
+    this.recovering = false; // after a fault, until the robot stands again
+    this.buttons = Object.fromEntries(["release", "clear", "arm", "disarm"].map((id) => {
+      const button = document.getElementById(id);
+      const asks = id === "release" ? "clear" : id;
+      button.onclick = () => this.ask(asks);
+      return [id, { button, timer: null }];
+    }));
     const stop = document.getElementById("stop");
     const estop = document.getElementById("estop");
-    this.clear = document.getElementById("clear");
-    this.arm = document.getElementById("arm");
     stop.onclick = () => this.press("stop", stop);
     estop.onclick = () => this.press("estop", estop);
-    this.clear.onclick = () => this.ask("clear");
-    this.arm.onclick = () => this.ask(this.arm.dataset.asks);
     addEventListener("keydown", (event) => {
       if (event.key === "Escape" && !event.repeat) this.press("stop", stop);
     });
@@ -31,7 +35,7 @@ export class Stops {
         method: "POST", headers: this.link.headers, signal: AbortSignal.timeout(PATIENCE_MS),
       });
       if (!response.ok) throw new Error(String(response.status));
-      this.alarm(null);
+      this.taken(what);
     } catch {
       await this.stopOverGateway(what);
     }
@@ -42,8 +46,14 @@ export class Stops {
     const silence = new Promise((resolve) => setTimeout(() => resolve({ state: "refused", reason: "no answer" }), PATIENCE_MS));
     const answer = await Promise.race([this.link.send({ type: what }), silence]);
     const advice = "Nobody has taken it. Press again; if the robot goes on, switch its supply off.";
-    if (answer.state === "accepted") this.alarm(null);
+    if (answer.state === "accepted") this.taken(what);
     else this.alarm(`${NAMES[what]}: ${answer.reason}`, advice);
+  }
+
+  taken(what) {
+    this.alarm(null);
+    const off = ["OFF", "FAULT"].includes(this.state);
+    this.tell(`${NAMES[what]} received${off ? ": the torque is off already" : ""}`);
   }
 
   async ask(what) {
@@ -52,24 +62,38 @@ export class Stops {
     else this.alarm(`${NAMES[what]}: refused`, answer.reason);
   }
 
-  // After a STOP targets are refused until it is released; after a fault the torque stays off until it is cleared and the
-  // robot is armed.
-  show(status) {
-    const fault = status.state === "FAULT";
-    this.clear.hidden = status.loop === "silent" || !(fault || (status.must_stop && status.state === "HOLD"));
-    this.clear.textContent = fault ? "Clear fault" : "Release stop";
-    this.clear.classList.add("first");
-    const off = status.state === "OFF";
-    const stands = ["READY", "HOLD"].includes(status.state) && !status.must_stop;
-    this.arm.hidden = status.loop === "silent" || !(off || stands);
-    this.arm.dataset.asks = off ? "arm" : "disarm";
-    this.arm.textContent = off ? "Arm" : "Disarm";
-    this.arm.classList.toggle("first", off);
-    this.arm.title = off ? "Switches the torque on: the robot stands up" : "Lowers the robot and switches the torque off";
+  // After a STOP targets are refused until it is released; after a fault the torque stays off until the fault is cleared
+  // and the robot is armed. Both steps are shown while the robot lowers itself.
+  show({ state, must_stop, cause, loop }) {
+    this.state = state;
+    if (["FAULT", "DAMPED"].includes(state) || (state === "PARK" && cause)) this.recovering = true;
+    if (["READY", "STREAMING", "HOLD"].includes(state)) this.recovering = false;
+    const silent = loop === "silent";
+    const stopped = must_stop && ["READY", "STREAMING", "HOLD"].includes(state) && !cause;
+    const stands = ["READY", "HOLD"].includes(state) && !must_stop && !cause;
+    this.offer("release", !silent && stopped, state !== "STREAMING");
+    this.offer("clear", !silent && this.recovering, state === "FAULT");
+    this.offer("arm", !silent && (this.recovering || ["OFF", "PARK"].includes(state)), state === "OFF");
+    this.offer("disarm", !silent && stands, true);
+  }
+
+  // Show a button; it can be pressed once it has been there for a moment.
+  offer(name, shown, usable) {
+    const known = this.buttons[name];
+    const { button } = known;
+    button.hidden = !shown;
+    if (!shown || !usable) {
+      clearTimeout(known.timer);
+      known.timer = null;
+      button.disabled = true;
+    } else if (known.timer === null) {
+      button.disabled = true;
+      known.timer = setTimeout(() => { button.disabled = false; }, SETTLES_MS);
+    }
   }
 
   // Nothing but the stops can be reached.
   lost() {
-    this.clear.hidden = this.arm.hidden = true;
+    for (const name of Object.keys(this.buttons)) this.offer(name, false, false);
   }
 }

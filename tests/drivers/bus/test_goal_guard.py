@@ -1,7 +1,11 @@
 from __future__ import annotations
 
+import copy
+
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from flexmotion.drivers.bus.goal_guard import GoalGuard
 
@@ -53,3 +57,30 @@ def test_a_goal_outside_is_replaced_by_the_one_before(guard: GoalGuard) -> None:
     assert guard.admit(FIRST, np.array([9999.0])) == 2990
     assert guard.violations == 2
     np.testing.assert_array_equal(guard.nearest(np.array([3050.0, 200.0])), [3000, 1000])
+
+
+GOAL = st.sampled_from([899, 900, 950, 999, 1000, 2000, 3000, 3001, 3050, 3100, 3101])
+
+
+@given(
+    goals=st.lists(st.tuples(GOAL, GOAL, st.integers(-310, 310)), min_size=1, max_size=8),
+    pinned=st.sampled_from([950.0, 2000.0, 3080.0]),
+)
+def test_what_is_admitted_the_short_way_would_be_admitted_unchanged(
+    goals: list[tuple[int, int, int]], pinned: float
+) -> None:
+    made = GoalGuard(np.full(2, 1000.0), np.full(2, 3000.0))
+    made.limit(0, 900, 3100, current=300)
+    both, slots = np.array([0, 1]), (0, 1)
+    made.admit(both, np.full(2, pinned), standing=np.full(2, pinned))
+    for first, second, current in goals:
+        other = copy.deepcopy(made)
+        position, currents = np.array([first, second], np.float64), np.array([current, 0.0])
+        if made.admits(slots, (first, second), (current, 0)):
+            np.testing.assert_array_equal(other.admit(both, position, currents), position)
+            assert other.violations == made.violations
+        else:
+            np.testing.assert_array_equal(made.last, other.last)
+            made.admit(both, position, currents)
+            other.admit(both, position, currents)
+        np.testing.assert_array_equal(made.last, other.last)

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from flexmotion.configs.robot import Robot, load_robot
 from flexmotion.drivers.bus.driver import READ_SHARE, BusDriver
+from flexmotion.drivers.dynamixel.bus import DynamixelBus
 from flexmotion.drivers.emulator.loopback import Loopback
 from flexmotion.drivers.interface import JointCommand, RobotState
 from flexmotion.drivers.port import SerialPort
@@ -46,6 +47,9 @@ class NoisyPort(SerialPort):
     def now(self) -> float:
         return self._world.now
 
+    def sleep(self, seconds: float) -> None:
+        self._world.now += max(seconds, 0.0)
+
 
 class Noise:
     """A driver that is opened on a healthy bus, which is then cut off.
@@ -69,6 +73,8 @@ class Noise:
         self.reply = bus.port.receive()
         bus.finish()
         self.port = bus.port = NoisyPort(bus.port, world)
+        if isinstance(bus, DynamixelBus):
+            bus.cycle.port = self.port
         self.world = world
 
     def suffer(self, pieces: list[bytes]) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -9,8 +11,9 @@ import pytest
 
 from flexmotion.configs.errors import ConfigError, DriverError
 from flexmotion.configs.robot import Robot, load_robot
-from flexmotion.drivers.bus.driver import BusDriver
+from flexmotion.drivers.bus.driver import CONFIRM_S, BusDriver
 from flexmotion.drivers.bus.goal_guard import GoalGuard
+from flexmotion.drivers.bus.packet import SumDecoder
 from flexmotion.drivers.emulator.faults import Fault
 from flexmotion.drivers.emulator.feetech_bus import EmulatedFeetechBus
 from flexmotion.drivers.emulator.loopback import Loopback
@@ -18,9 +21,11 @@ from flexmotion.drivers.feetech.bus import FeetechBus
 from flexmotion.drivers.feetech.tools import FeetechTools
 from flexmotion.drivers.interface import JointCommand, RobotState
 from flexmotion.drivers.lx16a.bus import Lx16aBus
+from flexmotion.drivers.lx16a.protocol import FORMAT, Command
 from flexmotion.drivers.registry import create
 
 from .robots import looped, op3_with
+from .wire_tap import WireTap
 
 
 def ticks(driver: BusDriver, world: Loopback, state: RobotState, command: JointCommand, many: int) -> None:
@@ -304,3 +309,57 @@ def test_a_single_servo_is_switched_and_the_others_keep_their_goals(name: str, s
         assert abs(body.position[knee] - command.position[knee]) < 0.03
         assert driver.violations == 0 and body.receiver.violations == 0
     assert not driver.capabilities.reboot
+
+
+@pytest.mark.parametrize("silent", [(), (14,), (3, 9, 14, 20), range(1, 21)], ids=["none", "one", "four", "all"])
+@pytest.mark.parametrize("name", ["feetech", "lx16a"])
+def test_torque_off_is_confirmed_within_a_bounded_time(name: str, silent: Sequence[int], sts: Robot, lx: Robot) -> None:
+    """On a silent LX-16A bus every servo was asked alone, three times: a tick took 1.3 s, and `close` as much again.
+
+    The supervisor ends a loop that does not tick for 2 s, and 1 s after a request to quit: torque would have stayed on.
+    """
+    robot = sts if name == "feetech" else lx
+    driver, world = looped(name, robot)
+    state = RobotState(robot.n)
+    with driver:
+        driver.read(state)
+        driver.set_torque(True)
+        world.emulator.faults[:] = [Fault.parse(f"dead:{id_}") for id_ in silent]
+        world.advance(0.02)
+        for _ in range(2):  # by the loop, and as the driver is closed
+            begin = world.now
+            driver.set_torque(False)
+            assert world.now - begin < CONFIRM_S + 0.01  # and the packet that is on the wire
+            assert sorted(driver.holding) == sorted(
+                f"{joint.name} (id {joint.id})" for joint in robot.joints if joint.id in silent
+            )
+
+
+def test_lx16a_servos_that_have_confirmed_are_not_asked_again(lx: Robot) -> None:
+    driver, world = looped("lx16a", lx)
+    tap = WireTap(world)
+    driver.open_port = world.open_port
+    with driver:
+        driver.read(RobotState(lx.n))
+        driver.set_torque(True)
+        world.emulator.faults[:] = [Fault.parse("dead:14")]
+        world.advance(0.02)
+        tap.clear()
+        driver.set_torque(False)
+        sent = bytes(tap.sent)
+    asked = Counter(p.id for p in SumDecoder(FORMAT).feed(sent) if p.code == Command.READ_LOAD)
+    assert asked.pop(14) > 1 and set(asked.values()) == {1}
+
+
+def test_answers_that_an_adapter_delays_confirm_torque_off(lx: Robot) -> None:
+    """Without a low-latency mode an adapter keeps bytes for 16 ms: longer than each servo is waited for."""
+    driver, world = looped("lx16a", lx)
+    with driver:
+        driver.read(RobotState(lx.n))
+        driver.set_torque(True)
+        world.emulator.faults[:] = [Fault.parse("late:0.016")]
+        world.advance(0.02)
+        driver.set_torque(False)
+        assert driver.holding == []
+        world.emulator.faults[:] = []
+        world.advance(0.02)

@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 from flexmotion.configs.robot import ROBOTS, Robot, load_robot
-from flexmotion.drivers.bus.driver import BusDriver
+from flexmotion.drivers.bus.driver import CONFIRM_S, BusDriver
 from flexmotion.drivers.emulator.body import BenchBody
 from flexmotion.drivers.emulator.faults import Fault
 from flexmotion.drivers.emulator.loopback import Loopback
@@ -101,10 +101,27 @@ def test_a_silent_bus_does_not_delay_torque_off_of_the_others(split: Robot) -> N
         legs.dead = {servo.id for servo in legs.servos}
         begin, off = it.world.now, []
         switched = type(it.driver.buses[1]).torque_is_off
-        it.driver.buses[0].torque_is_off = lambda: (  # type: ignore[method-assign]
-            off.append(not any(servo.get("torque_enable") for servo in upper.servos)) or switched(it.driver.buses[0])
+        it.driver.buses[0].torque_is_off = lambda asked, until: (  # type: ignore[method-assign]
+            off.append(not any(servo.get("torque_enable") for servo in upper.servos))
+            or switched(it.driver.buses[0], asked, until)
         )
         it.world.advance(0.002)
         it.driver.set_torque(False)
         assert off and off[-1] and it.world.now > begin
         assert len(it.driver.holding) == len(legs.servos)
+
+
+def test_silent_buses_share_the_time_in_which_torque_off_is_confirmed(split: Robot) -> None:
+    """Each bus had a time of its own, one after the other."""
+    it = Split(split)
+    with it.driver:
+        it.driver.read(it.state)
+        it.driver.set_torque(True)
+        it.tick(3)
+        for line in it.world.emulator.lines:
+            line.bus.dead = {servo.id for servo in line.bus.servos}
+        it.world.advance(0.002)
+        begin = it.world.now
+        it.driver.set_torque(False)
+        assert it.world.now - begin < CONFIRM_S + 0.01
+        assert len(it.driver.holding) == split.n

@@ -617,3 +617,40 @@ def test_mx_servos_with_protocol_2_are_configured_and_hold(tmp_path: Path, servo
     assert it.emulator.body.plant.enabled.all() and not it.state.stale.any()
     assert np.isfinite(it.state.effort).all() == (servo != "MX-28(2.0)")
     it.driver.close()
+
+
+def test_an_answer_in_pieces_wakes_the_loop_for_the_first_and_the_last(
+    rig: Callable[..., Rig], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An adapter passes an answer of 308 bytes on in pieces of 62: the loop woke for each of them."""
+    it = rig()
+    it.start()
+    port = it.driver.buses[0].port
+    receive, wait, sleep = port.receive, port.wait_any, port.sleep
+    head, waits, slept = b"\xff\xff\xfd\x00\xfe", 0, 0.0
+
+    def waited(ports: list[SerialPort], seconds: float) -> None:
+        nonlocal waits
+        waits += 1
+        if waits == 1:  # half a millisecond later the first piece is there
+            it.world.advance(0.0005)
+        else:
+            wait(ports, seconds)
+
+    def received() -> bytes:
+        if waits == 0:
+            return b""
+        return head if waits == 1 else receive().removeprefix(head)
+
+    def asleep(seconds: float) -> None:
+        nonlocal slept
+        slept += seconds
+        sleep(seconds)
+
+    monkeypatch.setattr(port, "wait_any", waited)
+    monkeypatch.setattr(port, "receive", received)
+    monkeypatch.setattr(port, "sleep", asleep)
+    it.driver.read(it.state)
+    assert not it.state.stale.any() and it.state.imu_stale == 0
+    assert waits <= 3  # two for the servos' answer, one for the IMU's
+    assert slept > port.seconds(100)

@@ -51,13 +51,39 @@ def test_after_its_watchdog_tripped_a_servos_goals_begin_where_it_stopped(rig: R
     it.start()
     it.tick(6)
     it.driver.take_pins(np.zeros(it.robot.n))  # of the start
+    knee = it.robot.index("l_knee")
+    it.emulator.body.block(knee, True)
+    stopped = it.emulator.body.position[knee]
     trip(it)
+    it.command.position[knee] += 0.3  # the plan moves on
     pins = np.full(it.robot.n, np.nan)
     for _ in range(8):
         it.tick()
         it.driver.take_pins(pins)
-    knee = it.robot.index("l_knee")
-    assert abs(pins[knee] - it.state.position[knee]) < 0.01 and np.isnan(np.delete(pins, knee)).all()
+    assert abs(pins[knee] - stopped) < 0.01 and np.isnan(np.delete(pins, knee)).all()
+    assert abs(pins[knee] - it.command.position[knee]) > 0.25
+
+
+def test_the_goals_of_a_tripped_servo_begin_inside_the_envelope(rig: Rigs) -> None:  # noqa: F811
+    """A knee that the load had pressed out of its limits was pinned there: the driver's own guard refused the goals."""
+    it = rig()
+    knee, body = it.robot.index("l_knee"), it.emulator.body
+    limit = it.robot.lower[knee]
+    it.command.position[knee] = limit
+    it.start()
+    it.tick(200)
+    body.position[knee] = limit - 0.02
+    body.block(knee, True)
+    it.tick(5)
+    trip(it)
+    pins = np.full(it.robot.n, np.nan)
+    it.driver.take_pins(np.zeros(it.robot.n))
+    for _ in range(8):
+        it.tick()
+        it.driver.take_pins(pins)
+        np.copyto(it.command.position, pins, where=np.isfinite(pins))  # as the loop does
+    assert pins[knee] == pytest.approx(limit, abs=it.robot.tick_rad[knee])
+    assert it.driver.violations == 0 and body.receiver.position_violations == 0
 
 
 def test_a_watchdog_that_trips_again_and_again_is_an_error(rig: Rigs) -> None:  # noqa: F811

@@ -38,6 +38,12 @@ def released(trained: Run, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+def test_others_may_read_a_release_as_they_may_read_other_files(released: Path, tmp_path: Path) -> None:
+    """Regression: only its owner could."""
+    (tmp_path / "other").touch()
+    assert released.stat().st_mode == (tmp_path / "other").stat().st_mode
+
+
 def test_a_release_says_what_it_is(trained: Run, released: Path) -> None:
     header = ReleaseFile(released).header
     assert list(header.stages) == ["autoencoder", "diffusion", "distill"]

@@ -152,3 +152,18 @@ def test_a_supply_that_was_low_before_the_start_refuses_it(
         audit.watch(measured)
     refusal = audit.refusal(measured, np.zeros(op3.n, np.int64), True)
     assert refusal is not None and refusal.startswith("supply at")
+
+
+def test_an_imu_that_lies_refuses_a_start_also_where_none_is_required(
+    audit: HardwareAudit, measured: RobotState, op3: Robot
+) -> None:
+    """The documents said so, and OP3, which does not require its IMU, stood up open loop with one that lied."""
+    assert op3.config.imu is not None and not op3.config.imu.required
+    unread, wrong = np.zeros(op3.n, np.int64), np.ones(1, np.bool_)
+    for _ in range(op3.safety.max_stale_reads):
+        audit.plausibility.imu_suspicion.note(wrong, wrong)
+    assert audit.refusal(measured, unread, True) is None
+    audit.plausibility.imu_suspicion.note(wrong, wrong)
+    refusal = audit.refusal(measured, unread, False)
+    assert refusal is not None and refusal.startswith("the IMU measures what cannot be: replace it")
+    assert audit.problem(measured) is None  # a robot that walks goes on without it

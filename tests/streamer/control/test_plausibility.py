@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from copy import copy
+
 import numpy as np
 import pytest
 
@@ -18,6 +20,13 @@ RATE = 125.0
 @pytest.fixture(scope="module")
 def op3() -> Robot:
     return load_robot("op3")
+
+
+def patient(op3: Robot, reads: int) -> Robot:
+    """OP3 whose sensors may be silent or wrong for so many reads."""
+    robot = copy(op3)
+    robot.safety = op3.safety.model_copy(update={"max_stale_reads": reads})
+    return robot
 
 
 class Watched:
@@ -105,6 +114,32 @@ def test_a_speed_that_the_positions_contradict_is_replaced(watched: Watched, wro
     assert watched.level("speed") > watched.robot.safety.max_stale_reads
 
 
+@pytest.mark.parametrize("gap", [1, 3])
+@pytest.mark.parametrize("wrong", [4.4, -4.4])
+def test_a_false_speed_behind_a_false_position_is_bounded_by_what_the_joint_moved(
+    watched: Watched, gap: int, wrong: float
+) -> None:
+    """Regression: nothing was compared with such a speed; with random lies a goal jumped by 10 degrees in a tick."""
+    for _ in range(20):
+        watched.read()
+    for _ in range(gap):
+        assert watched.read(position=1.5).stale[KNEE] > 0
+    state, most = watched.read(velocity=wrong), 0.15 * (1 + gap) * watched.robot.no_load_speed[KNEE]
+    assert state.stale[KNEE] == 0 and 0.0 < abs(state.velocity[KNEE]) < min(most, 4.0)
+    assert watched.read().velocity[KNEE] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_joint_that_was_not_read_for_a_few_ticks_keeps_the_speed_that_it_has(watched: Watched) -> None:
+    watched.speed[KNEE] = 3.0
+    for _ in range(10):
+        watched.read()
+    watched.speed[KNEE] = 3.4
+    watched.read(silent=KNEE)
+    watched.read(silent=KNEE)
+    watched.speed[KNEE] = 3.8
+    assert watched.read().velocity[KNEE] == pytest.approx(3.8)
+
+
 @pytest.mark.parametrize(("kind", "wrong"), [("voltage", -9.0), ("voltage", 30.0), ("temperature", 200.0)])
 def test_a_value_outside_every_range_is_replaced_and_a_fault_if_it_stays(
     watched: Watched, kind: str, wrong: float
@@ -127,6 +162,33 @@ def test_a_turn_that_nothing_explains_is_not_believed_and_an_impact_is(watched: 
     assert watched.read().gyro[0] == 0.0 and watched.checks.disbelieved == 1
     struck = watched.read(gyro=5.0, accel=30.0)
     assert struck.gyro[0] == 5.0 and struck.accel[0] == 30.0
+
+
+def test_two_lies_that_seem_to_explain_each_other_are_no_fall(watched: Watched) -> None:
+    """A wrong force was an impact, which explained any turn within three ticks, and the turn was held for good.
+
+    In six ticks it made 50 degrees of tilt, and a robot that stood still was dropped.
+    """
+    watched.read(accel=-10.3)
+    watched.read()
+    assert watched.read(gyro=18.4).gyro[0] == 0.0
+    for _ in range(10):
+        watched.read()
+    watched.read(accel=-10.3)
+    held = [float(watched.read(gyro=wrong).gyro[0]) for wrong in (2.5, 0.0, 0.0)]
+    assert held == [2.5, 0.0, 0.0] and watched.state.imu_stale == 0
+
+
+@pytest.mark.parametrize("size", [0.5, 1.0, 4.0])
+def test_the_step_of_a_turn_that_is_believed_follows_the_robots_size(op3: Robot, size: float) -> None:
+    """A bound of OP3's size was that of every robot: one of four times its size believed 1.4 rad/s in a tick."""
+    tall = copy(op3)
+    tall.gait = op3.gait.model_copy(update={"stand_hip_height": size * op3.gait.stand_hip_height})
+    watched = Watched(tall)
+    watched.read()
+    step = 4.0 * GRAVITY / tall.gait.stand_hip_height / RATE
+    assert watched.read(gyro=0.9 * step).gyro[0] == pytest.approx(0.9 * step)
+    assert watched.read(gyro=2.0 * step).gyro[0] == pytest.approx(0.9 * step) and watched.checks.disbelieved == 1
 
 
 def test_an_imu_that_stays_wrong_counts_as_silent(watched: Watched) -> None:
@@ -159,12 +221,27 @@ def test_limp_joints_may_be_moved_by_hand(watched: Watched) -> None:
 
 def test_a_sensor_that_was_wrong_for_minutes_is_believed_again_within_seconds() -> None:
     """Each wrong sample of an IMU counted: after ten seconds of them falls were not detected for 100 s."""
-    suspicion, yes = Suspicion(1), np.ones(1, np.bool_)
+    suspicion, yes = Suspicion(1, patience=5), np.ones(1, np.bool_)
     for _ in range(10_000):
         suspicion.note(yes, yes)
     for _ in range(200):
         suspicion.note(~yes, yes)
     assert suspicion.level[0] < 5.0 and suspicion.total == 10_000
+
+
+@pytest.mark.parametrize("reads", [1, 5, 19, 20, 25, 60])
+def test_however_patient_a_robot_file_is_a_sensor_that_goes_on_lying_is_found(op3: Robot, reads: int) -> None:
+    """The level of suspicion ended at 20: with `max_stale_reads: 20` and more, 200 degrees for good were no fault."""
+    watched = Watched(patient(op3, reads))
+    watched.read()
+    for _ in range(reads + 1):
+        watched.read(temperature=200.0, accel=200.0)
+    assert watched.level("temperature") > reads and watched.checks.imu_suspicion.level[0] > reads
+    for _ in range(1000):
+        watched.read(temperature=200.0)
+    for _ in range(40 * reads + 1):
+        watched.read()
+    assert watched.level("temperature") == 0
 
 
 def test_a_gyro_that_was_frozen_is_believed_again_once_torque_is_off(watched: Watched) -> None:
@@ -216,3 +293,37 @@ def test_a_speed_that_lies_takes_no_position_with_it(watched: Watched) -> None:
         state = watched.read(velocity=4.5)
         assert state.stale[KNEE] == 0 and state.position[KNEE] == watched.true[KNEE]
     assert watched.level("speed") > watched.robot.safety.max_stale_reads
+
+
+class LongWay(Plausibility):
+    """Checks that never take their short way."""
+
+    def _as_expected(self, *_: object) -> bool:
+        return False
+
+
+def test_the_short_way_believes_what_the_long_way_believes(op3: Robot) -> None:
+    """Over two thousand ticks with lies, gaps, silences and torque that goes off."""
+    random = np.random.default_rng(0)
+    short, long = Watched(op3), Watched(op3)
+    long.checks = LongWay(op3)
+    kinds = ("position", "velocity", "voltage", "temperature", "gyro", "accel")
+    taken = 0
+    for _ in range(2000):
+        wrong = {}
+        if random.random() < 0.1:
+            wrong[str(random.choice(kinds))] = float(random.choice([0.02, 0.4, 6.0, 60.0, np.nan]))
+        silent = int(random.integers(op3.n)) if random.random() < 0.03 else None
+        powered, speed = random.random() > 0.02, float(random.choice([0.0, 0.0, 0.5, 3.0]))
+        short.speed[KNEE] = long.speed[KNEE] = speed
+        taken += short.checks._calm
+        for each in (short, long):
+            each.read(powered=powered, silent=silent, **wrong)
+        ours, theirs = short.checks, long.checks
+        for name in ("position", "velocity", "voltage", "temperature", "stale", "gyro", "accel", "imu_stale"):
+            np.testing.assert_array_equal(getattr(short.state, name), getattr(long.state, name), err_msg=name)
+        for name in ("unread", "doubted", "expected", "returned", "disbelieved"):
+            np.testing.assert_array_equal(getattr(ours, name), getattr(theirs, name), err_msg=name)
+        for one, other in zip(ours.suspicions, theirs.suspicions, strict=True):
+            np.testing.assert_array_equal(one.level, other.level)
+    assert taken > 200

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import pytest
@@ -180,6 +181,54 @@ def test_a_later_version_of_an_answer_says_where_the_robot_arrived_and_is_no_sec
     assert followed is not None and (followed.end, followed.place) == ("done", (0.97, 0.02, 0.1))
 
 
+def test_what_is_followed_ends_with_a_stop_without_torque_and_for_words_that_are_not_understood(
+    make_office: Make,
+) -> None:
+    """The page named an older sentence while the robot stood for another reason."""
+    office = make_office()
+
+    def followed() -> bool:
+        office.run.step()
+        office.desk.pump()
+        return office.desk.following is not None
+
+    def sent(message: str) -> int:
+        office.ask(message)
+        while not (arrived := office.run.arrived()):
+            office.desk.pump()
+        return arrived[-1].id
+
+    def accept() -> None:
+        office.run.state, office.run.stopped = State.STREAMING, False
+        office.run.step()
+        office.run.answer(sent(WAVE))
+        assert followed()
+
+    accept()
+    office.run.stopped = True
+    assert not followed()
+    for state in (State.PARK, State.OFF, State.FAULT):
+        accept()
+        office.run.state = state
+        assert not followed()
+    accept()
+    fly = sent('{"type":"text","text":"fly to the moon"}')
+    office.run.heard.publish(Heard(id=fly, asked="?", state="refused", tick=7, reason="it stands still"))
+    assert not followed()
+
+
+def test_a_velocity_that_is_not_sent_again_is_told_as_over(make_office: Make) -> None:
+    office = make_office()
+    office.ask('{"type":"velocity","velocity":[0.3,0,0],"ttl_s":0.001}')
+    (target,) = office.run.arrived()
+    office.run.answer(target.id)
+    office.run.step()
+    office.desk.pump()
+    time.sleep(0.002)
+    told = status_of(office.desk, "op3", "sim", 125.0, None).following
+    assert told is not None and told.end == "expired"
+
+
 def test_an_arm_is_accepted_once_torque_is_on_and_refused_with_the_loops_reason(make_office: Make) -> None:
     office = make_office()
     office.run.state = State.OFF
@@ -317,16 +366,19 @@ def test_answers_come_while_time_passes(make_office: Make) -> None:
     assert before <= office.run.arrived()[0].stamp_ns <= time.perf_counter_ns()
 
 
+def cause_after(office: Any, kind: str, message: str) -> str | None:
+    """The status's cause after an event of the loop."""
+    office.run.telemetry.emit(office.run.tick, kind, message)
+    office.desk.pump()
+    return status_of(office.desk, "op3", "sim", 125.0, None).cause
+
+
 def test_a_fault_is_told_in_the_status_until_it_is_cleared(make_office: Make) -> None:
     """The status said FAULT and not why; the cause was in the log alone."""
     office = make_office()
     office.run.step()
 
-    def told(kind: str, message: str) -> str | None:
-        office.run.telemetry.emit(office.run.tick, kind, message)
-        office.desk.pump()
-        return status_of(office.desk, "op3", "sim", 125.0, None).cause
-
+    told = partial(cause_after, office)
     assert told("state", "STREAMING -> DAMPED: fall: torso tilted past the robot's limit") == (
         "fall: torso tilted past the robot's limit"
     )
@@ -335,3 +387,35 @@ def test_a_fault_is_told_in_the_status_until_it_is_cleared(make_office: Make) ->
     assert told("state", "FAULT -> OFF") is None
     assert told("fault", "no start: servo of l_knee (id 14) does not answer") is not None
     assert told("state", "OFF -> READY") is None
+
+
+def test_the_first_cause_stays_in_the_status(make_office: Make) -> None:
+    """A pulled cable read as "torque off is not confirmed by …" alone, a dead servo as a planner that had died."""
+    office = make_office()
+    office.run.step()
+
+    told = partial(cause_after, office)
+    lost, stiff = "bus lost: no joint has answered for 6 reads", "torque off is not confirmed by l_knee (id 14): …"
+    died, begun = "the planner's process died (exit code 1); it is started again", "HOLD -> PARK"
+    assert told("state", f"STREAMING -> HOLD: {lost}") == lost
+    assert told("fault", died) == f"{lost}; {died}"
+    assert told("state", f"{begun}: {lost}") == lost
+    assert told("fault", f"PARK -> FAULT: {lost}") == lost
+    assert told("fault", stiff) == f"{lost}; {stiff}"  # a person beside the robot must know it too
+    assert told("state", "FAULT -> OFF") is None
+    assert told("fault", "no start: servo of l_knee (id 14) does not answer") is not None
+    assert told("fault", "no start: supply at 9.5 V, below 10.2 V") == "no start: supply at 9.5 V, below 10.2 V"
+
+
+def test_a_planner_that_died_is_the_cause_of_the_stand_that_follows(make_office: Make) -> None:
+    """The robot stopped for it, and with the change to HOLD the status told no cause any more."""
+    office = make_office()
+    office.run.step()
+    died = "the planner's process died (exit code 1); it is started again"
+    for kind, message in (("fault", died), ("state", "STREAMING -> HOLD")):
+        office.run.telemetry.emit(office.run.tick, kind, message)
+    office.desk.pump()
+    assert office.desk.cause.text == died
+    office.run.telemetry.emit(office.run.tick, "state", "HOLD -> STREAMING")
+    office.desk.pump()
+    assert office.desk.cause.text is None

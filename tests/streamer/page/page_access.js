@@ -11,7 +11,7 @@
     return [...context.getImageData(0, 0, 1, 1).data].slice(0, 3);
   };
   const grounds = (element) => (element ? [...grounds(element.parentElement), getComputedStyle(element).backgroundColor] : ["white"]);
-  const found = { contrast: [], names: [], small: [], unreachable: [] };
+  const found = { contrast: [], names: [], small: [], edges: [], unreachable: [] };
   for (const element of document.querySelectorAll("body *")) {
     const style = getComputedStyle(element), box = element.getBoundingClientRect();
     if (!box.width || !box.height || style.visibility === "hidden" || element.classList.contains("hidden")) continue;
@@ -28,6 +28,10 @@
       if (!(element.getAttribute("aria-label") || label || element.textContent).trim()) found.names.push(says);
       const target = element.matches("input[type=checkbox], input[type=radio]") ? element.labels[0].getBoundingClientRect() : box;
       if (element.tagName !== "A" && Math.min(target.width, target.height) < 24) found.small.push(`${says}: ${target.width} x ${target.height}`);
+      if (element.matches("input:not([type=checkbox], [type=radio]), select")) {
+        const ground = grounds(element.parentElement), [a, b] = [luminance(drawn(...ground, style.borderTopColor)), luminance(drawn(...ground))];
+        if ((Math.max(a, b) + 0.05) / (Math.min(a, b) + 0.05) < 3) found.edges.push(says);
+      }
       if (element.tabIndex < 0) found.unreachable.push(says);
     }
   }

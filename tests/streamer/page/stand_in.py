@@ -130,6 +130,11 @@ class StandIn:
         told = {} if advice is None else {"advice": advice}
         self.send({"type": "event", "time_s": 41.2, "kind": kind, "message": message, **told})
 
+    def heard(self, number: int, asked: str, state: str, **known: Any) -> None:
+        """The planner's answer to a target of this page."""
+        source = self.page.evaluate("() => window.flexmotion.link.source")
+        self.send({"type": "heard", "id": number, "asked": asked, "state": state, "source": source, **known})
+
     def figures(self) -> None:
         """Figures and curves as of a run that walks."""
         time_s = np.arange(0.0, 30.0, 0.1)
@@ -146,12 +151,15 @@ class StandIn:
             | {"hung": False}
         )
 
-    def picture(self, odometry: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> None:
-        """The robot, standing where it began."""
+    def picture(
+        self, odometry: tuple[float, float, float] = (0.0, 0.0, 0.0), moved: tuple[float, float] = (0.0, 0.0)
+    ) -> None:
+        """The robot a second later, standing where it began, or `moved` from there [m]."""
         row = blank(TickRow.dtype(joints=self.robot.n))
         self._tick += 125
         row["tick"], row["q"], row["odometry"] = self._tick, self.robot.stand_pose, odometry
         row["true_base"] = Pose(self.robot).base
+        row["true_base"][:2] += moved
         self.send(Pictures(self.robot, None).of(row))
 
     def lose(self) -> None:

@@ -17,7 +17,7 @@ PHONE, DESK = {"width": 390, "height": 780}, {"width": 1280, "height": 800}
 STATES = {"OFF": "torque off", "STREAMING": "moving", "PARK": "parking", "FAULT": "fault", "HOLD": "stopped"}
 ACCESS = Path(__file__).with_name("page_access.js")
 """What WCAG 2.2 AA asks of a page: contrast of its texts (1.4.3), names of its controls (4.1.2), their size in pixels
-(2.5.8), and that the keyboard reaches them (2.1.1)."""
+(2.5.8), contrast of the edges of its fields (1.4.11), and that the keyboard reaches them (2.1.1)."""
 
 
 @pytest.fixture(scope="module", params=[PHONE, DESK], ids=["phone", "desk"])
@@ -37,6 +37,7 @@ def run(tab: StandIn) -> StandIn:
     tab.pressed.clear()
     tab.picture()
     tab.figures()
+    tab.status("READY")  # whatever was before is over
     tab.status("HOLD")
     tab.until(lambda: tab.page.inner_text("#state") == "standing", "the page to show the state")
     return tab
@@ -57,7 +58,7 @@ def test_every_text_can_be_read_and_every_control_reached(run: StandIn) -> None:
             run.status(state, operator="another", must_stop=state == "HOLD")
             run.until(partial(lambda words: page.inner_text("#state") == words, shown), "the state")
             found = page.evaluate(ACCESS.read_text(encoding="utf-8").partition("\n")[2])
-            assert found == {"contrast": [], "names": [], "small": [], "unreachable": []}, state
+            assert found == {"contrast": [], "names": [], "small": [], "edges": [], "unreachable": []}, state
         page.click("#theme")
     assert page.evaluate("() => document.documentElement.scrollWidth <= innerWidth")
     assert not run.problems
@@ -90,8 +91,14 @@ def test_a_stop_that_nobody_takes_is_told(run: StandIn) -> None:
     assert run.asked[-1]["type"] == "estop"  # the gateway was asked too
     assert "no answer" in page.inner_text("#alarm") and "supply" in page.inner_text("#alarm")
     run.stops_answer = True
-    page.get_by_role("button", name="EMERGENCY STOP").click()
-    run.until(lambda: page.locator("#alarm").is_hidden(), "the alarm to go, now that it was taken")
+
+    def taken() -> bool:
+        page.get_by_role("button", name="EMERGENCY STOP").click()
+        page.wait_for_timeout(200)
+        return page.locator("#alarm").is_hidden()
+
+    run.until(taken, "the alarm to go, now that it was taken")  # a slow machine may need more than one press
+    assert page.inner_text("#note") == "EMERGENCY STOP received"
 
 
 def test_a_click_on_the_floor_asks_first_and_goes_to_that_place(run: StandIn) -> None:

@@ -19,7 +19,7 @@ from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.telemetry import Telemetry
 from flexmotion.streamer.motion.heard import Heard, HeardChannel
 from flexmotion.streamer.motion.human_channel import POINTS, HumanChannel, points_of
-from flexmotion.streamer.page.advice import advice
+from flexmotion.streamer.page.advice import advice, headline
 from flexmotion.streamer.page.body import BONES, page_robot
 from flexmotion.streamer.page.curves import Curves, margin_mm
 from flexmotion.streamer.page.feed import Feed
@@ -294,3 +294,16 @@ def test_what_a_page_knows_of_the_robot_is_json_with_every_mesh(robot: Robot) ->
 def test_a_fault_says_what_to_do(message: str, told: str | None) -> None:
     found = advice(message)
     assert (found is None) if told is None else (found is not None and told in found)
+
+
+def test_a_simulated_robot_has_no_cables_to_check() -> None:
+    """On a busy machine the simulation was late, and the page told the user to check the servos' cable and supply."""
+    lost = "STREAMING -> HOLD: bus lost: no joint has answered for 6 reads"
+    busy = f"{lost} (the loop itself woke 23 ms late: this machine was busy with something else)"
+    for message in (lost, busy):
+        told = str(advice(message, simulated=True))
+        assert "too busy to simulate" in told and "cable" not in told
+        assert headline(message, simulated=True) == "The simulation fell behind"
+    assert "too busy" in str(advice(busy)) and "Check the servos' cable" in str(advice(lost))
+    assert headline("e-stop: frozen by an operator") == "Emergency stop pressed"
+    assert headline("OFF -> READY") is None

@@ -195,6 +195,31 @@ def test_frequent_targets_do_not_prevent_plans(bench: Bench, monkeypatch: pytest
     assert bench.replanner.step(133) and bench.newest().target == 2
 
 
+def test_frequent_targets_do_not_prevent_the_first_plan(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Right after it was armed a robot did not move for a stick: each newer target ended the making of its first plan.
+
+    Seen where that plan takes longer than a target must last (`change_s`).
+    """
+    plan = bench.planner.plan
+    must_stop = True
+
+    def slow(*arguments: object, checkpoint: Callable[[], None], **how: object) -> object:
+        bench.targets.send(Clip("bow"))
+        bench.publish_row(140, must_stop=must_stop)
+        bench.replanner.ledger.take(140)  # the time that a target must last is over
+        checkpoint()
+        return plan(*arguments, checkpoint=checkpoint, **how)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(bench.planner, "plan", slow)
+    first = bench.targets.send(Clip("walk"))
+    bench.publish_row(99)
+    assert not bench.replanner.step(100)  # a stop ends the making of any plan
+    must_stop = False
+    bench.publish_row(199)
+    assert bench.replanner.step(200)
+    assert not bench.newest().partial and bench.newest().target > first.id
+
+
 def test_an_effect_is_two_degrees_away_from_what_would_have_been_sent(bench: Bench) -> None:
     bench.first()
     bench.publish_row(200, state=State.STREAMING, plan=1)

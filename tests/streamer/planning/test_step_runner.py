@@ -163,6 +163,9 @@ def test_another_target_and_a_stop_end_a_program_and_say_so() -> None:
     robot.row.must_stop[...] = True
     robot.run(0.1)
     assert robot.heard[-1].id == 2 and robot.ends == ["stopped"] and not robot.runner.resting
+    # The page drew a motion until the next one, since nothing said when it had ended.
+    ended = [heard.steps[0].end_s for heard in robot.heard]
+    assert ended == pytest.approx([2.0, 2.2], abs=0.05)
 
 
 def test_a_target_that_is_over_ends_its_program() -> None:

@@ -69,6 +69,15 @@ def test_a_target_is_accepted_when_the_loop_has_taken_a_plan_and_not_before(benc
     assert (answer.at_s, answer.certainty) == (10.01, 0.9)
 
 
+def test_an_answer_names_a_stop_as_such(bench: Bench) -> None:
+    """The history listed "True: too late"."""
+    bench.mailbox.send(Stop())
+    bench.mailbox.send(WALK)
+    bench.look(10)
+    (answer,) = bench.told
+    assert (answer.asked, answer.state) == ("stop", "superseded")
+
+
 def test_words_that_mean_nothing_are_refused_with_what_the_robot_does_instead(bench: Bench) -> None:
     bench.mailbox.send(Text("fly"))
     bench.look(10)
@@ -162,7 +171,7 @@ def test_a_stop_refuses_what_is_asked_meanwhile_and_what_was_asked_before_does_n
     bench.follow(104)
     bench.mailbox.send(WAVE)
     bench.look(110, must_stop=True)
-    assert bench.states[-1] == (2, "refused") and "clear releases a STOP" in str(bench.told[-1].reason)
+    assert bench.states[-1] == (2, "refused") and "release the stop first" in str(bench.told[-1].reason)
     bench.look(300, must_stop=False, state=State.HOLD)
     assert bench.ledger.halted and bench.ledger.wanted is NO_TARGET
 
@@ -171,9 +180,9 @@ def test_a_stop_refuses_what_is_asked_meanwhile_and_what_was_asked_before_does_n
     ("state", "reason"),
     [
         (State.OFF, "arm the robot first"),
-        (State.PARK, "the robot is in PARK"),
+        (State.PARK, "lowers itself (PARK)"),
         (State.DAMPED, "the robot has fallen"),
-        (State.FAULT, "clear it, then arm the robot"),
+        (State.FAULT, "clear the fault, then arm the robot"),
     ],
 )
 def test_no_target_is_followed_in_a_state_without_plans(bench: Bench, state: State, reason: str) -> None:

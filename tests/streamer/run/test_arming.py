@@ -103,7 +103,7 @@ def test_after_an_emergency_stop_clear_leads_to_off_and_arm_from_there_back_to_a
         run.ask(Request.ARM)
         assert "a fault is latched: e-stop" in run.messages("refused")[-1] and session.state.ladder is State.FAULT
         refused = run.answer(session.send(TURN).id)
-        assert refused.state == "refused" and "clear it, then arm" in str(refused.reason)
+        assert refused.state == "refused" and "clear the fault, then arm" in str(refused.reason)
         run.ask(Request.CLEAR)
         session.advance(6.0)
         assert session.state.ladder is State.OFF, "CLEAR alone switches no torque on"

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from flexmotion.configs.robot import Robot, load_robot
 from flexmotion.configs.stream import load_stream
-from flexmotion.drivers.interface import JointCommand
+from flexmotion.drivers.interface import Driver, JointCommand
 from flexmotion.drivers.registry import create
 from flexmotion.drivers.sim.driver import SimDriver
 from flexmotion.drivers.sim.options import SimOptions
@@ -108,3 +108,22 @@ def test_a_loop_that_fails_before_its_first_goal_sends_none(monkeypatch: pytest.
     record = session.record
     assert np.isnan(record.q_cmd).all() and not (record.state == State.PARK).any()
     assert not [event for event in record.events if "lowered" in event.message]
+
+
+def test_a_servo_that_was_held_is_lowered_from_where_it_stopped(
+    failing: Session, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Goals of the lowering began at the last goal, which a servo behind its tripped watchdog had refused."""
+    arm, held, whole = failing.robot.index("l_el"), 0.1, []
+
+    def take_pins(_self: Driver, goal: Float) -> None:
+        if np.isfinite(goal).all():  # all goals are given as torque goes on, and again for the lowering
+            whole.append(goal)
+            if len(whole) == 2:
+                goal[arm] = held
+
+    monkeypatch.setattr(Driver, "take_pins", take_pins)
+    with virtual_time(), pytest.raises(Exception, match="the control loop failed"):
+        failing.run()
+    lowered = failing.record.q_cmd[failing.record.state == State.PARK, arm]
+    assert lowered[0] == held and abs(lowered[-1] - failing.robot.rest_pose[arm]) < 1e-6

@@ -99,7 +99,7 @@ def test_a_stop_holds_until_clear_and_what_was_asked_before_it_does_not_go_on(li
     session.ask(Request.STOP)
     live.until_state(State.HOLD)
     refused = live.until_answered(session.send(TURN).id)
-    assert refused.state == "refused" and "clear releases a STOP" in str(refused.reason)
+    assert refused.state == "refused" and "release the stop first" in str(refused.reason)
     session.ask(Request.CLEAR)
     session.advance(1.0)
     assert session.state.ladder is State.HOLD and abs(live.yaw_speed()) < 0.01

@@ -1,0 +1,58 @@
+// An entry of the history in words: its mark, its steps, and why something was not done.
+
+import { amount, plain } from "./words.js";
+
+const UNSURE = 0.7; // share of a kind of motion below which another one may have been meant
+const LONGEST = 160; // characters of a reason that is not folded
+const MARKS = {
+  accepted: ["accepted", "good"], slowed: ["accepted", "good"], partly: ["in part", "warn"], done: ["done", "good"], late: ["not finished", "warn"],
+  refused: ["refused", "bad"], expired: ["too late", "bad"], superseded: ["replaced", "wait"], stopped: ["stopped", "warn"], wait: ["sent", "wait"],
+  unsure: ["unsure", "warn"],
+};
+const ENDS = { done: "✓", "time limit": "not finished", superseded: "replaced", stopped: "stopped", expired: "too late" };
+const FOLLOWED = ["accepted", "slowed"];
+
+// [words, kind] of the mark beside an entry.
+export function mark(entry) {
+  return MARKS[outcome(entry)] ?? [entry.state, "wait"];
+}
+
+// What became of it: the robot has measured the steps that have an amount.
+function outcome({ state, answer, text }) {
+  if (!FOLLOWED.includes(state)) return state;
+  const ends = (answer.steps ?? []).filter((step) => step.amount !== undefined || step.end).map((step) => step.end);
+  if (ends.length && ends.every(Boolean)) {
+    if (ends.every((end) => end === "done")) return "done";
+    if (ends.includes("time limit")) return "late";
+    return ends.includes("stopped") ? "stopped" : "superseded";
+  }
+  return answer.certainty < UNSURE && answer.heard_as && plain(answer.heard_as) !== text ? "unsure" : state;
+}
+
+// {steps: [{text, end, done}], notes: [text], problem, tries: [text], more: text} of an entry.
+export function told(entry, own) {
+  const { heard_as, certainty, slowed, dropped, notes, reason, steps = [] } = entry.answer;
+  const found = { steps: [], notes: [], problem: "", tries: [], more: "" };
+  if (reason) Object.assign(found, why(reason));
+  if (steps.length > 1 || steps.some((step) => step.amount !== undefined)) {
+    found.steps = steps.map((step) => ({
+      text: [plain(step.heard_as ?? step.text), step.amount === undefined ? "" : amount(step.amount, step.unit)].filter(Boolean).join(" "),
+      end: ENDS[step.end] ?? "", done: step.end === "done",
+    }));
+  } else if (heard_as && plain(heard_as) !== entry.text && !entry.stick && !entry.goal) {
+    found.notes.push(`heard as ${plain(heard_as)}${certainty < UNSURE ? ", but not sure" : ""}`);
+  }
+  if (dropped?.length) found.notes.push(`not done: ${dropped.join(", ")}`);
+  if (slowed) found.notes.push(`slowed to ${slowed}`);
+  found.notes.push(...(notes ?? []));
+  if (entry.source && entry.source !== own) found.notes.push(`by ${entry.source}`);
+  return found;
+}
+
+// A reason; where it lists what the model can do, that apart, and what to try instead.
+function why(reason) {
+  const list = reason.match(/^(.*?), it stands still; it can: (.*?)(?:; try: (.*))?$/);
+  if (list) return { problem: `${list[1]}. The robot stands still.`, more: list[2], tries: list[3]?.split(", ") ?? [] };
+  const end = reason.indexOf("; ");
+  return reason.length <= LONGEST || end < 0 ? { problem: reason } : { problem: reason.slice(0, end), more: reason.slice(end + 2) };
+}

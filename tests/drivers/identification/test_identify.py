@@ -1,0 +1,116 @@
+"""Hidden figures of emulated servos are found over the bytes of the bus; those that no motion shows are refused."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.shared.hidden_servos import drawn, hide
+from flexmotion.configs.errors import DriverError
+from flexmotion.configs.identification import Identification, IdentifiedFigure
+from flexmotion.configs.robot import Robot, load_robot
+from flexmotion.drivers.identification.identify import identify, merged
+from flexmotion.drivers.identification.record import RobotRecord
+
+from .stand import Stand
+
+DATE = "2026-11-23T15:00:00+00:00"
+FINE = 0.0005
+"""Physics step [s]: goals and readings of the emulator are late or early by up to one, which the delay shows."""
+
+
+@pytest.fixture(scope="module")
+def op3() -> Robot:
+    return load_robot("op3")
+
+
+@pytest.fixture(scope="module")
+def knee(op3: Robot, tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, float], RobotRecord]:
+    """Hidden figures of the knee, and the record of its motion."""
+    rng = np.random.default_rng(7)
+    figures, delay = drawn(op3, "l_knee", rng), rng.uniform(0.004, 0.012)
+    stand = Stand.of(op3, hide(op3, "l_knee", tmp_path_factory.mktemp("knee"), figures), delay=delay, timestep=FINE)
+    record = stand.experiment().run(stand.plan("l_knee"))
+    assert stand.limp and stand.body.receiver.violations == 0
+    return figures | {"delay": delay, "torque_constant": op3.servo("l_knee").torque_constant or 0.0}, record
+
+
+def test_hidden_figures_are_found_within_a_tenth_and_their_uncertainty(
+    op3: Robot, knee: tuple[dict[str, float], RobotRecord]
+) -> None:
+    hidden, record = knee
+    found = identify(op3, op3.index("l_knee"), record, DATE)
+    assert set(found.figures) == set(hidden) and not found.refused
+    for name, true in hidden.items():
+        figure = found.figures[name]  # type: ignore[index]
+        assert abs(figure.value - true) <= figure.uncertainty, name
+        # Viscous friction is a small part of the drag: a tenth of what it is told from.
+        scale = true + (hidden["back_emf"] if name == "damping" else 0.0)
+        assert figure.value == pytest.approx(true, abs=0.1 * scale), name
+        assert figure.date == DATE and "on a stand" in figure.motion
+
+
+def test_a_joint_that_gravity_does_not_bend_shows_no_torque(op3: Robot, tmp_path: Path) -> None:
+    figures = drawn(op3, "l_hip_yaw", np.random.default_rng(3))
+    stand = Stand.of(op3, hide(op3, "l_hip_yaw", tmp_path, figures), delay=0.005)
+    found = identify(op3, op3.index("l_hip_yaw"), stand.experiment().run(stand.plan("l_hip_yaw")), DATE)
+    assert "kp" in found.refused and "armature" in found.refused and "torque_constant" in found.refused
+    assert "turn the robot on its stand" in found.refused["kp"]
+    assert "delay" in found.figures
+
+
+def test_without_current_the_drag_is_one_figure(op3: Robot, knee: tuple[dict[str, float], RobotRecord]) -> None:
+    hidden, record = knee
+    silent = replace(record, effort=np.full_like(record.effort, np.nan))
+    found = identify(op3, op3.index("l_knee"), silent, DATE)
+    assert "measures no current" in found.refused["damping"] and "torque_constant" in found.refused
+    drag = found.figures["back_emf"]
+    assert abs(drag.value - hidden["back_emf"] - hidden["damping"]) <= drag.uncertainty
+
+
+def test_false_angles_are_left_out(op3: Robot, knee: tuple[dict[str, float], RobotRecord]) -> None:
+    hidden, record = knee
+    joint, rng = op3.index("l_knee"), np.random.default_rng(1)
+    position = record.position.copy()
+    wrong = rng.choice(len(record), size=len(record) // 100, replace=False)
+    position[wrong, joint] += rng.choice([-0.6, 0.6], size=len(wrong))
+    found = identify(op3, joint, replace(record, position=position), DATE)
+    assert found.estimate.rejected >= len(wrong) // 2
+    for name in ("kp", "back_emf", "armature"):
+        assert found.figures[name].value == pytest.approx(hidden[name], rel=0.1), name  # type: ignore[index]
+
+
+def test_a_motion_that_the_plant_does_not_explain_is_refused(
+    op3: Robot, knee: tuple[dict[str, float], RobotRecord]
+) -> None:
+    _, record = knee
+    joint, position = op3.index("l_knee"), record.position.copy()
+    position[:, joint] = np.maximum(position[:, joint], np.quantile(position[:, joint], 0.55))
+    with pytest.raises(DriverError, match="l_knee.*something touches the limb"):
+        identify(op3, joint, replace(record, position=position), DATE)
+
+
+def test_a_joint_at_rest_is_refused(op3: Robot, knee: tuple[dict[str, float], RobotRecord]) -> None:
+    _, record = knee
+    with pytest.raises(DriverError, match="l_el .id 6.: hardly moved"):
+        identify(op3, op3.index("l_el"), record, DATE)
+    with pytest.raises(DriverError, match="'l_el': was not measured"):
+        identify(op3, op3.index("l_el"), replace(record, fresh=np.zeros_like(record.fresh)), DATE)
+
+
+def test_a_new_back_emf_drops_the_friction_that_was_told_from_the_old_one(
+    op3: Robot, knee: tuple[dict[str, float], RobotRecord]
+) -> None:
+    """Otherwise viscous friction that the new back-EMF includes would count twice."""
+    _, record = knee
+    joint = op3.index("l_knee")
+    both = identify(op3, joint, record, DATE)
+    known = merged(Identification(joints={}), op3, both)
+    assert "damping" in known.joints["l_knee"].figures
+    drag = identify(op3, joint, replace(record, effort=np.full_like(record.effort, np.nan)), DATE)
+    after = merged(known, op3, drag).joints["l_knee"].figures
+    assert "damping" not in after and after["back_emf"] == drag.figures["back_emf"]
+    assert isinstance(after["torque_constant"], IdentifiedFigure)  # the others stay

@@ -1,0 +1,294 @@
+"""What the page says and offers in each state of a run, in a real browser of several sizes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+from flexmotion.configs.robot import load_robot
+
+from .stand_in import StandIn, browser_page
+
+ACROSS = ((844, 390), (932, 430), (568, 320))
+"""Sizes of phones that are held across [pixels]."""
+UPRIGHT = ((390, 844), (320, 568))
+DESK: Any = {"width": 1280, "height": 800}
+PHONE: Any = {"width": 390, "height": 844}
+CAUSE = "e-stop: frozen by an operator"
+REASON = (
+    "'fly to the moon' is not understood by this model, it stands still; it can: stand, walk, bow, wave right hand; "
+    "try: walk, bow, wave right hand"
+)
+"""As `PromptReader` says it."""
+
+
+@pytest.fixture(scope="module")
+def tab() -> Iterator[StandIn]:
+    with browser_page(viewport=PHONE, color_scheme="light") as page:
+        shown = StandIn(page, load_robot("op3"))
+        shown.open()
+        yield shown
+
+
+@pytest.fixture
+def run(tab: StandIn) -> StandIn:
+    """A run that stands, and its page, on a phone that is held upright."""
+    tab.page.set_viewport_size(PHONE)
+    tab.asked.clear()
+    tab.pressed.clear()
+    tab.picture()
+    tab.status("READY")  # whatever was before is over
+    tab.status("HOLD")
+    tab.until(lambda: tab.page.inner_text("#state") == "standing", "the page to show the state")
+    return tab
+
+
+def usable(run: StandIn, button: str) -> None:
+    run.until(lambda: run.page.locator(button).is_enabled(), f"{button} to be offered")
+
+
+def middle(run: StandIn, element: str) -> tuple[float, float]:
+    box = run.page.locator(element).bounding_box()
+    assert box is not None
+    return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+
+
+def layout(run: StandIn) -> list[Any]:
+    return [run.page.locator(one).bounding_box() for one in (".stage", "#prompt", "#stick", "#theme")]
+
+
+# ------------------------------------------------------------ the way back from a stop
+
+
+def test_the_second_half_of_a_double_tap_presses_nothing_else(run: StandIn) -> None:
+    """The button to disarm came where that to release a stop had been: a double tap lowered the robot."""
+    before = layout(run)
+    run.status("HOLD", must_stop=True)
+    usable(run, "#release")
+    assert layout(run) == before
+    place = middle(run, "#release")
+    run.page.mouse.click(*place)
+    run.until(lambda: run.asked, "the release to be asked for")
+    run.answer(state="accepted")
+    run.status("HOLD")
+    run.until(lambda: run.page.locator("#alarm").is_hidden(), "the panel to go")
+    assert layout(run) == before  # a suggestion had moved under the finger
+    usable(run, "#disarm")
+    run.page.mouse.click(*place)
+    run.page.wait_for_timeout(50)
+    assert [one["type"] for one in run.asked] == ["clear"]
+
+
+@pytest.mark.parametrize("size", [PHONE, DESK], ids=["phone", "desk"])
+def test_a_fault_is_cleared_and_the_robot_armed_at_two_places(run: StandIn, size: Any) -> None:
+    """On a desk "Arm" came where "Clear fault" had been: a double click switched the torque on."""
+    run.page.set_viewport_size(size)
+    run.status("FAULT", cause=CAUSE)
+    usable(run, "#clear")
+    assert run.page.locator("#arm").is_visible() and run.page.locator("#arm").is_disabled()
+    place = middle(run, "#clear")
+    run.page.mouse.click(*place)
+    run.until(lambda: run.asked, "the fault to be cleared")
+    run.answer(state="accepted")
+    # In the same moment in which the page learns that the robot may be armed, nothing can be pressed yet.
+    status = {"type": "status", "loop": "ticks", "state": "OFF", "must_stop": False, "counts": {}, "target": 0}
+    offered = run.page.evaluate(
+        """(status) => {
+          window.flexmotion.link.handlers.message(status);
+          return ["clear", "arm"].filter((id) => !document.getElementById(id).disabled);
+        }""",
+        status,
+    )
+    assert offered == []
+    usable(run, "#arm")
+    run.page.mouse.click(*place)
+    run.page.wait_for_timeout(50)
+    assert [one["type"] for one in run.asked] == ["clear"]
+    run.page.get_by_role("button", name="Arm", exact=True).click()
+    run.until(lambda: [one["type"] for one in run.asked] == ["clear", "arm"], "the robot to be armed")
+    run.answer(state="accepted")
+
+
+def test_both_steps_back_are_shown_while_the_robot_lowers_itself(run: StandIn) -> None:
+    """There was nothing to press and nothing that said what comes next."""
+    told = {"headline": "Emergency stop pressed", "advice": "Look at `flexmotion status`."}
+    run.send({"type": "event", "time_s": 3.0, "kind": "state", "message": f"STREAMING -> HOLD: {CAUSE}", **told})
+    run.status("PARK", cause=CAUSE)
+    run.until(lambda: run.page.locator("#clear").is_visible(), "the steps")
+    assert run.page.inner_text("#alarm-title") == "Emergency stop pressed"
+    assert run.page.inner_text("#alarm code") == "flexmotion status"  # backticks were shown as such
+    assert run.page.locator("#clear").is_disabled() and run.page.locator("#arm").is_disabled()
+
+
+# ------------------------------------------------------------ everything in reach
+
+
+@pytest.mark.parametrize("size", [*ACROSS, *UPRIGHT])
+def test_a_phone_steers_and_recovers_without_scrolling(run: StandIn, size: tuple[int, int]) -> None:
+    """Held across, half the stick and the button that clears a fault were below the edge."""
+    page = run.page
+    page.set_viewport_size({"width": size[0], "height": size[1]})
+    page.evaluate("() => scrollTo(0, 0)")
+    following = {"source": "another", "asked": {"text": "a sentence " * 20}, "target": 3}
+    for state, known, needed in (
+        ("STREAMING", {"following": following}, ("#stick", ".turns", "#following")),
+        ("HOLD", {"must_stop": True}, ("#release",)),
+        ("FAULT", {"cause": CAUSE}, ("#clear", "#arm")),
+        ("HOLD", {}, ("#stick", ".turns", "#disarm", "#theme", "#prompt" if size in ACROSS else "#stick")),
+    ):
+        run.status(state, **known)
+        for element in (*needed, "#stop", "#estop", "#state"):
+            run.until(lambda element=element: page.locator(element).is_visible(), f"{element} in {state}")
+            box = page.locator(element).bounding_box()
+            assert box is not None
+            assert box["x"] >= 0 and box["x"] + box["width"] <= size[0], (element, box)
+            assert box["y"] >= 0 and box["y"] + box["height"] <= size[1], (element, box)
+            reached = page.evaluate(
+                "([element, x, y]) => Boolean(document.elementFromPoint(x, y)?.closest(element))",
+                [element, *middle(run, element)],
+            )
+            assert reached, f"{element} is covered in {state}"
+    assert page.evaluate("() => document.documentElement.scrollWidth <= innerWidth")
+
+
+# ------------------------------------------------------------ what the robot does
+
+
+def test_a_stick_that_is_held_is_never_replaced(run: StandIn) -> None:
+    """Of ten velocities a second many are replaced by the next; the history said so while the robot walked."""
+    page = run.page
+    x, y = middle(run, "#stick")
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x, y - 60)
+    run.until(lambda: run.asked, "a velocity")
+    run.heard(21, "velocity [0.5, 0.0, 0.0]", "superseded", reason="a newer target came before a plan followed it")
+    run.heard(22, "velocity [0.5, 0.0, 0.0]", "accepted", heard_as="velocity", at_s=30.0, reason="goes on as before")
+    following = {"source": run.asked[-1]["source"], "asked": {"velocity": [0.5, 0.0, 0.0]}, "target": 22}
+    run.status("STREAMING", following=following)
+    run.heard(23, "velocity [0.5, 0.0, 0.0]", "superseded")
+    run.until(lambda: page.inner_text("#following") == "by stick: ahead", "the label")
+    assert page.inner_text("#history li:first-child").split() == ["stick", "accepted"]
+    page.mouse.up()
+    run.until(lambda: run.asked[-1]["velocity"] == [0, 0, 0], "the stick to be released")
+    run.status("STREAMING", following={**following, "asked": {"velocity": [0.0, 0.0, 0.0]}})
+    run.until(lambda: page.inner_text("#following") == "coming to a stand", "the label of a released stick")
+
+
+def test_the_label_is_what_is_followed_and_not_what_was_asked(run: StandIn) -> None:
+    """An older sentence was shown while the stick was held, and "faster" after a refusal, of a robot that stood."""
+    page = run.page
+    run.heard(31, "walk forward", "accepted", heard_as="walk", at_s=31.0)
+    run.status("STREAMING", following={"source": "me", "asked": {"text": "walk forward"}, "heard_as": "walk"})
+    run.until(lambda: page.inner_text("#following") == "“walk forward”", "the label")
+    run.heard(32, "fly to the moon", "refused", reason=REASON, at_s=32.0)
+    run.status("STREAMING", following=None)
+    run.until(lambda: page.inner_text("#following") == "", "the label to go")
+    run.status("STREAMING", following={"source": "me", "asked": {"stop": True}})
+    run.until(lambda: page.inner_text("#following") == "coming to a stand", "the label of a stop")
+    run.status("STREAMING", must_stop=True)
+    run.until(lambda: page.inner_text("#state") == "stopping", "the state")  # it was "stopped" while it walked
+
+
+def test_a_block_of_the_strip_ends_with_its_motion(run: StandIn) -> None:
+    """A block went on through STOP, fault, torque off and a lost connection, and no stop was shown."""
+    strip = "window.flexmotion.asked.strip"
+    for second, kind, message in (
+        (103.0, "request", "STOP"),
+        (104.5, "state", "STREAMING -> HOLD"),
+        (112.0, "request", "ESTOP"),
+        (112.0, "state", f"STREAMING -> HOLD: {CAUSE}"),
+        (113.0, "state", f"HOLD -> PARK: {CAUSE}"),
+    ):
+        run.send({"type": "event", "time_s": second, "kind": kind, "message": message})
+    step = {"text": "walk", "heard_as": "walk", "amount": 2.0, "unit": "time", "end": "done", "end_s": 108.5}
+    run.heard(41, "walk on", "accepted", at_s=101.0)
+    run.heard(42, "walk 2 s", "accepted", at_s=106.0, steps=[step])
+    run.heard(43, "wave", "accepted", at_s=110.0)
+    run.until(lambda: "walk 2 s" in run.page.inner_text("#history"), "the answers")
+    found = run.page.evaluate(
+        f"() => {strip}.blocks(window.flexmotion.asked.entries, 130).filter(([one]) => one.at_s > 100)"
+        ".map(([one, begin, end]) => [one.text, begin, end])"
+    )
+    assert found == [["walk on", 101, 103], ["walk 2 s", 106, 108.5], ["wave", 110, 112]]
+    marks = run.page.evaluate(f"() => {strip}.marks.map((one) => [one.letter, one.at_s])")
+    assert marks[-2:] == [["S", 103], ["E", 112]]
+    assert "✓" in run.page.inner_text("#history .steps")
+
+
+# ------------------------------------------------------------ what can be asked
+
+
+def test_what_cannot_be_asked_now_cannot_be_pressed_and_says_why(run: StandIn) -> None:
+    """Prompt and suggestions looked usable while the robot was stopped, in fault or without torque."""
+    page = run.page
+    for state, known, reason in (
+        ("HOLD", {"must_stop": True}, "Stopped: release the stop first"),
+        ("FAULT", {"cause": CAUSE}, "Fault: clear it first"),
+        ("OFF", {}, "Torque is off: arm it first"),
+        ("HOLD", {"operator": "another"}, "another steers: take over first"),
+    ):
+        run.status(state, **known)
+        run.until(lambda reason=reason: page.get_attribute("#prompt", "placeholder") == reason, reason)
+        assert page.is_disabled("#prompt") and page.is_disabled("#suggestions button >> nth=0")
+        assert page.is_enabled("#stop") and page.is_enabled("#estop")
+        x, y = middle(run, "#stick")
+        page.mouse.click(x, y - 40)
+        page.wait_for_timeout(50)
+        assert not run.asked
+    run.status("HOLD")
+    run.until(lambda: page.is_enabled("#prompt"), "the prompt")
+    page.click("#suggestions button >> nth=0")
+    run.until(lambda: run.asked, "a suggestion to be sent")
+    run.answer(state="accepted", target=50)
+
+
+def test_an_emergency_stop_without_torque_is_confirmed(run: StandIn) -> None:
+    """The press had no visible answer, as if nobody had taken it."""
+    run.status("OFF")
+    run.until(lambda: run.page.inner_text("#state") == "torque off", "the state")
+    run.page.get_by_role("button", name="EMERGENCY STOP").click()
+    run.until(lambda: "off already" in (run.page.text_content("#note") or ""), "the press to be confirmed")
+
+
+def test_words_that_are_not_understood_offer_what_is(run: StandIn) -> None:
+    """The help was a folded list of 23 names. (A list that was made anew ten times a second also lost the focus.)"""
+    page = run.page
+    run.heard(61, "fly to the moon", "refused", reason=REASON, at_s=61.0)
+    entry = page.locator("#history li", has_text="fly to the moon").first
+    run.until(lambda: entry.locator(".chips button").count() == 3, "motions to try")
+    assert "stand, walk" not in entry.inner_text()
+    entry.locator("summary").focus()
+    for number in range(62, 66):
+        run.heard(number, "velocity [0.5, 0.0, 0.0]", "accepted", at_s=float(number))
+    run.heard(66, "hello robot", "accepted", heard_as="wave-right-hand", certainty=0.51, at_s=66.0)
+    run.until(lambda: "hello robot" in page.inner_text("#history"), "the answers")
+    assert page.evaluate("() => document.activeElement.tagName") == "SUMMARY"
+    # An answer of which the listener is not sure looked like any other.
+    assert page.inner_text("#history li:first-child .mark") == "unsure"
+    entry.get_by_role("button", name="bow").click()
+    run.until(lambda: run.asked and run.asked[-1].get("text") == "bow", "the motion to be asked for")
+    run.answer(state="accepted", target=67)
+
+
+def test_a_page_that_is_opened_lists_nothing_that_nobody_typed(run: StandIn) -> None:
+    run.send({"type": "heard", "item": 0, "asked": "stand still", "state": "accepted", "heard_as": "stand"})
+    run.heard(70, "bow", "accepted", heard_as="bow", at_s=70.0)
+    run.until(lambda: "bow" in run.page.inner_text("#history li:first-child"), "the answer")
+    assert "stand still" not in run.page.inner_text("#history")
+    assert not run.page.evaluate("() => document.querySelector('.wide-open').open")  # folded on a phone
+
+
+def test_a_simulated_robot_that_is_set_up_again_did_not_walk_there(run: StandIn) -> None:
+    """It jumped without a word, and its path was a straight line across the floor."""
+    scene = "window.flexmotion.scene"
+    run.status("OFF")
+    run.until(lambda: run.page.inner_text("#state") == "torque off", "the state")
+    run.picture(moved=(0.0, 0.0))
+    run.picture(moved=(0.9, 0.4))
+    run.until(lambda: "somebody picked the robot up" in (run.page.text_content("#note") or ""), "the page to say it")
+    points = run.page.evaluate(f"() => {scene}.path.map((one) => [one.x, one.y])")
+    assert all(abs(x - 0.9) < 0.2 for x, _ in points)
+    assert not run.problems
