@@ -49,15 +49,16 @@ class JointTorque:
 
     Attributes:
         limp: joints without torque on request, (n,) bool.
+        carries: joints that carry the robot, (n,) bool.
     """
 
     def __init__(self, robot: Robot, driver: Driver, ladder: Ladder, emit: Callable[[str, str], None]) -> None:
         self.robot, self.driver, self.ladder, self._emit = robot, driver, ladder, emit
         self.limp = np.zeros(robot.n, np.bool_)
-        self._carries = np.ones(robot.n, np.bool_)
+        self.carries = np.ones(robot.n, np.bool_)
         for name, chain in robot.config.mapping.chains().items():
             if name in MAY_GO_LIMP:
-                self._carries[[robot.joint_names.index(joint) for _, joint in chain]] = False
+                self.carries[[robot.joint_names.index(joint) for _, joint in chain]] = False
         self._asked: deque[tuple[str, tuple[str, ...]]] = deque(maxlen=_MOST_ASKED)
         self._restarting: dict[int, str] = {}  # joint -> its request
         self._awaited: dict[int, int] = {}  # joint -> tick until which it must be well
@@ -175,7 +176,7 @@ class JointTorque:
         if not stands:
             return f"in {state.name} the robot moves: let it come to a stand first (hold)"
         if what == LIMP:
-            carrying = [robot.joint_names[joint] for joint in indices if self._carries[joint]]
+            carrying = [robot.joint_names[joint] for joint in indices if self.carries[joint]]
             return f"{', '.join(carrying)}: carries the robot; disarm it" if carrying else None
         return next((why for joint in indices if (why := self._unfit(joint, measured)) is not None), None)
 

@@ -157,6 +157,8 @@ class ControlLoop:
         playback = self.ladder.step(self.inputs)
         if self.ladder.fault != fault:
             self.hardware_failed = self.ladder.fault is not None and self.ladder.fault == self._hardware_fault
+            if self.ladder.fault is not None and self.ladder.fault == self.inputs.blocked:
+                self._relieve()
         if self.ladder.state is not before:
             self.servo.rejoin()
             self._enter(self.ladder.state, before)
@@ -249,9 +251,30 @@ class ControlLoop:
             fault = self.audit.problem(measured)
             if fault is None and state is State.READY and not self._arrived:
                 fault = self.audit.lying_imu()  # a start, until the robot has stood up
-            self._hardware_fault = inputs.fault = fault
+            if fault is None and state in _JUDGED:
+                self._look_for_blocks()
+            self._hardware_fault = inputs.blocked if fault is None else fault
+            inputs.fault = fault
         if not self.estimator.has_imu:
             self.audit.warn_of_imu()
+
+    def _look_for_blocks(self) -> None:
+        """Tell the ladder which joint does not follow its goals, and whether it carries the robot."""
+        self.inputs.blocked = self.audit.blocked()
+        joint = self.obedience.worst
+        self.inputs.stands = joint is not None and bool(self.joints.carries[joint])
+
+    def _relieve(self) -> None:
+        """The goal of a joint that is found to be blocked is where it stands: its servo pushes no more."""
+        joint = self.obedience.blocked
+        if joint is not None:
+            self._pins.fill(np.nan)
+            self._pins[joint] = np.clip(self.state.position[joint], self.robot.lower[joint], self.robot.upper[joint])
+            self.command.position[joint] = self._pins[joint]
+            self.servo.take_pins(self._pins)
+        if self.ladder.waits:
+            hold_s = self.robot.safety.blocked_hold_s
+            self._warn(f"the robot stands frozen with a blocked leg, for {hold_s:g} s: hold it, then disarm it")
 
     def _measure_gyro_bias(self) -> None:
         """While the robot stands and waits, the gyro measures its bias."""

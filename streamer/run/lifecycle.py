@@ -206,7 +206,9 @@ class Lifecycle:
         self._check_for_plans(state)
         self._hold_ticks = self._hold_ticks + 1 if state is State.HOLD else 0
         settle = _HURRIED_SETTLE_S if self._ending else _SETTLE_S
-        if self._over() and self._hold_ticks >= settle * rate:
+        # With a blocked leg it stands until an operator ends the run.
+        over = self._ending or (self._over() and not loop.ladder.waits)
+        if over and self._hold_ticks >= settle * rate:
             inputs.park = True
 
     def _over(self) -> bool:
