@@ -243,6 +243,8 @@ class SafetyLimits(Strict):
         thermal_margin: a servo this close to its own shutdown parks the robot; at twice this margin it warns [°C].
         lost_bus_hold_s: how long a robot whose servos do not answer is held before it is lowered without measurements,
             where `emergency_stop` is "freeze" [s].
+        blocked_hold_s: how long a robot with a blocked leg stands frozen, for somebody to hold it, before it is
+            lowered, where `emergency_stop` is "freeze" [s].
         park_s: duration of the motion to the rest pose [s].
         soft_start_speed: greatest joint speed on the way to the stand pose [rad/s].
         standing_margin: how far outside its limits a joint may be when torque goes on [rad]: a limp robot sags onto its
@@ -256,6 +258,7 @@ class SafetyLimits(Strict):
     voltage_min: float | None = Field(default=None, gt=0)
     thermal_margin: float = Field(default=5.0, ge=0)
     lost_bus_hold_s: float = Field(default=1.0, ge=0, le=10)
+    blocked_hold_s: float = Field(default=30.0, ge=0, le=600)
     park_s: float = Field(default=2.0, gt=0)
     soft_start_speed: float = Field(default=0.8, gt=0)
     standing_margin: float = Field(default=0.15, ge=0)

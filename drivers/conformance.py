@@ -158,6 +158,34 @@ class DriverConformance(ABC):
                 self.run(driver, state, command)
             assert abs(state.position[joint] - goal) < 2 * STILL
 
+    def test_a_single_joint_goes_limp_and_is_stiff_again_where_it_is(self) -> None:
+        with self.make_driver() as driver:
+            robot, state, command = driver.robot, RobotState(driver.robot.n), JointCommand(driver.robot.n)
+            if not driver.capabilities.joint_torque:
+                return
+            self.run(driver, state)
+            driver.set_torque(True)
+            command.position[:] = state.position
+            self.run(driver, state, command)
+            driver.take_pins(np.zeros(robot.n))
+            which = np.arange(robot.n) == 0
+            driver.switch(which, False)
+            held = state.position.copy()
+            away = float(np.sign(robot.upper[0] + robot.lower[0] - 2 * held[0])) or 1.0
+            command.position[0] = held[0] + 0.15 * away
+            self.run(driver, state, command)
+            assert np.abs(state.position - held)[1:].max() < STILL, "the others hold"
+            assert (state.position[0] - held[0]) * away < 0.1, "it follows no goals"
+            before = state.position[0]
+            command.position[0] = before
+            self.run(driver, state, command)
+            driver.switch(which, True)
+            self.run(driver, state, command)
+            assert abs(state.position[0] - before) < STILL and not state.hardware_error.any()
+            pins = np.full(robot.n, np.nan)
+            driver.take_pins(pins)
+            assert np.isnan(pins[1:]).all(), "no other joint was pinned"
+
     def test_goals_are_ignored_without_torque(self) -> None:
         with self.make_driver() as driver:
             state, command = RobotState(driver.robot.n), JointCommand(driver.robot.n)

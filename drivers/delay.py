@@ -41,6 +41,11 @@ class DelayLine:
         self._count = 0
         self.value[:] = row
 
+    def overwrite(self, columns: NDArray[np.int64], values: Float) -> None:
+        """Set some numbers of the row in effect and of all delayed ones."""
+        self.value[columns] = values
+        self._rows[:, columns] = values
+
     def advance(self, seconds: float) -> Float:
         """Let time pass; the mean over that time of the row in effect, (width,). Valid until the next call."""
         end = self._now + seconds

@@ -14,11 +14,13 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from flexmotion.configs.errors import DriverError
 from flexmotion.configs.robot import Robot
 from flexmotion.configs.schema import Strict
 from flexmotion.spatial.gravity import GRAVITY
 
 Float = NDArray[np.float64]
+Bool = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -29,6 +31,8 @@ class Capabilities:
         imu: an inertial measurement unit is read with the joints.
         effort: `RobotState.effort` is measured.
         torque_bound: `JointCommand.torque_bound` reaches the servos.
+        joint_torque: `switch` acts on single joints.
+        reboot: `reboot` restarts single servos.
         lockstep: time passes only in `advance` (`flexmotion.drivers.simulated.LockstepDriver`).
         truth: the true state is known (`flexmotion.drivers.simulated.SimulatedDriver`).
     """
@@ -36,6 +40,8 @@ class Capabilities:
     imu: bool = False
     effort: bool = False
     torque_bound: bool = False
+    joint_torque: bool = False
+    reboot: bool = False
     lockstep: bool = False
     truth: bool = False
 
@@ -151,6 +157,26 @@ class Driver(ABC):
         that refused goals: they pin goals to positions that the loop has not read. Goals that follow begin there, and
         must not be further outside the limits.
         """
+
+    def switch(self, which: Bool, on: bool) -> None:
+        """Switch the torque of the joints in `which`, (n,), while the robot has torque (`Capabilities.joint_torque`).
+
+        On: their goals are pinned to their present positions first; see `take_pins`. Returns within a tick, and asks no
+        servo: what is lost on a bus is sent again in the next ticks. `set_torque` acts on all joints.
+        """
+        raise DriverError(f"driver {self.name!r} does not switch the torque of single joints")
+
+    def reboot(self, which: Bool) -> None:
+        """Restart the servos of the joints in `which`, (n,), while all torque is off (`Capabilities.reboot`).
+
+        A restart clears hardware errors whose cause is gone. It returns at once; `read` then sets the servos up again,
+        one exchange a tick, and `take_restarted` tells the end.
+        """
+        raise DriverError(f"driver {self.name!r} does not restart servos")
+
+    def take_restarted(self) -> Sequence[tuple[int, str | None]]:
+        """Restarts that have ended since the last call: index of the joint, and None or why it is not ready."""
+        return ()
 
     @abstractmethod
     def damp(self) -> None:

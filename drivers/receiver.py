@@ -55,11 +55,13 @@ class Receiver:
         """Goals outside the envelope."""
         return self.position_violations + self.torque_violations
 
-    def pin(self, position: Float) -> None:
-        """Set the goal to the present position, (n,) [rad]."""
-        self._robot.from_ticks(self._robot.to_ticks(position, out=self._ticks), out=self.goal)
-        np.copyto(self._last, self.goal)
-        self._first[:] = True
+    def pin(self, position: Float, which: NDArray[np.bool_] | None = None) -> None:
+        """Set the goal to the present position, (n,) [rad], of all joints or of those in `which`, (n,)."""
+        pinned = self._robot.from_ticks(self._robot.to_ticks(position, out=self._ticks))
+        where = np.True_ if which is None else which
+        np.copyto(self.goal, pinned, where=where)
+        np.copyto(self._last, self.goal, where=where)
+        self._first |= where
 
     def receive(
         self,

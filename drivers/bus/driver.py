@@ -13,21 +13,19 @@ from numpy.typing import NDArray
 from flexmotion.configs.errors import ConfigError, DriverError
 from flexmotion.configs.robot import Robot
 from flexmotion.configs.schema import Strict
+from flexmotion.drivers.bus.joint_switch import JointSwitch
 from flexmotion.drivers.bus.options import BusOptions
-from flexmotion.drivers.bus.servo_bus import TORQUE_LOST, ServoBus
+from flexmotion.drivers.bus.servo_bus import ServoBus
 from flexmotion.drivers.imu import registry as imus
 from flexmotion.drivers.imu.interface import Imu, StandaloneImu, do_without
 from flexmotion.drivers.interface import Capabilities, Driver, JointCommand, RobotState
-from flexmotion.drivers.masks import every
 from flexmotion.drivers.port import SerialPort
 
 Float = NDArray[np.float64]
+Bool = NDArray[np.bool_]
 
 READ_SHARE = 0.6
 """Largest share of a tick for reading; the rest is for the loop and for writing."""
-
-SETTLE_S = 0.05
-"""Time after switching on in which servos without torque are switched on again; later it is a fault [s]."""
 
 CONFIRM_S = 0.2
 """Time in which servos are asked whether torque went off, of all buses together [s]. The loop does not tick meanwhile,
@@ -73,7 +71,7 @@ class BusDriver(Driver):
         self._directions = np.ones((5, n))
         self._directions[1:3] = robot.direction
         self._stale, self._imu_stale = np.zeros(n, np.int64), 0
-        self._on_since: float | None = None
+        self._switch = JointSwitch(n)
         self._stamp_ns = self._violations = 0
 
     @property
@@ -120,6 +118,7 @@ class BusDriver(Driver):
 
     def open(self) -> None:
         """Open every port, check and set up every servo; torque stays as it is. Raises `DriverError`."""
+        self._switch = JointSwitch(self.robot.n)
         try:
             for name, path in self._paths.items():
                 port = self.open_port(path, self.robot.config.buses[name].baud)
@@ -164,7 +163,8 @@ class BusDriver(Driver):
         np.multiply(self._measured, self._directions, out=state.values)
         self.robot.from_ticks(self._measured[0], out=state.position)
         state.stale[:] = self._stale
-        self._look_at_torque(begin, state)
+        self._switch.look(self.buses, self._stale, begin, state)
+        self._switch.go_on()
         self._read_imu(state)
         state.stamp_ns = self._stamp_ns
 
@@ -179,11 +179,12 @@ class BusDriver(Driver):
         robot.to_ticks(position, out=self._raw)
         for bus in self.buses:
             bus.send_goals(self._raw[bus.where], command.torque_bound[bus.where])
+        self._switch.repeat(self.buses)
 
     def set_torque(self, on: bool) -> None:
         """Switch all servos. On: goals are pinned to present positions and verified first; raises if that fails."""
         if not on:
-            self._on_since = None
+            self._switch.set_all(False, 0.0)
             for bus in self.buses:
                 bus.send_off()
             # Only now: servos that are silent on one bus must not delay the others.
@@ -198,7 +199,19 @@ class BusDriver(Driver):
         except BaseException:
             self.set_torque(False)
             raise
-        self._on_since = self.buses[0].port.now()
+        self._switch.set_all(True, self.buses[0].port.now())
+
+    def switch(self, which: Bool, on: bool) -> None:
+        """See `Driver`."""
+        self._switch.switch(self.buses, which, on, self.buses[0].port.now())
+
+    def reboot(self, which: Bool) -> None:
+        """See `Driver`."""
+        self._switch.restart(self.buses, which)
+
+    def take_restarted(self) -> list[tuple[int, str | None]]:
+        """See `Driver`."""
+        return self._switch.take_restarted()
 
     def take_pins(self, goal: Float) -> None:
         """See `Driver`."""
@@ -246,17 +259,6 @@ class BusDriver(Driver):
             self._stale[bus.joints[measured.asked & ~measured.fresh]] += 1
         self._measured[:, where] = measured.values
         state.hardware_error[where] = measured.error
-
-    def _look_at_torque(self, now: float, state: RobotState) -> None:
-        """Find servos whose torque is off unasked: during `SETTLE_S` switch it on again, later set `TORQUE_LOST`."""
-        if self._on_since is None or all(every(bus.measured.torque) for bus in self.buses):
-            return
-        for bus in self.buses:
-            off = ~bus.measured.torque & (self._stale[bus.where] == 0)
-            if now - self._on_since < SETTLE_S:
-                bus.repeat_on(off)
-            else:
-                state.hardware_error[bus.joints[off]] |= TORQUE_LOST
 
     def _own_imu(self) -> StandaloneImu | None:
         """The robot's IMU if it is not on a servo bus. Raises `ConfigError` if its driver is unknown."""
@@ -314,6 +316,8 @@ class BusDriver(Driver):
             imu=self._imu_on_bus or self._standalone_imu is not None,
             effort=any(servo.current_unit is not None for servo in self.robot.servos),
             torque_bound=self.Bus.bounds_torque(self.robot),
+            joint_torque=True,
+            reboot=self.Bus.restarts,
         )
 
 

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexmotion.configs.errors import ConfigError
+from flexmotion.configs.errors import ConfigError, DriverError
 from flexmotion.configs.robot import Robot
 from flexmotion.configs.servo import Protocol, Servo
 from flexmotion.drivers.bus.attempts import TRIES
@@ -87,6 +89,7 @@ class ServoBus(ABC):
 
     Class attributes:
         protocol: of its servos, as in the catalogue.
+        restarts: whether its servos restart on request.
 
     Attributes:
         name, config: name and content of its entry in the robot file.
@@ -103,6 +106,7 @@ class ServoBus(ABC):
     """
 
     protocol: Protocol
+    restarts: ClassVar[bool] = False
 
     def __init__(self, robot: Robot, name: str, port: SerialPort, options: BusOptions) -> None:
         self.robot, self.name, self.port, self.options = robot, name, port, options
@@ -197,6 +201,14 @@ class ServoBus(ABC):
     @abstractmethod
     def repeat_on(self, off: Bool) -> None:
         """Pin and switch on again the servos marked in `off`, (m,)."""
+
+    @abstractmethod
+    def switch(self, which: Bool, on: bool) -> None:
+        """Send torque on or off to the servos in `which`, (m,), pinned before it goes on; waits for no answer."""
+
+    def restart(self, slot: int) -> Iterator[None]:
+        """Restart a servo and set it up for a run, one exchange for each step. Raises `DriverError` if that fails."""
+        raise DriverError(f"{self.joint_name(slot)}: servos of protocol {self.protocol} cannot restart")
 
     @abstractmethod
     def send_off(self) -> None:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexmotion.configs.errors import ConfigError, DriverError
+from flexmotion.configs.errors import DriverError
 from flexmotion.configs.robot import Robot
 from flexmotion.drivers.bus.attempts import attempts
 from flexmotion.drivers.bus.inspection import refuse_unconfigured
@@ -19,9 +19,10 @@ from flexmotion.drivers.dynamixel.goals import GoalPacket, sync_write
 from flexmotion.drivers.dynamixel.layout import Layout, Span, layout_of
 from flexmotion.drivers.dynamixel.opencr import board_of
 from flexmotion.drivers.dynamixel.read_cycle import PATIENCE_S, ReadCycle
-from flexmotion.drivers.dynamixel.registers import BAUD_RATES, VOLTAGE, WATCHDOG_S, table_of
+from flexmotion.drivers.dynamixel.register_read import read_registers
+from flexmotion.drivers.dynamixel.registers import VOLTAGE, WATCHDOG_S, table_of
 from flexmotion.drivers.dynamixel.sdk import Client
-from flexmotion.drivers.dynamixel.setup import ANSWER_ALL, find, prepare
+from flexmotion.drivers.dynamixel.setup import ANSWER_ALL, check_settings, find, prepare, restart
 from flexmotion.drivers.imu.interface import do_without
 from flexmotion.drivers.plant import DAMPED_SHARE
 from flexmotion.drivers.port import BITS_A_BYTE, SerialPort
@@ -54,6 +55,7 @@ class DynamixelBus(ServoBus):
     """
 
     protocol = "dynamixel2"
+    restarts = True
 
     def __init__(self, robot: Robot, name: str, port: SerialPort, options: BusOptions) -> None:
         super().__init__(robot, name, port, options)
@@ -72,7 +74,13 @@ class DynamixelBus(ServoBus):
         ]
         self._bounded, self._last_bound = any(goals.bounded for goals in self._goals), np.full(m, np.nan)
         self.cycle = ReadCycle(
-            port, self.config, self.ids, self.measured, self.torque_per_unit, max(600.0 / robot.rate_hz, 2.0)
+            port,
+            self.config,
+            self.ids,
+            self.measured,
+            self.torque_per_unit,
+            np.array([table_of(servo.name).velocity_unit for servo in self.servos]),
+            max(600.0 / robot.rate_hz, 2.0),
         )
         self._wrote_at = 0.0
         self._on = self._damped = False
@@ -83,9 +91,7 @@ class DynamixelBus(ServoBus):
     def check(cls, robot: Robot, name: str) -> None:
         """See `ServoBus`. The baud rate must be one that these servos support."""
         super().check(robot, name)
-        baud = robot.config.buses[name].baud
-        if baud not in BAUD_RATES:
-            raise ConfigError(f"{robot.file}: field buses.{name}.baud: {baud}, expected one of {list(BAUD_RATES)}")
+        check_settings(robot, name)
 
     @classmethod
     def bounds_torque(cls, robot: Robot) -> bool:
@@ -244,6 +250,20 @@ class DynamixelBus(ServoBus):
             self._send(np.where(off, ticks, self.guard.last), self._last_bound, np.where(off, ticks, np.nan))
             self._switch(off, on=True)
 
+    def switch(self, which: Bool, on: bool) -> None:
+        """See `ServoBus`. Goals to a servo without torque are kept, and do not switch it on."""
+        if not which.any():
+            return
+        if on:
+            self.repeat_on(which)
+        else:
+            self._switch(which, on=False)
+        self.measured.torque[which] = on
+
+    def restart(self, slot: int) -> Iterator[None]:
+        """See `ServoBus`."""
+        return restart(self._client, self.robot, int(self.joints[slot]), self._layouts[slot])
+
     def send_off(self) -> None:
         """See `ServoBus`."""
         self._on = False
@@ -335,18 +355,5 @@ class DynamixelBus(ServoBus):
         Args:
             slack: time beyond that on the wire that the answers may take [s].
         """
-        table = table_of(self.servos[0].name)
-        first = table[names[0]].address
-        check = ReadMany(self.ids, Span(first, table[names[-1]].end - first), fast=False, where=f"bus {self.name}")
-        self.port.receive()
-        self.port.send(check.begin())
-        patience = self.cycle.answered_by(check, slack)
-        while (now := self.port.now()) < patience and self.port.lost is None:
-            if check.take(self.port.wait(patience - now)):
-                break
-        values = np.full((len(self.ids), len(names)), np.nan)
-        for id_, (_, data) in check.answers.items():
-            values[self._slot[id_]] = [
-                table[name].unpack(data[table[name].address - first : table[name].end - first]) for name in names
-            ]
-        return values
+        tables = [table_of(servo.name) for servo in self.servos]
+        return read_registers(self.cycle, self.port, self.ids, tables, names, slack)

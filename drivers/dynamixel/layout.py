@@ -1,6 +1,6 @@
 """Registers that a cycle reads and writes, and how indirect addresses gather them into one run of bytes per servo.
 
-The two low bytes of position and speed are enough: +-8 turns, +-7,500 rpm.
+The low bytes of position and speed are enough: +-8 turns, +-7,500 rpm (P series: all of the position, +-327 rpm).
 """
 
 from __future__ import annotations
@@ -11,8 +11,7 @@ import numpy as np
 
 from flexmotion.drivers.dynamixel.registers import Table
 
-READ = (
-    ("present_position", 2),
+_READ = (
     ("present_velocity", 2),
     ("present_current", 2),
     ("present_input_voltage", 1),
@@ -21,19 +20,23 @@ READ = (
     ("realtime_tick", 1),
     ("torque_enable", 1),
 )
-"""Registers that a cycle reads, and the number of low bytes of each."""
+"""Registers that a cycle reads after the position, and the number of low bytes of each."""
 
-READ_SIZE = sum(size for _, size in READ)
+REST_SIZE = sum(size for _, size in _READ)
+"""Bytes of a servo's data after the position."""
 
 INSTEAD = "bus_watchdog"
-"""One byte before these. A read that begins one byte earlier has the watchdog in the place of the torque switch: both
-are read in turns, at no cost on the wire."""
+"""One byte before the position. A read that begins one byte earlier has the watchdog in the place of the torque switch:
+both are read in turns, at no cost on the wire."""
 
-MOTION, SUPPLY, ERROR, TICK, TORQUE = 0, 6, 8, 9, 10
-"""Places of position, velocity and current, of voltage and temperature, and of single bytes among a servo's data."""
+MOTION, SUPPLY, ERROR, TICK, TORQUE = 0, 4, 6, 7, 8
+"""Places of velocity and current, of voltage and temperature, and of single bytes among the data after the position."""
 
 WATCHDOG, SHIFT = 0, 1
 """Place of the watchdog in a read that has it, and how much later all others come there."""
+
+CURRENT_POSITION_MODE = 5
+"""Operating mode in which the goal current bounds the current of a position."""
 
 _GOAL_ROW, _BOUNDED_GOAL_ROW = (
     np.dtype([("id", "u1"), *bound, ("position", "<i4")]) for bound in ([], [("current", "<i2")])
@@ -69,11 +72,17 @@ class Layout:
     bounded: bool
 
 
+def bounds_current(table: Table) -> bool:
+    """Whether a servo holds positions with a bounded current."""
+    return "goal_current" in table and CURRENT_POSITION_MODE in table.modes
+
+
 def layout_of(table: Table, *, current_bound: bool) -> Layout:
     """The layout for a control table; with `current_bound`, goal currents are written if the servo supports them."""
+    read = (("present_position", table.position_bytes), *_READ)
     targets = [table[INSTEAD].address]
-    targets += [table[name].address + byte for name, size in READ for byte in range(size)]
-    bounded = current_bound and "goal_current" in table
+    targets += [table[name].address + byte for name, size in read for byte in range(size)]
+    bounded = current_bound and bounds_current(table)
     run = table.indirect[0]
     goal = table["goal_position"]
     write = Span(goal.address, goal.size)
@@ -82,4 +91,4 @@ def layout_of(table: Table, *, current_bound: bool) -> Layout:
         for name in ("goal_current", "goal_position"):
             targets += range(table[name].address, table[name].end)
     slots = tuple((run.address + 2 * slot, target) for slot, target in enumerate(targets))
-    return Layout(Span(run.data + 1, READ_SIZE), write, slots, bounded)
+    return Layout(Span(run.data + 1, table.position_bytes + REST_SIZE), write, slots, bounded)

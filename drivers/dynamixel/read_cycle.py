@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -15,7 +14,7 @@ from flexmotion.drivers.dynamixel.exchange import FAST_HEAD, Exchange, ReadMany,
 from flexmotion.drivers.dynamixel.layout import SHIFT, Span
 from flexmotion.drivers.dynamixel.opencr import OpenCr
 from flexmotion.drivers.dynamixel.packet import ALERT
-from flexmotion.drivers.dynamixel.registers import VELOCITY_RPM, VOLTAGE
+from flexmotion.drivers.dynamixel.registers import VOLTAGE
 from flexmotion.drivers.dynamixel.staleness import ReplyClock
 from flexmotion.drivers.port import SerialPort
 
@@ -32,7 +31,6 @@ WATCHDOG_TURN = 4
 LEARNING_CYCLES = 8
 """Cycles at `open` from which the offsets of the servos' clocks are learnt."""
 
-_RAD_S = VELOCITY_RPM * 2 * math.pi / 60
 _ALL = slice(None)
 _NO_ERROR = bytes([0, ALERT])
 """Error bytes of an answer that has data."""
@@ -55,7 +53,7 @@ class _Group:
         self.read = read
         self.spans = span, Span(span.address - SHIFT, span.size)
         self.columns = tuple(
-            Columns(many, head=FAST_HEAD, before=2, after=2, watchdog=watchdog) for watchdog in (False, True)
+            Columns(many, span.size, head=FAST_HEAD, before=2, after=2, watchdog=watchdog) for watchdog in (False, True)
         )
         self.asked = b""
         self.slots: list[int] = []
@@ -71,6 +69,7 @@ class ReadCycle:
         ids: of the servos, in the order of `measured`.
         measured: is filled in place.
         torque_per_unit: torque of one unit of measured current, (m,) [N·m]; NaN without current measurement.
+        speed_unit: one unit of velocity, (m,) [rad/s].
         oldest_ms: an answer that is older than usual by this is refused [ms].
 
     Attributes:
@@ -90,6 +89,7 @@ class ReadCycle:
         ids: Sequence[int],
         measured: Measurement,
         torque_per_unit: Float,
+        speed_unit: Float,
         oldest_ms: float,
     ) -> None:
         m = len(ids)
@@ -102,10 +102,10 @@ class ReadCycle:
         self._exchanges: list[Exchange] = []
         self._at = 0  # of the pending exchange
         self._clock = ReplyClock(m, oldest_ms)
-        self._motion_units = np.stack([np.ones(m), np.full(m, _RAD_S), torque_per_unit])
+        self._motion_units = np.stack([speed_unit, torque_per_unit])
         self._supply_units = np.array([[VOLTAGE], [1.0]])
-        # Views: position, velocity and effort, voltage and temperature.
-        self._motion, self._supply = measured.values[:3], measured.values[3:]
+        # Views: velocity and effort, voltage and temperature.
+        self._motion, self._supply = measured.values[1:3], measured.values[3:]
         self._turn = 0
         self._learning = False
         self._complete = True
@@ -210,7 +210,7 @@ class ReadCycle:
                 self._arrange(group)
             slots, where, statuses = group.slots, group.where, rows.statuses
         elif read.answers:
-            rows = Columns(len(read.answers), watchdog=self.read_watchdogs)
+            rows = Columns(len(read.answers), read.span.size, watchdog=self.read_watchdogs)
             rows.fill(b"".join(data for _, data in read.answers.values()))
             slots = [self._slot[id_] for id_ in read.answers]
             where = np.array(slots, np.int64)
@@ -240,9 +240,11 @@ class ReadCycle:
         """Copy the rows `which` to `measured`, at `where`."""
         measured, errors, turn = self._measured, rows.errors, rows.turn
         if where is _ALL:
+            np.copyto(measured.ticks, rows.position)
             np.multiply(rows.motion, self._motion_units, out=self._motion)
             np.multiply(rows.supply, self._supply_units, out=self._supply)
         else:
+            measured.ticks[where] = rows.position[which]
             self._motion[:, where] = rows.motion[:, which] * self._motion_units[:, where]
             self._supply[:, where] = rows.supply[:, which] * self._supply_units
         measured.error[where] = np.frombuffer(errors, np.uint8)[which] if any(errors) else 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import cache
 from pathlib import Path
 from typing import Any, Literal
@@ -12,16 +13,18 @@ from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.schema import Strict, parse, read_yaml
 
 FOLDER = Path(__file__).parent / "tables"
+SERIES = ("x", "p")
 
-BAUD_RATES = (9600, 57600, 115200, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 4_500_000)
-"""Bit rate of each value of the baud rate register (e-Manual)."""
+BAUD_RATES = (
+    *(9600, 57600, 115200, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 4_500_000),
+    *(6_000_000, 10_500_000),
+)
+"""Bit rate of each value of the baud rate register (e-Manual); the last two are those of the P series."""
 
 RETURN_DELAY_US = 2.0
-VELOCITY_RPM = 0.229
 VOLTAGE = 0.1
 WATCHDOG_S = 0.020
-PWM_FULL = 885
-"""One unit of return delay [us], velocity [rpm], voltage [V] and bus watchdog [s]; PWM units of full supply."""
+"""One unit of return delay [us], voltage [V] and bus watchdog [s]."""
 
 
 class Register(Strict):
@@ -64,18 +67,39 @@ class Table(Strict):
         eeprom_end: registers below this address are in EEPROM, which is locked while torque is on.
         indirect: groups of indirect registers.
         fast_sync_read_firmware: lowest firmware version that supports fast sync reads; None: not supported.
+        velocity_rpm: one unit of velocity [rpm].
+        position_bytes: low bytes of a position that hold a turn and more.
+        modes: operating modes.
     """
 
     registers: dict[str, Register]
     eeprom_end: int
     indirect: tuple[Indirect, ...] = ()
     fast_sync_read_firmware: int | None = None
+    velocity_rpm: float = 0.229
+    position_bytes: Literal[2, 4] = 2
+    modes: tuple[int, ...] = ()
 
     def __getitem__(self, name: str) -> Register:
         return self.registers[name]
 
     def __contains__(self, name: str) -> bool:
         return name in self.registers
+
+    @property
+    def velocity_unit(self) -> float:
+        """One unit of velocity [rad/s]."""
+        return self.velocity_rpm * 2 * math.pi / 60
+
+    @property
+    def full_pwm(self) -> int:
+        """PWM units of full supply."""
+        return self["pwm_limit"].initial
+
+    @property
+    def keeps_indirect(self) -> bool:
+        """Whether indirect addresses are kept without power, and locked while torque is on."""
+        return bool(self.indirect) and self.indirect[0].address < self.eeprom_end
 
     @property
     def size(self) -> int:
@@ -93,8 +117,11 @@ class _Family(Strict):
     changes: dict[str, dict[str, Any]] = {}
 
 
-class _XFile(Strict):
+class _SeriesFile(Strict):
     eeprom_end: int
+    velocity_rpm: float
+    position_bytes: Literal[2, 4]
+    modes: tuple[int, ...]
     registers: dict[str, dict[str, Any]]
     families: dict[str, _Family]
 
@@ -123,8 +150,11 @@ class OpenCrFile(Strict):
 
 @cache
 def _tables() -> dict[str, Table]:
-    file = FOLDER / "x.yaml"
-    content = parse(_XFile, read_yaml(file), file)
+    return {name: table for series in SERIES for name, table in _tables_in(FOLDER / f"{series}.yaml").items()}
+
+
+def _tables_in(file: Path) -> dict[str, Table]:
+    content = parse(_SeriesFile, read_yaml(file), file)
     tables: dict[str, Table] = {}
     for family in content.families.values():
         registers = {
@@ -137,16 +167,33 @@ def _tables() -> dict[str, Table]:
             eeprom_end=content.eeprom_end,
             indirect=family.indirect,
             fast_sync_read_firmware=family.fast_sync_read_firmware,
+            velocity_rpm=content.velocity_rpm,
+            position_bytes=content.position_bytes,
+            modes=content.modes,
         )
+        if table.keeps_indirect:
+            # Settings like others: `servo configure` writes them, a run compares them.
+            table = table.model_copy(update={"registers": registers | _indirect_registers(table)})
         tables |= dict.fromkeys(family.servos, table)
     return tables
+
+
+def _indirect_registers(table: Table) -> dict[str, Register]:
+    run = table.indirect[0]
+    last = table.size - 1
+    return {
+        f"indirect_address_{slot + 1}": Register(
+            address=run.address + 2 * slot, size=2, initial=run.data + slot, range=(table.eeprom_end, last)
+        )
+        for slot in range(run.count)
+    }
 
 
 def table_of(servo: str) -> Table:
     """The control table of a servo model of the catalogue. Raises `ConfigError` if there is none."""
     tables = _tables()
     if servo not in tables:
-        raise ConfigError(f"{FOLDER / 'x.yaml'}: no control table for servo {servo!r}, there are: {', '.join(tables)}")
+        raise ConfigError(f"{FOLDER}: no control table for servo {servo!r}, there are: {', '.join(tables)}")
     return tables[servo]
 
 

@@ -3,26 +3,33 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from flexmotion.configs.errors import DriverError
+from flexmotion.configs.errors import ConfigError, DriverError
 from flexmotion.configs.robot import Robot
-from flexmotion.drivers.bus.inspection import Inspection
+from flexmotion.drivers.bus.inspection import Inspection, refuse_unconfigured
 from flexmotion.drivers.bus.packet import SumFormat
 from flexmotion.drivers.bus.sum_client import SumClient
-from flexmotion.drivers.dynamixel.layout import Layout
-from flexmotion.drivers.dynamixel.registers import RETURN_DELAY_US, Table, table_of
+from flexmotion.drivers.dynamixel.layout import CURRENT_POSITION_MODE, Layout, bounds_current, layout_of
+from flexmotion.drivers.dynamixel.packet import Instruction, encode
+from flexmotion.drivers.dynamixel.registers import BAUD_RATES, RETURN_DELAY_US, Table, table_of
 from flexmotion.drivers.dynamixel.sdk import Client
 
 PROTOCOL_1 = SumFormat(header=0xFF, counted=2)
 PROTOCOL_1_PING = 0x01
 ANOTHER_PROTOCOL = "set its protocol_type to 2.0 if it has one, otherwise it needs a driver plug-in"
 
-POSITION_MODE, CURRENT_POSITION_MODE = 3, 5
+POSITION_MODE = 3
 NO_SECONDARY_ID = 255
+_MOST_SLOTS = 24
+"""Indirect addresses that are read, more than any layout has."""
 ANSWER_ALL = 2
 """Status return level at which every instruction is answered."""
+
+BOOT_S, LONGEST_BOOT_S, BOOT_LOOK_S = 0.3, 2.0, 0.2
+"""Time after a reboot in which a servo is not asked, time after which it counts as silent, and time between two looks
+[s] (assumptions: the e-Manual gives no time)."""
 
 
 @dataclass(frozen=True)
@@ -58,6 +65,24 @@ class Prepared:
     current_limit: float
 
 
+def check_settings(robot: Robot, name: str) -> None:
+    """Raise `ConfigError` if the servos of a bus cannot have the settings that the robot file gives the bus."""
+    bus = robot.config.buses[name]
+    for joint, servo in zip(robot.joints, robot.servos, strict=True):
+        if joint.bus != name:
+            continue
+        table = table_of(servo.name)
+        codes = table["baud_rate"].range
+        rates = BAUD_RATES if codes is None else BAUD_RATES[: codes[1] + 1]
+        if bus.baud not in rates:
+            raise ConfigError(f"{robot.file}: field buses.{name}.baud: {bus.baud}, expected one of {list(rates)}")
+        if bus.current_bound and "goal_current" in table and not bounds_current(table):
+            raise ConfigError(
+                f"{robot.file}: field buses.{name}.current_bound: servo {servo.name} of {joint.name} has no "
+                "current-based position mode"
+            )
+
+
 def kept_settings(robot: Robot, joint: int) -> dict[str, int]:
     """Values that the EEPROM of a joint's servo must have, by name, in the order in which they must be written.
 
@@ -69,7 +94,7 @@ def kept_settings(robot: Robot, joint: int) -> dict[str, int]:
         (angle * config.direction + config.zero) / servo.tick_rad + servo.centre_tick for angle in config.limits
     )
     margin = robot.safety.standing_margin / servo.tick_rad
-    bounded = bus.current_bound and "goal_current" in table
+    bounded = bus.current_bound and bounds_current(table)
     settings = {
         "operating_mode": CURRENT_POSITION_MODE if bounded else POSITION_MODE,
         "drive_mode": 0,
@@ -82,6 +107,9 @@ def kept_settings(robot: Robot, joint: int) -> dict[str, int]:
         "shutdown": table["shutdown"].initial,
         "startup_configuration": 0,
     }
+    if table.keeps_indirect:
+        slots = layout_of(table, current_bound=bus.current_bound).slots
+        settings |= {f"indirect_address_{number}": target for number, (_, target) in enumerate(slots, 1)}
     return {name: value for name, value in settings.items() if name in table}
 
 
@@ -137,9 +165,16 @@ def find(client: Client, robot: Robot, joint: int, present_id: int | None = None
 
 
 def read_head(client: Client, id_: int, table: Table) -> bytes | None:
-    """The registers from the start of the table to the goals; None if a servo that answers pings answers no read."""
+    """The registers from the start of the table to the goals; None if a servo that answers pings answers no read.
+
+    Where much is between the settings and the goals it is not read, and 0 here.
+    """
+    ram, end = table["torque_enable"].address, table["goal_position"].end
     try:
-        return client.read_block(id_, 0, table["goal_position"].end)
+        if not table.keeps_indirect:
+            return client.read_block(id_, 0, end)
+        settings = client.read_block(id_, 0, table[f"indirect_address_{_MOST_SLOTS}"].end)
+        return settings.ljust(ram, b"\0") + client.read_block(id_, ram, end - ram)
     except DriverError:
         if client.line.lost is not None:
             raise
@@ -148,17 +183,62 @@ def read_head(client: Client, id_: int, table: Table) -> bytes | None:
 
 def prepare(client: Client, robot: Robot, joint: int, layout: Layout, found: Found) -> Prepared:
     """Write the settings in RAM that differ. EEPROM is not written. Raises `DriverError` if a write is refused."""
-    table, id_ = found.table, robot.joints[joint].id
-    for name, value in run_settings(robot, joint).items():
-        if found.value(name) != value:
-            client.write(id_, table[name], value)
-    _point(client, id_, layout)
+    table = found.table
+    for _ in _set_up(client, robot, joint, layout, found):
+        pass
     lowest = table.fast_sync_read_firmware
     return Prepared(
         fast=lowest is not None and found.value("firmware_version") >= lowest,
         position_limits=(found.value("min_position_limit"), found.value("max_position_limit")),
         current_limit=found.value("current_limit") if "current_limit" in table else math.inf,
     )
+
+
+def _set_up(client: Client, robot: Robot, joint: int, layout: Layout, found: Found) -> Iterator[None]:
+    """Write the settings in RAM that differ, one exchange for each step."""
+    table, id_ = found.table, robot.joints[joint].id
+    for name, value in run_settings(robot, joint).items():
+        if found.value(name) != value:
+            client.write(id_, table[name], value)
+            yield
+    first = layout.slots[0][0]
+    wanted = b"".join(target.to_bytes(2, "little") for _, target in layout.slots)
+    held = client.read_block(id_, first, len(wanted))
+    yield
+    if held != wanted:
+        client.write_block(id_, first, wanted)
+        yield
+
+
+def restart(client: Client, robot: Robot, joint: int, layout: Layout) -> Iterator[None]:
+    """Reboot a joint's servo and set it up for a run again, one exchange for each step; its torque is off.
+
+    The instruction is sent twice and its answer not waited for: a servo in shutdown may be slow to answer.
+
+    Raises `DriverError` if the servo does not answer again, or reports a hardware error whose cause is not gone.
+    """
+    line, id_ = client.line, robot.joints[joint].id
+    where = f"servo of {robot.joint_names[joint]} (id {id_}) on {line.path}"
+    for _ in range(2):
+        line.send(encode(id_, Instruction.REBOOT, b""))
+        yield
+    begun = asked = line.now()
+    while line.now() < begun + BOOT_S:
+        yield
+    while client.ping(id_, once=True) is None:
+        asked = line.now()
+        if line.lost is not None or asked > begun + LONGEST_BOOT_S:
+            raise DriverError(f"{where}: {line.lost or f'does not answer {LONGEST_BOOT_S:g} s after its reboot'}")
+        while line.now() < asked + BOOT_LOOK_S:
+            yield
+    yield
+    found = find(client, robot, joint)
+    yield
+    refuse_unconfigured([found.inspection])
+    error = found.value("hardware_error_status")
+    if error:
+        raise DriverError(f"{where}: reports hardware error 0x{error:02x} after its reboot: its cause is not gone")
+    yield from _set_up(client, robot, joint, layout, found)
 
 
 def write_kept(client: Client, robot: Robot, joint: int, settings: Mapping[str, int]) -> None:
@@ -180,11 +260,3 @@ def write_kept(client: Client, robot: Robot, joint: int, settings: Mapping[str, 
 def _value(table: Table, memory: bytes, name: str) -> int:
     register = table[name]
     return register.unpack(memory[register.address : register.end])
-
-
-def _point(client: Client, id_: int, layout: Layout) -> None:
-    """Set the indirect addresses of the layout."""
-    first = layout.slots[0][0]
-    wanted = b"".join(target.to_bytes(2, "little") for _, target in layout.slots)
-    if client.read_block(id_, first, len(wanted)) != wanted:
-        client.write_block(id_, first, wanted)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import math
 import time
 from collections.abc import Iterator, Mapping, Sequence
 
@@ -15,7 +14,7 @@ from flexmotion.drivers.bus.tools import BusTools, Found, Reading, model_name
 from flexmotion.drivers.dynamixel.goals import sync_write
 from flexmotion.drivers.dynamixel.layout import Span
 from flexmotion.drivers.dynamixel.opencr import OpenCr, board_of
-from flexmotion.drivers.dynamixel.registers import BAUD_RATES, VELOCITY_RPM, VOLTAGE, open_cr, table_of
+from flexmotion.drivers.dynamixel.registers import BAUD_RATES, VOLTAGE, open_cr, table_of
 from flexmotion.drivers.dynamixel.sdk import Client
 from flexmotion.drivers.dynamixel.setup import ANSWER_ALL, find, write_kept
 from flexmotion.drivers.imu.interface import Imu
@@ -31,7 +30,7 @@ class DynamixelTools(BusTools):
     """Tools for Protocol 2.0."""
 
     protocol = "dynamixel2"
-    baud_rates = BAUD_RATES[:-1]  # the SDK and most adapters do not support 4.5 M
+    baud_rates = BAUD_RATES[:7]  # the SDK and most adapters do not support 4.5 M and more
 
     def __init__(self, port: SerialPort) -> None:
         super().__init__(port)
@@ -77,7 +76,7 @@ class DynamixelTools(BusTools):
 
         return Reading(
             ticks=value("present_position"),
-            velocity=value("present_velocity") * VELOCITY_RPM * 2 * math.pi / 60,
+            velocity=value("present_velocity") * table.velocity_unit,
             effort=value("present_current") * torque_per_unit(servo),
             voltage=value("present_input_voltage") * VOLTAGE,
             temperature=value("present_temperature"),

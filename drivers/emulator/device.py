@@ -100,6 +100,9 @@ class Device:
         register = self.table[name]
         self.memory[register.address : register.end] = register.pack(value)
         self._identify(name)
+        if name.startswith("indirect"):
+            self._parts.clear()
+            self._targets.clear()
 
     def refuse(self, rule: str) -> int:
         """Count a refusal by a rule of `rules.yaml`; its error number."""
@@ -235,7 +238,8 @@ class Device:
                 self.put(name, register.initial)
         first = 0
         for run in self.table.indirect:
-            for slot in range(run.count):
+            kept = not which(Register(address=run.address, size=2))
+            for slot in range(0 if kept else run.count):
                 # Initial indirect addresses are consecutive; it only matters that they are in the table.
                 target = self.table.indirect[0].data + first + slot
                 at = run.address + 2 * slot

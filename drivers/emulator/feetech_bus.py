@@ -8,18 +8,19 @@ import numpy as np
 
 from flexmotion.configs.servo import Servo
 from flexmotion.drivers.bus.packet import BROADCAST, SumPacket
-from flexmotion.drivers.emulator.false_readings import ServoError
 from flexmotion.drivers.emulator.servo import Joints
 from flexmotion.drivers.emulator.sum_bus import SumBus, SumServo
 from flexmotion.drivers.emulator.wire import Reply
 from flexmotion.drivers.feetech.registers import BAUD_RATES, FORMAT, VOLTAGE, Instruction, sts
+from flexmotion.drivers.feetech.setup import SEVERAL_TURNS
+from flexmotion.drivers.random_errors import ServoError
 
 RETURN_DELAY_US = 2.0
 INPUT_VOLTAGE, OVERHEATING = 0x01, 0x04
 
 
 class StsServo(SumServo):
-    """One servo. Torque limit, lock, position limits and homing offset are emulated, profiles are not.
+    """One servo. Torque limit, lock, position limits, homing offset, resolution and turns are emulated, profiles not.
 
     Present position = actual position - homing offset; goals are in the same frame.
 
@@ -65,7 +66,7 @@ class StsServo(SumServo):
         torque = direction * plant.torque[index] + error.torque
         speed = direction * self.joints.body.velocity[index] + error.speed
         constant = self.servo.torque_constant or self.servo.stall_torque / self.servo.stall_current
-        self._report("present_position", self.joints.ticks[index] - self.get("homing_offset") + error.position)
+        self._report("present_position", self._present() + error.position)
         self._report("present_speed", speed / self.servo.tick_rad)
         self._report("present_load", 1000 * torque / self.servo.stall_torque)
         self._report("present_voltage", (plant.voltage + error.voltage) / VOLTAGE)
@@ -127,15 +128,24 @@ class StsServo(SumServo):
             joints.gain_share[index] = self.get(name) / self.servo.gain_register
             body.plant.set_gain(body.robot.kp * joints.gain_share)
         elif name == "goal_position":
-            ticks = min(max(self.get(name), self.get("min_position_limit")), self.get("max_position_limit"))
-            if ticks != self.get(name):
+            lower, upper = self.get("min_position_limit"), self.get("max_position_limit")
+            ticks = self.get(name)
+            if (lower or upper) and not lower <= ticks <= upper:  # both 0: no limits, several turns
+                ticks = min(max(ticks, lower), upper)
                 self.refusals.note("goal_clipped")
-            ticks += self.get("homing_offset")
+            ticks = (ticks + self.get("homing_offset")) * max(self.get("angle_resolution"), 1)
             robot = body.robot
             angle = (ticks - self.servo.centre_tick) * robot.tick_rad[index]
             joints.goal[index] = (angle - robot.zero[index]) * robot.direction[index]
             joints.fresh[index] = True
             joints.touch()
+
+    def _present(self) -> float:
+        """Position in its own units: of one turn, or over several with that bit of the phase."""
+        ticks = float(self.joints.ticks[self.index])
+        if not self.get("phase") & SEVERAL_TURNS:
+            ticks %= self.servo.ticks_per_turn
+        return ticks / max(self.get("angle_resolution"), 1) - self.get("homing_offset")
 
     def _report(self, name: str, value: float) -> None:
         """Set a measured register to the nearest value that it can hold."""
@@ -146,7 +156,7 @@ class StsServo(SumServo):
 
     def _pin(self) -> None:
         self.joints.refresh()
-        self.put("goal_position", int(self.joints.ticks[self.index]) - self.get("homing_offset"))
+        self.put("goal_position", int(self._present()))
 
 
 class EmulatedFeetechBus(SumBus[StsServo]):

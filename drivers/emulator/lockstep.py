@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from flexmotion.drivers.bus.driver import BusDriver
 from flexmotion.drivers.emulator.loopback import Loopback
 from flexmotion.drivers.emulator.sim_body import SimBody
-from flexmotion.drivers.interface import Capabilities, Float, JointCommand, RobotState
+from flexmotion.drivers.interface import Bool, Capabilities, Float, JointCommand, RobotState
 from flexmotion.drivers.simulated import LockstepDriver, Truth
 
 
@@ -32,7 +33,7 @@ class LockstepBus(LockstepDriver):
     def capabilities(self) -> Capabilities:
         """Those of the bus driver, and all of simulation."""
         real = self._driver.capabilities
-        return Capabilities(imu=real.imu, effort=real.effort, torque_bound=real.torque_bound, lockstep=True, truth=True)
+        return replace(real, lockstep=True, truth=True)
 
     @property
     def delay_s(self) -> float:
@@ -90,6 +91,18 @@ class LockstepBus(LockstepDriver):
     def set_torque(self, on: bool) -> None:
         """See `Driver`."""
         self._driver.set_torque(on)
+
+    def switch(self, which: Bool, on: bool) -> None:
+        """See `Driver`."""
+        self._driver.switch(which, on)
+
+    def reboot(self, which: Bool) -> None:
+        """See `Driver`."""
+        self._driver.reboot(which)
+
+    def take_restarted(self) -> Sequence[tuple[int, str | None]]:
+        """See `Driver`."""
+        return self._driver.take_restarted()
 
     def take_pins(self, goal: Float) -> None:
         """See `Driver`."""

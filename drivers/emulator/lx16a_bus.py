@@ -6,11 +6,11 @@ import numpy as np
 
 from flexmotion.configs.servo import Servo
 from flexmotion.drivers.bus.packet import BROADCAST, SumPacket
-from flexmotion.drivers.emulator.false_readings import ServoError
 from flexmotion.drivers.emulator.servo import Joints
 from flexmotion.drivers.emulator.sum_bus import SumBus, SumServo
 from flexmotion.drivers.emulator.wire import Reply
 from flexmotion.drivers.lx16a.protocol import BAUD, FORMAT, MILLIVOLT, Command
+from flexmotion.drivers.random_errors import ServoError
 
 
 class Lx16aServo(SumServo):

@@ -1,4 +1,4 @@
-"""`XServo`: one emulated Dynamixel of the X series. Its registers act on one joint of a `Body`.
+"""`XServo`: one emulated Dynamixel of the X, MX or P series. Its registers act on one joint of a `Body`.
 
 Emulated: operating modes 3 and 5 (position, current-based position), PWM and current limits, position gain, position
 limits, homing offset, shutdown on hardware errors, bus watchdog, indirect registers, torque at start-up; what is
@@ -15,7 +15,7 @@ import numpy as np
 
 from flexmotion.configs.servo import Servo
 from flexmotion.drivers.dynamixel.packet import Error
-from flexmotion.drivers.dynamixel.registers import PWM_FULL, VELOCITY_RPM, VOLTAGE, WATCHDOG_S, table_of
+from flexmotion.drivers.dynamixel.registers import VOLTAGE, WATCHDOG_S, table_of
 from flexmotion.drivers.emulator.body import Body
 from flexmotion.drivers.emulator.device import IDENTITY, STEERING, Device
 from flexmotion.drivers.emulator.false_readings import FalseReadings
@@ -32,8 +32,8 @@ TRIPPED = -1
 MULTI_TURN = 1_048_575
 """Largest goal position in current-based position mode (e-Manual, Goal Position(116)) [servo units]."""
 
-LARGEST_OFFSET = 1024
-"""Largest homing offset that position mode uses (e-Manual, Homing Offset(20)) [servo units]."""
+LARGEST_OFFSET = 0.25
+"""Largest homing offset that position mode uses (e-Manual, Homing Offset(20)) [turns]."""
 
 STARTUP_TORQUE = 0x01
 """Bit of the startup configuration: torque goes on at power-up (e-Manual, Startup Configuration(60))."""
@@ -49,8 +49,6 @@ FIRMWARE = 46
 TICK_WRAP = 32768
 """The realtime tick counts milliseconds modulo this."""
 
-_RAD_S = VELOCITY_RPM * 2 * math.pi / 60
-
 
 class Joints:
     """State shared by all servos of a bus: the body, and goals that are not yet passed to it.
@@ -59,7 +57,7 @@ class Joints:
         goal, bound: goals [rad] and torque bounds [N·m] in the servos' registers, (n,).
         fresh: servos with a new goal since the last `commit`, (n,) bool.
         ticks: positions at the last `refresh`, (n,) [servo units].
-        present: of every joint at the last `measure`: position [ticks], velocity [register units], torque in the
+        present: of every joint at the last `measure`: position [ticks], velocity [rad/s], torque in the
             servo's direction [N·m], temperature [°C]. Plain numbers, because they are written to registers one by one.
         false_readings: what servos report wrongly.
     """
@@ -74,7 +72,7 @@ class Joints:
         self.gain_share, self.drive_share = np.ones(n), np.ones(n)
         self._changed = False
         self.ticks = np.zeros(n)
-        self.present: list[tuple[int, int, float, int]] = []
+        self.present: list[tuple[int, float, float, int]] = []
 
     def touch(self) -> None:
         """Mark that a goal or a bound has changed."""
@@ -96,8 +94,8 @@ class Joints:
         self.refresh()
         body, plant = self.body, self.body.plant
         direction = body.robot.direction
-        units = [np.rint(a).astype(int) for a in (self.ticks, direction * body.velocity / _RAD_S, plant.temperature)]
-        ticks, speed, temperature = (a.tolist() for a in units)
+        ticks, temperature = (np.rint(a).astype(int).tolist() for a in (self.ticks, plant.temperature))
+        speed = (direction * body.velocity).tolist()
         self.present = list(zip(ticks, speed, (direction * plant.torque).tolist(), temperature, strict=True))
 
 
@@ -117,14 +115,18 @@ class XServo(Device):
         self._booted = True
         self.put("temperature_limit", int(servo.temperature_limit))
         self._current = servo.current_unit
-        self._dynamic = self.table["present_pwm"].address
+        # Consecutive in every series: PWM, current, velocity, position; supply, temperature; tick, moving.
+        self._dynamic, self._supply, self._clock = (
+            self.table[name].address for name in ("present_pwm", "present_input_voltage", "realtime_tick")
+        )
+        self._speed_unit, self._full_pwm = self.table.velocity_unit, self.table.full_pwm
         self._errors, self._watchdog = self.table["hardware_error_status"].address, self.table["bus_watchdog"].address
         self._torque_enable = self.table["torque_enable"].address
         self._newton_metre = servo.torque_constant or servo.stall_torque / servo.stall_current
         # Present load is a current if the servo measures it, else per mille of the stall torque.
         amperes = self._current
         self._load_per_torque = 1000 / servo.stall_torque if amperes is None else 1 / (self._newton_metre * amperes)
-        self._pwm_per_torque = PWM_FULL / servo.stall_torque
+        self._pwm_per_torque = self._full_pwm / servo.stall_torque
         self._largest_torque = 32767 / max(self._pwm_per_torque, self._load_per_torque)
         robot = joints.body.robot
         direction = float(robot.direction[index])
@@ -168,15 +170,18 @@ class XServo(Device):
         volts = round(self.joints.body.plant.voltage / VOLTAGE)
         error = self.joints.false_readings.of_servo(self.index)
         if error is not None:
-            ticks, speed = ticks + round(error.position), speed + round(error.speed / _RAD_S)
+            ticks, speed = ticks + round(error.position), speed + error.speed
             torque += error.torque
             volts = max(volts + round(error.voltage / VOLTAGE), 0)
             torque = min(max(torque, -self._largest_torque), self._largest_torque)
             temperature = min(max(temperature + round(error.temperature), 0), 255)
         pwm, load = round(torque * self._pwm_per_torque), round(torque * self._load_per_torque)
-        struct.pack_into("<hhii", self.memory, self._dynamic, pwm, load, speed, ticks)
-        struct.pack_into("<HB", self.memory, 144, volts, temperature)
-        struct.pack_into("<HB", self.memory, 120, int(now * 1000) % TICK_WRAP, abs(speed) > self._moving_threshold)
+        units = round(speed / self._speed_unit)
+        struct.pack_into("<hhii", self.memory, self._dynamic, pwm, load, units, ticks)
+        struct.pack_into("<HB", self.memory, self._supply, volts, temperature)
+        struct.pack_into(
+            "<HB", self.memory, self._clock, int(now * 1000) % TICK_WRAP, abs(units) > self._moving_threshold
+        )
 
     def written(self, name: str, value: int) -> int:
         """See `Device`."""
@@ -218,7 +223,7 @@ class XServo(Device):
         self.put("hardware_error_status", 0)
         self._pin()
         self._apply_shares()
-        if self.get("startup_configuration") & STARTUP_TORQUE:
+        if "startup_configuration" in self.table and self.get("startup_configuration") & STARTUP_TORQUE:
             self.put("torque_enable", 1)
             self._set_torque(True)
 
@@ -231,6 +236,8 @@ class XServo(Device):
         return Error.NONE
 
     def _on_operating_mode(self, value: int) -> int:
+        if value not in self.table.modes:
+            return self.refuse("out_of_range")
         if value not in MODES or (value == CURRENT_POSITION and "goal_current" not in self.table):
             return self.refuse("mode_not_emulated")
         if value != self.get("operating_mode"):
@@ -276,7 +283,7 @@ class XServo(Device):
             return self.refuse("tripped")
         if abs(value) > self.get("pwm_limit"):
             return self.refuse("over_limit")
-        self.joints.drive_share[self.index] = abs(value) / PWM_FULL
+        self.joints.drive_share[self.index] = abs(value) / self._full_pwm
         self.joints.body.plant.set_drive_share(self.joints.drive_share)
         return Error.NONE
 
@@ -297,7 +304,8 @@ class XServo(Device):
         super()._identify(changed)
         if changed in STEERING and changed not in IDENTITY:
             offset, mode = self.get("homing_offset"), self.get("operating_mode")
-            self._homing = 0 if mode == POSITION and abs(offset) > LARGEST_OFFSET else offset
+            ignored = mode == POSITION and abs(offset) > LARGEST_OFFSET * self.servo.ticks_per_turn
+            self._homing = 0 if ignored else offset
             limits = self.get("min_position_limit"), self.get("max_position_limit")
             self._goals = (-MULTI_TURN, MULTI_TURN) if mode == CURRENT_POSITION else limits
 
@@ -322,7 +330,7 @@ class XServo(Device):
 
     def _apply_shares(self) -> None:
         self._on_position_p_gain(self.get("position_p_gain"))
-        self.joints.drive_share[self.index] = abs(self.get("goal_pwm")) / PWM_FULL
+        self.joints.drive_share[self.index] = abs(self.get("goal_pwm")) / self._full_pwm
         self.joints.body.plant.set_drive_share(self.joints.drive_share)
 
     def _stop_here(self) -> None:

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from flexmotion.configs.robot_file import Quaternion
 from flexmotion.drivers.emulator.body import Body
-from flexmotion.drivers.emulator.false_readings import FalseReadings, ImuError
+from flexmotion.drivers.emulator.false_readings import FalseReadings
 from flexmotion.drivers.emulator.faults import Damage, Fault, FaultKind
 from flexmotion.drivers.emulator.line import Line, Port
 from flexmotion.drivers.emulator.wire import Reply, Wire
@@ -27,6 +27,7 @@ from flexmotion.drivers.imu.witmotion.protocol import (
     Register,
     frame,
 )
+from flexmotion.drivers.random_errors import ImuError
 from flexmotion.spatial.gravity import GRAVITY
 
 TEMPERATURE = 2500

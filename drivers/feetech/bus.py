@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -46,7 +48,7 @@ class FeetechBus(ServoBus):
         self._tick = np.array([servo.tick_rad for servo in self.servos])
         self._patience = 0.0
         self._answered: set[int] = set()
-        self._on = False
+        self._on, self._limp = False, np.zeros(len(self.ids), np.bool_)
         self._order = list(self.ids)
         self._position_limits = np.stack([np.full(len(self.ids), -np.inf), np.full(len(self.ids), np.inf)])
 
@@ -117,6 +119,7 @@ class FeetechBus(ServoBus):
     def switch_on(self) -> None:
         """See `ServoBus`."""
         wrong = "does not answer"
+        self._limp.fill(False)
         for _ in attempts(self.port):
             self._run_cycle()
             if not self.measured.fresh.all():
@@ -128,8 +131,8 @@ class FeetechBus(ServoBus):
             # A silent servo has been asked several times already: `all` stops at the first.
             if all(self._read(slot, "goal_position") == goal for slot, goal in enumerate(goals)):
                 self._on = True
-                self._sync_write("torque_limit", [1000] * len(goals))
-                self._sync_write("torque_enable", [1] * len(goals))
+                self._write_all("torque_limit", 1000)
+                self._write_all("torque_enable", 1)
                 if all(self._read(slot, "torque_enable") == 1 for slot in range(len(goals))):
                     self.measured.torque[:] = True
                     return
@@ -141,10 +144,30 @@ class FeetechBus(ServoBus):
     def repeat_on(self, off: Bool) -> None:
         """Not needed: `switch_on` verifies torque."""
 
+    def switch(self, which: Bool, on: bool) -> None:
+        """See `ServoBus`. Torque and the pinned goal go on in one packet: neither arrives without the other."""
+        slots = np.flatnonzero(which)
+        if not len(slots):
+            return
+        self._limp[slots] = not on
+        if on:
+            ticks = self.measured.ticks[slots]
+            pins = np.round(np.clip(ticks, *self._position_limits[:, slots]))
+            self.pins[slots] = self.guard.admit(slots, pins, standing=ticks)
+            first, goal = sts()["torque_enable"], sts()["goal_position"]
+            at_once = bytes(goal.address - first.end)  # the register between them: no bound on the acceleration
+            rows = {self.ids[s]: first.pack(1) + at_once + goal.pack(int(self.pins[s])) for s in slots}
+            self.port.send(_sync_write(first.address, rows))
+        else:
+            off = sts()["torque_enable"]
+            self.port.send(_sync_write(off.address, {self.ids[slot]: off.pack(0) for slot in slots}))
+        self.measured.torque[slots] = on
+
     def send_off(self) -> None:
         """See `ServoBus`."""
         self._on = False
-        self._sync_write("torque_enable", [0] * len(self.ids))
+        self._limp.fill(False)
+        self._write_all("torque_enable", 0)
 
     def torque_is_off(self, asked: Bool, until: float) -> Bool:
         """See `ServoBus`. All are asked at once: silent servos cost the time of one."""
@@ -159,7 +182,7 @@ class FeetechBus(ServoBus):
     def damp(self) -> None:
         """See `ServoBus`. The torque limit is lowered to `DAMPED_SHARE`, before the goals are pinned; sent twice."""
         for _ in range(2):
-            self._sync_write("torque_limit", [round(1000 * DAMPED_SHARE)] * len(self.ids))
+            self._write_all("torque_limit", round(1000 * DAMPED_SHARE))
             self._send(self.guard.nearest(self.measured.ticks))
 
     # ---------------------------------------------------------------- inside
@@ -204,31 +227,41 @@ class FeetechBus(ServoBus):
         return None if answer is None else register.unpack(answer.params)
 
     def _send(self, ticks: Float, standing: Float | None = None) -> None:
-        """Send goals of all servos; `standing`: present positions of servos that are pinned, (m,)."""
-        packet = self._packet("goal_position", [int(tick) for tick in ticks])
+        """Send goals of all servos with torque; `standing`: present positions of servos that are pinned, (m,).
+
+        A servo that is limp on request gets none: what a goal does to its torque is not documented.
+        """
+        ids = [id_ for id_, limp in zip(self.ids, self._limp, strict=True) if not limp]
+        packet = self._goals(ids, ticks)
         # From the bytes to send: id and goal of each servo, after header, id, length, instruction, address and size.
         goal, sent = sts()["goal_position"], packet[7:-1]
         step = goal.size + 1
-        slots = np.array([self._slot[id_] for id_ in sent[::step]])
+        slots = np.array([self._slot[id_] for id_ in sent[::step]], np.int64)
         goals = np.array([goal.unpack(sent[at + 1 : at + step]) for at in range(0, len(sent), step)], np.float64)
         admitted = self.guard.admit(slots, goals, standing=None if standing is None else standing[slots])
         if (admitted != goals).any():
             ticks = ticks.copy()
             ticks[slots] = admitted
-            packet = self._packet("goal_position", [int(tick) for tick in ticks])
+            packet = self._goals(ids, ticks)
         self.port.send(packet)
         if standing is not None:
             np.copyto(self.pins, ticks)
 
-    def _sync_write(self, name: str, values: list[int]) -> None:
-        self.port.send(self._packet(name, values))
+    def _goals(self, ids: list[int], ticks: Float) -> bytes:
+        goal = sts()["goal_position"]
+        return _sync_write(goal.address, {id_: goal.pack(int(ticks[self._slot[id_]])) for id_ in ids})
 
-    def _packet(self, name: str, values: list[int]) -> bytes:
-        """The bytes of a sync write of one register of all servos."""
+    def _write_all(self, name: str, value: int) -> None:
+        """Set a register of all servos."""
         register = sts()[name]
-        rows = b"".join(bytes([id_]) + register.pack(value) for id_, value in zip(self.ids, values, strict=True))
-        params = bytes([register.address, register.size]) + rows
-        return FORMAT.encode(BROADCAST, Instruction.SYNC_WRITE, params)
+        self.port.send(_sync_write(register.address, dict.fromkeys(self.ids, register.pack(value))))
+
+
+def _sync_write(address: int, rows: Mapping[int, bytes]) -> bytes:
+    """The bytes of a sync write of the same registers of several servos: their content, by id."""
+    (size,) = {len(row) for row in rows.values()} or {0}
+    params = bytes([address, size]) + b"".join(bytes([id_]) + row for id_, row in rows.items())
+    return FORMAT.encode(BROADCAST, Instruction.SYNC_WRITE, params)
 
 
 def _read_span() -> tuple[int, int]:

@@ -14,6 +14,10 @@ from flexmotion.drivers.feetech.registers import RETURN_DELAY_US, Instruction, s
 _HEAD = 56
 """Number of bytes before the measurements: all settings."""
 
+SEVERAL_TURNS = 0x10
+"""Bit of the phase: the position counts over several turns, from an unknown one after power-up. The other bits describe
+motor and bridge, and stay."""
+
 
 @dataclass(frozen=True)
 class Found:
@@ -24,10 +28,14 @@ class Found:
 
 
 def kept_settings(robot: Robot, joint: int) -> dict[str, int]:
-    """Values that the EEPROM of a joint's servo must have, by name."""
+    """Values that the EEPROM of a joint's servo must have, by name; of the phase one bit, see `find`.
+
+    Both limits at 0 would be the mode of several turns as well.
+    """
     config, servo = robot.joints[joint], robot.servos[joint]
     return {
         "operating_mode": 0,
+        "angle_resolution": 1,
         "homing_offset": 0,
         "min_position_limit": servo.min_tick,
         "max_position_limit": servo.max_tick,
@@ -55,7 +63,7 @@ def find(client: SumClient, robot: Robot, joint: int, present_id: int | None = N
     held = {name: r.unpack(answer.params[r.address : r.end]) for name, r in sts().registers.items() if r.end <= _HEAD}
     if servo.model_number is not None and held["model_number"] != servo.model_number:
         raise DriverError(f"{where}: model number {held['model_number']}, expected {servo.model_number}")
-    wanted = kept_settings(robot, joint)
+    wanted = kept_settings(robot, joint) | {"phase": held["phase"] & ~SEVERAL_TURNS}
     kept = {name: held[name] for name in wanted}
     inspection = Inspection(config.name, id_, servo.name, client.port.path, kept, wanted, bool(held["torque_enable"]))
     return Found(held, inspection)

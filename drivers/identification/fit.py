@@ -276,7 +276,10 @@ class Fit:
         found = {}
         for name, each, known in zip(self._unknowns.names, random.tolist(), value.tolist(), strict=True):
             own = share * abs(known)
-            if name == "armature":
+            if name == "damping":
+                # What the drag is beyond the back-EMF, which the current shows: an error of every torque is one of it.
+                own = share * (abs(known) + abs(float(value[self._unknowns.names.index("back_emf")])))
+            elif name == "armature":
                 # At one frequency acceleration follows the angle, as that torque does.
                 own = math.hypot(share * (abs(known) + limb), unknown / max(2.0 * acceleration, 1e-9))
             found[name] = math.hypot(each, table.get(name, own))

@@ -47,7 +47,7 @@ class Lx16aBus(ServoBus):
         self._next_read = self._next_write = self._next_status = 0
         self._queue: list[tuple[int, Command]] = []
         self._patience = 0.0
-        self._on = False
+        self._on, self._limp = False, np.zeros(m, np.bool_)
 
     @classmethod
     def check(cls, robot: Robot, name: str) -> None:
@@ -141,11 +141,12 @@ class Lx16aBus(ServoBus):
                 return
             slot = self._next_write
             self._next_write = (slot + 1) % m
-            if ticks[slot] != self._sent[slot]:
+            if ticks[slot] != self._sent[slot] and not self._limp[slot]:
                 self._move(slot, int(ticks[slot]))
 
     def switch_on(self) -> None:
         """See `ServoBus`. Goals cannot be read back; every servo is asked whether torque is on."""
+        self._limp.fill(False)
         for slot in range(len(self.ids)):
             if self._ask(slot, Command.READ_POSITION) is None:
                 raise DriverError(f"{self.joint_name(slot)} on {self.port.path}: does not answer: torque stays off")
@@ -158,6 +159,16 @@ class Lx16aBus(ServoBus):
 
     def repeat_on(self, off: Bool) -> None:
         """Not needed: `switch_on` verifies torque."""
+
+    def switch(self, which: Bool, on: bool) -> None:
+        """See `ServoBus`. A limp servo gets no goals: they may switch it on (not documented)."""
+        self._limp[which] = not on
+        for slot in np.flatnonzero(which):
+            if on:
+                for _ in range(2):
+                    self._move(int(slot), int(self.measured.ticks[slot]), pinned=True)
+            self.port.send(FORMAT.encode(self.ids[slot], Command.LOAD, bytes([on])))
+        self.measured.torque[which] = on
 
     def send_off(self) -> None:
         """See `ServoBus`."""

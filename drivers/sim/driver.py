@@ -10,10 +10,12 @@ from numpy.typing import NDArray
 
 from flexmotion.configs.robot import Robot
 from flexmotion.configs.schema import Strict
-from flexmotion.drivers.delay import DelayLine
 from flexmotion.drivers.interface import Capabilities, JointCommand, RobotState
 from flexmotion.drivers.plant import ServoPlant
+from flexmotion.drivers.random_errors import RandomErrors
 from flexmotion.drivers.receiver import Receiver
+from flexmotion.drivers.sim.false_state import falsify
+from flexmotion.drivers.sim.goal_line import GoalLine
 from flexmotion.drivers.sim.ground_truth import GroundTruth
 from flexmotion.drivers.sim.imu import SimImu
 from flexmotion.drivers.sim.options import BUS_S, SimOptions
@@ -31,9 +33,6 @@ BLOCKED_SHARE, BLOCKED_IMPEDANCE = 12.0, (0.999, 0.9999, 0.001, 0.5, 2.0)
 """Friction of a blocked joint over its servo's stall torque, and the impedance (`solimp`) of this constraint: against
 all torque of a servo it creeps by a few ticks a second. A damping that no servo overcomes is outside MuJoCo's solver:
 the state of a walking robot diverged."""
-
-UNBOUND = 1e6
-"""Torque bound above every servo's torque [N·m]; finite, because the delay line averages bounds."""
 
 log = logging.getLogger(__name__)
 
@@ -65,6 +64,7 @@ class SimDriver(LockstepDriver):
         self._has_current = np.array([servo.current_unit is not None for servo in robot.servos])
         self._free: dict[int, tuple[float, Float]] = {}  # friction and impedance of joints that were blocked
         self._open = False
+        self._restarted: list[tuple[int, str | None]] = []
         self._reset()
 
     @property
@@ -74,6 +74,8 @@ class SimDriver(LockstepDriver):
             imu=self._imu is not None,
             effort=bool(self._has_current.any()),
             torque_bound=True,
+            joint_torque=True,
+            reboot=True,
             lockstep=True,
             truth=True,
         )
@@ -87,7 +89,7 @@ class SimDriver(LockstepDriver):
     @property
     def violations(self) -> int:
         """Goals outside the servos' envelope (see `flexmotion.drivers.receiver`)."""
-        return self._receiver.violations
+        return self._goals.receiver.violations
 
     @property
     def time(self) -> float:
@@ -97,7 +99,7 @@ class SimDriver(LockstepDriver):
     @property
     def receiver(self) -> Receiver:
         """Takes goals and counts those outside the envelope."""
-        return self._receiver
+        return self._goals.receiver
 
     @property
     def position(self) -> Float:
@@ -144,6 +146,24 @@ class SimDriver(LockstepDriver):
         else:
             self.plant.enabled[:] = False
 
+    def switch(self, which: NDArray[np.bool_], on: bool) -> None:
+        """See `Driver`. A servo that has shut down stays without torque."""
+        if on:
+            self._goals.pin_some(self.position, which)
+        self.plant.enabled[which] = on
+        self.plant.enabled &= self._hardware_error == 0
+
+    def reboot(self, which: NDArray[np.bool_]) -> None:
+        """See `Driver`. It takes no time; a servo that is still too hot shuts down again."""
+        self.plant.enabled[which] = False
+        self._hardware_error[which] = 0
+        self._restarted += [(int(joint), None) for joint in np.flatnonzero(which)]
+
+    def take_restarted(self) -> list[tuple[int, str | None]]:
+        """See `Driver`."""
+        restarted, self._restarted = self._restarted, []
+        return restarted
+
     def release(self) -> None:
         """Stop holding the torso, unless the robot is suspended."""
         if not self._settings.suspended:
@@ -171,12 +191,7 @@ class SimDriver(LockstepDriver):
 
         All of `goal` and `bound` takes effect; only goals of servos marked in `which` are counted against the envelope.
         """
-        n = self.robot.n
-        receiver = self._receiver
-        receiver.receive(goal, self.position, self.velocity, self.plant.voltage, self.plant.enabled, which)
-        self._command_row[:n] = receiver.goal
-        np.minimum(bound, UNBOUND, out=self._command_row[n:])
-        self._delay.push(self._command_row)
+        self._goals.send(goal, bound, self.position, self.velocity, self.plant, which)
 
     def block(self, joint: int, on: bool) -> None:
         """Hold a joint by friction that no servo overcomes, or let it go."""
@@ -194,22 +209,13 @@ class SimDriver(LockstepDriver):
 
     def write(self, command: JointCommand) -> None:
         """Send goals: they are quantised and counted against the envelope now, and take effect after the delay."""
-        n = self.robot.n
-        row = self._command_row
-        self._receiver.receive(
-            command.position,
-            self._newest[:n],
-            self._newest[n : 2 * n],
-            self.plant.voltage,
-            self.plant.enabled,
-        )
-        row[:n] = self._receiver.goal
-        np.copyto(row[n:], command.torque_bound)
-        row[n:][np.isnan(row[n:])] = UNBOUND
-        self._delay.push(row)
+        self._goals.send(command.position, command.torque_bound, self.position, self.velocity, self.plant)
 
     def read(self, state: RobotState) -> None:
-        """Fill `state` with measurements that are `read_delay_s` old; effort, voltage and temperature are current."""
+        """Fill `state` with measurements that are `read_delay_s` old; effort, voltage and temperature are current.
+
+        Option `false_readings` makes a share of them false.
+        """
         robot, row = self.robot, self._history[(self._steps - self._read_steps) % len(self._history)]
         n = robot.n
         robot.from_ticks(robot.to_ticks(row[:n], out=state.position), out=state.position)
@@ -224,6 +230,8 @@ class SimDriver(LockstepDriver):
         else:
             self._imu.read(row[2 * n :], state.gyro, state.accel)
             state.imu_stale = 0
+        if self._settings.false_readings:
+            falsify(self._errors, robot, state)
         state.stamp_ns = round(max(self._steps - self._read_steps, 0) * self._settings.timestep * 1e9)
 
     def advance(self, seconds: float) -> None:
@@ -267,16 +275,15 @@ class SimDriver(LockstepDriver):
         imu = robot.config.imu if options.imu else None
         self._imu = None if imu is None else SimImu(imu, self.model, options, sensors)
         self._pushes = PushSchedule(options, pushes)
+        self._errors = RandomErrors(options.false_readings, options.seed)
         self.plant = ServoPlant(
             robot, kp_scale=options.kp_scale, supply=options.voltage, resistance=options.supply_resistance
         )
-        self._receiver = Receiver(robot)
         self._hardware_error = np.zeros(n, np.int64)
+        self._restarted = []
         self._temperature_limit = np.array([servo.temperature_limit for servo in robot.servos])
 
-        self._command_row = np.full(2 * n, UNBOUND)
-        self._command_row[:n] = robot.stand_pose
-        self._delay = DelayLine(self._command_row, self.delay_s + options.extra_latency_s)
+        self._goals = GoalLine(robot, robot.stand_pose, self.delay_s + options.extra_latency_s)
         self._read_steps = round(options.read_delay_s / options.timestep)
         self._history = np.zeros((self._read_steps + 1, 2 * n + 6))
         self._torque, self._saturated = np.zeros(n), np.zeros(n)
@@ -285,8 +292,7 @@ class SimDriver(LockstepDriver):
 
     def _step(self) -> None:
         data, n, plant, row = self.data, self.robot.n, self.plant, self._newest
-        plant.goal[:] = self._delay.advance(self._settings.timestep)[:n]
-        plant.torque_bound[:] = self._delay.value[n:]
+        self._goals.advance(self._settings.timestep, plant)
         data.qfrc_applied[self._dof] = plant.step(row[:n], row[n : 2 * n])
         self._push()
         mujoco.mj_step(self.model, data)
@@ -316,11 +322,7 @@ class SimDriver(LockstepDriver):
 
     def _pin_goals(self) -> None:
         """Set the goals to the present positions; goals still in the delay line are dropped."""
-        n = self.robot.n
-        self._receiver.pin(self._newest[:n])
-        self._command_row[:n] = self._receiver.goal
-        self._command_row[n:] = UNBOUND
-        self._delay.reset(self._command_row)
+        self._goals.pin(self.position)
 
     def _shut_down(self, hot: NDArray[np.bool_]) -> None:
         """Servos past their temperature limit switch their own torque off, as real servos do."""

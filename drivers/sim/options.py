@@ -57,6 +57,8 @@ class SimOptions(Strict):
         friction: sliding friction of floor and soles.
         joint_friction_scale: multiplies dry friction in the joints.
         slope_deg: tilt of the floor about y (uphill is negative) and x [deg].
+        false_readings: share of readings, of servos and IMU, that are false at random, as on the emulated bus
+            (`flexmotion.drivers.random_errors`).
         pushes, random_pushes: pushes at the torso.
     """
 
@@ -89,6 +91,7 @@ class SimOptions(Strict):
     friction: float | None = Field(default=None, gt=0)
     joint_friction_scale: float = Field(default=1.0, ge=0)
     slope_deg: tuple[float, float] = (0.0, 0.0)
+    false_readings: float = Field(default=0.0, ge=0, le=1)
     pushes: tuple[Push, ...] = ()
     random_pushes: RandomPushes | None = None
 

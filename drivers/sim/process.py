@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import time
-from dataclasses import fields
+from dataclasses import fields, replace
 from multiprocessing.connection import Connection, Pipe
 from multiprocessing.process import BaseProcess
 from typing import Any
@@ -26,16 +26,20 @@ _OPEN_PATIENCE_S, _CLOSE_PATIENCE_S = 30.0, 1.0
 """Bounds against hanging [s]: a process that dies while it opens is noticed at once."""
 _PAUSE_S = 0.1
 """Longest pause of the process that does not count as silence [s]; it shares its processor with other processes."""
-_GOALS, _TORQUE_ON, _TORQUE_OFF, _DAMP, _END = range(5)
+_GOALS, _TORQUE_ON, _TORQUE_OFF, _DAMP, _STIFF, _LIMP, _REBOOT, _END = range(8)
 _TRUTH = tuple(field.name for field in fields(Truth))
 _STATE = ("position", "velocity", "effort", "voltage", "temperature", "hardware_error", "gyro", "accel")
 
 
 class _CommandRow(Record):
-    """A command to the robot's process: goals, or what to do with the torque, and when it was sent."""
+    """A command to the robot's process: goals, or what to do with the torque (of the joints in `which`, 0 or 1).
+
+    `stamp_ns`: when it was sent [`time.perf_counter_ns`].
+    """
 
     stamp_ns: Int = column("i8")
     kind: Int = column("i8")
+    which: Int = column("i8", "joints")
     position: Float = column("f8", "joints")
     torque_bound: Float = column("f8", "joints")
 
@@ -94,15 +98,14 @@ class SimProcess(SimulatedDriver):
         self._unchanged = 0
         self._patience = max(round(_PAUSE_S * self.robot.rate_hz), 1)
         self._newest = _StateRow(np.zeros((), self._states.dtype))
+        self._restarted: list[tuple[int, str | None]] = []
         self._process: BaseProcess | None = None
 
     @property
     def capabilities(self) -> Capabilities:
         """Those of the simulation, without `lockstep`."""
         inner = self.simulation.capabilities
-        return Capabilities(
-            imu=inner.imu, effort=inner.effort, torque_bound=inner.torque_bound, lockstep=False, truth=inner.truth
-        )
+        return replace(inner, lockstep=False)
 
     @property
     def delay_s(self) -> float:
@@ -180,6 +183,22 @@ class SimProcess(SimulatedDriver):
     def set_torque(self, on: bool) -> None:
         """Switch all servos."""
         self._send(_TORQUE_ON if on else _TORQUE_OFF)
+
+    def switch(self, which: NDArray[np.bool_], on: bool) -> None:
+        """See `Driver`."""
+        self._row.which[...] = which
+        self._send(_STIFF if on else _LIMP)
+
+    def reboot(self, which: NDArray[np.bool_]) -> None:
+        """See `Driver`."""
+        self._row.which[...] = which
+        self._send(_REBOOT)
+        self._restarted += [(int(joint), None) for joint in np.flatnonzero(which)]
+
+    def take_restarted(self) -> list[tuple[int, str | None]]:
+        """See `Driver`. The robot's process does not say; errors that remain are in the next readings."""
+        restarted, self._restarted = self._restarted, []
+        return restarted
 
     def damp(self) -> None:
         """Let the joints give way."""
@@ -263,6 +282,10 @@ class SimProcess(SimulatedDriver):
             simulation.set_torque(kind == _TORQUE_ON)
         elif kind == _DAMP:
             simulation.damp()
+        elif kind in (_STIFF, _LIMP):
+            simulation.switch(row.which == 1, kind == _STIFF)
+        elif kind == _REBOOT:
+            simulation.reboot(row.which == 1)
         return kind == _END
 
     def _publish(self, sensed: RobotState, state: _StateRow, late_s: float, worst_late_s: float) -> None:

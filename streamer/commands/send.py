@@ -84,6 +84,25 @@ def send(
     ] = None,
     clip: Annotated[str | None, typer.Option("--clip", help="A clip of the run's library.", show_default=False)] = None,
     hold: Annotated[bool, typer.Option("--hold", help="Come to a stand.")] = False,
+    limp: Annotated[
+        str | None,
+        typer.Option(
+            "--limp",
+            metavar="JOINT,…",
+            help="Switch these joints' torque off: arms and head, while the robot stands.",
+            show_default=False,
+        ),
+    ] = None,
+    stiff: Annotated[
+        str | None,
+        typer.Option("--stiff", metavar="JOINT,…", help="Switch it on again, where they are.", show_default=False),
+    ] = None,
+    reboot: Annotated[
+        str | None,
+        typer.Option(
+            "--reboot", metavar="JOINT,…", help="Restart their servos; all torque is off.", show_default=False
+        ),
+    ] = None,
     seconds: Annotated[
         float | None,
         typer.Option("--for", min=0.05, max=600.0, help="Come to a stand after this many seconds.", show_default=False),
@@ -91,10 +110,10 @@ def send(
     take: Annotated[bool, typer.Option("--take", help="Take the lease over from another operator first.")] = False,
     run: RunAddress,
 ) -> None:
-    """Send a target to a run and print what it heard; exit code 1 where the target is not followed.
+    """Send a target to a run and print what it heard; exit code 1 where it is not done.
 
     A velocity holds for 5 s, or for --for; words hold until the next target. A heading and a waypoint end where the
-    robot has arrived, by its own odometry.
+    robot has arrived, by its own odometry. While a joint is limp the robot stands and follows no target.
 
     [bold]Examples[/bold]
 
@@ -105,6 +124,8 @@ def send(
       flexmotion send --heading 90
 
       flexmotion send --waypoint 1 .5 --heading 180
+
+      flexmotion send --limp l_el,l_sho_pitch
     """
     turn = None if waypoint is not None else heading
     given = {
@@ -114,6 +135,9 @@ def send(
         "--waypoint": waypoint,
         "--clip": clip,
         "--hold": hold or None,
+        "--limp": limp,
+        "--stiff": stiff,
+        "--reboot": reboot,
     }
     chosen = [name for name, value in given.items() if value is not None]
     if len(chosen) != 1:
@@ -132,8 +156,13 @@ def send(
         message = {"type": "waypoint", "position_m": waypoint, "heading_rad": radians, "tolerance_m": tolerance}
     elif turn is not None:
         message = {"type": "heading", "heading_rad": radians, "turning_rad_s": turning}
+    elif clip is not None:
+        message = {"type": "clip", "clip": clip}
+    elif hold:
+        message = {"type": "hold"}
     else:
-        message = {"type": "hold"} if clip is None else {"type": "clip", "clip": clip}
+        joints = limp or stiff or reboot or ""
+        message = {"type": chosen[0].removeprefix("--"), "joints": joints.split(",")}
     with run.client() as client:
         if take:
             client.take()

@@ -90,10 +90,14 @@ class HardwareAudit:
             if self._imu_lies:
                 return "IMU measures what cannot be"
             return f"IMU has not answered for {measured.imu_stale} reads{self.punctuality.remark}"
-        disobedient = self.obedience.worst
-        if disobedient is not None:
-            return self._of_servo(f"does not follow its goals: {self.obedience.describe(disobedient)}", disobedient)
         return self._overheating(measured) or self._low_supply(measured)
+
+    def blocked(self) -> str | None:
+        """Which servo does not follow its goals; None while all do."""
+        joint = self.obedience.worst
+        if joint is None:
+            return None
+        return self._of_servo(f"does not follow its goals: {self.obedience.describe(joint)}", joint)
 
     def refusal(self, measured: RobotState, unread: NDArray[np.int64], has_imu: bool) -> str | None:
         """Why torque must not be switched on; None where a start is safe.

@@ -4,13 +4,15 @@
 OFF ──start──► READY ──plan──► STREAMING ◄──plan── HOLD ──park──► PARK ──► OFF
                                    └──plan over, stop──► ▲
 any state with torque: e-stop, lost bus ► HOLD (frozen) ► PARK ► FAULT      fall ► DAMPED ► FAULT      kill ► FAULT
+READY, STREAMING, HOLD: a blocked joint ► HOLD (frozen) ► PARK ► FAULT
 FAULT ──clear──► OFF
 ```
 
-What an e-stop or a lost bus does before PARK is the robot file's choice
+What an e-stop, a lost bus or a blocked joint does before PARK is the robot file's choice
 (`flexmotion.configs.robot_file.EmergencyStop`); the line above is that of a robot that stays up when it freezes. Servos
 that do not answer may still receive goals: the robot is held and lowered without measurements. Where goals cannot be
-sent any more, the ladder goes to FAULT.
+sent any more, the ladder goes to FAULT. With a blocked leg the way to the rest pose makes the robot fall: it stays
+frozen until an operator, who holds it, requests the way down, or its time is over, or another fault comes.
 """
 
 from __future__ import annotations
@@ -55,6 +57,8 @@ class Inputs:
         move_done: the slow move of this state is done.
         fallen: the torso is tilted past the robot's limit.
         fault: why servos, sensors, supply or planner require an orderly end, or None.
+        blocked: why a joint cannot go where its goals lead it, or None: the plan cannot be played on.
+        stands: that joint carries the robot, which must not be lowered before somebody holds it.
         bus_lost: why the bus counts as lost, or None; goals are sent on.
         cut_off: why no goal can be sent any more, or None.
     """
@@ -70,6 +74,8 @@ class Inputs:
     move_done: bool = False
     fallen: bool = False
     fault: str | None = None
+    blocked: str | None = None
+    stands: bool = False
     bus_lost: str | None = None
     cut_off: str | None = None
 
@@ -105,12 +111,19 @@ class Ladder:
         self.stopping = False
         self._freeze_ticks = int(round(freeze_s * rate_hz))
         self._lost_ticks = int(round(limits.lost_bus_hold_s * rate_hz))
+        self._blocked_ticks = int(round(limits.blocked_hold_s * rate_hz))
         self._damp_ticks = int(round(damp_s * rate_hz))
         self._left = 0
         self._frozen = False
+        self._stands = False  # what froze it is a joint that carries it
         self._lost = False  # what a lost bus demands has begun
         self._parking = False  # park once the robot stands: requested while streaming
         self._pressed = False  # an e-stop button that is held down counts once
+
+    @property
+    def waits(self) -> bool:
+        """Whether the robot stands frozen with a blocked leg until an operator lowers it, for a bounded time."""
+        return self._stands and self._frozen and self.state is State.HOLD
 
     def step(self, inputs: Inputs) -> Playback:
         """Advance one tick; returns what the loop sends."""
@@ -151,7 +164,9 @@ class Ladder:
             self._latch("fall: torso tilted past the robot's limit")
             self.state, self._left = State.DAMPED, self._damp_ticks
         elif inputs.estop and not self._pressed:
-            return self._emergency_stop(self._freeze_ticks)
+            return self._emergency_stop(max(self._freeze_ticks, self._left if self.waits else 0))
+        elif inputs.blocked is not None and self.fault is None and self.state is not State.PARK:
+            return self._stand(inputs.blocked, inputs.stands)
         elif inputs.bus_lost is not None and not self._lost:
             return self._lose(inputs.bus_lost)
         else:
@@ -166,6 +181,12 @@ class Ladder:
         self._lost = True
         self._latch(cause)
         return self.state is not State.PARK and self._stop_at_once(self._lost_ticks)
+
+    def _stand(self, cause: str, stands: bool) -> bool:
+        """Stop where a joint is blocked; returns whether that decides this tick."""
+        self._latch(cause)
+        self.stopping, self._stands = True, stands
+        return self._stop_at_once(self._blocked_ticks if stands else self._freeze_ticks)
 
     def _emergency_stop(self, ticks: int) -> bool:
         """Do what an operator demands; returns whether that decides this tick."""
@@ -186,7 +207,7 @@ class Ladder:
     def _in_off(self, inputs: Inputs) -> None:
         stopped = inputs.stop or inputs.park or inputs.estop or inputs.kill
         if inputs.start and not stopped and self.fault is None:
-            self.state = State.READY
+            self.state, self._stands = State.READY, False
             self.stopping = self._frozen = self._parking = self._lost = False
         elif inputs.kill:
             self._latch("kill: torque cut by an operator")
@@ -213,7 +234,7 @@ class Ladder:
     def _in_hold(self, inputs: Inputs) -> None:
         if self._frozen:
             self._left -= 1
-            if self._left <= 0:
+            if self._left <= 0 or (self.waits and (inputs.park or inputs.fault is not None)):
                 self.state, self._frozen = State.PARK, False
         elif not inputs.plan_ready and (inputs.park or self._parking or self.fault is not None):
             self.state = State.PARK

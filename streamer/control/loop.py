@@ -15,6 +15,7 @@ from flexmotion.retarget.retargeter import Retargeter
 from flexmotion.streamer.control.estimator import Estimator
 from flexmotion.streamer.control.gyro_bias import GyroBias
 from flexmotion.streamer.control.hardware_audit import HardwareAudit
+from flexmotion.streamer.control.joint_torque import JointTorque
 from flexmotion.streamer.control.ladder import POWERED, Inputs, Ladder, Playback, State
 from flexmotion.streamer.control.load_estimator import LoadEstimator
 from flexmotion.streamer.control.obedience import Obedience
@@ -52,8 +53,9 @@ class ControlLoop:
 
     Attributes:
         tick_count: ticks done, which is the number of the next tick.
-        inputs: requests for the next tick; cleared after it.
+        inputs: requests for the next tick; cleared after it. joints: requests for single joints.
         playing: the plan that plays; `waiting`: the accepted plan that takes over at its start tick.
+        commands: goals have been sent since torque went on.
         winding_down: set by the lifecycle: from now on only a plan that stops is accepted.
         awaits_arm: set by the lifecycle: a start that is refused is no fault, another may be requested.
         hardware_failed: a servo, the IMU, the supply or the bus is why the start was refused or a fault is latched.
@@ -72,6 +74,7 @@ class ControlLoop:
         self.robot, self.driver, self.plans, self.telemetry = robot, driver, plans, telemetry
         self.ladder = Ladder(robot.safety, robot.rate_hz)
         self.inputs = Inputs()
+        self.joints = JointTorque(robot, driver, self.ladder, self._emit)
         self.state = RobotState(robot.n)
         self.command = JointCommand(robot.n)
         self.now, self.ahead = Reference(robot.n), Reference(robot.n)
@@ -88,7 +91,7 @@ class ControlLoop:
         self.stand_pose = retargeter.layout.view(retargeter.standing()).q[0].copy()
         self.playing: Offer | None = None
         self.waiting: Offer | None = None
-        self.winding_down = self.hardware_failed = self.awaits_arm = False
+        self.winding_down = self.hardware_failed = self.awaits_arm = self.commands = False
         self.tick_count = 0
         self._writer = RowWriter(telemetry.row, robot, driver)
         self._examined = 0  # id of the newest plan that was accepted or refused
@@ -104,6 +107,11 @@ class ControlLoop:
     def ready(self) -> bool:
         """Whether the robot stands and waits for its first plan."""
         return self.ladder.state is State.READY and self._arrived
+
+    @property
+    def _stands(self) -> bool:
+        """Whether the robot stands and nothing is about to move it."""
+        return self.ready or self.ladder.state is State.HOLD
 
     @property
     def _arrived(self) -> bool:
@@ -123,7 +131,8 @@ class ControlLoop:
     @property
     def must_stop(self) -> bool:
         """Whether only a plan that stops is accepted."""
-        return self.winding_down or self.ladder.stopping or self.ladder.fault is not None
+        ladder = self.ladder
+        return self.winding_down or ladder.stopping or ladder.fault is not None or self.joints.reason is not None
 
     def touch(self) -> None:
         """Read the shared memory that ticks need, so that no tick meets a page fault in it."""
@@ -148,9 +157,14 @@ class ControlLoop:
         playback = self.ladder.step(self.inputs)
         if self.ladder.fault != fault:
             self.hardware_failed = self.ladder.fault is not None and self.ladder.fault == self._hardware_fault
+            if self.ladder.fault is not None and self.ladder.fault == self.inputs.blocked:
+                self._relieve()
         if self.ladder.state is not before:
             self.servo.rejoin()
             self._enter(self.ladder.state, before)
+        pins = self.joints.step(self.tick_count, self.state, stands=self._stands)
+        if pins is not None:
+            self.servo.take_pins(pins)
         self._play(playback)
         self._write_row(playback)
         self._check_underrun(playback)
@@ -169,7 +183,7 @@ class ControlLoop:
         self.driver.take_pins(self._pins)
         self.servo.take_pins(self._pins)
         np.copyto(self.command.position, self._pins, where=np.isfinite(self._pins))  # also where goals are frozen
-        self.plausibility.check(self.state, self.now.qd, self.tick_count, powered=powered)
+        self.plausibility.check(self.state, self.now.qd, self.tick_count, powered=powered, limp=self.joints.limp)
         if self.tick_count - self._last_tick > _LATE_TICKS and powered:
             self.servo.rejoin()  # the servos have held their goals meanwhile
         self._last_tick = self.tick_count
@@ -226,7 +240,8 @@ class ControlLoop:
         tilted = math.hypot(*self.estimator.tilt) > self.robot.safety.fall_tilt
         inputs.fallen = bool(self.estimator.has_imu and tilted)
         if state in _JUDGED:
-            self.obedience.update(self.command.position, self._load, measured.position, measured.stale == 0)
+            known = (measured.stale == 0) & ~self.joints.limp
+            self.obedience.update(self.command.position, self._load, measured.position, known)
         lost = self.audit.lost_bus(measured)
         if lost is not None:
             self._hardware_fault = inputs.bus_lost = lost
@@ -236,9 +251,30 @@ class ControlLoop:
             fault = self.audit.problem(measured)
             if fault is None and state is State.READY and not self._arrived:
                 fault = self.audit.lying_imu()  # a start, until the robot has stood up
-            self._hardware_fault = inputs.fault = fault
+            if fault is None and state in _JUDGED:
+                self._look_for_blocks()
+            self._hardware_fault = inputs.blocked if fault is None else fault
+            inputs.fault = fault
         if not self.estimator.has_imu:
             self.audit.warn_of_imu()
+
+    def _look_for_blocks(self) -> None:
+        """Tell the ladder which joint does not follow its goals, and whether it carries the robot."""
+        self.inputs.blocked = self.audit.blocked()
+        joint = self.obedience.worst
+        self.inputs.stands = joint is not None and bool(self.joints.carries[joint])
+
+    def _relieve(self) -> None:
+        """The goal of a joint that is found to be blocked is where it stands: its servo pushes no more."""
+        joint = self.obedience.blocked
+        if joint is not None:
+            self._pins.fill(np.nan)
+            self._pins[joint] = np.clip(self.state.position[joint], self.robot.lower[joint], self.robot.upper[joint])
+            self.command.position[joint] = self._pins[joint]
+            self.servo.take_pins(self._pins)
+        if self.ladder.waits:
+            hold_s = self.robot.safety.blocked_hold_s
+            self._warn(f"the robot stands frozen with a blocked leg, for {hold_s:g} s: hold it, then disarm it")
 
     def _measure_gyro_bias(self) -> None:
         """While the robot stands and waits, the gyro measures its bias."""
@@ -257,7 +293,10 @@ class ControlLoop:
             self.audit.watch(self.state)
             return
         self.audit.take_limits(self.driver.temperature_limit, self.driver.voltage_limit)
-        reason = self.audit.refusal(self.state, self.plausibility.unread, self.estimator.has_imu) or self._lies()
+        reason = self.joints.restarting or self.audit.refusal(
+            self.state, self.plausibility.unread, self.estimator.has_imu
+        )
+        reason = reason or self._lies()
         if reason is None:
             return
         self.inputs.start = False
@@ -285,6 +324,9 @@ class ControlLoop:
         cause = f": {self.ladder.fault}" if self.ladder.fault else ""
         self._emit("fault" if state is State.FAULT else "state", f"{before.name} -> {state.name}{cause}")
         robot = self.robot
+        if state in (State.OFF, State.READY, State.FAULT):
+            self.joints.forget()
+            self.commands = False
         if state is State.READY:
             begin = time.perf_counter_ns()
             self.driver.set_torque(True)
@@ -335,7 +377,9 @@ class ControlLoop:
             self.move.step(self.now)
             self.ahead.copy(self.now)
         np.copyto(self._load, self._torque())
+        self.joints.lead(self.ahead, self._load, self.state)
         expected = self.plausibility.expected if self.plausibility.returned else None
+        self.commands = True
         self.command.position[:] = self.servo.update(self.ahead.q, self.ahead.qd, self._load, self.state, expected)
         repairs = self.telemetry.row.repairs
         repairs[_POSITION] += self.servo.position_clamps
@@ -362,6 +406,7 @@ class ControlLoop:
         row.ready[...], row.plan_over[...], row.must_stop[...] = self.ready, self.plan_over, self.must_stop
         row.offer[...], row.pending[...] = self._examined, 0 if self.waiting is None else self.waiting.ticket.id
         row.disbelieved[...] = self.plausibility.disbelieved
+        row.limp[...] = self.joints.limp
         row.hung[...], row.hardware_failed[...] = self.suspension.hung, self.hardware_failed
         writer.write_measured(self.state)
         writer.write_plan(self.playing)

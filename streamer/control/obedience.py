@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from flexmotion.configs.robot import Robot
 from flexmotion.drivers.masks import every, some
+from flexmotion.streamer.control.stillness import Stillness
 
 Float = NDArray[np.float64]
 
@@ -53,18 +54,27 @@ class Obedience:
         # Of the last ticks, in turns.
         self._positions, self._predictions = np.zeros((span, robot.n)), np.zeros((turns, robot.n))
         self._place = 0
+        self._stillness = Stillness(robot, turns)
         self._aim, self._moved, self._any_overdue = np.zeros(robot.n), np.zeros(robot.n), False
+
+    @property
+    def blocked(self) -> int | None:
+        """The joint that stands still while its goals lead it on; None while all move."""
+        return self._stillness.worst
 
     @property
     def worst(self) -> int | None:
         """The joint whose servo does not follow its goals; None while all do."""
-        if not self._any_overdue:
-            return None
+        blocked = self.blocked
+        if blocked is not None or not self._any_overdue:
+            return blocked
         joint = int(np.argmax(self.overdue))
         return joint if self.overdue[joint] > PATIENCE_S else None
 
     def describe(self, joint: int) -> str:
         """What is wrong with a joint, for messages."""
+        if joint == self.blocked:
+            return f"it stands still while they lead it by {self._stillness.span[joint]:.2f} rad: it is blocked"
         distance = self.load[joint] * self.robot.usable_torque[joint] / self.robot.kp[joint]
         return f"{abs(distance):.2f} rad from where they lead, or it is blocked"
 
@@ -72,6 +82,7 @@ class Obedience:
         """Begin with joints at `position`, (n,) [rad]."""
         for row in (self.predicted, *self._positions, *self._predictions):
             np.copyto(row, position)
+        self._stillness.reset(position)
         self.load[:] = self.overdue[:] = 0.0
         self._any_overdue = False
 
@@ -91,6 +102,7 @@ class Obedience:
         predicted -= aim
         predicted *= self._keeps
         predicted += aim
+        self._stillness.update(position, predicted, known)
         self._place += 1
         np.copyto(self._predictions[self._place % len(self._predictions)], predicted)
         before = self._positions[self._place % len(self._positions)]

@@ -33,6 +33,9 @@ SPEED_SHARE, LAG_SHARE = 0.5, 0.1
 """Difference of a speed from the change of the position, over the no-load speed. From the first on one of them is
 wrong, beyond the second (and the quantisation of the position) the speed is bounded. Robots in simulation reach 0.06,
 servos that filter their speed more."""
+STEADY_SHARE = 0.3
+"""Change between two reads of the speed at which the positions move, over the no-load speed, up to which they are not
+blamed for a difference to the speed that is read: a servo that filters its speed lags behind."""
 MARGIN_TICKS = 12
 """Error of a position that is not a wrong reading: quantisation, play, the time stamp of the reading [servo units]."""
 COLDEST, HOTTEST = -20.0, 50.0
@@ -69,8 +72,10 @@ class Plausibility:
         self._lower, self._upper = robot.lower - beyond, robot.upper + beyond
         self._middle = 0.5 * (self._lower + self._upper)
         self._lag, self._strange = LAG_SHARE * robot.no_load_speed, SPEED_SHARE * robot.no_load_speed
+        self._steady = STEADY_SHARE * robot.no_load_speed
         self._in_turns = turns > 1
         self._position, self._velocity = np.full(n, np.nan), np.zeros(n)
+        self._reported, self._moved = np.zeros(n), np.full(n, np.nan)  # speed as it was read, and that of the positions
         self._since = np.full(n, np.inf)  # time since a joint's last believed reading [s]
         self._believed = np.full(n, np.nan)  # the position then
         self._stamp_ns, self._tick = 0, -1
@@ -79,12 +84,14 @@ class Plausibility:
         self.suspicions = tuple(Suspicion(n, patience) for _ in KINDS)
         self.imu_suspicion = Suspicion(1, patience)
         self.returned = False
-        self._calm = False  # all were believed the last time, and none is wrong for good
+        self._held = np.zeros(n, np.bool_)  # joints whose torque is on
+        self._calm = False  # all were believed the last time, none is wrong for good, and none is limp by itself
         self._none, self._all = np.zeros(n, np.bool_), np.ones(n, np.bool_)
         # Of each joint its step, the difference of its speeds, its speed, and its place in the middle of the range; and
         # what these may be at most, for an elapsed time.
         self._away, self._most = np.zeros((4, n)), np.zeros((4, n))
         self._most_for = (math.nan, math.nan, False)
+        self._moving = np.zeros(n)  # speed of the positions this time
         self._never = np.zeros(n, np.bool_)  # joints that are not believed again before torque goes off
         least = np.array([servo.min_voltage for servo in servos])
         self._voltage = Believed(n, (1 - SUPPLY_MARGIN) * least, (1 + SUPPLY_MARGIN) * most)
@@ -99,7 +106,7 @@ class Plausibility:
         """Readings that were not believed so far, of all sensors."""
         return sum(suspicion.total for suspicion in (*self.suspicions, self.imu_suspicion))
 
-    def check(self, state: RobotState, speed: Float, tick: int, *, powered: bool) -> None:
+    def check(self, state: RobotState, speed: Float, tick: int, *, powered: bool, limp: Bool | None = None) -> None:
         """Replace what cannot be believed in `state`, and count it in `stale` and `imu_stale`.
 
         Args:
@@ -107,6 +114,7 @@ class Plausibility:
             tick: number of the tick; a loop that was late skips some.
             powered: whether torque is on; hands may move limp joints to wherever they go. What is held against other
                 sensors stays, so that a robot with one that lies does not start.
+            limp: joints without torque all the same, (n,); None: no joint.
         """
         if not powered:
             self._never.fill(False)
@@ -116,6 +124,12 @@ class Plausibility:
         stamped = (state.stamp_ns - self._stamp_ns) * 1e-9
         ticked = (tick - self._tick) / self.robot.rate_hz
         self._tick, self._stamp_ns = tick, state.stamp_ns
+        self._held.fill(powered)
+        if limp is not None and some(limp):
+            self._held &= ~limp
+            self._calm = False
+            for suspicion in self.suspicions[:2]:
+                suspicion.level[limp] = 0.0
         self._check_joints(state, speed, max(stamped, ticked), stamped if stamped > 0 else ticked, powered)
         voltage, temperature = self.suspicions[2:]
         asked = self._all if self._calm else state.stale == 0
@@ -125,7 +139,7 @@ class Plausibility:
 
     def _check_joints(self, state: RobotState, speed: Float, elapsed: float, between: float, powered: bool) -> None:
         """`elapsed`, `between`: time since the last check, and between the readings [s]."""
-        position, velocity = state.position, state.velocity
+        position, velocity, held = state.position, state.velocity, self._held
         calm = self._calm and between > 0 and not some(state.stale)
         if calm and self._as_expected(position, velocity, elapsed, between, powered):
             self._go_on(position, velocity)
@@ -134,13 +148,12 @@ class Plausibility:
         # The first reading of a bus may be that of its set-up, some cycles old: the joints are off and stay.
         first = np.isnan(self._position) & (state.stale <= self.robot.safety.max_stale_reads)
         fresh = came & ((state.stale == 0) | first)
-        expected = self._position + (speed * elapsed if powered else 0.0)
+        expected = self._position + np.where(held, speed * elapsed, 0.0)
         self._since += elapsed
         with np.errstate(invalid="ignore"):
             jumped = np.abs(position - self._position) > self._fastest * self._since + self._margin
             racing = np.abs(velocity) > self._fastest
-            if powered:
-                jumped |= (position < self._lower) | (position > self._upper) | self._never
+            jumped |= held & ((position < self._lower) | (position > self._upper) | self._never)
         unseen = racing.copy()
         if not self._in_turns and between > 0:
             known = fresh & (self.unread == 0) & ~jumped
@@ -152,13 +165,13 @@ class Plausibility:
         np.logical_or(jumped, unseen & fresh, out=self.doubted)
         for suspicion, wrong in zip(self.suspicions, (jumped, racing), strict=False):
             suspicion.note(wrong, fresh)
-            if powered:
-                self._never |= suspicion.level > self.robot.safety.max_stale_reads
+        # A speed that lies takes no position with it.
+        self._never |= held & (self.suspicions[0].level > self.robot.safety.max_stale_reads)
         believed = fresh & ~self.doubted
         # Before the first reading there is nothing to expect: what came is kept.
         assumed = ~believed & ~(np.isnan(expected) & came)
         np.copyto(position, expected, where=assumed)
-        np.copyto(velocity, speed if powered else 0.0, where=assumed)
+        np.copyto(velocity, np.where(held, speed, 0.0), where=assumed)
         back = believed & (self.unread > 0)
         np.copyto(self.expected, np.where(back, expected, np.nan))
         self.returned = some(back)
@@ -184,8 +197,8 @@ class Plausibility:
             most[2] = self._fastest
             most[3] = 0.5 * (self._upper - self._lower) if powered else math.inf
         np.subtract(position, self._position, out=away[0])
-        np.divide(away[0], between, out=away[1])
-        away[1] -= velocity
+        np.divide(away[0], between, out=self._moving)
+        np.subtract(self._moving, velocity, out=away[1])
         away[2] = velocity
         np.subtract(position, self._middle, out=away[3])
         np.abs(away, out=away)
@@ -201,26 +214,36 @@ class Plausibility:
         np.copyto(self._position, position)
         np.copyto(self._believed, position)
         np.copyto(self._velocity, velocity)
+        np.copyto(self._reported, velocity)
+        self._moved, self._moving = self._moving, self._moved
 
     def _compare(
         self, position: Float, velocity: Float, between: float, known: Bool, jumped: Bool, racing: Bool
     ) -> None:
         """Compare speeds with the change of the positions in `between` [s], of the joints in `known`.
 
-        Of two that disagree, the one nearer to the last speed is believed: a wrong speed is replaced, a wrong position
-        is marked in `jumped`; `racing` marks speeds that are clearly wrong.
+        Of two that disagree, the one nearer to the last speed is believed, and positions that move on at much the same
+        speed: a wrong speed is replaced, a wrong position is marked in `jumped`. `racing` marks speeds that are clearly
+        wrong and not on their way to the right one, as filtered speeds are.
         """
         moved = (position - self._position) / between
-        slack = self._lag + self.robot.tick_rad / between
+        quantum = self.robot.tick_rad / between
+        slack = self._lag + quantum
         with np.errstate(invalid="ignore"):
             away = np.abs(velocity - moved)
-            if not (known & (away > slack)).any():
-                return
-            speed_lies = np.abs(velocity - self._velocity) > np.abs(moved - self._velocity)
-            strange = known & (away > self._strange + self.robot.tick_rad / between)
-        np.copyto(velocity, np.clip(velocity, moved - slack, moved + slack), where=known & speed_lies)
-        racing |= strange & speed_lies
-        jumped |= strange & ~speed_lies
+            if (known & (away > slack)).any():
+                steady = np.abs(moved - self._moved) < self._steady + quantum
+                speed_lies = steady | (np.abs(velocity - self._velocity) > np.abs(moved - self._velocity))
+                strange = known & (away > self._strange + quantum)
+                coming = (velocity - self._reported) * (moved - self._reported) > 0.0
+                racing |= strange & speed_lies & ~coming
+                jumped |= strange & ~speed_lies
+                bounded = np.clip(velocity, moved - slack, moved + slack)
+                np.copyto(self._reported, velocity)
+                np.copyto(velocity, bounded, where=known & speed_lies)
+            else:
+                np.copyto(self._reported, velocity)
+        np.copyto(self._moved, np.where(known & ~jumped, moved, np.nan))
 
     def _compare_after_gap(self, position: Float, velocity: Float, back: Bool, racing: Bool) -> None:
         """Bound the speeds of joints in `back`, which were not read for a few ticks, by what they moved meanwhile.

@@ -120,6 +120,8 @@ class TickRow(Record):
 
     contact_ref: Bool = column("?", 2)
     """Planned contact of the left and the right foot."""
+    limp: Bool = column("?", "joints")
+    """Joints whose torque an operator has switched off by themselves."""
     ready: Bool = column("?")
     """The robot stands and waits for its first plan."""
     plan_over: Bool = column("?")

@@ -91,6 +91,18 @@ class AsyncClient(Messages):
         """Come to a stand, park, switch the torque off; the run goes on."""
         return await self.ask({"type": "disarm"})
 
+    async def limp(self, *joints: str) -> Answer:
+        """Switch the torque of joints of arms and head off; the robot stands until they are stiff again."""
+        return await self.ask({"type": "limp", "joints": joints})
+
+    async def stiff(self, *joints: str) -> Answer:
+        """Switch the torque of limp joints on again, where they are."""
+        return await self.ask({"type": "stiff", "joints": joints})
+
+    async def reboot(self, *joints: str) -> Answer:
+        """Restart the servos of joints, such as those in shutdown, while all torque is off; waits for them."""
+        return await self.ask({"type": "reboot", "joints": joints})
+
     async def clear(self) -> Answer:
         """Release a STOP, or a fault; see `Client.clear`."""
         return await self.ask({"type": "clear"})

@@ -106,6 +106,18 @@ class Client(Messages):
         """Come to a stand, park, switch the torque off; the run goes on."""
         return self.ask({"type": "disarm"})
 
+    def limp(self, *joints: str) -> Answer:
+        """Switch the torque of joints of arms and head off; the robot stands until they are stiff again."""
+        return self.ask({"type": "limp", "joints": joints})
+
+    def stiff(self, *joints: str) -> Answer:
+        """Switch the torque of limp joints on again, where they are."""
+        return self.ask({"type": "stiff", "joints": joints})
+
+    def reboot(self, *joints: str) -> Answer:
+        """Restart the servos of joints, such as those in shutdown, while all torque is off; waits for them."""
+        return self.ask({"type": "reboot", "joints": joints})
+
     def clear(self) -> Answer:
         """Release a STOP; after a fault lead to OFF, from where `arm` leads back."""
         return self.ask({"type": "clear"})

@@ -15,16 +15,17 @@ from dataclasses import replace
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.stream import Gateway
 from flexmotion.drivers.realtime.ring import Ring
-from flexmotion.streamer.control.ladder import POWERED, State
+from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.telemetry import Event, Telemetry, events
 from flexmotion.streamer.control.tick_row import TickRow
 from flexmotion.streamer.gateway.asked import Asked, Following, Reply, Sequences
 from flexmotion.streamer.gateway.cause import Cause
+from flexmotion.streamer.gateway.joint_messages import JointsMessage, RebootMessage
 from flexmotion.streamer.gateway.lease import Lease
+from flexmotion.streamer.gateway.loop_requests import REQUESTS, in_effect, name_of
 from flexmotion.streamer.gateway.messages import (
     Answer,
     AnswerState,
-    ArmMessage,
     ClearMessage,
     DisarmMessage,
     EmergencyStopMessage,
@@ -41,10 +42,12 @@ from flexmotion.streamer.gateway.messages import (
 from flexmotion.streamer.motion.heard import Heard, HeardChannel, heard_since
 from flexmotion.streamer.motion.intents import to_content
 from flexmotion.streamer.motion.targets import TargetSender
-from flexmotion.streamer.run.requests import Request, RequestChannel
+from flexmotion.streamer.run.requests import RequestChannel
 
 _REQUEST_S = 1.0
 """A loop that has not taken a request after this time does not run [s]."""
+_RESTART_S = 8.0
+"""Time that servos have to restart and be set up again [s]."""
 _GRACE_S = 1.0
 """Time that the planner has to answer a target after its time is over, before the gateway does [s]."""
 _AHEAD_S = 1.0
@@ -52,14 +55,6 @@ _AHEAD_S = 1.0
 _SOURCES = 256
 """Targets whose senders are remembered."""
 
-_REQUESTS: dict[type, Request] = {
-    StopMessage: Request.STOP,
-    EmergencyStopMessage: Request.ESTOP,
-    ArmMessage: Request.ARM,
-    DisarmMessage: Request.DISARM,
-    ClearMessage: Request.CLEAR,
-    KillMessage: Request.KILL,
-}
 _WITHOUT_LEASE = (StopMessage, EmergencyStopMessage)
 _AT_ANY_TIME = (*_WITHOUT_LEASE, KillMessage)
 """An emergency depends on no order of arrival, and not on two clocks that agree."""
@@ -159,10 +154,11 @@ class Desk:
             self._send(waiting, now)
         for heard in heard_since(self._heard):
             self._answered(heard)
+        row = self._ticks.latest()  # before the events: those of its tick are among them
         new = events(self._events)
         for event in new:
             self.cause.take(event)
-        self._match(new)
+        self._match(new, None if row is None else TickRow(row))
         self._time_out(now)
         self.lease.lapse(now)
         self._tell_lease()
@@ -196,7 +192,7 @@ class Desk:
             asked.took_from = before if before != self.lease.holder else None
             if isinstance(message, TakeMessage):
                 self._reply(asked, "accepted")
-            elif type(message) in _REQUESTS:
+            elif type(message) in REQUESTS:
                 self._request(asked)
             else:
                 self._target(asked)
@@ -245,11 +241,14 @@ class Desk:
 
     def _request(self, asked: Asked) -> None:
         message = asked.message
-        asked.due_s = asked.since_s + _REQUEST_S
-        same = any(type(one.message) is type(message) and one.tick < 0 for one in self._asked)
+        asked.due_s = asked.since_s + (_RESTART_S if isinstance(message, RebootMessage) else _REQUEST_S)
+        same = any(name_of(one) == name_of(asked) and one.tick < 0 for one in self._asked)
         self._asked.append(asked)
         if not same:  # one that the loop has not taken yet stands for both: a burst does not overrun the channel
-            self.requests.send(_REQUESTS[type(message)], f"{message.source}: {message.type}")
+            reason = f"{message.source}: {message.type}"
+            if isinstance(message, JointsMessage):
+                reason = ",".join(message.joints)
+            self.requests.send(REQUESTS[type(message)], reason)
 
     # ---------------------------------------------------------------- answers
 
@@ -282,37 +281,36 @@ class Desk:
         elif told.state == "refused" and told.tick is not None:
             self.following = None  # it stands still
 
-    def _match(self, new: list[Event]) -> None:
-        """Reply to the requests that the loop has taken; to CLEAR and ARM once their effect is known."""
+    def _match(self, new: list[Event], row: TickRow | None) -> None:
+        """Reply to the requests that the loop has taken; to most of them once their effect is known.
+
+        Args:
+            row: of the loop, from before the new events were read.
+        """
         for event in new:
             if event.kind == "request":
                 for asked in self._asked:
-                    if asked.tick < 0 and _name(asked) == event.message:
+                    if asked.tick < 0 and name_of(asked) == event.message:
                         asked.tick = event.tick
-            elif event.kind == "refused":
+            elif event.kind in ("refused", "done"):
                 name, _, reason = event.message.partition(": ")
-                for asked in [one for one in self._asked if one.tick >= 0 and _name(one) == name]:
+                for asked in [one for one in self._asked if one.tick >= 0 and name_of(one) == name]:
                     self._asked.remove(asked)
-                    self._reply(asked, "refused", reason)
-        row = self._ticks.latest()
-        if row is not None and (row["must_stop"] or State(int(row["state"])) not in _FOLLOWS):
+                    if event.kind == "refused":
+                        self._reply(asked, "refused", reason)
+                    else:
+                        self._reply(asked, "accepted", tick=event.tick)
+        if row is not None and (row.must_stop or State(int(row.state)) not in _FOLLOWS):
             self.following = None
-        for asked in [one for one in self._asked if one.tick >= 0]:
-            if isinstance(asked.message, ArmMessage | ClearMessage):
-                if row is None or int(row["tick"]) < asked.tick:
-                    continue
-                state = State(int(row["state"]))
-                arms = isinstance(asked.message, ArmMessage)
-                if state is State.FAULT or (state not in POWERED if arms else row["must_stop"]):
-                    continue  # refused by an event that is on its way, or by time
+        for asked in [one for one in self._asked if one.tick >= 0 and in_effect(one, row)]:
             self._asked.remove(asked)
             self._reply(asked, "accepted", tick=asked.tick)
 
     def _time_out(self, now: float) -> None:
-        while self._asked and self._asked[0].due_s < now:
-            late = self._asked.popleft()
+        for late in [asked for asked in self._asked if asked.due_s < now]:
+            self._asked.remove(late)
             why = "did not take it" if late.tick < 0 else "took it, and it had no effect"
-            self._reply(late, "refused", f"the loop {why} within {_REQUEST_S:g} s")
+            self._reply(late, "refused", f"the loop {why} within {late.due_s - late.since_s:g} s")
         for number in [number for number, asked in self._open.items() if asked.due_s < now]:
             asked = self._open.pop(number)
             self._reply(asked, "expired", "the planner has not answered", target=number)
@@ -347,8 +345,3 @@ class Desk:
         """The newest row of the loop; None before the first."""
         row = self._ticks.latest()
         return None if row is None else TickRow(row)
-
-
-def _name(asked: Asked) -> str:
-    """Of a request, as in the loop's events."""
-    return _REQUESTS[type(asked.message)].name

@@ -14,6 +14,8 @@ from typing import Annotated, Any, Literal, get_args
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, TypeAdapter, ValidationError, field_validator
 
 from flexmotion.configs.errors import ConfigError
+from flexmotion.streamer.gateway.joint_messages import LimpMessage, RebootMessage, StiffMessage
+from flexmotion.streamer.gateway.message_base import VERSION, MessageBase
 from flexmotion.streamer.motion.intents import (
     CLOSEST_M,
     FARTHEST_M,
@@ -30,14 +32,6 @@ from flexmotion.streamer.motion.intents import (
     Velocity,
     Waypoint,
 )
-
-VERSION: Literal[1] = 1
-
-LONGEST_HOLD_S = 600.0
-"""Longest time to live of a target [s]."""
-
-Name = Annotated[str, StringConstraints(pattern=r"^[\w.:@/ -]{1,64}$")]
-"""A word that logs and pages can show: letters, digits and `_.:@/ -`, 64 at most."""
 
 _Forward = Annotated[float, Field(ge=-FASTEST[0], le=FASTEST[0])]
 _Left = Annotated[float, Field(ge=-FASTEST[1], le=FASTEST[1])]
@@ -56,31 +50,7 @@ def _fits(kind: Callable[[str], Intent], words: str) -> str:
     return words
 
 
-class _Message(BaseModel):
-    """The fields of every message.
-
-    Attributes:
-        version: of the message set.
-        id: the sender's own; the answer carries it.
-        source: who sends, such as "page" or "joystick"; its priority is set in the stream settings, not here.
-        sequence: number of the message among those of its source; one that does not ascend is refused.
-        stamp_s: when it was sent, seconds since 1970 by the sender's clock. One that is older than its time to live has
-            expired; without a stamp it counts from its arrival.
-        ttl_s: time to live [s]. A target ends after it: the robot comes to a stand. None: a velocity holds as long as
-            the stream settings say, all others until the next target.
-    """
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
-
-    version: Literal[1] = VERSION
-    id: Name | None = None
-    source: Name = "anonymous"
-    sequence: Annotated[int, Field(ge=0, le=2**53)] | None = None
-    stamp_s: Annotated[float, Field(ge=0.0, le=1e12)] | None = None
-    ttl_s: Annotated[float, Field(gt=0.0, le=LONGEST_HOLD_S)] | None = None
-
-
-class TextMessage(_Message):
+class TextMessage(MessageBase):
     """Do what the words say: "wave with the right hand"."""
 
     type: Literal["text"] = "text"
@@ -92,7 +62,7 @@ class TextMessage(_Message):
         return _fits(Text, text)
 
 
-class VelocityMessage(_Message):
+class VelocityMessage(MessageBase):
     """Walk at a velocity in the robot's heading frame, as a human of the robot's model would; zero is a stand.
 
     Attributes:
@@ -103,7 +73,7 @@ class VelocityMessage(_Message):
     velocity: tuple[_Forward, _Left, _Turning]
 
 
-class HeadingMessage(_Message):
+class HeadingMessage(MessageBase):
     """Turn on the spot to a heading in the robot's odometry, the shorter way, then stand.
 
     Attributes:
@@ -116,7 +86,7 @@ class HeadingMessage(_Message):
     turning_rad_s: Annotated[float, Field(ge=SLOWEST_TURN, le=FASTEST[2])] | None = None
 
 
-class WaypointMessage(_Message):
+class WaypointMessage(MessageBase):
     """Walk to a place in the robot's odometry, then stand.
 
     Attributes:
@@ -131,7 +101,7 @@ class WaypointMessage(_Message):
     tolerance_m: Annotated[float, Field(ge=CLOSEST_M, le=LOOSEST_M)] = 0.1
 
 
-class ClipMessage(_Message):
+class ClipMessage(MessageBase):
     """Follow a clip of the run's library, by name."""
 
     type: Literal["clip"] = "clip"
@@ -143,56 +113,56 @@ class ClipMessage(_Message):
         return _fits(Clip, clip)
 
 
-class HoldMessage(_Message):
+class HoldMessage(MessageBase):
     """Come to a balanced stand; the next target goes on from there."""
 
     type: Literal["hold"] = "hold"
 
 
-class StopMessage(_Message):
+class StopMessage(MessageBase):
     """Come to a balanced stand and refuse targets until `clear`."""
 
     type: Literal["stop"] = "stop"
 
 
-class EmergencyStopMessage(_Message):
+class EmergencyStopMessage(MessageBase):
     """Stop at once as the robot file says, then park; the fault is latched. It is no safety function."""
 
     type: Literal["estop"] = "estop"
 
 
-class ArmMessage(_Message):
+class ArmMessage(MessageBase):
     """Switch the torque on and stand up. Refused where a fault is latched, the robot lies, or its hardware is unfit."""
 
     type: Literal["arm"] = "arm"
 
 
-class DisarmMessage(_Message):
+class DisarmMessage(MessageBase):
     """Come to a stand, park, switch the torque off; the run goes on, and can be armed again."""
 
     type: Literal["disarm"] = "disarm"
 
 
-class ClearMessage(_Message):
+class ClearMessage(MessageBase):
     """Release a STOP once the robot stands: it stands until a new target. After a fault: to OFF, until `arm`."""
 
     type: Literal["clear"] = "clear"
 
 
-class KillMessage(_Message):
+class KillMessage(MessageBase):
     """Switch the torque off at once: the robot falls."""
 
     type: Literal["kill"] = "kill"
     confirm: Literal["the robot will fall"]
 
 
-class TakeMessage(_Message):
+class TakeMessage(MessageBase):
     """Take the operator's lease over from another source; shown to all."""
 
     type: Literal["take"] = "take"
 
 
-class ReleaseMessage(_Message):
+class ReleaseMessage(MessageBase):
     """Give the operator's lease back."""
 
     type: Literal["release"] = "release"
@@ -211,10 +181,13 @@ Message = (
     | DisarmMessage
     | ClearMessage
     | KillMessage
+    | LimpMessage
+    | StiffMessage
+    | RebootMessage
     | TakeMessage
     | ReleaseMessage
 )
-KINDS: dict[str, type[_Message]] = {
+KINDS: dict[str, type[MessageBase]] = {
     get_args(kind.model_fields["type"].annotation)[0]: kind for kind in get_args(Message)
 }
 """The classes of messages by their `type`."""

@@ -11,7 +11,8 @@ from pathlib import Path
 
 from pydantic import TypeAdapter
 
-from flexmotion.streamer.gateway.messages import VERSION, Answer, Message
+from flexmotion.streamer.gateway.message_base import VERSION
+from flexmotion.streamer.gateway.messages import Answer, Message
 
 
 def schema_text() -> str:

@@ -186,7 +186,9 @@ class _Server:
 
         def status() -> Status:
             robot = service.robot
-            return status_of(desk, robot.name, service.driver, robot.rate_hz, service.stop_port, service.health)
+            return status_of(
+                desk, robot.name, service.driver, robot.rate_hz, service.stop_port, service.health, robot.joint_names
+            )
 
         pump: asyncio.Task[Any] = asyncio.create_task(_pump(desk, woken))
         serving: asyncio.Task[Any]

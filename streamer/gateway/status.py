@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from typing import Any, Literal
 
 import numpy as np
@@ -46,6 +47,7 @@ class Status(BaseModel):
         must_stop: a stop is in force: no target is followed.
         time_s: of the robot, since the first tick.
         tilt: roll and pitch of the torso.
+        limp: joints whose torque an operator has switched off by themselves.
         place: estimated x and y of the centre of mass in the plan's world [m].
         odometry: x, y [m] and heading [rad] since the robot stood up, as headings and waypoints are meant.
         hottest, coldest supply: greatest temperature of a servo, least supply voltage [V].
@@ -68,6 +70,7 @@ class Status(BaseModel):
     state: str | None = None
     cause: str | None = None
     must_stop: bool | None = None
+    limp: tuple[str, ...] = ()
     tick: int | None = None
     time_s: float | None = None
     tilt: tuple[float, float] | None = None
@@ -90,9 +93,15 @@ class Status(BaseModel):
 
 
 def status_of(
-    desk: Desk, robot: str, driver: str, rate_hz: float, stop_port: int | None, health: Health | None = None
+    desk: Desk,
+    robot: str,
+    driver: str,
+    rate_hz: float,
+    stop_port: int | None,
+    health: Health | None = None,
+    joints: Sequence[str] = (),
 ) -> Status:
-    """The status from the loop's newest row and the gateway's own record."""
+    """The status from the loop's newest row and the gateway's own record; `joints`: names of the robot's."""
     known: dict[str, Any] = {"robot": robot, "driver": driver, "operator": desk.lease.holder, "stop_port": stop_port}
     known["counts"] = dict(sorted(desk.counts.items()))
     known["ways"] = {} if health is None else health.problems()
@@ -119,6 +128,7 @@ def status_of(
         state=State(int(row.state)).name,
         cause=desk.cause.text,
         must_stop=bool(row.must_stop),
+        limp=tuple(name for name, limp in zip(joints, row.limp, strict=False) if limp),
         tick=int(row.tick),
         time_s=round(int(row.tick) / rate_hz, 3),
         tilt=_pair(row.tilt),

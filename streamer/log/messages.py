@@ -81,7 +81,7 @@ EVENT_SCHEMA = {
     "properties": {
         "tick": {"type": "integer", "description": "tick of the loop"},
         "stamp_ns": {"type": "integer", "description": "perf_counter [ns]"},
-        "kind": {"type": "string", "description": "state, request, refused, fault, warning or note"},
+        "kind": {"type": "string", "description": "state, request, refused, done, fault, warning or note"},
         "message": {"type": "string"},
     },
     "required": ["tick", "stamp_ns", "kind", "message"],

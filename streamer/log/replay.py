@@ -16,7 +16,7 @@ from flexmotion.streamer.log.judged import Subject
 from flexmotion.streamer.log.reader import Log
 from flexmotion.streamer.motion.intents import from_content
 from flexmotion.streamer.report.report import Report
-from flexmotion.streamer.run.requests import Request
+from flexmotion.streamer.run.requests import OF_JOINTS, Request
 from flexmotion.streamer.run.session import Session
 
 TOLERANCES = {
@@ -139,7 +139,13 @@ def _run(log: Log, subject: Subject, progress: Callable[[float], None] | None) -
             session.targets.send(from_content(content), holds_s=content.get("holds_s", math.inf))
         if progress is not None:
             progress(min(tick / end, 1.0))
-        return requests.pop(0)[1] if requests and requests[0][0] <= tick else None
+        if not (requests and requests[0][0] <= tick):
+            return None
+        _, request, joints = requests.pop(0)
+        if request not in OF_JOINTS:
+            return request
+        session.requests.send(request, joints)
+        return None
 
     session.next_request = operate
     return session.run()
@@ -155,10 +161,10 @@ def _targets(log: Log) -> list[tuple[int, dict[str, Any]]]:
     ]
 
 
-def _requests(log: Log) -> list[tuple[int, Request]]:
-    """Requests of operators with the tick at which each acted."""
-    asked = [(event.tick, event.message) for event in log.events if event.kind == "request"]
-    return [(tick, Request[name]) for tick, name in asked if name in Request.__members__]
+def _requests(log: Log) -> list[tuple[int, Request, str]]:
+    """Requests of operators with the tick at which each acted, and the joints that it named."""
+    asked = [(event.tick, *event.message.partition(" ")[::2]) for event in log.events if event.kind == "request"]
+    return [(tick, Request[name], joints) for tick, name, joints in asked if name in Request.__members__]
 
 
 def _compare(logged: Report, replayed: Report, *, exact: bool) -> list[Compared]:

@@ -21,6 +21,7 @@ _ENDED = {
     State.FAULT: "the robot is in FAULT: clear the fault, then arm the robot",
 }
 """States in which no target is followed, and why."""
+_LIMP = "a joint is without torque on request (flexmotion status names it): make it stiff first"
 
 
 @dataclass(frozen=True)
@@ -123,7 +124,8 @@ class TargetLedger:
         if bool(row.must_stop) or state in _ENDED:
             # Before it is armed nothing has ended: the robot will follow what its run was started with.
             self.halted |= state is not State.OFF
-            self.refuse_all(_ENDED.get(state, "stopped: release the stop first"))
+            stopped = _LIMP if row.limp.any() else "stopped: release the stop first"
+            self.refuse_all(_ENDED.get(state, stopped))
             return
         planned, opened, followed = self._planned, self._open, self._followed
         if planned is not None and planned.target.id <= taken:

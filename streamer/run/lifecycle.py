@@ -9,7 +9,7 @@ from __future__ import annotations
 from flexmotion.configs.stream import StreamSettings
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.loop import ControlLoop
-from flexmotion.streamer.run.requests import Request
+from flexmotion.streamer.run.requests import OF_JOINTS, Request
 
 _SETTLE_S = 1.0
 """How long the robot stands in HOLD after the source is over, before it parks [s]."""
@@ -91,6 +91,9 @@ class Lifecycle:
     def request(self, request: Request, reason: str = "") -> None:
         """Take a request; it acts on the next tick."""
         inputs = self.loop.inputs
+        if request in OF_JOINTS:
+            self._of_joints(request, reason)
+            return
         kind = _TOLD.get(request)
         self._emit(*(("request", request.name) if kind is None else (kind, reason)))
         if not self._begun and request in _AGAINST_A_START:
@@ -116,15 +119,30 @@ class Lifecycle:
         elif request is Request.END and not self._ending:
             self._ending = inputs.stop = True
 
+    def _of_joints(self, request: Request, names: str) -> None:
+        """Forward a request for single joints, which the loop decides on in its next tick."""
+        asked = f"{request.name} {names}"
+        self._emit("request", asked)
+        if self._ending:
+            self._emit("refused", f"{asked}: the run is ending")
+        elif not self.robot_answers:
+            self._emit("refused", f"{asked}: the robot is not there yet")
+        else:
+            self.loop.joints.ask(request.name, tuple(names.split(",")))
+
     def _clear(self) -> None:
         """Clear a fault, or release a STOP: the robot then stands until a new target arrives."""
-        ladder = self.loop.ladder
-        if ladder.state is State.FAULT:
+        ladder, restarting = self.loop.ladder, self.loop.joints.restarting
+        if ladder.state is State.FAULT and restarting is None:
             self.loop.inputs.clear = True
+        elif ladder.state is State.FAULT:
+            self._emit("refused", f"CLEAR: {restarting}")
         elif self._ending:
             self._emit("refused", "CLEAR: the run is ending")
         elif ladder.fault is not None:
             self._emit("refused", f"CLEAR: the robot is still in {ladder.state.name}, on its way to FAULT")
+        elif self.loop.joints.reason is not None:
+            self._emit("refused", f"CLEAR: {self.loop.joints.reason}")
         elif ladder.state in (State.READY, State.HOLD):
             self.loop.inputs.start = True
         else:
@@ -188,7 +206,9 @@ class Lifecycle:
         self._check_for_plans(state)
         self._hold_ticks = self._hold_ticks + 1 if state is State.HOLD else 0
         settle = _HURRIED_SETTLE_S if self._ending else _SETTLE_S
-        if self._over() and self._hold_ticks >= settle * rate:
+        # With a blocked leg it stands until an operator ends the run.
+        over = self._ending or (self._over() and not loop.ladder.waits)
+        if over and self._hold_ticks >= settle * rate:
             inputs.park = True
 
     def _over(self) -> bool:

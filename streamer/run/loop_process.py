@@ -125,10 +125,11 @@ def _lower(
 ) -> None:
     """Lower a robot whose loop has failed, without measurements; `close` then switches its torque off.
 
+    A robot that has got no goal since its torque went on is still where it was without torque, and is left there.
     KILL, and a run that is to end at once, end the lowering too; all other requests change nothing any more. A driver
     that fails here too is closed at once.
     """
-    if loop.ladder.state not in (State.READY, State.STREAMING, State.HOLD, State.PARK):
+    if not loop.commands or loop.ladder.state not in (State.READY, State.STREAMING, State.HOLD, State.PARK):
         return
     loop.telemetry.emit(
         loop.tick_count,

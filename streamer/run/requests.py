@@ -20,8 +20,9 @@ class Request(IntEnum):
     STOP, ESTOP, KILL, CLEAR: as the ladder defines them. ARM: torque on, stand up. DISARM: a balanced stop, parking,
     torque off. END: the same, and the end of the run. FAULT: an orderly end for the cause in `reason`. LOST: there is
     no planner; the plan that plays ends in its own stop, and `reason` is recorded as a fault. GIVEN_UP: the same, and
-    there will be none: ARM is refused. WARNING, NOTE: `reason` is recorded. QUIT: the end at once; the driver is
-    closed.
+    there will be none: ARM is refused. LIMP, STIFF, REBOOT: torque or restart of the joints that `reason` names,
+    separated by commas (`flexmotion.streamer.control.joint_torque`). WARNING, NOTE: `reason` is recorded. QUIT: the end
+    at once; the driver is closed.
     """
 
     STOP = 1
@@ -37,6 +38,12 @@ class Request(IntEnum):
     DISARM = 11
     WARNING = 12
     GIVEN_UP = 13
+    LIMP = 14
+    STIFF = 15
+    REBOOT = 16
+
+
+OF_JOINTS = (Request.LIMP, Request.STIFF, Request.REBOOT)
 
 
 class RequestRow(Record):

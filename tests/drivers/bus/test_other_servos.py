@@ -18,6 +18,7 @@ from flexmotion.drivers.emulator.faults import Fault
 from flexmotion.drivers.emulator.feetech_bus import EmulatedFeetechBus
 from flexmotion.drivers.emulator.loopback import Loopback
 from flexmotion.drivers.feetech.bus import FeetechBus
+from flexmotion.drivers.feetech.tools import FeetechTools
 from flexmotion.drivers.interface import JointCommand, RobotState
 from flexmotion.drivers.lx16a.bus import Lx16aBus
 from flexmotion.drivers.lx16a.protocol import FORMAT, Command
@@ -80,6 +81,48 @@ def test_a_feetech_servo_that_is_not_configured_is_refused_and_not_written(sts: 
     with pytest.raises(ConfigError, match=r"l_sho_roll \(id 4\).*homing_offset is -80, the robot file wants 0"):
         driver.open()
     assert not any(servo.eeprom_writes for servo in bus.servos)
+
+
+@pytest.mark.parametrize(
+    ("setting", "held", "wanted"),
+    [("phase", 28, 12), ("angle_resolution", 3, 1), ("homing_offset", -80, 0), ("max_position_limit", 0, 4095)],
+)
+def test_a_feetech_servo_that_counts_turns_is_found_and_configured_and_restored(
+    sts: Robot, setting: str, held: int, wanted: int
+) -> None:
+    """Its position was taken for that of one turn: the joint stood 4096 steps from where it was."""
+    driver, world = looped("feetech", sts)
+    bus = world.emulator.lines[0].bus
+    assert isinstance(bus, EmulatedFeetechBus)
+    servo = bus.servos[11]
+    servo.put(setting, held)
+    with pytest.raises(ConfigError, match=rf"l_knee \(id 14\).*{setting} is {held}, the robot file wants {wanted}"):
+        driver.open()
+    assert not servo.eeprom_writes
+    tools = FeetechTools(world.open_port("main", 1_000_000))
+    (old,) = [tools.inspect(sts, joint) for joint in range(sts.n) if sts.joints[joint].id == servo.get("id")]
+    assert old.changes == {setting: wanted}
+    joint = sts.joint_names.index(old.joint)
+    tools.write_settings(sts, joint, old.changes)
+    assert servo.get(setting) == wanted and servo.get("lock") == 1
+    with driver:
+        driver.read(state := RobotState(sts.n))
+        assert not state.stale.any()
+    tools.write_settings(sts, joint, {setting: old.held[setting]})
+    assert servo.get(setting) == held
+
+
+def test_a_position_before_zero_has_its_sign_in_bit_15(sts: Robot) -> None:
+    driver, world = looped("feetech", sts)
+    with driver:
+        servo = world.emulator.lines[0].bus.servos[0]
+        servo.put("homing_offset", 2047)
+        servo.put("phase", servo.get("phase") | 16)
+        before = float(world.emulator.body.robot.to_ticks(world.emulator.body.position)[0])
+        world.emulator.body.position[0] -= 0.5 * world.emulator.body.robot.direction[0]
+        driver.read(RobotState(sts.n))
+        ticks = float(driver.buses[0].measured.ticks[0])
+        assert ticks < 0 and ticks == pytest.approx(before - 0.5 / sts.tick_rad[0] - 2047, abs=1)
 
 
 @pytest.mark.parametrize("name", ["feetech", "lx16a"])
@@ -232,6 +275,40 @@ def test_torque_off_that_a_servo_does_not_confirm_is_told(name: str, sts: Robot,
         world.advance(0.02)
         driver.set_torque(False)
         assert driver.holding == [] and not world.emulator.body.plant.enabled.any()
+
+
+@pytest.mark.parametrize("name", ["feetech", "lx16a"])
+def test_a_single_servo_is_switched_and_the_others_keep_their_goals(name: str, sts: Robot, lx: Robot) -> None:
+    """A limp servo gets no goals, and the pin arrives with the torque."""
+    robot = sts if name == "feetech" else lx
+    driver, world = looped(name, robot)
+    state, command, body = RobotState(robot.n), JointCommand(robot.n), world.emulator.body
+    knee = robot.index("l_knee")
+    with driver:
+        ticks(driver, world, state, command, 30)
+        driver.set_torque(True)
+        command.position[:] = state.position
+        ticks(driver, world, state, command, 30)
+        driver.take_pins(np.zeros(robot.n))
+        which = np.arange(robot.n) == knee
+        driver.switch(which, False)
+        command.position[knee] += 0.5
+        ticks(driver, world, state, command, 40)
+        assert not body.plant.enabled[knee] and body.plant.enabled.sum() == robot.n - 1
+        assert abs(body.position[knee] - robot.stand_pose[knee]) < 0.02
+        body.position[knee] += 0.3  # by hand
+        command.position[knee] = body.position[knee]
+        ticks(driver, world, state, command, 40)
+        driver.switch(which, True)
+        world.advance(0.02)
+        assert body.plant.enabled.all()
+        pins = np.full(robot.n, np.nan)
+        driver.take_pins(pins)
+        assert pins[knee] == pytest.approx(body.position[knee], abs=0.02) and np.isnan(np.delete(pins, knee)).all()
+        ticks(driver, world, state, command, 40)
+        assert abs(body.position[knee] - command.position[knee]) < 0.03
+        assert driver.violations == 0 and body.receiver.violations == 0
+    assert not driver.capabilities.reboot
 
 
 @pytest.mark.parametrize("silent", [(), (14,), (3, 9, 14, 20), range(1, 21)], ids=["none", "one", "four", "all"])

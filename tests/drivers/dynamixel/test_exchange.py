@@ -5,7 +5,7 @@ import struct
 import pytest
 
 from flexmotion.drivers.dynamixel.exchange import ReadMany
-from flexmotion.drivers.dynamixel.layout import READ_SIZE, Span
+from flexmotion.drivers.dynamixel.layout import Span
 from flexmotion.drivers.dynamixel.packet import encode_fast_status, encode_status
 
 IDS = (1, 2)
@@ -19,7 +19,7 @@ def row(position: int, velocity: int = 0, current: int = 0) -> bytes:
 @pytest.fixture
 def fast() -> ReadMany:
     """A fast read of two servos, just sent."""
-    made = ReadMany(IDS, Span(224, READ_SIZE), fast=True, where="bus")
+    made = ReadMany(IDS, Span(224, 11), fast=True, where="bus")
     made.begin()
     return made
 

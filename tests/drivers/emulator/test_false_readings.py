@@ -12,11 +12,12 @@ from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.robot import Robot
 from flexmotion.drivers.bus.driver import BusDriver
 from flexmotion.drivers.emulator.body import BenchBody
-from flexmotion.drivers.emulator.false_readings import RANDOM_SIZE, FalseReadings
+from flexmotion.drivers.emulator.false_readings import FalseReadings
 from flexmotion.drivers.emulator.faults import FALSE_OF_IMU, FALSE_OF_SERVO, Fault
 from flexmotion.drivers.emulator.loopback import Loopback
 from flexmotion.drivers.emulator.sim_body import SimBody
 from flexmotion.drivers.interface import JointCommand, RobotState
+from flexmotion.drivers.random_errors import RANDOM_SIZE
 from flexmotion.drivers.registry import create
 
 from ..bus.robots import op3_with

@@ -16,8 +16,20 @@ RATE = 100.0
 FREEZES = SafetyLimits(emergency_stop="freeze")
 FREEZE, DAMP = 50, 100
 """Ticks for which a robot is frozen and damped."""
-REQUESTS = ("start", "stop", "park", "clear", "estop", "kill", "plan_ready", "plan_over", "move_done", "fallen")
-REASONS = ("fault", "bus_lost", "cut_off")
+REQUESTS = (
+    "start",
+    "stop",
+    "park",
+    "clear",
+    "estop",
+    "kill",
+    "plan_ready",
+    "plan_over",
+    "move_done",
+    "fallen",
+    "stands",
+)
+REASONS = ("fault", "bus_lost", "cut_off", "blocked")
 
 
 def one(name: str) -> Inputs:
@@ -61,6 +73,7 @@ EMERGENCIES = {
     "bus_lost": State.HOLD,
     "fallen": State.DAMPED,
     "estop": State.HOLD,
+    "blocked": State.HOLD,
 }
 """The same for every state with torque; a damped robot has fallen and follows only inputs that cut its torque."""
 
@@ -76,9 +89,9 @@ def test_one_input_in_one_state(state: State, name: str) -> None:
     expected = MOVES[state].get(name, state)
     if state in POWERED and name in EMERGENCIES:
         expected = EMERGENCIES[name]
-        if state is State.DAMPED and name in ("fallen", "estop", "bus_lost"):
+        if state is State.DAMPED and name in ("fallen", "estop", "bus_lost", "blocked"):
             expected = State.DAMPED
-        if state is State.PARK and name == "bus_lost":
+        if state is State.PARK and name in ("bus_lost", "blocked"):
             expected = State.PARK
     ladder.step(one(name))
     assert ladder.state is expected
@@ -205,7 +218,7 @@ def test_no_start_under_a_pressed_button(name: str) -> None:
 @pytest.mark.parametrize("state", POWERED)
 def test_kill_cuts_torque_within_the_tick_whatever_the_other_inputs(state: State) -> None:
     ladder = at(state)
-    everything = Inputs(**dict.fromkeys(REQUESTS, True), fault="hot", bus_lost="gone", cut_off="gone")
+    everything = Inputs(**dict.fromkeys(REQUESTS, True), fault="hot", blocked="knee", bus_lost="gone", cut_off="gone")
     assert ladder.step(everything) is Playback.NOTHING
     assert ladder.state is State.FAULT and ladder.fault is not None  # not even by a clear in the same tick
 
@@ -254,6 +267,56 @@ def test_a_robot_whose_servos_do_not_answer_is_held_for_a_bounded_time_then_lowe
     assert ladder.step(Inputs(bus_lost="gone")) is Playback.TO_REST
     assert ladder.step(Inputs(bus_lost="gone", move_done=True)) is Playback.NOTHING
     assert (ladder.state, ladder.fault) == (State.FAULT, "gone")
+
+
+UPRIGHT = [state for state in POWERED if state not in (State.DAMPED, State.PARK)]
+
+
+@pytest.mark.parametrize("state", UPRIGHT)
+def test_a_robot_with_a_blocked_arm_is_frozen_then_lowered(state: State) -> None:
+    ladder = at(state)
+    for _ in range(FREEZE):
+        assert ladder.step(Inputs(blocked="elbow")) is Playback.FREEZE and not ladder.waits
+    assert ladder.step(Inputs(blocked="elbow")) is Playback.TO_REST
+    assert ladder.step(Inputs(move_done=True)) is Playback.NOTHING
+    assert (ladder.state, ladder.fault) == (State.FAULT, "elbow")
+
+
+@pytest.mark.parametrize("ends", ["time", "park", "fault"])
+@pytest.mark.parametrize("state", UPRIGHT)
+def test_a_robot_with_a_blocked_leg_stands_until_somebody_holds_it(state: State, ends: str) -> None:
+    """The plan was played on to its stop, and the robot lowered to its rest pose: in both it fell."""
+    ladder = at(state)
+    ladder.step(Inputs(blocked="knee", stands=True))
+    ticks = int(FREEZES.blocked_hold_s * RATE)
+    for tick in range(1, ticks + 1):
+        # Neither a press of the e-stop, whose tick does not count, nor plans change it.
+        pressed = Inputs(blocked="knee", stands=True, estop=tick == 30, plan_ready=True, plan_over=tick % 2 == 0)
+        assert ladder.step(pressed) is Playback.FREEZE and ladder.waits
+        if ends != "time" and tick == 200:
+            break
+    last = Inputs(blocked="knee", stands=True, park=ends == "park", fault="servo hot" if ends == "fault" else None)
+    assert ladder.step(last) is Playback.TO_REST and not ladder.waits
+    ladder.step(Inputs(move_done=True))
+    assert (ladder.state, ladder.fault) == (State.FAULT, "knee")
+    ladder.step(Inputs(clear=True))
+    ladder.step(Inputs(start=True))
+    ladder.step(Inputs(estop=True))
+    assert not ladder.waits
+
+
+def test_a_robot_with_a_blocked_leg_whose_bus_is_lost_stands_no_longer_than_without_it() -> None:
+    ladder = at(State.STREAMING)
+    ladder.step(Inputs(blocked="knee", stands=True))
+    for _ in range(int(FREEZES.lost_bus_hold_s * RATE)):
+        assert ladder.step(Inputs(bus_lost="gone")) is Playback.FREEZE
+    assert ladder.step(Inputs(bus_lost="gone")) is Playback.TO_REST
+
+
+def test_a_robot_that_must_not_freeze_plays_its_stop_when_a_joint_is_blocked() -> None:
+    ladder = of("captured_stop", *STREAMING)
+    assert ladder.step(Inputs(blocked="knee", stands=True)) is Playback.PLAN
+    assert ladder.stopping and not ladder.waits
 
 
 def test_a_robot_that_must_not_freeze_plays_its_stop_when_its_servos_do_not_answer() -> None:
@@ -321,6 +384,7 @@ anything = st.builds(
     Inputs,
     **{name: st.sampled_from([False] * 4 + [True]) for name in REQUESTS},
     fault=st.sampled_from([None] * 5 + ["hot"]),
+    blocked=st.sampled_from([None] * 9 + ["knee"]),
     bus_lost=st.sampled_from([None] * 9 + ["gone"]),
     cut_off=st.sampled_from([None] * 19 + ["gone"]),
 )
@@ -348,6 +412,6 @@ def test_for_any_inputs_a_fault_stays_until_cleared_and_torque_returns_only_by_a
 
 
 def test_inputs_are_cleared_after_a_tick() -> None:
-    inputs = Inputs(**dict.fromkeys(REQUESTS, True), fault="hot", bus_lost="gone", cut_off="gone")
+    inputs = Inputs(**dict.fromkeys(REQUESTS, True), fault="hot", blocked="knee", bus_lost="gone", cut_off="gone")
     inputs.reset()
     assert inputs == Inputs()

@@ -266,6 +266,35 @@ def test_a_sensor_that_lies_while_torque_is_off_is_held_against_a_start(watched:
     assert watched.level("voltage") == 0 and watched.checks.imu_suspicion.level[0] == 0
 
 
+@pytest.mark.parametrize("filter_s", [0.03, 0.08, 0.2])
+@pytest.mark.parametrize("share", [0.7, 0.95])
+def test_a_speed_that_lags_behind_is_bounded_and_the_position_stays_believed(
+    watched: Watched, filter_s: float, share: float
+) -> None:
+    """Feetech's servos filter their speed: a fast joint's positions were doubted for it, in the end for good.
+
+    The joint swings to and fro, and reaches `share` of its no-load speed in each second.
+    """
+    told, keeps = 0.0, np.exp(-1.0 / RATE / filter_s)
+    most = share * float(watched.robot.no_load_speed[KNEE])
+    for tick in range(500):
+        watched.speed[KNEE] = most * np.sin(2 * np.pi * tick / RATE)
+        told += (1.0 - keeps) * (watched.speed[KNEE] - told)
+        state = watched.read(velocity=told - watched.speed[KNEE])
+        assert state.stale[KNEE] == 0 and state.position[KNEE] == watched.true[KNEE], tick
+        assert abs(state.velocity[KNEE] - watched.speed[KNEE]) < 0.3 * most
+    patience = watched.robot.safety.max_stale_reads
+    assert max(watched.level("position"), watched.level("speed")) < patience
+
+
+def test_a_speed_that_lies_takes_no_position_with_it(watched: Watched) -> None:
+    """The joint was driven blind to its rest pose although its positions were right."""
+    for _ in range(20):
+        state = watched.read(velocity=4.5)
+        assert state.stale[KNEE] == 0 and state.position[KNEE] == watched.true[KNEE]
+    assert watched.level("speed") > watched.robot.safety.max_stale_reads
+
+
 class LongWay(Plausibility):
     """Checks that never take their short way."""
 

@@ -38,7 +38,9 @@ WORDS = (
     .map(lambda text: "".join(c for c in text if c.isprintable()))
     .filter(lambda text: bool(text.strip()))
 )
+JOINTS = st.lists(st.from_regex(r"[a-zA-Z0-9_./-]{1,7}", fullmatch=True), min_size=1, max_size=8, unique=True)
 OWN: dict[str, dict[str, Any]] = {
+    **dict.fromkeys(("limp", "stiff", "reboot"), {"joints": JOINTS.map(tuple)}),
     "text": {"text": WORDS},
     "clip": {"clip": WORDS},
     "velocity": {"velocity": st.tuples(*(st.floats(-limit, limit) for limit in FASTEST))},

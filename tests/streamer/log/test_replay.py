@@ -9,11 +9,13 @@ import numpy as np
 import pytest
 
 from flexmotion.configs.errors import ConfigError
+from flexmotion.streamer.control.telemetry import Event
 from flexmotion.streamer.log.judged import Subject
 from flexmotion.streamer.log.reader import Log, read_log
-from flexmotion.streamer.log.replay import Compared, replay
+from flexmotion.streamer.log.replay import Compared, _requests, replay
 from flexmotion.streamer.log.source import pack, unpack
 from flexmotion.streamer.motion.replan_noise import NoisySource
+from flexmotion.streamer.run.requests import Request
 
 
 @pytest.fixture(scope="module")
@@ -75,3 +77,10 @@ def test_a_noisy_source_comes_back_as_it_was(log: Log) -> None:
     assert before is not None and after is not None
     np.testing.assert_array_equal(after.joints, before.joints)
     assert again.name == noisy.name and again.fps == noisy.fps
+
+
+def test_requests_for_single_joints_are_made_again_with_their_joints(log: Log) -> None:
+    """Their names made no request of the event, and a replay left them out."""
+    asked = [Event(40, "request", "LIMP l_el,head_pan"), Event(90, "request", "STOP"), Event(91, "request", "of old")]
+    made = _requests(changed(log, events=asked))
+    assert made == [(40, Request.LIMP, "l_el,head_pan"), (90, Request.STOP, "")]

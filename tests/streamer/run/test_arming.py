@@ -172,3 +172,32 @@ def test_a_stop_before_the_start_leaves_torque_off_and_does_not_end_an_attended_
         assert session.advance(0.5) and session.state.ladder is State.OFF
         run.ask(Request.ARM)
         assert session.state.ladder is State.READY
+
+
+def test_while_a_joint_is_limp_the_robot_stands_and_says_why() -> None:
+    run = Attended()
+    with run.session as session:
+        requests = session.requests
+        run.ask(Request.ARM)
+        run.until_state(State.HOLD)
+        requests.send(Request.LIMP, "l_el,head_pan")
+        session.advance(0.1)
+        assert run.messages("request")[-1] == "LIMP l_el,head_pan" and not run.messages("refused")
+        refused = run.answer(session.send(TURN).id)
+        assert refused.state == "refused" and "without torque on request" in str(refused.reason)
+        run.ask(Request.CLEAR)
+        told = "CLEAR: without torque on request: head_pan, l_el; make them stiff first"
+        assert run.messages("refused") == [told] and session.state.ladder is State.HOLD
+        requests.send(Request.STIFF, "l_el,head_pan")
+        session.advance(0.1)
+        assert run.answer(session.send(TURN).id).state == "accepted"
+        session.advance(1.0)
+        assert session.state.ladder is State.STREAMING
+        requests.send(Request.LIMP, "l_el")
+        session.advance(0.1)
+        assert run.messages("refused")[-1] == (
+            "LIMP l_el: in STREAMING the robot moves: let it come to a stand first (hold)"
+        )
+        session.finish()
+    assert not run.messages("fault") and session.record.violations_sent == 0
+    assert session.record.rows["limp"].any(axis=0).sum() == 2

@@ -17,6 +17,7 @@ from flexmotion.drivers.sim.options import SimOptions
 from flexmotion.importers.default_clip import default_clip
 from flexmotion.streamer.control.estimator import Estimator
 from flexmotion.streamer.control.ladder import State
+from flexmotion.streamer.control.servo_command import ServoCommand
 from flexmotion.streamer.motion.sources import ClipSource
 from flexmotion.streamer.run.blind_lowering import blind_lowering
 from flexmotion.streamer.run.requests import Request
@@ -91,6 +92,22 @@ def test_a_loop_that_raises_leaves_a_lowered_robot(failing: Session) -> None:
     seconds = np.count_nonzero(lowered) / op3.rate_hz
     assert seconds > op3.safety.lost_bus_hold_s + op3.safety.park_s - 0.1
     np.testing.assert_allclose(record.q_cmd[-1], op3.rest_pose, atol=1e-6)
+
+
+def test_a_loop_that_fails_before_its_first_goal_sends_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Torque was on, no goal had been made, and the robot was sent to the zero of every joint within one tick."""
+
+    def fails(self: ServoCommand, position: Float) -> None:
+        raise ValueError("no such servo")
+
+    monkeypatch.setattr(ServoCommand, "reset", fails)
+    op3 = load_robot("op3")
+    session = Session(op3, create("sim", op3), ClipSource(default_clip()), load_stream(), realtime=False, clock="real")
+    with virtual_time(), pytest.raises(Exception, match="the control loop failed: ValueError: no such servo"):
+        session.run()
+    record = session.record
+    assert np.isnan(record.q_cmd).all() and not (record.state == State.PARK).any()
+    assert not [event for event in record.events if "lowered" in event.message]
 
 
 def test_a_servo_that_was_held_is_lowered_from_where_it_stopped(

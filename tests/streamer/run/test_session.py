@@ -451,3 +451,10 @@ def test_it_does_not_start_with_a_joint_without_position(run: Callable[..., Run]
     assert refused.driver.sent == []
     assert refused.messages("fault") == ["no start: servo of l_knee (id 14) returns no position"]
     assert refused.record.hardware_failed
+
+
+def test_a_dry_run_may_be_asked_to_lie(run: Callable[..., Run]) -> None:
+    """Lies were told on the emulated bus alone; a dry run could not show what a robot makes of them."""
+    lied = run(false_readings=0.01, seconds=2.0)
+    assert lied.states == STREAMED and not lied.record.hardware_failed
+    assert int(lied.record.rows["disbelieved"][-1]) > 5 and lied.record.violations_sent == 0

@@ -1,0 +1,98 @@
+"""`Stillness`: joints that stand still although their goals lead them on.
+
+A joint without a block that stands still while its servo's torque changes carries a load that changes by exactly as
+much, tick by tick. That happens for moments, where a foot strikes or a joint begins to move, and within dry friction. A
+joint that has stood still while its prediction has moved by `FAR_SHARE` of the servo's usable torque, and for `STILL_S`
+since then, is blocked. This tells a blocked joint from a loaded one long before the load itself does: what a goal
+implies is bounded at the joint's position, so that a blocked joint whose plan carries a load never seems overloaded.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexmotion.configs.robot import Robot
+from flexmotion.drivers.masks import every, some
+
+Float = NDArray[np.float64]
+
+FAR_SHARE = 0.4
+"""Change of the torque that a prediction's motion implies, over the servo's usable torque; the dry friction in both
+directions comes on top."""
+SLIP, SLIP_TICKS = 0.1, 2
+"""A joint that moves less than this share of what its prediction does, and servo units, stands still."""
+LEAST_TICKS = 20
+"""Motion of a prediction that counts for a servo of any stiffness: ten times what counts as standing still [servo
+units]."""
+STILL_S = 0.15
+"""Time for which a joint must go on standing still after its prediction has moved so far [s]. OP3 without a blocked
+joint, on its standard perturbations: at most a third of it, in shoulders that are set in motion."""
+
+
+class Stillness:
+    """Follows every joint and its prediction, tick by tick; allocates nothing that grows.
+
+    Args:
+        turns: ticks within which every joint is read once, and is sent its goal.
+
+    Attributes:
+        span: by how much each prediction has moved since the joint stands still, (n,) [rad].
+    """
+
+    def __init__(self, robot: Robot, turns: int = 1) -> None:
+        n = robot.n
+        friction = np.array([servo.frictionloss for servo in robot.servos])
+        needed = (FAR_SHARE * robot.usable_torque + 2 * friction) / robot.kp
+        self._far = np.maximum(needed, LEAST_TICKS * robot.tick_rad)
+        self._slip = SLIP_TICKS * robot.tick_rad
+        # Where joints are read in turns, a position and what it was moved by are up to two turns apart.
+        self._patience = round(STILL_S * robot.rate_hz) + (2 * turns if turns > 1 else 0)
+        self._where, self._lowest, self._highest = np.zeros(n), np.zeros(n), np.zeros(n)
+        self._away, self.span = np.zeros(n), np.zeros(n)
+        self._late, self._any_late = np.zeros(n, np.int64), False
+
+    @property
+    def worst(self) -> int | None:
+        """The joint that stands still for longest; None while none does for too long."""
+        if not self._any_late:
+            return None
+        joint = int(np.argmax(self._late))
+        return joint if self._late[joint] > self._patience else None
+
+    def reset(self, position: Float) -> None:
+        """Begin with joints and predictions at `position`, (n,) [rad]."""
+        for values in (self._where, self._lowest, self._highest):
+            np.copyto(values, position)
+        self.span.fill(0.0)
+        self._late.fill(0)
+        self._any_late = False
+
+    def update(self, position: Float, predicted: Float, known: NDArray[np.bool_]) -> None:
+        """One tick.
+
+        Args:
+            position: measured last, (n,) [rad].
+            predicted: where the goals should have brought the joints, (n,) [rad].
+            known: joints whose position was measured; the others are not judged.
+        """
+        away, span, lowest, highest = self._away, self.span, self._lowest, self._highest
+        np.minimum(lowest, predicted, out=lowest)
+        np.maximum(highest, predicted, out=highest)
+        np.subtract(highest, lowest, out=span)
+        np.subtract(position, self._where, out=away)
+        np.abs(away, out=away)
+        moves = away > SLIP * span + self._slip
+        if not every(known):
+            moves |= ~known
+        if some(moves):
+            np.copyto(self._where, position, where=moves)
+            for values in (lowest, highest):
+                np.copyto(values, predicted, where=moves)
+            np.copyto(span, 0.0, where=moves)
+        late = span > self._far
+        if not some(late) and not self._any_late:
+            return
+        self._late += 1
+        self._late[~late] = 0
+        self._any_late = some(self._late)
