@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from flexmotion.configs.robot import Robot
 from flexmotion.drivers.interface import Driver, JointCommand, RobotState
-from flexmotion.retarget.plan import Plan
 from flexmotion.retarget.retargeter import Retargeter
 from flexmotion.streamer.control.estimator import Estimator
 from flexmotion.streamer.control.gyro_bias import GyroBias
@@ -19,7 +18,8 @@ from flexmotion.streamer.control.joint_torque import JointTorque
 from flexmotion.streamer.control.ladder import POWERED, Inputs, Ladder, Playback, State
 from flexmotion.streamer.control.load_estimator import LoadEstimator
 from flexmotion.streamer.control.obedience import Obedience
-from flexmotion.streamer.control.plan_buffer import Offer, PlanBuffer
+from flexmotion.streamer.control.plan_buffer import PlanBuffer
+from flexmotion.streamer.control.plan_intake import PlanIntake
 from flexmotion.streamer.control.plausibility import Plausibility
 from flexmotion.streamer.control.posture_move import PostureMove
 from flexmotion.streamer.control.punctuality import Punctuality
@@ -54,7 +54,7 @@ class ControlLoop:
     Attributes:
         tick_count: ticks done, which is the number of the next tick.
         inputs: requests for the next tick; cleared after it. joints: requests for single joints.
-        playing: the plan that plays; `waiting`: the accepted plan that takes over at its start tick.
+        intake: the plan that plays, and the one that waits.
         commands: goals have been sent since torque went on.
         winding_down: set by the lifecycle: from now on only a plan that stops is accepted.
         awaits_arm: set by the lifecycle: a start that is refused is no fault, another may be requested.
@@ -71,9 +71,10 @@ class ControlLoop:
         *,
         feedback: bool = True,
     ) -> None:
-        self.robot, self.driver, self.plans, self.telemetry = robot, driver, plans, telemetry
+        self.robot, self.driver, self.telemetry = robot, driver, telemetry
         self.ladder = Ladder(robot.safety, robot.rate_hz)
         self.inputs = Inputs()
+        self.intake = PlanIntake(plans, telemetry)
         self.joints = JointTorque(robot, driver, self.ladder, self._emit)
         self.state = RobotState(robot.n)
         self.command = JointCommand(robot.n)
@@ -89,13 +90,9 @@ class ControlLoop:
         self.servo = ServoCommand(robot, driver.delay_s)
         self.move = PostureMove(robot, retargeter.body.dynamics)
         self.stand_pose = retargeter.layout.view(retargeter.standing()).q[0].copy()
-        self.playing: Offer | None = None
-        self.waiting: Offer | None = None
         self.winding_down = self.hardware_failed = self.awaits_arm = self.commands = False
         self.tick_count = 0
         self._writer = RowWriter(telemetry.row, robot, driver)
-        self._examined = 0  # id of the newest plan that was accepted or refused
-        self._underrun = 0  # id of the plan whose underrun was counted
         self._last_tick = 0
         self._pins = np.full(robot.n, np.nan)  # goals that the driver has pinned
         self._load = np.zeros(robot.n)  # planned, of the goals in effect
@@ -119,16 +116,6 @@ class ControlLoop:
         return self.move.done and (self.ladder.state is not State.READY or self.gyro_bias.done)
 
     @property
-    def plan(self) -> Plan | None:
-        """The plan that plays."""
-        return None if self.playing is None else self.playing.plan
-
-    @property
-    def plan_over(self) -> bool:
-        """Whether the plan has been played to its last row."""
-        return self.playing is not None and self.tick_count >= self.playing.plan.end_tick - 1
-
-    @property
     def must_stop(self) -> bool:
         """Whether only a plan that stops is accepted."""
         ladder = self.ladder
@@ -138,7 +125,7 @@ class ControlLoop:
         """Read the shared memory that ticks need, so that no tick meets a page fault in it."""
         self.telemetry.ticks.touch()
         self.telemetry.events.touch()
-        self.plans.touch()
+        self.intake.plans.touch()
 
     def tick(self, late_ns: int = 0) -> None:
         """One period: read, decide, send, publish the row.
@@ -150,7 +137,9 @@ class ControlLoop:
         self.punctuality.woke(self.tick_count, late_ns * 1e-9, self._waited_s)
         self._waited_s = 0.0
         self._read()
-        self._take_plan()
+        began = self.intake.take(self.tick_count, self.ladder.state, must_stop=self.must_stop)
+        if began is not None:
+            self._writer.plan_began(began.ticket)
         self.estimator.update(self.state, self.now)
         before, fault = self.ladder.state, self.ladder.fault
         self._set_inputs(before)
@@ -167,7 +156,8 @@ class ControlLoop:
             self.servo.take_pins(pins)
         self._play(playback)
         self._write_row(playback)
-        self._check_underrun(playback)
+        if playback is Playback.PLAN:
+            self.intake.check_underrun(self.tick_count, must_stop=self.must_stop)
         self.inputs.reset()
         self.tick_count += 1
         row = self.telemetry.row
@@ -188,49 +178,12 @@ class ControlLoop:
             self.servo.rejoin()  # the servos have held their goals meanwhile
         self._last_tick = self.tick_count
 
-    def _take_plan(self) -> None:
-        """Let the waiting plan take over when its tick has come; a newer acceptable plan replaces it."""
-        standing = self.ladder.state in (State.READY, State.HOLD)
-        if self.waiting is not None and standing and self.must_stop and not self.waiting.ticket.stops:
-            # Accepted before the stop was requested: a robot that stands does not start to walk after it.
-            self.waiting = None
-            self.plans.hold(self.playing, None)
-        if self.waiting is not None and self.tick_count >= self.waiting.plan.start_tick:
-            self._begin_plan(self.waiting)
-        offer = self.plans.newest(self._examined)
-        if offer is None:
-            return
-        # A plan that resumes the waiting plan is examined once that one plays.
-        if self.waiting is None or offer.ticket.resumed != self.waiting.ticket.id:
-            self._examined = offer.ticket.id
-            if self._acceptable(offer):
-                self.waiting = offer
-                if self.tick_count == offer.plan.start_tick:
-                    self._begin_plan(offer)
-        self.plans.hold(self.playing, self.waiting)
-
-    def _begin_plan(self, offer: Offer) -> None:
-        self.playing, self.waiting = offer, None
-        self.plans.hold(offer, None)
-        self._writer.plan_began(offer.ticket)
-
-    def _acceptable(self, offer: Offer) -> bool:
-        """Whether a plan may be played: it resumes the plan that plays, is not late, and stops where it must."""
-        if self.ladder.state not in (State.READY, State.STREAMING, State.HOLD):
-            return False
-        if offer.plan.start_tick < self.tick_count:
-            # Never played late. The planner makes another, which joins later.
-            self.telemetry.row.late_plans += 1
-            return False
-        playing = 0 if self.playing is None else self.playing.ticket.id
-        return offer.ticket.resumed == playing and (offer.ticket.stops or not self.must_stop)
-
     def _set_inputs(self, state: State) -> None:
         """Tell the ladder what was measured and which plan there is."""
         inputs, measured = self.inputs, self.state
         self._hardware_fault = None
-        inputs.plan_ready = self.plan is not None and not self.plan_over
-        inputs.plan_over = self.plan_over
+        inputs.plan_over = self.intake.over(self.tick_count)
+        inputs.plan_ready = self.intake.plan is not None and not inputs.plan_over
         if state is State.READY and self.move.done and not self.gyro_bias.done:
             self._measure_gyro_bias()
         inputs.move_done = self._arrived
@@ -342,24 +295,20 @@ class ControlLoop:
             self.command.position[:] = pinned
             self.move.begin(pinned, self.stand_pose, least_s=_STAND_MOVE_S, speed=robot.safety.soft_start_speed)
         elif state is State.PARK:
-            self._forget_plans()
+            self.intake.forget()
             # From the reference of the goals, not from the measurement: that is what the servos hold.
             self.move.begin(
                 self.now.q, robot.rest_pose, least_s=robot.safety.park_s, speed=2 * robot.safety.soft_start_speed
             )
         elif state is State.DAMPED:
-            self._forget_plans()
+            self.intake.forget()
             self.driver.damp()
         elif state in (State.OFF, State.FAULT):
-            self._forget_plans()
+            self.intake.forget()
             self.obedience.reset(self.state.position)
             self.driver.set_torque(False)
             if self.driver.holding:
                 self._emit("fault", f"torque off is not confirmed by {', '.join(self.driver.holding)}: {_MAY_HOLD}")
-
-    def _forget_plans(self) -> None:
-        self.playing = self.waiting = None
-        self.plans.hold(None, None)
 
     def _play(self, playback: Playback) -> None:
         if playback in (Playback.NOTHING, Playback.DAMP):
@@ -369,10 +318,11 @@ class ControlLoop:
             self.now.qd[:] = 0.0
             self.driver.write(self.command)
             return
-        if playback is Playback.PLAN and self.plan is not None:
-            place = float(self.tick_count - self.plan.start_tick)
-            self.now.take(self.plan, place)
-            self.ahead.take(self.plan, place + self._lead)
+        plan = self.intake.plan
+        if playback is Playback.PLAN and plan is not None:
+            place = float(self.tick_count - plan.start_tick)
+            self.now.take(plan, place)
+            self.ahead.take(plan, place + self._lead)
         else:
             self.move.step(self.now)
             self.ahead.copy(self.now)
@@ -401,30 +351,23 @@ class ControlLoop:
 
     def _write_row(self, playback: Playback) -> None:
         """Fill this tick's row."""
-        row, writer, now = self.telemetry.row, self._writer, self.now
+        row, writer, intake, now = self.telemetry.row, self._writer, self.intake, self.now
         writer.write_state(self.tick_count, self.ladder.state, self.estimator)
-        row.ready[...], row.plan_over[...], row.must_stop[...] = self.ready, self.plan_over, self.must_stop
-        row.offer[...], row.pending[...] = self._examined, 0 if self.waiting is None else self.waiting.ticket.id
+        row.ready[...], row.plan_over[...], row.must_stop[...] = (
+            self.ready,
+            intake.over(self.tick_count),
+            self.must_stop,
+        )
+        row.offer[...], row.pending[...] = intake.examined, 0 if intake.waiting is None else intake.waiting.ticket.id
         row.disbelieved[...] = self.plausibility.disbelieved
         row.limp[...] = self.joints.limp
         row.hung[...], row.hardware_failed[...] = self.suspension.hung, self.hardware_failed
         writer.write_measured(self.state)
-        writer.write_plan(self.playing)
+        writer.write_plan(intake.playing)
         if playback in (Playback.NOTHING, Playback.DAMP):
             return
         writer.write_reference(now, self.command)
         if now.balanced:
             writer.write_balance(now, self.estimator, self.stabiliser)
-        if self.plan is not None and playback is Playback.PLAN:
-            writer.write_progress(self.tick_count, self.plan)
-
-    def _check_underrun(self, playback: Playback) -> None:
-        """Count and warn once for each plan whose stop tail plays because no other plan came."""
-        if self.playing is None or playback is not Playback.PLAN:
-            return
-        ticket, plan = self.playing.ticket, self.playing.plan
-        in_tail = plan.stop_row <= self.tick_count - plan.start_tick < len(plan)
-        if in_tail and ticket.id != self._underrun and not (ticket.stops or ticket.source_over or self.must_stop):
-            self._underrun = ticket.id
-            self.telemetry.row.underruns += 1
-            self._emit("warning", f"no plan followed plan {ticket.id}: its own stop is played")
+        if intake.plan is not None and playback is Playback.PLAN:
+            writer.write_progress(self.tick_count, intake.plan)

@@ -194,8 +194,8 @@ class Lifecycle:
                 self._start()
             else:
                 self._emit("note", "torque is off: the run waits to be armed (flexmotion arm, or the page)")
-        if self._stream_start is None and loop.playing is not None:
-            self._stream_start = loop.playing.plan.start_tick
+        if self._stream_start is None and loop.intake.playing is not None:
+            self._stream_start = loop.intake.playing.plan.start_tick
         loop.winding_down = self._ending or self._stream_over()
         if self.broken is not None:
             inputs.fault = f"planner: {self.broken}"
@@ -214,7 +214,7 @@ class Lifecycle:
     def _over(self) -> bool:
         if self._ending:
             return True
-        source_over = self.loop.playing is not None and self.loop.playing.ticket.source_over
+        source_over = self.loop.intake.playing is not None and self.loop.intake.playing.ticket.source_over
         return not self.stay and (source_over or self._stream_over())
 
     def _stream_over(self) -> bool:

@@ -83,7 +83,7 @@ def plan_at(retargeter: Retargeter, tick: int) -> Plan:
 def offer(loop: ControlLoop, plan: Plan, *, resumed: int = 0, stops: bool = False) -> Plan:
     """Publish a plan to the loop."""
     ticket = Ticket(
-        id=loop.plans.newest_id + 1,
+        id=loop.intake.plans.newest_id + 1,
         resumed=resumed,
         asked_tick=loop.tick_count,
         target=0,
@@ -95,7 +95,7 @@ def offer(loop: ControlLoop, plan: Plan, *, resumed: int = 0, stops: bool = Fals
         sample_s=0.001,
         retarget_s=0.02,
     )
-    loop.plans.publish(ticket, plan)
+    loop.intake.plans.publish(ticket, plan)
     return plan
 
 
@@ -122,11 +122,11 @@ def test_a_waiting_plan_takes_over_at_its_tick(
 ) -> None:
     offer(loop, plan_at(retargeter, loop.tick_count + 5))
     run(5)
-    assert loop.plan is None and loop.ladder.state is State.READY
+    assert loop.intake.plan is None and loop.ladder.state is State.READY
     run(1)
-    assert loop.plan is not None and loop.waiting is None
+    assert loop.intake.plan is not None and loop.intake.waiting is None
     assert loop.ladder.state is State.STREAMING
-    np.testing.assert_array_equal(loop.now.q, loop.plan.q[0])
+    np.testing.assert_array_equal(loop.now.q, loop.intake.plan.q[0])
 
 
 @pytest.mark.usefixtures("ready")
@@ -167,7 +167,7 @@ def test_estop_freezes_the_last_goals(
         assert loop.ladder.state is State.HOLD
         np.testing.assert_array_equal(loop.command.position, goals)
         run(1)
-    assert loop.plan is None
+    assert loop.intake.plan is None
 
 
 def test_requests_hold_for_one_tick(loop: ControlLoop, run: Callable[..., None]) -> None:
@@ -196,7 +196,7 @@ def test_a_plan_that_does_not_fit_is_never_played(
 ) -> None:
     offer(loop, plan_at(retargeter, loop.tick_count - late), resumed=resumed)
     run(20)
-    assert loop.plan is None and loop.ladder.state is State.READY, reason
+    assert loop.intake.plan is None and loop.ladder.state is State.READY, reason
     assert loop.telemetry.row.late_plans == (late > 0)
 
 
@@ -210,11 +210,11 @@ def test_after_a_stop_only_a_plan_that_stops_is_accepted(
     state = first.states[loop.tick_count + 5 - first.start_tick]
     offer(loop, retargeter.plan(state, default_clip()[:32], 0, loop.tick_count + 5), resumed=1)
     run(10)
-    assert loop.playing is not None and loop.playing.ticket.id == 1
+    assert loop.intake.playing is not None and loop.intake.playing.ticket.id == 1
     state = first.states[loop.tick_count + 5 - first.start_tick]
     offer(loop, retargeter.plan(state, None, 0, loop.tick_count + 5), resumed=1, stops=True)
     run(10)
-    assert loop.playing.ticket.id == 3
+    assert loop.intake.playing.ticket.id == 3
 
 
 @pytest.mark.usefixtures("ready")
@@ -237,11 +237,11 @@ def test_a_stop_drops_a_plan_that_waits_in_hold(
     until(lambda: loop.ladder.state is State.HOLD)
     offer(loop, retargeter.plan(plan.states[-1], default_clip()[240:290], 0, loop.tick_count + 4), resumed=1)
     run(1)
-    assert loop.waiting is not None
+    assert loop.intake.waiting is not None
     run(1, stop=True)
     run(30)
-    assert loop.ladder.state is State.HOLD and loop.waiting is None
-    assert loop.playing is not None and loop.playing.ticket.id == 1
+    assert loop.ladder.state is State.HOLD and loop.intake.waiting is None
+    assert loop.intake.playing is not None and loop.intake.playing.ticket.id == 1
 
 
 @pytest.mark.usefixtures("ready")
@@ -253,6 +253,7 @@ def test_steps_and_underruns_are_counted_over_skipped_ticks(
     run(1)
     while loop.tick_count < plan.end_tick:
         loop.tick_count += 3
+        loop.driver.advance(3 * 0.008)
         run(1)
     assert loop.telemetry.row.steps_planned == len(plan.steps)
     assert loop.telemetry.row.underruns == 1

@@ -53,15 +53,15 @@ def standing(loop: ControlLoop) -> bool:
 
 def following(loop: ControlLoop) -> bool:
     """The source plays, both feet are on the ground."""
-    if loop.plan is None or not loop.now.contacts.all():
+    if loop.intake.plan is None or not loop.now.contacts.all():
         return False
-    place = loop.tick_count - loop.plan.start_tick
-    return 0 <= place < len(loop.plan) and bool(loop.plan.source_s[place] > 0.0)
+    place = loop.tick_count - loop.intake.plan.start_tick
+    return 0 <= place < len(loop.intake.plan) and bool(loop.intake.plan.source_s[place] > 0.0)
 
 
 def mid_step(loop: ControlLoop) -> bool:
     """The third step is half over."""
-    steps = [] if loop.plan is None else loop.plan.steps
+    steps = [] if loop.intake.plan is None else loop.intake.plan.steps
     half_over = any(step.lift + step.land <= 2 * loop.tick_count < 2 * step.land for step in steps)
     return half_over and int(loop.telemetry.row.steps_planned) >= 3
 
