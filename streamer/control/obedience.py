@@ -102,7 +102,7 @@ class Obedience:
         predicted -= aim
         predicted *= self._keeps
         predicted += aim
-        self._stillness.update(position, predicted, known)
+        self._stillness.update(position, predicted, goal, known)
         self._place += 1
         np.copyto(self._predictions[self._place % len(self._predictions)], predicted)
         before = self._positions[self._place % len(self._positions)]

@@ -1,10 +1,11 @@
 """`Stillness`: joints that stand still although their goals lead them on.
 
-A joint without a block that stands still while its servo's torque changes carries a load that changes by exactly as
-much, tick by tick. That happens for moments, where a foot strikes or a joint begins to move, and within dry friction. A
-joint that has stood still while its prediction has moved by `FAR_SHARE` of the servo's usable torque, and for `STILL_S`
-since then, is blocked. This tells a blocked joint from a loaded one long before the load itself does: what a goal
-implies is bounded at the joint's position, so that a blocked joint whose plan carries a load never seems overloaded.
+A joint that stands still while it should move, without a block, carries a load that changes by exactly as much as the
+torque of its servo, tick by tick. That happens for moments, where a foot strikes or a joint begins to move, and within
+dry friction. A joint that has stood still while its prediction moved by `FAR_SHARE` of its servo's usable torque and
+the servo made as much torque, and that goes on standing still for `STILL_S`, is blocked. This tells a blocked joint
+from a loaded one long before the load itself does: what a goal implies is bounded at the joint's position, so that a
+blocked joint whose plan carries a load never seems overloaded.
 """
 
 from __future__ import annotations
@@ -18,12 +19,12 @@ from flexmotion.drivers.masks import every, some
 Float = NDArray[np.float64]
 
 FAR_SHARE = 0.4
-"""Change of the torque that a prediction's motion implies, over the servo's usable torque; the dry friction in both
-directions comes on top."""
+"""Torque over the servo's usable torque: that the motion of a prediction implies, and that the servo makes with a goal
+so far from its joint; dry friction in both directions comes on top."""
 SLIP, SLIP_TICKS = 0.1, 2
 """A joint that moves less than this share of what its prediction does, and servo units, stands still."""
 LEAST_TICKS = 20
-"""Motion of a prediction that counts for a servo of any stiffness: ten times what counts as standing still [servo
+"""Least of these motions and distances, for a servo of any stiffness: ten times what counts as standing still [servo
 units]."""
 STILL_S = 0.15
 """Time for which a joint must go on standing still after its prediction has moved so far [s]. OP3 without a blocked
@@ -37,7 +38,7 @@ class Stillness:
         turns: ticks within which every joint is read once, and is sent its goal.
 
     Attributes:
-        span: by how much each prediction has moved since the joint stands still, (n,) [rad].
+        span: by how much each joint should have moved since it stands still, (n,) [rad].
     """
 
     def __init__(self, robot: Robot, turns: int = 1) -> None:
@@ -48,8 +49,9 @@ class Stillness:
         self._slip = SLIP_TICKS * robot.tick_rad
         # Where joints are read in turns, a position and what it was moved by are up to two turns apart.
         self._patience = round(STILL_S * robot.rate_hz) + (2 * turns if turns > 1 else 0)
-        self._where, self._lowest, self._highest = np.zeros(n), np.zeros(n), np.zeros(n)
-        self._away, self.span = np.zeros(n), np.zeros(n)
+        self._where, self._away, self.span = np.zeros(n), np.zeros(n), np.zeros(n)
+        # Of the prediction, and of the goal, beginning at the joint.
+        self._led, self._lowest, self._highest, self._spans = (np.zeros((2, n)) for _ in range(4))
         self._late, self._any_late = np.zeros(n, np.int64), False
 
     @property
@@ -68,28 +70,31 @@ class Stillness:
         self._late.fill(0)
         self._any_late = False
 
-    def update(self, position: Float, predicted: Float, known: NDArray[np.bool_]) -> None:
+    def update(self, position: Float, predicted: Float, goal: Float, known: NDArray[np.bool_]) -> None:
         """One tick.
 
         Args:
             position: measured last, (n,) [rad].
             predicted: where the goals should have brought the joints, (n,) [rad].
+            goal: in effect since the last tick, (n,) [rad].
             known: joints whose position was measured; the others are not judged.
         """
-        away, span, lowest, highest = self._away, self.span, self._lowest, self._highest
-        np.minimum(lowest, predicted, out=lowest)
-        np.maximum(highest, predicted, out=highest)
-        np.subtract(highest, lowest, out=span)
+        away, span, led, lowest, highest = self._away, self.span, self._led, self._lowest, self._highest
         np.subtract(position, self._where, out=away)
         np.abs(away, out=away)
         moves = away > SLIP * span + self._slip
         if not every(known):
             moves |= ~known
+        led[0], led[1] = predicted, position
         if some(moves):
             np.copyto(self._where, position, where=moves)
             for values in (lowest, highest):
-                np.copyto(values, predicted, where=moves)
-            np.copyto(span, 0.0, where=moves)
+                np.copyto(values, led, where=moves)
+        led[1] = goal
+        np.minimum(lowest, led, out=lowest)
+        np.maximum(highest, led, out=highest)
+        np.subtract(highest, lowest, out=self._spans)
+        np.minimum(*self._spans, out=span)
         late = span > self._far
         if not some(late) and not self._any_late:
             return

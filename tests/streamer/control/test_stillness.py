@@ -26,20 +26,22 @@ class Joint:
     Attributes:
         far: motion of its prediction that counts [rad].
         predicted, position: of this joint [rad].
+        load: planned, over the stiffness [rad].
     """
 
     def __init__(self, robot: Robot, name: str = "l_knee", turns: int = 1) -> None:
         self.stillness, self.joint = Stillness(robot, turns), robot.index(name)
         self.far = float(self.stillness._far[self.joint])
         self.predicted = self.position = float(robot.stand_pose[self.joint])
-        self._predicted, self._position = robot.stand_pose.copy(), robot.stand_pose.copy()
+        self.load = 0.0
+        self._predicted, self._position, self._goal = (robot.stand_pose.copy() for _ in range(3))
         self._known = np.ones(robot.n, np.bool_)
         self.stillness.reset(robot.stand_pose)
 
     def tick(self, *, known: bool = True) -> None:
         self._predicted[self.joint], self._position[self.joint] = self.predicted, self.position
-        self._known[self.joint] = known
-        self.stillness.update(self._position, self._predicted, self._known)
+        self._goal[self.joint], self._known[self.joint] = self.predicted + self.load, known
+        self.stillness.update(self._position, self._predicted, self._goal, self._known)
 
     @property
     def blocked(self) -> bool:
@@ -111,6 +113,35 @@ def test_a_blocked_joint_that_creeps_is_found(op3: Robot) -> None:
         knee.position = op3.stand_pose[knee.joint] + 0.05 * (knee.predicted - op3.stand_pose[knee.joint])
         knee.tick()
     assert knee.blocked
+
+
+def test_a_joint_at_which_the_servo_pushes_with_all_its_torque_is_blocked(op3: Robot) -> None:
+    """Its goal stays at the clamp while plan and prediction go on: a blocked ankle under the robot's weight."""
+    ankle = Joint(op3, "l_ank_pitch")
+    goal = op3.stand_pose[ankle.joint] + op3.usable_torque[ankle.joint] / op3.kp[ankle.joint]
+    for tick in range(2 * TICKS):
+        ankle.predicted = op3.stand_pose[ankle.joint] + min(0.1 * tick, 1.0) * 2 * ankle.far
+        ankle.load = goal - ankle.predicted
+        ankle.tick()
+    assert ankle.blocked
+
+
+def test_a_leg_that_takes_up_the_weight_stands_still_as_planned(op3: Robot) -> None:
+    knee = Joint(op3)
+    for tick in range(4 * TICKS):
+        knee.load = 3 * knee.far * np.sin(tick / 10)
+        knee.tick()
+        assert not knee.blocked
+
+
+def test_a_joint_whose_goals_ask_nothing_of_it_is_not_blocked(op3: Robot) -> None:
+    """The plan went on four ticks at once: the clamp took the torque back, and a leg that stood was called blocked."""
+    hip = Joint(op3, "l_hip_roll")
+    for tick in range(4 * TICKS):
+        hip.predicted = op3.stand_pose[hip.joint] + 2 * hip.far * np.sin(tick / 10)
+        hip.load = op3.stand_pose[hip.joint] - hip.predicted
+        hip.tick()
+        assert not hip.blocked
 
 
 def test_a_joint_that_was_not_measured_is_not_judged(op3: Robot) -> None:
