@@ -28,7 +28,7 @@ LEAST_TICKS = 20
 units]."""
 STILL_S = 0.15
 """Time for which a joint must go on standing still after its prediction has moved so far [s]. OP3 without a blocked
-joint, on its standard perturbations: at most a third of it, in shoulders that are set in motion."""
+joint, with its standard perturbations: at most a third of it, in shoulders that are set in motion."""
 
 
 class Stillness:
@@ -94,7 +94,7 @@ class Stillness:
         np.minimum(lowest, led, out=lowest)
         np.maximum(highest, led, out=highest)
         np.subtract(highest, lowest, out=self._spans)
-        np.minimum(*self._spans, out=span)
+        np.minimum(self._spans[0], self._spans[1], out=span)
         late = span > self._far
         if not some(late) and not self._any_late:
             return
