@@ -327,7 +327,8 @@ class ControlLoop:
             self.now.qd[:] = 0.0
             self.driver.write(self.command)
             return
-        if playback is Playback.PLAN and self.plan is not None:
+        slow = playback is not Playback.PLAN or self.plan is None
+        if self.plan is not None and not slow:
             place = float(self.tick_count - self.plan.start_tick)
             self.now.take(self.plan, place)
             self.ahead.take(self.plan, place + self._lead)
@@ -336,7 +337,8 @@ class ControlLoop:
             self.ahead.copy(self.now)
         np.copyto(self._load, self._torque())
         expected = self.plausibility.expected if self.plausibility.returned else None
-        self.command.position[:] = self.servo.update(self.ahead.q, self.ahead.qd, self._load, self.state, expected)
+        goals = self.servo.update(self.ahead.q, self.ahead.qd, self._load, self.state, expected, slow=slow)
+        self.command.position[:] = goals
         repairs = self.telemetry.row.repairs
         repairs[_POSITION] += self.servo.position_clamps
         repairs[_TORQUE] += self.servo.torque_clamps
