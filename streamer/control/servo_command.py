@@ -178,8 +178,8 @@ class ServoCommand:
 
         A silent joint is assumed to move as planned. After a time t without a reading it may be faster or slower than
         that by a t, and elsewhere by a t² / 2, where a is the acceleration that its servo's torque gives it. A goal
-        that is not inside the envelope for all of this does not leave. The servo keeps the one that it has, which was inside
-        when it was sent, and the next ones begin there.
+        that is not inside the envelope for all of this does not leave. The servo keeps the one that it has, which was
+        inside when it was sent, and the next ones begin there.
 
         Args:
             goal: new goals, (n,) [rad].
