@@ -83,7 +83,7 @@ class ControlLoop:
         self.punctuality = Punctuality(robot)
         self.plausibility, self.obedience = Plausibility(robot, driver.turns), Obedience(robot, driver.turns)
         self.audit = HardwareAudit(robot, self.punctuality, self.plausibility, self.obedience, self._warn)
-        self.servo = ServoCommand(robot, driver.delay_s)
+        self.servo = ServoCommand(robot, driver.delay_s, driver.turns)
         self.move = PostureMove(robot, retargeter.body.dynamics)
         self.stand_pose = retargeter.layout.view(retargeter.standing()).q[0].copy()
         self.playing: Offer | None = None

@@ -50,6 +50,7 @@ class ServoCommand:
 
     Args:
         delay_s: from a measurement to the arrival of the goals computed from it [s].
+        turns: ticks within which the driver reads every joint once.
 
     Attributes:
         goal: servo goals, (n,) [rad].
@@ -57,7 +58,7 @@ class ServoCommand:
         position_clamps, torque_clamps: how many joints were clamped in the last tick.
     """
 
-    def __init__(self, robot: Robot, delay_s: float) -> None:
+    def __init__(self, robot: Robot, delay_s: float, turns: int = 1) -> None:
         self.robot, self.delay = robot, delay_s
         self.goal = np.clip(np.zeros(robot.n), robot.lower, robot.upper)
         self.offset = np.zeros(robot.n)
@@ -72,7 +73,7 @@ class ServoCommand:
         self._decay = DECAY_SHARE * robot.no_load_speed / robot.rate_hz
         self._rejoins = np.zeros(robot.n, np.bool_)
         self._acceleration = robot.usable_torque * robot.model.dof_invweight0[robot.dof_address]
-        self._silent_s = np.zeros(robot.n)
+        self._silent_s, self._read_s = np.zeros(robot.n), 1.0 / (robot.rate_hz * turns)
 
     def reset(self, position: Float) -> None:
         """Begin at the joints' positions, (n,) [rad], which are the goals until the first update."""
@@ -179,13 +180,13 @@ class ServoCommand:
         A silent joint is assumed to move as planned. After a time t without a reading it may be faster or slower than
         that by a t, and elsewhere by a t² / 2, where a is the acceleration that its servo's torque gives it. A goal
         that is not inside the envelope for all of this does not leave. The servo keeps the one that it has, which was
-        inside when it was sent, and the next ones begin there.
+        inside when it was sent, and the next ones begin there. Between turns a joint is not silent.
 
         Args:
             goal: new goals, (n,) [rad].
         """
         missing = measured.stale > 0
-        self._silent_s[:] = np.where(missing, self._silent_s + 1.0 / self.robot.rate_hz, 0.0)
+        self._silent_s[:] = np.where(missing, self._silent_s + self._read_s, 0.0)
         robot, faster = self.robot, self._acceleration * self._silent_s
         away = 0.5 * faster * self._silent_s
         most = robot.stall_torque * supply - kp * away - robot.back_emf * faster
