@@ -87,7 +87,7 @@ class ControlLoop:
         self.punctuality = Punctuality(robot)
         self.plausibility, self.obedience = Plausibility(robot, driver.turns), Obedience(robot, driver.turns)
         self.audit = HardwareAudit(robot, self.punctuality, self.plausibility, self.obedience, self._warn)
-        self.servo = ServoCommand(robot, driver.delay_s)
+        self.servo = ServoCommand(robot, driver.delay_s, driver.turns)
         self.move = PostureMove(robot, retargeter.body.dynamics)
         self.stand_pose = retargeter.layout.view(retargeter.standing()).q[0].copy()
         self.winding_down = self.hardware_failed = self.awaits_arm = self.commands = False
@@ -318,8 +318,8 @@ class ControlLoop:
             self.now.qd[:] = 0.0
             self.driver.write(self.command)
             return
-        plan = self.intake.plan
-        if playback is Playback.PLAN and plan is not None:
+        plan = self.intake.plan if playback is Playback.PLAN else None
+        if plan is not None:
             place = float(self.tick_count - plan.start_tick)
             self.now.take(plan, place)
             self.ahead.take(plan, place + self._lead)
@@ -330,7 +330,8 @@ class ControlLoop:
         self.joints.lead(self.ahead, self._load, self.state)
         expected = self.plausibility.expected if self.plausibility.returned else None
         self.commands = True
-        self.command.position[:] = self.servo.update(self.ahead.q, self.ahead.qd, self._load, self.state, expected)
+        goals = self.servo.update(self.ahead.q, self.ahead.qd, self._load, self.state, expected, slow=plan is None)
+        self.command.position[:] = goals
         repairs = self.telemetry.row.repairs
         repairs[_POSITION] += self.servo.position_clamps
         repairs[_TORQUE] += self.servo.torque_clamps

@@ -50,6 +50,7 @@ class ServoCommand:
 
     Args:
         delay_s: from a measurement to the arrival of the goals computed from it [s].
+        turns: ticks within which the driver reads every joint once.
 
     Attributes:
         goal: servo goals, (n,) [rad].
@@ -57,7 +58,7 @@ class ServoCommand:
         position_clamps, torque_clamps: how many joints were clamped in the last tick.
     """
 
-    def __init__(self, robot: Robot, delay_s: float) -> None:
+    def __init__(self, robot: Robot, delay_s: float, turns: int = 1) -> None:
         self.robot, self.delay = robot, delay_s
         self.goal = np.clip(np.zeros(robot.n), robot.lower, robot.upper)
         self.offset = np.zeros(robot.n)
@@ -71,6 +72,8 @@ class ServoCommand:
         self._now_and_later = np.zeros((2, 2, robot.n))
         self._decay = DECAY_SHARE * robot.no_load_speed / robot.rate_hz
         self._rejoins = np.zeros(robot.n, np.bool_)
+        self._acceleration = robot.usable_torque * robot.model.dof_invweight0[robot.dof_address]
+        self._silent_s, self._read_s = np.zeros(robot.n), 1.0 / (robot.rate_hz * turns)
 
     def reset(self, position: Float) -> None:
         """Begin at the joints' positions, (n,) [rad], which are the goals until the first update."""
@@ -80,6 +83,7 @@ class ServoCommand:
         self._doubts = False
         self._supply[:] = np.nan
         self._rejoins[:] = False
+        self._silent_s[:] = 0.0
 
     def rejoin(self) -> None:
         """The next goals begin at those in effect, which the reference may have left: a stream begins, or was late."""
@@ -93,13 +97,24 @@ class ServoCommand:
         np.copyto(self.goal, pins, where=pinned)
         self._rejoins |= pinned
 
-    def update(self, q: Float, qd: Float, torque: Float, measured: RobotState, expected: Float | None = None) -> Float:
+    def update(
+        self,
+        q: Float,
+        qd: Float,
+        torque: Float,
+        measured: RobotState,
+        expected: Float | None = None,
+        *,
+        slow: bool = False,
+    ) -> Float:
         """Goals for a reference.
 
         Args:
             q, qd, torque: the reference, (n,) each [rad, rad/s, N·m].
             measured: the joints' state.
             expected: where joints were assumed to be whose position is known again, (n,) [rad]; NaN for the others.
+            slow: the reference is a slow move, which silent joints follow for as long as it takes (a robot whose bus is
+                lost is lowered).
 
         Returns:
             `goal`, (n,) [rad].
@@ -122,6 +137,8 @@ class ServoCommand:
         if back is not None:
             np.copyto(self._velocity, measured.velocity, where=back)
         bounded = self._bounded(goal, measured.position, measured.velocity, kp, supply, usable)
+        if back is not None:
+            back &= ~self._rejoins  # those begin at their goals anyway
         self._settle(bounded)
         if expected is not None and back is not None and some(back):
             assumed = self._bounded(goal, expected, qd, kp, supply, usable)
@@ -135,6 +152,10 @@ class ServoCommand:
             lowest, highest = self._envelope(measured.position, measured.velocity, kp, supply, None)
             np.subtract(np.minimum(np.maximum(bounded + self.offset, lowest), highest), bounded, out=self.offset)
             bounded += self.offset
+        if silent and not slow:
+            self._hold_unsure(bounded, measured, kp, supply)
+        elif some(self._silent_s):
+            self._silent_s[:] = 0.0
         # Outside its limits a goal may only move inwards.
         lower, upper = np.minimum(robot.lower, self.goal), np.maximum(robot.upper, self.goal)
         limited = np.minimum(np.maximum(bounded, lower), upper)
@@ -152,6 +173,27 @@ class ServoCommand:
             begins = self._rejoins & np.isfinite(away)
             np.copyto(self.offset, np.where(np.abs(away) > self._decay, away, 0.0), where=begins)
             self._rejoins[:] = False
+
+    def _hold_unsure(self, goal: Float, measured: RobotState, kp: Float, supply: Float) -> None:
+        """Keep the goals in effect for silent joints whose new ones might be outside the envelope, in place.
+
+        A silent joint is assumed to move as planned. After a time t without a reading it may be faster or slower than
+        that by a t, and elsewhere by a t² / 2, where a is the acceleration that its servo's torque gives it. A goal
+        that is not inside the envelope for all of this does not leave. The servo keeps the one that it has, which was
+        inside when it was sent, and the next ones begin there. Between turns a joint is not silent.
+
+        Args:
+            goal: new goals, (n,) [rad].
+        """
+        missing = measured.stale > 0
+        self._silent_s[:] = np.where(missing, self._silent_s + self._read_s, 0.0)
+        robot, faster = self.robot, self._acceleration * self._silent_s
+        away = 0.5 * faster * self._silent_s
+        most = robot.stall_torque * supply - kp * away - robot.back_emf * faster
+        implied = kp * (goal - measured.position) - robot.back_emf * measured.velocity
+        held = missing & (np.abs(implied) > most)
+        np.copyto(goal, self.goal, where=held)
+        self._rejoins |= held
 
     def _supply_of(self, measured: RobotState) -> Float:
         """Supply that goals are computed for, over the nominal one; nominal where it is not known, (n,)."""

@@ -129,3 +129,70 @@ def test_an_unknown_voltage_counts_as_nominal_and_zero_does_no_harm() -> None:
     with np.errstate(divide="ignore", invalid="ignore"):
         dead = settled(ROBOT.stand_pose, np.zeros(N), torque, measured(ROBOT.stand_pose, voltage=0.0)).goal
     assert np.isfinite(dead).all()
+
+
+@given(
+    ticks=st.integers(1, 12),
+    torque=each(-2.5, 2.5),
+    speed=each(-3, 3),
+    acceleration=each(-1, 1),
+    swing=each(-3, 3),
+)
+def test_goals_that_leave_while_a_robot_is_silent_are_inside_wherever_its_joints_may_be(
+    ticks: int, torque: np.ndarray, speed: np.ndarray, acceleration: np.ndarray, swing: np.ndarray
+) -> None:
+    """In 80 ms of silence seven goals left for where the joints of a walking robot should have been, and were not.
+
+    The true joints leave the assumed motion with any share of the acceleration that their servos give them.
+    """
+    command, begin = ServoCommand(ROBOT, DELAY), ROBOT.stand_pose
+    command.reset(begin)
+    state = measured(begin, speed, 12.0)
+    command.update(begin, speed, torque, state)
+    most = ROBOT.usable_torque * ROBOT.model.dof_invweight0[ROBOT.dof_address]
+    for tick in range(1, ticks + 1):
+        seconds = tick / ROBOT.rate_hz
+        assumed = begin + speed * seconds
+        state.position[:], state.velocity[:], state.stale[:] = assumed, speed, tick
+        before = command.goal.copy()
+        goal = command.update(assumed + 0.01 * swing, speed, torque, state)
+        true = assumed + 0.5 * acceleration * most * seconds**2
+        implied = ROBOT.kp * (goal - true) - ROBOT.back_emf * (speed + acceleration * most * seconds)
+        inside = (goal > ROBOT.lower) & (goal < ROBOT.upper) & (goal != before)
+        assert (np.abs(implied[inside]) <= ROBOT.stall_torque[inside] + 1e-9).all()
+
+
+def test_a_silent_joint_keeps_its_goal_until_it_answers_and_goes_on_from_there() -> None:
+    knee = ROBOT.index("l_knee")
+    command, zero, state = ServoCommand(ROBOT, DELAY), np.zeros(N), measured(ROBOT.stand_pose, voltage=12.0)
+    command.reset(ROBOT.stand_pose)
+    command.update(ROBOT.stand_pose, zero, zero, state)
+    load, q = zero.copy(), ROBOT.stand_pose.copy()
+    load[knee] = 2.0
+    goals = []
+    for tick in range(1, 11):
+        q[knee] += 0.01
+        state.position[knee], state.stale[knee] = q[knee], tick
+        goals.append(command.update(q, zero, load, state).copy())
+    steps = np.diff([goal[knee] for goal in goals])
+    assert steps[0] > 0.0 and (steps[-5:] == 0.0).all()  # it follows at first, and is held in the end
+    moved = np.delete(np.ptp(goals, axis=0), knee)
+    np.testing.assert_allclose(moved, 0.0, atol=1e-12)
+    expected = np.full(N, np.nan)
+    expected[knee] = q[knee]
+    state.stale[knee] = 0
+    after = command.update(q, zero, load, state, expected)
+    assert abs(after[knee] - goals[-1][knee]) <= np.radians(1.7)
+
+
+def test_a_slow_move_goes_on_however_long_the_robot_is_silent() -> None:
+    """A robot whose bus is lost is lowered before its torque goes off."""
+    command, zero, state = ServoCommand(ROBOT, DELAY), np.zeros(N), measured(ROBOT.stand_pose, voltage=12.0)
+    command.reset(ROBOT.stand_pose)
+    knee = ROBOT.index("l_knee")
+    q = ROBOT.stand_pose.copy()
+    for tick in range(1, 126):
+        q[knee] += 0.004
+        state.position[knee], state.stale[:] = q[knee], tick
+        command.update(q, zero, zero, state, slow=True)
+    assert command.goal[knee] == pytest.approx(q[knee])
