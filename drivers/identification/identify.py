@@ -35,7 +35,7 @@ MOTION_FOR: dict[Figure, str] = {
 
 _SHARE, _FRICTION_SHARE, _FRICTION_FLOOR, _DAMPING_SHARE, _DELAY_S = 0.2, 0.35, 0.003, 0.1, 0.002
 """Greatest uncertainty of a figure that counts as determined: over its value, dry friction over its value or over the
-stall torque, viscous friction over the back-EMF, delay [s]."""
+stall torque, viscous friction over the whole drag, delay [s]."""
 
 _ERROR_SHARE, _ERROR_TICKS, _REJECTED_SHARE = 0.12, 4.0, 0.2
 """Greatest error of the simulated angle: over the motion, or in ticks; greatest share of readings left out."""
@@ -80,7 +80,7 @@ def identify(robot: Robot, joint: int, record: RobotRecord, date: str) -> Identi
     _refuse_unexplained(robot, joint, estimate)
     servo, figures, refused = robot.servos[joint], {}, {}
     for figure, (value, uncertainty) in _figures(robot, joint, estimate).items():
-        reason = _undetermined(figure, value, uncertainty, servo)
+        reason = _undetermined(figure, value, uncertainty, servo, estimate.value["back_emf"])
         if reason is None:
             figures[figure] = IdentifiedFigure(
                 value=max(value, 0.0), uncertainty=uncertainty, date=date, motion=record.motion
@@ -130,11 +130,11 @@ def _figures(robot: Robot, joint: int, estimate: Estimate) -> dict[Figure, tuple
     return found
 
 
-def _undetermined(figure: Figure, value: float, uncertainty: float, servo: Servo) -> str | None:
-    """Why a figure is not determined; None if it is."""
+def _undetermined(figure: Figure, value: float, uncertainty: float, servo: Servo, back_emf: float) -> str | None:
+    """Why a figure is not determined; None if it is. `back_emf`: that was found [N·m·s/rad]."""
     allowed = {
         "delay": _DELAY_S,
-        "damping": _DAMPING_SHARE * servo.back_emf,
+        "damping": _DAMPING_SHARE * (back_emf + value),
         "frictionloss": max(_FRICTION_SHARE * value, _FRICTION_FLOOR * servo.stall_torque),
     }.get(figure, _SHARE * value)
     if uncertainty > allowed:
