@@ -153,7 +153,7 @@ class ServoCommand:
             np.subtract(np.minimum(np.maximum(bounded + self.offset, lowest), highest), bounded, out=self.offset)
             bounded += self.offset
         if silent and not slow:
-            self._hold_unsure(bounded, measured, kp, supply)
+            self._bound_unsure(bounded, torque, measured, kp, supply)
         elif some(self._silent_s):
             self._silent_s[:] = 0.0
         # Outside its limits a goal may only move inwards.
@@ -174,24 +174,27 @@ class ServoCommand:
             np.copyto(self.offset, np.where(np.abs(away) > self._decay, away, 0.0), where=begins)
             self._rejoins[:] = False
 
-    def _hold_unsure(self, goal: Float, measured: RobotState, kp: Float, supply: Float) -> None:
-        """Keep the goals in effect for silent joints whose new ones might be outside the envelope, in place.
+    def _bound_unsure(self, goal: Float, torque: Float, measured: RobotState, kp: Float, supply: Float) -> None:
+        """Bound the goals of silent joints to those inside the envelope wherever the joint may be, in place.
 
-        A silent joint is assumed to move as planned. After a time t without a reading it may be faster or slower than
-        that by a t, and elsewhere by a t² / 2, where a is the acceleration that its servo's torque gives it. A goal
-        that is not inside the envelope for all of this does not leave. The servo keeps the one that it has, which was
-        inside when it was sent, and the next ones begin there. Between turns a joint is not silent.
+        A silent joint is assumed to move as planned. By the time t of the next goal it may be faster or slower than
+        that by a t, and elsewhere by a t² / 2, where a is the acceleration that its servo's torque gives it. Where the
+        planned torque has no room in what this leaves of the envelope, no new goal leaves: the servo keeps the one that
+        it has, which was inside when it was sent, and the next ones begin there. Between turns a joint is not silent.
 
         Args:
             goal: new goals, (n,) [rad].
+            torque: of the reference, (n,) [N·m].
         """
         missing = measured.stale > 0
         self._silent_s[:] = np.where(missing, self._silent_s + self._read_s, 0.0)
-        robot, faster = self.robot, self._acceleration * self._silent_s
-        away = 0.5 * faster * self._silent_s
+        until = self._silent_s + self._read_s  # of the next goal
+        robot, faster = self.robot, self._acceleration * until
+        away = 0.5 * faster * until
         most = robot.stall_torque * supply - kp * away - robot.back_emf * faster
-        implied = kp * (goal - measured.position) - robot.back_emf * measured.velocity
-        held = missing & (np.abs(implied) > most)
+        middle, room = measured.position + robot.back_emf * measured.velocity / kp, np.maximum(most, 0.0) / kp
+        np.copyto(goal, np.clip(goal, middle - room, middle + room), where=missing)
+        held = missing & (most < np.minimum(np.abs(torque), robot.usable_torque * supply))
         np.copyto(goal, self.goal, where=held)
         self._rejoins |= held
 

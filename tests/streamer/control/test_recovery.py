@@ -44,8 +44,8 @@ def test_a_stall_of_the_loop_leaves_no_jump(op3: Robot, monkeypatch: pytest.Monk
     tick, stalled = ControlLoop.tick, []
 
     def late(self: ControlLoop, late_ns: int = 0) -> None:
-        if self.ladder.state is State.STREAMING and self.plan is not None and not stalled:
-            since = self.tick_count - self.plan.start_tick
+        if self.ladder.state is State.STREAMING and self.intake.plan is not None and not stalled:
+            since = self.tick_count - self.intake.plan.start_tick
             if since == 30:
                 stalled.append(self.command.position.copy())
                 self.tick_count += 31
