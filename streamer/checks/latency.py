@@ -231,8 +231,10 @@ def _result(
 def _lateness(robot: Latency | None, missed: int, budgets: Budgets, rate_hz: float) -> list[str]:
     """Failures of the loop and of the simulated robot, each in words."""
     found = []
-    if robot is not None and robot.max > 1e3 / rate_hz:
-        found.append(f"the simulated robot was {robot.max:.3g} ms late, more than a tick: figures do not count")
+    if robot is not None and robot.p99_9 > 1e3 / rate_hz:
+        # One late step of the simulation moves no percentile that is judged; one in a thousand may.
+        told = f"the simulated robot was {robot.p99_9:.3g} ms late (99.9 %), more than a tick"
+        found.append(f"{told}: figures do not count")
     if missed > budgets.missed_deadlines:
         found.append(f"missed deadlines: {missed}, budget {budgets.missed_deadlines}")
     return found

@@ -17,7 +17,7 @@ from rich.console import Console
 from flexmotion.configs.robot import load_robot
 from flexmotion.configs.stream import load_stream
 from flexmotion.drivers.registry import create
-from flexmotion.streamer.checks.latency import _fault_text, _Switcher, hogs, measure
+from flexmotion.streamer.checks.latency import _fault_text, _lateness, _Switcher, hogs, measure
 from flexmotion.streamer.checks.latency_result import HISTOGRAM_US, Bound, LatencyResult, Slowness, Stage, Standstills
 from flexmotion.streamer.checks.latency_text import render_latency
 from flexmotion.streamer.checks.machine_pace import MachinePace
@@ -200,6 +200,14 @@ def test_a_fall_is_told_with_the_standstill_before_it() -> None:
         moments = MachinePace(record, np.array([[begin * ms, (begin + length) * ms]]), stolen_ms=0.0)
         assert _fault_text(fall, record, moments) == f"fall, at 3.0 s{told}"
     assert _fault_text(fall, record, None) == "fall, at 3.0 s"
+
+
+def test_one_late_step_of_the_simulation_voids_no_run() -> None:
+    # Regression: one step of 75,507 that was 9.5 ms late made ten minutes FAIL.
+    times = {"p50": 0.7, "p95": 1.1, "p99": 1.4}
+    assert _lateness(Latency(**times, p99_9=2.3, max=9.5), 0, load_stream().budgets, 125.0) == []
+    (found,) = _lateness(Latency(**times, p99_9=9.5, max=30.0), 0, load_stream().budgets, 125.0)
+    assert found.startswith("the simulated robot was 9.5 ms late (99.9 %)")
 
 
 def test_the_picture_and_the_json(result: LatencyResult, tmp_path: Path) -> None:
