@@ -25,7 +25,7 @@ from flexmotion.retarget.schedule import Schedule
 from flexmotion.retarget.state import RetargetState, StateLayout
 from flexmotion.retarget.torques import JointTorques
 from flexmotion.retarget.view import HumanView, forget_human, view_human
-from flexmotion.retarget.walk import Walk, WalkPlanner
+from flexmotion.retarget.walk import WalkPlanner
 from flexmotion.retarget.whole_body import POSTURE, WholeBody
 from flexmotion.spatial.gravity import GRAVITY
 
@@ -33,9 +33,6 @@ Float = NDArray[np.float64]
 
 _MISSING_LEG = 1e-4
 """A row whose legs are too short by more than this counts as a repair of its positions [m]."""
-_TOP_SPEED = 0.95
-"""Share of a servo's no-load speed that a leg may need while its foot swings. At the whole of it a servo has no torque
-left: knees that were planned faster stayed 0.4 rad behind, and the foot struck the floor on its way."""
 
 
 class Retargeter:
@@ -149,25 +146,23 @@ class Retargeter:
         else:
             walk = self.walks.follow(now, view)
         checkpoint()
-        arms, hands = self._arms(now, view, checkpoint)
-        body, repairs = self._solve(now, view, walk, arms)
-        checkpoint()
-        if view is not None and view.follow >= self.horizon:
-            # Short plans are followed by whole ones before a step that they begin is settled.
-            fastest = self._fastest_swings(walk, body.q)
-            if any(share > 1.0 and step.lift > tick for step, share in zip(walk.steps, fastest, strict=True)):
-                walk = self.walks.slowed(now, view, walk, fastest)
-                body, repairs = self._solve(now, view, walk, arms)
-                checkpoint()
         schedule, zmp, dcm = walk.schedule, walk.balance.zmp, walk.balance.dcm
-        com, base, q = body.com, body.base, body.q
-        com_velocity = self.omega * (dcm - com)
+        com, com_velocity = balance.centre_of_mass(dcm, now.com, self.omega, self.dt)
+        targets, hands = self._targets(now, view, walk.schedule, checkpoint)
+        targets[:, 0] = np.minimum(targets[:, 0], self._reachable_height(now, schedule, com))
+        position, velocity, slow, soft = self.follower.follow(targets, now.position, now.velocity)
+        base, q, offset, short = self.body.solve(schedule.feet, com, position, now.com_offset)
+        checkpoint()
+        outside = (q < self.robot.lower) | (q > self.robot.upper)
+        q = np.clip(q, self.robot.lower, self.robot.upper)
         qd, qdd, torque = self.torques.of(now, schedule, base, q)
         checkpoint()
+        upper = slice(len(POSTURE), None)
         rows = len(walk.ticks)
         source_s = np.full(rows, np.nan)
         if view is not None:
             source_s[: view.follow] = view.seconds(walk.ticks[: view.follow])
+        body = BodyMotion(com, position, velocity, base, q, offset)
         return Plan(
             start_tick=tick,
             stop_row=0 if view is None else view.follow,
@@ -186,74 +181,36 @@ class Retargeter:
             load_share=schedule.share,
             states=resume_states(self.layout, vector, walk, body, view, self.rate),
             hand_error=self._hand_error(view, q, hands),
-            repairs=repairs,
+            repairs={
+                "position": outside.sum(axis=1) + (short > _MISSING_LEG),
+                "speed": slow[:, upper].sum(axis=1),
+                "acceleration": soft[:, upper].sum(axis=1),
+                "torque": np.zeros(rows, np.int64),
+            },
             steps=[step for step in walk.steps if step.lift >= tick],
             human=motion,
             human_first_frame=first_frame,
         )
 
-    def _solve(
-        self, state: RetargetState, view: HumanView | None, walk: Walk, arms: Float | None
-    ) -> tuple[BodyMotion, dict[str, NDArray[np.int64]]]:
-        """Trunk and joints over the rows of a walk, and the repairs that they needed; `arms` as of `_arms`."""
-        com, _ = balance.centre_of_mass(walk.balance.dcm, state.com, self.omega, self.dt)
-        targets = self._targets(state, view, walk.schedule, arms)
-        targets[:, 0] = np.minimum(targets[:, 0], self._reachable_height(state, walk.schedule, com))
-        position, velocity, slow, soft = self.follower.follow(targets, state.position, state.velocity)
-        base, q, offset, short = self.body.solve(walk.schedule.feet, com, position, state.com_offset)
-        outside = (q < self.robot.lower) | (q > self.robot.upper)
-        q = np.clip(q, self.robot.lower, self.robot.upper)
-        upper = slice(len(POSTURE), None)
-        repairs: dict[str, NDArray[np.int64]] = {
-            "position": outside.sum(axis=1) + (short > _MISSING_LEG),
-            "speed": slow[:, upper].sum(axis=1),
-            "acceleration": soft[:, upper].sum(axis=1),
-            "torque": np.zeros(len(q), np.int64),
-        }
-        return BodyMotion(com, position, velocity, base, q, offset), repairs
-
-    def _fastest_swings(self, walk: Walk, q: Float) -> list[float]:
-        """Greatest joint speed of the leg of each step while its foot is in the air, over what a servo can follow.
-
-        Args:
-            q: joint angles over the rows of the walk, (T, n) [rad].
-        """
-        first, fastest = walk.ticks[0], []
-        for step in walk.steps:
-            joints = self.body.legs[step.side].indices
-            swing = q[max(int(step.lift - first), 0) : int(step.land - first) + 1][:, joints]
-            speed = np.abs(np.diff(swing, axis=0)).max(axis=0, initial=0.0) * self.rate
-            fastest.append(float((speed / (_TOP_SPEED * self.robot.no_load_speed[joints])).max()))
-        return fastest
-
-    def _arms(
-        self, state: RetargetState, view: HumanView | None, checkpoint: Callable[[], None]
-    ) -> tuple[Float | None, Float | None]:
-        """Joint angles of the upper body, (F, U) [rad], and targets of the hands, (F, 2, 3) [m], by source frame.
-
-        None without a human.
-        """
-        if view is None:
-            return None, None
-        q = self.robot.stand_pose.copy()
-        q[self.body.upper.joints] = state.position[len(POSTURE) :]
-        angles, arms = self.body.upper.solve(view.window.kinematics, q, view.first_frame, checkpoint)
-        return angles, np.where(arms.reachable[..., None], arms.hand, np.nan)
-
-    def _targets(self, state: RetargetState, view: HumanView | None, schedule: Schedule, arms: Float | None) -> Float:
-        """Targets of trunk and upper body, (T, C)."""
+    def _targets(
+        self, state: RetargetState, view: HumanView | None, schedule: Schedule, checkpoint: Callable[[], None]
+    ) -> tuple[Float, Float | None]:
+        """Targets of trunk and upper body, (T, C), and of the hands, (F, 2, 3) by source frame."""
+        start = state.position[len(POSTURE) :]
         trunk = posture.trunk_targets(self.gait, schedule)
-        if view is None or arms is None:
-            start = state.position[len(POSTURE) :]
-            return np.hstack([trunk, np.broadcast_to(start, (len(trunk), len(start)))])
+        if view is None:
+            return np.hstack([trunk, np.broadcast_to(start, (len(trunk), len(start)))]), None
         window = view.window
         known = view.seconds(view.tick + np.arange(view.follow, dtype=float))
         held = np.concatenate([known, np.full(len(trunk) - len(known), known[-1])])
         trunk[: view.follow] = posture.human_trunk(
             self.gait, schedule, window, view.scaling, held, self.follower.omega
         )[: view.follow]
+        q = self.robot.stand_pose.copy()
+        q[self.body.upper.joints] = start
+        angles, arms = self.body.upper.solve(window.kinematics, q, view.first_frame, checkpoint)
         ahead = np.minimum(held + 2.0 / self.follower.omega[-1], known[-1])
-        return np.hstack([trunk, window.at(arms, ahead)])
+        return np.hstack([trunk, window.at(angles, ahead)]), np.where(arms.reachable[..., None], arms.hand, np.nan)
 
     def _reachable_height(self, state: RetargetState, schedule: Schedule, com: Float) -> Float:
         """Hip height within reach of both legs, lowered as early as the follower needs to get there, (T,) [m]."""

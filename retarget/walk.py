@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,8 +25,6 @@ _AT_REST_S = 0.4
 _PUT_OFF_S = (0.1, 0.2)
 """How much longer notice new steps may be given where the weight cannot be moved in time; each try costs a twentieth of
 a plan."""
-_SLOWEST = 1.6
-"""A swing is given at most so many times its duration: in a longer one balance depends on one foot for too long."""
 
 
 @dataclass(frozen=True)
@@ -76,23 +73,6 @@ class WalkPlanner:
             if later.balance.excess < best.balance.excess:
                 best = later
         return best
-
-    def slowed(self, state: RetargetState, view: HumanView, walk: Walk, fastest: Sequence[float]) -> Walk:
-        """The walk with more time for swings that a leg cannot follow; all steps after such a one are later.
-
-        A step that has begun is finished as it was planned, since its foot is on the way.
-
-        Args:
-            state, view: as of `follow`.
-            fastest: of each step of the walk the greatest joint speed of its leg, over the one that it can follow.
-        """
-        steps, late = [], 0
-        for step, share in zip(walk.steps, fastest, strict=True):
-            swing = step.land - step.lift
-            more = int(np.ceil((min(share, _SLOWEST) - 1.0) * swing)) if share > 1.0 and step.lift > view.tick else 0
-            steps.append(replace(step, lift=step.lift + late, land=step.land + late + more))
-            late += more
-        return self._lay_out(state, steps, view.tick, view)
 
     def stop(self, state: RetargetState, tick: int) -> Walk:
         """The settled steps, and one that puts the feet side by side.

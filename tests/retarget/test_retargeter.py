@@ -10,8 +10,6 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from flexmotion.configs.errors import RetargetError
-from flexmotion.configs.robot import Robot, load_robot
-from flexmotion.configs.stream import StreamSettings
 from flexmotion.human.motion import Motion
 from flexmotion.retarget.plan import Plan
 from flexmotion.retarget.retargeter import Retargeter
@@ -73,18 +71,6 @@ def assert_same(one: Plan, other: Plan) -> None:
     for kind in one.repairs:
         np.testing.assert_array_equal(one.repairs[kind], other.repairs[kind])
     assert [(s.side, s.lift, s.land) for s in one.steps] == [(s.side, s.lift, s.land) for s in other.steps]
-
-
-def fastest_swing(robot: Robot, plan: Plan) -> float:
-    """Greatest planned speed of a leg whose foot is in the air, over the no-load speed, in the steps of a plan."""
-    most = 0.0
-    for side, leg in enumerate(("left_leg", "right_leg")):
-        joints = list(robot.chain(leg).values())
-        swung = [step for step in plan.steps if step.side == side]
-        for step in swung:
-            rows = slice(step.lift - plan.start_tick, step.land - plan.start_tick)
-            most = max(most, float(np.abs(plan.qd[rows][:, joints] / robot.no_load_speed[joints]).max()))
-    return most
 
 
 # ---------------------------------------------------------------- standing
@@ -424,22 +410,6 @@ def test_repairs_are_counted_row_by_row(walking: list[Plan]) -> None:
     for plan in walking:
         assert set(plan.repairs) == {"position", "speed", "acceleration", "torque"}
         assert all(len(counts) == len(plan) for counts in plan.repairs.values())
-
-
-@pytest.mark.parametrize("share", [1.0, 0.6])
-def test_no_whole_plan_begins_a_swing_faster_than_its_servos(
-    op3: Robot, stream: StreamSettings, walk: Motion, share: float
-) -> None:
-    """The knee was planned at 1.6 times its no-load speed, stayed 0.4 rad behind, and the foot struck the floor.
-
-    With servos of 0.6 of the speed every step of this walk was too fast.
-    """
-    robot = load_robot("op3")
-    robot.no_load_speed = share * op3.no_load_speed
-    plans = replan(Retargeter(robot, stream), walk)
-    fastest = [fastest_swing(robot, plan) for plan in plans]
-    assert sum(len(plan.steps) for plan in plans) > 8
-    assert max(fastest) <= 1.0
 
 
 def test_a_horizon_shorter_than_an_inserted_step_is_refused(retargeter: Retargeter) -> None:

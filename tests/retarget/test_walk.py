@@ -76,30 +76,3 @@ def test_a_step_that_would_move_the_weight_too_fast_is_put_off(
     state.dcm = 0.0
     later = retargeter.walks.follow(state, view(walk, now))
     assert soon.steps[0].lift + round(0.1 * RATE) <= later.steps[0].lift <= soon.steps[0].lift + round(0.2 * RATE)
-
-
-def test_a_swing_that_no_leg_follows_takes_longer_and_the_steps_after_it_are_later(
-    retargeter: Retargeter, state: RetargetState, view: Views, walk: Motion
-) -> None:
-    """Knees were planned at up to 1.6 times the speed of their servos: the foot struck the floor, the robot fell."""
-    seen = view(walk)
-    walked = retargeter.walks.follow(state, seen)
-    slowed = retargeter.walks.slowed(state, seen, walked, [1.0, 1.25, *[0.8] * 6])
-    before, after = (np.array([(step.lift, step.land) for step in one.steps]) for one in (walked, slowed))
-    more = round(0.25 * (before[1, 1] - before[1, 0]) + 0.49)
-    np.testing.assert_array_equal(after - before, [(0, 0), (0, more), *[(more, more)] * 6])
-    assert [step.target.tolist() for step in slowed.steps] == [step.target.tolist() for step in walked.steps]
-    assert len(slowed.ticks) == len(walked.ticks) + more or slowed.steps[-1].land <= seen.end_tick
-
-
-def test_a_swing_that_has_begun_is_finished_as_it_was_planned(
-    retargeter: Retargeter, state: RetargetState, view: Views, walk: Motion
-) -> None:
-    home = retargeter.body.home_feet
-    begun = Step(1, 80, 130, home[1].copy(), home[1] + [0.08, 0.0, 0.0, 0.0], 1.44)
-    state.steps = pack_steps([begun], SETTLED_STEPS)
-    seen = view(walk, 100)
-    walked = retargeter.walks.follow(state, seen)
-    slowed = retargeter.walks.slowed(state, seen, walked, [2.0] * len(walked.steps))
-    assert (slowed.steps[0].lift, slowed.steps[0].land) == (80, 130)
-    assert slowed.steps[1].land - slowed.steps[1].lift == round(1.6 * (walked.steps[1].land - walked.steps[1].lift))
