@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.robot.emergency_stop import UPRIGHT, WALKS, lift
+from benchmarks.robot.emergency_stop import UPRIGHT, WALKS, gait_cycle
 from benchmarks.robot.simulation import simulator
 from benchmarks.shared.branches import copied_memory, in_branch
 from benchmarks.shared.options import CsvOption, JobsOption
@@ -48,8 +48,6 @@ STEADY_S = 3.0
 """The last part of a walk, whose speed is its own [s]."""
 WINDOW_S, STAYS_S = 0.2, 1.0
 """Speed is a mean over the first; over the second it must stay, so that a sway counts for nothing [s]."""
-UNEVEN_S = 1.2
-"""Time over which stops are spread in a walk without a steady gait, about a gait cycle of the others [s]."""
 STILL_M_S, STILL_RAD_S = 0.02, 0.1
 """A robot that stands moves less than this, over `WINDOW_S`."""
 
@@ -219,25 +217,13 @@ def trials_of(walk: str, moments: int, phases: int, robot_name: str, seed: int) 
         if phases:
             session.send(WALKS[walk])
             session.advance(WALKED_S - STEADY_S)
-            ticks, begin = _cycle(session), session.state.tick
+            ticks, begin = gait_cycle(session), session.state.tick
             for number in range(phases):
                 while session.state.tick < begin + round(number * ticks / phases):
                     session.step()
                 stops.append(in_branch(partial(stop_of, session, walk, number / phases)))
         session.finish()
     return starts, stops
-
-
-def _cycle(session: Session) -> int:
-    """Ticks of a gait cycle, stepped to the lift of the left foot; those of `UNEVEN_S` where it does not lift in turn.
-
-    A sideways walk may pause for seconds between its steps.
-    """
-    try:
-        first = lift(session)
-        return lift(session) - first
-    except RuntimeError:
-        return round(UNEVEN_S * session.robot.rate_hz)
 
 
 def percentiles(values: Sequence[float]) -> dict[str, float]:
