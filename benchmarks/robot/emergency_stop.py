@@ -110,7 +110,7 @@ def stopped(session: Session, kind: EmergencyStop, walk: str, perturbed: bool, s
 def gait_cycle(session: Session) -> int:
     """Step to a lift of the left foot; returns the ticks of a gait cycle.
 
-    A sideways walk may pause for seconds between its steps: without two lifts it is `UNEVEN_S`, from wherever it stands.
+    A sideways walk may pause for seconds between its steps: without two lifts it is `UNEVEN_S`, from where it stands.
     """
     first, second = _lift(session), _lift(session)
     return round(UNEVEN_S * session.robot.rate_hz) if first is None or second is None else second - first
