@@ -88,8 +88,8 @@ def check_poses(
         pose = ", ".join(f"{robot.joint_names[i]} {angle:.2f}" for i, angle in zip(indices, angles[worst], strict=True))
         raise RetargetError(
             f"{robot.file}: {side} leg: the closed form misses the sole's pose at {pose} rad by "
-            f"{1e3 * off[worst]:.1f} mm and {np.degrees(turn[worst]):.1f}°, {1e3 * POSITION_TOLERANCE:g} mm is allowed; expected the "
-            "three hip axes in one point and the two ankle axes in another"
+            f"{1e3 * off[worst]:.1f} mm and {np.degrees(turn[worst]):.1f}°, {1e3 * POSITION_TOLERANCE:g} mm is "
+            "allowed; expected the three hip axes in one point and the two ankle axes in another"
         )
 
 

@@ -401,6 +401,7 @@ def test_check_torque(short_clip: Path, tmp_path: Path, capsys: pytest.CaptureFi
     content = json.loads(capsys.readouterr().out)
     assert code == (0 if content["ok"] else 1)
     assert content["worst"] in content["joints"]
+    assert content["ok"] == (not content["failed"])
     assert (tmp_path / "torque.png").stat().st_size > 10_000
 
 
