@@ -53,7 +53,7 @@ class JointTorque(BaseModel):
         stretches: number of stretches outside; `worst`: the one with the largest lag, None without any.
         lag_rad, lag_at_s: largest distance behind the plan for lack of torque, and when.
         rms_torque_nm, rms_share_of_stall: of the whole motion.
-        after_10_min_c, settles_at_c: temperature of the windings if the motion is repeated for ten minutes, or for ever.
+        after_10_min_c, settles_at_c: temperature of the windings if the motion goes on for ten minutes, without end.
         lasts_s: time until the servo parks the robot (`safety.thermal_margin` before its own shutdown); None: never.
         duty: share of the time for which the motion may be repeated without end.
     """

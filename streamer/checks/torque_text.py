@@ -42,9 +42,9 @@ def render_check(check: TorqueCheck) -> RenderableType:
             style="" if load.ok else "bold red",
         )
     note = (
-        "torque by inverse dynamics of the plans as they would be sent, balance feedback not included; lag: how far a "
-        "joint falls behind because its servo lacks torque; 10 min, lasts, duty: heat if the motion is repeated, by the "
-        "servo catalogue's thermal constants"
+        "torque by inverse dynamics of the plans as they would be sent, balance feedback not included; lag: how "
+        "far a joint falls behind because its servo lacks torque; 10 min, lasts, duty: heat if the motion is repeated, "
+        "by the servo catalogue's thermal constants"
     )
     return Group(*parts, Text(), drawn, Text(note, style="dim"))
 
@@ -77,8 +77,8 @@ def _failure(check: TorqueCheck, joint: JointTorque) -> str:
         )
     if joint.lasts_s is not None and joint.lasts_s < max(HEAT_S, check.duration_s):
         reasons.append(
-            f"{joint.rms_torque_nm:.2f} N·m RMS heats it to its limit in {joint.lasts_s / 60:.1f} min; it may do this for "
-            f"{100 * joint.duty:.0f} % of the time"
+            f"{joint.rms_torque_nm:.2f} N·m RMS heats it to its limit in {joint.lasts_s / 60:.1f} min; "
+            f"it may do this for {100 * joint.duty:.0f} % of the time"
         )
     return "; ".join(reasons)
 

@@ -17,9 +17,9 @@ Float = NDArray[np.float64]
 Row = np.ndarray[Any, Any]
 
 NAMES = ("time_s", "tracking_deg", "load", "margin_mm", "late_ms")
-"""Values of a sample, in their order: time of the robot; RMS error of the joints; greatest share of its servo's envelope
-that a joint uses; distance of the commanded zero-moment point from the edge of the soles, negative outside; longest
-time from a period's begin to the end of its work."""
+"""Values of a sample, in their order: time of the robot; RMS error of the joints; greatest share of its servo's
+envelope that a joint uses; distance of the commanded zero-moment point from the edge of the soles, negative outside;
+longest time from a period's begin to the end of its work."""
 KEPT_S, _STEP_S = 30.0, 0.1
 
 

@@ -17,7 +17,9 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.run_trace import RunTrace, TorqueSource
 from flexmotion.streamer.motion.heard import Heard
-from flexmotion.streamer.report.metrics import HumanTrack, RobotFigures, joint_loads, motion_figures
+from flexmotion.streamer.report.likeness import Likeness
+from flexmotion.streamer.report.metrics import HumanTrack, MotionFigures, RobotFigures, joint_loads, motion_figures
+from flexmotion.streamer.report.torque_profile import TorqueProfile
 
 TIMING_KEYS = ("loop", "planner", "log")
 """Top-level keys that may differ between equal runs."""
@@ -138,6 +140,60 @@ class LimitsSection(_Section):
     joints: dict[str, JointSection]
 
 
+class LikenessSection(_Section):
+    """How much of the human's motion the robot did; see `flexmotion.streamer.report.likeness.Likeness`.
+
+    `net_path` and `heading_deg` are those of the motion; `left_out` names the parts of which it did less than half.
+    """
+
+    score: Figure
+    left_out: tuple[str, ...]
+    parts: dict[str, Figure]
+    net_path: Maybe
+    heading_deg: Maybe
+    arm_direction_deg: Maybe
+    upper_arm_deg: Maybe
+    forearm_deg: Maybe
+    trunk_deg: Maybe
+    trunk_range: Maybe
+    unreachable_share: Maybe
+    human_turned_deg: Figure
+    human_bend_deg: Figure
+    human_flight_s: Figure
+
+
+class JointProfileSection(_Section):
+    """Mean relative effort of a human's joint and the robot's, greatest load of the robot's, correlation over time."""
+
+    human_joint: str
+    human: Figure
+    robot: Figure
+    peak_load: Figure
+    correlation: Maybe
+
+
+class TorqueProfileSection(_Section):
+    """The human's torque beside the robot's; see `flexmotion.streamer.report.torque_profile`."""
+
+    correlation: Maybe
+    joints: dict[str, JointProfileSection]
+
+    @classmethod
+    def of(cls, profile: TorqueProfile) -> TorqueProfileSection:
+        """The figures of a profile."""
+        joints = {
+            name: JointProfileSection(
+                human_joint=one.human_joint,
+                human=one.human.mean(),
+                robot=one.robot.mean(),
+                peak_load=one.load.max(),
+                correlation=one.correlation,
+            )
+            for name, one in profile.joints.items()
+        }
+        return cls(correlation=profile.correlation, joints=joints)
+
+
 class SafetySection(_Section):
     """Final state of the safety ladder, all faults, and whether the hardware caused them."""
 
@@ -161,7 +217,9 @@ class Report(_Section):
     loop: LoopSection
     planner: PlannerSection
     motion: MotionSection
+    likeness: LikenessSection | None = None
     limits: LimitsSection
+    torque_profile: TorqueProfileSection | None = None
     safety: SafetySection
     targets: tuple[Heard, ...] = ()
     log: str | None
@@ -198,6 +256,7 @@ class RunInfo:
         log: path of the log; None without one.
         targets: the answers to all that was asked.
         allow_refused: the run is ok although something that was asked was refused, dropped or not finished.
+        min_likeness: the run is not ok below this likeness, in [0, 1], or where it is not known; None: not judged.
     """
 
     robot: str
@@ -213,6 +272,7 @@ class RunInfo:
     log: str | None = None
     targets: tuple[Heard, ...] = ()
     allow_refused: bool = False
+    min_likeness: float | None = None
 
 
 def build_report(
@@ -221,8 +281,16 @@ def build_report(
     robot: RobotFigures,
     *,
     human: HumanTrack | None = None,
+    likeness: Likeness | None = None,
+    profile: TorqueProfile | None = None,
 ) -> Report:
-    """The report of a finished run; `human` is the human's path, None if unknown."""
+    """The report of a finished run.
+
+    Args:
+        human: the human's path; None if unknown.
+        likeness: how much of the human's motion the robot did; None if unknown.
+        profile: the human's torques beside the robot's; None if unknown.
+    """
     states = record.state[: record.used]
     duration = record.duration_s
     figures = motion_figures(record, robot, human, should_stand=np.isin(states, (State.STREAMING, State.HOLD)))
@@ -241,6 +309,7 @@ def build_report(
             and bool((states == State.STREAMING).any())
             and states[-1] in (State.HOLD, State.OFF)
             and (info.allow_refused or all(heard.failure is None for heard in info.targets))
+            and (info.min_likeness is None or (likeness is not None and likeness.score >= info.min_likeness))
         ),
         robot=info.robot,
         driver=info.driver,
@@ -277,12 +346,14 @@ def build_report(
             steps_inserted=record.steps_inserted,
             steps_dropped=max(record.human_steps - (record.steps_planned - record.steps_inserted), 0),
         ),
+        likeness=None if likeness is None else _likeness(likeness, figures),
         limits=LimitsSection(
             violations_sent=record.violations_sent,
             repairs=dict(record.repairs),
             torque_source=record.torque_source,
             joints={name: JointSection(**asdict(load)) for name, load in joint_loads(record, robot).items()},
         ),
+        torque_profile=None if profile is None else TorqueProfileSection.of(profile),
         safety=SafetySection(
             final_state=State(states[-1]).name if len(states) else State.OFF.name,
             faults=faults,
@@ -290,4 +361,14 @@ def build_report(
         ),
         targets=info.targets,
         log=info.log,
+    )
+
+
+def _likeness(found: Likeness, motion: MotionFigures) -> LikenessSection:
+    heading = motion.heading_rms_rad
+    return LikenessSection(
+        **asdict(found),
+        left_out=found.left_out,
+        net_path=motion.net_path_ratio,
+        heading_deg=None if heading is None else math.degrees(heading),
     )

@@ -1,4 +1,4 @@
-"""Plans against the envelope: a robot whose servos have half the torque fails, and is told where, when and by how much."""
+"""Plans against the envelope: a robot whose servos have half the torque fails, and where, when, by how much."""
 
 from __future__ import annotations
 
