@@ -14,7 +14,7 @@ from flexmotion.configs.robot import Robot
 from flexmotion.retarget.legs import Leg
 from flexmotion.streamer.checks.servo_lag import servo_lag
 from flexmotion.streamer.planning.offline import Trajectory
-from flexmotion.streamer.report.report import Figure, Maybe
+from flexmotion.streamer.report.figure import Figure, Maybe
 
 Float = NDArray[np.float64]
 

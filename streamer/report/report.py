@@ -5,44 +5,28 @@ Two lockstep runs with the same clip, seed and options give the same bytes excep
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import Field
 
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.run_trace import RunTrace, TorqueSource
 from flexmotion.streamer.motion.heard import Heard
+from flexmotion.streamer.report.figure import Figure, Maybe, Section
+from flexmotion.streamer.report.human_sections import LikenessSection, TorqueProfileSection
 from flexmotion.streamer.report.likeness import Likeness
-from flexmotion.streamer.report.metrics import HumanTrack, MotionFigures, RobotFigures, joint_loads, motion_figures
+from flexmotion.streamer.report.metrics import HumanTrack, RobotFigures, joint_loads, motion_figures
 from flexmotion.streamer.report.torque_profile import TorqueProfile
 
 TIMING_KEYS = ("loop", "planner", "log")
 """Top-level keys that may differ between equal runs."""
-DIGITS = 6
-"""Significant digits of a figure."""
 
 
-def _rounded(value: float | None) -> float | None:
-    """`DIGITS` significant digits; None for NaN and infinity, which JSON lacks."""
-    if value is None or not math.isfinite(value):
-        return None
-    return float(f"{value:.{DIGITS}g}") + 0.0  # + 0.0: no negative zero
-
-
-Figure = Annotated[float, BeforeValidator(_rounded)]
-Maybe = Annotated[float | None, BeforeValidator(_rounded)]
-
-
-class _Section(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class Latency(_Section):
+class Latency(Section):
     """Percentiles of a time; its key names the unit."""
 
     p50: Figure
@@ -62,7 +46,7 @@ class Latency(_Section):
         return cls(p50=p50, p95=p95, p99=p99, p99_9=p99_9, max=values.max())
 
 
-class LoopSection(_Section):
+class LoopSection(Section):
     """Timing of the control loop. `realtime_factor` is the run's duration over its wall-clock time."""
 
     rate_hz: Figure
@@ -77,7 +61,7 @@ class LoopSection(_Section):
     realtime_factor: Maybe
 
 
-class PlannerSection(_Section):
+class PlannerSection(Section):
     """Computing time of plans, and latency from targets to commands."""
 
     plans: int
@@ -88,7 +72,7 @@ class PlannerSection(_Section):
     underruns: int
 
 
-class DisplacementSection(_Section):
+class DisplacementSection(Section):
     """Net displacement; see `flexmotion.streamer.report.metrics.Displacement`."""
 
     ahead_m: Figure
@@ -96,7 +80,7 @@ class DisplacementSection(_Section):
     turned_rad: Figure
 
 
-class MotionSection(_Section):
+class MotionSection(Section):
     """How the robot moved; see `flexmotion.streamer.report.metrics.MotionFigures`; and the count of steps."""
 
     fell: bool
@@ -116,7 +100,7 @@ class MotionSection(_Section):
     self_collisions: int | None
 
 
-class JointSection(_Section):
+class JointSection(Section):
     """Load of one joint and its limits; see `flexmotion.streamer.report.metrics.JointLoad`."""
 
     peak_torque_nm: Maybe
@@ -128,7 +112,7 @@ class JointSection(_Section):
     saturated_share: Maybe
 
 
-class LimitsSection(_Section):
+class LimitsSection(Section):
     """Limits: `violations_sent` is counted at the receiving end, repairs in planner and loop.
 
     `torque_source` is the source of the joints' torques; None if they are unknown.
@@ -140,61 +124,7 @@ class LimitsSection(_Section):
     joints: dict[str, JointSection]
 
 
-class LikenessSection(_Section):
-    """How much of the human's motion the robot did; see `flexmotion.streamer.report.likeness.Likeness`.
-
-    `net_path` and `heading_deg` are those of the motion; `left_out` names the parts of which it did less than half.
-    """
-
-    score: Figure
-    left_out: tuple[str, ...]
-    parts: dict[str, Figure]
-    net_path: Maybe
-    heading_deg: Maybe
-    arm_direction_deg: Maybe
-    upper_arm_deg: Maybe
-    forearm_deg: Maybe
-    trunk_deg: Maybe
-    trunk_range: Maybe
-    unreachable_share: Maybe
-    human_turned_deg: Figure
-    human_bend_deg: Figure
-    human_flight_s: Figure
-
-
-class JointProfileSection(_Section):
-    """Mean relative effort of a human's joint and the robot's, greatest load of the robot's, correlation over time."""
-
-    human_joint: str
-    human: Figure
-    robot: Figure
-    peak_load: Figure
-    correlation: Maybe
-
-
-class TorqueProfileSection(_Section):
-    """The human's torque beside the robot's; see `flexmotion.streamer.report.torque_profile`."""
-
-    correlation: Maybe
-    joints: dict[str, JointProfileSection]
-
-    @classmethod
-    def of(cls, profile: TorqueProfile) -> TorqueProfileSection:
-        """The figures of a profile."""
-        joints = {
-            name: JointProfileSection(
-                human_joint=one.human_joint,
-                human=one.human.mean(),
-                robot=one.robot.mean(),
-                peak_load=one.load.max(),
-                correlation=one.correlation,
-            )
-            for name, one in profile.joints.items()
-        }
-        return cls(correlation=profile.correlation, joints=joints)
-
-
-class SafetySection(_Section):
+class SafetySection(Section):
     """Final state of the safety ladder, all faults, and whether the hardware caused them."""
 
     final_state: str
@@ -202,7 +132,7 @@ class SafetySection(_Section):
     hardware_failed: bool = False
 
 
-class Report(_Section):
+class Report(Section):
     """The whole report; keys are a contract (see `docs/report.md`)."""
 
     schema_: Literal["flexmotion.report/1"] = Field(default="flexmotion.report/1", alias="schema")
@@ -346,7 +276,7 @@ def build_report(
             steps_inserted=record.steps_inserted,
             steps_dropped=max(record.human_steps - (record.steps_planned - record.steps_inserted), 0),
         ),
-        likeness=None if likeness is None else _likeness(likeness, figures),
+        likeness=None if likeness is None else LikenessSection.of(likeness, figures),
         limits=LimitsSection(
             violations_sent=record.violations_sent,
             repairs=dict(record.repairs),
@@ -361,14 +291,4 @@ def build_report(
         ),
         targets=info.targets,
         log=info.log,
-    )
-
-
-def _likeness(found: Likeness, motion: MotionFigures) -> LikenessSection:
-    heading = motion.heading_rms_rad
-    return LikenessSection(
-        **asdict(found),
-        left_out=found.left_out,
-        net_path=motion.net_path_ratio,
-        heading_deg=None if heading is None else math.degrees(heading),
     )

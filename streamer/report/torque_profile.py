@@ -38,8 +38,7 @@ SAMPLE_S = 0.032
 MEAN_S = 0.16
 """Both are averaged over this time before they are compared: a robot steps at moments of its own [s]."""
 SHORTEST_S, LONGEST_S = 0.6, 120.0
-"""Torques of a clip that comes without are computed for clips of this length: filters need the one, .05 s of computing a
-second limit the other [s]."""
+"""Torques of a clip without any are computed where it is this long: filters need the one, the other takes 6 s [s]."""
 STILL = 1e-4
 """A standard deviation below this is no motion that could correlate, relative effort [1]."""
 

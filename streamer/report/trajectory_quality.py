@@ -14,6 +14,7 @@ from flexmotion.configs.robot import Robot
 from flexmotion.human.motion import Motion
 from flexmotion.spatial.heading import continuous_heading
 from flexmotion.streamer.planning.offline import Trajectory
+from flexmotion.streamer.report.figure import Figure, Maybe
 from flexmotion.streamer.report.metrics import (
     HumanTrack,
     RobotFigures,
@@ -21,7 +22,7 @@ from flexmotion.streamer.report.metrics import (
     heading_rms,
     net_path_ratio,
 )
-from flexmotion.streamer.report.report import Figure, Latency, Maybe
+from flexmotion.streamer.report.report import Latency
 from flexmotion.streamer.report.summary import show, table
 
 

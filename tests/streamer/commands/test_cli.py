@@ -405,8 +405,13 @@ def test_check_torque(short_clip: Path, tmp_path: Path, capsys: pytest.CaptureFi
     assert (tmp_path / "torque.png").stat().st_size > 10_000
 
 
-def test_least_likeness_decides_the_exit_code(short_clip: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run("dry-run", "--clip", str(short_clip), "--min-likeness", "1", "--json") == 1
+def test_least_likeness_decides_the_exit_code(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from flexmotion.human.motion_file import save_motion
+    from flexmotion.streamer.commands.choice import choose_motion
+
+    file = tmp_path / "walk.npz"
+    save_motion(choose_motion()[255:305], file)
+    assert run("dry-run", "--clip", str(file), "--min-likeness", "1", "--json") == 1
     content = json.loads(capsys.readouterr().out)
     assert content["options"]["min_likeness"] == 1.0
     assert content["likeness"]["score"] < 1.0 and not content["motion"]["fell"]
