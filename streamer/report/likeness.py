@@ -115,7 +115,8 @@ def likeness(record: RunTrace, robot: Robot, figures: RobotFigures, motion: Moti
     bent = float(np.ptp(pitch(made.trunk)[np.isfinite(made.trunk).all(axis=1)])) if measured.any() else 0.0
     if bends >= BEND_RAD:
         parts["bend"] = min(bent / bends, 1.0)
-    flight_s = _flight_s(~window.contacts[played].any(axis=1), motion.fps)
+    aloft: Mask = np.logical_not(window.contacts[played].any(axis=1))
+    flight_s = _flight_s(aloft, motion.fps)
     if flight_s >= FLIGHT_S:
         parts["flight"] = min(_robot_flight_s(record, figures) / flight_s, 1.0)
     gestures = (away > GESTURE_RAD).any(axis=0)
@@ -191,7 +192,8 @@ def _robot_flight_s(record: RunTrace, figures: RobotFigures) -> float:
     force = record.true_foot_force[playing, :, 2]
     known = np.isfinite(force).all(axis=1)
     loaded = np.where(known[:, None], force >= LOADED_SHARE * figures.weight, record.contact_ref[playing])
-    return _flight_s(~loaded.any(axis=1), record.rate_hz)
+    aloft: Mask = np.logical_not(loaded.any(axis=1))
+    return _flight_s(aloft, record.rate_hz)
 
 
 def _mean_deg(errors: Float) -> float | None:

@@ -16,6 +16,7 @@ from pydantic import Field
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.run_trace import RunTrace, TorqueSource
 from flexmotion.streamer.motion.heard import Heard
+from flexmotion.streamer.planning.ease_notes import EASED, REFUSED
 from flexmotion.streamer.report.figure import Figure, Maybe, Section
 from flexmotion.streamer.report.human_sections import LikenessSection, TorqueProfileSection
 from flexmotion.streamer.report.likeness import Likeness
@@ -62,7 +63,7 @@ class LoopSection(Section):
 
 
 class PlannerSection(Section):
-    """Computing time of plans, and latency from targets to commands."""
+    """Computing time of plans, latency from targets to commands, and what was told of motion that had to be eased."""
 
     plans: int
     sample_ms: Latency | None
@@ -70,6 +71,7 @@ class PlannerSection(Section):
     target_to_command_ms: Latency | None
     target_to_effect_ms: Latency | None
     underruns: int
+    eased: tuple[str, ...] = ()
 
 
 class DisplacementSection(Section):
@@ -157,7 +159,8 @@ class Report(Section):
     @property
     def not_done(self) -> tuple[str, ...]:
         """What was asked and was not done, or not whole, in words."""
-        return tuple(heard.failure for heard in self.targets if heard.failure is not None)
+        failed = tuple(heard.failure for heard in self.targets if heard.failure is not None)
+        return failed + tuple(message for message in self.planner.eased if REFUSED in message)
 
     def json_text(self) -> str:
         """The report as JSON, keys in the order of the schema, with a final newline."""
@@ -223,6 +226,8 @@ def build_report(
     """
     states = record.state[: record.used]
     duration = record.duration_s
+    eased = tuple(event.message for event in record.events if event.kind == "note" and EASED in event.message)
+    refused = any(REFUSED in message for message in eased)
     figures = motion_figures(record, robot, human, should_stand=np.isin(states, (State.STREAMING, State.HOLD)))
     motion = asdict(figures)
     if not figures.fell and (damped := np.flatnonzero(states == State.DAMPED)).size:
@@ -238,7 +243,7 @@ def build_report(
             and record.underruns <= info.underruns_allowed
             and bool((states == State.STREAMING).any())
             and states[-1] in (State.HOLD, State.OFF)
-            and (info.allow_refused or all(heard.failure is None for heard in info.targets))
+            and (info.allow_refused or not (refused or any(heard.failure is not None for heard in info.targets)))
             and (info.min_likeness is None or (likeness is not None and likeness.score >= info.min_likeness))
         ),
         robot=info.robot,
@@ -268,6 +273,7 @@ def build_report(
             target_to_command_ms=Latency.of(record.target_to_command_s, 1e-3),
             target_to_effect_ms=Latency.of(record.target_to_effect_s, 1e-3),
             underruns=record.underruns,
+            eased=eased,
         ),
         motion=MotionSection(
             **motion,
