@@ -127,6 +127,8 @@ class StreamSettings(Strict):
         change_s: shortest time between two changes of the target that is followed, a stop apart; the newest one counts.
         lead_in_s: time from the first plan to the source's first frame, in which the robot moves to its pose.
         dcm_absorb_s: time over which a new plan absorbs the jump of the divergent component of motion.
+        effort_limit: greatest share of the servos' envelope that a plan may need, by inverse dynamics; a motion beyond
+            it is slowed, then made smaller, then refused. 1: the envelope itself; null: plans are not judged.
         blend_frames: frames of human motion over which a new plan is blended in.
         wake_latency_us: longest wake-up time that processors may have on the real clock [µs], if the system permits the
             setting; 0: they do not sleep; null: no limit, which draws less power.
@@ -143,6 +145,7 @@ class StreamSettings(Strict):
     change_s: float = Field(default=0.2, ge=0)
     lead_in_s: float = Field(default=0.6, ge=0)
     dcm_absorb_s: float = Field(default=0.15, gt=0)
+    effort_limit: float | None = Field(default=None, gt=0)
     blend_frames: int = Field(default=8, ge=0)
     wake_latency_us: int | None = Field(default=0, ge=0, le=1_000_000)
     budgets: Budgets = Budgets()

@@ -16,7 +16,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from flexmotion.configs.envelope import AMBIENT
+from flexmotion.configs.heat import AMBIENT
 from flexmotion.configs.servo import Servo
 
 Float = NDArray[np.float64]

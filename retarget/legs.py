@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from flexmotion.configs.errors import RetargetError
 from flexmotion.configs.robot import Robot
+from flexmotion.retarget.leg_check import check_order, check_poses
 
 Float = NDArray[np.float64]
 
@@ -25,6 +26,8 @@ _OFFSET_TOLERANCE = 1e-3
 """Largest distance between axes that should intersect [m]: the error at the foot is of that size."""
 _REACH = 0.9985
 """Share of the leg's full length that is used: near 1 the knee's speed is unbounded."""
+_LEAST_REACH = 1e-3
+"""Least distance from hip to ankle, beyond the difference of thigh and shank [m]."""
 
 
 @dataclass(frozen=True)
@@ -51,12 +54,17 @@ class Leg:
         """Read the leg of `side` ("left" or "right").
 
         Raises:
-            RetargetError: the axes are not yaw-roll-pitch-pitch-pitch-roll, or miss their intersection by over 1 mm.
+            RetargetError: the joints between torso and foot are not the six of the mapping in its order, their axes are
+                not yaw-roll-pitch-pitch-pitch-roll or miss their intersection by over 1 mm, the knee bends backward, or
+                poses of the sole are not reached again by the angles found for them.
         """
         chain = robot.chain(f"{side}_leg")
         indices = np.array([chain[part] for part in CHAIN])
         names = [robot.joint_names[i] for i in indices]
         model = robot.model
+        foot = SIDE_NAMES.index(side)
+        body = robot.foot_ids[foot]
+        check_order(robot, side, names, body)
         data = mujoco.MjData(model)
         mujoco.mj_kinematics(model, data)
         torso = robot.torso_id
@@ -89,10 +97,8 @@ class Leg:
                     f"{robot.file}: {side} {joint} misses the leg's common axis by {1e3 * miss:.1f} mm; "
                     "the closed-form leg allows 1 mm"
                 )
-        foot = SIDE_NAMES.index(side)
-        body = robot.foot_ids[foot]
         sole = (data.xpos[body] + data.xmat[body].reshape(3, 3) @ robot.soles[foot] - data.xpos[torso]) @ to_torso.T
-        return cls(
+        leg = cls(
             indices=indices,
             signs=np.sign(signs),
             hip=hip,
@@ -100,11 +106,23 @@ class Leg:
             shank=float(knee[2] - ankle[2]),
             sole=sole - ankle,
         )
+        check_poses(robot, side, leg.indices, leg.signs, leg.knee_range, leg.solve)
+        return leg
 
     @property
     def length(self) -> float:
         """Longest hip-to-ankle distance that is used [m]."""
         return _REACH * (self.thigh + self.shank)
+
+    @property
+    def knee_range(self) -> tuple[float, float]:
+        """Least and greatest knee angle that `solve` gives, positive where the shank turns back [rad]."""
+        return self._knee(self.length), self._knee(abs(self.thigh - self.shank) + _LEAST_REACH)
+
+    def _knee(self, reach: float) -> float:
+        """Knee angle at a distance from hip to ankle [m]: law of cosines [rad]."""
+        cosine = (reach**2 - self.thigh**2 - self.shank**2) / (2 * self.thigh * self.shank)
+        return float(np.arccos(np.clip(cosine, -1.0, 1.0)))
 
     def solve(
         self, torso_position: Float, torso_rotation: Float, sole_position: Float, sole_rotation: Float
@@ -123,7 +141,7 @@ class Leg:
         hip = torso_position + torso_rotation @ self.hip
         r = np.einsum("tji,tj->ti", sole_rotation, hip - ankle)
         distance = np.linalg.norm(r, axis=1)
-        reach = np.clip(distance, abs(self.thigh - self.shank) + 1e-3, self.length)
+        reach = np.clip(distance, abs(self.thigh - self.shank) + _LEAST_REACH, self.length)
         knee = np.arccos(np.clip((reach**2 - self.thigh**2 - self.shank**2) / (2 * self.thigh * self.shank), -1.0, 1.0))
         ankle_roll = np.arctan2(r[:, 1], r[:, 2])
         lean = np.arctan2(-r[:, 0], np.hypot(r[:, 1], r[:, 2]))

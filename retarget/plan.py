@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexmotion.human.motion import Motion
+from flexmotion.retarget.easing import Eased
 from flexmotion.retarget.steps import Step
 
 Float = NDArray[np.float64]
@@ -37,6 +38,7 @@ class Plan:
         hand_error: distance of each hand from its target, (T, 2) [m]; NaN out of reach and between source frames.
         repairs: number of references that were bounded to the robot's limits, by kind, (T,) each.
         steps: footsteps that lift within the plan, each with the number of human steps left out before it.
+        eased: what it was eased to, and why; None where plans are not judged, and for a plan from shared memory.
         human: the human frames that the plan was made from, from source frame `human_first_frame` on, so that the next
             plan can blend from them; None for a stop, and for a plan from shared memory.
     """
@@ -60,6 +62,7 @@ class Plan:
     hand_error: Float
     repairs: dict[str, NDArray[np.int64]]
     steps: list[Step]
+    eased: Eased | None = None
     human: Motion | None = None
     human_first_frame: int = 0
 

@@ -92,5 +92,10 @@ def _write_human(states: RetargetState, view: HumanView, ticks: Float) -> None:
     """Write what was known before the frame at or before each row: `Retargeter.next_frame` gives that frame again."""
     frames = view.window.frame_before(view.seconds(ticks))
     known = frames >= 1
+    if view.ease.pace != 1.0:
+        follow = view.follow
+        eased = ticks - view.seconds(ticks) * view.rate_hz
+        # In the stop tail the human's clock goes on at its own pace.
+        states.source_tick = np.concatenate([eased[:follow], np.full(len(ticks) - follow, eased[follow - 1])])
     states.detector[known] = view.window.detector_states[frames[known] - 1]
     states.yaws[known] = view.window.yaws[frames[known] - 1]

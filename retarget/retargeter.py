@@ -7,16 +7,21 @@ far as the frames reach that it is given. Every plan ends in a balanced stop on 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import astuple, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import minimum_filter1d
 
+from flexmotion.configs.envelope import Envelope
 from flexmotion.configs.errors import RetargetError
 from flexmotion.configs.robot import Robot
 from flexmotion.configs.stream import StreamSettings
 from flexmotion.human.motion import Motion
 from flexmotion.retarget import balance, posture
+from flexmotion.retarget.easing import DRAFTS, WHOLE, Ease, Eased
+from flexmotion.retarget.effort import Effort, changeable, effort
 from flexmotion.retarget.footsteps import FootstepPlanner
 from flexmotion.retarget.joining import JoinAbsorber
 from flexmotion.retarget.plan import Plan
@@ -69,6 +74,8 @@ class Retargeter:
         absorber = JoinAbsorber(robot.sole_half_size.min(axis=0), self.omega, self.dt, settings.dcm_absorb_s)
         self.walks = WalkPlanner(self.gait, self.footsteps, absorber, self.rate)
         self.torques = JointTorques(self.body.dynamics, self.rate)
+        self.envelope = Envelope.of(robot)
+        self.legs = np.concatenate([leg.indices for leg in self.body.legs])
 
     def _upright(self, height: float) -> Float:
         return np.concatenate([[height, 0.0, 0.0, 0.0], self.robot.stand_pose[self.body.upper.joints]])
@@ -124,8 +131,42 @@ class Retargeter:
             checkpoint: called every few milliseconds; what it raises ends the work.
 
         Returns:
-            A plan of up to the horizon, as far as the motion reaches, and its stop tail.
+            A plan of up to the horizon, as far as the motion reaches, and its stop tail. Where the settings have an
+            `effort_limit`, the motion is eased until the plan needs no more than that of the servos' envelope.
         """
+        allowed = self.settings.effort_limit
+        whole = partial(self._draft, state, tick=tick, horizon=horizon, exact=exact, checkpoint=checkpoint)
+        if allowed is None or motion is None:
+            return whole(motion, first_frame, WHOLE)
+        now = self.layout.view(state.copy())
+        begins = changeable(now.steps.steps(), tick, self.rate)
+        judged: list[Effort] = []
+        ease = Ease(*now.ease)
+        while True:
+            plan = whole(motion, first_frame, ease)
+            judged.append(effort(self.envelope, self.legs, plan.torque, plan.qd, begins, plan.stop_row))
+            if judged[-1].load <= allowed or ease.least or len(judged) == DRAFTS:
+                break
+            ease = ease.harder(judged[-1], allowed)
+        refused = judged[-1].load > allowed and ease.least
+        if refused:
+            plan = whole(None, first_frame, ease)
+        self.layout.view(plan.states).ease = np.array(astuple(ease.relaxed(judged[-1], allowed)))
+        return replace(plan, eased=Eased(ease, len(judged), judged[-1], judged[0], refused))
+
+    def _draft(
+        self,
+        state: Float,
+        motion: Motion | None,
+        first_frame: int,
+        ease: Ease,
+        *,
+        tick: int,
+        horizon: int | None,
+        exact: bool,
+        checkpoint: Callable[[], None],
+    ) -> Plan:
+        """The plan at one ease; arguments of `plan`."""
         vector = state.copy()
         now = self.layout.view(vector)
         view = view_human(
@@ -138,6 +179,7 @@ class Retargeter:
             leg_length=self.body.leg_length,
             rate_hz=self.rate,
             exact=exact,
+            ease=ease,
         )
         checkpoint()
         if view is None:
@@ -150,7 +192,7 @@ class Retargeter:
         com, com_velocity = balance.centre_of_mass(dcm, now.com, self.omega, self.dt)
         targets, hands = self._targets(now, view, walk.schedule, checkpoint)
         targets[:, 0] = np.minimum(targets[:, 0], self._reachable_height(now, schedule, com))
-        position, velocity, slow, soft = self.follower.follow(targets, now.position, now.velocity)
+        position, velocity, slow, soft = self.follower.slowed(ease.pace).follow(targets, now.position, now.velocity)
         base, q, offset, short = self.body.solve(schedule.feet, com, position, now.com_offset)
         checkpoint()
         outside = (q < self.robot.lower) | (q > self.robot.upper)
@@ -185,7 +227,7 @@ class Retargeter:
                 "position": outside.sum(axis=1) + (short > _MISSING_LEG),
                 "speed": slow[:, upper].sum(axis=1),
                 "acceleration": soft[:, upper].sum(axis=1),
-                "torque": np.zeros(rows, np.int64),
+                "torque": np.full(rows, 0 if ease.whole else 1, np.int64),
             },
             steps=[step for step in walk.steps if step.lift >= tick],
             human=motion,
@@ -204,11 +246,15 @@ class Retargeter:
         known = view.seconds(view.tick + np.arange(view.follow, dtype=float))
         held = np.concatenate([known, np.full(len(trunk) - len(known), known[-1])])
         trunk[: view.follow] = posture.human_trunk(
-            self.gait, schedule, window, view.scaling, held, self.follower.omega
+            self.gait, schedule, window, view.body_scaling, held, self.follower.omega
         )[: view.follow]
+        trunk[: view.follow, 1:3] *= view.ease.size
         q = self.robot.stand_pose.copy()
         q[self.body.upper.joints] = start
         angles, arms = self.body.upper.solve(window.kinematics, q, view.first_frame, checkpoint)
+        if view.ease.size < 1.0:
+            rest = self.robot.stand_pose[self.body.upper.joints]
+            angles = rest + view.ease.size * (angles - rest)
         ahead = np.minimum(held + 2.0 / self.follower.omega[-1], known[-1])
         return np.hstack([trunk, window.at(angles, ahead)]), np.where(arms.reachable[..., None], arms.hand, np.nan)
 
@@ -226,7 +272,7 @@ class Retargeter:
         errors = np.full((len(q), 2), np.nan)
         if view is None or hands is None:
             return errors
-        rows = np.rint(view.source_tick + view.window.times * self.rate).astype(int) - view.tick
+        rows = np.rint(view.ticks_at(view.window.times)).astype(int) - view.tick
         played = min(view.follow, int(2 * self.settings.replan_s * self.rate))
         for frame in np.flatnonzero((rows >= 0) & (rows < played)):
             reached = self.body.upper.hand_positions(q[rows[frame]])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,12 @@ class Follower:
     speed: Float
     acceleration: Float
     dt: float
+
+    def slowed(self, pace: float) -> Follower:
+        """The same filter for motion at a share of its pace: bounds as time is stretched by it."""
+        if pace >= 1.0:
+            return self
+        return replace(self, speed=pace * self.speed, acceleration=pace**2 * self.acceleration)
 
     def follow(self, targets: Float, position: Float, velocity: Float) -> tuple[Float, Float, Float, Float]:
         """Run over the rows of `targets` (T, C) from a position and velocity (C,).

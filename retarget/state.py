@@ -57,6 +57,8 @@ class RetargetState(Record):
     """Last unwrapped yaw of left foot, right foot and pelvis [rad]; NaN before the first human frame."""
     detector: Float = column("f8", STATE_SIZE)
     """State of the contact detector."""
+    ease: Float = column("f8", 2)
+    """Pace of the human's clock and size of its motion with which the next plan begins; 1 and 1: nothing is eased."""
 
 
 @dataclass(frozen=True)
@@ -94,4 +96,5 @@ class StateLayout:
         state.landed[...] = LONG_AGO
         state.source_tick[...] = state.heading[...] = state.yaws[...] = np.nan
         state.detector[...] = ContactDetector().initial()
+        state.ease[...] = 1.0
         return vector

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexmotion.human.contacts import ContactDetector
 from flexmotion.human.motion import Motion
+from flexmotion.retarget.easing import WHOLE, Ease
 from flexmotion.retarget.footholds import Scaling
 from flexmotion.retarget.human import HumanWindow
 from flexmotion.retarget.state import RetargetState
@@ -22,13 +24,14 @@ class HumanView:
 
     Attributes:
         window: features of the frames.
-        scaling: human to robot.
-        source_tick: loop tick of source time 0.
+        scaling: human to robot, of steps: smaller where they are eased.
+        source_tick: loop tick of source time 0, had the human always gone at its own pace.
         rate_hz: loop ticks a second.
         tick: first tick of the plan.
         follow: number of rows that follow the human, at least 1; the rest of the plan is its stop tail.
         whole: whether the frames reach to the horizon, so that the human may continue after them.
         exact: whether the feet turn to where the human looks by small steps too.
+        ease: how much of the human's motion is followed; its pace is that of the human's clock in this plan.
     """
 
     window: HumanWindow
@@ -39,6 +42,7 @@ class HumanView:
     follow: int
     whole: bool
     exact: bool = False
+    ease: Ease = WHOLE
 
     @property
     def end_tick(self) -> int:
@@ -50,17 +54,38 @@ class HumanView:
         """Index of the first frame on the source's own clock."""
         return round(float(self.window.times[0]) * self.window.motion.fps)
 
+    @property
+    def body_scaling(self) -> Scaling:
+        """Human to robot, of the body's own size: not eased."""
+        return replace(self.scaling, ratio=self.scaling.ratio / self.ease.size)
+
     def seconds(self, ticks: Float) -> Float:
         """Source time of loop ticks [s]."""
-        return (ticks - self.source_tick) / self.rate_hz
+        if self.ease.pace == 1.0:  # to the last digit as in the plans before
+            return (ticks - self.source_tick) / self.rate_hz
+        return self._start_s + (ticks - self.tick) * (self.ease.pace / self.rate_hz)
 
     def second_at(self, tick: float) -> float:
         """Source time of a loop tick [s]."""
-        return float((tick - self.source_tick) / self.rate_hz)
+        return float(self.seconds(np.array(tick, dtype=float)))
+
+    def ticks_at(self, seconds: Float) -> Float:
+        """Loop ticks at source times [s], not rounded."""
+        if self.ease.pace == 1.0:
+            return self.source_tick + seconds * self.rate_hz
+        return self.tick + (seconds - self._start_s) * (self.rate_hz / self.ease.pace)
 
     def tick_at(self, second: float) -> int:
         """Loop tick nearest to a source time [s]."""
-        return int(self.source_tick) + int(round(second * self.rate_hz))
+        if self.ease.pace == 1.0 and float(self.source_tick).is_integer():
+            # Plans that see an event again at another place of theirs round it alike.
+            return int(self.source_tick) + int(round(second * self.rate_hz))
+        return int(round(float(self.ticks_at(np.array(second)))))
+
+    @cached_property
+    def _start_s(self) -> float:
+        """Source time of the plan's first tick [s]."""
+        return (self.tick - self.source_tick) / self.rate_hz
 
 
 def view_human(
@@ -74,6 +99,7 @@ def view_human(
     leg_length: float,
     rate_hz: float,
     exact: bool = False,
+    ease: Ease = WHOLE,
 ) -> HumanView | None:
     """Read the frames that a plan is given.
 
@@ -86,7 +112,7 @@ def view_human(
         lead_in_s: time from the first plan's start to source time 0 [s].
         leg_length: of the robot [m].
         rate_hz: loop ticks a second.
-        exact: see `HumanView`.
+        exact, ease: see `HumanView`.
 
     Returns:
         None where no row of the plan can follow the human.
@@ -103,15 +129,18 @@ def view_human(
         state.consumed[...] = window.times[0]
     state.human_feet[...] = np.where(np.isnan(state.human_feet), window.feet[0, :, :2], state.human_feet)
     source_tick = float(state.source_tick)
-    follow = min(max(int(np.floor(source_tick + window.end_s * rate_hz + 1e-6)) + 1 - tick, 0), horizon)
+    rows = (source_tick + window.end_s * rate_hz - tick) / ease.pace
+    follow = min(max(int(np.floor(rows + 1e-6)) + 1, 0), horizon)
     if not follow:
         return None
     scaling = Scaling(
-        ratio=leg_length / motion.body.leg,
+        ratio=ease.size * leg_length / motion.body.leg,
         heading=float(state.heading),
         human_width=motion.body.segments.hip_width,
     )
-    return HumanView(window, scaling, source_tick, rate_hz, tick, follow, whole=follow == horizon, exact=exact)
+    return HumanView(
+        window, scaling, source_tick, rate_hz, tick, follow, whole=follow == horizon, exact=exact, ease=ease
+    )
 
 
 def forget_human(state: RetargetState) -> None:

@@ -37,8 +37,10 @@ from flexmotion.streamer.motion.script import Item, check_script
 from flexmotion.streamer.motion.sequence import sequence
 from flexmotion.streamer.motion.sources import ClipSource, Performance, Source
 from flexmotion.streamer.planning.offline import Trajectory, retarget_offline
+from flexmotion.streamer.report.likeness import likeness
 from flexmotion.streamer.report.metrics import HumanTrack, RobotFigures
 from flexmotion.streamer.report.report import Report, RunInfo, build_report
+from flexmotion.streamer.report.torque_profile import TorqueProfile, torque_profile
 from flexmotion.streamer.run.parts import Clock
 from flexmotion.streamer.run.played_human import human_motion
 from flexmotion.streamer.run.requests import Request
@@ -187,6 +189,7 @@ def open_session(
     foxglove: bool = False,
     listening: Listening | None = None,
     allow_refused: bool = False,
+    min_likeness: float | None = None,
     armed: bool = True,
     attended: bool = False,
 ) -> Session:
@@ -221,6 +224,7 @@ def open_session(
         foxglove: show the run live in Foxglove, on the port of the settings, to programs of this machine.
         listening: how the run shows itself in a browser and listens for targets of other programs; None: not at all.
         allow_refused: the report is ok although something that was asked was refused, dropped or not finished.
+        min_likeness: the report is not ok below this likeness, in [0, 1], or where it is unknown; None: not judged.
         armed: torque goes on with the first tick; else with `Request.ARM`.
         attended: the run goes on in OFF and in FAULT until END: CLEAR and ARM lead back to READY.
 
@@ -248,6 +252,7 @@ def open_session(
         clock=clock,
         next_request=next_request,
         allow_refused=allow_refused,
+        min_likeness=min_likeness,
         armed=armed,
         attended=attended,
     )
@@ -295,6 +300,7 @@ class Outcome:
         motion: motion of the human; None if unknown, as in a run with targets.
         figures: the robot's sizes that the report measures by.
         record: every tick of the run, or the last of a long one.
+        profile: the human's torques beside the robot's; None if unknown.
         simulated: whether the robot was simulated; its faults are then no failures of hardware.
     """
 
@@ -303,6 +309,7 @@ class Outcome:
     figures: RobotFigures
     record: RunTrace
     report: Report
+    profile: TorqueProfile | None
     simulated: bool
 
     def write(self, folder: str | Path) -> Path:
@@ -313,7 +320,7 @@ class Outcome:
 
         folder = Path(folder)
         self.report.write(folder)
-        pictures = write_plots(folder, self.record, self.robot, self.figures, self.motion)
+        pictures = write_plots(folder, self.record, self.robot, self.figures, self.motion, self.profile)
         return write_report_page(folder / "index.html", self.report, pictures)
 
 
@@ -332,6 +339,7 @@ def outcome(session: Session) -> Outcome:
     options |= {} if session.feedback else {"feedback": False}
     options |= {"replan_noise_m": noise_m} if noise_m else {}
     options |= {"allow_refused": True} if session.allow_refused else {}
+    options |= {} if session.min_likeness is None else {"min_likeness": session.min_likeness}
     budgets = session.settings.budgets
     info = RunInfo(
         robot=robot.name,
@@ -346,7 +354,16 @@ def outcome(session: Session) -> Outcome:
         underruns_allowed=budgets.underruns,
         targets=tuple(session.heard),
         allow_refused=session.allow_refused,
+        min_likeness=session.min_likeness,
         log=next((service.result() for service in session.services if isinstance(service, Recorder)), None),
     )
-    report = build_report(record, info, figures, human=None if motion is None else HumanTrack.of(motion))
-    return Outcome(robot, motion, figures, record, report, simulated=simulated(session.driver) is not None)
+    profile = None if motion is None else torque_profile(record, robot, figures, motion)
+    report = build_report(
+        record,
+        info,
+        figures,
+        human=None if motion is None else HumanTrack.of(motion),
+        likeness=None if motion is None else likeness(record, robot, figures, motion),
+        profile=profile,
+    )
+    return Outcome(robot, motion, figures, record, report, profile, simulated=simulated(session.driver) is not None)

@@ -31,11 +31,16 @@ def torque(
         float | None,
         typer.Option("--seconds", "-s", min=0.1, max=1e6, help="Check at most this many seconds.", show_default=False),
     ] = None,
+    supply: Annotated[
+        float | None,
+        typer.Option("--supply", min=1.0, max=60.0, help="Voltage at the servos \\[V].", show_default="nominal"),
+    ] = None,
     options: CheckOptions,
 ) -> None:
-    """Check the torque that a motion needs from every servo, peak and thermal, against the servo's limits.
+    """Check the torque that a motion needs from every servo, at every tick and over time, against the servo's envelope.
 
-    Plans the motion without running it. Exit code 1 where a servo cannot provide the torque, or would overheat.
+    Plans the motion as a run would, without running it. Exit code 1 where a servo lacks so much torque that its joint
+    falls behind by more than a swing allows, or would grow too hot within ten minutes of this motion.
 
     [bold]Examples[/bold]
 
@@ -43,12 +48,15 @@ def torque(
 
       flexmotion check torque --prompt "walk forward" --seconds 5
 
+      flexmotion check torque --clip walk.bvh --supply 10.5
+
       flexmotion check torque --clip walk.bvh --robot ./my_robot --json
     """
     # Heavy imports wait until the command runs: help and completion answer at once.
     from flexmotion.configs.robot import load_robot
     from flexmotion.configs.stream import load_stream
-    from flexmotion.streamer.checks.torque_check import check_trajectory, render_check
+    from flexmotion.streamer.checks.torque_check import check_trajectory
+    from flexmotion.streamer.checks.torque_text import render_check
     from flexmotion.streamer.planning.offline import retarget_offline
 
     chosen = load_robot(robot)
@@ -58,7 +66,7 @@ def torque(
         print_note(f"note: {remark}")
     with progress_bar(f"{chosen.name} retargets {source.name}") as progress:
         trajectory = retarget_offline(chosen, source, settings, progress)
-    result = check_trajectory(trajectory, chosen, source.name)
+    result = check_trajectory(trajectory, chosen, source.name, supply)
     if options.as_json:
         print_json(result.json_text())
     else:

@@ -44,7 +44,8 @@ def dry_run(
     With no option the robot follows what comes with the project: a script of words for its model, or a short clip where
     it has none. A prompt, and the last item of a script that does not stop, is followed for 10 s, or for --seconds.
     A prompt that says how much ("turn 90 degrees, then wave twice") ends when the robot has done it. Exit code 1 where
-    the robot fell or a limit was passed, and where a prompt was refused or not done whole (--allow-refused). With --web
+    the robot fell or a limit was passed, where a prompt was refused or not done whole (--allow-refused),
+    and where the robot did less of the motion than --min-likeness. With --web
     the robot stands and follows what other programs send, until it is interrupted. The command arms the simulated robot
     (--no-arm: it waits, as a real one does with `run --web`).
 

@@ -55,7 +55,8 @@ def plot(
     if not len(found.rows):
         raise ConfigError(f"{file}: has no tick to draw")
     subject = Subject.of(found)
-    for path in write_plots(out, found.record(), subject.robot, subject.figures, subject.motion):
+    record = found.record()
+    for path in write_plots(out, record, subject.robot, subject.figures, subject.motion, subject.profile(record)):
         print_note(f"drawn: {path}")
 
 

@@ -25,6 +25,7 @@ from flexmotion.streamer.commands.options import (
     MappingOption,
     MassOption,
     MemberOption,
+    MinLikenessOption,
     NameOption,
     PromptOption,
     RealtimeOption,
@@ -146,6 +147,7 @@ class RunOptions:
     ros2: Ros2Option = False
     gamepad: GamepadOption = False
     allow_refused: AllowRefusedOption = False
+    min_likeness: MinLikenessOption = None
     as_json: JsonOption = False
 
     @property
@@ -213,6 +215,7 @@ class RunOptions:
             foxglove=self.foxglove,
             listening=self._listening(),
             allow_refused=self.allow_refused,
+            min_likeness=self.min_likeness,
             armed=armed if self.arm is None else self.arm,
             attended=stay and self.listens,
         )

@@ -138,6 +138,16 @@ AllowRefusedOption = Annotated[
         "--allow-refused", help="Pass although something that was asked was refused, dropped or not finished in time."
     ),
 ]
+MinLikenessOption = Annotated[
+    float | None,
+    typer.Option(
+        "--min-likeness",
+        min=0.0,
+        max=1.0,
+        help="Fail where the robot did less than this share of the human's motion, or where that is not known.",
+        show_default=False,
+    ),
+]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")]
 RealtimeOption = Annotated[
     bool,

@@ -34,9 +34,12 @@ def robots(
     """
     # Heavy imports wait until the command runs: help and completion answer at once.
     from flexmotion.configs.robot import list_robots, load_robot
+    from flexmotion.retarget.legs import SIDE_NAMES, Leg
 
     if robot is not None:
         chosen = load_robot(robot)
+        for side in SIDE_NAMES:
+            Leg.of(chosen, side)
         if as_json:
             print_json(_detail(chosen))
         else:

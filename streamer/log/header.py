@@ -56,6 +56,7 @@ class LogHeader(Strict):
             (`flexmotion.streamer.log.source`).
         seconds: longest that the source is streamed [s].
         allow_refused: the run is ok although something that was asked was refused.
+        min_likeness: the run is not ok below this likeness; None: not judged.
         start_ns: when the log was begun, nanoseconds since the epoch.
         wall_minus_perf_ns: offset from `perf_counter_ns` to the wall clock, measured once.
     """
@@ -73,6 +74,7 @@ class LogHeader(Strict):
     seconds: float | None = None
     feedback: bool = True
     allow_refused: bool = False
+    min_likeness: float | None = None
     settings: StreamSettings
     start_ns: int
     wall_minus_perf_ns: int

@@ -12,8 +12,10 @@ from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.log.header import LogHeader
 from flexmotion.streamer.log.reader import Log
 from flexmotion.streamer.log.source import MODEL
+from flexmotion.streamer.report.likeness import likeness
 from flexmotion.streamer.report.metrics import HumanTrack, RobotFigures
 from flexmotion.streamer.report.report import Report, RunInfo, build_report
+from flexmotion.streamer.report.torque_profile import TorqueProfile, torque_profile
 from flexmotion.streamer.run.played_human import human_motion
 
 
@@ -56,14 +58,21 @@ class Subject:
             log=str(log.path),
             targets=tuple(log.heard),
             allow_refused=header.allow_refused,
+            min_likeness=header.min_likeness,
         )
         human = None if self.motion is None else HumanTrack.of(self.motion)
-        return build_report(record, info, self.figures, human=human)
+        like = None if self.motion is None else likeness(record, self.robot, self.figures, self.motion)
+        return build_report(record, info, self.figures, human=human, likeness=like, profile=self.profile(record))
+
+    def profile(self, record: RunTrace) -> TorqueProfile | None:
+        """The human's torques beside the robot's in `record`; None if unknown."""
+        return None if self.motion is None else torque_profile(record, self.robot, self.figures, self.motion)
 
 
-def _settings(header: LogHeader) -> dict[str, bool]:
+def _settings(header: LogHeader) -> dict[str, bool | float]:
     """Settings of a run that differ from the default, as in its own report."""
-    found = {} if header.feedback else {"feedback": False}
+    found: dict[str, bool | float] = {} if header.feedback else {"feedback": False}
+    found |= {} if header.min_likeness is None else {"min_likeness": header.min_likeness}
     return found | ({"allow_refused": True} if header.allow_refused else {})
 
 

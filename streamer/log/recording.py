@@ -61,6 +61,7 @@ def _published(session: Session, clock: Literal["real", "lockstep"]) -> tuple[Pu
         seconds=session.seconds,
         feedback=session.feedback,
         allow_refused=session.allow_refused,
+        min_likeness=session.min_likeness,
     )
     channels = (session.telemetry, session.plans, session.targets, session.heard_channel)
     return Published(header, *channels, tuple(session.heard)), motions

@@ -128,6 +128,7 @@ def _run(log: Log, subject: Subject, progress: Callable[[float], None] | None) -
         header.seconds,
         feedback=header.feedback,
         allow_refused=header.allow_refused,
+        min_likeness=header.min_likeness,
     )
     end = max(int(log.rows["tick"][-1]), 1)
     targets, requests = _targets(log), _requests(log)

@@ -9,16 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
+from flexmotion.configs.envelope import Envelope
 from flexmotion.configs.robot import Robot
-from flexmotion.streamer.page.health import torque
+from flexmotion.streamer.page.health import load
 
 Float = NDArray[np.float64]
 Row = np.ndarray[Any, Any]
 
 NAMES = ("time_s", "tracking_deg", "load", "margin_mm", "late_ms")
-"""Values of a sample, in their order: time of the robot; RMS error of the joints; greatest torque as a share of its
-servo's usable torque; distance of the commanded zero-moment point from the edge of the soles, negative outside; longest
-time from a period's begin to the end of its work."""
+"""Values of a sample, in their order: time of the robot; RMS error of the joints; greatest share of its servo's
+envelope that a joint uses; distance of the commanded zero-moment point from the edge of the soles, negative outside;
+longest time from a period's begin to the end of its work."""
 KEPT_S, _STEP_S = 30.0, 0.1
 
 
@@ -31,6 +32,7 @@ class Curves:
 
     def __init__(self, robot: Robot) -> None:
         self.robot = robot
+        self._envelope = Envelope.of(robot)
         self._ticks = max(round(_STEP_S * robot.rate_hz), 1)
         self.samples: deque[list[float | None]] = deque(maxlen=round(KEPT_S / _STEP_S))
         self._rows: list[Row] = []
@@ -49,13 +51,12 @@ class Curves:
         error = rows["q"] - rows["q_ref"]
         known = error[np.isfinite(error)]
         tracking = float(np.degrees(np.sqrt(np.mean(known**2)))) if known.size else None
-        load = float((np.abs(torque(rows)) / self.robot.usable_torque).max())
         late = rows["lateness_s"] + rows["work_s"]
         known = late[np.isfinite(late)]
         values = (
             float(rows["tick"][-1]) / self.robot.rate_hz,
             tracking,
-            load,
+            float(load(self._envelope, rows).max()),
             margin_mm(rows[-1], self.robot.sole_half_size),
             1e3 * float(known.max()) if known.size else None,
         )

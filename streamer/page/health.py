@@ -9,19 +9,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from flexmotion.configs.envelope import Envelope
 from flexmotion.configs.robot import Robot
 from flexmotion.streamer.control.ladder import State
 
 Float = NDArray[np.float64]
 Row = np.ndarray[Any, Any]
 
-WINDOW_S, EFFORT_S = 5.0, 1.0
-"""Windows of lateness and work, and of torque [s]."""
+WINDOW_S, LOAD_S = 5.0, 1.0
+"""Windows of lateness and work, and of load [s]."""
 
 
 @dataclass(frozen=True)
 class Load:
-    """RMS torque of a joint as a share of its servo's usable torque."""
+    """RMS load of a joint: share of its servo's envelope at its speed, supply and temperature."""
 
     joint: str
     share: float
@@ -39,14 +40,15 @@ class Health:
         window = int(WINDOW_S * robot.rate_hz)
         self._lateness: deque[float] = deque(maxlen=window)
         self._work: deque[float] = deque(maxlen=window)
-        self._torque: deque[Float] = deque(maxlen=int(EFFORT_S * robot.rate_hz))
+        self._envelope = Envelope.of(robot)
+        self._loads: deque[Float] = deque(maxlen=int(LOAD_S * robot.rate_hz))
         self.row: Row | None = None
 
     def take(self, rows: Row) -> None:
         """Take rows (k,), k > 0."""
         self._lateness.extend(rows["lateness_s"].tolist())
         self._work.extend(rows["work_s"].tolist())
-        self._torque.extend(torque(rows))
+        self._loads.extend(load(self._envelope, rows))
         self.row = rows[-1]
 
     @property
@@ -69,9 +71,9 @@ class Health:
 
     def hardest(self, count: int) -> list[Load]:
         """The joints with the highest load, highest first; fewer if torques are unknown."""
-        if not self._torque:
+        if not self._loads:
             return []
-        rms = np.sqrt(np.mean(np.square(np.stack(self._torque)), axis=0)) / self.robot.usable_torque
+        rms = np.sqrt(np.mean(np.square(np.stack(self._loads)), axis=0))
         order = [int(joint) for joint in np.argsort(-rms) if np.isfinite(rms[joint])]
         return [Load(self.robot.joint_names[joint], float(rms[joint])) for joint in order[:count]]
 
@@ -82,6 +84,12 @@ def torque(rows: Row) -> Float:
     for name in ("effort", "true_torque"):
         found = np.where(np.isfinite(rows[name]), rows[name], found)
     return np.nan_to_num(found)
+
+
+def load(envelope: Envelope, rows: Row) -> Float:
+    """Share of the envelope that each joint uses, (k, n), at the speed, supply and temperature measured."""
+    now = envelope.at(rows["voltage"], rows["temperature"])
+    return now.load(torque(rows), np.nan_to_num(rows["qd"]))
 
 
 def _percentile(values: deque[float], percentile: float) -> float:

@@ -98,7 +98,8 @@ class Planner:
             raise RetargetError(f"{self.source.name}: the plan for tick {join} holds values that are no numbers")
         # A short window is the source's end only if the plan has followed all of it.
         over = ended and plan.stop_row < horizon and not stop
-        return Planned(plan, sampled - begin, time.perf_counter() - sampled, stop, over)
+        stops = stop or (plan.eased is not None and plan.eased.refused)
+        return Planned(plan, sampled - begin, time.perf_counter() - sampled, stops, over)
 
     def first_frame(self, join: int, current: Plan | None) -> int:
         """Index of the first source frame that a plan from tick `join` on follows."""

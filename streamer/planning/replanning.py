@@ -23,6 +23,7 @@ from flexmotion.streamer.motion.model_source import ModelSource
 from flexmotion.streamer.motion.replan_noise import NoisySource
 from flexmotion.streamer.motion.sources import LiveSource
 from flexmotion.streamer.motion.targets import NO_TARGET, Target, TargetMailbox
+from flexmotion.streamer.planning.ease_notes import EaseNote, EaseNotes
 from flexmotion.streamer.planning.lead import Kind, Lead
 from flexmotion.streamer.planning.made_plans import MadePlans, effect_row
 from flexmotion.streamer.planning.planner import Planner
@@ -84,6 +85,8 @@ class Replanner:
         self._made = MadePlans(max(round(settings.commit_s * planner.rate), 1))
         self._asked_tick = self._checked = 0  # `_checked`: rows of the loop that were read for a more urgent plan
         self._heard, self._humans = heard, humans
+        self._ease_notes = EaseNotes(planner.retargeter.robot)
+        self._ease_note: tuple[int, EaseNote] | None = None  # of a target that is not followed yet
         source = planner.source.source if isinstance(planner.source, NoisySource) else planner.source
         self._runner: StepRunner | None = None
         if isinstance(source, ModelSource):
@@ -112,6 +115,7 @@ class Replanner:
         if self._runner is not None:
             self._runner.update(row, halted=self.ledger.halted, stands_at=partial(self._stands_at, row, tick))
         target = self._newest_target(row, tick)
+        self._answer_eased()
         if not self._due(row, target):
             return False
         begin = time.perf_counter()
@@ -160,10 +164,32 @@ class Replanner:
         )
         self._made.add(ticket, planned.plan, int(row.plan))
         self.plans.publish(ticket, planned.plan)
+        self._tell_eased(planned.plan, target.id)
         self.lead.record(kind, sampling_s, time.perf_counter() - begin - sampling_s)
         if self._humans is not None and self._humans.watched and planned.plan.human is not None:
             self._humans.publish(ticket.id, planned.plan.human, planned.plan.human_first_frame)
         return True
+
+    def _tell_eased(self, plan: Plan, target: int) -> None:
+        """Tell where a plan had to be eased; a target that is refused for it is followed no longer."""
+        note = self._ease_notes.of(plan)
+        if note is None:
+            return
+        self.on_note(note.message)
+        if target:
+            self._ease_note = target, note
+
+    def _answer_eased(self) -> None:
+        """Add to the answer to a target that it is eased, once it has been answered."""
+        answer = self.ledger.answer
+        if self._ease_note is None or answer is None or answer.id < self._ease_note[0]:
+            return
+        target, note = self._ease_note
+        self._ease_note = None
+        if answer.id == target:
+            self.ledger.answer = note.answer(answer)
+            self._publish(self.ledger.answer)
+            self.ledger.halted |= note.slowed is None
 
     @property
     def has_target(self) -> bool:
@@ -231,6 +257,8 @@ class Replanner:
         tick, refused = int(row.tick) + 1, newest != plan
         playing = self._made.plan(plan)
         assert playing is not None
+        if playing.eased is not None and playing.eased.refused and not refused:
+            return tick >= self._asked_tick + self._replan_ticks
         unplayed = playing.start_tick + playing.stop_row - tick
         return refused or tick >= self._asked_tick + self._replan_ticks or unplayed < self._least_unplayed
 

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from flexmotion.configs.envelope import envelope
+from flexmotion.configs.envelope import Envelope
 from flexmotion.configs.robot import Robot
 from flexmotion.streamer.plots.palette import FAINT, INK, MUTED, WARN
 from flexmotion.streamer.plots.panels import joint_columns, joint_panels
@@ -82,7 +82,7 @@ def _bars(axes: Axes, robot: Robot, torque: Float, order: list[int]) -> None:
 
 
 def _plane(axes: Axes, robot: Robot, joint: int, torque: Float, speed: Float) -> None:
-    axes.fill(*envelope(robot, joint), color=FAINT, linewidth=0)
+    axes.fill(*Envelope.of(robot).corners(joint), color=FAINT, linewidth=0)
     axes.axhline(0, color=MUTED, linewidth=0.5)
     axes.axvline(0, color=MUTED, linewidth=0.5)
     axes.grid(visible=False)

@@ -5,42 +5,29 @@ Two lockstep runs with the same clip, seed and options give the same bytes excep
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import Field
 
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.run_trace import RunTrace, TorqueSource
 from flexmotion.streamer.motion.heard import Heard
+from flexmotion.streamer.planning.ease_notes import EASED, REFUSED
+from flexmotion.streamer.report.figure import Figure, Maybe, Section
+from flexmotion.streamer.report.human_sections import LikenessSection, TorqueProfileSection
+from flexmotion.streamer.report.likeness import Likeness
 from flexmotion.streamer.report.metrics import HumanTrack, RobotFigures, joint_loads, motion_figures
+from flexmotion.streamer.report.torque_profile import TorqueProfile
 
 TIMING_KEYS = ("loop", "planner", "log")
 """Top-level keys that may differ between equal runs."""
-DIGITS = 6
-"""Significant digits of a figure."""
 
 
-def _rounded(value: float | None) -> float | None:
-    """`DIGITS` significant digits; None for NaN and infinity, which JSON lacks."""
-    if value is None or not math.isfinite(value):
-        return None
-    return float(f"{value:.{DIGITS}g}") + 0.0  # + 0.0: no negative zero
-
-
-Figure = Annotated[float, BeforeValidator(_rounded)]
-Maybe = Annotated[float | None, BeforeValidator(_rounded)]
-
-
-class _Section(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class Latency(_Section):
+class Latency(Section):
     """Percentiles of a time; its key names the unit."""
 
     p50: Figure
@@ -60,7 +47,7 @@ class Latency(_Section):
         return cls(p50=p50, p95=p95, p99=p99, p99_9=p99_9, max=values.max())
 
 
-class LoopSection(_Section):
+class LoopSection(Section):
     """Timing of the control loop. `realtime_factor` is the run's duration over its wall-clock time."""
 
     rate_hz: Figure
@@ -75,8 +62,8 @@ class LoopSection(_Section):
     realtime_factor: Maybe
 
 
-class PlannerSection(_Section):
-    """Computing time of plans, and latency from targets to commands."""
+class PlannerSection(Section):
+    """Computing time of plans, latency from targets to commands, and what was told of motion that had to be eased."""
 
     plans: int
     sample_ms: Latency | None
@@ -84,9 +71,10 @@ class PlannerSection(_Section):
     target_to_command_ms: Latency | None
     target_to_effect_ms: Latency | None
     underruns: int
+    eased: tuple[str, ...] = ()
 
 
-class DisplacementSection(_Section):
+class DisplacementSection(Section):
     """Net displacement; see `flexmotion.streamer.report.metrics.Displacement`."""
 
     ahead_m: Figure
@@ -94,7 +82,7 @@ class DisplacementSection(_Section):
     turned_rad: Figure
 
 
-class MotionSection(_Section):
+class MotionSection(Section):
     """How the robot moved; see `flexmotion.streamer.report.metrics.MotionFigures`; and the count of steps."""
 
     fell: bool
@@ -114,7 +102,7 @@ class MotionSection(_Section):
     self_collisions: int | None
 
 
-class JointSection(_Section):
+class JointSection(Section):
     """Load of one joint and its limits; see `flexmotion.streamer.report.metrics.JointLoad`."""
 
     peak_torque_nm: Maybe
@@ -126,7 +114,7 @@ class JointSection(_Section):
     saturated_share: Maybe
 
 
-class LimitsSection(_Section):
+class LimitsSection(Section):
     """Limits: `violations_sent` is counted at the receiving end, repairs in planner and loop.
 
     `torque_source` is the source of the joints' torques; None if they are unknown.
@@ -138,7 +126,7 @@ class LimitsSection(_Section):
     joints: dict[str, JointSection]
 
 
-class SafetySection(_Section):
+class SafetySection(Section):
     """Final state of the safety ladder, all faults, and whether the hardware caused them."""
 
     final_state: str
@@ -146,7 +134,7 @@ class SafetySection(_Section):
     hardware_failed: bool = False
 
 
-class Report(_Section):
+class Report(Section):
     """The whole report; keys are a contract (see `docs/report.md`)."""
 
     schema_: Literal["flexmotion.report/1"] = Field(default="flexmotion.report/1", alias="schema")
@@ -161,7 +149,9 @@ class Report(_Section):
     loop: LoopSection
     planner: PlannerSection
     motion: MotionSection
+    likeness: LikenessSection | None = None
     limits: LimitsSection
+    torque_profile: TorqueProfileSection | None = None
     safety: SafetySection
     targets: tuple[Heard, ...] = ()
     log: str | None
@@ -169,7 +159,8 @@ class Report(_Section):
     @property
     def not_done(self) -> tuple[str, ...]:
         """What was asked and was not done, or not whole, in words."""
-        return tuple(heard.failure for heard in self.targets if heard.failure is not None)
+        failed = tuple(heard.failure for heard in self.targets if heard.failure is not None)
+        return failed + tuple(message for message in self.planner.eased if REFUSED in message)
 
     def json_text(self) -> str:
         """The report as JSON, keys in the order of the schema, with a final newline."""
@@ -198,6 +189,7 @@ class RunInfo:
         log: path of the log; None without one.
         targets: the answers to all that was asked.
         allow_refused: the run is ok although something that was asked was refused, dropped or not finished.
+        min_likeness: the run is not ok below this likeness, in [0, 1], or where it is not known; None: not judged.
     """
 
     robot: str
@@ -213,6 +205,7 @@ class RunInfo:
     log: str | None = None
     targets: tuple[Heard, ...] = ()
     allow_refused: bool = False
+    min_likeness: float | None = None
 
 
 def build_report(
@@ -221,10 +214,20 @@ def build_report(
     robot: RobotFigures,
     *,
     human: HumanTrack | None = None,
+    likeness: Likeness | None = None,
+    profile: TorqueProfile | None = None,
 ) -> Report:
-    """The report of a finished run; `human` is the human's path, None if unknown."""
+    """The report of a finished run.
+
+    Args:
+        human: the human's path; None if unknown.
+        likeness: how much of the human's motion the robot did; None if unknown.
+        profile: the human's torques beside the robot's; None if unknown.
+    """
     states = record.state[: record.used]
     duration = record.duration_s
+    eased = tuple(event.message for event in record.events if event.kind == "note" and EASED in event.message)
+    refused = any(REFUSED in message for message in eased)
     figures = motion_figures(record, robot, human, should_stand=np.isin(states, (State.STREAMING, State.HOLD)))
     motion = asdict(figures)
     if not figures.fell and (damped := np.flatnonzero(states == State.DAMPED)).size:
@@ -240,7 +243,8 @@ def build_report(
             and record.underruns <= info.underruns_allowed
             and bool((states == State.STREAMING).any())
             and states[-1] in (State.HOLD, State.OFF)
-            and (info.allow_refused or all(heard.failure is None for heard in info.targets))
+            and (info.allow_refused or not (refused or any(heard.failure is not None for heard in info.targets)))
+            and (info.min_likeness is None or (likeness is not None and likeness.score >= info.min_likeness))
         ),
         robot=info.robot,
         driver=info.driver,
@@ -269,6 +273,7 @@ def build_report(
             target_to_command_ms=Latency.of(record.target_to_command_s, 1e-3),
             target_to_effect_ms=Latency.of(record.target_to_effect_s, 1e-3),
             underruns=record.underruns,
+            eased=eased,
         ),
         motion=MotionSection(
             **motion,
@@ -277,12 +282,14 @@ def build_report(
             steps_inserted=record.steps_inserted,
             steps_dropped=max(record.human_steps - (record.steps_planned - record.steps_inserted), 0),
         ),
+        likeness=None if likeness is None else LikenessSection.of(likeness, figures),
         limits=LimitsSection(
             violations_sent=record.violations_sent,
             repairs=dict(record.repairs),
             torque_source=record.torque_source,
             joints={name: JointSection(**asdict(load)) for name, load in joint_loads(record, robot).items()},
         ),
+        torque_profile=None if profile is None else TorqueProfileSection.of(profile),
         safety=SafetySection(
             final_state=State(states[-1]).name if len(states) else State.OFF.name,
             faults=faults,

@@ -9,7 +9,15 @@ from pathlib import Path
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from flexmotion.streamer.report.report import Report
-from flexmotion.streamer.report.summary import joint_rows, motion_rows, timing_rows, torque_note, verdict
+from flexmotion.streamer.report.summary import (
+    joint_rows,
+    likeness_rows,
+    likeness_words,
+    motion_rows,
+    timing_rows,
+    torque_note,
+    verdict,
+)
 
 CAPTIONS = {
     "robot": "Human and robot",
@@ -17,6 +25,7 @@ CAPTIONS = {
     "timeline": "Timeline",
     "tracking": "Tracking",
     "torque": "Torque",
+    "effort": "The human's effort beside the robot's",
 }
 
 
@@ -32,6 +41,8 @@ def write_report_page(file: Path, report: Report, pictures: Sequence[Path]) -> P
     html = environment.get_template("report.html").render(
         report=report,
         verdict=verdict(report),
+        likeness=likeness_rows(report),
+        likeness_words=likeness_words(report),
         motion=motion_rows(report),
         joints=joint_rows(report),
         torque_note=torque_note(report),

@@ -35,15 +35,59 @@ def failures(report: Report) -> list[str]:
         reasons.append(f"{loop.missed_deadlines} of {loop.cycles} deadlines missed, {loop.missed_allowed} allowed")
     if not report.ok and not report.options.get("allow_refused"):
         reasons += report.not_done
+    wanted = report.options.get("min_likeness")
+    if wanted is not None and (report.likeness is None or report.likeness.score < wanted):
+        reasons.append(f"{likeness_words(report)}, at least {wanted:g} was asked for")
     if report.safety.final_state in _CUT_SHORT or not (report.ok or reasons):
         reasons.append(f"cut short in {report.safety.final_state}, torque off")
     return reasons
 
 
 def verdict(report: Report) -> str:
-    """One sentence: what was run, and whether it is ok."""
+    """One sentence: what was run, whether it is ok, and how much of the human's motion the robot did."""
     what = f"{report.robot} on {report.driver}, {report.source}, {report.duration_s:.1f} s"
-    return f"{what}: upright, no fault, no limit passed" if report.ok else f"{what}: {'; '.join(failures(report))}"
+    if not report.ok:
+        told = failures(report)
+        known = report.likeness is not None and not any(reason.startswith("likeness") for reason in told)
+        return f"{what}: {'; '.join([*told, *([likeness_words(report)] if known else [])])}"
+    like = "" if report.likeness is None else f"; {likeness_words(report)}"
+    return f"{what}: upright, no fault, no limit passed{like}"
+
+
+def likeness_words(report: Report) -> str:
+    """The likeness and what was left out, each with its share, in words."""
+    found = report.likeness
+    if found is None:
+        return "likeness unknown"
+    missing = ", ".join(f"{name} ({100 * found.parts[name]:.0f} %)" for name in found.left_out)
+    return f"likeness {100 * found.score:.0f} %, {f'left out: {missing}' if missing else 'nothing left out'}"
+
+
+def likeness_rows(report: Report) -> list[tuple[str, str, str]]:
+    """Name, value with unit, and meaning of the likeness, of each part that the human does, and of the directions."""
+    found = report.likeness
+    if found is None:
+        return []
+    meaning = {
+        "path": "of the human's way, scaled by leg length",
+        "turn": f"of the human's turn of {abs(found.human_turned_deg):.0f}°",
+        "bend": f"of the human's bend, {found.human_bend_deg:.0f}°",
+        "flight": f"of the {found.human_flight_s:.2f} s in which no foot of the human is on the ground",
+        "hands": "of what the human's arms do, by the directions of their segments",
+    }
+    parts = [
+        (name, show(share, "%", 100, 0), meaning[name] + (", left out" if name in found.left_out else ""))
+        for name, share in found.parts.items()
+    ]
+    out = show(found.unreachable_share, "%", 100, 0)
+    rows = [
+        ("likeness", show(found.score, "%", 100, 0), "mean of the parts below" if parts else "the human only stands"),
+        *parts,
+        ("upper arms", show(found.upper_arm_deg, "°", 1, 1), "off the human's direction, mean of all samples"),
+        ("forearms", show(found.forearm_deg, "°", 1, 1), f"the same; a hand out of reach in {out} of the samples"),
+        ("trunk", show(found.trunk_deg, "°", 1, 1), "off the human's lean, mean of all samples"),
+    ]
+    return [row for row in rows if row[1] != "-"]
 
 
 def render(report: Report) -> RenderableType:
@@ -52,7 +96,7 @@ def render(report: Report) -> RenderableType:
     parts: list[RenderableType] = [mark + Text(verdict(report), style="bold"), Text()]
     if report.planner.plans == 0:
         return parts[0]  # without a plan there are no figures
-    for section in (_asked(report), _motion(report), _joints(report), _timing(report)):
+    for section in (_asked(report), _likeness(report), _motion(report), _joints(report), _timing(report)):
         parts += [*section, Text()] if section else []
     return Group(*parts[:-1])
 
@@ -71,6 +115,7 @@ def motion_rows(report: Report) -> list[tuple[str, str, str]]:
         ("heading error", show(m.heading_rms_rad, "°", math.degrees(1), 1), "RMS, robot against human"),
         ("hand error", show(m.hand_error_share, "%", 100, 1), "median, of arm length, where within reach"),
         ("steps", f"{m.steps_planned}", steps),
+        ("effort", _effort(report), "correlation of the human's torques with the robot's, all joints"),
         ("self-collisions", collisions, "separate touches of two links"),
     ]
     return [row for row in rows if row[1] != "-"]
@@ -150,6 +195,20 @@ def _motion(report: Report) -> list[RenderableType]:
     for name, value, meaning in motion_rows(report):
         drawn.add_row(name, value, Text(meaning, style="dim"))
     return [drawn]
+
+
+def _likeness(report: Report) -> list[RenderableType]:
+    rows = likeness_rows(report)
+    if not rows:
+        return []
+    drawn = table("Likeness", "", "", "")
+    for name, value, meaning in rows:
+        drawn.add_row(name, value, Text(meaning, style="dim"))
+    return [drawn]
+
+
+def _effort(report: Report) -> str:
+    return "-" if report.torque_profile is None else show(report.torque_profile.correlation, "", 1, 2)
 
 
 def _went(way: DisplacementSection | None) -> str:

@@ -9,10 +9,12 @@ from pydantic import BaseModel, ConfigDict, Field
 from rich.console import Group, RenderableType
 from rich.text import Text
 
+from flexmotion.configs.envelope import Envelope
 from flexmotion.configs.robot import Robot
 from flexmotion.human.motion import Motion
 from flexmotion.spatial.heading import continuous_heading
 from flexmotion.streamer.planning.offline import Trajectory
+from flexmotion.streamer.report.figure import Figure, Maybe
 from flexmotion.streamer.report.metrics import (
     HumanTrack,
     RobotFigures,
@@ -20,7 +22,7 @@ from flexmotion.streamer.report.metrics import (
     heading_rms,
     net_path_ratio,
 )
-from flexmotion.streamer.report.report import Figure, Latency, Maybe
+from flexmotion.streamer.report.report import Latency
 from flexmotion.streamer.report.summary import show, table
 
 
@@ -82,7 +84,7 @@ def quality(trajectory: Trajectory, robot: Robot, motion: Motion) -> Quality:
         steps_inserted=trajectory.inserted,
         steps_dropped=trajectory.dropped,
         repairs=trajectory.repairs,
-        torque=_worst(trajectory, robot, np.abs(trajectory.torque) / robot.stall_torque),
+        torque=_worst(trajectory, robot, Envelope.of(robot).load(trajectory.torque, trajectory.qd)),
         speed=_worst(trajectory, robot, trajectory.qd / robot.no_load_speed),
         retarget_ms=Latency.of(trajectory.retarget_s, 1e-3),
     )
@@ -100,7 +102,7 @@ def render_quality(result: Quality) -> RenderableType:
             f"planned; the human made {result.human_steps}, {result.steps_dropped} dropped, "
             f"{result.steps_inserted} inserted",
         ),
-        ("torque", show(result.torque.share, "%", 100, 0), f"of stall torque at most: {_where(result.torque)}"),
+        ("torque", show(result.torque.share, "%", 100, 0), f"of the servo's envelope at most: {_where(result.torque)}"),
         ("speed", show(result.speed.share, "%", 100, 0), f"of no-load speed at most: {_where(result.speed)}"),
         ("repairs", str(sum(result.repairs.values())), ", ".join(f"{n} {kind}" for kind, n in result.repairs.items())),
     ]

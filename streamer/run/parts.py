@@ -51,6 +51,7 @@ class RunParts:
         seed: of the driver and the source, for the log and the report.
         clock: "lockstep" or "real".
         allow_refused: for the report: what was refused or dropped does not make it fail.
+        min_likeness: for the report: it fails below this likeness; None: not judged.
         armed: torque goes on with the first tick; else with the request ARM.
         attended: the run goes on in OFF and in FAULT until END: CLEAR and ARM lead back to READY.
         waits: on the real clock, a robot that is not there is waited for; else it is an error.
@@ -79,6 +80,7 @@ class RunParts:
     seed: int = 0
     clock: Clock = "lockstep"
     allow_refused: bool = False
+    min_likeness: float | None = None
     armed: bool = True
     attended: bool = False
     waits: bool = False

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from flexmotion.configs.envelope import AMBIENT
+from flexmotion.configs.heat import AMBIENT
 from flexmotion.configs.robot import Robot, load_robot
 from flexmotion.drivers.plant import ServoPlant
 

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -12,6 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from flexmotion.configs.errors import RetargetError
 from flexmotion.configs.robot import ROBOTS, Robot, load_robot
+from flexmotion.retarget.leg_check import check_poses
 from flexmotion.retarget.legs import CHAIN, SIDE_NAMES, Leg
 
 ROBOT = load_robot("op3")  # hypothesis takes no fixtures
@@ -137,3 +139,70 @@ def test_a_leg_of_another_kind_names_the_joint(tmp_path: Path, old: str, new: st
 def test_axes_within_a_millimetre_are_accepted(tmp_path: Path) -> None:
     robot = edited(tmp_path, 'name="l_knee_link" pos="0 0 -0.11015"', 'name="l_knee_link" pos="0.0006 0 -0.11015"')
     assert Leg.of(robot, "left").thigh == pytest.approx(LEGS[0].thigh)
+
+
+def pitch_roll_yaw(tmp_path: Path) -> Robot:
+    """OP3 whose left hip yaws and pitches in exchanged places, all axes through the same point as before."""
+    folder = tmp_path / "op3"
+    shutil.copytree(ROBOTS / "op3", folder)
+    file = folder / "op3.xml"
+    text = file.read_text()
+    yaw, pitch = '<joint name="l_hip_yaw" axis="0 0 -1"', '<joint name="l_hip_pitch" axis="0 1 0"'
+    assert yaw in text and pitch in text
+    text = text.replace(yaw, "YAW").replace(pitch, f'{yaw} pos="-0.0001 -0.019 0"')
+    file.write_text(text.replace("YAW", f'{pitch} pos="0 0 -0.0285"'))
+    return load_robot(folder)
+
+
+def test_a_leg_of_another_order_names_the_joints_found_and_expected(tmp_path: Path) -> None:
+    robot = pitch_roll_yaw(tmp_path)
+    with pytest.raises(RetargetError) as error:
+        Leg.of(robot, "left")
+    message = str(error.value)
+    assert "op3.yaml: mapping.left_leg: " in message and "\n" not in message
+    assert "has the joints l_hip_pitch, l_hip_roll, l_hip_yaw, l_knee, l_ank_pitch, l_ank_roll" in message
+    assert message.endswith("l_hip_yaw, l_hip_roll, l_hip_pitch, l_knee, l_ank_pitch, l_ank_roll")
+    assert Leg.of(robot, "right").thigh > 0.0
+
+
+def test_forward_kinematics_alone_refuses_a_leg_of_another_order(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("flexmotion.retarget.legs.check_order", lambda *_: None)
+    with pytest.raises(RetargetError, match=r"left leg: the closed form misses the sole's pose at l_hip_yaw .* mm and"):
+        Leg.of(pitch_roll_yaw(tmp_path), "left")
+
+
+def test_a_joint_between_those_of_the_mapping_is_refused(tmp_path: Path) -> None:
+    folder = tmp_path / "op3"
+    shutil.copytree(ROBOTS / "op3", folder)
+    model, settings = folder / "op3.xml", folder / "op3.yaml"
+    ankle = '<joint name="l_ank_roll" axis="1 0 0" range="-0.7 0.7"/>'
+    toe = '<joint name="l_toe" axis="0 1 0" range="-0.7 0.7"/>'
+    model.write_text(model.read_text().replace(ankle, ankle + toe))
+    joint = "  - {name: l_toe, servo: XM430-W350, id: 30, limits: [-0.6, 0.6]}"
+    settings.write_text(settings.read_text().replace("\nfeet:", f"\n{joint}\nfeet:"))
+    with pytest.raises(RetargetError, match="l_ank_pitch, l_ank_roll, l_toe; expected"):
+        Leg.of(load_robot(folder), "left")
+
+
+@pytest.mark.parametrize(("part", "by"), [("thigh", 0.004), ("shank", -0.004)])
+def test_a_closed_form_with_a_wrong_length_is_refused(part: str, by: float) -> None:
+    leg = LEGS[0]
+    wrong = replace(leg, **{part: getattr(leg, part) + by})
+    with pytest.raises(RetargetError, match="left leg: the closed form misses"):
+        check_poses(ROBOT, "left", leg.indices, leg.signs, leg.knee_range, wrong.solve)
+    check_poses(ROBOT, "left", leg.indices, leg.signs, leg.knee_range, leg.solve)
+
+
+def test_a_knee_that_bends_backward_is_refused(tmp_path: Path) -> None:
+    folder = tmp_path / "op3"
+    shutil.copytree(ROBOTS / "op3", folder)
+    file = folder / "op3.yaml"
+    text = file.read_text().replace("name: l_knee, servo: XM430-W350, id: 14, limits: [0, 2.4]",
+                                    "name: l_knee, servo: XM430-W350, id: 14, limits: [-2.4, 0]")  # fmt: skip
+    file.write_text(text.replace("l_knee: 0.7893", "l_knee: -0.7893").replace("l_knee: 2.053", "l_knee: -2.053"))
+    with pytest.raises(
+        RetargetError, match=r"joint 'l_knee' of the left leg: limits \[-2.40, 0.00\] rad bend the knee"
+    ):
+        Leg.of(load_robot(folder), "left")

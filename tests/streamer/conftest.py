@@ -147,4 +147,4 @@ def outcome() -> Outcome:
 def pictures(outcome: Outcome, tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     """All pictures of `outcome`."""
     folder = tmp_path_factory.mktemp("pictures")
-    return write_plots(folder, outcome.record, outcome.robot, outcome.figures, outcome.motion)
+    return write_plots(folder, outcome.record, outcome.robot, outcome.figures, outcome.motion, outcome.profile)

@@ -3,7 +3,7 @@
 const SHOWN_S = 30;
 const CURVES = [
   { name: "tracking_deg", title: "tracking error of the joints", unit: "°", digits: 1, most: 5 },
-  { name: "load", title: "hardest joint, of its usable torque", unit: "%", digits: 0, most: 1, scale: 100, limit: 1 },
+  { name: "load", title: "hardest joint, of its envelope", unit: "%", digits: 0, most: 1, scale: 100, limit: 1 },
   { name: "margin_mm", title: "balance: distance to the soles' edge", unit: "mm", digits: 0, least: 0, most: 80, limit: 0 },
   { name: "late_ms", title: "loop: longest period's work and delay", unit: "ms", digits: 1, most: 8, limit: 8 },
 ];

@@ -401,7 +401,20 @@ def test_check_torque(short_clip: Path, tmp_path: Path, capsys: pytest.CaptureFi
     content = json.loads(capsys.readouterr().out)
     assert code == (0 if content["ok"] else 1)
     assert content["worst"] in content["joints"]
+    assert content["ok"] == (not content["failed"])
     assert (tmp_path / "torque.png").stat().st_size > 10_000
+
+
+def test_least_likeness_decides_the_exit_code(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from flexmotion.human.motion_file import save_motion
+    from flexmotion.streamer.commands.choice import choose_motion
+
+    file = tmp_path / "walk.npz"
+    save_motion(choose_motion()[255:305], file)
+    assert run("dry-run", "--clip", str(file), "--min-likeness", "1", "--json") == 1
+    content = json.loads(capsys.readouterr().out)
+    assert content["options"]["min_likeness"] == 1.0
+    assert content["likeness"]["score"] < 1.0 and not content["motion"]["fell"]
 
 
 def test_script_of_two_clips(short_clip: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from flexmotion.configs.envelope import Envelope
 from flexmotion.configs.robot import Robot, load_robot
 from flexmotion.human.kinematics import forward
 from flexmotion.spatial.heading import heading
@@ -24,7 +25,7 @@ from flexmotion.streamer.page.body import BONES, page_robot
 from flexmotion.streamer.page.curves import Curves, margin_mm
 from flexmotion.streamer.page.feed import Feed
 from flexmotion.streamer.page.geometry import geom_meshes
-from flexmotion.streamer.page.health import Health
+from flexmotion.streamer.page.health import Health, load
 from flexmotion.streamer.page.pictures import Pictures, beside
 from flexmotion.streamer.page.pose import MeasuredPose, PlannedPose
 
@@ -248,9 +249,19 @@ def test_health_of_a_run(robot: Robot, rows: Row) -> None:
     window = late["lateness_s"][-int(5 * robot.rate_hz) :]
     assert health.lateness_s(99) == pytest.approx(np.percentile(window, 99))
     loads = health.hardest(3)
-    torque = np.sqrt(np.mean(rows["true_torque"][-int(robot.rate_hz) :] ** 2, axis=0)) / robot.usable_torque
-    assert [load.joint for load in loads] == [robot.joint_names[i] for i in np.argsort(-torque)[:3]]
-    assert loads[0].share == pytest.approx(torque.max())
+    last = rows[-int(robot.rate_hz) :]
+    envelope = Envelope.of(robot).at(last["voltage"], last["temperature"])
+    share = np.sqrt(np.mean(envelope.load(last["true_torque"], last["qd"]) ** 2, axis=0))
+    assert [load.joint for load in loads] == [robot.joint_names[i] for i in np.argsort(-share)[:3]]
+    assert loads[0].share == pytest.approx(share.max())
+
+
+def test_load_is_of_the_envelope_at_the_measured_supply(robot: Robot, rows: Row) -> None:
+    low = rows[-5:].copy()
+    low["true_torque"], low["qd"], low["temperature"] = 1.0, 0.0, 25.0
+    low["voltage"] = 0.5 * robot.nominal_voltage
+    envelope = Envelope.of(robot)
+    assert load(envelope, low) == pytest.approx(np.full((5, robot.n), 1.0 / (0.5 * robot.stall_torque[0])))
 
 
 def test_a_page_gets_the_last_half_minute_and_then_what_is_new(robot: Robot, rows: Row, telemetry: Telemetry) -> None:

@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from rich.console import Console, RenderableType
 
-from flexmotion.configs.envelope import endurance, envelope, torque_limit
 from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.robot import Robot, load_robot
 from flexmotion.configs.stream import load_stream
 from flexmotion.human.motion import Motion
-from flexmotion.streamer.checks.torque_check import check_trajectory, render_check
 from flexmotion.streamer.commands.choice import choose_motion
 from flexmotion.streamer.motion.intents import Text
 from flexmotion.streamer.motion.model_source import ModelSource
@@ -102,72 +99,8 @@ def test_quality(trajectory: Trajectory, robot: Robot, motion: Motion) -> None:
     assert "net path" in text_of(render_quality(result))
 
 
-def test_torque_limit_by_hand(robot: Robot) -> None:
-    """XM430-W350: 2.5 N·m motoring, 4.1 N·m braking, and back-EMF takes the rest at speed."""
-    n = robot.n
-    for torque, speed, expected in ((1.0, 1.0, 2.5), (-1.0, 1.0, 4.1), (1.0, -1.0, 4.1), (1.0, 0.0, 4.1)):
-        limit = torque_limit(robot, np.full(n, torque), np.full(n, speed))
-        assert limit == pytest.approx(np.full(n, expected))
-    fast = torque_limit(robot, np.ones(n), 0.9 * robot.no_load_speed)
-    assert fast == pytest.approx(0.1 * robot.stall_torque)
-    assert torque_limit(robot, np.ones(n), 2 * robot.no_load_speed) == pytest.approx(np.zeros(n))
-
-
-def test_envelope_is_the_border_of_the_torque_limit(robot: Robot) -> None:
-    speed, torque = envelope(robot, 0)
-    for one_speed, one_torque in zip(speed, torque, strict=True):
-        if one_speed == 0 or one_torque == 0:
-            continue
-        limit = torque_limit(robot, np.full(robot.n, one_torque), np.full(robot.n, one_speed))
-        assert abs(one_torque) == pytest.approx(limit[0])
-
-
-def test_endurance_ends_where_the_servo_would_shut_down(robot: Robot) -> None:
-    servo = robot.servos[0]
-    resting, stalled = endurance(robot, 0, 0.0), endurance(robot, 0, servo.stall_torque)
-    assert resting.seconds is None
-    assert resting.temperature == pytest.approx(25.0)
-    assert stalled.seconds is not None
-    warmed = 25 + servo.stall_temperature_rise * (1 - np.exp(-stalled.seconds / servo.thermal_time_constant))
-    assert warmed == pytest.approx(servo.temperature_limit)
-
-
 def text_of(result: RenderableType) -> str:
     console = Console(width=120)
     with console.capture() as capture:
         console.print(result)
     return capture.get()
-
-
-def gentle(trajectory: Trajectory) -> Trajectory:
-    return replace(trajectory, torque=np.zeros_like(trajectory.torque), qd=np.zeros_like(trajectory.qd))
-
-
-def test_check_passes_what_fits_and_names_the_worst_moment(trajectory: Trajectory, robot: Robot) -> None:
-    easy = gentle(trajectory)
-    easy.torque[100, robot.index("r_knee")] = 4.0
-    result = check_trajectory(easy, robot, "made up")
-    assert result.ok
-    assert result.worst == "r_knee"
-    knee = result.joints["r_knee"]
-    assert (knee.peak_at_s, knee.peak_torque_nm, knee.peak_limit_nm) == pytest.approx((0.8, 4.0, 4.1))
-
-
-def test_check_fails_past_the_envelope_and_on_overheating(trajectory: Trajectory, robot: Robot) -> None:
-    peak = gentle(trajectory)
-    # A tick over the limit is a foot that leaves the floor; a tenth of the time is a servo that cannot follow.
-    tenth = slice(0, len(peak) // 10)
-    peak.torque[5, 0], peak.qd[5, 0] = 2.6, 1.0
-    assert check_trajectory(peak, robot, "made up").ok
-    peak.torque[tenth, 0], peak.qd[tenth, 0] = 2.6, 1.0
-    assert not check_trajectory(peak, robot, "made up").ok
-    still = gentle(trajectory)
-    hour = replace(still, rate_hz=len(still) / 3600)
-    hour.torque[:, 3] = 4.0
-    result = check_trajectory(hour, robot, "made up")
-    lasts = result.joints[robot.joint_names[3]].lasts_s
-    assert result.joints[robot.joint_names[3]].over_share == 0.0
-    assert lasts is not None
-    assert lasts < 3600
-    assert not result.ok
-    assert text_of(render_check(result)).startswith("FAIL")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Callable
 
@@ -16,8 +17,10 @@ from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.plan_buffer import PlanBuffer, Ticket
 from flexmotion.streamer.control.telemetry import Telemetry
 from flexmotion.streamer.motion.clip_library import ClipLibrary
+from flexmotion.streamer.motion.heard import Heard, HeardChannel, heard_since
 from flexmotion.streamer.motion.intents import Clip
 from flexmotion.streamer.motion.targets import TargetMailbox
+from flexmotion.streamer.planning.ease_notes import EASED
 from flexmotion.streamer.planning.lead import FixedLead, Kind, Lead, MeasuredLead
 from flexmotion.streamer.planning.planner import Planner
 from flexmotion.streamer.planning.replanning import Replanner, Superseded
@@ -324,3 +327,44 @@ def test_the_lead_is_bounded_and_ignores_delayed_plans() -> None:
     for _ in range(40):
         lead.record(Kind.STOP, 0.0, 0.74)
     assert _ticks(lead, Kind.STOP) == 94
+
+
+@pytest.mark.parametrize(("share", "state"), [(0.6, "slowed"), (0.12, "refused")])
+def test_a_target_beyond_the_envelope_is_eased_and_its_answer_says_so(op3: Robot, share: float, state: str) -> None:
+    """Of two robots with less torque one follows a walk more slowly, the other comes to a stand."""
+    weak = copy.copy(op3)
+    for name in ("stall_torque", "usable_torque", "back_emf"):
+        setattr(weak, name, share * getattr(op3, name))
+    settings = load_stream().model_copy(update={"effort_limit": 1.0})
+    bench, heard, notes = Bench(op3, Retargeter(weak, settings)), HeardChannel(), list[str]()
+    bench.replanner = Replanner(
+        bench.planner,
+        bench.plans,
+        bench.telemetry.ticks,
+        settings,
+        bench.targets,
+        FixedLead(LEAD),
+        notes.append,
+        heard,
+        lockstep=True,
+    )
+    reader, answers = heard.reader(), list[Heard]()
+    bench.first()
+    target, tick = bench.targets.send(Clip("walk")), 106
+    while not any(answer.state == state for answer in answers):
+        assert tick < 1500
+        if bench.replanner.step(tick):
+            offer = bench.plans.newest(0)
+            assert offer is not None
+            bench.plans.hold(None, None)
+            tick = max(offer.plan.start_tick, tick) + 1
+            playing = offer.ticket
+            bench.publish_row(tick - 1, state=State.STREAMING, plan=playing.id, target=playing.target, ready=False)
+        else:
+            tick += 5
+            bench.publish_row(tick - 1, state=State.STREAMING, plan=playing.id, target=playing.target, ready=False)
+        answers += heard_since(reader)
+    assert answers[-1].id == target.id
+    assert "times its servo's envelope" in str(answers[-1].reason if state == "refused" else answers[-1].notes)
+    assert any(note.startswith(EASED) for note in notes)
+    assert bench.replanner.ledger.halted is (state == "refused")

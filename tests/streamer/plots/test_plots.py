@@ -23,7 +23,7 @@ PNG = b"\x89PNG\r\n\x1a\n"
 
 
 def test_every_picture_is_a_png(pictures: list[Path]) -> None:
-    assert [file.stem for file in pictures] == ["robot", "footsteps", "timeline", "tracking", "torque"]
+    assert [file.stem for file in pictures] == ["robot", "footsteps", "timeline", "tracking", "torque", "effort"]
     assert all(file.read_bytes().startswith(PNG) for file in pictures)
 
 

@@ -16,7 +16,8 @@ def test_page_is_self_contained(outcome: Outcome, pictures: list[Path], tmp_path
     assert not re.search(r'(src|href)="(?!data:)', html)
     assert "http" not in re.sub(r"base64,[^\"]*", "", html)
     assert html.index("PASS</h1>") < html.index(verdict(outcome.report)) < html.index("<img")
-    for word in ("leg tracking error", "l_knee", "prefers-color-scheme: dark", 'name="viewport"'):
+    words = ("leg tracking error", "l_knee", "<h2>Likeness</h2>", "forearms")
+    for word in (*words, "prefers-color-scheme: dark", 'name="viewport"'):
         assert word in html
 
 

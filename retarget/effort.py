@@ -1,0 +1,67 @@
+"""The effort of a plan: how much of its servos' envelope its inverse dynamics need, where it can still be changed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexmotion.configs.envelope import Envelope
+from flexmotion.retarget.steps import Step
+
+Float = NDArray[np.float64]
+
+REACTION_S = 0.1
+"""Arms and trunk go on as before for this long: their filters answer no faster [s]."""
+SETTLING_S = 0.08
+"""A leg's torque is still that of its last step for this long after a touch-down [s]."""
+
+
+@dataclass(frozen=True)
+class Effort:
+    """The hardest moment of the rows of a plan that can still be changed.
+
+    Attributes:
+        load: share of the envelope, 1 on its border; 0 where no row can be changed.
+        joint: column of the joint.
+        row: row of the plan.
+        torque, limit: there [N·m].
+    """
+
+    load: float
+    joint: int = 0
+    row: int = 0
+    torque: float = 0.0
+    limit: float = 0.0
+
+
+def effort(
+    envelope: Envelope, legs: NDArray[np.int64], torque: Float, speed: Float, begins: tuple[int, int], ends: int
+) -> Effort:
+    """The hardest moment of a plan.
+
+    Args:
+        legs: columns of the leg joints.
+        torque, speed: of the plan, (T, n) [N·m, rad/s].
+        begins: first row that counts at all, and first one of the legs, not before it; see `changeable`.
+        ends: row after the last one that counts.
+    """
+    load = envelope.load(torque[:ends], speed[:ends])
+    load[: begins[0]] = 0.0
+    load[: begins[1], legs] = 0.0
+    if not load.size:
+        return Effort(0.0)
+    row, joint = np.unravel_index(int(np.argmax(load)), load.shape)
+    most = envelope.limit(torque[row], speed[row])
+    return Effort(float(load[row, joint]), int(joint), int(row), abs(float(torque[row, joint])), float(most[joint]))
+
+
+def changeable(settled: list[Step], tick: int, rate_hz: float) -> tuple[int, int]:
+    """First rows of a plan from `tick` on that another draft could change: of arms and head, and of legs.
+
+    Steps that an earlier plan has settled are carried out as they are.
+    """
+    arms = round(REACTION_S * rate_hz)
+    landed = max((step.land - tick + round(SETTLING_S * rate_hz) for step in settled), default=0)
+    return arms, max(arms, int(landed))

@@ -1,0 +1,124 @@
+"""Plans beyond the envelope: slowed, then made smaller, then refused, and eased less where there is room."""
+
+from __future__ import annotations
+
+import copy
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from flexmotion.configs.robot import Robot
+from flexmotion.configs.stream import StreamSettings
+from flexmotion.human.motion import Motion
+from flexmotion.retarget.easing import DRAFTS, LEAST_PACE, LEAST_SIZE, WHOLE, Ease
+from flexmotion.retarget.effort import Effort
+from flexmotion.retarget.plan import Plan
+from flexmotion.retarget.retargeter import Retargeter
+
+FRAMES, REPLAN = 32, 31
+
+
+def weak(robot: Robot, share: float) -> Robot:
+    """The robot with less torque in every servo."""
+    found = copy.copy(robot)
+    for name in ("stall_torque", "usable_torque", "back_emf"):
+        setattr(found, name, share * getattr(robot, name))
+    return found
+
+
+def judging(robot: Robot, stream: StreamSettings, limit: float | None = 1.0) -> Retargeter:
+    return Retargeter(robot, stream.model_copy(update={"effort_limit": limit}))
+
+
+def follow(retargeter: Retargeter, motion: Motion, most: int = 40) -> list[Plan]:
+    """Plans, each resuming the one before, until the motion is over."""
+    plans, state, tick = list[Plan](), retargeter.standing(), 0
+    while len(plans) < most:
+        first = retargeter.next_frame(state, tick, motion.fps)
+        frames = motion[first : first + FRAMES]
+        if len(frames) < 2:
+            break
+        plans.append(retargeter.plan(state, frames, first, tick))
+        rows = min(REPLAN, len(plans[-1]) - 1)
+        state, tick = plans[-1].states[rows], tick + rows
+    return plans
+
+
+@given(load=st.floats(1.001, 10.0))
+def test_slower_before_smaller_and_never_below_the_least(load: float) -> None:
+    ease, seen = WHOLE, [WHOLE]
+    for _ in range(60):
+        ease = ease.harder(Effort(load), 1.0)
+        seen.append(ease)
+    assert ease == Ease(LEAST_PACE, LEAST_SIZE) and ease.least
+    for before, after in zip(seen, seen[1:], strict=False):
+        assert after.pace <= before.pace and after.size <= before.size
+        assert after.size == 1.0 or after.pace == LEAST_PACE
+
+
+def test_eased_less_only_where_there_is_room() -> None:
+    eased = Ease(LEAST_PACE, 0.8)
+    assert eased.relaxed(Effort(0.95), 1.0) == eased
+    larger = eased.relaxed(Effort(0.3), 1.0)
+    assert larger.size > 0.8 and larger.pace == LEAST_PACE
+    ease = eased
+    for _ in range(20):
+        ease = ease.relaxed(Effort(0.3), 1.0)
+    assert ease == WHOLE and ease.whole
+
+
+def test_plans_within_the_limit_are_those_that_are_not_judged(
+    op3: Robot, stream: StreamSettings, retargeter: Retargeter, walk: Motion
+) -> None:
+    for plan, free in zip(follow(judging(op3, stream, 5.0), walk, 5), follow(retargeter, walk, 5), strict=True):
+        assert plan.eased is not None and plan.eased.ease.whole and plan.eased.drafts == 1
+        assert free.eased is None
+        np.testing.assert_array_equal(plan.q, free.q)
+        np.testing.assert_array_equal(plan.states, free.states)
+        assert not plan.repairs["torque"].any()
+
+
+def test_a_weaker_robot_follows_more_slowly(op3: Robot, stream: StreamSettings, clip: Motion) -> None:
+    """The clip waves: the arm of a robot with 70 % of the torque follows it at a slower pace, within its envelope."""
+    wave = clip[:100]
+    plans = follow(judging(weak(op3, 0.7), stream), wave)
+    eased = [plan.eased for plan in plans if plan.eased is not None]
+    assert min(one.ease.pace for one in eased) < 1.0
+    assert not any(one.refused for one in eased) and max(one.drafts for one in eased) <= DRAFTS
+    slowest = min(plans, key=lambda plan: plan.eased.ease.pace if plan.eased else 1.0)
+    assert slowest.eased is not None and slowest.repairs["torque"].all()
+    known = slowest.source_s[: slowest.stop_row]
+    np.testing.assert_allclose(np.diff(known) * op3.rate_hz, slowest.eased.ease.pace, atol=1e-9)
+    assert slowest.eased.effort.load < slowest.eased.first.load or slowest.eased.drafts == 1
+
+
+def test_clock_of_the_human_goes_on_where_it_was_when_the_pace_changes(
+    op3: Robot, stream: StreamSettings, clip: Motion
+) -> None:
+    plans = follow(judging(weak(op3, 0.7), stream), clip[:100])
+    for plan, after in zip(plans, plans[1:], strict=False):
+        row = after.start_tick - plan.start_tick
+        if row < plan.stop_row and after.stop_row:
+            assert after.source_s[0] == pytest.approx(plan.source_s[row], abs=1e-6)
+            step = np.abs(after.q[0] - plan.q[row - 1]).max() * op3.rate_hz
+            assert step < op3.no_load_speed.max()
+
+
+def test_a_robot_that_can_hardly_stand_refuses_and_stops(op3: Robot, stream: StreamSettings, clip: Motion) -> None:
+    plans = follow(judging(weak(op3, 0.12), stream), clip[:60], 12)
+    refused = [plan for plan in plans if plan.eased is not None and plan.eased.refused]
+    assert refused
+    for plan in refused:
+        assert plan.eased is not None and plan.eased.ease.least and plan.eased.effort.load > 1.0
+        assert plan.stop_row == 0 and np.isnan(plan.source_s).all()
+        assert plan.contacts[-1].all()
+    first = plans.index(refused[0])
+    paces = [plan.eased.ease.pace for plan in plans[: first + 1] if plan.eased is not None]
+    assert paces == sorted(paces, reverse=True)
+
+
+def test_a_stop_is_never_judged(op3: Robot, stream: StreamSettings) -> None:
+    retargeter = judging(weak(op3, 0.1), stream)
+    assert retargeter.plan(retargeter.standing(), None, 0, 0).eased is None
