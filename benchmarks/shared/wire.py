@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from flexmotion.configs.stream import StreamSettings
 from flexmotion.streamer import api
 from flexmotion.streamer.gateway.admission import Admission
 from flexmotion.streamer.mirror.intake import Intake
@@ -46,12 +47,13 @@ def mirrored(
     bundle: str | Path | None = None,
     foreseen: bool = True,
     seed: int = 0,
+    settings: StreamSettings | None = None,
     log: Path | None = None,
     each_tick: Callable[[Session, Intake], None] = lambda _session, _intake: None,
 ) -> tuple[Session, Intake]:
     """A run of the simulated robot that mirrors what arrives, to its end; `seconds`: of the robot's time."""
     source = api.open_mirror(bundle, foreseen=foreseen)
-    session = api.open_session(robot, source=source, seed=seed, log=log, stay=True)
+    session = api.open_session(robot, source=source, settings=settings, seed=seed, log=log, stay=True)
     intake = Intake(Admission(), source.channel)
     waiting = list(arrivals)
     with session:
