@@ -126,6 +126,8 @@ CATALOGUE = (
     Benchmark("realtime/flood", "3 min", (), "a target unanswered; periods missed, lateness or work above 1.5 x by it"),
     Benchmark("realtime/transports", "20 min", (Need.DEV,), "a target unanswered, E-STOP after more than two periods"),
     Benchmark("realtime/stop", "4 min", (), "parked after more than 5.5 s, a fall"),
+    Benchmark("mirror/clips", "6 min", (Need.CLIPS,), "a fall; feet p95 above .6 s; the model not 20 % better at .3 s"),
+    Benchmark("mirror/latency", "1 min", (), "a frame to its command above 80 ms in the median, 150 ms for 95 %"),
     Benchmark("live/soak", "3 h", (), "unanswered, 1 MB in 10 min, a goal outside the envelope, falls of transports"),
     Benchmark("bus/cycle_time", "2 min", (Need.DEV,), "a cycle costs more than 2.3 of rustypot's, or 1.15 of its wire"),
     Benchmark("bus/faults", "5 min", (), "bad packets end a run or cost 10 % of the tracking"),

@@ -41,3 +41,7 @@ class GatewayError(FlexMotionError):
     """A run that listens for targets cannot be reached, refuses the connection or does not answer."""
 
     exit_code = 3
+
+
+class FrameError(FlexMotionError):
+    """A datagram is no frame of a person."""

@@ -34,15 +34,14 @@ if TYPE_CHECKING:
     from flexmotion.human.motion_file import save_motion
     from flexmotion.sampling.sampler import Condition, Sampler
     from flexmotion.streamer.api import (
-        Outcome,
         load_motion,
         open_bundle,
         open_driver,
+        open_mirror,
         open_robot,
         open_sampler,
         open_session,
         open_source,
-        outcome,
         retarget_motion,
     )
     from flexmotion.streamer.control.ladder import State
@@ -54,11 +53,14 @@ if TYPE_CHECKING:
     from flexmotion.streamer.gateway.messages import Answer
     from flexmotion.streamer.gateway.transports.zenoh_client import ZenohClient
     from flexmotion.streamer.log.reader import Log, read_log
+    from flexmotion.streamer.mirror.clip_frames import clip_frames
+    from flexmotion.streamer.mirror.mirroring import MirrorFrom
     from flexmotion.streamer.motion.heard import Heard
     from flexmotion.streamer.motion.intents import Clip, Heading, Stop, Text, Velocity, Waypoint
     from flexmotion.streamer.motion.script import Item, load_script
     from flexmotion.streamer.motion.sources import Performance, Source
     from flexmotion.streamer.motion.targets import Target
+    from flexmotion.streamer.outcome import Outcome, outcome
     from flexmotion.streamer.planning.offline import Trajectory
     from flexmotion.streamer.report.report import Report
     from flexmotion.streamer.run.requests import Request
@@ -84,15 +86,14 @@ _MODULES = {
     "human.motion_file": ("save_motion",),
     "sampling.sampler": ("Condition", "Sampler"),
     "streamer.api": (
-        "Outcome",
         "load_motion",
         "open_bundle",
         "open_driver",
+        "open_mirror",
         "open_robot",
         "open_sampler",
         "open_session",
         "open_source",
-        "outcome",
         "retarget_motion",
     ),
     "streamer.control.ladder": ("State",),
@@ -104,11 +105,14 @@ _MODULES = {
     "streamer.control.run_trace": ("RunTrace",),
     "streamer.control.telemetry": ("Event",),
     "streamer.log.reader": ("Log", "read_log"),
+    "streamer.mirror.clip_frames": ("clip_frames",),
+    "streamer.mirror.mirroring": ("MirrorFrom",),
     "streamer.motion.heard": ("Heard",),
     "streamer.motion.intents": ("Clip", "Heading", "Stop", "Text", "Velocity", "Waypoint"),
     "streamer.motion.script": ("Item", "load_script"),
     "streamer.motion.sources": ("Performance", "Source"),
     "streamer.motion.targets": ("Target",),
+    "streamer.outcome": ("Outcome", "outcome"),
     "streamer.planning.offline": ("Trajectory",),
     "streamer.report.report": ("Report",),
     "streamer.run.requests": ("Request",),
@@ -136,6 +140,7 @@ __all__ = [
     "Item",
     "Listening",
     "Log",
+    "MirrorFrom",
     "Motion",
     "MotionFormatError",
     "Outcome",
@@ -159,12 +164,14 @@ __all__ = [
     "Velocity",
     "Waypoint",
     "ZenohClient",
+    "clip_frames",
     "concatenate",
     "load_motion",
     "load_script",
     "load_stream",
     "open_bundle",
     "open_driver",
+    "open_mirror",
     "open_robot",
     "open_sampler",
     "open_session",

@@ -7,44 +7,37 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from flexmotion.bundles.bundle import Bundle
 from flexmotion.bundles.shipped import bundle_folder, shipped_bundle
-from flexmotion.configs.errors import ConfigError, SessionError
+from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.robot import Robot, load_robot
 from flexmotion.configs.stream import StreamSettings, load_stream
 from flexmotion.drivers.interface import Driver
 from flexmotion.drivers.registry import create
-from flexmotion.drivers.simulated import simulated
 from flexmotion.human.motion import Motion
 from flexmotion.human.resample import resample
 from flexmotion.importers import load
-from flexmotion.retarget.human_steps import count_steps
 from flexmotion.sampling.sampler import Sampler
-from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.control.telemetry import Event
 from flexmotion.streamer.gateway.listening import Listening, listen
-from flexmotion.streamer.log.recorder import Recorder
-from flexmotion.streamer.log.recording import driver_options, record_to, show_in_foxglove
+from flexmotion.streamer.log.recording import record_to, show_in_foxglove
+from flexmotion.streamer.mirror.mirroring import MirrorFrom, mirror_from
 from flexmotion.streamer.motion.intents import Clip, Intent, Stop, Text
+from flexmotion.streamer.motion.mirror_source import MirrorSource
 from flexmotion.streamer.motion.model_source import ModelSource
-from flexmotion.streamer.motion.replan_noise import NoisySource
+from flexmotion.streamer.motion.person_channel import PersonChannel
 from flexmotion.streamer.motion.robot_pace import human_pace
 from flexmotion.streamer.motion.script import Item, check_script
 from flexmotion.streamer.motion.sequence import sequence
 from flexmotion.streamer.motion.sources import ClipSource, Performance, Source
 from flexmotion.streamer.planning.offline import Trajectory, retarget_offline
-from flexmotion.streamer.report.likeness import likeness
-from flexmotion.streamer.report.metrics import HumanTrack, RobotFigures
-from flexmotion.streamer.report.report import Report, RunInfo, build_report
-from flexmotion.streamer.report.torque_profile import TorqueProfile, torque_profile
 from flexmotion.streamer.run.parts import Clock
-from flexmotion.streamer.run.played_human import human_motion
 from flexmotion.streamer.run.requests import Request
-from flexmotion.streamer.run.session import Phase, Session
+from flexmotion.streamer.run.session import Session
 
 Followed = Motion | Intent | Sequence[Item]
 """What a robot can follow: a motion, one intent, or a script of intents."""
@@ -164,6 +157,20 @@ def open_source(
     return source if seconds is None or seconds >= source.seconds else source.cut(seconds)
 
 
+def open_mirror(bundle: str | Path | None = None, *, foreseen: bool = True) -> MirrorSource:
+    """A source that follows a person live; `open_session(…, source, mirror=MirrorFrom())` receives the frames.
+
+    Args:
+        bundle: of the model that foresees what the person does; None: the one that comes with the project, if any.
+        foreseen: whether a model is used; without one the person's speed is held and dies away.
+
+    Raises:
+        ConfigError: the bundle is damaged, or its model has another frame rate than live poses.
+    """
+    sampler = open_sampler(bundle) if foreseen and (bundle is not None or shipped_bundle() is not None) else None
+    return MirrorSource(PersonChannel(), sampler)
+
+
 def _sequence(items: Sequence[Item], mapping: str | Path | None, blend_frames: int) -> Motion:
     """The clips of a script, one after another."""
     clips = [(item.at, load(item.intent.name, mapping=mapping)) for item in items if isinstance(item.intent, Clip)]
@@ -188,6 +195,7 @@ def open_session(
     log: str | Path | None = None,
     foxglove: bool = False,
     listening: Listening | None = None,
+    mirror: MirrorFrom | None = None,
     allow_refused: bool = False,
     min_likeness: float | None = None,
     armed: bool = True,
@@ -223,6 +231,7 @@ def open_session(
         log: file (.mcap) to record to; None: none.
         foxglove: show the run live in Foxglove, on the port of the settings, to programs of this machine.
         listening: how the run shows itself in a browser and listens for targets of other programs; None: not at all.
+        mirror: where frames of a person are received, for a source of `open_mirror`; None: a program publishes poses.
         allow_refused: the report is ok although something that was asked was refused, dropped or not finished.
         min_likeness: the report is not ok below this likeness, in [0, 1], or where it is unknown; None: not judged.
         armed: torque goes on with the first tick; else with `Request.ARM`.
@@ -260,6 +269,8 @@ def open_session(
         session.on_event = on_event
     if listening is not None:
         listen(session, listening)
+    if mirror is not None:
+        mirror_from(session, mirror)
     if isinstance(source, Performance):
         # Before the run only: once it has started, the loop is the ring's one writer.
         for remark in source.remarks:
@@ -290,80 +301,3 @@ def retarget_motion(
         MotionFormatError: it has fewer than two frames.
     """
     return retarget_offline(robot, ClipSource(motion), load_stream() if settings is None else settings, progress)
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """A finished run and its judgement.
-
-    Attributes:
-        motion: motion of the human; None if unknown, as in a run with targets.
-        figures: the robot's sizes that the report measures by.
-        record: every tick of the run, or the last of a long one.
-        profile: the human's torques beside the robot's; None if unknown.
-        simulated: whether the robot was simulated; its faults are then no failures of hardware.
-    """
-
-    robot: Robot
-    motion: Motion | None
-    figures: RobotFigures
-    record: RunTrace
-    report: Report
-    profile: TorqueProfile | None
-    simulated: bool
-
-    def write(self, folder: str | Path) -> Path:
-        """Write `report.json`, the pictures and `index.html` with all of it into `folder`; returns the page."""
-        # matplotlib and jinja2 take a second to load: only where a report is asked for.
-        from flexmotion.streamer.plots.pictures import write_plots
-        from flexmotion.streamer.report.report_page import write_report_page
-
-        folder = Path(folder)
-        self.report.write(folder)
-        pictures = write_plots(folder, self.record, self.robot, self.figures, self.motion, self.profile)
-        return write_report_page(folder / "index.html", self.report, pictures)
-
-
-def outcome(session: Session) -> Outcome:
-    """The outcome of a session that has run. Raises `SessionError` before its end."""
-    if session.phase is not Phase.ENDED:
-        raise SessionError(f"{session!r}: its outcome is known once it has ended, after `with session:`")
-    robot, source, record = session.robot, session.source, session.record
-    noise_m = source.size_m if isinstance(source, NoisySource) else 0.0
-    performed = source.source if isinstance(source, NoisySource) else source
-    motion = human_motion(source, record)
-    if motion is not None:
-        record.human_steps = count_steps(motion)
-    figures = RobotFigures.of(robot, performed.body.leg if isinstance(performed, Performance) else None)
-    options = driver_options(session.driver)
-    options |= {} if session.feedback else {"feedback": False}
-    options |= {"replan_noise_m": noise_m} if noise_m else {}
-    options |= {"allow_refused": True} if session.allow_refused else {}
-    options |= {} if session.min_likeness is None else {"min_likeness": session.min_likeness}
-    budgets = session.settings.budgets
-    info = RunInfo(
-        robot=robot.name,
-        driver=session.driver.name,
-        source=source.name,
-        seed=session.seed,
-        clock=session.clock,
-        options=options,
-        elapsed_s=session.elapsed_s,
-        realtime=session.scheduling,
-        missed_allowed=budgets.missed_deadlines,
-        underruns_allowed=budgets.underruns,
-        targets=tuple(session.heard),
-        allow_refused=session.allow_refused,
-        min_likeness=session.min_likeness,
-        log=next((service.result() for service in session.services if isinstance(service, Recorder)), None),
-    )
-    profile = None if motion is None else torque_profile(record, robot, figures, motion)
-    report = build_report(
-        record,
-        info,
-        figures,
-        human=None if motion is None else HumanTrack.of(motion),
-        likeness=None if motion is None else likeness(record, robot, figures, motion),
-        profile=profile,
-    )
-    return Outcome(robot, motion, figures, record, report, profile, simulated=simulated(session.driver) is not None)

@@ -107,7 +107,7 @@ def _global(
 def execute(arguments: Sequence[str] | None = None) -> int:
     """Run one command line (`sys.argv` if None) and return its exit code; only bugs raise."""
     try:
-        code = app(args=arguments, standalone_mode=False, prog_name="flexmotion")
+        code = app(args=_with_defaults(arguments), standalone_mode=False, prog_name="flexmotion")
     except FlexMotionError as error:
         return _fail(str(error), error.exit_code)
     except ParserError as error:
@@ -118,6 +118,21 @@ def execute(arguments: Sequence[str] | None = None) -> int:
     except (KeyboardInterrupt, typer.Abort):
         return _fail("interrupted", INTERRUPTED)
     return code if isinstance(code, int) else OK
+
+
+_VALUE_OPTIONAL = {"--mirror": "127.0.0.1:39539"}
+"""Options whose value may be left out, which Typer does not know, and that value."""
+
+
+def _with_defaults(arguments: Sequence[str] | None) -> list[str]:
+    """A command line in which every option of `_VALUE_OPTIONAL` has its value."""
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    filled = []
+    for word, following in zip(given, [*given[1:], "-"], strict=True):
+        filled.append(word)
+        if word in _VALUE_OPTIONAL and following.startswith("-"):
+            filled.append(_VALUE_OPTIONAL[word])
+    return filled
 
 
 def _fail(message: str, code: int) -> int:

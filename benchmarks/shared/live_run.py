@@ -22,6 +22,7 @@ from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.tick_row import TickRow
 from flexmotion.streamer.gateway.client import Client
 from flexmotion.streamer.gateway.listening import Listening
+from flexmotion.streamer.outcome import outcome as outcome_of
 from flexmotion.streamer.run.requests import Request
 from flexmotion.streamer.run.session import Session
 
@@ -66,7 +67,7 @@ class LiveRun:
     def _run(self) -> None:
         self.session.next_request = self._next_request
         self.session.run()
-        self._file.write_text(api.outcome(self.session).report.json_text(), encoding="utf-8")
+        self._file.write_text(outcome_of(self.session).report.json_text(), encoding="utf-8")
 
     def _next_request(self) -> Request | None:
         if self._ended or not self._ending.is_set():

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from flexmotion.human.angles import rotation_about, three_angles
-from flexmotion.human.body import Segments
+from flexmotion.human.body import Body, Segments
 from flexmotion.human.kinematics import HumanKinematics, forward
 from flexmotion.human.motion import Motion
 from flexmotion.human.signals import fill
@@ -23,7 +23,7 @@ from flexmotion.importers.body_fit import fit_body
 from flexmotion.importers.foot import FlatFoot, dorsiflexion, flat_foot, toe_out
 from flexmotion.importers.landmarks import Landmarks
 from flexmotion.importers.limb import hinge_axis, solve_limb
-from flexmotion.importers.trunk import head_rotation, neck_tilt, pelvis_rotation, torso_rotation
+from flexmotion.importers.trunk import head_rotation, neck_tilt, pelvis_rotation, torso_rotation, upright_head
 from flexmotion.spatial.quaternions import continuous_quaternions
 from flexmotion.spatial.transitions import smoothstep
 
@@ -47,11 +47,34 @@ class FitError:
 
 
 @dataclass(frozen=True)
+class Measures:
+    """What a fit takes from all frames of a clip; frames that come one by one are fitted with those of their first.
+
+    Attributes:
+        body: with its fitted segments.
+        elevation: of the line from ankle to toe joint while the left and the right sole are flat [rad].
+        tilt: forward lean of the line from lumbar joint to neck in the torso (see `trunk.neck_tilt`) [rad].
+        nod: forward lean and leftward sway of the head's point while the head is upright [rad]; zero for files with its
+            orientation, or without it.
+    """
+
+    body: Body
+    elevation: tuple[float, float]
+    tilt: float
+    nod: tuple[float, float]
+
+
+@dataclass(frozen=True)
 class Fit:
-    """A fitted motion and its errors, for `ankle`, `wrist` and, where the file has it, `head`."""
+    """A fitted motion and its errors, for `ankle`, `wrist` and, where the file has it, `head`.
+
+    Attributes:
+        measures: that the motion was fitted with.
+    """
 
     motion: Motion
     errors: dict[str, FitError]
+    measures: Measures
 
 
 def fit(found: Landmarks, height: float | None = None) -> Fit:
@@ -61,40 +84,66 @@ def fit(found: Landmarks, height: float | None = None) -> Fit:
 
     Elbow and wrist of a side may be missing: that arm then hangs beside the torso.
     """
+    measures = measure(found, height)
+    motion = posed(found, measures)
+    return Fit(motion, fit_errors(found, forward(motion)), measures)
+
+
+def measure(found: Landmarks, height: float | None = None) -> Measures:
+    """Body and upright posture of the human in a clip; `height`: see `fit`."""
     points = found.points
     root = (points["hip_l"] + points["hip_r"]) / 2
     pelvis = pelvis_rotation(found)
     flat = (flat_foot(found, "l"), flat_foot(found, "r"))
     body = fit_body(found, pelvis, flat, height=height)
-    lumbar = root + pelvis @ np.array([body.segments.lumbar_forward, 0.0, body.segments.lumbar_height])
-    chord = points["neck"] - lumbar
+    lumbar, chord = _spine(found, pelvis, body.segments)
     tilt = neck_tilt(found, pelvis, chord)
     torso = torso_rotation(found, chord, tilt)
     size = _with_shoulders(body.segments, found, lumbar, torso, tilt)
+    tibiae = [_leg({}, found, side, root, pelvis, size) for side in SIDES]
+    size = replace(size, toe_out=_toe_out(found, tibiae, flat))
+    elevation = (flat[0].elevation, flat[1].elevation)
+    return Measures(replace(body, fitted=size), elevation, tilt, upright_head(found, torso))
+
+
+def posed(found: Landmarks, measures: Measures) -> Motion:
+    """The joint angles of a body that is known; position, heading and floor stay as in the file."""
+    points, size = found.points, measures.body.segments
+    root = (points["hip_l"] + points["hip_r"]) / 2
+    pelvis = pelvis_rotation(found)
+    lumbar, chord = _spine(found, pelvis, size)
+    torso = torso_rotation(found, chord, measures.tilt)
 
     angles: dict[str, Float] = {}
     _store(angles, ("lumbar_extension", "lumbar_bending", "lumbar_rotation"), pelvis, torso)
-    _store(angles, ("neck_extension", "neck_bending", "neck_rotation"), torso, head_rotation(found, torso))
-    tibiae = [_leg(angles, found, side, root, pelvis, size) for side in SIDES]
-    size = replace(size, toe_out=_toe_out(found, tibiae, flat))
-    for side, sign, tibia, foot in zip(SIDES, (1.0, -1.0), tibiae, flat, strict=True):
+    head = head_rotation(found, torso, measures.nod)
+    _store(angles, ("neck_extension", "neck_bending", "neck_rotation"), torso, head)
+    for side, sign, elevation in zip(SIDES, (1.0, -1.0), measures.elevation, strict=True):
+        tibia = _leg(angles, found, side, root, pelvis, size)
         line = points[f"toe_{side}"] - points[f"ankle_{side}"]
-        angles[f"ankle_dorsiflexion_{side}"] = dorsiflexion(tibia, line, foot.elevation, sign * size.toe_out)
+        angles[f"ankle_dorsiflexion_{side}"] = dorsiflexion(tibia, line, elevation, sign * size.toe_out)
         if found.has_arm(side):
             _arm(angles, found, side, lumbar, torso, size)
         else:
             _hang_arm(angles, side, len(found))
 
     quaternions = Rotation.from_matrix(pelvis).as_quat(scalar_first=True)
-    motion = Motion(
+    return Motion(
         fps=found.fps,
         root_position=root,
         root_quaternion=continuous_quaternions(quaternions),
         joints=np.stack([angles[joint] for joint in JOINTS], axis=1),
-        body=replace(body, fitted=size),
+        body=measures.body,
         source=found.path,
     )
-    return Fit(motion, fit_errors(found, forward(motion)))
+
+
+def _spine(found: Landmarks, pelvis: Float, size: Segments) -> tuple[Float, Float]:
+    """The lumbar joint and the line from there to the neck, (T, 3) [m]."""
+    points = found.points
+    root = (points["hip_l"] + points["hip_r"]) / 2
+    lumbar = root + pelvis @ np.array([size.lumbar_forward, 0.0, size.lumbar_height])
+    return lumbar, points["neck"] - lumbar
 
 
 def _with_shoulders(size: Segments, found: Landmarks, lumbar: Float, torso: Float, tilt: float) -> Segments:

@@ -100,13 +100,24 @@ def landmarks(
 ) -> Landmarks:
     """A capture in FlexMotion's names, axes and metres, without initial frames that are not motion.
 
+    Args and errors: see `all_landmarks`; also `MotionFormatError` where the file has only a T pose.
+    """
+    found = all_landmarks(capture, mapping, units=units, up=up)[_zero_frames(capture) :]
+    return found[_settled(found) :]
+
+
+def all_landmarks(
+    capture: Capture, mapping: SkeletonMapping, *, units: Units | None = None, up: Up | None = None
+) -> Landmarks:
+    """A capture in FlexMotion's names, axes and metres.
+
     Args:
         capture: as read from the file.
         mapping: from names of points to its joints.
         units, up: of the file; None for those of the mapping, or a guess from leg length and position of the head.
 
     Raises:
-        MotionFormatError: no units or upward axis give a human, or the file has only a T pose.
+        MotionFormatError: no units or upward axis give a human.
     """
     columns = {point: capture.select(markers(joint)) for point, joint in mapping.joints.items()}
     raw = {point: capture.positions[:, column].mean(axis=1) for point, column in columns.items()}
@@ -137,7 +148,7 @@ def landmarks(
             orientations[segment] = turn @ capture.rotations[:, capture.names.index(joint)] @ axes
         for point in ATTACHED & columns.keys():
             attached[point] = turn @ capture.rotations[:, columns[point][0]]
-    found = Landmarks(
+    return Landmarks(
         capture.path,
         capture.fps,
         points,
@@ -146,8 +157,7 @@ def landmarks(
         capture.start,
         (*capture.warnings, *notes),
         capture.up or up,
-    )[_zero_frames(capture) :]
-    return found[_settled(found) :]
+    )
 
 
 def _guess_up(raw: dict[str, Float]) -> Up:

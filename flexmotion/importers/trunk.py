@@ -117,13 +117,28 @@ def torso_rotation(found: Landmarks, chord: Float, tilt: float) -> Float:
     return exact @ rotation_about("y", -tilt)
 
 
-def head_rotation(found: Landmarks, torso: Float) -> Float:
-    """Rotation of the head, (T, 3, 3): as in the file, else of the torso, tilted to keep the head above the neck."""
+def upright_head(found: Landmarks, torso: Float) -> tuple[float, float]:
+    """Forward lean and leftward sway of the head's point in the torso, medians [rad]; zero where it has no use."""
+    if "head" in found.orientations or "head" not in found.points:
+        return 0.0, 0.0
+    lean, sway = _nod(found, torso)
+    return float(np.median(lean)), float(np.median(sway))
+
+
+def head_rotation(found: Landmarks, torso: Float, upright: tuple[float, float]) -> Float:
+    """Rotation of the head, (T, 3, 3): as in the file, else of the torso, tilted to keep the head above the neck.
+
+    Args:
+        upright: see `upright_head`.
+    """
     if "head" in found.orientations:
         return found.orientations["head"]
     if "head" not in found.points:
         return torso
+    lean, sway = _nod(found, torso)
+    return torso @ rotation_about("y", lean - upright[0]) @ rotation_about("x", sway - upright[1])
+
+
+def _nod(found: Landmarks, torso: Float) -> tuple[Float, Float]:
     local = in_frame(torso, found.points["head"] - found.points["neck"])
-    lean = np.arctan2(local[:, 0], local[:, 2])
-    sway = np.arctan2(-local[:, 1], local[:, 2])
-    return torso @ rotation_about("y", lean - np.median(lean)) @ rotation_about("x", sway - np.median(sway))
+    return np.arctan2(local[:, 0], local[:, 2]), np.arctan2(-local[:, 1], local[:, 2])

@@ -20,6 +20,7 @@ from flexmotion.streamer import api
 from flexmotion.streamer.checks.switching import shipped_clips, switched
 from flexmotion.streamer.commands.output import print_note
 from flexmotion.streamer.motion.intents import Clip, Intent, Text
+from flexmotion.streamer.motion.mirror_source import MirrorSource
 from flexmotion.streamer.motion.model_source import ModelSource
 from flexmotion.streamer.motion.script import Item, load_script
 from flexmotion.streamer.motion.sources import LiveSource, Performance
@@ -103,6 +104,27 @@ def choose_source(
         return _model(
             robot, load_script(path), "model:default", "the default script", bundle, seed, seconds, endless, clips
         )
+
+
+def choose_mirror(
+    *,
+    clip: Path | None = None,
+    script: Path | None = None,
+    prompt: str | None = None,
+    bundle: Path | None = None,
+    clips: Sequence[Path] = (),
+) -> MirrorSource:
+    """A source that follows a person, foreseen by the model where there is one; see `choose_source`.
+
+    Raises:
+        typer.BadParameter: another motion is asked for too.
+        ConfigError: the bundle cannot be read.
+    """
+    choices = {"--clip": clip, "--script": script, "--prompt": prompt, "--clips": clips or None}
+    given = [name for name, value in choices.items() if value is not None]
+    if given:
+        raise typer.BadParameter(f"--mirror and {' and '.join(given)} exclude each other; give one")
+    return api.open_mirror(bundle)
 
 
 def choose_motion(clip: Path | None = None, mapping: str | None = None) -> Motion:

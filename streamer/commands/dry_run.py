@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from flexmotion.streamer.commands.option_groups import MotionOptions, RunOptions, grouped
+from flexmotion.streamer.commands.option_groups import FollowedOptions, RunOptions, grouped
 from flexmotion.streamer.commands.options import Clock, ReplanNoiseOption, RobotOption
 
 PICKED_UP_S = 3.0
@@ -17,12 +17,12 @@ PICKED_UP_S = 3.0
 def dry_run(
     *,
     robot: RobotOption = "op3",
-    motion: MotionOptions,
+    motion: FollowedOptions,
     clock: Annotated[
         Clock | None,
         typer.Option(
             help="lockstep: step by step, as fast as it computes; real: on the wall clock.",
-            show_default="lockstep; with --view, --web or --stdin real",
+            show_default="lockstep; with --view, --web, --stdin or --mirror real",
         ),
     ] = None,
     perturb: Annotated[
@@ -47,7 +47,8 @@ def dry_run(
     the robot fell or a limit was passed, where a prompt was refused or not done whole (--allow-refused),
     and where the robot did less of the motion than --min-likeness. With --web
     the robot stands and follows what other programs send, until it is interrupted. The command arms the simulated robot
-    (--no-arm: it waits, as a real one does with `run --web`).
+    (--no-arm: it waits, as a real one does with `run --web`). With --mirror it follows a person whose frames come over
+    UDP, and stands while nobody is seen.
 
     [bold]Examples[/bold]
 
@@ -63,6 +64,8 @@ def dry_run(
 
       flexmotion dry-run --web
 
+      flexmotion dry-run --mirror --view
+
       flexmotion dry-run --clip walk.bvh --perturbed --perturb total_mass=3.5 --seed 4 --json
     """
     # From here on a signal is a request, also while the rest is loaded. Heavy imports wait until the command runs: help
@@ -77,22 +80,26 @@ def dry_run(
             from flexmotion.streamer.commands.driver_options import simulation_options
             from flexmotion.streamer.commands.streaming import present, stream
             from flexmotion.streamer.motion.replan_noise import NoisySource
+            from flexmotion.streamer.motion.sources import Performance
 
             settings = load_stream(run.settings)
             chosen = open_robot(robot)
-            stay = run.listens and run.seconds is None
-            source = motion.source(chosen, settings, run.seconds, endless=stay, listens=run.listens)
+            stay = (run.listens or motion.mirrors) and run.seconds is None
+            source = motion.followed(chosen, settings, run.seconds, endless=stay, listens=run.listens)
             options = simulation_options(perturbed, perturb or ())
-            if stay:
+            if stay and run.listens:
                 options.setdefault("picked_up_s", PICKED_UP_S)
+            if replan_noise and motion.mirrors:
+                raise typer.BadParameter("--replan-noise and --mirror exclude each other")
             session = run.session(
                 open_driver("sim", chosen, **options, seed=motion.seed),
                 NoisySource(source, replan_noise, motion.seed) if replan_noise else source,
                 settings,
-                clock=clock or ("real" if run.view or run.listens else "lockstep"),
+                clock=clock or ("real" if run.view or run.listens or motion.mirrors else "lockstep"),
                 seed=motion.seed,
-                seconds=None if stay else source.seconds,
+                seconds=None if stay else source.seconds if isinstance(source, Performance) else run.seconds,
                 stay=stay,
+                mirror=motion.mirror_from(run.token_file),
             )
             outcome = stream(session, signals)
         present(outcome, run.report, run.as_json, signals)

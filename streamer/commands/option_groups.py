@@ -26,6 +26,7 @@ from flexmotion.streamer.commands.options import (
     MassOption,
     MemberOption,
     MinLikenessOption,
+    MirrorOption,
     NameOption,
     PromptOption,
     RealtimeOption,
@@ -51,6 +52,8 @@ if TYPE_CHECKING:
     from flexmotion.drivers.interface import Driver
     from flexmotion.importers import Import
     from flexmotion.streamer.gateway.listening import Listening
+    from flexmotion.streamer.mirror.mirroring import MirrorFrom
+    from flexmotion.streamer.motion.mirror_source import MirrorSource
     from flexmotion.streamer.motion.sources import Performance, Source
     from flexmotion.streamer.run.parts import Clock
     from flexmotion.streamer.run.session import Session
@@ -93,6 +96,47 @@ class MotionOptions:
             endless=endless,
             listens=listens,
             clips=self.clips or (),
+        )
+
+
+@dataclass(frozen=True)
+class FollowedOptions(MotionOptions):
+    """Which motion a robot follows live: also that of a person."""
+
+    mirror: MirrorOption = None
+
+    @property
+    def mirrors(self) -> bool:
+        """Whether a person is mirrored."""
+        return self.mirror is not None
+
+    def mirror_from(self, token_file: Path | None) -> MirrorFrom | None:
+        """Where frames of a person are received; None: nobody is mirrored. Raises `ConfigError`."""
+        if self.mirror is None:
+            return None
+        from flexmotion.streamer.gateway.admission import find_token
+        from flexmotion.streamer.mirror.mirroring import MirrorFrom
+        from flexmotion.streamer.mirror.service import parse_address
+
+        host, port = parse_address(self.mirror)
+        return MirrorFrom(host, port, find_token(token_file), self.mapping)
+
+    def followed(
+        self,
+        robot: Robot,
+        settings: StreamSettings,
+        seconds: float | None,
+        *,
+        endless: bool = False,
+        listens: bool = False,
+    ) -> Performance | MirrorSource:
+        """The source of that motion, or of the person; see `source` and `choice.choose_mirror`."""
+        if not self.mirrors:
+            return self.source(robot, settings, seconds, endless=endless, listens=listens)
+        from flexmotion.streamer.commands.choice import choose_mirror
+
+        return choose_mirror(
+            clip=self.clip, script=self.script, prompt=self.prompt, bundle=self.bundle, clips=self.clips or ()
         )
 
 
@@ -191,11 +235,13 @@ class RunOptions:
         seconds: float | None,
         stay: bool = False,
         armed: bool = True,
+        mirror: MirrorFrom | None = None,
     ) -> Session:
         """The session that `flexmotion.streamer.api.open_session` opens with these options.
 
         Args:
             armed: whether the command itself arms the robot, where `--arm` and `--no-arm` are not given.
+            mirror: see `MotionOptions.mirror_from`.
         """
         from flexmotion.streamer.api import open_session
         from flexmotion.streamer.commands.log_option import log_file
@@ -214,6 +260,7 @@ class RunOptions:
             log=log_file(self.log, self.report),
             foxglove=self.foxglove,
             listening=self._listening(),
+            mirror=mirror,
             allow_refused=self.allow_refused,
             min_likeness=self.min_likeness,
             armed=armed if self.arm is None else self.arm,

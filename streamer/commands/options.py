@@ -65,6 +65,16 @@ ScriptOption = Annotated[
 PromptOption = Annotated[
     str | None, typer.Option("--prompt", help='What to do, in words: "wave with the right hand".', show_default=False)
 ]
+MirrorOption = Annotated[
+    str | None,
+    typer.Option(
+        "--mirror",
+        metavar="[ADDRESS]",
+        help="Mirror a person whose frames come over UDP (VMC, MediaPipe, JSON: docs/live.md); address and port to "
+        "receive them on, else 127.0.0.1:39539.",
+        show_default=False,
+    ),
+]
 BundleOption = Annotated[
     Path | None,
     typer.Option(

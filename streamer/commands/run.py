@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from flexmotion.streamer.commands.option_groups import MotionOptions, RunOptions, grouped
+from flexmotion.streamer.commands.option_groups import FollowedOptions, RunOptions, grouped
 from flexmotion.streamer.commands.options import Clock
 
 
@@ -16,7 +16,7 @@ def run(
     robot: Annotated[str, typer.Option("--robot", "-r", help="A shipped robot's name or a robot folder.")],
     driver: Annotated[str, typer.Option("--driver", "-d", help="Driver to use (see `flexmotion drivers`).")],
     port: Annotated[str | None, typer.Option("--port", "-p", help="Port of the servo bus.", show_default=False)] = None,
-    motion: MotionOptions,
+    motion: FollowedOptions,
     clock: Annotated[
         Clock, typer.Option(help="real: on the wall clock; lockstep: for drivers that simulate in this process.")
     ] = "real",
@@ -49,6 +49,8 @@ def run(
 
       flexmotion run --robot op3 --driver sim --web
 
+      flexmotion run --robot op3 --driver sim --mirror --web
+
       flexmotion run --robot op3 --driver sim --clip wave.bvh
 
       flexmotion run --robot op3 --driver sim --clip walk.bvh --once --report report
@@ -64,11 +66,12 @@ def run(
             from flexmotion.streamer.api import open_driver, open_robot
             from flexmotion.streamer.commands.driver_options import parse_options
             from flexmotion.streamer.commands.streaming import present, stream
+            from flexmotion.streamer.motion.sources import Performance
 
             settings = load_stream(run.settings)
             stay = clock == "real" and not once and run.seconds is None
             chosen = open_robot(robot)
-            source = motion.source(chosen, settings, run.seconds, endless=stay, listens=run.listens)
+            source = motion.followed(chosen, settings, run.seconds, endless=stay, listens=run.listens)
             options = parse_options(option or ())
             if port is not None:
                 options["port"] = port
@@ -80,9 +83,10 @@ def run(
                 settings,
                 clock=clock,
                 seed=motion.seed,
-                seconds=None if stay else source.seconds,
+                seconds=None if stay else source.seconds if isinstance(source, Performance) else run.seconds,
                 stay=stay,
                 armed=not run.listens,
+                mirror=motion.mirror_from(run.token_file),
             )
             session.waits = wait
             outcome = stream(session, signals)

@@ -10,7 +10,6 @@ from typing import Any
 
 import typer
 
-from flexmotion.streamer import api
 from flexmotion.streamer.commands.exit_codes import CHECK_FAILED, HARDWARE_FAILED, INTERRUPTED, OK
 from flexmotion.streamer.commands.output import print_json, print_note, print_result, progress_bar
 from flexmotion.streamer.commands.signals import OperatorSignals
@@ -20,11 +19,13 @@ from flexmotion.streamer.gateway.service import GatewayService
 from flexmotion.streamer.log.live_view import LiveView
 from flexmotion.streamer.log.recorder import Recorder
 from flexmotion.streamer.motion.sources import Performance
+from flexmotion.streamer.outcome import Outcome
+from flexmotion.streamer.outcome import outcome as outcome_of
 from flexmotion.streamer.report.summary import render
 from flexmotion.streamer.run.session import Session
 
 
-def stream(session: Session, signals: OperatorSignals | None = None) -> api.Outcome:
+def stream(session: Session, signals: OperatorSignals | None = None) -> Outcome:
     """Run to the end, or until `signals` ask for it.
 
     Raises:
@@ -53,7 +54,7 @@ def stream(session: Session, signals: OperatorSignals | None = None) -> api.Outc
             for service in session.services:
                 if isinstance(service, Recorder):
                     print_note(f"log: {service.result()}")
-    return api.outcome(session)
+    return outcome_of(session)
 
 
 def _print_event(states: bool, event: Event) -> None:
@@ -68,7 +69,7 @@ def emulated_port(options: Mapping[str, Any]) -> str | None:
     return next((port for port in ports if port and Path(port).resolve().is_relative_to("/dev/pts")), None)
 
 
-def present(outcome: api.Outcome, folder: Path | None, as_json: bool, signals: OperatorSignals | None = None) -> None:
+def present(outcome: Outcome, folder: Path | None, as_json: bool, signals: OperatorSignals | None = None) -> None:
     """Print the report, write it where asked, and leave with the exit code that it means.
 
     SIGTERM is the regular end of a daemon: exit code 0 if the robot is parked without a fault.

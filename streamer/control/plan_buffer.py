@@ -36,6 +36,7 @@ class Ticket:
         stops: it comes to a stop, whatever the source has.
         source_over: the source has nothing after it.
         sample_s, retarget_s: time that it took to get the human motion, and to retarget it [s].
+        seen_ns: arrival of the newest frame of a mirrored person that it follows (`time.perf_counter_ns`); 0: none.
     """
 
     id: int
@@ -49,6 +50,7 @@ class Ticket:
     source_over: bool
     sample_s: float
     retarget_s: float
+    seen_ns: int = 0
 
 
 _TICKET = tuple(field.name for field in fields(Ticket))
@@ -68,6 +70,7 @@ class PlanHead(Record):
     source_over: Bool = column("?")
     sample_s: Float = column("f8")
     retarget_s: Float = column("f8")
+    seen_ns: Int = column("i8")
     start_tick: Int = column("i8")
     stop_row: Int = column("i8")
     length: Int = column("i8")

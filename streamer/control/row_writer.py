@@ -30,6 +30,8 @@ class RowWriter:
         self._simulated = simulated(driver)
         self._rate_hz = robot.rate_hz
         self._counted_tick = -1  # footsteps up to this tick are counted
+        self._seen_ns = 0  # arrival of the newest frame of a person that a plan has followed
+        self._saw = False  # whether the plan that began on this tick follows a newer one
         self._answered: Ticket | None = None  # of the plan by which a new target is followed from this tick on
 
     def plan_began(self, ticket: Ticket) -> None:
@@ -38,6 +40,8 @@ class RowWriter:
         if ticket.target > row.target:
             self._answered = ticket
             row.target[...] = ticket.target
+        if ticket.seen_ns > self._seen_ns:
+            self._seen_ns, self._saw = ticket.seen_ns, True
 
     def write_measured(self, measured: RobotState) -> None:
         """The driver's reading, and the true state of a simulated robot."""
@@ -60,6 +64,9 @@ class RowWriter:
         row.plan[...], row.asked_tick[...] = ticket.id, ticket.asked_tick
         row.plan_start[...], row.plan_end[...] = playing.plan.start_tick, playing.plan.end_tick
         row.sample_s[...], row.retarget_s[...] = ticket.sample_s, ticket.retarget_s
+        if self._saw:
+            row.seen_to_command_s[...] = (time.perf_counter_ns() - self._seen_ns) * 1e-9
+            self._saw = False
         if self._answered is not None:
             waited = (time.perf_counter_ns() - ticket.target_ns) * 1e-9
             row.target_to_command_s[...] = waited

@@ -65,6 +65,9 @@ class TickRow(Record):
     """From a target's arrival to the first tick of the first plan that follows it, on that tick alone [s]."""
     target_to_effect_s: Float = column("f8")
     """From there to the first row that differs by two degrees, on that tick alone [s]."""
+    seen_to_command_s: Float = column("f8")
+    """From the arrival of a mirrored person's frame to the first tick of the first plan that follows it, on that tick
+    alone [s]."""
     work_s: Float = column("f8")
     """Time that the work of this tick took [s]."""
     lateness_s: Float = column("f8")

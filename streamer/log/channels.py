@@ -13,6 +13,8 @@ from flexmotion.streamer.log.messages import (
     EVENT_SCHEMA,
     HEARD,
     HEARD_SCHEMA,
+    PERSON,
+    PERSON_SCHEMA,
     PLAN,
     PLAN_COLUMNS,
     PLAN_SCHEMA,
@@ -20,6 +22,7 @@ from flexmotion.streamer.log.messages import (
     TARGET_SCHEMA,
     TICK,
     TICK_SCHEMA,
+    person_columns,
     tick_columns,
 )
 
@@ -37,6 +40,7 @@ class Channels:
         about = {"joints": ",".join(joints)}
         self._tick = _cdr_channel(context, TICK, TICK_SCHEMA, tick_columns(len(joints)), about)
         self._plan = _cdr_channel(context, PLAN, PLAN_SCHEMA, PLAN_COLUMNS, about)
+        self._person = _cdr_channel(context, PERSON, PERSON_SCHEMA, person_columns(), {})
         self._target = Channel(TARGET, schema=TARGET_SCHEMA, context=context)
         self._heard = Channel(HEARD, schema=HEARD_SCHEMA, context=context)
         self._event = Channel(EVENT, schema=EVENT_SCHEMA, context=context)
@@ -53,6 +57,10 @@ class Channels:
     def plan(self, message: bytes, time_ns: int) -> None:
         """A plan, as CDR."""
         self._plan.log(message, log_time=time_ns)
+
+    def person(self, message: bytes, time_ns: int) -> None:
+        """A pose of the person who is mirrored, as CDR."""
+        self._person.log(message, log_time=time_ns)
 
     def target(self, content: dict[str, Any], time_ns: int) -> None:
         """A target."""

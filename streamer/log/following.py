@@ -16,6 +16,7 @@ from flexmotion.streamer.log.header import LogHeader
 from flexmotion.streamer.log.messages import plan_message
 from flexmotion.streamer.motion.heard import Heard, HeardChannel, heard_since
 from flexmotion.streamer.motion.intents import to_content
+from flexmotion.streamer.motion.person_channel import PersonChannel
 from flexmotion.streamer.motion.targets import TargetMailbox, arrived
 
 _MOST_ROWS = 250
@@ -30,6 +31,7 @@ class Published:
         header: of the run.
         heard: the answers to what is asked in the run.
         items: the answers to the script or the prompt, known before.
+        persons: poses of the person who is mirrored; None: nobody is.
     """
 
     header: LogHeader
@@ -38,6 +40,7 @@ class Published:
     targets: TargetMailbox
     heard: HeardChannel
     items: Sequence[Heard] = ()
+    persons: PersonChannel | None = None
 
 
 class Sink(Protocol):
@@ -49,6 +52,10 @@ class Sink(Protocol):
 
     def plan(self, message: bytes, time_ns: int) -> None:
         """A plan, as CDR."""
+        ...
+
+    def person(self, message: bytes, time_ns: int) -> None:
+        """A pose of the person who is mirrored, as CDR."""
         ...
 
     def target(self, content: dict[str, Any], time_ns: int) -> None:
@@ -89,11 +96,13 @@ class Following:
         self._events = telemetry.events.reader(new_only=new_only)
         self._targets, self._heard = published.targets.reader(), published.heard.reader()
         self._items = list(published.items)
+        self._persons = None if published.persons is None else published.persons.reader(new_only=new_only)
 
     def step(self) -> None:
         """Pass on what is new since the last step."""
         self._pass_plan()
         self._pass_ticks()
+        self._pass_persons()
         for target in arrived(self._targets):
             content = {"id": target.id, "stamp_ns": target.stamp_ns, **to_content(target.intent)}
             if math.isfinite(target.holds_s):
@@ -128,6 +137,13 @@ class Following:
             self.lost = self._ticks.lost
             note = f"recorder: {self.lost - first} ticks were overwritten before they were read"
             self.event(self.tick, time.perf_counter_ns(), "note", note)
+
+    def _pass_persons(self) -> None:
+        if self._persons is None:
+            return
+        for row in self._persons.read():
+            stamp_ns = round(float(row["arrived_s"]) * 1e9)
+            self.sink.person(ENCAPSULATION + row.tobytes(), self._time(self.tick, stamp_ns))
 
     def _pass_plan(self) -> None:
         offer = self.published.plans.observe(self._plan)

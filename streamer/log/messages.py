@@ -9,15 +9,17 @@ from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.plan_buffer import Offer, Ticket
 from flexmotion.streamer.control.tick_row import TickRow
 from flexmotion.streamer.log.cdr import Column, columns_of, encode
+from flexmotion.streamer.motion.person_channel import PersonRow
 
-TICK, PLAN, TARGET, HEARD, EVENT = "/tick", "/plan", "/target", "/heard", "/event"
-TICK_SCHEMA, PLAN_SCHEMA = "flexmotion/msg/Tick", "flexmotion/msg/Plan"
+TICK, PLAN, TARGET, HEARD, EVENT, PERSON = "/tick", "/plan", "/target", "/heard", "/event", "/person"
+TICK_SCHEMA, PLAN_SCHEMA, PERSON_SCHEMA = "flexmotion/msg/Tick", "flexmotion/msg/Plan", "flexmotion/msg/Person"
 
 _UNITS = {
-    "ns, perf_counter": ("stamp_ns", "target_ns"),
+    "ns, perf_counter": ("stamp_ns", "target_ns", "seen_ns"),
     "tick": ("tick", "plan_start", "plan_end", "asked_tick", "start_tick"),
     "s": (
-        *("source_s", "sample_s", "retarget_s", "target_to_command_s", "target_to_effect_s"),
+        *("source_s", "sample_s", "retarget_s"),
+        *("target_to_command_s", "target_to_effect_s", "seen_to_command_s"),
         *("work_s", "lateness_s", "robot_lateness_s"),
     ),
     "rad": ("q_ref", "q_cmd", "q", "tilt", "true_q"),
@@ -39,6 +41,18 @@ _UNITS = {
     "row": ("effect_row", "stop_row"),
 }
 UNITS = {name: unit for unit, names in _UNITS.items() for name in names}
+
+PERSON_UNITS = {
+    "time_s": "s, perf_counter; in lockstep since the start",
+    "arrived_s": "s, perf_counter; in lockstep since the start",
+    "height": "m",
+    "mass": "kg",
+    "segments": "m; the last one rad",
+    "root_position": "m",
+    "root_quaternion": "w x y z",
+    "joints": "rad",
+}
+"""Units of the fields of `/person`."""
 
 _ROWS = (("q", None), ("qd", None), ("torque", None), ("feet", 8), ("com", 3), ("zmp", 2), ("dcm", 2))
 """Arrays of a plan that are logged row by row, and numbers in a row; None: one for each joint."""
@@ -64,6 +78,11 @@ PLAN_COLUMNS = [
     Column("contacts", "bool", None, "left, right"),
 ]
 """Fields of `/plan`; sequences hold row after row, `rows` of them."""
+
+
+def person_columns() -> list[Column]:
+    """Fields of `/person`: those of `flexmotion.streamer.motion.person_channel.PersonRow`, in its order."""
+    return columns_of(PersonRow.dtype(), PERSON_UNITS)
 
 
 def plan_message(offer: Offer) -> bytes:

@@ -22,10 +22,11 @@ from flexmotion.streamer.control.telemetry import Event
 from flexmotion.streamer.control.tick_row import TickRow, blank
 from flexmotion.streamer.log.cdr import ENCAPSULATION, decode, parse_schema, row_dtype
 from flexmotion.streamer.log.header import SCHEMA, LogHeader, is_header, require_version, robot_files
-from flexmotion.streamer.log.messages import EVENT, HEARD, PLAN, TARGET, TICK
+from flexmotion.streamer.log.messages import EVENT, HEARD, PERSON, PLAN, TARGET, TICK
 from flexmotion.streamer.log.parts import later_parts, part_number
 from flexmotion.streamer.log.source import unpack
 from flexmotion.streamer.motion.heard import Heard, merged
+from flexmotion.streamer.motion.person_channel import PersonRow
 from flexmotion.streamer.motion.sources import Source
 
 
@@ -49,6 +50,7 @@ class Log:
         plans: fields of `flexmotion.streamer.log.messages.PLAN_COLUMNS` by name.
         targets: targets as sent.
         heard: the answers, each in its newest version; none in logs of older versions.
+        persons: rows of `flexmotion.streamer.motion.person_channel.PersonRow`; none where nobody was mirrored.
         files: attachments by name.
         whole: whether the log was closed; if not, it ends where writing ended.
         parts: its files, in order.
@@ -62,6 +64,7 @@ class Log:
     plans: list[dict[str, Any]]
     targets: list[dict[str, Any]]
     heard: list[Heard]
+    persons: NDArray[Any]
     files: dict[str, bytes]
     topics: dict[str, Topic]
     whole: bool
@@ -154,6 +157,7 @@ class _Content:
     targets: list[dict[str, Any]] = field(default_factory=list)
     heard: list[Heard] = field(default_factory=list)
     events: list[Event] = field(default_factory=list)
+    persons: list[bytes] = field(default_factory=list)
 
     def take(self, record: McapRecord) -> None:
         if isinstance(record, Message):
@@ -180,6 +184,8 @@ class _Content:
             self.ticks.append(data)
         elif name == PLAN:
             self.plans.append(data)
+        elif name == PERSON:
+            self.persons.append(data)
         elif name == TARGET:
             self.targets.append(json.loads(data))
         elif name == HEARD:
@@ -194,7 +200,7 @@ class _Content:
         """Add what a later part holds, if it is one of the same run; returns whether it is."""
         if self.header is None or part.header is None or part.header.start_ns != self.header.start_ns:
             return False
-        for name in ("ticks", "plans", "targets", "heard", "events"):
+        for name in ("ticks", "plans", "targets", "heard", "events", "persons"):
             getattr(self, name).extend(getattr(part, name))
         self.texts = part.texts | self.texts
         for name, topic in part.topics.items():
@@ -210,32 +216,32 @@ class _Content:
         return Log(
             path=self.path,
             header=self.header,
-            rows=self._rows(len(self.header.joints)),
+            rows=self._rows(TICK, self.ticks, TickRow.dtype(joints=len(self.header.joints))),
             events=self.events,
             plans=[decode(plan_columns, message) for message in self.plans],
             targets=self.targets,
             heard=merged(self.heard),
+            persons=self._rows(PERSON, self.persons, PersonRow.dtype()),
             files=self.files,
             topics=self.topics,
             whole=whole,
             parts=(self.path,),
         )
 
-    def _rows(self, joints: int) -> NDArray[Any]:
-        """The ticks as rows of this version, column by column: an older log may lack some."""
-        dtype = TickRow.dtype(joints=joints)
-        rows = blank(dtype, len(self.ticks))
-        if not self.ticks:
+    def _rows(self, topic: str, messages: list[bytes], dtype: np.dtype[Any]) -> NDArray[Any]:
+        """Messages as rows of this version, column by column: an older log may lack some."""
+        rows = blank(dtype, len(messages))
+        if not messages:
             return rows
-        fields = row_dtype(parse_schema(self.texts[TICK])).descr
+        fields = row_dtype(parse_schema(self.texts[topic])).descr
         logged = np.dtype([("encapsulation", "V", len(ENCAPSULATION)), *fields])
-        wrong = {len(message) for message in self.ticks} - {logged.itemsize}
+        wrong = {len(message) for message in messages} - {logged.itemsize}
         if wrong:
-            raise ConfigError(f"{self.path}: {TICK}: {wrong.pop()} bytes, its schema says {logged.itemsize}")
-        old = np.frombuffer(b"".join(self.ticks), logged)
+            raise ConfigError(f"{self.path}: {topic}: {wrong.pop()} bytes, its schema says {logged.itemsize}")
+        old = np.frombuffer(b"".join(messages), logged)
         for name in set(dtype.names or ()) & set(logged.names or ()):
             shape = (len(rows), *dtype[name].shape)
             if old[name].size != int(np.prod(shape)):
-                raise ConfigError(f"{self.path}: {TICK}: {name} has {old[name][0].size} numbers, expected {shape[1:]}")
+                raise ConfigError(f"{self.path}: {topic}: {name} has {old[name][0].size} numbers, expected {shape[1:]}")
             rows[name] = old[name].reshape(shape)
         return rows

@@ -12,6 +12,7 @@ from flexmotion.streamer.log.header import begin_header, robot_files
 from flexmotion.streamer.log.live_view import LiveView
 from flexmotion.streamer.log.recorder import Recorder
 from flexmotion.streamer.log.source import pack
+from flexmotion.streamer.motion.mirror_source import MirrorSource
 from flexmotion.streamer.run.session import Session
 
 
@@ -64,7 +65,8 @@ def _published(session: Session, clock: Literal["real", "lockstep"]) -> tuple[Pu
         min_likeness=session.min_likeness,
     )
     channels = (session.telemetry, session.plans, session.targets, session.heard_channel)
-    return Published(header, *channels, tuple(session.heard)), motions
+    persons = session.source.channel if isinstance(session.source, MirrorSource) else None
+    return Published(header, *channels, tuple(session.heard), persons), motions
 
 
 def driver_options(driver: Driver) -> dict[str, Any]:

@@ -15,6 +15,7 @@ from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.log.judged import Subject
 from flexmotion.streamer.log.reader import Log
 from flexmotion.streamer.motion.intents import from_content
+from flexmotion.streamer.motion.mirror_source import MirrorSource
 from flexmotion.streamer.report.report import Report
 from flexmotion.streamer.run.requests import OF_JOINTS, Request
 from flexmotion.streamer.run.session import Session
@@ -37,7 +38,7 @@ At least twice the difference between 8 perturbed walks, turns and stands on the
 """
 _TIMING = {
     *("stamp_ns", "work_s", "lateness_s", "robot_lateness_s", "sample_s", "retarget_s"),
-    *("target_to_command_s", "target_to_effect_s"),
+    *("target_to_command_s", "target_to_effect_s", "seen_to_command_s"),
 }
 """Columns that depend on the wall clock and differ between equal runs."""
 
@@ -131,13 +132,15 @@ def _run(log: Log, subject: Subject, progress: Callable[[float], None] | None) -
         min_likeness=header.min_likeness,
     )
     end = max(int(log.rows["tick"][-1]), 1)
-    targets, requests = _targets(log), _requests(log)
+    targets, requests, persons = _targets(log), _requests(log), _persons(log)
 
     def operate() -> Request | None:
         tick = 0 if session.loop is None else session.loop.tick_count
         while targets and targets[0][0] <= tick:
             content = targets.pop(0)[1]
             session.targets.send(from_content(content), holds_s=content.get("holds_s", math.inf))
+        while persons and persons[0][0] <= tick and isinstance(session.source, MirrorSource):
+            session.source.channel.publish_row(persons.pop(0)[1])
         if progress is not None:
             progress(min(tick / end, 1.0))
         if not (requests and requests[0][0] <= tick):
@@ -160,6 +163,25 @@ def _targets(log: Log) -> list[tuple[int, dict[str, Any]]]:
         for row, target in zip(rows, log.targets, strict=True)
         if row < len(log.rows)
     ]
+
+
+def _persons(log: Log) -> list[tuple[int, Any]]:
+    """Each pose of a person with the tick that came after its arrival; its times in lockstep are those of ticks."""
+    rows = log.persons.copy()
+    if log.header.clock == "lockstep":
+        return [(round(float(row["arrived_s"]) * log.header.rate_hz), row) for row in rows]
+    stamps, period_s = log.rows["stamp_ns"] * 1e-9, 1.0 / log.header.rate_hz
+    after = np.searchsorted(stamps, rows["arrived_s"])
+    found = []
+    for row, place in zip(rows, after, strict=True):
+        if place >= len(stamps):
+            break
+        # The source's clock runs with the ticks: a moment is as long before the tick as it was.
+        offset_s = log.rows["tick"][place] * period_s - stamps[place]
+        row["arrived_s"] += offset_s
+        row["time_s"] += offset_s
+        found.append((int(log.rows["tick"][place]), row))
+    return found
 
 
 def _requests(log: Log) -> list[tuple[int, Request, str]]:

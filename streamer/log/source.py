@@ -17,7 +17,9 @@ from flexmotion.sampling.pace import Pace
 from flexmotion.sampling.sampler import Sampler
 from flexmotion.streamer.motion.clip_library import ClipLibrary
 from flexmotion.streamer.motion.intents import from_content, to_content
+from flexmotion.streamer.motion.mirror_source import MirrorSource
 from flexmotion.streamer.motion.model_source import ModelSource
+from flexmotion.streamer.motion.person_channel import PersonChannel
 from flexmotion.streamer.motion.replan_noise import NoisySource
 from flexmotion.streamer.motion.script import Item
 from flexmotion.streamer.motion.sources import ClipSource, Source
@@ -26,6 +28,8 @@ Parts = dict[str, Any]
 
 MODEL = "model"
 """Kind of a source that samples from a bundle; the log holds the bundle's hash, not the bundle."""
+MIRROR = "mirror"
+"""Kind of a source that mirrors a person, whose poses the log holds."""
 _FOLDER = "source"
 
 
@@ -43,6 +47,9 @@ def pack(source: Source) -> tuple[Parts, dict[str, bytes]]:
         return {"kind": "noise", "size_m": source.size_m, "seed": source.seed, "of": parts}, packed
     if isinstance(source, ModelSource):
         return _pack_model(source), {}
+    if isinstance(source, MirrorSource):
+        foreseen = {} if source.sampler is None else _bundle_parts(source.sampler)
+        return {"kind": MIRROR, "name": source.name, **foreseen}, {}
     return {"kind": type(source).__name__}, {}
 
 
@@ -66,19 +73,19 @@ def unpack(parts: Parts, files: Mapping[str, bytes], origin: Path) -> Source:
             return NoisySource(unpack(parts["of"], files, origin), parts["size_m"], parts["seed"])
         if kind == MODEL:
             return _unpack_model(parts, origin)
+        if kind == MIRROR:
+            sampler = Sampler(_unpack_bundle(parts, origin)) if "hash" in parts else None
+            return MirrorSource(PersonChannel(), sampler, parts["name"])
     except (KeyError, TypeError) as error:
         raise ConfigError(f"{origin}: source {kind}: the log lacks {error}") from error
-    raise ConfigError(f"{origin}: a source of kind {kind!r} is not kept in a log, only clips and models are")
+    raise ConfigError(f"{origin}: a source of kind {kind!r} is not kept in a log, expected clips, a model, a mirror")
 
 
 def _pack_model(source: ModelSource) -> Parts:
-    bundle = source.sampler.bundle
-    shipped = shipped_name(bundle.folder)
     return {
         "kind": MODEL,
         "name": source.name,
-        "bundle": None if shipped == DEFAULT else shipped or str(bundle.folder.resolve()),
-        "hash": bundle.hash,
+        **_bundle_parts(source.sampler),
         "items": [{"at": item.at, **to_content(item.intent)} for item in source.items],
         "seed": source.seed,
         "seconds": source.seconds,
@@ -87,7 +94,14 @@ def _pack_model(source: ModelSource) -> Parts:
     }
 
 
-def _unpack_model(parts: Parts, origin: Path) -> ModelSource:
+def _bundle_parts(sampler: Sampler) -> Parts:
+    bundle = sampler.bundle
+    shipped = shipped_name(bundle.folder)
+    name = None if shipped == DEFAULT else shipped or str(bundle.folder.resolve())
+    return {"bundle": name, "hash": bundle.hash}
+
+
+def _unpack_bundle(parts: Parts, origin: Path) -> Bundle:
     folder = shipped_bundle() if parts["bundle"] is None else bundle_folder(parts["bundle"])
     if folder is None:
         raise ConfigError(f"{origin}: source {parts['name']}: sampled from a bundle that this version comes without")
@@ -97,6 +111,11 @@ def _unpack_model(parts: Parts, origin: Path) -> ModelSource:
             f"{origin}: source {parts['name']}: {folder} is not the bundle of the run: its hash is {bundle.hash}, "
             f"the run's {parts['hash']}; replay it with the release that recorded it"
         )
+    return bundle
+
+
+def _unpack_model(parts: Parts, origin: Path) -> ModelSource:
+    bundle = _unpack_bundle(parts, origin)
     items = [Item(content["at"], from_content(content)) for content in parts["items"]]
     pace = _unpack_pace(parts.get("pace"), origin)  # older logs have none
     straight = parts.get("straight", False)  # older runs kept no course

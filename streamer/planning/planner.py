@@ -105,6 +105,11 @@ class Planner:
         """Index of the first source frame that a plan from tick `join` on follows."""
         return self.retargeter.next_frame(self._state(join, current), join, self.source.fps)
 
+    def zero_tick(self, join: int, current: Plan | None) -> float:
+        """Loop tick at which the source's frame 0 is played by a plan from tick `join` on."""
+        began = float(self.retargeter.layout.view(self._state(join, current)).source_tick)
+        return began if np.isfinite(began) else join + round(self.settings.lead_in_s * self.rate)
+
     def human_yaw(self, join: int, current: Plan | None) -> float | None:
         """Heading of a human that looks where the robot's feet point after a stop [rad]; None before the first plan.
 

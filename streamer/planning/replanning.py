@@ -9,16 +9,15 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from flexmotion.configs.errors import ConfigError
 from flexmotion.configs.stream import StreamSettings
 from flexmotion.drivers.realtime.ring import Ring
-from flexmotion.human.motion import Motion
 from flexmotion.retarget.plan import Plan
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.plan_buffer import PlanBuffer, Ticket
 from flexmotion.streamer.control.tick_row import TickRow
 from flexmotion.streamer.motion.heard import Heard, HeardChannel, heard_since
 from flexmotion.streamer.motion.human_channel import HumanChannel
+from flexmotion.streamer.motion.mirror_source import MirrorSource
 from flexmotion.streamer.motion.model_source import ModelSource
 from flexmotion.streamer.motion.replan_noise import NoisySource
 from flexmotion.streamer.motion.sources import LiveSource
@@ -26,8 +25,10 @@ from flexmotion.streamer.motion.targets import NO_TARGET, Target, TargetMailbox
 from flexmotion.streamer.planning.ease_notes import EaseNote, EaseNotes
 from flexmotion.streamer.planning.lead import Kind, Lead
 from flexmotion.streamer.planning.made_plans import MadePlans, effect_row
+from flexmotion.streamer.planning.mirroring import Mirroring
 from flexmotion.streamer.planning.planner import Planner
 from flexmotion.streamer.planning.robot_size import RobotSize
+from flexmotion.streamer.planning.source_turns import SourceTurns
 from flexmotion.streamer.planning.step_runner import StepRunner
 from flexmotion.streamer.planning.target_ledger import TargetLedger
 
@@ -95,6 +96,10 @@ class Replanner:
             self._runner = StepRunner(
                 source, planner.rate, self._ended, RobotSize.of(planner.retargeter.robot.gait), home
             )
+        self._mirroring: Mirroring | None = None
+        if isinstance(source, MirrorSource):
+            self._mirroring = Mirroring(source, planner.rate, lockstep=lockstep)
+        self._turns = SourceTurns(planner, self._runner, self.ledger, lambda message: self.on_note(message))
 
     def step(self, tick: int, early: float = 0.0) -> bool:
         """Make and publish a plan if one is due.
@@ -116,6 +121,8 @@ class Replanner:
             self._runner.update(row, halted=self.ledger.halted, stands_at=partial(self._stands_at, row, tick))
         target = self._newest_target(row, tick)
         self._answer_eased()
+        if self._mirroring is not None:
+            self._mirroring.update(tick)
         if not self._due(row, target):
             return False
         begin = time.perf_counter()
@@ -125,10 +132,14 @@ class Replanner:
         if kind is Kind.STOP:
             target = NO_TARGET
         elif new:
-            if not self._turn_to(target, current, join, row):
+            if not self._turns.to_target(target, current, join, row, partial(self._stands_at, row, join)):
                 return False
         elif self._runner is not None and self._runner.wanted is not None:
-            self._change_step(self._runner, current, join)
+            self._turns.to_step(self._runner, current, join)
+        elif self._mirroring is not None and self._mirroring.wanted:
+            self._turns.to_person(self._mirroring.source, current, join)
+        if self._mirroring is not None:
+            self._mirroring.align(row, self.planner.zero_tick(join, current))
 
         def settle() -> tuple[int, Plan | None]:
             nonlocal join, resumed, current, sampling_s
@@ -161,7 +172,10 @@ class Replanner:
             source_over=planned.source_over or (self._runner is not None and self._runner.over),
             sample_s=planned.sample_s,
             retarget_s=planned.retarget_s,
+            seen_ns=0 if self._mirroring is None else self._mirroring.seen_ns,
         )
+        if self._mirroring is not None:
+            self._mirroring.planned()
         self._made.add(ticket, planned.plan, int(row.plan))
         self.plans.publish(ticket, planned.plan)
         self._tell_eased(planned.plan, target.id)
@@ -246,11 +260,12 @@ class Replanner:
             return not (ticket.stops or ticket.source_over or row.plan_over)
         if row.pending:
             return False
-        if self._runner is not None and self._runner.wanted is not None:
+        if self._changes:
             return True
-        if self._runner is not None and self._runner.resting:
-            return not (ticket.stops or row.plan_over) or (self._runner.over and not ticket.source_over)
-        if ticket.partial:
+        if self._rests:
+            over = self._runner is not None and self._runner.over
+            return not (ticket.stops or row.plan_over) or (over and not ticket.source_over)
+        if ticket.partial or (self._mirroring is not None and self._mirroring.fresh):
             return True
         if ticket.source_over:
             return False
@@ -271,15 +286,22 @@ class Replanner:
 
     def _kind(self, row: TickRow, target: Target) -> Kind:
         new = self._is_new(target, row)
-        changes = new or (self._runner is not None and self._runner.wanted is not None)
+        changes = new or self._changes
         if row.must_stop or (self.ledger.halted and not new) or (self._rests and not changes):
             return Kind.STOP
         return Kind.PARTIAL if row.plan and changes else Kind.WHOLE
 
     @property
     def _rests(self) -> bool:
-        """Whether a program has the robot stand until it is measured."""
-        return self._runner is not None and self._runner.resting
+        """Whether a program has the robot stand until it is measured, or nobody is there to be mirrored."""
+        runner, mirroring = self._runner, self._mirroring
+        return (runner is not None and runner.resting) or (mirroring is not None and mirroring.resting)
+
+    @property
+    def _changes(self) -> bool:
+        """Whether the source is to go on with the next step of a program, or with a person who has come."""
+        runner, mirroring = self._runner, self._mirroring
+        return (runner is not None and runner.wanted is not None) or (mirroring is not None and mirroring.wanted)
 
     def _check_urgency(self, kind: Kind, target: Target, new: bool) -> None:
         """Raise `Superseded` if a more urgent plan is needed than the one that is being made.
@@ -312,50 +334,10 @@ class Replanner:
         ledger.settle(row, max(int(row.target), self._made.target_of(pending)), partial(self._made.start_of, row))
         return ledger.wanted
 
-    def _turn_to(self, target: Target, current: Plan | None, join: int, row: TickRow) -> bool:
-        """Let the source follow a new target from the join on; returns whether it can."""
-        source = self.planner.source
-        assert isinstance(source, LiveSource)
-        played = self._played(current, join)
-        try:
-            remark = source.turn_to(target, *played)
-        except ConfigError as error:
-            self.ledger.refuse(target, str(error))
-            self.on_note(str(error))
-            return False
-        if remark is not None:
-            self.on_note(remark)
-        if self._runner is not None:
-            found = self._runner.source.program_at(played[0] + 1)
-            begin = None if found is None else self._runner.turned(found[1], row, partial(self._stands_at, row, join))
-            if begin is not None:
-                self._runner.source.change(begin, *played[:2], _added(played[2], self._runner.facing))
-        self.ledger.turned(target, source.answer if isinstance(source, ModelSource) else None)
-        return True
-
-    def _change_step(self, runner: StepRunner, current: Plan | None, join: int) -> None:
-        """Let the source go on with what the program has next, from the join on."""
-        assert runner.wanted is not None
-        frame, played, yaw = self._played(current, join)
-        if runner.facing:  # only of a robot that stands
-            played, yaw = None, _added(self.planner.human_yaw(join, current), runner.facing)
-        runner.source.change(runner.wanted, frame, played, yaw)
-        runner.changed()
-
     def _stands_at(self, row: TickRow, tick: int) -> Float:
         """Where the robot comes to stand by a stop that is asked for at a tick; see `Planner.stands_at`."""
         join = self.lead.join(Kind.STOP, tick)
         return self.planner.stands_at(join, self._made.plan(self._made.playing_at(join, row)))
-
-    def _played(self, current: Plan | None, join: int) -> tuple[int, Motion | None, float | None]:
-        """What a source goes on from: see the last three arguments of `LiveSource.turn_to`."""
-        frame = self.planner.first_frame(join, current)
-        if current is None or current.human is None:
-            return frame, None, self.planner.human_yaw(join, current)
-        place = frame - current.human_first_frame
-        if not 0 <= place < len(current.human):
-            return frame, None, self.planner.human_yaw(join, current)
-        return frame, current.human[: place + 1], None
 
     def _ended(self, heard: Heard) -> None:
         """A step of a program has ended."""
@@ -370,7 +352,3 @@ class Replanner:
     def _publish(self, heard: Heard) -> None:
         if self._heard is not None:
             self._heard.publish(heard)
-
-
-def _added(yaw: float | None, turn: float) -> float | None:
-    return None if yaw is None else yaw + turn

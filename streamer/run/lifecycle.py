@@ -40,6 +40,7 @@ class Lifecycle:
         stay: after the source is over, and while no plans come, the robot stands on; else the run ends.
         armed: torque goes on with the first tick; else it waits for ARM.
         attended: the run goes on in OFF and in FAULT until END: an operator can clear the fault and arm it again.
+        patient: the source may have nothing for any time, as a person who is mirrored and is not there.
 
     Attributes:
         quit: the run ends now, in whatever state the robot is.
@@ -56,9 +57,10 @@ class Lifecycle:
         stay: bool,
         armed: bool = True,
         attended: bool = False,
+        patient: bool = False,
     ) -> None:
         self.loop, self.settings, self.seconds, self.stay = loop, settings, seconds, stay
-        self.attended, self._arms = attended, armed
+        self.attended, self._arms, self._patient = attended, armed, patient
         loop.awaits_arm = attended or not armed
         self.quit = False
         self.robot_answers = True
@@ -228,7 +230,7 @@ class Lifecycle:
         """Raise a fault if the robot stands and has waited too long for a plan."""
         waiting = self.loop.ready or (state is State.HOLD and not self._over())
         self._idle_ticks = self._idle_ticks + 1 if waiting and not self.loop.must_stop else 0
-        if not self.stay and self._idle_ticks > _SILENCE_S * self.loop.robot.rate_hz:
+        if not (self.stay or self._patient) and self._idle_ticks > _SILENCE_S * self.loop.robot.rate_hz:
             self.loop.inputs.fault = f"planner: no plan for {_SILENCE_S:.0f} s"
 
     def _emit(self, kind: str, message: str) -> None:

@@ -18,6 +18,7 @@ from flexmotion.streamer.control.run_trace import KEPT_S, RunTrace
 from flexmotion.streamer.control.telemetry import Event, Telemetry
 from flexmotion.streamer.motion.heard import HeardChannel
 from flexmotion.streamer.motion.human_channel import HumanChannel
+from flexmotion.streamer.motion.mirror_source import MirrorSource
 from flexmotion.streamer.motion.sources import Source
 from flexmotion.streamer.motion.targets import TargetMailbox
 from flexmotion.streamer.planning.lead import Lead
@@ -115,6 +116,11 @@ class RunParts:
         self.answers = Answers(self.heard_channel, self.source)
         self.planner = Planner(retargeter, self.source, self.settings)
         self.record = RunTrace(rate, robot.joint_names, kept_s=max(self.kept_s, (self.seconds or 0.0) + MARGIN_S))
+
+    @property
+    def patient(self) -> bool:
+        """Whether the source may have nothing to follow for any time."""
+        return isinstance(self.source, MirrorSource)
 
     def control_loop(self, driver: Driver) -> ControlLoop:
         """The loop of this run."""

@@ -35,6 +35,7 @@ def run_in_real_time(run: RunParts) -> None:
         stay=bool(run.stay),
         armed=run.armed,
         attended=run.attended,
+        patient=run.patient,
         realtime=run.realtime,
         services=run.services,
         wake=run.wake,

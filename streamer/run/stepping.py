@@ -43,6 +43,7 @@ def stepped(run: RunParts, stay: bool) -> Iterator[Callable[[], bool]]:
             stay=stay,
             armed=run.armed,
             attended=run.attended,
+            patient=run.patient,
         )
         channels = [channel.reader() for channel in (*requests_of(run.services), run.requests)]
 

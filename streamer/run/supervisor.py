@@ -100,7 +100,8 @@ class Supervisor:
 
     Args:
         channels: requests of this process's user, and of the planner.
-        seconds, stay, armed, attended, realtime, services, wake, waits: see `flexmotion.streamer.run.session.Session`.
+        seconds, stay, armed, attended, patient, realtime, services, wake, waits: see
+            `flexmotion.streamer.run.session.Session`.
 
     Attributes:
         memory_mb: memory of the loop's process, some seconds after its start and last [MB]; None if never measured.
@@ -117,13 +118,16 @@ class Supervisor:
         stay: bool,
         armed: bool,
         attended: bool,
+        patient: bool = False,
         realtime: bool,
         services: tuple[Service, ...] = (),
         wake: int | None = None,
         waits: bool = False,
     ) -> None:
         self.loop, self.replanner, self.realtime = loop, replanner, realtime
-        self.lifecycle = Lifecycle(loop, settings, seconds=seconds, stay=stay, armed=armed, attended=attended)
+        self.lifecycle = Lifecycle(
+            loop, settings, seconds=seconds, stay=stay, armed=armed, attended=attended, patient=patient
+        )
         self.services, self.wake = services, wake
         self.user_requests, self.planner_requests = channels
         self.requests = RequestChannel()

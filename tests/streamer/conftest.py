@@ -8,14 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexmotion.streamer.api import Outcome, open_session
-from flexmotion.streamer.api import outcome as judge
+from flexmotion.streamer.api import open_session
 from flexmotion.streamer.commands.choice import choose_motion
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.control.telemetry import Event
 from flexmotion.streamer.control.tick_row import REPAIRS, TickRow, blank
 from flexmotion.streamer.motion.sources import ClipSource
+from flexmotion.streamer.outcome import Outcome
+from flexmotion.streamer.outcome import outcome as judge
 from flexmotion.streamer.plots.pictures import write_plots
 from flexmotion.streamer.report.metrics import HumanTrack, RobotFigures
 

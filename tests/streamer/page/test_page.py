@@ -14,12 +14,12 @@ from flexmotion.configs.envelope import Envelope
 from flexmotion.configs.robot import Robot, load_robot
 from flexmotion.human.kinematics import forward
 from flexmotion.spatial.heading import heading
-from flexmotion.streamer.api import Outcome
 from flexmotion.streamer.commands.choice import choose_motion
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.control.telemetry import Telemetry
 from flexmotion.streamer.motion.heard import Heard, HeardChannel
 from flexmotion.streamer.motion.human_channel import POINTS, HumanChannel, points_of
+from flexmotion.streamer.outcome import Outcome
 from flexmotion.streamer.page.advice import advice, headline
 from flexmotion.streamer.page.body import BONES, page_robot
 from flexmotion.streamer.page.curves import Curves, margin_mm

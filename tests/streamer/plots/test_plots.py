@@ -8,9 +8,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from flexmotion.streamer.api import Outcome
 from flexmotion.streamer.control.run_trace import RunTrace
 from flexmotion.streamer.control.tick_row import blank
+from flexmotion.streamer.outcome import Outcome
 from flexmotion.streamer.plots.filmstrip import FRAMES, draw_filmstrip, moments
 from flexmotion.streamer.plots.footsteps import scaled_path, stances
 from flexmotion.streamer.plots.panels import joint_columns

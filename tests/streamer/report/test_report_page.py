@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from flexmotion.streamer.api import Outcome
+from flexmotion.streamer.outcome import Outcome
 from flexmotion.streamer.report.report_page import write_report_page
 from flexmotion.streamer.report.summary import verdict
 

@@ -10,12 +10,13 @@ import pytest
 
 from flexmotion.configs.errors import ConfigError, SessionError
 from flexmotion.importers.default_clip import default_clip
-from flexmotion.streamer.api import open_session, outcome
+from flexmotion.streamer.api import open_session
 from flexmotion.streamer.control.ladder import State
 from flexmotion.streamer.motion.clip_library import ClipLibrary
 from flexmotion.streamer.motion.intents import Clip, Stop, Text
 from flexmotion.streamer.motion.script import Item
 from flexmotion.streamer.motion.sources import ClipSource
+from flexmotion.streamer.outcome import outcome
 from flexmotion.streamer.run.requests import Request
 from flexmotion.streamer.run.session import Session
 

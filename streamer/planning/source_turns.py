@@ -1,0 +1,87 @@
+"""`SourceTurns`: lets the source follow something else from a join on: a target, a program's next step, a person."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexmotion.configs.errors import ConfigError
+from flexmotion.human.motion import Motion
+from flexmotion.retarget.plan import Plan
+from flexmotion.streamer.control.tick_row import TickRow
+from flexmotion.streamer.motion.mirror_source import MirrorSource
+from flexmotion.streamer.motion.model_source import ModelSource
+from flexmotion.streamer.motion.sources import LiveSource
+from flexmotion.streamer.motion.targets import Target
+from flexmotion.streamer.planning.planner import Planner
+from flexmotion.streamer.planning.step_runner import StepRunner
+from flexmotion.streamer.planning.target_ledger import TargetLedger
+
+Float = NDArray[np.float64]
+
+
+class SourceTurns:
+    """Args: the planner with its source, the runner of its programs, the record of targets, and where messages go."""
+
+    def __init__(
+        self, planner: Planner, runner: StepRunner | None, ledger: TargetLedger, on_note: Callable[[str], None]
+    ) -> None:
+        self.planner, self.runner, self.ledger, self.on_note = planner, runner, ledger, on_note
+
+    def to_target(
+        self, target: Target, current: Plan | None, join: int, row: TickRow, stands_at: Callable[[], Float]
+    ) -> bool:
+        """Let the source follow a new target; returns whether it can.
+
+        Args:
+            current: the plan that plays until the join.
+            row: newest one of the loop.
+            stands_at: see `StepRunner.update`.
+        """
+        source = self.planner.source
+        assert isinstance(source, LiveSource)
+        played = self._played(current, join)
+        try:
+            remark = source.turn_to(target, *played)
+        except ConfigError as error:
+            self.ledger.refuse(target, str(error))
+            self.on_note(str(error))
+            return False
+        if remark is not None:
+            self.on_note(remark)
+        if self.runner is not None:
+            found = self.runner.source.program_at(played[0] + 1)
+            begin = None if found is None else self.runner.turned(found[1], row, stands_at)
+            if begin is not None:
+                self.runner.source.change(begin, *played[:2], _added(played[2], self.runner.facing))
+        self.ledger.turned(target, source.answer if isinstance(source, ModelSource) else None)
+        return True
+
+    def to_step(self, runner: StepRunner, current: Plan | None, join: int) -> None:
+        """Let the source go on with what the program has next."""
+        assert runner.wanted is not None
+        frame, played, yaw = self._played(current, join)
+        if runner.facing:  # only of a robot that stands
+            played, yaw = None, _added(self.planner.human_yaw(join, current), runner.facing)
+        runner.source.change(runner.wanted, frame, played, yaw)
+        runner.changed()
+
+    def to_person(self, source: MirrorSource, current: Plan | None, join: int) -> None:
+        """Let the source follow the person who is seen."""
+        source.begin(*self._played(current, join))
+
+    def _played(self, current: Plan | None, join: int) -> tuple[int, Motion | None, float | None]:
+        """What a source goes on from: see the last three arguments of `LiveSource.turn_to`."""
+        frame = self.planner.first_frame(join, current)
+        if current is None or current.human is None:
+            return frame, None, self.planner.human_yaw(join, current)
+        place = frame - current.human_first_frame
+        if not 0 <= place < len(current.human):
+            return frame, None, self.planner.human_yaw(join, current)
+        return frame, current.human[: place + 1], None
+
+
+def _added(yaw: float | None, turn: float) -> float | None:
+    return None if yaw is None else yaw + turn

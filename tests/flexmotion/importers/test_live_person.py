@@ -1,0 +1,178 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from flexmotion.human.concatenate import concatenate
+from flexmotion.human.kinematics import forward
+from flexmotion.importers.frame import Frame, Skeleton
+from flexmotion.importers.live_person import GAP_S, MEASURE_S, RENEW_S, LivePerson
+from flexmotion.importers.one_euro import OneEuro
+from flexmotion.streamer.commands.choice import choose_motion
+
+SIDED = ("hip", "knee", "ankle", "toe", "shoulder", "elbow", "wrist")
+NAMES = ("neck", "head", *(f"{side}_{name}" for name in SIDED for side in ("left", "right")))
+SKELETON = Skeleton("test", NAMES, up="z", units="m")
+FPS = 60.0
+
+
+@pytest.fixture(scope="module")
+def clip():
+    motion = choose_motion()
+    return motion[: round(4.0 * motion.fps)]
+
+
+@pytest.fixture(scope="module")
+def frames(clip):
+    """The clip's joints at 60 frames a second."""
+    human = forward(clip)
+    fields = [human.shoulder.mean(axis=1)[:, None], human.vertex[:, None], *(getattr(human, name) for name in SIDED)]
+    points = np.concatenate(fields, axis=1)
+    times = np.arange(0.0, (len(clip) - 1) / clip.fps, 1.0 / FPS)
+    before = (times * clip.fps).astype(int)
+    share = (times * clip.fps - before)[:, None, None]
+    return (1.0 - share) * points[before] + share * points[before + 1]
+
+
+def played(person, frames, begin_s=0.0, skeleton=SKELETON):
+    """Poses of frames that come at 60 a second."""
+    return [
+        pose
+        for number, positions in enumerate(frames)
+        for pose in person.take(Frame(skeleton, positions), begin_s + number / FPS)
+    ]
+
+
+def at(positions, name):
+    return positions[..., NAMES.index(name), :]
+
+
+def test_poses_are_those_of_the_clip(clip, frames):
+    poses = played(LivePerson(), frames)
+    times = np.array([pose.time_s for pose in poses])
+    np.testing.assert_allclose(np.diff(times), 1.0 / 30.0)
+    assert MEASURE_S <= times[0] <= MEASURE_S + 0.1
+    assert {pose.stream for pose in poses} == {1}
+    motion = concatenate([pose.motion for pose in poses])
+    assert motion.body.segments.leg == pytest.approx(clip.body.segments.leg, abs=0.01)
+    human, true = forward(motion), frames[np.round(times * FPS).astype(int)]
+    for name in ("wrist", "ankle"):
+        for side, word in enumerate(("left", "right")):
+            found = getattr(human, name)[:, side] - human.pelvis_position
+            hips = 0.5 * (at(true, "left_hip") + at(true, "right_hip"))
+            assert np.linalg.norm(found - at(true, f"{word}_{name}") + hips, axis=-1).mean() < 0.03
+    assert np.minimum(human.heel[..., 2], human.toe[..., 2]).min() > -0.03  # on the floor
+
+
+@pytest.mark.parametrize("rate", [20.0, 60.0, 120.0])
+def test_any_rate_gives_the_same_number_of_poses(frames, rate):
+    person, poses = LivePerson(), []
+    for number in range(int(3.0 * rate)):
+        positions = frames[min(int(number / rate * FPS), len(frames) - 1)]
+        poses += person.take(Frame(SKELETON, positions), 0.01 + number / rate)
+    assert len(poses) == pytest.approx((3.0 - MEASURE_S) * 30.0, abs=3)
+
+
+def test_late_frames_and_floods_are_left_out(frames):
+    person = LivePerson()
+    played(person, frames[:30])
+    assert person.take(Frame(SKELETON, frames[20]), 20 / FPS) == []
+    assert person.take(Frame(SKELETON, frames[29]), 29 / FPS + 0.001) == []
+    assert person.refused["late"] == 1 and person.refused["too fast"] == 1
+
+
+@pytest.mark.parametrize(
+    ("reason", "change"),
+    [
+        ("a leg is not seen", lambda p: np.where(np.arange(len(p))[:, None] == NAMES.index("left_knee"), np.nan, p)),
+        ("no human", lambda p: 0.1 * p),
+        ("no human", lambda p: np.full_like(p, 1e300)),
+        ("another body", lambda p: 1.4 * p),
+        ("sides exchanged", lambda p: p[[0, 1, *np.arange(2, len(p)).reshape(-1, 2)[:, ::-1].ravel()]]),
+        ("a jump", lambda p: p + [3.0, 0.0, 0.0]),
+        ("a jump", lambda p: p + 1.0 * (np.arange(len(p))[:, None] == NAMES.index("right_wrist"))),
+    ],
+)
+def test_a_frame_that_cannot_be_the_person_is_refused(frames, reason, change):
+    person = LivePerson()
+    with np.errstate(over="ignore", invalid="ignore"):
+        before = played(person, frames[:90])
+        assert person.take(Frame(SKELETON, change(frames[90])), 90 / FPS) == []
+    assert person.refused[reason] == 1 and sum(person.refused.values()) == 1
+    after = played(person, frames[91:120], 91 / FPS)
+    # The poses go on, over the frame that is missing.
+    assert after[0].stream == before[-1].stream
+    assert after[0].time_s - before[-1].time_s == pytest.approx(1.0 / 30.0)
+
+
+def test_after_a_gap_a_new_stream_begins_with_the_same_body(frames):
+    person = LivePerson()
+    first = played(person, frames[:100])
+    again = played(person, frames[:30], 100 / FPS + GAP_S + 0.2)
+    assert (first[-1].stream, again[0].stream) == (1, 2)
+    assert again[0].motion.body == first[0].motion.body
+
+
+def test_another_person_who_stays_is_measured(frames):
+    person = LivePerson()
+    played(person, frames[:100])
+    taller = played(person, 1.4 * frames[:200], 100 / FPS)
+    assert taller[0].time_s > 100 / FPS + RENEW_S
+    assert taller[0].motion.body.segments.leg == pytest.approx(1.4 * 0.85, rel=0.1)
+    assert taller[0].stream == 2
+
+
+def test_another_skeleton_takes_over_only_when_it_stays(frames):
+    person, other = LivePerson(), replace(SKELETON, protocol="other")
+    played(person, frames[:100])
+    assert played(person, frames[100:102], 100 / FPS, other) == []
+    assert played(person, frames[102:110], 102 / FPS)
+    assert played(person, frames[:200], 110 / FPS, other)
+
+
+def test_a_skeleton_that_is_none_says_what_it_lacks(frames):
+    person = LivePerson()
+    assert person.take(Frame(Skeleton("test", ("a", "b")), np.zeros((2, 3))), 0.0) == []
+    assert "no legs found" in (person.trouble or "")
+    assert person.refused["no human"] == 1
+
+
+def test_an_arm_out_of_the_picture_stays_where_it_was(frames):
+    person, hidden = LivePerson(), frames.copy()
+    hidden[90:, NAMES.index("left_wrist")] = np.nan
+    poses = played(person, hidden[:110])
+    assert not sum(person.refused.values())
+    human = forward(concatenate([pose.motion for pose in poses[-6:]]))
+    gone = human.wrist[:, 0] - human.pelvis_position
+    assert np.linalg.norm(gone - gone[0], axis=-1).max() < 0.05
+
+
+def test_hip_centred_frames_walk_by_the_foot_that_stands(frames):
+    """A step with the hips at the origin all the time: the standing foot goes back, and the person forward."""
+    skeleton = replace(SKELETON, hip_centred=True)
+    stand = frames[0] - 0.5 * (at(frames[0], "left_hip") + at(frames[0], "right_hip"))
+    person = LivePerson()
+    walked = [stand.copy() for _ in range(160)]
+    leg = [NAMES.index(f"left_{name}") for name in ("ankle", "toe", "knee")]
+    other = [NAMES.index(f"right_{name}") for name in ("ankle", "toe", "knee")]
+    for number, positions in enumerate(walked[80:], 80):
+        back = 0.2 * min((number - 80) / 60.0, 1.0)
+        positions[leg[:2], 0] -= back
+        positions[leg[2], 0] -= 0.5 * back
+        positions[other, 2] += 0.1  # swings
+    poses = played(person, walked, skeleton=skeleton)
+    assert poses[-1].motion.root_position[0, 0] - poses[0].motion.root_position[0, 0] == pytest.approx(0.2, abs=0.04)
+    human = forward(poses[-1].motion)
+    assert min(human.heel[0, :, 2].min(), human.toe[0, :, 2].min()) == pytest.approx(0.0, abs=1e-6)
+
+
+def test_the_filter_is_quiet_at_rest_and_quick_in_motion():
+    random = np.random.default_rng(0)
+    noisy, euro = 0.01 * random.standard_normal((300, 1, 3)), OneEuro(4.0, 10.0, 30.0)
+    still = np.array([euro(points) for points in noisy])
+    assert still[60:].std() < 0.75 * noisy[60:].std()
+    euro, ramp = OneEuro(4.0, 10.0, 30.0), np.arange(90)[:, None, None] * np.array([2.0 / 30.0, 0.0, 0.0])
+    behind = ramp[-1, 0, 0] - [euro(points) for points in ramp][-1][0, 0]
+    assert behind < 2.0 * 0.01  # 10 ms at 2 m/s
